@@ -1,0 +1,165 @@
+//! The factors of a surface: what each power of a term is a power of.
+//!
+//! In: a surface and the ranges of its inputs. Out: one [`Factor`] an input, then one a knot, in the order of a term's powers. The
+//! formulas stand here once, for any exact enough arithmetic: the rational reference and the fitter both use them. Lowering derives its own
+//! folded form, and is judged against this one.
+
+use crate::model::{Coding, Input, Outside, Surface, Symmetry};
+
+/// Arithmetic in which a factor can be evaluated: rationals, double-doubles.
+pub trait Arithmetic:
+    Clone
+    + PartialOrd
+    + std::ops::Add<Output = Self>
+    + std::ops::Sub<Output = Self>
+    + std::ops::Mul<Output = Self>
+    + std::ops::Div<Output = Self>
+    + std::ops::Neg<Output = Self>
+{
+    /// A finite f64, exactly.
+    fn of(value: f64) -> Self;
+}
+
+impl Arithmetic for crate::number::Rational {
+    fn of(value: f64) -> Self {
+        crate::number::exact(value)
+    }
+}
+
+/// How a natural variable becomes the variable x of the polynomial.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Variable {
+    /// x = xi.
+    Natural,
+    /// x = (xi - mid)/half (22), (23).
+    Centred {
+        /// Bottom of the range.
+        low: f64,
+        /// Top of the range.
+        high: f64,
+    },
+    /// x = |xi| (coding none).
+    Magnitude,
+    /// x = |xi|/high.
+    ScaledMagnitude {
+        /// Top of the symmetric range.
+        high: f64,
+    },
+    /// x = 1/xi (coding none).
+    Reciprocal,
+    /// x = (1/xi - mid)/half over [1/high, 1/low].
+    CentredReciprocal {
+        /// Bottom of the range of xi.
+        low: f64,
+        /// Top of the range of xi.
+        high: f64,
+    },
+}
+
+/// What one power of a term is a power of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Factor {
+    /// Which input of the surface, from 0.
+    pub input: usize,
+    /// How that input is coded.
+    pub variable: Variable,
+    /// `Some(at)`: the hinge max(0, x(xi) - x(at)) in place of x itself.
+    pub hinge: Option<f64>,
+}
+
+impl Variable {
+    /// The variable of an input of a surface.
+    #[must_use]
+    pub fn of(surface: &Surface, input: &Input) -> Self {
+        let [low, high] = input.range;
+        let symmetric = surface.symmetry.iter().any(|(name, _)| *name == input.name);
+        let reciprocal = surface.reciprocal.contains(&input.name);
+        match (surface.coding, symmetric, reciprocal) {
+            (Coding::None, false, false) => Variable::Natural,
+            (Coding::None, true, _) => Variable::Magnitude,
+            (Coding::None, false, true) => Variable::Reciprocal,
+            (Coding::Range, false, false) => Variable::Centred { low, high },
+            (Coding::Range, true, _) => Variable::ScaledMagnitude { high },
+            (Coding::Range, false, true) => Variable::CentredReciprocal { low, high },
+        }
+    }
+
+    /// x of xi.
+    #[must_use]
+    pub fn value<T: Arithmetic>(&self, xi: T) -> T {
+        let magnitude = |xi: T| if xi < T::of(0.0) { -xi } else { xi };
+        match *self {
+            Variable::Natural => xi,
+            Variable::Magnitude => magnitude(xi),
+            Variable::ScaledMagnitude { high } => magnitude(xi) / T::of(high),
+            Variable::Reciprocal => T::of(1.0) / xi,
+            // (xi - (high + low)/2) / ((high - low)/2)
+            Variable::Centred { low, high } => {
+                let (low, high) = (T::of(low), T::of(high));
+                (xi.clone() + xi - (high.clone() + low.clone())) / (high - low)
+            }
+            // (1/xi - (1/low + 1/high)/2) / ((1/low - 1/high)/2)
+            Variable::CentredReciprocal { low, high } => {
+                let (top, bottom) = (T::of(1.0) / T::of(low), T::of(1.0) / T::of(high));
+                let inverse = T::of(1.0) / xi;
+                (inverse.clone() + inverse - (top.clone() + bottom.clone())) / (top - bottom)
+            }
+        }
+    }
+}
+
+impl Factor {
+    /// The factors of a surface in the order of a term's powers: inputs, then knots. `inputs` are those of the surface, in its order.
+    ///
+    /// # Panics
+    /// When a knot names an input that the surface does not have: [`crate::check`] refuses such a file.
+    #[must_use]
+    pub fn all(surface: &Surface, inputs: &[Input]) -> Vec<Factor> {
+        let main = inputs.iter().enumerate();
+        let mut factors: Vec<Factor> =
+            main.map(|(k, input)| Factor { input: k, variable: Variable::of(surface, input), hinge: None }).collect();
+        for knot in &surface.knots {
+            let input = inputs.iter().position(|input| input.name == knot.input).expect("a knot is of an input of the surface");
+            factors.push(Factor { hinge: Some(knot.at), ..factors[input] });
+        }
+        factors
+    }
+
+    /// The value of the factor at xi, which is not clamped here.
+    #[must_use]
+    pub fn value<T: Arithmetic>(&self, xi: T) -> T {
+        let x = self.variable.value(xi);
+        match self.hinge {
+            None => x,
+            Some(at) => {
+                let above = x - self.variable.value(T::of(at));
+                if above < T::of(0.0) { T::of(0.0) } else { above }
+            }
+        }
+    }
+}
+
+/// xi as the evaluator sees it: clamped to the range where the input says so.
+#[must_use]
+pub fn clamped<T: Arithmetic>(input: &Input, xi: T) -> T {
+    let [low, high] = input.range.map(T::of);
+    match input.outside {
+        Outside::Extrapolate => xi,
+        Outside::Clamp if xi < low => low,
+        Outside::Clamp if high < xi => high,
+        Outside::Clamp => xi,
+    }
+}
+
+/// The sign that odd symmetry gives the result: -1 when an odd number of odd inputs is negative.
+#[must_use]
+pub fn is_negated<T: Arithmetic>(surface: &Surface, inputs: &[Input], point: &[T]) -> bool {
+    let odd = |name: &str| surface.symmetry.iter().any(|(input, symmetry)| input == name && *symmetry == Symmetry::Odd);
+    inputs.iter().zip(point).filter(|(input, xi)| odd(&input.name) && **xi < T::of(0.0)).count() % 2 == 1
+}
+
+/// A factor to a power, by repeated multiplication; 1 for power 0.
+#[must_use]
+pub fn power<T: Arithmetic>(base: &T, exponent: u32) -> T {
+    (0..exponent).fold(T::of(1.0), |product, _| product * base.clone())
+}

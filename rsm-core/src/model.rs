@@ -1,0 +1,170 @@
+//! What a model is: inputs with ranges, surfaces with terms, compensators. Plain data, nothing checked.
+//!
+//! Read from a file by [`crate::model_file`], made by the fitter, proved consistent by [`crate::check`]. The truth of a surface is the
+//! real polynomial with exactly these f64 coefficients on exactly coded variables.
+
+/// A model: one file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Model {
+    /// The name, the prefix of every emitted C name and the module name in Rust.
+    pub name: String,
+    /// The natural variables, in the order of the file.
+    pub inputs: Vec<Input>,
+    /// The response surfaces, in the order of the file.
+    pub surfaces: Vec<Surface>,
+    /// The compensators, in the order of the file.
+    pub compensators: Vec<Compensator>,
+}
+
+/// A natural variable xi.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Input {
+    /// Its name.
+    pub name: String,
+    /// Its unit, as text.
+    pub unit: String,
+    /// Lowest and highest value, in `unit`.
+    pub range: [f64; 2],
+    /// What an evaluator does outside the range.
+    pub outside: Outside,
+}
+
+/// What an evaluator does with a value outside the range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Outside {
+    /// The value becomes the nearest bound.
+    #[default]
+    Clamp,
+    /// The polynomial is used as it is.
+    Extrapolate,
+}
+
+/// A response surface: one polynomial.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Surface {
+    /// Its name.
+    pub name: String,
+    /// The unit of the response, as text.
+    pub unit: String,
+    /// The names of its inputs: the order of powers and of the evaluator's arguments.
+    pub inputs: Vec<String>,
+    /// The evaluator saturates here.
+    pub output_range: Option<[f64; 2]>,
+    /// What the powers are powers of.
+    pub coding: Coding,
+    /// Inputs that enter by their magnitude.
+    pub symmetry: Vec<(String, Symmetry)>,
+    /// Hinge variables max(0, x - x_knot), appended to the powers in this order.
+    pub knots: Vec<Knot>,
+    /// Inputs that enter by their reciprocal.
+    pub reciprocal: Vec<String>,
+    /// The polynomial.
+    pub terms: Vec<Term>,
+    /// Where the data support the surface: every half-space must hold. Empty: everywhere.
+    pub support: Vec<HalfSpace>,
+    /// Written by the fitter, read by reports, ignored by the compiler.
+    pub evidence: Vec<(String, Evidence)>,
+}
+
+/// What the powers of a surface are powers of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Coding {
+    /// Coded variables x = (xi - mid)/half, (22), (23).
+    #[default]
+    Range,
+    /// The natural variables themselves.
+    None,
+}
+
+/// How a response behaves when an input changes sign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Symmetry {
+    /// y(-xi) = y(xi).
+    Even,
+    /// y(-xi) = -y(xi).
+    Odd,
+}
+
+/// A hinge of an input at a natural value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Knot {
+    /// The input.
+    pub input: String,
+    /// The natural value at which the hinge opens.
+    pub at: f64,
+}
+
+/// One term of the polynomial.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Term {
+    /// A power for every input, then one for every knot.
+    pub powers: Vec<u32>,
+    /// The factor before the product of powers, in the unit of the response.
+    pub coefficient: f64,
+}
+
+/// normal . x <= bound, in coded variables of the inputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HalfSpace {
+    /// One number an input.
+    pub normal: Vec<f64>,
+    /// The right-hand side.
+    pub bound: f64,
+}
+
+/// A piece of evidence: whatever TOML holds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Evidence {
+    /// A whole number.
+    Whole(i64),
+    /// A number.
+    Number(f64),
+    /// A flag.
+    Flag(bool),
+    /// A text.
+    Text(String),
+    /// Several of them.
+    List(Vec<Evidence>),
+    /// Named ones, in order.
+    Table(Vec<(String, Evidence)>),
+}
+
+/// (a s^2 + b s + c)/(a s^2 + d s + c), section 4 of the paper.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Compensator {
+    /// Its name.
+    pub name: String,
+    /// Sample time in seconds.
+    pub sample_time: f64,
+    /// w_n in rad/s, c/a = w_n^2.
+    pub natural_frequency: Scheduled,
+    /// zeta of the numerator, b = 2 zeta w_n a.
+    pub zero_damping: Scheduled,
+    /// zeta of the denominator, d = 2 zeta w_n a.
+    pub pole_damping: Scheduled,
+}
+
+/// A number that a compensator takes from surfaces.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Scheduled {
+    /// Always the same.
+    Fixed(f64),
+    /// The value of a surface.
+    Surface(String),
+    /// The sum of several surfaces.
+    Sum(Vec<String>),
+}
+
+impl Model {
+    /// The input of a name.
+    #[must_use]
+    pub fn input(&self, name: &str) -> Option<&Input> {
+        self.inputs.iter().find(|input| input.name == name)
+    }
+
+    /// The surface of a name.
+    #[must_use]
+    pub fn surface(&self, name: &str) -> Option<&Surface> {
+        self.surfaces.iter().find(|surface| surface.name == name)
+    }
+}

@@ -1,0 +1,101 @@
+//! The interpreter: executes a tape in its own precision.
+//!
+//! In: a tape and the arguments. Out: the result, bit for bit what every emitted evaluator returns. An f32 tape is executed in f32,
+//! never in f64 and rounded at the end.
+
+use crate::number::Precision;
+use crate::tape::{Op, Reg, Tape};
+
+/// A scalar type that a tape can be executed in.
+pub trait Scalar:
+    Copy
+    + PartialOrd
+    + std::ops::Neg<Output = Self>
+    + std::ops::Add<Output = Self>
+    + std::ops::Sub<Output = Self>
+    + std::ops::Mul<Output = Self>
+    + std::ops::Div<Output = Self>
+{
+    /// Which precision this is.
+    const PRECISION: Precision;
+    /// A constant of a tape, which is exact in this type.
+    fn from_constant(value: f64) -> Self;
+    /// Clears the sign bit.
+    fn absolute(self) -> Self;
+    /// The bits, in the low end.
+    fn bits(self) -> u64;
+}
+
+macro_rules! scalar {
+    ($float:ty, $precision:expr) => {
+        impl Scalar for $float {
+            const PRECISION: Precision = $precision;
+            fn from_constant(value: f64) -> Self {
+                value as $float
+            }
+            fn absolute(self) -> Self {
+                self.abs()
+            }
+            fn bits(self) -> u64 {
+                u64::from(self.to_bits())
+            }
+        }
+    };
+}
+scalar!(f64, Precision::F64);
+scalar!(f32, Precision::F32);
+
+/// An interpreter with its registers, so that repeated evaluation allocates nothing.
+#[derive(Debug, Clone)]
+pub struct Interpreter<'t, T> {
+    tape: &'t Tape,
+    registers: Vec<T>,
+    flags: Vec<bool>,
+}
+
+impl<'t, T: Scalar> Interpreter<'t, T> {
+    /// An interpreter of a tape.
+    ///
+    /// # Panics
+    /// When the tape was lowered for another precision.
+    #[must_use]
+    pub fn new(tape: &'t Tape) -> Self {
+        assert_eq!(tape.precision, T::PRECISION, "a tape is executed in the precision it was lowered for");
+        let size = tape.ops.len();
+        Interpreter { tape, registers: vec![T::from_constant(0.0); size], flags: vec![false; size] }
+    }
+
+    /// The value of the surface. `arguments` in the order of the surface's inputs, in their units.
+    ///
+    /// # Panics
+    /// When the number of arguments is not that of the tape.
+    pub fn eval(&mut self, arguments: &[T]) -> T {
+        assert_eq!(arguments.len(), self.tape.inputs.len(), "one argument an input");
+        for (k, op) in self.tape.ops.iter().enumerate() {
+            let r = |reg: Reg| self.registers[reg.0 as usize];
+            let value = match *op {
+                Op::Constant(ref constant) => T::from_constant(constant.value),
+                Op::Input(port) => arguments[port.0 as usize],
+                Op::Negate(a) => -r(a),
+                Op::Absolute(a) => r(a).absolute(),
+                Op::Add(a, b) => r(a) + r(b),
+                Op::Subtract(a, b) => r(a) - r(b),
+                Op::Multiply(a, b) => r(a) * r(b),
+                Op::Divide(a, b) => r(a) / r(b),
+                Op::Less(a, b) => {
+                    self.flags[k] = r(a) < r(b);
+                    continue;
+                }
+                Op::Select { condition, then, otherwise } => {
+                    if self.flags[condition.0 as usize] {
+                        r(then)
+                    } else {
+                        r(otherwise)
+                    }
+                }
+            };
+            self.registers[k] = value;
+        }
+        self.registers[self.tape.output.0 as usize]
+    }
+}

@@ -1,0 +1,224 @@
+//! A text file and the faults found in it.
+//!
+//! In: the name and the text of a file. Out: [`Fault`]s that say file, line, column, what was found and what is
+//! accepted. All faults of a stage are collected, in the order of the file. Never panics on any text.
+
+use std::fmt;
+use std::ops::Range;
+
+/// A text file as it was read, with the name under which messages speak of it.
+#[derive(Debug, Clone)]
+pub struct Source {
+    name: String,
+    text: String,
+}
+
+impl Source {
+    /// A source from its name (as the user wrote it) and its text.
+    #[must_use]
+    pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
+        Source { name: name.into(), text: text.into() }
+    }
+
+    /// Reads a file. A file that cannot be read, or is not UTF-8, is a fault like any other.
+    ///
+    /// # Errors
+    /// One fault that names the file and the reason of the operating system.
+    pub fn read(path: &std::path::Path) -> Result<Self, Faults> {
+        let name = path.display().to_string();
+        match std::fs::read(path) {
+            Err(error) => Err(Faults::one(Fault::whole_file(&name, format!("cannot be read: {error}")))),
+            Ok(bytes) => match String::from_utf8(bytes) {
+                Ok(text) => Ok(Source { name, text }),
+                Err(error) => {
+                    let at = error.utf8_error().valid_up_to();
+                    let prefix = String::from_utf8_lossy(&error.as_bytes()[..at]).into_owned();
+                    let source = Source { name, text: prefix };
+                    Err(Faults::one(source.fault(at..at, "a byte that is not UTF-8 text").help("save the file as UTF-8")))
+                }
+            },
+        }
+    }
+
+    /// The name under which messages speak of this file.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The whole text.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Line and column, both counted from 1, of a byte offset. Columns count characters.
+    #[must_use]
+    pub fn position(&self, offset: usize) -> (usize, usize) {
+        let mut end = offset.min(self.text.len());
+        while !self.text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let before = &self.text[..end];
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+    }
+
+    /// A fault at a byte range of this file.
+    #[must_use]
+    pub fn fault(&self, span: Range<usize>, what: impl Into<String>) -> Fault {
+        let (line, column) = self.position(span.start);
+        Fault { file: self.name.clone(), line, column, what: what.into(), help: None }
+    }
+}
+
+/// One thing that is wrong with a file: place, what was found, what to do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fault {
+    /// The file as the user named it.
+    pub file: String,
+    /// Line, from 1; 0 when the fault is of the file as a whole.
+    pub line: usize,
+    /// Column in characters, from 1; 0 when the fault is of the line as a whole.
+    pub column: usize,
+    /// What was found and what is accepted.
+    pub what: String,
+    /// What to do about it.
+    pub help: Option<String>,
+}
+
+impl Fault {
+    /// A fault of a file as a whole.
+    #[must_use]
+    pub fn whole_file(file: &str, what: impl Into<String>) -> Self {
+        Fault { file: file.to_string(), line: 0, column: 0, what: what.into(), help: None }
+    }
+
+    /// A fault at a line (from 1) and column (from 1, or 0 for the whole line).
+    #[must_use]
+    pub fn at_line(file: &str, line: usize, column: usize, what: impl Into<String>) -> Self {
+        Fault { file: file.to_string(), line, column, what: what.into(), help: None }
+    }
+
+    /// Adds what to do about it.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.file)?;
+        if self.line > 0 {
+            write!(f, ":{}", self.line)?;
+            if self.column > 0 {
+                write!(f, ":{}", self.column)?;
+            }
+        }
+        write!(f, ": {}", self.what)?;
+        if let Some(help) = &self.help {
+            write!(f, "\n  help: {help}")?;
+        }
+        Ok(())
+    }
+}
+
+/// All the faults of one stage, in the order of the file. Never empty.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Faults(Vec<Fault>);
+
+impl Faults {
+    /// A single fault.
+    #[must_use]
+    pub fn one(fault: Fault) -> Self {
+        Faults(vec![fault])
+    }
+
+    /// The faults, in the order of the file.
+    #[must_use]
+    pub fn list(&self) -> &[Fault] {
+        &self.0
+    }
+}
+
+impl fmt::Display for Faults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (k, fault) in self.0.iter().enumerate() {
+            if k > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{fault}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Faults {}
+
+/// Gathers the faults of one stage.
+#[derive(Debug, Default)]
+pub struct Collector {
+    faults: Vec<Fault>,
+}
+
+impl Collector {
+    /// An empty collection.
+    #[must_use]
+    pub fn new() -> Self {
+        Collector::default()
+    }
+
+    /// Adds a fault.
+    pub fn push(&mut self, fault: Fault) {
+        self.faults.push(fault);
+    }
+
+    /// Whether nothing was found so far.
+    #[must_use]
+    pub fn is_clean(&self) -> bool {
+        self.faults.is_empty()
+    }
+
+    /// The value if nothing was found, else all the faults sorted by place.
+    ///
+    /// # Errors
+    /// The collected faults.
+    ///
+    /// # Panics
+    /// When no value was made although no fault was found: every reader that gives up must say why.
+    pub fn finish<T>(mut self, value: Option<T>) -> Result<T, Faults> {
+        if self.faults.is_empty() {
+            return Ok(value.expect("a stage that gives no value must report a fault"));
+        }
+        // Stable: faults at one place stay in the order in which the rules ran.
+        self.faults.sort_by_key(|fault| (fault.line, fault.column));
+        self.faults.dedup();
+        Err(Faults(self.faults))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_count_lines_and_characters_from_one() {
+        let source = Source::new("m.toml", "a\nµß = 1\n");
+        assert_eq!(source.position(0), (1, 1));
+        assert_eq!(source.position(2), (2, 1));
+        // µ and ß take two bytes each, one column each.
+        assert_eq!(source.position(6), (2, 3));
+        assert_eq!(source.position(10_000), (3, 1));
+    }
+
+    #[test]
+    fn faults_come_in_the_order_of_the_file() {
+        let mut collector = Collector::new();
+        collector.push(Fault::at_line("f", 3, 1, "late"));
+        collector.push(Fault::at_line("f", 1, 2, "early").help("mend it"));
+        let faults = collector.finish(Some(())).unwrap_err();
+        assert_eq!(faults.to_string(), "f:1:2: early\n  help: mend it\nf:3:1: late");
+    }
+}
