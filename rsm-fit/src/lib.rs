@@ -1,0 +1,1 @@
+//! From measured data to a model: records, designs, least squares, selection, statistics.

@@ -1,0 +1,1 @@
+//! include_model!: a coefficient file becomes a module of evaluators at compile time.

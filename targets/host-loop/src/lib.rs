@@ -1,0 +1,1 @@
+//! A periodic real-time loop on the host, with its report.

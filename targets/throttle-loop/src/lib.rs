@@ -1,0 +1,1 @@
+//! The step of a drive-by-wire throttle that damps driveline shuffle.
