@@ -1,0 +1,223 @@
+//! The loop itself.
+//!
+//! In: settings, a clock, a step. Out: a [`Report`]. Tick k belongs to the time [k T, (k + 1) T) after the start. The loop sleeps until k T,
+//! and does tick k if it wakes before the tick's time is over; else that tick and every further one whose time is over are lost, and the loop goes
+//! on with the tick whose time it is. So a late loop drops work and is on the grid again at once: it never does a tick twice and never hurries
+//! through a backlog.
+
+use crate::clock::{Clock, SystemClock};
+use crate::realtime::RealTime;
+use crate::report::{Report, Summary};
+
+/// What a loop is to do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// The period, in nanoseconds, at least 1.
+    pub period_ns: u64,
+    /// How many periods to run for.
+    pub ticks: u64,
+    /// Whether to ask for locked memory and real-time priority.
+    pub real_time: bool,
+}
+
+impl Settings {
+    /// A loop of `rate_hz` for `seconds`, which asks for real-time priority and locked memory. Both numbers are rounded to whole nanoseconds
+    /// and whole ticks; what cannot be a loop (zero, negative, NaN) becomes the nearest that can: one tick, one nanosecond.
+    #[must_use]
+    pub fn new(rate_hz: f64, seconds: f64) -> Self {
+        // A float-to-integer cast saturates and takes NaN to 0.
+        let period_ns = ((1e9 / rate_hz).round() as u64).max(1);
+        let ticks = ((seconds * 1e9 / period_ns as f64).round() as u64).max(1);
+        Settings { period_ns, ticks, real_time: true }
+    }
+
+    /// The same loop as an ordinary process.
+    #[must_use]
+    pub fn without_real_time(mut self) -> Self {
+        self.real_time = false;
+        self
+    }
+}
+
+/// Runs `step` once a tick, with the number of the tick, on the system's clock.
+pub fn run(settings: &Settings, step: impl FnMut(u64)) -> Report {
+    run_with_clock(settings, &mut SystemClock, step)
+}
+
+/// The first period starts so long after the call, so that the first tick is not late for the preparations: 2 ms, some hundred times what
+/// reading the clock and going to sleep takes.
+const LEAD_NS: u64 = 2_000_000;
+
+/// As [`run`], on any clock.
+pub fn run_with_clock(settings: &Settings, clock: &mut impl Clock, mut step: impl FnMut(u64)) -> Report {
+    let Settings { period_ns, ticks, real_time } = *settings;
+    let mut compute_ns = samples(ticks);
+    let mut lateness_ns = samples(ticks);
+    let granted = if real_time { RealTime::ask() } else { RealTime::not_asked() };
+
+    let start_ns = clock.now_ns() + LEAD_NS;
+    let mut lost = 0;
+    let mut tick = 0;
+    while tick < ticks {
+        clock.sleep_until_ns(start_ns + tick * period_ns);
+        let woke_ns = clock.now_ns();
+        let current = (woke_ns.saturating_sub(start_ns) / period_ns).max(tick);
+        if current > tick {
+            lost += current.min(ticks) - tick;
+            tick = current;
+            if tick >= ticks {
+                break;
+            }
+        }
+        step(tick);
+        let done_ns = clock.now_ns();
+        // Both have room for one sample a tick, so that neither push allocates.
+        lateness_ns.push(woke_ns.saturating_sub(start_ns + tick * period_ns));
+        compute_ns.push(done_ns.saturating_sub(woke_ns));
+        tick += 1;
+    }
+
+    let (locked_memory, priority) = (granted.memory.clone(), granted.priority.clone());
+    drop(granted);
+    Report {
+        period_ns,
+        ticks_wanted: ticks,
+        ticks_done: compute_ns.len() as u64,
+        ticks_lost: lost,
+        compute: Summary::of(&mut compute_ns),
+        lateness: Summary::of(&mut lateness_ns),
+        locked_memory,
+        priority,
+    }
+}
+
+/// Room for one sample a tick, every page of it written to once so that the loop meets no page fault.
+fn samples(ticks: u64) -> Vec<u64> {
+    let mut samples = vec![u64::MAX; usize::try_from(ticks).expect("the samples of a loop fit in memory")];
+    // Without this the compiler may drop the writes, and the pages with them.
+    std::hint::black_box(samples.as_mut_slice());
+    samples.clear();
+    samples
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::realtime::Grant;
+
+    const MS: u64 = 1_000_000;
+
+    /// A clock of which the test decides how late each sleep ends. Time passes only in sleeps and in steps.
+    struct Injected<F> {
+        now_ns: u64,
+        oversleep_ns: F,
+        sleeps: u64,
+    }
+
+    impl<F: FnMut(u64) -> u64> Clock for Injected<F> {
+        fn now_ns(&mut self) -> u64 {
+            self.now_ns
+        }
+        fn sleep_until_ns(&mut self, deadline_ns: u64) {
+            self.now_ns = self.now_ns.max(deadline_ns) + (self.oversleep_ns)(self.sleeps);
+            self.sleeps += 1;
+        }
+    }
+
+    /// The ticks done, and the report, of ten ticks of 1 ms when sleep number k ends `oversleep(k)` late.
+    fn ten_ticks(oversleep_ns: impl FnMut(u64) -> u64) -> (Vec<u64>, Report) {
+        let mut clock = Injected { now_ns: 5 * MS, oversleep_ns, sleeps: 0 };
+        let mut done = Vec::new();
+        let settings = Settings { period_ns: MS, ticks: 10, real_time: false };
+        let report = run_with_clock(&settings, &mut clock, |tick| done.push(tick));
+        (done, report)
+    }
+
+    #[test]
+    fn a_punctual_loop_does_every_tick_once() {
+        let (done, report) = ten_ticks(|_| 0);
+        assert_eq!(done, (0..10).collect::<Vec<_>>());
+        assert_eq!((report.ticks_wanted, report.ticks_done, report.ticks_lost), (10, 10, 0));
+        assert_eq!(report.lateness.max_ns, 0);
+        assert_eq!(report.priority, Grant::NotAsked);
+    }
+
+    #[test]
+    fn a_tick_that_starts_within_its_period_is_late_but_not_lost() {
+        let (done, report) = ten_ticks(|sleep| if sleep == 3 { MS - 1 } else { 0 });
+        assert_eq!(done, (0..10).collect::<Vec<_>>());
+        assert_eq!((report.ticks_lost, report.lateness.max_ns), (0, MS - 1));
+    }
+
+    #[test]
+    fn a_tick_whose_whole_period_has_passed_is_lost_and_the_loop_is_on_the_grid_again() {
+        // The sleep of tick 3 ends 2.25 ms late: ticks 3 and 4 are over, tick 5 is done 0.25 ms late, tick 6 on time.
+        let (done, report) = ten_ticks(|sleep| if sleep == 3 { 2 * MS + MS / 4 } else { 0 });
+        assert_eq!(done, [0, 1, 2, 5, 6, 7, 8, 9]);
+        assert_eq!((report.ticks_done, report.ticks_lost), (8, 2));
+        assert_eq!(report.lateness.max_ns, MS / 4);
+    }
+
+    #[test]
+    fn exactly_one_period_late_is_the_next_ticks_time() {
+        let (done, report) = ten_ticks(|sleep| if sleep == 3 { MS } else { 0 });
+        assert_eq!(done, [0, 1, 2, 4, 5, 6, 7, 8, 9]);
+        assert_eq!((report.ticks_done, report.ticks_lost), (9, 1));
+    }
+
+    #[test]
+    fn a_loop_that_oversleeps_its_end_loses_the_rest_and_no_more() {
+        let (done, report) = ten_ticks(|sleep| if sleep == 4 { 1000 * MS } else { 0 });
+        assert_eq!(done, [0, 1, 2, 3]);
+        assert_eq!((report.ticks_wanted, report.ticks_done, report.ticks_lost), (10, 4, 6));
+    }
+
+    #[test]
+    fn a_step_longer_than_its_period_loses_the_ticks_it_covers() {
+        let mut clock = Injected { now_ns: 0, oversleep_ns: |_| 0, sleeps: 0 };
+        // Every step takes 2.5 periods: after tick 0 it is 2.5, so ticks 1 is over and tick 2 has begun; after it 5.0, so 3 and 4 are over.
+        let settings = Settings { period_ns: MS, ticks: 10, real_time: false };
+        let mut done = Vec::new();
+        let shared = std::cell::RefCell::new(&mut clock);
+        struct Shared<'a, C>(&'a std::cell::RefCell<&'a mut C>);
+        impl<C: Clock> Clock for Shared<'_, C> {
+            fn now_ns(&mut self) -> u64 {
+                self.0.borrow_mut().now_ns()
+            }
+            fn sleep_until_ns(&mut self, deadline_ns: u64) {
+                self.0.borrow_mut().sleep_until_ns(deadline_ns);
+            }
+        }
+        let report = run_with_clock(&settings, &mut Shared(&shared), |tick| {
+            done.push(tick);
+            shared.borrow_mut().now_ns += 5 * MS / 2;
+        });
+        assert_eq!(done, [0, 2, 5, 7]);
+        assert_eq!((report.ticks_done, report.ticks_lost), (4, 6));
+        assert_eq!(report.compute.max_ns, 5 * MS / 2);
+    }
+
+    #[test]
+    fn settings_that_cannot_be_a_loop_become_the_nearest_that_can() {
+        assert_eq!(Settings::new(1000.0, 2.0), Settings { period_ns: MS, ticks: 2000, real_time: true });
+        assert_eq!(Settings::new(1000.0, -1.0).ticks, 1);
+        assert_eq!(Settings::new(1e12, 1e-9).period_ns, 1);
+        assert_eq!(Settings::new(f64::NAN, f64::NAN), Settings { period_ns: 1, ticks: 1, real_time: true });
+    }
+
+    #[test]
+    fn a_short_real_run_does_its_ticks_at_their_times() {
+        let mut ticks = Vec::with_capacity(200);
+        let started = std::time::Instant::now();
+        let report = run(&Settings::new(1000.0, 0.2), |tick| ticks.push(tick));
+        let took = started.elapsed();
+        assert_eq!(report.ticks_wanted, 200);
+        assert_eq!(report.ticks_done + report.ticks_lost, 200);
+        assert_eq!(report.ticks_done, ticks.len() as u64);
+        assert!(ticks.is_sorted_by(|a, b| a < b), "a tick was done twice or out of order: {ticks:?}");
+        // The last tick starts at 199 ms. How much later a busy machine lets it is not ours to judge.
+        assert!(took.as_millis() >= 199, "{took:?}");
+        assert_ne!(report.priority, Grant::NotAsked);
+        assert_ne!(report.locked_memory, Grant::NotAsked);
+    }
+}

@@ -1,0 +1,196 @@
+//! What a loop did: numbers in public fields, a few lines of text, one JSON object.
+//!
+//! In: the samples of a run. Out: percentiles that are always one of the samples, never an interpolation between two.
+
+use std::fmt;
+
+use crate::realtime::Grant;
+
+/// The distribution of a time, in nanoseconds. All zero when there was no sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Summary {
+    /// Half of the samples are not above this.
+    pub p50_ns: u64,
+    /// 99 % of the samples are not above this.
+    pub p99_ns: u64,
+    /// 99.9 % of the samples are not above this.
+    pub p999_ns: u64,
+    /// The largest sample.
+    pub max_ns: u64,
+}
+
+impl Summary {
+    /// Of the samples, which are sorted on the way.
+    pub fn of(samples: &mut [u64]) -> Self {
+        samples.sort_unstable();
+        Summary {
+            p50_ns: percentile(samples, 500),
+            p99_ns: percentile(samples, 990),
+            p999_ns: percentile(samples, 999),
+            max_ns: samples.last().copied().unwrap_or(0),
+        }
+    }
+
+    fn json(&self) -> String {
+        let Summary { p50_ns, p99_ns, p999_ns, max_ns } = self;
+        format!(r#"{{"p50_ns":{p50_ns},"p99_ns":{p99_ns},"p999_ns":{p999_ns},"max_ns":{max_ns}}}"#)
+    }
+}
+
+/// The smallest sample such that at least `per_mille` thousandths of the samples are not above it (the nearest-rank definition); 0 of no sample.
+/// `sorted` must be sorted.
+#[must_use]
+pub fn percentile(sorted: &[u64], per_mille: usize) -> u64 {
+    // rank = ceil(n p), from 1: whole numbers, since 0.999 * 1000 in f64 is not 999.
+    let rank = (sorted.len() * per_mille).div_ceil(1000).max(1);
+    sorted.get(rank - 1).or(sorted.last()).copied().unwrap_or(0)
+}
+
+/// What a loop did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Report {
+    /// The period of a tick.
+    pub period_ns: u64,
+    /// How many ticks the run had.
+    pub ticks_wanted: u64,
+    /// How many were done, each once.
+    pub ticks_done: u64,
+    /// How many were not: their whole period had passed before they could start. Done and lost add up to wanted.
+    pub ticks_lost: u64,
+    /// From waking to the end of the step.
+    pub compute: Summary,
+    /// From the start of the tick's time to waking, of the ticks that were done.
+    pub lateness: Summary,
+    /// Whether the memory was locked.
+    pub locked_memory: Grant,
+    /// Whether the loop ran at real-time priority.
+    pub priority: Grant,
+}
+
+impl Report {
+    /// One JSON object: counts, the two summaries in nanoseconds, and what was granted ("yes", "not asked for", "no: reason").
+    #[must_use]
+    pub fn json(&self) -> String {
+        format!(
+            r#"{{"period_ns":{},"ticks_wanted":{},"ticks_done":{},"ticks_lost":{},"compute":{},"lateness":{},"locked_memory":{},"priority":{}}}"#,
+            self.period_ns,
+            self.ticks_wanted,
+            self.ticks_done,
+            self.ticks_lost,
+            self.compute.json(),
+            self.lateness.json(),
+            json_string(&self.locked_memory.to_string()),
+            json_string(&self.priority.to_string()),
+        )
+    }
+}
+
+/// A JSON string: the reasons of the operating system may hold anything.
+fn json_string(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for character in text.chars() {
+        match character {
+            '"' | '\\' => quoted.extend(['\\', character]),
+            control if control < ' ' => quoted.push_str(&format!("\\u{:04x}", control as u32)),
+            other => quoted.push(other),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
+/// Microseconds, to the nanosecond that was measured.
+struct Us(u64);
+
+impl fmt::Display for Us {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{:03} us", self.0 / 1000, self.0 % 1000)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Report { compute, lateness, .. } = self;
+        writeln!(
+            f,
+            "ticks     {} wanted, {} done, {} lost, period {}",
+            self.ticks_wanted,
+            self.ticks_done,
+            self.ticks_lost,
+            Us(self.period_ns)
+        )?;
+        writeln!(
+            f,
+            "compute   p50 {}, p99 {}, p99.9 {}, max {}",
+            Us(compute.p50_ns),
+            Us(compute.p99_ns),
+            Us(compute.p999_ns),
+            Us(compute.max_ns)
+        )?;
+        writeln!(f, "wake-up   late by p50 {}, p99 {}, max {}", Us(lateness.p50_ns), Us(lateness.p99_ns), Us(lateness.max_ns))?;
+        writeln!(f, "priority  {}", self.priority)?;
+        write!(f, "memory    locked: {}", self.locked_memory)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_samples_by_the_nearest_rank() {
+        let thousand: Vec<u64> = (1..=1000).collect();
+        assert_eq!(percentile(&thousand, 500), 500);
+        assert_eq!(percentile(&thousand, 990), 990);
+        assert_eq!(percentile(&thousand, 999), 999);
+        assert_eq!(percentile(&thousand, 1000), 1000);
+        assert_eq!(percentile(&thousand, 0), 1);
+        // Of three samples, 99 % are only reached by the last.
+        assert_eq!(percentile(&[10, 20, 30], 990), 30);
+        assert_eq!(percentile(&[10, 20, 30], 500), 20);
+        assert_eq!(percentile(&[7], 999), 7);
+        assert_eq!(percentile(&[], 500), 0);
+    }
+
+    #[test]
+    fn a_summary_does_not_mind_the_order_of_the_samples() {
+        let mut samples = [5, 1, 4, 2, 3];
+        let summary = Summary { p50_ns: 3, p99_ns: 5, p999_ns: 5, max_ns: 5 };
+        assert_eq!(Summary::of(&mut samples), summary);
+        assert_eq!(Summary::of(&mut []), Summary::default());
+    }
+
+    fn example() -> Report {
+        Report {
+            period_ns: 1_000_000,
+            ticks_wanted: 10,
+            ticks_done: 9,
+            ticks_lost: 1,
+            compute: Summary { p50_ns: 51, p99_ns: 1200, p999_ns: 1300, max_ns: 1_000_001 },
+            lateness: Summary { p50_ns: 60_000, p99_ns: 90_000, p999_ns: 95_000, max_ns: 99_000 },
+            locked_memory: Grant::Granted,
+            priority: Grant::Refused("the \"limit\"".to_string()),
+        }
+    }
+
+    #[test]
+    fn the_report_is_five_lines() {
+        let expected = "\
+ticks     10 wanted, 9 done, 1 lost, period 1000.000 us
+compute   p50 0.051 us, p99 1.200 us, p99.9 1.300 us, max 1000.001 us
+wake-up   late by p50 60.000 us, p99 90.000 us, max 99.000 us
+priority  no: the \"limit\"
+memory    locked: yes";
+        assert_eq!(example().to_string(), expected);
+    }
+
+    #[test]
+    fn the_json_escapes_what_the_system_says() {
+        let json = example().json();
+        assert!(
+            json.starts_with(r#"{"period_ns":1000000,"ticks_wanted":10,"ticks_done":9,"ticks_lost":1,"compute":{"p50_ns":51,"#),
+            "{json}"
+        );
+        assert!(json.ends_with(r#""locked_memory":"yes","priority":"no: the \"limit\""}"#), "{json}");
+    }
+}
