@@ -1,3 +1,39 @@
-//! Developer commands: test, bench, bless.
+//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`.
+//!
+//! In: one word. Out: the exit status, 0 when everything held, 1 when a stage failed, 2 for a word it does not know. Runs cargo and
+//! the command `rsm`, and prints what it runs. Imports no crate, not even ours, so that it builds in a second on a machine that has only cargo.
 
-fn main() {}
+mod bench;
+mod bless;
+mod generated;
+mod packages;
+mod stage;
+mod test;
+mod totals;
+mod workspace;
+
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+usage: cargo xtask test     everything that must hold, the same commands as continuous integration
+       cargo xtask bless    writes anew what is generated: generated/, golden files, instruction counts
+       cargo xtask bench    times and counts the evaluators, prints one table";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let held = match words.as_slice() {
+        ["test"] => test::run(),
+        ["bless"] => bless::run(),
+        ["bench", rest @ ..] => bench::run(rest),
+        ["help" | "--help" | "-h"] => {
+            println!("{USAGE}");
+            true
+        }
+        _ => {
+            eprintln!("{USAGE}");
+            return ExitCode::from(2);
+        }
+    };
+    if held { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}

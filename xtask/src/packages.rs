@@ -1,0 +1,87 @@
+//! The tools that the tests need beside cargo.
+//!
+//! In: nothing. Out: all of them present, or the names of the Debian packages that are missing. Installs them where it may: as root, or through sudo
+//! without a password. Looks for the tools themselves, so a machine that is not Debian but has them passes.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// A program or file whose presence tells that a package is installed, and the package.
+const NEEDED: [(&str, &str); 5] = [
+    ("gcc", "gcc"),
+    ("clang", "clang"),
+    ("valgrind", "valgrind"),
+    ("objdump", "binutils"),
+    ("/usr/include/stdio.h", "libc6-dev"),
+];
+
+/// Makes sure that everything is there.
+pub(crate) fn ensure() -> Result<(), String> {
+    let missing = missing();
+    if missing.is_empty() {
+        println!("all present: {}", NEEDED.map(|(_, package)| package).join(" "));
+        return Ok(());
+    }
+    let list = missing.join(" ");
+    let Some(apt_get) = apt_get() else {
+        return Err(format!("missing: {list}; install them (Debian: apt-get install --no-install-recommends {list})"));
+    };
+    println!("installing {list}");
+    apt(&apt_get, &["update", "-q"])?;
+    let install = ["install", "-q", "-y", "--no-install-recommends"];
+    apt(&apt_get, &[&install[..], &missing[..]].concat())?;
+    let still = self::missing();
+    if still.is_empty() { Ok(()) } else { Err(format!("installed, but still not found: {}", still.join(" "))) }
+}
+
+fn missing() -> Vec<&'static str> {
+    NEEDED.iter().filter(|(file, _)| !is_there(file)).map(|(_, package)| *package).collect()
+}
+
+/// A program on the search path, or a file by its absolute name.
+fn is_there(file: &str) -> bool {
+    if Path::new(file).is_absolute() {
+        return Path::new(file).exists();
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path).any(|folder: PathBuf| folder.join(file).is_file())
+}
+
+/// The words before apt-get's own arguments, or `None` when this user may not install.
+fn apt_get() -> Option<Vec<&'static str>> {
+    if !is_there("apt-get") {
+        return None;
+    }
+    let succeeds = |program: &str, arguments: &[&str]| {
+        Command::new(program).args(arguments).stderr(Stdio::null()).output().is_ok_and(|output| output.status.success())
+    };
+    let id = Command::new("id").arg("-u").output().ok()?;
+    if id.stdout.trim_ascii() == b"0" {
+        Some(vec!["apt-get"])
+    } else if is_there("sudo") && succeeds("sudo", &["-n", "true"]) {
+        Some(vec!["sudo", "-n", "apt-get"])
+    } else {
+        None
+    }
+}
+
+fn apt(apt_get: &[&str], arguments: &[&str]) -> Result<(), String> {
+    let mut command = Command::new(apt_get[0]);
+    command.args(&apt_get[1..]).args(arguments).env("DEBIAN_FRONTEND", "noninteractive");
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(format!("apt-get {} ended with {status}", arguments.join(" "))),
+        Err(error) => Err(format!("cannot start apt-get: {error}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_is_found_on_the_path_and_a_made_up_one_is_not() {
+        assert!(is_there("sh") && is_there("/bin/sh"));
+        assert!(!is_there("no-such-program-of-ours") && !is_there("/no/such/file"));
+    }
+}

@@ -1,0 +1,51 @@
+//! `cargo xtask test`: everything that must hold before a change is done.
+//!
+//! Out: every stage with its time, a summary, and `N passed, N failed` over all tests as the last line. The stages that cost least come first; the
+//! first failure ends the run.
+
+use crate::stage::Run;
+use crate::workspace::cargo;
+use crate::{generated, packages};
+
+/// The libraries that must build without `std`, and the bare-metal machine to try first: a Cortex-M4F, what a motor drive has.
+const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
+const BARE_METAL: &str = "thumbv7em-none-eabihf";
+
+/// Runs every stage.
+pub(crate) fn run() -> bool {
+    let mut run = Run::new();
+    run.check("packages", packages::ensure)
+        .command("format", cargo(&["fmt", "--all", "--check"]))
+        .command("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+        .command("test", cargo(&["test", "--workspace", "--no-fail-fast"]))
+        // The tests that are ignored above because they are slow at opt 0, with the others at opt 3.
+        .command("long matrix", cargo(&["test", "--release", "-p", "rsm-tests", "--no-fail-fast", "--", "--include-ignored"]))
+        .command("docs", {
+            let mut docs = cargo(&["doc", "--workspace", "--no-deps"]);
+            docs.env("RUSTDOCFLAGS", "-D warnings");
+            docs
+        });
+    let machine = bare_metal_installed().then_some(BARE_METAL);
+    if machine.is_none() && run.held() {
+        println!("\nnote: {BARE_METAL} is not installed; the targets are built as `no_std` libraries for this host");
+    }
+    run.command("no_std", {
+        let mut build = cargo(&["build", "--release", "--lib"]);
+        build.args(WITHOUT_STD.iter().flat_map(|package| ["-p", package]));
+        build.args(machine.iter().flat_map(|machine| ["--target", machine]));
+        build
+    })
+    .check("generated", generated::is_up_to_date);
+    let held = run.finish();
+    println!("\n{}", run.totals());
+    held
+}
+
+/// Whether the compiler in use has the core library of the bare-metal machine.
+fn bare_metal_installed() -> bool {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = std::process::Command::new(rustc).args(["--print", "target-libdir", "--target", BARE_METAL]).output();
+    output.is_ok_and(|output| {
+        output.status.success() && std::path::Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir()
+    })
+}
