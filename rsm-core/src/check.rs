@@ -1,0 +1,406 @@
+//! Proves that the parts of a model fit together, once. Only this module makes a [`Checked`].
+//!
+//! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages carry the proof and neither
+//! check again nor fail. One rule is one function. Whether f32 can hold the model at all is asked separately: [`Checked::refusal`].
+
+use crate::model::{Compensator, Input, Model, Outside, Scheduled, Surface, Symmetry};
+use crate::model_file::{self, Located};
+use crate::names;
+use crate::number::{Precision, exact};
+use crate::source::{Collector, Fault, Faults, Source};
+
+/// A model whose parts are known to fit together.
+#[derive(Debug, Clone)]
+pub struct Checked {
+    model: Model,
+    /// Where parts stand, for what only one precision refuses: file and position of each input's range and of each term.
+    file: String,
+    range_places: Vec<(usize, usize)>,
+    term_places: Vec<Vec<(usize, usize)>>,
+}
+
+impl Checked {
+    /// Reads and checks a model file.
+    ///
+    /// # Errors
+    /// Every fault of the file, with line and column, what was found and what is accepted.
+    pub fn read(source: &Source) -> Result<Self, Faults> {
+        let mut faults = Collector::new();
+        let Some(located) = model_file::read(source, &mut faults) else {
+            return faults.finish(None);
+        };
+        let context = Context { located: &located, source };
+        for rule in [check_name, check_inputs, check_surfaces, check_compensators, check_emitted_names] {
+            rule(&context, &mut faults);
+        }
+        let position = |path: String| source.position(located.place(&path).start);
+        let model = &located.model;
+        let range_places = model.inputs.iter().map(|input| position(format!("inputs.{}.range", input.name))).collect();
+        let term_places = model
+            .surfaces
+            .iter()
+            .map(|surface| (0..surface.terms.len()).map(|k| position(format!("surfaces.{}.terms.{k}", surface.name))).collect())
+            .collect();
+        let checked = Checked { model: model.clone(), file: source.name().to_string(), range_places, term_places };
+        faults.finish(Some(checked))
+    }
+
+    /// Checks a model that was made in memory; faults speak of the text that [`model_file::write`] gives it.
+    ///
+    /// # Errors
+    /// As [`Checked::read`].
+    pub fn from_model(model: &Model) -> Result<Self, Faults> {
+        let name = if model.name.is_empty() { "model" } else { &model.name };
+        Self::read(&Source::new(format!("{name}.toml"), model_file::write(model)))
+    }
+
+    /// The model.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The inputs of a surface, in its order.
+    #[must_use]
+    pub fn inputs_of(&self, surface: &Surface) -> Vec<Input> {
+        let find = |name: &String| self.model.input(name).expect("a checked surface names known inputs").clone();
+        surface.inputs.iter().map(find).collect()
+    }
+
+    /// Why a precision cannot hold this model, or `None`: a bound or coefficient beyond its largest number, or a range in which it
+    /// has fewer than two numbers.
+    #[must_use]
+    pub fn refusal(&self, precision: Precision) -> Option<Faults> {
+        let name = precision.name();
+        let mut faults = Collector::new();
+        let at = |(line, column): (usize, usize), what: String| Fault::at_line(&self.file, line, column, what);
+        for (input, place) in self.model.inputs.iter().zip(&self.range_places) {
+            let [low, high] = input.range.map(|bound| exact(bound));
+            let (inner_low, inner_high) = (precision.round_up(&low), precision.round_down(&high));
+            if !inner_low.is_finite() || !inner_high.is_finite() {
+                faults.push(at(*place, format!("input `{}`: the range is wider than {name} can hold", input.name)));
+            } else if inner_low >= inner_high {
+                let what = format!("input `{}`: {name} has fewer than two numbers in the range", input.name);
+                faults.push(at(*place, what).help("use f64, or shift the variable so that its range lies nearer to 0"));
+            }
+        }
+        for (surface, places) in self.model.surfaces.iter().zip(&self.term_places) {
+            if let Some([low, high]) = surface.output_range.map(|range| range.map(exact))
+                && precision.round_up(&low) > precision.round_down(&high)
+            {
+                let what = format!("surface `{}`: {name} has no number in the output range", surface.name);
+                faults.push(at(places.first().copied().unwrap_or_default(), what));
+            }
+            for (term, place) in surface.terms.iter().zip(places) {
+                if !precision.round(&exact(term.coefficient)).is_finite() {
+                    let what = format!(
+                        "surface `{}`: the coefficient {:e} is larger than {name} can hold",
+                        surface.name, term.coefficient
+                    );
+                    faults.push(at(*place, what));
+                }
+            }
+        }
+        faults.finish(Some(())).err()
+    }
+}
+
+/// A file under check.
+struct Context<'a> {
+    located: &'a Located,
+    source: &'a Source,
+}
+
+impl Context<'_> {
+    fn fault(&self, path: &str, what: impl Into<String>) -> Fault {
+        self.source.fault(self.located.place(path), what)
+    }
+
+    /// Whether a name that is not there is really missing: its section could be read, and it was not refused for its shape.
+    fn knows_all(&self, section: &str, name: &str) -> bool {
+        self.located.place(section) != (0..0)
+            && !self.located.is_broken(section)
+            && !self.located.is_broken(&format!("{section}.{name}"))
+            && !(section == "inputs" && self.model().inputs.is_empty())
+    }
+
+    fn model(&self) -> &Model {
+        &self.located.model
+    }
+}
+
+fn check_name(context: &Context<'_>, faults: &mut Collector) {
+    if context.located.is_broken("model") || context.model().name.is_empty() && context.located.place("model") == (0..0) {
+        return;
+    }
+    if let Some(reason) = names::refuse_model(&context.model().name) {
+        faults.push(context.fault("model", format!("model name `{}` {reason}", context.model().name)));
+    }
+}
+
+fn check_inputs(context: &Context<'_>, faults: &mut Collector) {
+    for input in &context.model().inputs {
+        let path = format!("inputs.{}", input.name);
+        if let Some(reason) = names::refuse(&input.name) {
+            faults.push(context.fault(&path, format!("input name `{}` {reason}", input.name)));
+        }
+        check_range(context, faults, &format!("input `{}`", input.name), &format!("{path}.range"), input.range, &input.unit);
+    }
+    if context.model().inputs.is_empty() && !any_under(context, "inputs") {
+        faults.push(context.fault("inputs", "`inputs`: found none, expected at least one"));
+    }
+}
+
+/// Whether some entry of a section was there but refused for its shape.
+fn any_under(context: &Context<'_>, section: &str) -> bool {
+    // A section that is missing, or has no entry at all, has no broken entry either: the faults of shape speak for the rest.
+    context.located.place(section) == (0..0) || context.located.has_broken_under(section)
+}
+
+/// low < high, and a width that f64 can hold: half of it is the unit of the coded variable.
+fn check_range(context: &Context<'_>, faults: &mut Collector, who: &str, path: &str, [low, high]: [f64; 2], unit: &str) {
+    let unit = if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") };
+    if low > high {
+        let fault = context.fault(path, format!("{who}: low {low}{unit} is above high {high}{unit}"));
+        faults.push(fault.help(format!("swap them, or give the range as [{high}, {low}]")));
+    } else if low == high {
+        faults.push(context.fault(path, format!("{who}: the range is empty: low and high are both {low}{unit}")));
+    } else if !(high - low).is_finite() {
+        faults.push(context.fault(path, format!("{who}: the range from {low:e} to {high:e} is wider than f64 can hold")));
+    }
+}
+
+fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
+    for surface in &context.model().surfaces {
+        let path = format!("surfaces.{}", surface.name);
+        if let Some(reason) = names::refuse_function(&context.model().name, &surface.name) {
+            faults.push(context.fault(&path, format!("surface name `{}` {reason}", surface.name)));
+        }
+        let rules = [check_surface_inputs, check_terms, check_symmetry, check_knots, check_reciprocal, check_support];
+        for rule in rules {
+            rule(context, faults, surface, &path);
+        }
+        if let Some(range) = surface.output_range {
+            let who = format!("surface `{}`: `output_range`", surface.name);
+            check_range(context, faults, &who, &format!("{path}.output_range"), range, &surface.unit);
+        }
+    }
+    if context.model().surfaces.is_empty() && !any_under(context, "surfaces") {
+        faults.push(context.fault("surfaces", "`surfaces`: found none, expected at least one"));
+    }
+}
+
+fn check_surface_inputs(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    let who = format!("surface `{}`", surface.name);
+    if surface.inputs.is_empty() && !context.located.is_broken(&format!("{path}.inputs")) {
+        faults.push(context.fault(&format!("{path}.inputs"), format!("{who}: `inputs`: found none, expected at least one")));
+    }
+    for (k, name) in surface.inputs.iter().enumerate() {
+        let place = format!("{path}.inputs.{k}");
+        if surface.inputs[..k].contains(name) {
+            faults.push(context.fault(&place, format!("{who}: input `{name}` is named twice")));
+        } else if context.model().input(name).is_none() && context.knows_all("inputs", name) {
+            let known: Vec<_> = context.model().inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+            let fault = context.fault(&place, format!("{who}: there is no input `{name}`"));
+            faults.push(fault.help(format!("the inputs of this model are {}", known.join(", "))));
+        }
+    }
+}
+
+fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    let who = format!("surface `{}`", surface.name);
+    if surface.terms.is_empty() && !context.located.is_broken(&format!("{path}.terms")) {
+        faults.push(context.fault(&format!("{path}.terms"), format!("{who}: `terms`: found none, expected at least one")));
+    }
+    let (inputs, knots) = (surface.inputs.len(), surface.knots.len());
+    // How many powers a term needs is known only where inputs and knots could be read.
+    let counts = !context.located.is_broken(&format!("{path}.inputs")) && !context.located.is_broken(&format!("{path}.basis"));
+    for (k, term) in surface.terms.iter().enumerate() {
+        let place = format!("{path}.terms.{k}");
+        let found = term.powers.len();
+        if counts && found != inputs + knots {
+            let expected = if knots == 0 {
+                format!("{inputs}, one for each input")
+            } else {
+                format!("{}: one for each of {inputs} inputs, then one for each of {knots} knots", inputs + knots)
+            };
+            faults.push(context.fault(&place, format!("{who}: term {}: found {found} powers, expected {expected}", k + 1)));
+        }
+        if let Some(first) = surface.terms[..k].iter().position(|earlier| earlier.powers == term.powers) {
+            let powers = &term.powers;
+            let what = format!("{who}: term {}: powers {powers:?} stand already in term {}", k + 1, first + 1);
+            faults.push(context.fault(&place, what).help("add the two coefficients and keep one term"));
+        }
+    }
+}
+
+fn check_symmetry(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    let who = format!("surface `{}`", surface.name);
+    for (name, symmetry) in &surface.symmetry {
+        let place = format!("{path}.symmetry.{name}");
+        let Some(index) = surface.inputs.iter().position(|input| input == name) else {
+            faults.push(context.fault(&place, format!("{who}: `symmetry`: `{name}` is not an input of this surface")));
+            continue;
+        };
+        if let Some(Input { range: [low, high], .. }) = context.model().input(name)
+            && *low != -*high
+        {
+            let what = format!("{who}: `symmetry` of `{name}`: its range [{low}, {high}] is not symmetric about 0");
+            faults.push(context.fault(&place, what));
+        }
+        if surface.reciprocal.contains(name) {
+            faults.push(context.fault(&place, format!("{who}: `{name}` cannot have both `symmetry` and `reciprocal`")));
+        }
+        if *symmetry == Symmetry::Odd {
+            check_odd_terms(context, faults, surface, path, index);
+        }
+    }
+}
+
+/// "odd" gives the result the sign of xi: where xi passes 0 the result must too, or it would jump.
+fn check_odd_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str, index: usize) {
+    let name = &surface.inputs[index];
+    let hinges: Vec<_> = surface.knots.iter().map(|knot| knot.input == *name).collect();
+    for (k, term) in surface.terms.iter().enumerate() {
+        let own = term.powers.get(index).is_none_or(|power| *power > 0);
+        // A hinge of this input opens above 0 (a rule of its own), so it vanishes at 0 as well.
+        let by_hinge =
+            hinges.iter().zip(term.powers.iter().skip(surface.inputs.len())).any(|(of_it, power)| *of_it && *power > 0);
+        if !own && !by_hinge {
+            let what =
+                format!("surface `{}`: term {}: `{name}` is odd, and this term does not contain it", surface.name, k + 1);
+            let fault = context.fault(&format!("{path}.terms.{k}"), what);
+            faults.push(fault.help(format!("give every term a power of `{name}`, else the surface jumps at {name} = 0")));
+        }
+    }
+}
+
+fn check_knots(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    let who = format!("surface `{}`", surface.name);
+    for (k, knot) in surface.knots.iter().enumerate() {
+        let place = format!("{path}.knots.{k}");
+        let name = &knot.input;
+        if !surface.inputs.contains(name) {
+            faults.push(context.fault(&place, format!("{who}: knot {}: `{name}` is not an input of this surface", k + 1)));
+            continue;
+        }
+        if let Some(Input { range: [low, high], .. }) = context.model().input(name) {
+            let symmetric = surface.symmetry.iter().any(|(input, _)| input == name);
+            let low = if symmetric { 0.0 } else { *low };
+            if !(low < knot.at && knot.at < *high) {
+                let what =
+                    format!("{who}: knot {}: found {name} = {}, expected a value between {low} and {high}", k + 1, knot.at);
+                faults.push(context.fault(&place, what));
+            }
+        }
+        if surface.knots[..k].contains(knot) {
+            faults.push(context.fault(&place, format!("{who}: knot {}: stands twice", k + 1)));
+        }
+    }
+}
+
+fn check_reciprocal(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    let who = format!("surface `{}`", surface.name);
+    for (k, name) in surface.reciprocal.iter().enumerate() {
+        let place = format!("{path}.reciprocal.{k}");
+        if !surface.inputs.contains(name) {
+            faults.push(context.fault(&place, format!("{who}: `reciprocal`: `{name}` is not an input of this surface")));
+        } else if surface.reciprocal[..k].contains(name) {
+            faults.push(context.fault(&place, format!("{who}: `reciprocal`: `{name}` stands twice")));
+        } else if let Some(Input { range: [low, high], .. }) = context.model().input(name)
+            && *low <= 0.0
+            && *high >= 0.0
+        {
+            let what = format!("{who}: `reciprocal` of `{name}`: its range [{low}, {high}] contains 0");
+            faults.push(context.fault(&place, what).help("give the input a range on one side of 0"));
+        }
+    }
+}
+
+fn check_support(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    let who = format!("surface `{}`", surface.name);
+    for (k, space) in surface.support.iter().enumerate() {
+        let place = format!("{path}.support.{k}");
+        let (found, expected) = (space.normal.len(), surface.inputs.len());
+        if found != expected {
+            let what =
+                format!("{who}: half-space {}: found {found} numbers in `normal`, expected {expected}, one an input", k + 1);
+            faults.push(context.fault(&place, what));
+        } else if space.normal.iter().all(|entry| *entry == 0.0) {
+            faults.push(context.fault(&place, format!("{who}: half-space {}: `normal` is zero", k + 1)));
+        }
+    }
+}
+
+fn check_compensators(context: &Context<'_>, faults: &mut Collector) {
+    for compensator in &context.model().compensators {
+        let path = format!("compensators.{}", compensator.name);
+        if let Some(reason) = names::refuse_function(&context.model().name, &compensator.name) {
+            faults.push(context.fault(&path, format!("compensator name `{}` {reason}", compensator.name)));
+        }
+        if compensator.sample_time <= 0.0 {
+            let what = format!(
+                "compensator `{}`: `sample_time`: found {} s, expected more than 0",
+                compensator.name, compensator.sample_time
+            );
+            faults.push(context.fault(&format!("{path}.sample_time"), what));
+        }
+        check_scheduled(context, faults, compensator, &path);
+    }
+}
+
+fn check_scheduled(context: &Context<'_>, faults: &mut Collector, compensator: &Compensator, path: &str) {
+    let who = format!("compensator `{}`", compensator.name);
+    let parts = [
+        ("natural_frequency", &compensator.natural_frequency),
+        ("zero_damping", &compensator.zero_damping),
+        ("pole_damping", &compensator.pole_damping),
+    ];
+    for (key, scheduled) in parts {
+        let place = format!("{path}.{key}");
+        let surfaces = match scheduled {
+            Scheduled::Fixed(value) => {
+                if *value <= 0.0 {
+                    faults.push(context.fault(&place, format!("{who}: `{key}`: found {value}, expected more than 0")));
+                }
+                continue;
+            }
+            Scheduled::Surface(name) => std::slice::from_ref(name),
+            Scheduled::Sum(names) => names.as_slice(),
+        };
+        for name in surfaces {
+            if context.model().surface(name).is_none() && context.knows_all("surfaces", name) {
+                faults.push(context.fault(&place, format!("{who}: `{key}`: there is no surface `{name}`")));
+            }
+        }
+    }
+}
+
+/// Names that differ only in case, or that run into each other once the emitters add their suffixes.
+fn check_emitted_names(context: &Context<'_>, faults: &mut Collector) {
+    let model = context.model();
+    let inputs = model.inputs.iter().map(|input| ("inputs", input.name.as_str())).collect::<Vec<_>>();
+    let surfaces = model.surfaces.iter().map(|surface| ("surfaces", surface.name.as_str()));
+    let emitted = surfaces.chain(model.compensators.iter().map(|it| ("compensators", it.name.as_str()))).collect::<Vec<_>>();
+    type Clash = fn(&str, &str) -> Option<String>;
+    let groups: [(_, Clash); 2] = [(inputs, names::clash), (emitted, names::clash_of_functions)];
+    for (group, clash) in groups {
+        for (k, (section, name)) in group.iter().enumerate() {
+            for (_, earlier) in &group[..k] {
+                if let Some(reason) = clash(earlier, name) {
+                    let what = format!("{} name `{name}` {reason}", &section[..section.len() - 1]);
+                    faults.push(context.fault(&format!("{section}.{name}"), what));
+                }
+            }
+        }
+    }
+}
+
+/// What an evaluator does outside the range, in words.
+#[must_use]
+pub fn outside_in_words(outside: Outside) -> &'static str {
+    match outside {
+        Outside::Clamp => "clamped to the range",
+        Outside::Extrapolate => "extrapolated",
+    }
+}

@@ -1,0 +1,140 @@
+//! Emitters: a tape becomes source text.
+//!
+//! In: a [`Unit`], the tapes of one model with what a reader wants to know about them. Out: text, the same for the same unit, ASCII,
+//! with a newline at the end. A printer never decides about arithmetic: form, order and constants stand on the tape, and registers carry
+//! the numbers of the tape's listing. The one thing it chooses is the idiom by which a machine clamps and selects without a branch.
+
+pub mod c;
+mod c_idioms;
+mod points;
+pub mod rust;
+
+pub use crate::names::Kind;
+
+use crate::model::{Input, Outside};
+use crate::names;
+use crate::number::{self, Precision};
+use crate::tape::{Op, Reg, Tape};
+
+/// Everything of one model that the printers print: a header and a source file in C, one module in Rust.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    /// The name of the model: prefix of every C name, module name in Rust.
+    pub model: String,
+    /// The functions, in the order of the files. Printers of C put those of f64 first.
+    pub functions: Vec<Function>,
+}
+
+/// One evaluator: a surface, or the test whether the data support it, in one precision (that of the tape).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Function {
+    /// The name of the surface.
+    pub surface: String,
+    /// The surface itself or its support test.
+    pub kind: Kind,
+    /// The unit of the result, as text.
+    pub unit: String,
+    /// The arguments, in order.
+    pub inputs: Vec<Input>,
+    /// Where the result saturates.
+    pub output_range: Option<[f64; 2]>,
+    /// What is computed. A support test ends in exactly 1 or 0.
+    pub tape: Tape,
+}
+
+impl Function {
+    /// The name in Rust.
+    #[must_use]
+    pub fn rust_name(&self) -> String {
+        names::rust_function(&self.surface, self.kind, self.tape.precision)
+    }
+
+    /// The name in C.
+    #[must_use]
+    pub fn c_name(&self, model: &str) -> String {
+        names::c_function(model, &self.surface, self.kind, self.tape.precision)
+    }
+
+    /// What a caller must know, a line each: what it is, the arguments, the result, the cost.
+    fn about(&self) -> Vec<String> {
+        let precision = self.tape.precision;
+        let mut lines = vec![match self.kind {
+            Kind::Surface => format!("`{}` in {}, evaluated in {}.", self.surface, unit(&self.unit), precision.name()),
+            Kind::Support => format!("Whether the data support `{}` here: 1 inside, 0 outside, in {}.", self.surface, precision.name()),
+        }];
+        lines.push(String::new());
+        for input in &self.inputs {
+            let [low, high] = input.range.map(number::decimal);
+            let outside = match input.outside {
+                Outside::Clamp => "clamped",
+                Outside::Extrapolate => "extrapolated",
+            };
+            lines.push(format!("- `{}` in {}: {low} to {high}, {outside} outside", input.name, unit(&input.unit)));
+        }
+        lines.push(String::new());
+        if let (Kind::Surface, Some([low, high])) = (self.kind, self.output_range.map(|range| range.map(number::decimal))) {
+            lines.push(format!("The result saturates at {low} and {high}."));
+        }
+        if self.kind == Kind::Surface {
+            lines.push("NaN in gives NaN out.".to_string());
+        }
+        lines.push(format!("{} operations, {} deep, no branch.", self.tape.operation_count(), self.tape.depth()));
+        lines
+    }
+}
+
+/// A unit as it may stand in a comment of C and in the documentation of Rust: ASCII, in backticks, without the marks that end a comment.
+fn unit(text: &str) -> String {
+    if text.is_empty() {
+        return "no unit".to_string();
+    }
+    let mut plain = String::new();
+    for c in text.chars() {
+        match c {
+            '`' | '\\' => plain.push('\''),
+            ' '..='~' => plain.push(c),
+            _ => plain.push_str(&format!("U+{:04X}", u32::from(c))),
+        }
+    }
+    // Both marks of a comment, and the trigraph ??/ that is a backslash to old compilers.
+    format!("`{}`", plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?"))
+}
+
+/// Which registers the result depends on. The others are not printed: a local that nobody reads is a warning.
+fn live(tape: &Tape) -> Vec<bool> {
+    let mut live = vec![false; tape.ops.len()];
+    live[tape.output.0 as usize] = true;
+    for (reg, op) in tape.iter().collect::<Vec<_>>().into_iter().rev() {
+        if live[reg.0 as usize] {
+            for operand in op.operands() {
+                live[operand.0 as usize] = true;
+            }
+        }
+    }
+    live
+}
+
+/// The arguments that the result does not depend on.
+fn unused_inputs<'t>(tape: &'t Tape, live: &[bool]) -> Vec<&'t str> {
+    let reads = |port: usize| tape.iter().any(|(reg, op)| live[reg.0 as usize] && matches!(op, Op::Input(p) if p.0 as usize == port));
+    tape.inputs.iter().enumerate().filter(|(port, _)| !reads(*port)).map(|(_, name)| name.as_str()).collect()
+}
+
+/// The operands of the comparison that a select reads.
+///
+/// # Panics
+/// When a select reads something else: only `Less` writes a condition.
+fn compared(tape: &Tape, condition: Reg) -> (Reg, Reg) {
+    match *tape.op(condition) {
+        Op::Less(left, right) => (left, right),
+        ref other => panic!("the condition of a select is written by `less`, not by {other:?}"),
+    }
+}
+
+/// A constant of a tape as a literal without suffix, the shortest text that reads back to the same bits.
+fn literal(value: f64, precision: Precision) -> String {
+    match precision {
+        Precision::F64 => number::decimal(value),
+        Precision::F32 => number::decimal_f32(value),
+    }
+}

@@ -1,0 +1,204 @@
+//! The points of a self-test.
+//!
+//! In: a function. Out: arguments and the result that the interpreter gives, as bits, and which points tell a fused multiply-add from a
+//! product and a sum. The same points for the same function: the random ones have a fixed seed. Never looks at emitted text.
+
+use crate::model::Input;
+use crate::run::{Interpreter, Scalar};
+use crate::tape::{Op, Reg, Tape};
+
+/// How many points that a fused operation changes are looked for. Three: a compiler that fuses only some sums is likely to meet one.
+const SENSITIVE: usize = 3;
+
+/// How many random candidates are tried for them. One in two or three of a polynomial of second order is sensitive in its last bit.
+const CANDIDATES: usize = 300;
+
+/// One point: the bits of the arguments, then of the result.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Point {
+    pub arguments: Vec<u64>,
+    pub result: u64,
+    /// The result has other bits when every product that feeds a sum is fused into it.
+    pub changes_under_fusing: bool,
+}
+
+/// A scalar with a fused multiply-add, to know what an evaluator would return that was compiled with one.
+trait Fused: Scalar {
+    fn multiply_add(self, factor: Self, addend: Self) -> Self;
+    fn of_f64(value: f64) -> Self;
+}
+
+impl Fused for f64 {
+    fn multiply_add(self, factor: Self, addend: Self) -> Self {
+        self.mul_add(factor, addend)
+    }
+    fn of_f64(value: f64) -> Self {
+        value
+    }
+}
+
+impl Fused for f32 {
+    fn multiply_add(self, factor: Self, addend: Self) -> Self {
+        self.mul_add(factor, addend)
+    }
+    fn of_f64(value: f64) -> Self {
+        value as f32
+    }
+}
+
+/// The points of a function: the middle, two corners, one outside, a NaN, then random ones that fusing changes.
+pub(super) fn points(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
+    match tape.precision {
+        crate::number::Precision::F64 => chosen::<f64>(tape, inputs),
+        crate::number::Precision::F32 => chosen::<f32>(tape, inputs),
+    }
+}
+
+fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
+    let mut interpreter = Interpreter::<T>::new(tape);
+    let mut point = |natural: &[f64]| {
+        let arguments: Vec<T> = natural.iter().map(|xi| T::of_f64(*xi)).collect();
+        let result = interpreter.eval(&arguments);
+        // A compiler that sees two products in a sum may fuse either one: both ways must differ.
+        let changes = [false, true].iter().all(|left_first| !same(fused(tape, &arguments, *left_first), result));
+        Point { arguments: arguments.iter().map(|xi| xi.bits()).collect(), result: result.bits(), changes_under_fusing: changes }
+    };
+    let at = |share: f64| -> Vec<f64> { inputs.iter().map(|input| input.range[0] * (1.0 - share) + input.range[1] * share).collect() };
+    let mut points: Vec<Point> = [0.5, 0.0, 1.0, 1.5].iter().map(|share| point(&at(*share))).collect();
+    if !inputs.is_empty() {
+        let mut one_nan = at(0.5);
+        one_nan[0] = f64::NAN;
+        points.push(point(&one_nan));
+    }
+    let mut random = SplitMix(0x5eed);
+    let mut found = 0;
+    for _ in 0..CANDIDATES {
+        let natural: Vec<f64> = inputs
+            .iter()
+            .map(|input| {
+                let share = random.next_share();
+                input.range[0] * (1.0 - share) + input.range[1] * share
+            })
+            .collect();
+        let candidate = point(&natural);
+        if candidate.changes_under_fusing {
+            points.push(candidate);
+            found += 1;
+        }
+        if found == SENSITIVE {
+            break;
+        }
+    }
+    points
+}
+
+fn same<T: Scalar>(a: T, b: T) -> bool {
+    let is_nan = |x: T| x.partial_cmp(&x).is_none();
+    a.bits() == b.bits() || (is_nan(a) && is_nan(b))
+}
+
+/// What the tape gives when every product (negated or not) that feeds a sum or a difference is fused into it.
+fn fused<T: Fused>(tape: &Tape, arguments: &[T], left_first: bool) -> T {
+    let mut values: Vec<T> = Vec::with_capacity(tape.ops.len());
+    let zero = T::from_constant(0.0);
+    for op in &tape.ops {
+        let r = |reg: Reg| values[reg.0 as usize];
+        // A product, and whether it is negated on its way into a sum.
+        let product = |reg: Reg| match *tape.op(reg) {
+            Op::Multiply(a, b) => Some((r(a), r(b))),
+            Op::Negate(p) => match *tape.op(p) {
+                Op::Multiply(a, b) => Some((-r(a), r(b))),
+                _ => None,
+            },
+            _ => None,
+        };
+        let sum = |left: Reg, right: Reg, subtract: bool| {
+            let (of_left, of_right) = (product(left), product(right));
+            let right_signed = if subtract { -r(right) } else { r(right) };
+            match (of_left, of_right) {
+                (Some((a, b)), None) => a.multiply_add(b, right_signed),
+                (Some((a, b)), Some(_)) if left_first => a.multiply_add(b, right_signed),
+                (_, Some((a, b))) => (if subtract { -a } else { a }).multiply_add(b, r(left)),
+                (None, None) => r(left) + right_signed,
+            }
+        };
+        let value = match *op {
+            Op::Constant(ref constant) => T::from_constant(constant.value),
+            Op::Input(port) => arguments[port.0 as usize],
+            Op::Negate(a) => -r(a),
+            Op::Absolute(a) => r(a).absolute(),
+            Op::Add(a, b) => sum(a, b, false),
+            Op::Subtract(a, b) => sum(a, b, true),
+            Op::Multiply(a, b) => r(a) * r(b),
+            Op::Divide(a, b) => r(a) / r(b),
+            Op::Less(..) => zero,
+            Op::Select { condition, then, otherwise } => {
+                let (left, right) = super::compared(tape, condition);
+                if r(left) < r(right) { r(then) } else { r(otherwise) }
+            }
+        };
+        values.push(value);
+    }
+    values[tape.output.0 as usize]
+}
+
+/// Steele, Lea, Flood: "Fast splittable pseudorandom number generators" (2014), the finalizer of splitmix64.
+struct SplitMix(u64);
+
+impl SplitMix {
+    /// In [0, 1), 53 bits.
+    fn next_share(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 * 2f64.powi(-53)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Outside;
+    use crate::number::{Precision, exact};
+    use crate::tape::{Port, TapeBuilder};
+
+    fn quadratic(precision: Precision) -> Tape {
+        let mut tape = TapeBuilder::new(precision);
+        let x = tape.push(Op::Input(Port(0)));
+        let (a, b) = (tape.constant(exact(0.1)), tape.constant(exact(38.19)));
+        let product = tape.push(Op::Multiply(x, a));
+        let sum = tape.push(Op::Add(product, b));
+        tape.finish("s", vec!["x".to_string()], sum)
+    }
+
+    fn input() -> Input {
+        Input { name: "x".to_string(), unit: "1".to_string(), range: [0.0, 1.0], outside: Outside::Extrapolate }
+    }
+
+    #[test]
+    fn points_that_fusing_changes_are_found_in_both_precisions() {
+        for precision in Precision::ALL {
+            let points = points(&quadratic(precision), &[input()]);
+            assert_eq!(points.iter().filter(|point| point.changes_under_fusing).count(), SENSITIVE, "{precision:?}");
+        }
+    }
+
+    #[test]
+    fn fusing_by_hand_gives_what_the_search_says() {
+        // 0.1 x + 38.19: the search must mark exactly the points at which mul_add and the two roundings differ.
+        for point in points(&quadratic(Precision::F64), &[input()]) {
+            let x = f64::from_bits(point.arguments[0]);
+            assert_eq!(point.changes_under_fusing, !x.is_nan() && x.mul_add(0.1, 38.19) != x * 0.1 + 38.19);
+        }
+    }
+
+    #[test]
+    fn a_tape_without_a_sum_has_no_such_point() {
+        let mut tape = TapeBuilder::new(Precision::F64);
+        let x = tape.push(Op::Input(Port(0)));
+        let square = tape.push(Op::Multiply(x, x));
+        let tape = tape.finish("s", vec!["x".to_string()], square);
+        assert!(points(&tape, &[input()]).iter().all(|point| !point.changes_under_fusing));
+    }
+}

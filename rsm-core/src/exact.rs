@@ -1,0 +1,71 @@
+//! The exact reference: what a surface means, in rational arithmetic.
+//!
+//! In: a checked surface and a point. Out: the value of the true polynomial, without any rounding. Slow on purpose, and it shares no
+//! decision with lowering: interpreter and emitters read the same tape, so their agreement says nothing about the tape itself.
+//! Also executes a tape in exact arithmetic, with its constants as they were before rounding: that must give the polynomial again.
+
+use crate::basis::{self, Arithmetic, Factor};
+use crate::model::{Input, Surface};
+use crate::number::{Rational, exact};
+use crate::tape::{Op, Reg, Tape};
+
+/// The true polynomial at a point, inputs clamped where they say so, before `output_range`. `None` where it has a pole (a reciprocal
+/// input at 0, which only an extrapolated one can reach).
+#[must_use]
+pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<Rational> {
+    let zero = Rational::of(0.0);
+    let seen: Vec<Rational> = inputs.iter().zip(point).map(|(input, xi)| basis::clamped(input, xi.clone())).collect();
+    if surface.reciprocal.iter().any(|name| inputs.iter().zip(&seen).any(|(input, xi)| input.name == *name && *xi == zero)) {
+        return None;
+    }
+    let factors = Factor::all(surface, inputs);
+    let values: Vec<Rational> = factors.iter().map(|factor| factor.value(seen[factor.input].clone())).collect();
+    let sum = surface.terms.iter().fold(zero, |sum, term| {
+        let product = term.powers.iter().zip(&values).map(|(power, value)| basis::power(value, *power));
+        sum + product.fold(exact(term.coefficient), |product, power| product * power)
+    });
+    Some(if basis::is_negated(surface, inputs, point) { -sum } else { sum })
+}
+
+/// What an evaluator would return if it made no rounding error: the polynomial, then `output_range`.
+#[must_use]
+pub fn value(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<Rational> {
+    let y = polynomial(surface, inputs, point)?;
+    Some(match surface.output_range {
+        Some([low, _]) if y < exact(low) => exact(low),
+        Some([_, high]) if y > exact(high) => exact(high),
+        _ => y,
+    })
+}
+
+/// A tape executed without rounding, its constants as they were before rounding. `None` on a division by zero.
+#[must_use]
+pub fn ideal(tape: &Tape, point: &[Rational]) -> Option<Rational> {
+    let mut registers: Vec<Rational> = Vec::with_capacity(tape.ops.len());
+    for op in &tape.ops {
+        let r = |reg: &Reg| registers[reg.0 as usize].clone();
+        let zero = Rational::of(0.0);
+        let value = match op {
+            Op::Constant(constant) => constant.exact.clone(),
+            Op::Input(port) => point[port.0 as usize].clone(),
+            Op::Negate(a) => -r(a),
+            Op::Absolute(a) if r(a) < zero => -r(a),
+            Op::Absolute(a) => r(a),
+            Op::Add(a, b) => r(a) + r(b),
+            Op::Subtract(a, b) => r(a) - r(b),
+            Op::Multiply(a, b) => r(a) * r(b),
+            Op::Divide(_, b) if r(b) == zero => return None,
+            Op::Divide(a, b) => r(a) / r(b),
+            Op::Less(a, b) => Rational::of(if r(a) < r(b) { 1.0 } else { 0.0 }),
+            Op::Select { condition, then, otherwise } => {
+                if r(condition) > zero {
+                    r(then)
+                } else {
+                    r(otherwise)
+                }
+            }
+        };
+        registers.push(value);
+    }
+    Some(registers[tape.output.0 as usize].clone())
+}

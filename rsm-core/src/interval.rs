@@ -1,0 +1,142 @@
+//! Intervals of reals with f64 bounds, rounded outward: whatever is computed with them encloses the exact result.
+//!
+//! Each operation is done to nearest and then moved one number outward, which is at most half a unit in the last place more than directed
+//! rounding would give and needs no change of rounding mode.
+
+use std::ops::{Add, Mul, Neg, Sub};
+
+use crate::number::{Precision, Rational, exact};
+
+/// All reals from `low` to `high`, both included. Bounds may be infinite, never NaN.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    /// The lower bound.
+    pub low: f64,
+    /// The upper bound.
+    pub high: f64,
+}
+
+impl Interval {
+    /// A single number.
+    #[must_use]
+    pub fn point(value: f64) -> Self {
+        Interval { low: value, high: value }
+    }
+
+    /// From two bounds in order.
+    #[must_use]
+    pub fn new(low: f64, high: f64) -> Self {
+        debug_assert!(low <= high, "bounds come in order: {low} {high}");
+        Interval { low, high }
+    }
+
+    /// The smallest interval of f64 bounds around a rational.
+    #[must_use]
+    pub fn around(value: &Rational) -> Self {
+        let nearest = Precision::F64.round(value);
+        if nearest.is_finite() && exact(nearest) == *value {
+            return Interval::point(nearest);
+        }
+        Interval { low: Precision::F64.round_down(value), high: Precision::F64.round_up(value) }
+    }
+
+    /// The largest magnitude in it.
+    #[must_use]
+    pub fn magnitude(self) -> f64 {
+        self.low.abs().max(self.high.abs())
+    }
+
+    /// The smallest interval that holds both.
+    #[must_use]
+    pub fn hull(self, other: Interval) -> Self {
+        Interval { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// high - low, rounded up.
+    #[must_use]
+    pub fn width(self) -> f64 {
+        (self.high - self.low).next_up()
+    }
+
+    /// Half of everything; exact but for subnormals, which are moved outward.
+    #[must_use]
+    pub fn halved(self) -> Self {
+        self * Interval::point(0.5)
+    }
+}
+
+/// Moves a bound outward unless the operation was exact in an obvious way.
+fn outward(low: f64, high: f64) -> Interval {
+    // A zero bound of a product or sum of intervals is exact or an underflow; moving it by the smallest subnormal covers both.
+    let bound = |value: f64| if value.is_nan() { f64::INFINITY } else { value };
+    Interval { low: -bound(-low.next_down()), high: bound(high.next_up()) }
+}
+
+impl Add for Interval {
+    type Output = Interval;
+    fn add(self, other: Interval) -> Interval {
+        if other == Interval::point(0.0) {
+            return self;
+        }
+        if self == Interval::point(0.0) {
+            return other;
+        }
+        outward(self.low + other.low, self.high + other.high)
+    }
+}
+
+impl Sub for Interval {
+    type Output = Interval;
+    fn sub(self, other: Interval) -> Interval {
+        self + -other
+    }
+}
+
+impl Neg for Interval {
+    type Output = Interval;
+    fn neg(self) -> Interval {
+        Interval { low: -self.high, high: -self.low }
+    }
+}
+
+impl Mul for Interval {
+    type Output = Interval;
+    fn mul(self, other: Interval) -> Interval {
+        for (one, two) in [(self, other), (other, self)] {
+            if one == Interval::point(0.0) {
+                return one;
+            }
+            if one == Interval::point(1.0) {
+                return two;
+            }
+        }
+        let products = [self.low * other.low, self.low * other.high, self.high * other.low, self.high * other.high];
+        let low = products.into_iter().fold(f64::INFINITY, f64::min);
+        let high = products.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        outward(low, high)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn operations_enclose_the_exact_result() {
+        let values = [0.1, -0.3, 1e-300, 7.0, -1e200, 3.0e-5];
+        for a in values {
+            for b in values {
+                let (x, y) = (Interval::point(a), Interval::point(b));
+                for (enclosure, truth) in
+                    [(x + y, exact(a) + exact(b)), (x - y, exact(a) - exact(b)), (x * y, exact(a) * exact(b))]
+                {
+                    assert!(enclosure.low.is_infinite() || exact(enclosure.low) <= truth, "{a} {b}");
+                    assert!(enclosure.high.is_infinite() || exact(enclosure.high) >= truth, "{a} {b}");
+                }
+            }
+        }
+        let third = Rational::new(1.into(), 3.into());
+        let around = Interval::around(&third);
+        assert!(exact(around.low) < third && third < exact(around.high) && around.low.next_up() == around.high);
+    }
+}

@@ -1,0 +1,142 @@
+//! Lowers a checked surface to a tape.
+//!
+//! In: `Checked`. Out: `Tape`. Never fails, and rounds each constant once. Every decision about arithmetic is taken here: which
+//! variable is outermost, how the coding is folded in, what a clamp means. The order of evaluation is part of the result: changing
+//! it changes bits, see CHANGELOG "Generated bits change".
+//!
+//! ```text
+//! argument -> clamp -> variable v, with x = v * scale -> nested Horner in v, scales folded into the coefficients
+//!          -> sign of odd inputs -> output_range
+//! ```
+
+mod horner;
+mod variables;
+
+use crate::check::Checked;
+use crate::model::{Input, Outside, Surface, Symmetry};
+use crate::number::{Precision, Rational, exact, integer};
+use crate::tape::{Op, Port, Reg, Tape, TapeBuilder};
+
+use variables::Variables;
+
+/// The tape of a surface, by its index in the model.
+///
+/// # Panics
+/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+#[must_use]
+pub fn surface(checked: &Checked, index: usize, precision: Precision) -> Tape {
+    let surface = &checked.model().surfaces[index];
+    let inputs = checked.inputs_of(surface);
+    let mut tape = TapeBuilder::new(precision);
+    let mut variables = Variables::new(&mut tape, surface, &inputs);
+    let terms = horner::terms(surface);
+    let polynomial = horner::lower(&mut tape, &mut variables, surface, &terms);
+    let guarded = pass_nan_of_unused_inputs(&mut tape, &mut variables, &inputs, polynomial);
+    let signed = give_sign_of_odd_inputs(&mut tape, &variables, surface, &inputs, guarded);
+    let output = match surface.output_range {
+        Some(range) => clamp(&mut tape, signed, range),
+        None => signed,
+    };
+    tape.finish(&surface.name, surface.inputs.clone(), output)
+}
+
+/// The tape of a surface's support test: 1 where every half-space holds, else 0. `None` for a surface without `support`.
+/// NaN in gives 0: what cannot be placed is not supported.
+#[must_use]
+pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<Tape> {
+    let surface = &checked.model().surfaces[index];
+    if surface.support.is_empty() {
+        return None;
+    }
+    let inputs = checked.inputs_of(surface);
+    let mut tape = TapeBuilder::new(precision);
+    let mut variables = Variables::unclamped(&mut tape, surface, &inputs);
+    let (zero, one) = (tape.constant(integer(0)), tape.constant(integer(1)));
+    let mut inside = one;
+    for space in &surface.support {
+        // sum of normal_k x_k with x_k = v_k scale_k
+        let mut sum: Option<Reg> = None;
+        for (k, entry) in space.normal.iter().enumerate().filter(|(_, entry)| **entry != 0.0) {
+            let variable = variables.of(&mut tape, k);
+            let weight = tape.constant(exact(*entry) * variable.scale);
+            let product = tape.push(Op::Multiply(variable.value, weight));
+            sum = Some(sum.map_or(product, |sum| tape.push(Op::Add(sum, product))));
+        }
+        let sum = sum.expect("a checked normal is not zero");
+        // not (sum <= bound): with NaN the comparison below is false and 0 is chosen. `sum <= bound` is `sum < next above bound`.
+        let bound = exact(space.bound);
+        let above = precision.next_up(precision.round_down(&bound));
+        let limit = tape.rounded_constant(above, exact(above));
+        let condition = tape.push(Op::Less(sum, limit));
+        inside = tape.push(Op::Select { condition, then: inside, otherwise: zero });
+    }
+    Some(tape.finish(format!("{}_support", surface.name), surface.inputs.clone(), inside))
+}
+
+/// Saturates at bounds rounded into the range, so that the result never leaves it; NaN passes.
+fn clamp(tape: &mut TapeBuilder, value: Reg, [low, high]: [f64; 2]) -> Reg {
+    let above = at_least(tape, value, low);
+    at_most(tape, above, high)
+}
+
+fn at_least(tape: &mut TapeBuilder, value: Reg, low: f64) -> Reg {
+    let low = exact(low);
+    let bound = tape.rounded_constant(tape.precision().round_up(&low), low);
+    tape.at_least(value, bound)
+}
+
+fn at_most(tape: &mut TapeBuilder, value: Reg, high: f64) -> Reg {
+    let high = exact(high);
+    let bound = tape.rounded_constant(tape.precision().round_down(&high), high);
+    tape.at_most(value, bound)
+}
+
+/// An input that no term contains still turns the result into NaN when it is NaN: v - v is 0 for a number and NaN for NaN.
+/// (An infinite value of an unused input that extrapolates gives NaN too; one that clamps is finite here.)
+fn pass_nan_of_unused_inputs(tape: &mut TapeBuilder, variables: &mut Variables<'_>, inputs: &[Input], value: Reg) -> Reg {
+    let mut guarded = value;
+    for k in 0..inputs.len() {
+        if !variables.is_used(k) {
+            let seen = variables.seen(tape, k);
+            let nothing = tape.push(Op::Subtract(seen, seen));
+            guarded = tape.push(Op::Add(guarded, nothing));
+        }
+    }
+    guarded
+}
+
+/// y(-xi) = -y(xi) for each odd input.
+fn give_sign_of_odd_inputs(
+    tape: &mut TapeBuilder,
+    variables: &Variables<'_>,
+    surface: &Surface,
+    inputs: &[Input],
+    value: Reg,
+) -> Reg {
+    let mut signed = value;
+    for (name, _) in surface.symmetry.iter().filter(|(_, symmetry)| *symmetry == Symmetry::Odd) {
+        let k = inputs.iter().position(|input| input.name == *name).expect("a checked symmetry names an input");
+        let zero = tape.constant(integer(0));
+        let condition = tape.push(Op::Less(variables.argument(k), zero));
+        let negated = tape.push(Op::Negate(signed));
+        signed = tape.push(Op::Select { condition, then: negated, otherwise: signed });
+    }
+    signed
+}
+
+/// The arguments of a tape, one register each, written first so that ports and registers carry the same numbers.
+fn arguments(tape: &mut TapeBuilder, inputs: &[Input]) -> Vec<Reg> {
+    (0..inputs.len()).map(|k| tape.push(Op::Input(Port(k as u32)))).collect()
+}
+
+/// Whether an evaluator clamps this input.
+fn is_clamped(input: &Input) -> bool {
+    input.outside == Outside::Clamp
+}
+
+/// A variable of the polynomial on the tape: x = value * scale, exactly but for the rounding of `value`.
+#[derive(Debug, Clone)]
+struct Lowered {
+    value: Reg,
+    scale: Rational,
+}

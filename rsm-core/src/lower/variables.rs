@@ -1,0 +1,175 @@
+//! Lowers the coding: argument -> clamped argument -> variable v with x = v * scale.
+//!
+//! Formulas, with xi the clamped argument, [lo, hi] its range and mid = (lo + hi)/2, half = (hi - lo)/2:
+//!
+//! ```text
+//! centred                x = (xi - mid)/half                              v = xi - mid              scale = 1/half
+//!   hinge at k           max(0, x - x(k)) = max(0, xi - k)/half           v = max(0, xi - k)        scale = 1/half
+//! magnitude              x = |xi|/hi                                      v = |xi|                  scale = 1/hi
+//! reciprocal, centred    x = (1/xi - m)/h over [1/hi, 1/lo]
+//!                          = ((lo + hi)/(hi - lo)) (g - xi)/xi, g = 2 lo hi/(lo + hi)
+//!                                                                         v = (g - xi)/xi           scale = (lo + hi)/(hi - lo)
+//!   hinge at k           max(0, x - x(k)), x - x(k) = (2 lo hi/((hi - lo) k)) (k - xi)/xi
+//! natural, reciprocal    x = xi, x = 1/xi                                 v = x                     scale = 1
+//! ```
+//!
+//! Subtracting in natural units, before any division, keeps narrow ranges far from 0 accurate: the difference of two numbers within a
+//! factor of two of each other is exact (Sterbenz).
+
+use crate::basis::{Factor, Variable};
+use crate::model::{Input, Surface};
+use crate::number::{Rational, exact, integer};
+use crate::tape::{Op, Reg, TapeBuilder};
+
+use super::{Lowered, arguments, at_least, at_most, is_clamped};
+
+/// The variables of one surface, each written to the tape when first asked for.
+pub(super) struct Variables<'a> {
+    factors: Vec<Factor>,
+    inputs: &'a [Input],
+    arguments: Vec<Reg>,
+    clamps: bool,
+    seen: Vec<Option<Reg>>,
+    lowered: Vec<Option<Lowered>>,
+}
+
+impl<'a> Variables<'a> {
+    pub(super) fn new(tape: &mut TapeBuilder, surface: &Surface, inputs: &'a [Input]) -> Self {
+        let factors = Factor::all(surface, inputs);
+        let lowered = vec![None; factors.len()];
+        Variables { factors, inputs, arguments: arguments(tape, inputs), clamps: true, seen: vec![None; inputs.len()], lowered }
+    }
+
+    /// Variables of the arguments as they come: a support test must see a value outside the range as it is.
+    pub(super) fn unclamped(tape: &mut TapeBuilder, surface: &Surface, inputs: &'a [Input]) -> Self {
+        Variables { clamps: false, ..Variables::new(tape, surface, inputs) }
+    }
+
+    /// The argument itself.
+    pub(super) fn argument(&self, input: usize) -> Reg {
+        self.arguments[input]
+    }
+
+    /// Whether a variable of this input is on the tape.
+    pub(super) fn is_used(&self, input: usize) -> bool {
+        self.factors.iter().zip(&self.lowered).any(|(factor, lowered)| factor.input == input && lowered.is_some())
+    }
+
+    /// The argument as the polynomial sees it: its magnitude where it is symmetric, clamped where it clamps.
+    pub(super) fn seen(&mut self, tape: &mut TapeBuilder, input: usize) -> Reg {
+        if let Some(known) = self.seen[input] {
+            return known;
+        }
+        let [low, high] = self.inputs[input].range;
+        let clamps = self.clamps && is_clamped(&self.inputs[input]);
+        let argument = self.arguments[input];
+        let seen = match self.factors[input].variable {
+            // The range is symmetric about 0, so one bound on the magnitude does the work of two.
+            Variable::Magnitude | Variable::ScaledMagnitude { .. } => {
+                let magnitude = tape.push(Op::Absolute(argument));
+                if clamps { at_most(tape, magnitude, high) } else { magnitude }
+            }
+            _ if clamps => {
+                let above = at_least(tape, argument, low);
+                at_most(tape, above, high)
+            }
+            _ => argument,
+        };
+        self.seen[input] = Some(seen);
+        seen
+    }
+
+    /// The variable of a factor, by its place in a term's powers.
+    pub(super) fn of(&mut self, tape: &mut TapeBuilder, factor: usize) -> Lowered {
+        if let Some(known) = &self.lowered[factor] {
+            return known.clone();
+        }
+        let Factor { input, variable, hinge } = self.factors[factor];
+        let xi = self.seen(tape, input);
+        let scale = scale(variable, hinge);
+        let value = match (variable, hinge) {
+            (Variable::Natural | Variable::Magnitude | Variable::ScaledMagnitude { .. }, None) => xi,
+            (Variable::Natural | Variable::Magnitude | Variable::ScaledMagnitude { .. }, Some(at)) => {
+                difference(tape, xi, &exact(at), &self.half(input))
+            }
+            (Variable::Centred { low, high }, None) => {
+                let middle = (exact(low) + exact(high)) / integer(2);
+                difference(tape, xi, &middle, &self.half(input))
+            }
+            (Variable::Centred { .. }, Some(at)) => difference(tape, xi, &exact(at), &self.half(input)),
+            (Variable::Reciprocal, None) => {
+                let one = tape.constant(integer(1));
+                tape.push(Op::Divide(one, xi))
+            }
+            (Variable::CentredReciprocal { low, high }, None) => {
+                let (low, high) = (exact(low), exact(high));
+                let middle = integer(2) * &low * &high / (low + high);
+                self.relative_difference(tape, input, xi, &middle)
+            }
+            (Variable::Reciprocal | Variable::CentredReciprocal { .. }, Some(at)) => {
+                self.relative_difference(tape, input, xi, &exact(at))
+            }
+        };
+        let value = match hinge {
+            None => value,
+            Some(_) => {
+                // The scale of a hinge may be negative (reciprocal of a negative input): then it opens where v is negative.
+                let zero = tape.constant(integer(0));
+                if scale < integer(0) { tape.at_most(value, zero) } else { tape.at_least(value, zero) }
+            }
+        };
+        let lowered = Lowered { value, scale };
+        self.lowered[factor] = Some(lowered.clone());
+        lowered
+    }
+
+    fn half(&self, input: usize) -> Rational {
+        let [low, high] = self.inputs[input].range;
+        (exact(high) - exact(low)) / integer(2)
+    }
+
+    /// (centre - xi)/xi
+    fn relative_difference(&self, tape: &mut TapeBuilder, input: usize, xi: Reg, centre: &Rational) -> Reg {
+        let below = difference(tape, xi, centre, &self.half(input));
+        let above = tape.push(Op::Negate(below));
+        tape.push(Op::Divide(above, xi))
+    }
+}
+
+/// x = v * scale, see the table at the head of this file.
+fn scale(variable: Variable, hinge: Option<f64>) -> Rational {
+    let one = integer(1);
+    match variable {
+        Variable::Natural | Variable::Magnitude => one,
+        Variable::ScaledMagnitude { high } => one / exact(high),
+        Variable::Centred { low, high } => integer(2) / (exact(high) - exact(low)),
+        // 1/xi - 1/k = (k - xi)/xi * 1/k
+        Variable::Reciprocal => hinge.map_or(one.clone(), |at| one / exact(at)),
+        Variable::CentredReciprocal { low, high } => {
+            let (low, high) = (exact(low), exact(high));
+            match hinge {
+                None => (&low + &high) / (high - low),
+                Some(at) => integer(2) * &low * &high / ((high - low) * exact(at)),
+            }
+        }
+    }
+}
+
+/// xi - centre. The rounding of `centre` to the tape's precision is mended by a second subtraction where it would cost more than two units
+/// of roundoff of the coded variable; below that it is no larger than what the first subtraction may lose anyway.
+fn difference(tape: &mut TapeBuilder, xi: Reg, centre: &Rational, half: &Rational) -> Reg {
+    let precision = tape.precision();
+    let rounded = exact(precision.round(centre));
+    let rest = centre - &rounded;
+    let tolerance = half * exact(2.0 * precision.unit_roundoff());
+    if rest <= tolerance && -&rest <= tolerance {
+        if rounded == integer(0) {
+            return xi;
+        }
+        let centre = tape.constant(centre.clone());
+        return tape.push(Op::Subtract(xi, centre));
+    }
+    let (centre, rest) = (tape.constant(rounded), tape.constant(rest));
+    let coarse = tape.push(Op::Subtract(xi, centre));
+    tape.push(Op::Subtract(coarse, rest))
+}

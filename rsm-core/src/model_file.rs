@@ -1,0 +1,554 @@
+//! The model file: TOML text to a [`Model`] with places, and a [`Model`] to TOML text.
+//!
+//! In: a source. Out: everything of it that has the right shape, where each part stands, and a fault for everything else. Whether the
+//! parts fit together is the business of [`crate::check`]. The writer prints numbers so that they read back to the same bits.
+
+use std::collections::{HashMap, HashSet};
+use std::fmt::Write as _;
+use std::ops::Range;
+
+use toml::de::DeValue;
+
+use crate::model::{Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Surface, Symmetry, Term};
+use crate::number::decimal;
+use crate::source::{Collector, Source};
+use crate::toml_reader::{self, TableReader, Value};
+
+/// The format number that this version reads and writes.
+pub const FORMAT: i64 = 1;
+
+/// The highest power of one variable. Horner's rule is a chain as long as this, and f32 has no use for x^20 with |x| below 0.5.
+pub const HIGHEST_POWER: u32 = 20;
+
+/// A model as its file has it, with the place of each part under a dotted path such as `inputs.torque.range`.
+#[derive(Debug, Default)]
+pub struct Located {
+    /// All parts of the right shape.
+    pub model: Model,
+    places: HashMap<String, Range<usize>>,
+    /// Dotted paths of parts that were refused: nobody should complain that they are missing.
+    broken: HashSet<String>,
+}
+
+impl Located {
+    /// Where a part stands; of a part without a place of its own, where the nearest part around it stands.
+    #[must_use]
+    pub fn place(&self, path: &str) -> Range<usize> {
+        let mut path = path;
+        loop {
+            if let Some(span) = self.places.get(path) {
+                return span.clone();
+            }
+            match path.rfind('.') {
+                Some(dot) => path = &path[..dot],
+                None => return 0..0,
+            }
+        }
+    }
+
+    /// Whether a part stands in the file but was refused for its shape.
+    #[must_use]
+    pub fn is_broken(&self, path: &str) -> bool {
+        self.broken.contains(path)
+    }
+
+    /// Marks a part as broken when it could not be read.
+    fn part<T>(&mut self, path: &str, part: &str, read: Option<T>) -> Option<T> {
+        if read.is_none() {
+            self.broken.insert(format!("{path}.{part}"));
+        }
+        read
+    }
+
+    /// Whether some entry of a section was refused for its shape.
+    #[must_use]
+    pub fn has_broken_under(&self, section: &str) -> bool {
+        self.is_broken(section)
+            || self.broken.iter().any(|path| path.strip_prefix(section).is_some_and(|rest| rest.starts_with('.')))
+    }
+}
+
+/// Reads a model file. `None` when it is not even TOML or of another format; faults go to the collector.
+pub fn read(source: &Source, faults: &mut Collector) -> Option<Located> {
+    let document = match toml_reader::parse(source) {
+        Ok(document) => document,
+        Err(errors) => {
+            errors.list().iter().for_each(|fault| faults.push(fault.clone()));
+            return None;
+        }
+    };
+    let mut top = TableReader::document(source, &document);
+    if !read_format(&mut top, faults) {
+        return None;
+    }
+    let mut located = Located::default();
+    if let Some(value) = top.required("model", faults) {
+        located.places.insert("model".into(), value.span());
+        if let DeValue::String(name) = value.get_ref() {
+            located.model.name = name.to_string();
+        } else {
+            let found = toml_reader::describe(value.get_ref());
+            faults.push(top.fault(value.span(), format!("`model`: found {found}, expected a name")));
+            located.broken.insert("model".into());
+        }
+    }
+    let inputs = top.required("inputs", faults);
+    each_entry(inputs, "inputs", "input", source, &mut located, faults, |located, path, name, reader, faults| {
+        let input = read_input(name, path, reader, located, faults)?;
+        located.model.inputs.push(input);
+        Some(())
+    });
+    let surfaces = top.required("surfaces", faults);
+    each_entry(surfaces, "surfaces", "surface", source, &mut located, faults, |located, path, name, reader, faults| {
+        let surface = read_surface(name, path, reader, located, faults);
+        located.model.surfaces.push(surface);
+        Some(())
+    });
+    let compensators = top.optional("compensators");
+    each_entry(
+        compensators,
+        "compensators",
+        "compensator",
+        source,
+        &mut located,
+        faults,
+        |located, path, name, reader, faults| {
+            let compensator = read_compensator(name, path, reader, located, faults)?;
+            located.model.compensators.push(compensator);
+            Some(())
+        },
+    );
+    top.finish(faults);
+    Some(located)
+}
+
+/// The format number comes first: nothing else is judged in a file of a format that this version does not know.
+pub fn read_format(top: &mut TableReader<'_>, faults: &mut Collector) -> bool {
+    let Some(value) = top.required("format", faults) else { return false };
+    match value.get_ref() {
+        DeValue::Integer(text) if text.as_str().parse() == Ok(FORMAT) => true,
+        other => {
+            let found = toml_reader::describe(other);
+            let fault = top.fault(value.span(), format!("`format`: found {found}, this version reads format {FORMAT}"));
+            faults.push(fault);
+            false
+        }
+    }
+}
+
+/// Reads the tables of a section whose keys are free names.
+fn each_entry<'a>(
+    section: Option<Value<'a>>,
+    key: &str,
+    kind: &str,
+    source: &'a Source,
+    located: &mut Located,
+    faults: &mut Collector,
+    mut read: impl FnMut(&mut Located, &str, &str, &mut TableReader<'a>, &mut Collector) -> Option<()>,
+) {
+    let Some(section) = section else { return };
+    located.places.insert(key.into(), section.span());
+    let Some(entries) = TableReader::of(source, section, format!("`{key}`"), faults) else {
+        located.broken.insert(key.into());
+        return;
+    };
+    for (name, name_span, value) in entries.entries() {
+        let path = format!("{key}.{name}");
+        located.places.insert(path.clone(), name_span);
+        let whole = TableReader::of(source, value, format!("{kind} `{name}`"), faults).and_then(|mut reader| {
+            let made = read(located, &path, name, &mut reader, faults);
+            reader.finish(faults);
+            made
+        });
+        if whole.is_none() {
+            located.broken.insert(path);
+        }
+    }
+}
+
+fn read_input(
+    name: &str,
+    path: &str,
+    reader: &mut TableReader<'_>,
+    located: &mut Located,
+    faults: &mut Collector,
+) -> Option<Input> {
+    let unit = reader.text("unit", faults);
+    let range = reader.required("range", faults).and_then(|value| read_range("`range`", path, value, reader, located, faults));
+    let outside = reader.choice("outside", &[("clamp", Outside::Clamp), ("extrapolate", Outside::Extrapolate)], faults);
+    Some(Input { name: name.into(), unit: unit?, range: range?, outside: outside.unwrap_or_default() })
+}
+
+/// [low, high]: two finite numbers; their order is checked later.
+fn read_range<'a>(
+    what: &str,
+    path: &str,
+    value: Value<'a>,
+    reader: &TableReader<'a>,
+    located: &mut Located,
+    faults: &mut Collector,
+) -> Option<[f64; 2]> {
+    located.places.insert(format!("{path}.{}", what.trim_matches('`')), value.span());
+    let numbers = reader.numbers(what, value, faults)?;
+    let found = numbers.len();
+    let range: Option<[f64; 2]> = numbers.try_into().ok();
+    if range.is_none() {
+        faults.push(reader.fault(value.span(), format!("{what}: found {found} numbers, expected two: [low, high]")));
+    }
+    range
+}
+
+/// What of a surface has the right shape; the rest is marked as broken part by part, so that the rules can still judge what is there.
+fn read_surface(
+    name: &str,
+    path: &str,
+    reader: &mut TableReader<'_>,
+    located: &mut Located,
+    faults: &mut Collector,
+) -> Surface {
+    let mut surface = Surface { name: name.into(), ..Surface::default() };
+    surface.unit = reader.text("unit", faults).unwrap_or_default();
+    let names = reader.required("inputs", faults).and_then(|value| {
+        located.places.insert(format!("{path}.inputs"), value.span());
+        reader.texts("`inputs`", value, faults)
+    });
+    for (k, (input, span)) in located.part(path, "inputs", names).unwrap_or_default().into_iter().enumerate() {
+        located.places.insert(format!("{path}.inputs.{k}"), span);
+        surface.inputs.push(input);
+    }
+    if let Some(value) = reader.optional("output_range") {
+        surface.output_range = read_range("`output_range`", path, value, reader, located, faults);
+    }
+    let basis = read_basis(path, reader, located, faults);
+    if let Some(basis) = located.part(path, "basis", basis) {
+        surface.coding = basis.coding;
+        surface.symmetry = basis.symmetry;
+        surface.knots = basis.knots;
+        surface.reciprocal = basis.reciprocal;
+    }
+    if let Some(value) = reader.required("terms", faults) {
+        located.places.insert(format!("{path}.terms"), value.span());
+        let terms = read_list("`terms`", "term", value, reader, faults, |k, reader, faults| {
+            located.places.insert(format!("{path}.terms.{k}"), reader.span());
+            read_term(reader, faults)
+        });
+        surface.terms = located.part(path, "terms", terms).unwrap_or_default();
+    } else {
+        located.broken.insert(format!("{path}.terms"));
+    }
+    if let Some(value) = reader.optional("support") {
+        let spaces = read_list("`support`", "half-space", value, reader, faults, |k, reader, faults| {
+            located.places.insert(format!("{path}.support.{k}"), reader.span());
+            let normal = reader.required("normal", faults);
+            let normal = normal.and_then(|value| reader.numbers("`normal`", value, faults));
+            let bound = reader.required("bound", faults).and_then(|value| reader.number("`bound`", value, faults));
+            Some(HalfSpace { normal: normal?, bound: bound? })
+        });
+        surface.support = spaces.unwrap_or_default();
+    }
+    if let Some(value) = reader.optional("evidence") {
+        match evidence(value.get_ref()) {
+            Evidence::Table(entries) => surface.evidence = entries,
+            _ => faults.push(reader.fault(value.span(), "`evidence`: expected a table")),
+        }
+    }
+    surface
+}
+
+/// The keys that say what the powers of a surface are powers of; the fit specification has the same.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Basis {
+    /// What the powers are powers of.
+    pub coding: Coding,
+    /// Inputs that enter by their magnitude.
+    pub symmetry: Vec<(String, Symmetry)>,
+    /// Hinges, in the order of the powers.
+    pub knots: Vec<Knot>,
+    /// Inputs that enter by their reciprocal.
+    pub reciprocal: Vec<String>,
+}
+
+/// Reads `coding`, `symmetry`, `knots` and `reciprocal`. `None` when one of them is of the wrong shape.
+pub fn read_basis(path: &str, reader: &mut TableReader<'_>, located: &mut Located, faults: &mut Collector) -> Option<Basis> {
+    let mut basis = Basis::default();
+    let mut sound = true;
+    let codings = [("range", Coding::Range), ("none", Coding::None)];
+    if reader.optional("coding").is_some() {
+        match reader.choice("coding", &codings, faults) {
+            Some(coding) => basis.coding = coding,
+            None => sound = false,
+        }
+    }
+    if let Some(value) = reader.optional("symmetry") {
+        located.places.insert(format!("{path}.symmetry"), value.span());
+        match TableReader::of(reader.source(), value, format!("{}: `symmetry`", reader.who()), faults) {
+            None => sound = false,
+            Some(entries) => {
+                for (input, span, value) in entries.entries() {
+                    located.places.insert(format!("{path}.symmetry.{input}"), span);
+                    match value.get_ref() {
+                        DeValue::String(word) if word == "even" => basis.symmetry.push((input.into(), Symmetry::Even)),
+                        DeValue::String(word) if word == "odd" => basis.symmetry.push((input.into(), Symmetry::Odd)),
+                        other => {
+                            let found = toml_reader::describe(other);
+                            let what = format!("`symmetry` of `{input}`: found {found}, expected \"even\" or \"odd\"");
+                            faults.push(reader.fault(value.span(), what));
+                            sound = false;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    if let Some(value) = reader.optional("knots") {
+        let knots = read_list("`knots`", "knot", value, reader, faults, |k, reader, faults| {
+            located.places.insert(format!("{path}.knots.{k}"), reader.span());
+            let input = reader.text("input", faults);
+            let at = reader.required("at", faults).and_then(|value| reader.number("`at`", value, faults));
+            Some(Knot { input: input?, at: at? })
+        });
+        sound &= knots.is_some();
+        basis.knots = knots.unwrap_or_default();
+    }
+    if let Some(value) = reader.optional("reciprocal") {
+        match reader.texts("`reciprocal`", value, faults) {
+            None => sound = false,
+            Some(names) => {
+                for (k, (input, span)) in names.into_iter().enumerate() {
+                    located.places.insert(format!("{path}.reciprocal.{k}"), span);
+                    basis.reciprocal.push(input);
+                }
+            }
+        }
+    }
+    sound.then_some(basis)
+}
+
+/// An array of tables, each read by `read`; `None` when any of them is of the wrong shape.
+fn read_list<'a, T>(
+    what: &str,
+    kind: &str,
+    value: Value<'a>,
+    reader: &TableReader<'a>,
+    faults: &mut Collector,
+    mut read: impl FnMut(usize, &mut TableReader<'a>, &mut Collector) -> Option<T>,
+) -> Option<Vec<T>> {
+    let items = reader.array(what, value, faults)?;
+    let mut made = Vec::with_capacity(items.len());
+    for (k, item) in items.into_iter().enumerate() {
+        let who = format!("{}: {kind} {}", reader.who(), k + 1);
+        let element = TableReader::of(reader.source(), item, who, faults).and_then(|mut element| {
+            let result = read(k, &mut element, faults);
+            element.finish(faults);
+            result
+        });
+        made.push(element);
+    }
+    made.into_iter().collect()
+}
+
+/// A term is read in whole or not at all.
+fn read_term(reader: &mut TableReader<'_>, faults: &mut Collector) -> Option<Term> {
+    let powers = reader.required("powers", faults).and_then(|value| {
+        let items = reader.array("`powers`", value, faults)?;
+        let powers: Vec<_> =
+            items.iter().map(|item| reader.whole("`powers`", item, 0, i64::from(HIGHEST_POWER), faults)).collect();
+        powers.into_iter().map(|power| power.map(|power| power as u32)).collect::<Option<Vec<u32>>>()
+    });
+    let coefficient = reader.required("coefficient", faults);
+    let coefficient = coefficient.and_then(|value| reader.number("`coefficient`", value, faults));
+    Some(Term { powers: powers?, coefficient: coefficient? })
+}
+
+fn read_compensator(
+    name: &str,
+    path: &str,
+    reader: &mut TableReader<'_>,
+    located: &mut Located,
+    faults: &mut Collector,
+) -> Option<Compensator> {
+    let sample_time = reader.required("sample_time", faults);
+    let sample_time = sample_time.and_then(|value| {
+        located.places.insert(format!("{path}.sample_time"), value.span());
+        reader.number("`sample_time`", value, faults)
+    });
+    let mut scheduled = |key: &'static str| {
+        let value = reader.required(key, faults)?;
+        located.places.insert(format!("{path}.{key}"), value.span());
+        read_scheduled(key, value, reader, faults)
+    };
+    let natural_frequency = scheduled("natural_frequency");
+    let zero_damping = scheduled("zero_damping");
+    let pole_damping = scheduled("pole_damping");
+    Some(Compensator {
+        name: name.into(),
+        sample_time: sample_time?,
+        natural_frequency: natural_frequency?,
+        zero_damping: zero_damping?,
+        pole_damping: pole_damping?,
+    })
+}
+
+/// A number, { surface = "name" } or { sum = ["name", ...] }.
+fn read_scheduled<'a>(key: &str, value: Value<'a>, reader: &TableReader<'a>, faults: &mut Collector) -> Option<Scheduled> {
+    if !matches!(value.get_ref(), DeValue::Table(_)) {
+        return reader.number(&format!("`{key}`"), value, faults).map(Scheduled::Fixed);
+    }
+    let mut table = TableReader::of(reader.source(), value, format!("{}: `{key}`", reader.who()), faults)?;
+    let surface = table.optional_text("surface", faults);
+    let sum = table.optional("sum").and_then(|value| table.texts("`sum`", value, faults));
+    let fault = table.fault(value.span(), "expected a number, { surface = \"name\" } or { sum = [\"name\", \"name\"] }");
+    table.finish(faults);
+    match (surface, sum) {
+        (Some(surface), None) => Some(Scheduled::Surface(surface)),
+        (None, Some(names)) if !names.is_empty() => Some(Scheduled::Sum(names.into_iter().map(|(name, _)| name).collect())),
+        _ => {
+            faults.push(fault);
+            None
+        }
+    }
+}
+
+fn evidence(value: &DeValue<'_>) -> Evidence {
+    match value {
+        DeValue::String(text) => Evidence::Text(text.to_string()),
+        DeValue::Boolean(flag) => Evidence::Flag(*flag),
+        DeValue::Integer(text) => match i64::from_str_radix(text.as_str(), text.radix()) {
+            Ok(whole) => Evidence::Whole(whole),
+            Err(_) => Evidence::Text(text.as_str().to_string()),
+        },
+        DeValue::Float(_) => Evidence::Number(crate::number::from_toml(value).unwrap_or(f64::NAN)),
+        DeValue::Datetime(when) => Evidence::Text(when.to_string()),
+        DeValue::Array(items) => Evidence::List(items.iter().map(|item| evidence(item.get_ref())).collect()),
+        DeValue::Table(table) => {
+            Evidence::Table(table.iter().map(|(key, item)| (key.get_ref().to_string(), evidence(item.get_ref()))).collect())
+        }
+    }
+}
+
+/// The text of a model file. Reading it gives the same model, every number to the bit.
+#[must_use]
+pub fn write(model: &Model) -> String {
+    let mut out = String::new();
+    let _ = writeln!(out, "format = {FORMAT}\nmodel = {}", quoted(&model.name));
+    for input in &model.inputs {
+        let [low, high] = input.range.map(decimal);
+        let outside = match input.outside {
+            Outside::Clamp => "clamp",
+            Outside::Extrapolate => "extrapolate",
+        };
+        let (name, unit) = (&input.name, quoted(&input.unit));
+        let _ = writeln!(out, "\n[inputs.{name}]\nunit = {unit}\nrange = [{low}, {high}]\noutside = \"{outside}\"");
+    }
+    for surface in &model.surfaces {
+        write_surface(&mut out, surface);
+    }
+    for compensator in &model.compensators {
+        let Compensator { name, sample_time, natural_frequency, zero_damping, pole_damping } = compensator;
+        let _ = writeln!(out, "\n[compensators.{name}]\nsample_time = {}", decimal(*sample_time));
+        let _ = writeln!(out, "natural_frequency = {}", scheduled_text(natural_frequency));
+        let _ = writeln!(out, "zero_damping = {}", scheduled_text(zero_damping));
+        let _ = writeln!(out, "pole_damping = {}", scheduled_text(pole_damping));
+    }
+    out
+}
+
+fn write_surface(out: &mut String, surface: &Surface) {
+    let name = &surface.name;
+    let _ = writeln!(out, "\n[surfaces.{name}]\nunit = {}\ninputs = {}", quoted(&surface.unit), texts(&surface.inputs));
+    if let Some([low, high]) = surface.output_range {
+        let _ = writeln!(out, "output_range = [{}, {}]", decimal(low), decimal(high));
+    }
+    if surface.coding == Coding::None {
+        let _ = writeln!(out, "coding = \"none\"");
+    }
+    if !surface.symmetry.is_empty() {
+        let entry = |(input, symmetry): &(String, Symmetry)| match symmetry {
+            Symmetry::Even => format!("{input} = \"even\""),
+            Symmetry::Odd => format!("{input} = \"odd\""),
+        };
+        let entries: Vec<_> = surface.symmetry.iter().map(entry).collect();
+        let _ = writeln!(out, "symmetry = {{ {} }}", entries.join(", "));
+    }
+    if !surface.knots.is_empty() {
+        let entry = |knot: &Knot| format!("{{ input = {}, at = {} }}", quoted(&knot.input), decimal(knot.at));
+        let entries: Vec<_> = surface.knots.iter().map(entry).collect();
+        let _ = writeln!(out, "knots = [{}]", entries.join(", "));
+    }
+    if !surface.reciprocal.is_empty() {
+        let _ = writeln!(out, "reciprocal = {}", texts(&surface.reciprocal));
+    }
+    let _ = writeln!(out, "terms = [");
+    for term in &surface.terms {
+        let powers: Vec<_> = term.powers.iter().map(u32::to_string).collect();
+        let _ = writeln!(out, "  {{ powers = [{}], coefficient = {} }},", powers.join(", "), decimal(term.coefficient));
+    }
+    let _ = writeln!(out, "]");
+    if !surface.support.is_empty() {
+        let _ = writeln!(out, "support = [");
+        for HalfSpace { normal, bound } in &surface.support {
+            let normal: Vec<_> = normal.iter().copied().map(decimal).collect();
+            let _ = writeln!(out, "  {{ normal = [{}], bound = {} }},", normal.join(", "), decimal(*bound));
+        }
+        let _ = writeln!(out, "]");
+    }
+    if !surface.evidence.is_empty() {
+        let _ = writeln!(out, "\n[surfaces.{name}.evidence]");
+        for (key, value) in &surface.evidence {
+            let _ = writeln!(out, "{} = {}", key_text(key), evidence_text(value));
+        }
+    }
+}
+
+fn scheduled_text(scheduled: &Scheduled) -> String {
+    match scheduled {
+        Scheduled::Fixed(value) => decimal(*value),
+        Scheduled::Surface(name) => format!("{{ surface = {} }}", quoted(name)),
+        Scheduled::Sum(names) => format!("{{ sum = {} }}", texts(names)),
+    }
+}
+
+fn evidence_text(value: &Evidence) -> String {
+    match value {
+        Evidence::Whole(whole) => whole.to_string(),
+        Evidence::Number(number) if number.is_nan() => "nan".into(),
+        Evidence::Number(number) => decimal(*number),
+        Evidence::Flag(flag) => flag.to_string(),
+        Evidence::Text(text) => quoted(text),
+        Evidence::List(items) => format!("[{}]", items.iter().map(evidence_text).collect::<Vec<_>>().join(", ")),
+        Evidence::Table(entries) => {
+            let entries: Vec<_> =
+                entries.iter().map(|(key, item)| format!("{} = {}", key_text(key), evidence_text(item))).collect();
+            format!("{{ {} }}", entries.join(", "))
+        }
+    }
+}
+
+fn key_text(key: &str) -> String {
+    let bare = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if bare { key.to_string() } else { quoted(key) }
+}
+
+fn texts(items: &[String]) -> String {
+    format!("[{}]", items.iter().map(|item| quoted(item)).collect::<Vec<_>>().join(", "))
+}
+
+/// A TOML basic string.
+fn quoted(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' => out.push_str("\\\""),
+            '\\' => out.push_str("\\\\"),
+            '\n' => out.push_str("\\n"),
+            '\t' => out.push_str("\\t"),
+            '\r' => out.push_str("\\r"),
+            c if c.is_control() => {
+                let _ = write!(out, "\\u{:04X}", c as u32);
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}

@@ -1,0 +1,448 @@
+//! Emitted names: built here, refused here, nowhere else.
+//!
+//! In: the names of a model file. Out: the names of functions in C and in Rust, or the reason why a name cannot be emitted, as a clause
+//! that follows the quoted name ("`while` is a keyword of ..."). The checker adds the place. Never changes a name to make it fit.
+
+use crate::number::Precision;
+
+/// Words that Rust (2024, reserved ones included), C (C99 to C23) or C++ (to C++20) keep for themselves.
+const KEYWORDS: &[(&str, &[&str])] = &[
+    (
+        "Rust",
+        &[
+            "Self", "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",
+            "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro",
+            "match", "mod", "move", "mut", "override", "priv", "pub", "ref", "return", "self", "static", "struct", "super",
+            "trait", "true", "try", "type", "typeof", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
+        ],
+    ),
+    (
+        "C",
+        &[
+            "alignas",
+            "alignof",
+            "asm",
+            "auto",
+            "bool",
+            "break",
+            "case",
+            "char",
+            "const",
+            "constexpr",
+            "continue",
+            "default",
+            "do",
+            "double",
+            "else",
+            "enum",
+            "extern",
+            "false",
+            "float",
+            "for",
+            "fortran",
+            "goto",
+            "if",
+            "inline",
+            "int",
+            "long",
+            "nullptr",
+            "register",
+            "restrict",
+            "return",
+            "short",
+            "signed",
+            "sizeof",
+            "static",
+            "static_assert",
+            "struct",
+            "switch",
+            "thread_local",
+            "true",
+            "typedef",
+            "typeof",
+            "typeof_unqual",
+            "union",
+            "unsigned",
+            "void",
+            "volatile",
+            "while",
+        ],
+    ),
+    (
+        "C++",
+        &[
+            "and",
+            "and_eq",
+            "bitand",
+            "bitor",
+            "catch",
+            "char16_t",
+            "char32_t",
+            "char8_t",
+            "class",
+            "co_await",
+            "co_return",
+            "co_yield",
+            "compl",
+            "concept",
+            "const_cast",
+            "consteval",
+            "constinit",
+            "decltype",
+            "delete",
+            "dynamic_cast",
+            "explicit",
+            "export",
+            "friend",
+            "mutable",
+            "namespace",
+            "new",
+            "noexcept",
+            "not",
+            "not_eq",
+            "operator",
+            "or",
+            "or_eq",
+            "private",
+            "protected",
+            "public",
+            "reinterpret_cast",
+            "requires",
+            "static_cast",
+            "template",
+            "this",
+            "throw",
+            "typeid",
+            "typename",
+            "using",
+            "wchar_t",
+            "xor",
+            "xor_eq",
+        ],
+    ),
+];
+
+/// Words that a C compiler or a C header may replace by something else before the name is seen: a parameter may not have them.
+const MACROS: &[&str] = &[
+    "EOF",
+    "HUGE_VAL",
+    "HUGE_VALF",
+    "I",
+    "INFINITY",
+    "NAN",
+    "NULL",
+    "arm",
+    "assert",
+    "errno",
+    "hppa",
+    "i386",
+    "linux",
+    "m68k",
+    "mips",
+    "offsetof",
+    "pdp11",
+    "sparc",
+    "stderr",
+    "stdin",
+    "stdout",
+    "sun",
+    "unix",
+    "vax",
+];
+
+/// Functions and types of the C library (and of POSIX) whose names a model and a surface could make together.
+const LIBRARY: &[&str] = &[
+    "aligned_alloc",
+    "at_quick_exit",
+    "call_once",
+    "clock_t",
+    "div_t",
+    "double_t",
+    "fenv_t",
+    "fexcept_t",
+    "float_t",
+    "fpos_t",
+    "imaxdiv_t",
+    "kill_dependency",
+    "ldiv_t",
+    "lldiv_t",
+    "mbstate_t",
+    "nullptr_t",
+    "ptrdiff_t",
+    "quick_exit",
+    "size_t",
+    "ssize_t",
+    "time_t",
+    "timespec_get",
+    "va_arg",
+    "va_copy",
+    "va_end",
+    "va_list",
+    "va_start",
+    "wctrans_t",
+    "wctype_t",
+    "wint_t",
+];
+
+/// Names of models that make the prefix of a family that C11 or POSIX reserves (`atomic_load`, `mtx_lock`, `pthread_join`).
+const FAMILIES: &[&str] = &["aio", "atomic", "cnd", "memory", "mq", "mtx", "posix", "pthread", "sched", "sem", "thrd", "tss"];
+
+/// Names of models that make the prefix of macros of the C library when the surface is in capitals too (`FLT_MAX`, `M_PI`).
+const MACRO_FAMILIES: &[&str] = &[
+    "ATOMIC", "CHAR", "DBL", "EXIT", "FE", "FLT", "FP", "INT", "INTMAX", "INTPTR", "LC", "LDBL", "LLONG", "LONG", "M", "MATH",
+    "MB", "PTRDIFF", "RAND", "SCHAR", "SEEK", "SHRT", "SIG", "SIZE", "TIME", "TMP", "UCHAR", "UINT", "UINTMAX", "UINTPTR",
+    "ULLONG", "ULONG", "USHRT", "WCHAR", "WINT",
+];
+
+/// What is appended to the name of a surface or a compensator, now or by a later emitter: two names may not meet through them.
+const SUFFIXES: &[&str] = &[
+    "",
+    "_f32",
+    "_q",
+    "_support",
+    "_support_f32",
+    "_support_q",
+    "_state",
+    "_state_f32",
+    "_state_q",
+    "_init",
+    "_init_f32",
+    "_init_q",
+    "_step",
+    "_step_f32",
+    "_step_q",
+    "_self_test",
+];
+
+/// Which of the functions of a surface a name is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Kind {
+    /// The surface itself.
+    Surface,
+    /// Whether the data support the surface at a point.
+    Support,
+}
+
+/// The name of a function in Rust, within the module of the model.
+#[must_use]
+pub fn rust_function(surface: &str, kind: Kind, precision: Precision) -> String {
+    let kind = match kind {
+        Kind::Surface => "",
+        Kind::Support => "_support",
+    };
+    let precision = match precision {
+        Precision::F64 => "",
+        Precision::F32 => "_f32",
+    };
+    format!("{surface}{kind}{precision}")
+}
+
+/// The name of a function in C.
+#[must_use]
+pub fn c_function(model: &str, surface: &str, kind: Kind, precision: Precision) -> String {
+    format!("{model}_{}", rust_function(surface, kind, precision))
+}
+
+/// The name of the self-test of a model in C.
+#[must_use]
+pub fn c_self_test(model: &str) -> String {
+    format!("{model}_self_test")
+}
+
+/// Why any name (of a model, an input, a surface, a compensator) cannot be emitted. `None`: it can.
+#[must_use]
+pub fn refuse(name: &str) -> Option<String> {
+    not_an_identifier(name)
+        .or_else(|| reserved_form(name))
+        .or_else(|| keyword(name))
+        .or_else(|| {
+            MACROS.contains(&name).then(|| "is replaced by the headers or the compilers of C; choose another name".to_string())
+        })
+        .or_else(|| register(name))
+}
+
+/// Why a model cannot have this name. `None`: it can.
+#[must_use]
+pub fn refuse_model(name: &str) -> Option<String> {
+    let family = || {
+        FAMILIES
+            .contains(&name)
+            .then(|| format!("makes C names that begin with `{name}_`, which the C library keeps for its own functions"))
+    };
+    refuse(name).or_else(family)
+}
+
+/// Why a surface or a compensator of this model cannot have this name. `None`: it can.
+#[must_use]
+pub fn refuse_function(model: &str, name: &str) -> Option<String> {
+    refuse(name)
+        .or_else(|| self_test(name))
+        .or_else(|| SUFFIXES.iter().find_map(|suffix| library(&format!("{model}_{name}{suffix}"))))
+}
+
+/// Why two surfaces or compensators of one model, or two inputs, cannot have these names together. `None`: they can.
+#[must_use]
+pub fn clash(earlier: &str, later: &str) -> Option<String> {
+    if earlier == later {
+        return Some("is given twice".to_string());
+    }
+    if earlier.eq_ignore_ascii_case(later) {
+        return Some(format!("differs from `{earlier}` in nothing but case"));
+    }
+    None
+}
+
+/// Why two surfaces or compensators of one model cannot have these names together: [`clash`], and the suffixes of their functions.
+/// `None`: they can.
+#[must_use]
+pub fn clash_of_functions(earlier: &str, later: &str) -> Option<String> {
+    clash(earlier, later).or_else(|| {
+        let functions = |name: &str| SUFFIXES.iter().map(|suffix| format!("{name}{suffix}")).collect::<Vec<_>>();
+        let of_earlier = functions(earlier);
+        let same = |name: &String| of_earlier.iter().any(|other| other.eq_ignore_ascii_case(name));
+        let common = functions(later).into_iter().find(same)?;
+        Some(format!("and `{earlier}` would both have a function `{common}`"))
+    })
+}
+
+fn not_an_identifier(name: &str) -> Option<String> {
+    if name.is_empty() {
+        return Some("is empty; a name is a letter, then letters, digits and underscores".to_string());
+    }
+    if let Some(strange) = name.chars().find(|c| !(c.is_ascii_alphanumeric() || *c == '_')) {
+        let strange = strange.escape_debug();
+        return Some(format!("contains `{strange}`; a name is an ASCII letter, then ASCII letters, digits and underscores"));
+    }
+    name.starts_with(|c: char| c.is_ascii_digit()).then(|| "begins with a digit; a name begins with a letter".to_string())
+}
+
+fn reserved_form(name: &str) -> Option<String> {
+    if name.starts_with('_') {
+        return Some("begins with an underscore, which C keeps for the compiler".to_string());
+    }
+    if name.ends_with('_') {
+        return Some(
+            "ends with an underscore, which would make a double one in C, and C++ keeps those for the compiler".to_string(),
+        );
+    }
+    if name.contains("__") {
+        return Some("contains a double underscore, which C++ keeps for the compiler".to_string());
+    }
+    let lower = name.to_ascii_lowercase();
+    (lower == "rsm" || lower.starts_with("rsm_"))
+        .then(|| "begins with `rsm`, which emitted code keeps for its own helpers".to_string())
+}
+
+fn keyword(name: &str) -> Option<String> {
+    let languages: Vec<&str> =
+        KEYWORDS.iter().filter(|(_, words)| words.contains(&name)).map(|(language, _)| *language).collect();
+    (!languages.is_empty()).then(|| format!("is a keyword of {}", languages.join(" and ")))
+}
+
+fn register(name: &str) -> Option<String> {
+    let digits = name.strip_prefix('r')?;
+    let all_digits = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+    all_digits.then(|| "is the name of a register in emitted code (r0, r1, ...); choose another name".to_string())
+}
+
+fn self_test(name: &str) -> Option<String> {
+    let lower = name.to_ascii_lowercase();
+    (lower == "self_test").then(|| "is the name of the self-test in emitted C; choose another name".to_string())
+}
+
+/// Whether a whole C name belongs to the library.
+fn library(name: &str) -> Option<String> {
+    let fixed_width = name.ends_with("_t") && {
+        let stem = name.trim_end_matches("_t").trim_start_matches('u');
+        let stem = stem.strip_prefix("int").unwrap_or(" ");
+        let width = stem.trim_start_matches("_least").trim_start_matches("_fast");
+        width.bytes().all(|byte| byte.is_ascii_digit()) || width == "ptr" || width == "max"
+    };
+    let in_capitals = !name.bytes().any(|byte| byte.is_ascii_lowercase());
+    let macro_family = in_capitals && name.split_once('_').is_some_and(|(prefix, _)| MACRO_FAMILIES.contains(&prefix));
+    let known = fixed_width || macro_family || LIBRARY.contains(&name) || keyword(name).is_some();
+    known.then(|| format!("makes the C name `{name}`, which the language or its library keeps for itself"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn functions_are_named_alike_in_both_languages() {
+        assert_eq!(rust_function("s", Kind::Support, Precision::F32), "s_support_f32");
+        assert_eq!(c_function("m", "s", Kind::Support, Precision::F32), "m_s_support_f32");
+        assert_eq!(c_function("m", "s", Kind::Surface, Precision::F64), "m_s");
+        assert_eq!(c_self_test("m"), "m_self_test");
+    }
+
+    #[test]
+    fn ordinary_names_pass() {
+        for name in
+            ["torque", "i_q", "psi_d", "Kf", "x1", "r", "R1", "rs", "resm", "union", "raw", "current_advance", "r1a", "time"]
+        {
+            assert_eq!(refuse(name), None, "{name}");
+            assert_eq!(refuse_model(name), None, "{name}");
+            assert_eq!(refuse_function("pmac", name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn each_rule_refuses_with_its_reason() {
+        let cases = [
+            ("", "is empty"),
+            ("i q", "contains ` `"),
+            ("\u{b5}", "contains `\u{b5}`"),
+            ("new\nline", "contains `\\n`"),
+            ("2nd", "begins with a digit"),
+            ("_x", "begins with an underscore"),
+            ("x_", "ends with an underscore"),
+            ("a__b", "contains a double underscore"),
+            ("RSM_x", "begins with `rsm`"),
+            ("while", "is a keyword of Rust and C"),
+            ("gen", "is a keyword of Rust"),
+            ("restrict", "is a keyword of C"),
+            ("xor", "is a keyword of C++"),
+            ("linux", "is replaced by"),
+            ("r17", "is the name of a register"),
+        ];
+        for (name, reason) in cases {
+            let found = refuse(name).unwrap_or_else(|| panic!("`{name}` passed"));
+            assert!(found.starts_with(reason), "`{name}` {found}");
+        }
+    }
+
+    #[test]
+    fn a_model_and_a_surface_do_not_make_a_name_of_the_library() {
+        assert!(refuse_model("pthread").is_some());
+        for (model, surface) in [
+            ("int8", "t"),
+            ("uint_least16", "t"),
+            ("size", "t"),
+            ("static", "cast"),
+            ("and", "eq"),
+            ("M", "PI"),
+            ("FLT", "MAX"),
+            ("m", "self_test"),
+            ("m", "Self_Test"),
+        ] {
+            assert!(refuse_function(model, surface).is_some(), "{model} {surface}");
+        }
+        assert_eq!(refuse_function("M", "torque"), None);
+        assert_eq!(refuse_function("kettle", "t"), None);
+    }
+
+    #[test]
+    fn names_that_meet_through_a_suffix_or_in_case_clash() {
+        assert_eq!(clash("a", "a"), Some("is given twice".to_string()));
+        assert_eq!(clash("Torque", "torque"), Some("differs from `Torque` in nothing but case".to_string()));
+        assert_eq!(clash("a", "a_f32"), None);
+        for (earlier, later) in
+            [("a", "a_f32"), ("a_q", "a"), ("A", "a_support"), ("a", "a_step"), ("a_support", "a"), ("a", "a_init")]
+        {
+            assert!(clash_of_functions(earlier, later).is_some(), "{earlier} {later}");
+        }
+        assert_eq!(clash_of_functions("psi_d", "psi_q"), None);
+        assert_eq!(clash_of_functions("a", "a_f32"), Some("and `a` would both have a function `a_f32`".to_string()));
+    }
+}

@@ -1,0 +1,68 @@
+//! The published surfaces through the whole compiler: tape against the exact reference, within the certified bound.
+
+use std::path::Path;
+
+use rsm_core::certificate;
+use rsm_core::check::Checked;
+use rsm_core::exact;
+use rsm_core::lower;
+use rsm_core::number::{Precision, Rational, exact};
+use rsm_core::run::Interpreter;
+use rsm_core::source::Source;
+
+fn published(name: &str) -> Checked {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated/coefficients").join(name);
+    Checked::read(&Source::read(&path).unwrap()).unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+#[test]
+fn the_published_surface_26_has_its_hand_worked_values() {
+    let checked = published("pmac.toml");
+    let tape = lower::surface(&checked, 0, Precision::F64);
+    println!("{tape}");
+    let mut run = Interpreter::<f64>::new(&tape);
+    // Centre: b0. Corner (1, -1): 38.19 + 25.46 + 7.28 - 11.04 + 6.23 + 5.85 = 71.97.
+    assert!((run.eval(&[10.8, 400.0]) - 38.19).abs() < 1e-13);
+    assert!((run.eval(&[21.6, 0.0]) - 71.97).abs() < 1e-13);
+    // Outside: the corner again. NaN: NaN.
+    assert_eq!(run.eval(&[1e9, f64::NEG_INFINITY]), run.eval(&[21.6, 0.0]));
+    assert!(run.eval(&[f64::NAN, 0.0]).is_nan() && run.eval(&[0.0, f64::NAN]).is_nan());
+}
+
+#[test]
+fn certified_bounds_hold_and_are_not_vain() {
+    for name in ["pmac.toml", "throttle.toml"] {
+        let checked = published(name);
+        let surface = &checked.model().surfaces[0];
+        let inputs = checked.inputs_of(surface);
+        let found = certificate::surface(&checked, 0, &Precision::ALL);
+        println!("{found:?}");
+        for certified in &found.tapes {
+            let tape = lower::surface(&checked, 0, certified.precision);
+            let mut worst = 0.0f64;
+            for k in 0..=12 {
+                for j in 0..=12 {
+                    let at = |input: usize, k: i32| {
+                        let [low, high] = inputs[input].range;
+                        let xi = low + (high - low) * f64::from(k) / 12.0;
+                        if certified.precision == Precision::F32 { f64::from(xi as f32) } else { xi }
+                    };
+                    let point = [at(0, k), at(1, j)];
+                    let rational: Vec<Rational> = point.iter().map(|xi| exact(*xi)).collect();
+                    let truth = exact::value(surface, &inputs, &rational).unwrap();
+                    let computed = match certified.precision {
+                        Precision::F64 => Interpreter::<f64>::new(&tape).eval(&point),
+                        Precision::F32 => f64::from(Interpreter::<f32>::new(&tape).eval(&point.map(|xi| xi as f32))),
+                    };
+                    let polynomial = exact::polynomial(surface, &inputs, &rational).unwrap();
+                    assert!(exact(found.range.low) <= polynomial && polynomial <= exact(found.range.high));
+                    let error = Precision::F64.round(&(exact(computed) - truth)).abs();
+                    worst = worst.max(error);
+                }
+            }
+            assert!(worst <= certified.error, "{worst:e} > {:e}", certified.error);
+            // Worst-case bounds of a dozen operations are known to lie within a small factor of what is met; 20 is generous.
+            assert!(certified.error < 20.0 * worst, "{:e} says nothing about {worst:e}", certified.error);
+        }
+    }
+}

@@ -1,0 +1,4 @@
+//! The tests of rsm-core, one binary.
+
+mod lowering;
+mod rejected;
