@@ -80,11 +80,12 @@ pub(super) fn helpers(needs: Needs, precision: Precision) -> String {
 
 /// Writes the type, the suffixes and the register classes of a precision into a template.
 fn fill(template: &str, precision: Precision) -> String {
-    let words: [(&str, &str, &str); 11] = [
+    let words: [(&str, &str, &str); 12] = [
         ("@type", "double", "float"),
         ("@name", "f64", "f32"),
         ("@NAME", "F64", "F32"),
         ("@bits", "uint64_t", "uint32_t"),
+        ("@fabs", "fabs", "fabsf"),
         ("@s", "sd", "ss"),
         ("@p", "pd", "ps"),
         ("@a", "%d", "%s"),
@@ -247,7 +248,7 @@ static inline @type rsm_absolute_@name(@type value)
 
 // The flag goes through empty assembly: LLVM would make a branch of the mask again on a Cortex-M0.
 const CHOOSE: &str = r#"
-/* then where left < right, else otherwise, and where either is NaN. */
+/* then where the flag is 1, otherwise where it is 0, by masks: machines without an idiom below. */
 #ifndef RSM_CHOOSE_@NAME
 #define RSM_CHOOSE_@NAME
 #if !defined(RSM_SSE) && !defined(RSM_AARCH64) && !(RSM_VFP & @fp)
@@ -269,15 +270,16 @@ static inline @type rsm_choose_@name(unsigned int flag, @type then, @type otherw
 "#;
 
 const SELECT: &str = r#"
+/* then where left < right, else otherwise, also where either is NaN. */
 #ifndef RSM_SELECT_@NAME
 #define RSM_SELECT_@NAME
 static inline @type rsm_select_@name(@type left, @type right, @type then, @type otherwise)
 {
 #if defined(RSM_SSE) && defined(__AVX__)
-    @type mask;
+    @type mask, result;
     __asm__("vcmplt@s {%2, %1, %0|%0, %1, %2}" : "=x"(mask) : "x"(left), "x"(right));
-    __asm__("vblendv@p {%2, %1, %0, %0|%0, %0, %1, %2}" : "+x"(otherwise) : "x"(then), "x"(mask));
-    return otherwise;
+    __asm__("vblendv@p {%3, %2, %1, %0|%0, %1, %2, %3}" : "=x"(result) : "x"(otherwise), "x"(then), "x"(mask));
+    return result;
 #elif defined(RSM_SSE)
     __asm__("cmplt@s {%1, %0|%0, %1}" : "+x"(left) : "x"(right));
     __asm__("and@p {%1, %0|%0, %1}" : "+x"(then) : "x"(left));
@@ -293,7 +295,7 @@ static inline @type rsm_select_@name(@type left, @type right, @type then, @type 
             : "+@w"(otherwise) : "@w"(left), "@w"(right), "@w"(then) : "cc");
     return otherwise;
 #else
-    return rsm_choose_@name(left < right, then, otherwise);
+    return rsm_choose_@name((unsigned int)(left < right), then, otherwise);
 #endif
 }
 #endif
@@ -322,7 +324,7 @@ static inline @type rsm_at_least_@name(@type value, @type bound)
     __asm__("vcmp.@name @v0, @v1\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.@name @v0, @v1" : "+@w"(value) : "@w"(bound) : "cc");
     return value;
 #else
-    return rsm_choose_@name(value < bound, bound, value);
+    return rsm_choose_@name((unsigned int)(value < bound), bound, value);
 #endif
 }
 #endif
@@ -351,7 +353,7 @@ static inline @type rsm_at_most_@name(@type value, @type bound)
     __asm__("vcmp.@name @v1, @v0\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.@name @v0, @v1" : "+@w"(value) : "@w"(bound) : "cc");
     return value;
 #else
-    return rsm_choose_@name(bound < value, bound, value);
+    return rsm_choose_@name((unsigned int)(bound < value), bound, value);
 #endif
 }
 #endif

@@ -11,6 +11,8 @@ pub mod rust;
 
 pub use crate::names::Kind;
 
+use crate::check::Checked;
+use crate::lower;
 use crate::model::{Input, Outside};
 use crate::names;
 use crate::number::{self, Precision};
@@ -42,6 +44,33 @@ pub struct Function {
     pub tape: Tape,
 }
 
+impl Unit {
+    /// The unit of a model: for each precision every surface, followed by its support test where it has one.
+    ///
+    /// # Panics
+    /// When a precision cannot hold the model: ask [`Checked::refusal`] first.
+    #[must_use]
+    pub fn new(checked: &Checked, precisions: &[Precision]) -> Self {
+        let model = checked.model();
+        let mut functions = Vec::new();
+        for precision in precisions {
+            for (index, surface) in model.surfaces.iter().enumerate() {
+                let function = |kind: Kind, tape: Tape| Function {
+                    surface: surface.name.clone(),
+                    kind,
+                    unit: surface.unit.clone(),
+                    inputs: checked.inputs_of(surface),
+                    output_range: surface.output_range,
+                    tape,
+                };
+                functions.push(function(Kind::Surface, lower::surface(checked, index, *precision)));
+                functions.extend(lower::support(checked, index, *precision).map(|tape| function(Kind::Support, tape)));
+            }
+        }
+        Unit { model: model.name.clone(), functions }
+    }
+}
+
 impl Function {
     /// The name in Rust.
     #[must_use]
@@ -60,7 +89,9 @@ impl Function {
         let precision = self.tape.precision;
         let mut lines = vec![match self.kind {
             Kind::Surface => format!("`{}` in {}, evaluated in {}.", self.surface, unit(&self.unit), precision.name()),
-            Kind::Support => format!("Whether the data support `{}` here: 1 inside, 0 outside, in {}.", self.surface, precision.name()),
+            Kind::Support => {
+                format!("Whether the data support `{}` here: 1 inside, 0 outside, in {}.", self.surface, precision.name())
+            }
         }];
         lines.push(String::new());
         for input in &self.inputs {
@@ -116,7 +147,8 @@ fn live(tape: &Tape) -> Vec<bool> {
 
 /// The arguments that the result does not depend on.
 fn unused_inputs<'t>(tape: &'t Tape, live: &[bool]) -> Vec<&'t str> {
-    let reads = |port: usize| tape.iter().any(|(reg, op)| live[reg.0 as usize] && matches!(op, Op::Input(p) if p.0 as usize == port));
+    let reads =
+        |port: usize| tape.iter().any(|(reg, op)| live[reg.0 as usize] && matches!(op, Op::Input(p) if p.0 as usize == port));
     tape.inputs.iter().enumerate().filter(|(port, _)| !reads(*port)).map(|(_, name)| name.as_str()).collect()
 }
 
