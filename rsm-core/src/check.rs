@@ -3,7 +3,7 @@
 //! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages carry the proof and neither
 //! check again nor fail. One rule is one function. Whether f32 can hold the model at all is asked separately: [`Checked::refusal`].
 
-use crate::model::{Compensator, Input, Model, Outside, Scheduled, Surface, Symmetry};
+use crate::model::{Compensator, Input, Model, Scheduled, Surface, Symmetry};
 use crate::model_file::{self, Located};
 use crate::names;
 use crate::number::{Precision, exact};
@@ -58,6 +58,12 @@ impl Checked {
     #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// The name of the file, for messages.
+    #[must_use]
+    pub fn file(&self) -> &str {
+        &self.file
     }
 
     /// The inputs of a surface, in its order.
@@ -393,14 +399,5 @@ fn check_emitted_names(context: &Context<'_>, faults: &mut Collector) {
                 }
             }
         }
-    }
-}
-
-/// What an evaluator does outside the range, in words.
-#[must_use]
-pub fn outside_in_words(outside: Outside) -> &'static str {
-    match outside {
-        Outside::Clamp => "clamped to the range",
-        Outside::Extrapolate => "extrapolated",
     }
 }

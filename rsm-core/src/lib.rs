@@ -1,17 +1,68 @@
-//! rsm-core
-pub mod basis;
-pub mod bernstein;
-pub mod certificate;
-pub mod check;
-pub mod exact;
-pub mod interval;
-pub mod lower;
+//! What a model is, and its compiler.
+//!
+//! ```text
+//! model.toml --model_file--> Model --check--> Checked --lower--> Tape --run--> value
+//!                                                |                 |---emit::rust--> m.rs
+//!                                                |                 |---emit::c-----> m.h, m.c
+//!                                                |                 '---rounding----> bound of the rounding error
+//!                                                '---certificate, exact--> range, reference
+//! ```
+//!
+//! A row of a CSV becomes a term of a surface in `rsm-fit`. Here a term becomes operations of a tape, and each operation a line
+//! of Rust and of C, with the same bits in every back end:
+//!
+//! ```
+//! use rsm_core::{check::Checked, lower, number::Precision, run::Interpreter, source::Source};
+//!
+//! let file = r#"
+//! format = 1
+//! model = "motor"
+//!
+//! [inputs.speed]
+//! unit = "rad/s"
+//! range = [0.0, 800.0]
+//!
+//! [surfaces.angle]
+//! unit = "deg"
+//! inputs = ["speed"]
+//! terms = [{ powers = [0], coefficient = 30.0 }, { powers = [1], coefficient = 15.0 }]
+//! "#;
+//! let checked = Checked::read(&Source::new("motor.toml", file)).unwrap();
+//! let tape = lower::surface(&checked, 0, Precision::F64);
+//! let mut evaluator = Interpreter::<f64>::new(&tape);
+//! assert_eq!(evaluator.eval(&[400.0]), 30.0);
+//! assert_eq!(evaluator.eval(&[900.0]), 45.0); // clamped to 800 rad/s
+//!
+//! let module = rsm_core::compile::rust(&Source::new("motor.toml", file), &[]).unwrap();
+//! assert!(module.text.contains("pub fn angle(speed: f64) -> f64"));
+//! ```
+
+// In the order of the pipeline.
+pub mod source;
+pub mod toml_reader;
+
 pub mod model;
 pub mod model_file;
 pub mod names;
+
+pub mod check;
+
+pub mod basis;
 pub mod number;
-pub mod rounding;
-pub mod run;
-pub mod source;
 pub mod tape;
-pub mod toml_reader;
+
+pub mod lower;
+
+pub mod run;
+
+pub mod exact;
+
+pub mod bernstein;
+pub mod certificate;
+pub mod interval;
+pub mod rounding;
+
+pub mod emit;
+
+pub mod build_script;
+pub mod compile;

@@ -1,0 +1,52 @@
+//! The API for build.rs, one page.
+//!
+//! ```no_run
+//! // build.rs
+//! rsm_core::build_script::compile("models/throttle.toml", &[]);
+//! ```
+//!
+//! ```ignore
+//! // src/lib.rs
+//! mod throttle {
+//!     include!(concat!(env!("OUT_DIR"), "/throttle.rs"));
+//! }
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use crate::compile;
+use crate::number::Precision;
+use crate::source::{Fault, Faults, Source};
+
+/// Compiles a model file to `OUT_DIR/<model>.rs` and tells cargo to run the script again when the file changes. The path is relative to
+/// the package. `precisions` empty: every precision that can hold the model. Nothing is written into a source folder.
+///
+/// # Panics
+/// With every fault of the file, so that the build fails with file, line and column; and where cargo's environment is missing.
+pub fn compile(model_file: impl AsRef<Path>, precisions: &[Precision]) {
+    let model_file = model_file.as_ref();
+    println!("cargo::rerun-if-changed={}", model_file.display());
+    let folder = std::env::var_os("OUT_DIR").expect("OUT_DIR is set by cargo: call this from build.rs");
+    if let Err(faults) = compile_into(model_file, precisions, Path::new(&folder)) {
+        panic!("\n{faults}\n");
+    }
+}
+
+/// Compiles a model file to `<folder>/<model>.rs` and returns that path.
+///
+/// # Errors
+/// Every fault of the file; a folder that cannot be written.
+pub fn compile_into(model_file: &Path, precisions: &[Precision], folder: &Path) -> Result<PathBuf, Faults> {
+    let module = compile::rust(&Source::read(model_file)?, precisions)?;
+    let path = folder.join(format!("{}.rs", module.model));
+    // An unchanged file keeps its time stamp, so cargo does not compile what depends on it again.
+    if std::fs::read_to_string(&path).is_ok_and(|old| old == module.text) {
+        return Ok(path);
+    }
+    let failed = |error: std::io::Error| {
+        Faults::one(Fault::whole_file(&path.display().to_string(), format!("cannot be written: {error}")))
+    };
+    let temporary = path.with_extension("rs.part");
+    std::fs::write(&temporary, module.text).and_then(|()| std::fs::rename(&temporary, &path)).map_err(failed)?;
+    Ok(path)
+}
