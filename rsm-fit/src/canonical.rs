@@ -1,0 +1,87 @@
+//! Canonical analysis: where a second-order surface is flat, and whether that is a top, a bottom or a saddle.
+//!
+//! In: a second-order surface of plain coded (or natural) variables and its inputs. Out: the stationary point in natural units, the eigenvalues of
+//! the matrix of second-order coefficients in the variables of the polynomial, largest first. `None` for any other surface, and for one whose matrix is
+//! singular (a ridge has no single stationary point). Never calls a point outside the data a prediction: where it lies is for the reader to judge.
+//!
+//! Source: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 6.3: y = b0 + x'b + x'Bx, x_s = -1/2 B^-1 b.
+
+use nalgebra::{DMatrix, DVector};
+use rsm_core::model::{Coding, Input, Surface};
+use serde::Serialize;
+
+use crate::design::{Coded, Physical, order};
+use crate::statistics::Named;
+
+/// The form of a second-order surface.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Canonical {
+    /// Where all slopes are zero, in natural units.
+    pub stationary_point: Named<f64>,
+    /// Curvatures along the principal axes, the largest first.
+    pub eigenvalues: Vec<f64>,
+    /// What the stationary point is.
+    pub kind: Kind,
+}
+
+/// What a stationary point is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Every way leads down.
+    Maximum,
+    /// Every way leads up.
+    Minimum,
+    /// Some lead up, some down.
+    Saddle,
+}
+
+/// Analyses a fitted surface. `inputs` are those of the surface, in its order.
+#[must_use]
+pub fn analyse(surface: &Surface, inputs: &[Input]) -> Option<Canonical> {
+    let plain = surface.symmetry.is_empty() && surface.knots.is_empty() && surface.reciprocal.is_empty();
+    let highest = surface.terms.iter().map(|term| order(&term.powers)).max()?;
+    if !plain || highest != 2 {
+        return None;
+    }
+    let width = inputs.len();
+    let mut slope = DVector::zeros(width);
+    let mut matrix = DMatrix::zeros(width, width);
+    for term in &surface.terms {
+        let active: Vec<usize> = (0..width).filter(|k| term.powers[*k] > 0).collect();
+        match active[..] {
+            [k] if term.powers[k] == 1 => slope[k] = term.coefficient,
+            [k] => matrix[(k, k)] = term.coefficient,
+            [j, k] => {
+                matrix[(j, k)] = term.coefficient / 2.0;
+                matrix[(k, j)] = term.coefficient / 2.0;
+            }
+            _ => {}
+        }
+    }
+    let mut eigenvalues: Vec<f64> = matrix.clone().symmetric_eigenvalues().iter().copied().collect();
+    eigenvalues.sort_by(|a, b| b.total_cmp(a));
+    let (least, most) =
+        eigenvalues.iter().fold((f64::INFINITY, 0.0f64), |(low, high), e| (low.min(e.abs()), high.max(e.abs())));
+    // The eigenvalues carry the rounding of f64, 2^-53 of the largest each; a hundred times that is no sign of curvature.
+    if least <= 1e-14 * most {
+        return None;
+    }
+    let stationary = matrix.lu().solve(&(slope * -0.5))?;
+    let natural = |(input, x): (&Input, &f64)| (input.name.clone(), natural(surface.coding, input, Coded(*x)).0);
+    let kind = match (eigenvalues.first()? > &0.0, eigenvalues.last()? > &0.0) {
+        (true, true) => Kind::Minimum,
+        (false, _) => Kind::Maximum,
+        (true, false) => Kind::Saddle,
+    };
+    Some(Canonical { stationary_point: Named(inputs.iter().zip(stationary.iter()).map(natural).collect()), eigenvalues, kind })
+}
+
+/// xi = mid + half x, the inverse of (22), (23).
+fn natural(coding: Coding, input: &Input, x: Coded) -> Physical {
+    let [low, high] = input.range;
+    match coding {
+        Coding::None => Physical(x.0),
+        Coding::Range => Physical((high + low) / 2.0 + (high - low) / 2.0 * x.0),
+    }
+}

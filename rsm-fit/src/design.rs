@@ -1,0 +1,191 @@
+//! The design matrix: from points in natural units to the rows of a least-squares problem.
+//!
+//! In: a surface (its factors, symmetry and terms) and its inputs with their ranges. Out: a row of double-doubles a point, one number a term,
+//! by the same [`Factor`]s that give the surface its meaning; a point outside the range is seen as the evaluator sees it. Powers
+//! are formed in double-double: rounded to f64 they would cost NIST's Filip half of its digits. Never looks at a response.
+
+use rsm_core::basis::{self, Factor};
+use rsm_core::model::{Input, Surface, Symmetry};
+
+use crate::dd::Dd;
+
+/// A value of an input in its natural unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Physical(pub f64);
+
+/// A value of a coded variable.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coded(pub f64);
+
+/// The columns of a surface.
+#[derive(Debug, Clone)]
+pub struct Design {
+    surface: Surface,
+    inputs: Vec<Input>,
+    factors: Vec<Factor>,
+    terms: Vec<Vec<u32>>,
+    highest: Vec<u32>,
+}
+
+impl Design {
+    /// The design of a surface with the given terms in place of its own. `inputs` are those of the surface, in its order.
+    #[must_use]
+    pub fn new(surface: &Surface, inputs: &[Input], terms: Vec<Vec<u32>>) -> Self {
+        let factors = Factor::all(surface, inputs);
+        let highest = (0..factors.len()).map(|k| terms.iter().map(|powers| powers[k]).max().unwrap_or(0)).collect();
+        Design { surface: surface.clone(), inputs: inputs.to_vec(), factors, terms, highest }
+    }
+
+    /// How many terms there are.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.terms.len()
+    }
+
+    /// The terms, as powers of the factors.
+    #[must_use]
+    pub fn terms(&self) -> &[Vec<u32>] {
+        &self.terms
+    }
+
+    /// The row of a point: the value of every term, with the sign that odd symmetry gives.
+    #[must_use]
+    pub fn row(&self, point: &[Physical]) -> Vec<Dd> {
+        let xi: Vec<Dd> =
+            self.inputs.iter().zip(point).map(|(input, value)| basis::clamped(input, Dd::from(value.0))).collect();
+        let negated = basis::is_negated(&self.surface, &self.inputs, &xi);
+        let powers: Vec<Vec<Dd>> = self
+            .factors
+            .iter()
+            .zip(&self.highest)
+            .map(|(factor, highest)| {
+                let x = factor.value(xi[factor.input]);
+                (0..=*highest).map(|exponent| basis::power(&x, exponent)).collect()
+            })
+            .collect();
+        let product = |term: &Vec<u32>| {
+            let factors = term.iter().zip(&powers).filter(|(exponent, _)| **exponent > 0);
+            let product = factors.fold(Dd::ONE, |product, (exponent, table)| product * table[*exponent as usize]);
+            if negated { -product } else { product }
+        };
+        self.terms.iter().map(product).collect()
+    }
+
+    /// How messages speak of a term: `1`, `speed`, `torque^2*speed`, `hinge(speed, 465)`.
+    #[must_use]
+    pub fn name_of(&self, term: usize) -> String {
+        name(&self.surface, &self.inputs, &self.terms[term])
+    }
+}
+
+/// How messages speak of a term.
+#[must_use]
+pub fn name(surface: &Surface, inputs: &[Input], powers: &[u32]) -> String {
+    let own = inputs.iter().map(|input| input.name.clone());
+    let hinges = surface.knots.iter().map(|knot| format!("hinge({}, {})", knot.input, knot.at));
+    let factors: Vec<String> = own
+        .chain(hinges)
+        .zip(powers)
+        .filter(|(_, power)| **power > 0)
+        .map(|(factor, power)| if *power == 1 { factor } else { format!("{factor}^{power}") })
+        .collect();
+    if factors.is_empty() { "1".to_string() } else { factors.join("*") }
+}
+
+/// The order of a term: the sum of its powers.
+#[must_use]
+pub fn order(powers: &[u32]) -> u32 {
+    powers.iter().sum()
+}
+
+/// All terms of at most an order that a surface may have: the constant first, then by order, and within one with the powers of the
+/// first factors highest first. Odd symmetry asks every term to contain the odd inputs.
+#[must_use]
+pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
+    let width = surface.inputs.len() + surface.knots.len();
+    let mut terms = Vec::new();
+    for order in 0..=highest_order {
+        push_terms_of_order(order, width, &mut Vec::new(), &mut terms);
+    }
+    terms.retain(|powers| missing_odd_input(surface, powers).is_none());
+    terms
+}
+
+fn push_terms_of_order(order: u32, width: usize, begun: &mut Vec<u32>, terms: &mut Vec<Vec<u32>>) {
+    if begun.len() + 1 >= width {
+        let mut powers = begun.clone();
+        if width > 0 {
+            powers.push(order);
+        }
+        terms.push(powers);
+        return;
+    }
+    for power in (0..=order).rev() {
+        begun.push(power);
+        push_terms_of_order(order - power, width, begun, terms);
+        begun.pop();
+    }
+}
+
+/// An odd input that a term does not contain, if there is one: such a term would jump where the input changes sign. A hinge of the input opens
+/// above 0, so it does as well as the input itself.
+#[must_use]
+pub fn missing_odd_input<'a>(surface: &'a Surface, powers: &[u32]) -> Option<&'a str> {
+    let (own, hinges) = powers.split_at(surface.inputs.len().min(powers.len()));
+    let contains = |name: &str| {
+        let by_itself = surface.inputs.iter().zip(own).any(|(input, power)| input == name && *power > 0);
+        by_itself || surface.knots.iter().zip(hinges).any(|(knot, power)| knot.input == name && *power > 0)
+    };
+    let odd = surface.symmetry.iter().filter(|(_, kind)| *kind == Symmetry::Odd);
+    odd.map(|(name, _)| name.as_str()).find(|name| !contains(name))
+}
+
+/// How many terms [`terms_up_to`] makes at most; saturates. (width + order) over width.
+#[must_use]
+pub fn count_of_terms(width: usize, order: u32) -> usize {
+    let mut count: usize = 1;
+    for k in 1..=order as usize {
+        // Exact at every step: a binomial coefficient.
+        count = count.saturating_mul(width + k) / k;
+    }
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn input(name: &str) -> Input {
+        Input { name: name.into(), unit: "1".into(), range: [-1.0, 3.0], outside: Default::default() }
+    }
+
+    #[test]
+    fn terms_come_by_order() {
+        let inputs = [input("a"), input("b")];
+        let surface = Surface { inputs: vec!["a".into(), "b".into()], ..Surface::default() };
+        let terms = terms_up_to(&surface, 2);
+        assert_eq!(terms, [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]);
+        let names: Vec<_> = terms.iter().map(|powers| name(&surface, &inputs, powers)).collect();
+        assert_eq!(names, ["1", "a", "b", "a^2", "a*b", "b^2"]);
+        for (width, order) in [(1, 10), (2, 3), (6, 5)] {
+            let surface = Surface { inputs: vec!["x".to_string(); width], ..Surface::default() };
+            assert_eq!(terms_up_to(&surface, order).len(), count_of_terms(width, order));
+        }
+    }
+
+    #[test]
+    fn an_odd_input_is_in_every_term_and_turns_the_sign() {
+        let symmetric = Input { range: [-2.0, 2.0], ..input("b") };
+        let surface =
+            Surface { inputs: vec!["a".into(), "b".into()], symmetry: vec![("b".into(), Symmetry::Odd)], ..Surface::default() };
+        let inputs = [input("a"), symmetric];
+        let terms = terms_up_to(&surface, 2);
+        assert_eq!(terms, [[0, 1], [1, 1], [0, 2]]);
+        let design = Design::new(&surface, &inputs, terms);
+        // a = 2 is x1 = (2 - 1)/2 = 0.5; b = -1 is x2 = |-1|/2 = 0.5 with the sign turned.
+        let row: Vec<f64> = design.row(&[Physical(2.0), Physical(-1.0)]).iter().map(|x| x.to_f64()).collect();
+        assert_eq!(row, [-0.5, -0.25, -0.25]);
+        // Outside the range as at its end: the evaluator clamps.
+        assert_eq!(design.row(&[Physical(9.0), Physical(-7.0)]), design.row(&[Physical(3.0), Physical(-2.0)]));
+    }
+}

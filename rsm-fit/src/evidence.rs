@@ -1,0 +1,84 @@
+//! What a surface rests on, as it is written into the model file.
+//!
+//! In: the specification, the outcome and the records of one response. Out: named pieces of evidence: data files with hashes, the specification with its
+//! hash, the method, the figures that say how good the surface is. Never a path of the machine, a date or a user: the same inputs give the same text.
+
+use rsm_core::model::Evidence;
+
+use crate::fit::ResponseOutcome;
+use crate::records::{DataFile, Records, hash};
+use crate::spec::{Method, ResponseSpec, Specification, Validation};
+
+/// The evidence of a fitted response.
+#[must_use]
+pub fn of(
+    specification: &Specification,
+    response: &ResponseSpec,
+    outcome: &ResponseOutcome,
+    fit: &Records,
+    validate: Option<&Records>,
+) -> Vec<(String, Evidence)> {
+    let Some(statistics) = &outcome.statistics else { return Vec::new() };
+    let mut evidence = Vec::new();
+    let mut tell = |name: &str, value: Option<Evidence>| evidence.extend(value.map(|value| (name.to_string(), value)));
+    let number = |value: Option<f64>| value.map(Evidence::Number);
+    tell("rows", Some(whole(statistics.rows)));
+    tell("data", Some(files(&fit.files)));
+    tell("specification", Some(specification_of(specification)));
+    tell("method", Some(Evidence::Text(method(&response.method))));
+    tell("residual_sd", number(statistics.residual_sd));
+    tell("r2", number(statistics.r2));
+    tell("r2_predicted", number(statistics.r2_predicted));
+    tell("press", number(statistics.press));
+    tell("confidence_c", number(statistics.confidence_c));
+    if matches!(response.method, Method::Ladder { .. }) {
+        tell("terms_chosen_on", Some(Evidence::Text(outcome.judged_on.words().to_string())));
+    }
+    if let (Some(validation), Some(records)) = (&statistics.validation, validate) {
+        let source = match &specification.validation {
+            Validation::Split(split) => Evidence::Text(format!("a share of {} of the data, seed {}", split.share, split.seed)),
+            _ => files(&records.files),
+        };
+        let figures = [
+            ("mean_abs_error", Some(validation.mean_abs_error)),
+            ("max_abs_error", Some(validation.max_abs_error)),
+            ("rmse", Some(validation.rmse)),
+            ("confidence_c", validation.confidence_c),
+        ];
+        let mut table = vec![("data".to_string(), source), ("rows".to_string(), whole(validation.rows))];
+        table.extend(figures.into_iter().filter_map(|(name, value)| Some((name.to_string(), Evidence::Number(value?)))));
+        tell("validation", Some(Evidence::Table(table)));
+    }
+    evidence
+}
+
+fn whole(count: usize) -> Evidence {
+    Evidence::Whole(i64::try_from(count).unwrap_or(i64::MAX))
+}
+
+fn text(name: &str, value: &str) -> (String, Evidence) {
+    (name.to_string(), Evidence::Text(value.to_string()))
+}
+
+fn files(files: &[DataFile]) -> Evidence {
+    let of_one = |file: &DataFile| {
+        let rows = ("rows".to_string(), whole(file.rows));
+        Evidence::Table(vec![text("file", &file.name), rows, text("sha256", &file.sha256)])
+    };
+    Evidence::List(files.iter().map(of_one).collect())
+}
+
+/// The name without folders: where it lay on the machine that fitted says nothing.
+fn specification_of(specification: &Specification) -> Evidence {
+    let source = specification.source();
+    let name = source.name().rsplit(['/', '\\']).next().unwrap_or_default();
+    Evidence::Table(vec![text("file", name), text("sha256", &hash(source.text()))])
+}
+
+fn method(method: &Method) -> String {
+    match method {
+        Method::Ladder { max_order, confidence } => format!("ladder up to order {max_order}, confidence {confidence} % wanted"),
+        Method::Fixed(terms) => format!("least squares on {} given terms", terms.len()),
+        Method::FixedOrder(order) => format!("least squares on all terms up to order {order}"),
+    }
+}

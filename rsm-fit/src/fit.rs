@@ -1,0 +1,391 @@
+//! The whole way from a specification to a model.
+//!
+//! In: a [`Specification`]. Out: an [`Outcome`]: the model, and for every response what became of it and its figures. Bad input is an error with every
+//! fault; a numerical outcome (confidence not reached, columns that make each other up) is data. Never writes a file.
+
+use rsm_core::model::{Input, Model, Surface, Term};
+use rsm_core::source::{Collector, Faults};
+
+use crate::canonical;
+use crate::dd::Dd;
+use crate::design::{self, Design};
+use crate::evidence;
+use crate::ladder::{Judge, Ladder};
+use crate::qr::{Compressed, Dependent, Growing, Triangle};
+use crate::records::{DataFile, Records, Refused, Units};
+use crate::spec::{Method, ResponseSpec, Specification, Validation, check_basis_against_ranges};
+use crate::split;
+use crate::statistics::{self, Named, Observations, ResponseStatistics};
+
+/// What a fit tells while it runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Progress<'a> {
+    /// A data file is being read.
+    Reading {
+        /// Its name, as the specification has it.
+        file: &'a str,
+    },
+    /// A response is being fitted.
+    Fitting {
+        /// Its name.
+        response: &'a str,
+        /// Its place among all, from 1.
+        number: usize,
+        /// How many there are.
+        of: usize,
+    },
+    /// A step of the ladder.
+    Step {
+        /// The response.
+        response: &'a str,
+        /// The order that is open.
+        order: u32,
+        /// Terms so far.
+        terms: usize,
+        /// C so far.
+        confidence: f64,
+    },
+}
+
+/// What became of a specification.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The model: a surface for every response that could be fitted.
+    pub model: Model,
+    /// Every response, in the order of the specification.
+    pub responses: Vec<ResponseOutcome>,
+    /// The data files, those for validation included.
+    pub files: Vec<DataFile>,
+}
+
+/// What became of a response.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResponseOutcome {
+    /// Its name.
+    pub name: String,
+    /// How it ended.
+    pub verdict: Verdict,
+    /// Its figures; none when it could not be fitted.
+    pub statistics: Option<ResponseStatistics>,
+    /// What C was judged on.
+    pub judged_on: JudgedOn,
+}
+
+/// How the fit of a response ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// The terms were given; there was nothing to reach.
+    Fitted,
+    /// The ladder reached its confidence.
+    Reached {
+        /// C on the data that judge.
+        confidence: f64,
+        /// The C that was asked for.
+        wanted: f64,
+    },
+    /// No model of the ladder did. The best one found is in the model.
+    NotReached {
+        /// The best C.
+        best: f64,
+        /// The C that was asked for.
+        wanted: f64,
+    },
+    /// The data cannot tell some columns apart. There is no surface.
+    IllConditioned {
+        /// How much larger a column is than the part of it that the others do not make up.
+        condition: f64,
+        /// The terms involved, the refused one last.
+        columns: Vec<String>,
+    },
+}
+
+/// The data on which C is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JudgedOn {
+    /// Unseen data.
+    Validation,
+    /// There are none: the fitted data themselves, which flatter.
+    FittedData,
+}
+
+impl JudgedOn {
+    /// In words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            JudgedOn::Validation => "validation data",
+            JudgedOn::FittedData => "fitted data",
+        }
+    }
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Verdict::Fitted => write!(f, "fitted"),
+            Verdict::Reached { confidence, wanted } => write!(f, "confidence {confidence:.4} % reached ({wanted} % wanted)"),
+            Verdict::NotReached { best, wanted } => write!(f, "confidence {wanted} % not reached, best {best:.4} %"),
+            Verdict::IllConditioned { condition, columns } => write!(
+                f,
+                "ill-conditioned ({condition:.1e}): the data cannot tell apart the terms {}; vary their inputs independently or drop a term",
+                columns.join(", ")
+            ),
+        }
+    }
+}
+
+impl Outcome {
+    /// Whether every response was fitted and reached what was asked for.
+    #[must_use]
+    pub fn reached(&self) -> bool {
+        self.responses.iter().all(|response| matches!(response.verdict, Verdict::Fitted | Verdict::Reached { .. }))
+    }
+
+    /// What `rsm fit --json` prints.
+    #[must_use]
+    pub fn report(&self) -> Report<'_> {
+        let of_one = |response: &'_ ResponseOutcome| response.name.clone();
+        let responses = self.responses.iter().map(|response| (of_one(response), response.statistics.as_ref())).collect();
+        Report { model: &self.model.name, responses: Named(responses) }
+    }
+}
+
+/// The object of DESIGN.md 5.1. A response that could not be fitted is null.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Report<'a> {
+    /// The name of the model.
+    pub model: &'a str,
+    /// The figures of every response.
+    pub responses: Named<Option<&'a ResponseStatistics>>,
+}
+
+/// Rows to fit and rows to validate.
+struct Data {
+    fit: Records,
+    validate: Option<Records>,
+    units: Units,
+}
+
+/// Fits every response of a specification.
+///
+/// # Errors
+/// Every fault of the data files; then those that only data and specification together show.
+pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Outcome, Refused> {
+    let data = read(specification, progress)?;
+    let inputs = inputs(specification, &data)?;
+    let mut model = Model { name: specification.model.clone(), inputs: inputs.clone(), ..Model::default() };
+    let mut responses = Vec::new();
+    for (k, response) in specification.responses.iter().enumerate() {
+        let name = &response.surface.name;
+        progress(Progress::Fitting { response: name, number: k + 1, of: specification.responses.len() });
+        let used = response.surface.inputs.iter().map(|name| {
+            let index = specification.inputs.iter().position(|input| input.name == *name);
+            index.expect("a read specification names known inputs")
+        });
+        let used: Vec<usize> = used.collect();
+        let mut surface = response.surface.clone();
+        surface.unit = data.units.get(specification.inputs.len() + k).to_string();
+        let task = Task {
+            specification,
+            response,
+            inputs: used.iter().map(|k| inputs[*k].clone()).collect(),
+            fit: columns(&data.fit, &used),
+            fit_response: &data.fit.responses[k],
+            validate: data.validate.as_ref().map(|records| (columns(records, &used), &records.responses[k][..])),
+        };
+        let outcome = task.run(&mut surface, progress)?;
+        if outcome.statistics.is_some() {
+            surface.evidence = evidence::of(specification, response, &outcome, &data.fit, data.validate.as_ref());
+            model.surfaces.push(surface);
+        }
+        responses.push(outcome);
+    }
+    let unseen = data.validate.iter().filter(|_| matches!(specification.validation, Validation::Files(_)));
+    let files = data.fit.files.iter().chain(unseen.flat_map(|records| &records.files)).cloned().collect();
+    Ok(Outcome { model, responses, files })
+}
+
+fn columns<'a>(records: &'a Records, used: &[usize]) -> Vec<&'a [f64]> {
+    used.iter().map(|k| &records.inputs[*k][..]).collect()
+}
+
+fn read(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Data, Refused> {
+    let mut units = Units::of(specification);
+    let mut reading = |file: &str| progress(Progress::Reading { file });
+    let all = Records::read(specification, &specification.data, &mut units, &mut reading);
+    let mut data = match &specification.validation {
+        Validation::None => Data { fit: all?, validate: None, units },
+        Validation::Files(files) => {
+            // Both are read before either is refused: all faults together.
+            let unseen = Records::read(specification, files, &mut units, &mut reading);
+            match (all, unseen) {
+                (Ok(fit), Ok(validate)) => Data { fit, validate: Some(validate), units },
+                (Err(Refused(mut first)), Err(Refused(second))) => {
+                    first.extend(second);
+                    return Err(Refused(first));
+                }
+                (Err(refused), _) | (_, Err(refused)) => return Err(refused),
+            }
+        }
+        Validation::Split(wanted) => {
+            let all = all?;
+            let sides = split::split(specification, wanted, &all);
+            if sides.fit.is_empty() || sides.validate.is_empty() {
+                let empty = if sides.fit.is_empty() { "to fit" } else { "to validate" };
+                let what = format!("`validate`: the split of {} rows leaves none {empty}", all.rows());
+                let fault = specification.fault("validate", what);
+                return Err(Faults::one(fault.help("change `share`, or declare smaller groups")).into());
+            }
+            Data { fit: all.select(&sides.fit), validate: Some(all.select(&sides.validate)), units }
+        }
+    };
+    data.fit.labels = Vec::new();
+    Ok(data)
+}
+
+/// The inputs of the model. A range that the specification does not give is that of the data to fit; symmetric about 0 where a symmetry asks for it.
+fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faults> {
+    let mut faults = Collector::new();
+    let mut inputs = Vec::new();
+    let mut from_data = Vec::new();
+    for (k, input) in specification.inputs.iter().enumerate() {
+        let values = &data.fit.inputs[k];
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let symmetric = |response: &ResponseSpec| response.surface.symmetry.iter().any(|(name, _)| *name == input.name);
+        let most = low.abs().max(high.abs());
+        let found = if specification.responses.iter().any(symmetric) { [-most, most] } else { [low, high] };
+        if input.range.is_none() && found[0] >= found[1] {
+            let what = format!("input `{}`: every row to fit has the value {low}", input.name);
+            let fault = specification.fault(&format!("inputs.{}", input.name), what);
+            faults.push(fault.help("measure at two values at least, or leave this input out"));
+        }
+        from_data.push(input.range.is_none().then_some(found).filter(|[low, high]| low < high));
+        // + 0.0: a range from 0, not from -0.
+        let range = input.range.unwrap_or(found).map(|bound| bound + 0.0);
+        inputs.push(Input { name: input.name.clone(), unit: data.units.get(k).to_string(), range, outside: input.outside });
+    }
+    check_basis_against_ranges(specification, &from_data, &mut faults);
+    faults.finish(Some(inputs))
+}
+
+/// One response with its data.
+struct Task<'a> {
+    specification: &'a Specification,
+    response: &'a ResponseSpec,
+    inputs: Vec<Input>,
+    fit: Vec<&'a [f64]>,
+    fit_response: &'a [f64],
+    validate: Option<(Vec<&'a [f64]>, &'a [f64])>,
+}
+
+impl Task<'_> {
+    fn fitted(&self) -> Observations<'_> {
+        Observations { inputs: &self.fit, response: self.fit_response }
+    }
+
+    fn unseen(&self) -> Option<Observations<'_>> {
+        self.validate.as_ref().map(|(inputs, response)| Observations { inputs, response })
+    }
+
+    /// Fits and fills the surface's terms.
+    fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
+        let terms = match &self.response.method {
+            Method::Fixed(terms) => terms.clone(),
+            Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => design::terms_up_to(surface, *order),
+        };
+        let least = if matches!(self.response.method, Method::Ladder { .. }) { 1 } else { terms.len() };
+        if self.fit_response.len() < least {
+            let what = format!("response `{}`: {least} terms, but {} rows to fit", surface.name, self.fit_response.len());
+            return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
+        }
+        let design = Design::new(surface, &self.inputs, terms);
+        let triangle = self.compress(&design, self.fitted(), false)?;
+        let judged_on = if self.validate.is_some() { JudgedOn::Validation } else { JudgedOn::FittedData };
+        let chosen = match self.choose(&design, &triangle, progress)? {
+            Ok(chosen) => chosen,
+            Err(dependent) => return Ok(self.ill_conditioned(&design, &dependent, judged_on)),
+        };
+        let growing = match Growing::of(&triangle, &chosen) {
+            Ok(growing) => growing,
+            Err(dependent) => return Ok(self.ill_conditioned(&design, &dependent, judged_on)),
+        };
+        let design = Design::new(surface, &self.inputs, chosen.iter().map(|k| design.terms()[*k].clone()).collect());
+        let mut statistics = statistics::of_fit(&design, &growing, self.fitted());
+        let coefficients: Vec<f64> = statistics.terms.iter().map(|term| term.coefficient).collect();
+        let unseen = self.unseen();
+        statistics.validation =
+            unseen.and_then(|unseen| statistics::of_validation(&design, &coefficients, surface.output_range, unseen));
+        let terms = statistics.terms.iter();
+        surface.terms = terms.map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect();
+        statistics.canonical = canonical::analyse(surface, &self.inputs);
+        let verdict = self.verdict(&statistics);
+        Ok(ResponseOutcome { name: surface.name.clone(), verdict, statistics: Some(statistics), judged_on })
+    }
+
+    fn fault(&self, what: String) -> rsm_core::source::Fault {
+        self.specification.fault(&format!("responses.{}", self.response.surface.name), what)
+    }
+
+    /// The triangle of all terms and the response. As a judge: a row a group of replicates, with the mean and the weight sqrt(n_i).
+    fn compress(&self, design: &Design, observations: Observations<'_>, groups: bool) -> Result<Triangle, Faults> {
+        let mut compressed = Compressed::new(design.width() + 1);
+        let mut finite = true;
+        let mut push = |row: Vec<Dd>, y: Dd, weight: Dd| {
+            finite &= row.iter().all(|x| x.is_finite());
+            compressed.push(row.into_iter().chain([y]).map(|x| x * weight));
+        };
+        if groups {
+            for group in observations.replicates() {
+                let weight = Dd::from(group.len() as f64).sqrt();
+                push(design.row(&observations.point(group[0])), observations.mean(&group), weight);
+            }
+        } else {
+            for row in 0..observations.response.len() {
+                push(design.row(&observations.point(row)), Dd::from(observations.response[row]), Dd::ONE);
+            }
+        }
+        if !finite {
+            let what = format!("response `{}`: a power of an input is larger than a number can be", self.response.surface.name);
+            return Err(Faults::one(self.fault(what).help("lower the order, or use coding = \"range\"")));
+        }
+        Ok(compressed.finish())
+    }
+
+    fn choose(
+        &self,
+        design: &Design,
+        triangle: &Triangle,
+        progress: &mut dyn FnMut(Progress<'_>),
+    ) -> Result<Result<Vec<usize>, Dependent>, Faults> {
+        let Method::Ladder { max_order, confidence } = self.response.method else {
+            return Ok(Ok((0..design.width()).collect()));
+        };
+        let judge = Judge::new(self.compress(design, self.unseen().unwrap_or(self.fitted()), true)?);
+        let ladder = Ladder { fit: triangle, judge: &judge, terms: design.terms(), max_order, wanted: confidence };
+        let name = &self.response.surface.name;
+        let climb = ladder.climb(&mut |order, terms, confidence| {
+            progress(Progress::Step { response: name, order, terms, confidence });
+        });
+        Ok(climb.map(|climb| climb.chosen))
+    }
+
+    fn verdict(&self, statistics: &ResponseStatistics) -> Verdict {
+        let Method::Ladder { confidence: wanted, .. } = self.response.method else { return Verdict::Fitted };
+        let validated = statistics.validation.as_ref().map_or(statistics.confidence_c, |validation| validation.confidence_c);
+        match validated {
+            Some(confidence) if confidence >= wanted => Verdict::Reached { confidence, wanted },
+            best => Verdict::NotReached { best: best.unwrap_or(f64::NEG_INFINITY), wanted },
+        }
+    }
+
+    fn ill_conditioned(&self, design: &Design, dependent: &Dependent, judged_on: JudgedOn) -> ResponseOutcome {
+        let columns = dependent.candidates.iter().map(|k| design.name_of(*k)).collect();
+        ResponseOutcome {
+            name: self.response.surface.name.clone(),
+            verdict: Verdict::IllConditioned { condition: dependent.condition, columns },
+            statistics: None,
+            judged_on,
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! Least squares by Householder reflections in double-double arithmetic, on a model that may grow.
+//!
+//! In: rows of a design matrix with the response behind them. Out: coefficients, the triangular factor, the residual sum of squares.
+//! [`Compressed`] takes any number of rows and keeps a triangle: an orthogonal transformation of all candidate columns and of the response,
+//! which has the same least-squares solution for every choice of columns. [`Growing`] solves on that triangle and appends a column at the cost of one
+//! reflection. A column that the others make up (to within the rounding of the data) is refused by name, never solved in silence.
+//!
+//! Source: Golub, Van Loan, Matrix Computations, 5.2 (Householder QR) and 6.5 (updating); Lawson, Hanson, Solving Least Squares Problems,
+//! chapter 27 (sequential accumulation).
+
+use crate::dd::Dd;
+
+/// A column is refused when the part of it that the other columns do not make up is below this share of it. Data are rounded to f64, each
+/// value wrong by up to 2^-53 of itself; 2^-46 leaves a factor 128 for sums of several such columns. Filip, the worst of NIST's sets, is at 2^-31.
+const DEPENDENT: f64 = 1.0 / 70_368_744_177_664.0;
+
+/// Rows that are reduced together. Larger blocks cost memory, smaller ones repeat the work on the triangle.
+const BLOCK: usize = 512;
+
+/// A matrix by columns.
+type Columns = Vec<Vec<Dd>>;
+
+/// The triangle of a tall matrix: the candidates and, last, the response.
+#[derive(Debug, Clone)]
+pub struct Compressed {
+    columns: Columns,
+    rows_seen: usize,
+    pending: usize,
+}
+
+impl Compressed {
+    /// No rows yet; `width` counts the response.
+    #[must_use]
+    pub fn new(width: usize) -> Self {
+        Compressed { columns: vec![Vec::new(); width], rows_seen: 0, pending: 0 }
+    }
+
+    /// Takes a row in: the terms, then the response.
+    pub fn push(&mut self, row: impl IntoIterator<Item = Dd>) {
+        let mut count = 0;
+        for (column, value) in self.columns.iter_mut().zip(row) {
+            column.push(value);
+            count += 1;
+        }
+        assert_eq!(count, self.columns.len(), "a row has a number for every column");
+        self.rows_seen += 1;
+        self.pending += 1;
+        if self.pending >= BLOCK.max(self.columns.len()) {
+            self.reduce();
+        }
+    }
+
+    /// How many rows were taken in.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rows_seen
+    }
+
+    fn reduce(&mut self) {
+        let width = self.columns.len();
+        for k in 0..width.min(self.columns[0].len()) {
+            let (before, after) = self.columns.split_at_mut(k + 1);
+            if let Some(reflection) = Reflection::of(&mut before[k], k) {
+                for column in after {
+                    reflection.apply(column);
+                }
+            }
+        }
+        for column in &mut self.columns {
+            column.truncate(width);
+        }
+        self.pending = 0;
+    }
+
+    /// The triangle, as columns of at most as many rows as there are columns.
+    #[must_use]
+    pub fn finish(mut self) -> Triangle {
+        self.reduce();
+        Triangle { columns: self.columns, rows: self.rows_seen }
+    }
+}
+
+/// Candidates and response after an orthogonal transformation.
+#[derive(Debug, Clone)]
+pub struct Triangle {
+    columns: Columns,
+    rows: usize,
+}
+
+impl Triangle {
+    /// How many rows went in.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// How many candidates there are.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.columns.len() - 1
+    }
+
+    /// |response - sum of coefficient times column|^2 for some candidates.
+    #[must_use]
+    pub fn sum_of_squares(&self, candidates: &[usize], coefficients: &[Dd]) -> Dd {
+        let mut residual = self.columns[self.width()].clone();
+        for (candidate, coefficient) in candidates.iter().zip(coefficients) {
+            for (entry, value) in residual.iter_mut().zip(&self.columns[*candidate]) {
+                *entry -= *coefficient * *value;
+            }
+        }
+        residual.iter().map(|entry| *entry * *entry).sum()
+    }
+
+    /// |response|^2.
+    #[must_use]
+    pub fn response_square(&self) -> Dd {
+        self.sum_of_squares(&[], &[])
+    }
+}
+
+/// I - 2 v v'/(v'v), which turns the tail of one column into a single number.
+struct Reflection {
+    from: usize,
+    v: Vec<Dd>,
+    scale: Dd,
+}
+
+impl Reflection {
+    /// The reflection for a column from a row on; the column becomes its result. `None` when there is nothing to turn.
+    fn of(column: &mut [Dd], from: usize) -> Option<Self> {
+        let tail = column.get_mut(from..)?;
+        let below: Dd = tail.iter().skip(1).map(|x| *x * *x).sum();
+        if below == Dd::ZERO {
+            return None;
+        }
+        let norm = (tail[0] * tail[0] + below).sqrt();
+        // The sign that adds, so that nothing cancels.
+        let turned = if tail[0] > Dd::ZERO { -norm } else { norm };
+        let mut v = tail.to_vec();
+        v[0] = tail[0] - turned;
+        let square = v[0] * v[0] + below;
+        tail.fill(Dd::ZERO);
+        tail[0] = turned;
+        Some(Reflection { from, v, scale: Dd::from(2.0) / square })
+    }
+
+    fn apply(&self, column: &mut [Dd]) {
+        let Some(tail) = column.get_mut(self.from..) else { return };
+        let product: Dd = self.v.iter().zip(tail.iter()).map(|(v, x)| *v * *x).sum();
+        let factor = product * self.scale;
+        for (x, v) in tail.iter_mut().zip(&self.v) {
+            *x -= factor * *v;
+        }
+    }
+}
+
+/// The columns that make one column up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dependent {
+    /// How much larger the column is than the part of it that is its own; infinite when nothing is.
+    pub condition: f64,
+    /// The candidates involved, the refused one last.
+    pub candidates: Vec<usize>,
+}
+
+/// A least-squares problem that grows by a column at a time.
+#[derive(Debug, Clone)]
+pub struct Growing {
+    /// Transformed candidates and, last, the response.
+    columns: Columns,
+    norms: Vec<f64>,
+    chosen: Vec<usize>,
+}
+
+impl Growing {
+    /// Nothing chosen yet.
+    #[must_use]
+    pub fn new(triangle: &Triangle) -> Self {
+        let norm = |column: &Vec<Dd>| column.iter().map(|x| *x * *x).sum::<Dd>().sqrt().to_f64();
+        Growing { columns: triangle.columns.clone(), norms: triangle.columns.iter().map(norm).collect(), chosen: Vec::new() }
+    }
+
+    /// A problem of some candidates alone: cheaper than one that carries all of them along.
+    ///
+    /// # Errors
+    /// The first of them that the ones before make up, numbered as in the triangle.
+    pub fn of(triangle: &Triangle, candidates: &[usize]) -> Result<Self, Dependent> {
+        let mut small = Growing::new(&Triangle {
+            columns: candidates.iter().chain([&triangle.width()]).map(|k| triangle.columns[*k].clone()).collect(),
+            rows: triangle.rows,
+        });
+        for k in 0..candidates.len() {
+            small.add(k).map_err(|dependent| Dependent {
+                candidates: dependent.candidates.iter().map(|k| candidates[*k]).collect(),
+                ..dependent
+            })?;
+        }
+        Ok(small)
+    }
+
+    /// The chosen candidates, in the order in which they came.
+    #[must_use]
+    pub fn chosen(&self) -> &[usize] {
+        &self.chosen
+    }
+
+    /// Appends a candidate.
+    ///
+    /// # Errors
+    /// When the chosen ones make it up; nothing is changed then.
+    pub fn add(&mut self, candidate: usize) -> Result<(), Dependent> {
+        let k = self.chosen.len();
+        self.own_part(candidate)?;
+        let mut column = self.columns[candidate].clone();
+        let reflection = Reflection::of(&mut column, k);
+        self.chosen.push(candidate);
+        if let Some(reflection) = reflection {
+            for (other, entry) in self.columns.iter_mut().enumerate() {
+                // Chosen columns are zero from row k on, except this one.
+                if !self.chosen.contains(&other) {
+                    reflection.apply(entry);
+                }
+            }
+        }
+        self.columns[candidate] = column;
+        Ok(())
+    }
+
+    /// What appending a candidate would give: the coefficients of the chosen ones and, last, its own.
+    #[must_use]
+    pub fn coefficients_with(&self, candidate: usize) -> Option<Vec<Dd>> {
+        let k = self.chosen.len();
+        let own = self.own_part(candidate).ok()?;
+        let (column, response) = (&self.columns[candidate], &self.columns[self.columns.len() - 1]);
+        let product: Dd = column[k..].iter().zip(&response[k..]).map(|(x, y)| *x * *y).sum();
+        let last = product / (own * own);
+        let mut rest: Vec<Dd> = response[..k].iter().zip(column).map(|(y, x)| *y - last * *x).collect();
+        self.back_substitute(&mut rest);
+        rest.push(last);
+        Some(rest)
+    }
+
+    /// The norm of the part of a candidate that the chosen ones do not make up.
+    fn own_part(&self, candidate: usize) -> Result<Dd, Dependent> {
+        let k = self.chosen.len();
+        let column = &self.columns[candidate];
+        let own = column.get(k..).unwrap_or(&[]).iter().map(|x| *x * *x).sum::<Dd>().sqrt();
+        let norm = self.norms[candidate];
+        if own.to_f64() > DEPENDENT * norm {
+            return Ok(own);
+        }
+        // How the chosen ones make it up: R w = column. Those with a share above the threshold's root count as involved.
+        let mut weights: Vec<Dd> = column[..k.min(column.len())].to_vec();
+        weights.resize(k, Dd::ZERO);
+        self.back_substitute(&mut weights);
+        let share = |(weight, chosen): &(&Dd, &usize)| weight.to_f64().abs() * self.norms[**chosen] > DEPENDENT.sqrt() * norm;
+        let mut candidates: Vec<usize> = weights.iter().zip(&self.chosen).filter(share).map(|(_, chosen)| *chosen).collect();
+        candidates.push(candidate);
+        let condition = if own.to_f64() > 0.0 { norm / own.to_f64() } else { f64::INFINITY };
+        Err(Dependent { condition, candidates })
+    }
+
+    /// Solves R x = b in place.
+    fn back_substitute(&self, b: &mut [Dd]) {
+        for row in (0..b.len()).rev() {
+            let column = &self.columns[self.chosen[row]];
+            b[row] = b[row] / column[row];
+            let (above, from) = b.split_at_mut(row);
+            for (entry, value) in above.iter_mut().zip(column) {
+                *entry -= from[0] * *value;
+            }
+        }
+    }
+
+    /// Solves R'x = b in place.
+    fn forward_substitute(&self, b: &mut [Dd]) {
+        for row in 0..b.len() {
+            let column = &self.columns[self.chosen[row]];
+            let known: Dd = b[..row].iter().zip(column).map(|(x, r)| *x * *r).sum();
+            b[row] = (b[row] - known) / column[row];
+        }
+    }
+
+    /// The coefficients of the chosen candidates.
+    #[must_use]
+    pub fn coefficients(&self) -> Vec<Dd> {
+        let mut b = self.columns[self.columns.len() - 1][..self.chosen.len()].to_vec();
+        self.back_substitute(&mut b);
+        b
+    }
+
+    /// The residual sum of squares.
+    #[must_use]
+    pub fn residual_square(&self) -> Dd {
+        let response = &self.columns[self.columns.len() - 1];
+        response.get(self.chosen.len()..).unwrap_or(&[]).iter().map(|x| *x * *x).sum()
+    }
+
+    /// The diagonal of (X'X)^-1.
+    #[must_use]
+    pub fn variances(&self) -> Vec<Dd> {
+        let width = self.chosen.len();
+        // Row i of R^-1 solves R'z = e_i for the whole row at once: (X'X)^-1 = R^-1 R^-T.
+        let mut variances = vec![Dd::ZERO; width];
+        for k in 0..width {
+            let mut unit = vec![Dd::ZERO; width];
+            unit[k] = Dd::ONE;
+            self.back_substitute(&mut unit);
+            for (variance, entry) in variances.iter_mut().zip(&unit) {
+                *variance += *entry * *entry;
+            }
+        }
+        variances
+    }
+
+    /// The leverage of a row of the chosen candidates, x (X'X)^-1 x'.
+    #[must_use]
+    pub fn leverage(&self, row: &[Dd]) -> Dd {
+        let mut z = row.to_vec();
+        self.forward_substitute(&mut z);
+        z.iter().map(|x| *x * *x).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle(rows: &[[f64; 4]]) -> Triangle {
+        let mut compressed = Compressed::new(4);
+        for row in rows {
+            compressed.push(row.map(Dd::from));
+        }
+        compressed.finish()
+    }
+
+    #[test]
+    fn a_line_through_points_that_lie_on_one() {
+        // y = 3 - 2 x, with x^2 as third candidate; more rows than a block, so that the triangle is folded in.
+        let rows: Vec<[f64; 4]> = (0..1500).map(|k| f64::from(k) / 8.0).map(|x| [1.0, x, x * x, 3.0 - 2.0 * x]).collect();
+        let triangle = triangle(&rows);
+        assert_eq!(triangle.rows(), 1500);
+        let mut growing = Growing::new(&triangle);
+        growing.add(0).unwrap();
+        let ahead = growing.coefficients_with(1).unwrap();
+        growing.add(1).unwrap();
+        for found in [ahead, growing.coefficients()] {
+            assert_eq!(found.iter().map(|x| x.to_f64()).collect::<Vec<_>>(), [3.0, -2.0]);
+        }
+        assert!(growing.residual_square().to_f64() < 1e-40);
+    }
+
+    #[test]
+    fn a_column_that_others_make_up_is_named_with_them() {
+        // Third column = first + 2 second; the fourth candidate is free.
+        let rows: Vec<[f64; 4]> = (0..9).map(f64::from).map(|x| [0.1, x.sin(), 0.1 + 2.0 * x.sin(), x]).collect();
+        let triangle = triangle(&rows);
+        let dependent = Growing::of(&triangle, &[1, 0, 2]).unwrap_err();
+        assert_eq!(dependent.candidates, [1, 0, 2]);
+        assert!(dependent.condition > 1e14);
+        // Fewer rows than columns is the same case.
+        assert_eq!(Growing::of(&self::triangle(&rows[1..2]), &[0, 1]).unwrap_err().candidates, [0, 1]);
+    }
+
+    #[test]
+    fn leverages_sum_to_the_number_of_terms() {
+        let rows: Vec<[f64; 4]> = (0..20).map(f64::from).map(|x| [1.0, x, x * x, x.cos()]).collect();
+        let growing = Growing::of(&triangle(&rows), &[0, 1, 2]).unwrap();
+        let sum: Dd = rows.iter().map(|row| growing.leverage(&[row[0], row[1], row[2]].map(Dd::from))).sum();
+        assert!((sum.to_f64() - 3.0).abs() < 1e-15);
+        // The variance of the mean of 20: 1/20 for a constant alone.
+        let mean = Growing::of(&triangle(&rows), &[0]).unwrap();
+        assert!((mean.variances()[0].to_f64() - 0.05).abs() < 1e-17);
+    }
+}

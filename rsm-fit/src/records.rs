@@ -1,0 +1,163 @@
+//! Records: the rows of the data files in the units of the model.
+//!
+//! In: a specification and the names of some of its files. Out: [`Records`] (one list a variable, all of the same length) with the name, hash and
+//! rows of each file, or every fault of every file. The first file that names a unit decides where the specification names none.
+//! Never drops a row.
+
+use rsm_core::source::{Collector, Fault, Faults, Source};
+use sha2::{Digest, Sha256};
+
+use crate::spec::{Specification, Validation};
+use crate::table::{Table, Wanted};
+
+/// Every file's faults, in the order in which the files are named. Never empty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refused(pub Vec<Faults>);
+
+impl std::fmt::Display for Refused {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let lines: Vec<String> = self.0.iter().map(ToString::to_string).collect();
+        write!(f, "{}", lines.join("\n"))
+    }
+}
+
+impl std::error::Error for Refused {}
+
+impl From<Faults> for Refused {
+    fn from(faults: Faults) -> Self {
+        Refused(vec![faults])
+    }
+}
+
+/// A data file as the evidence names it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DataFile {
+    /// The name, as the specification has it.
+    pub name: String,
+    /// SHA-256 of its bytes, in hexadecimal.
+    pub sha256: String,
+    /// How many rows it has.
+    pub rows: usize,
+}
+
+/// The units in which a fit counts: of the inputs, then of the responses. Settled by the specification or by the first file that has one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Units(Vec<Option<String>>);
+
+impl Units {
+    /// What the specification says.
+    #[must_use]
+    pub fn of(specification: &Specification) -> Self {
+        let inputs = specification.inputs.iter().map(|input| input.unit.clone());
+        Units(inputs.chain(specification.responses.iter().map(|response| response.unit.clone())).collect())
+    }
+
+    /// The unit of a variable: inputs first, then responses.
+    #[must_use]
+    pub fn get(&self, variable: usize) -> &str {
+        self.0[variable].as_deref().unwrap_or_default()
+    }
+}
+
+/// Rows in the units of the model.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Records {
+    /// Where they come from.
+    pub files: Vec<DataFile>,
+    /// For every input its values, in natural units.
+    pub inputs: Vec<Vec<f64>>,
+    /// For every response its values.
+    pub responses: Vec<Vec<f64>>,
+    /// For every column that keeps rows together its cells.
+    pub labels: Vec<Vec<String>>,
+}
+
+impl Records {
+    /// Reads some of the files of a specification. `progress` hears the name of each.
+    ///
+    /// # Errors
+    /// Every fault of every file.
+    pub fn read(
+        specification: &Specification,
+        files: &[String],
+        units: &mut Units,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Self, Refused> {
+        let wanted = wanted(specification);
+        let mut records = Records {
+            inputs: vec![Vec::new(); specification.inputs.len()],
+            responses: vec![Vec::new(); specification.responses.len()],
+            labels: vec![Vec::new(); wanted.labels.len()],
+            ..Records::default()
+        };
+        let mut refused = Vec::new();
+        for name in files {
+            progress(name);
+            let source = match Source::read(&specification.path_of(name)) {
+                Ok(source) => source,
+                Err(faults) => {
+                    refused.push(faults);
+                    continue;
+                }
+            };
+            match Table::read(&source, &wanted).and_then(|table| records.append(&table, &wanted, units)) {
+                Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256: hash(source.text()), rows }),
+                Err(faults) => refused.push(faults),
+            }
+        }
+        if refused.is_empty() { Ok(records) } else { Err(Refused(refused)) }
+    }
+
+    fn append(&mut self, table: &Table, wanted: &Wanted, units: &mut Units) -> Result<usize, Faults> {
+        let mut faults = Collector::new();
+        let mut told: Vec<Fault> = Vec::new();
+        let targets = self.inputs.iter_mut().chain(&mut self.responses);
+        for ((target, name), unit) in targets.zip(&wanted.numbers).zip(&mut units.0) {
+            match table.values_in(name, unit.as_deref()) {
+                Ok((values, found)) => {
+                    target.extend(values);
+                    *unit = Some(found);
+                }
+                // A column that serves two variables is told of once.
+                Err(fault) if told.contains(&fault) => {}
+                Err(fault) => {
+                    told.push(fault.clone());
+                    faults.push(fault);
+                }
+            }
+        }
+        for (target, name) in self.labels.iter_mut().zip(&wanted.labels) {
+            target.extend(table.column(name).into_iter().flat_map(|column| column.labels.iter().cloned()));
+        }
+        faults.finish(Some(table.rows()))
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.responses.first().map_or(0, Vec::len)
+    }
+
+    /// Some of the rows.
+    #[must_use]
+    pub fn select(&self, rows: &[usize]) -> Self {
+        let of = |columns: &[Vec<f64>]| columns.iter().map(|column| rows.iter().map(|row| column[*row]).collect()).collect();
+        Records { files: self.files.clone(), inputs: of(&self.inputs), responses: of(&self.responses), labels: Vec::new() }
+    }
+}
+
+fn wanted(specification: &Specification) -> Wanted {
+    let inputs = specification.inputs.iter().map(|input| input.column.clone());
+    let numbers = inputs.chain(specification.responses.iter().map(|response| response.column.clone())).collect();
+    let labels = match &specification.validation {
+        Validation::Split(split) => split.keep_together.clone(),
+        _ => Vec::new(),
+    };
+    Wanted { numbers, labels, every_number: false }
+}
+
+/// SHA-256 in hexadecimal. A source keeps every byte of its file, so this is what `sha256sum` prints.
+#[must_use]
+pub fn hash(text: &str) -> String {
+    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,172 @@
+//! The fit specification (DESIGN.md 5.2): which data, which inputs, which responses, how terms are chosen.
+//!
+//! In: a TOML file. Out: a [`Specification`] whose parts fit together as far as they can be judged without the data, or every fault with line and
+//! column and what is accepted. Paths in it are relative to it. What the format names but this version cannot do is refused in words,
+//! never ignored. Never opens a data file.
+//!
+//! Beyond the format's own example: `column` names the column of an input or of a response where it is not called like it, and a split
+//! keeps declared rows on one side:
+//!
+//! ```toml
+//! validate = { share = 0.3, seed = 7, keep_together = ["run"], mirror = ["i_q"] }
+//! ```
+//!
+//! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows that agree in
+//! all inputs but for the sign of those named by `mirror` (a map whose halves were made from each other).
+
+mod read;
+mod rules;
+
+use std::path::{Path, PathBuf};
+
+use rsm_core::model::{Outside, Surface};
+use rsm_core::source::{Collector, Fault, Faults, Source};
+
+pub(crate) use rules::check_basis_against_ranges;
+
+/// So many candidate terms are the most: the triangle of all of them is held in memory and each step looks at all.
+pub const MOST_TERMS: usize = 1000;
+
+/// What to fit to what, and how.
+#[derive(Debug)]
+pub struct Specification {
+    /// The name of the model.
+    pub model: String,
+    /// Files with the data to fit, as written.
+    pub data: Vec<String>,
+    /// The unseen data.
+    pub validation: Validation,
+    /// The natural variables, in the order of the file.
+    pub inputs: Vec<InputSpec>,
+    /// The responses, in the order of the file.
+    pub responses: Vec<ResponseSpec>,
+    source: Source,
+    folder: PathBuf,
+    places: read::Places,
+}
+
+/// Where unseen data come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Validation {
+    /// From nowhere.
+    None,
+    /// From files of their own, as written.
+    Files(Vec<String>),
+    /// From the data: rows set aside.
+    Split(Split),
+}
+
+/// A random split of the data.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Split {
+    /// The share of the rows that is set aside, between 0 and 1.
+    pub share: f64,
+    /// The seed of the random order.
+    pub seed: u64,
+    /// Columns: rows that agree in all of them stay together.
+    pub keep_together: Vec<String>,
+    /// Inputs: rows that agree in all inputs but for the sign of these stay together.
+    pub mirror: Vec<String>,
+}
+
+/// An input of the model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputSpec {
+    /// Its name.
+    pub name: String,
+    /// The column of the data.
+    pub column: String,
+    /// Its unit; that of the data's header where absent.
+    pub unit: Option<String>,
+    /// Its range; that of the data where absent.
+    pub range: Option<[f64; 2]>,
+    /// What an evaluator does outside the range.
+    pub outside: Outside,
+}
+
+/// A response of the model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResponseSpec {
+    /// The column of the data.
+    pub column: String,
+    /// Its unit; that of the data's header where absent.
+    pub unit: Option<String>,
+    /// Name, inputs, coding, symmetry, knots, reciprocal and output range; no terms yet, and the unit as far as it is given.
+    pub surface: Surface,
+    /// How the terms are chosen.
+    pub method: Method,
+}
+
+/// How the terms of a response are chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Method {
+    /// Figure 1 of the paper: grow until the confidence C is reached.
+    Ladder {
+        /// The highest order of a candidate.
+        max_order: u32,
+        /// C in percent.
+        confidence: f64,
+    },
+    /// These terms, no choice.
+    Fixed(Vec<Vec<u32>>),
+    /// All terms up to an order, no choice.
+    FixedOrder(u32),
+}
+
+impl Specification {
+    /// Reads a specification from a file.
+    ///
+    /// # Errors
+    /// Every fault of the file.
+    pub fn read(path: &Path) -> Result<Self, Faults> {
+        let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        Self::from_source(Source::read(path)?, folder)
+    }
+
+    /// Reads a specification from its text; paths in it are relative to `folder`.
+    ///
+    /// # Errors
+    /// Every fault of the text.
+    pub fn from_source(source: Source, folder: PathBuf) -> Result<Self, Faults> {
+        let mut faults = Collector::new();
+        let draft = read::read(&source, &mut faults);
+        let specification = draft.map(|draft| {
+            let specification = Specification {
+                model: draft.model,
+                data: draft.data,
+                validation: draft.validation,
+                inputs: draft.inputs,
+                responses: draft.responses,
+                places: draft.places,
+                source,
+                folder,
+            };
+            rules::check(&specification, &mut faults);
+            specification
+        });
+        faults.finish(specification)
+    }
+
+    /// The text from which it was read.
+    #[must_use]
+    pub fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// Where a file that is named in it lies.
+    #[must_use]
+    pub fn path_of(&self, file: &str) -> PathBuf {
+        self.folder.join(file)
+    }
+
+    /// The input of a name.
+    #[must_use]
+    pub fn input(&self, name: &str) -> Option<&InputSpec> {
+        self.inputs.iter().find(|input| input.name == name)
+    }
+
+    /// A fault at a part of the specification, by its dotted path.
+    pub(crate) fn fault(&self, path: &str, what: impl Into<String>) -> Fault {
+        self.source.fault(self.places.place(path), what)
+    }
+}

@@ -1,0 +1,403 @@
+//! Reads the keys of a fit specification.
+//!
+//! In: the text. Out: a [`Draft`] of everything that has the right shape, the place of each part, and a fault for everything else. Whether the parts
+//! fit together is judged in [`super::rules`].
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+use rsm_core::model::{Outside, Surface};
+use rsm_core::model_file::{self, HIGHEST_POWER, Located};
+use rsm_core::source::{Collector, Source};
+use rsm_core::toml_reader::{self, TableReader, Value, describe};
+use toml::de::DeValue;
+
+use super::{InputSpec, Method, ResponseSpec, Split, Validation};
+
+/// What of the text has the right shape.
+pub(super) struct Draft {
+    pub model: String,
+    pub data: Vec<String>,
+    pub validation: Validation,
+    pub inputs: Vec<InputSpec>,
+    pub responses: Vec<ResponseSpec>,
+    pub places: Places,
+}
+
+/// Where parts stand, by dotted path such as `inputs.torque.range`.
+#[derive(Debug, Default)]
+pub(super) struct Places {
+    own: BTreeMap<String, Range<usize>>,
+    basis: Located,
+    /// Parts that stand in the file but were refused for their shape: nobody should complain that they are missing.
+    pub broken: BTreeSet<String>,
+}
+
+impl Places {
+    /// Where a part stands, or the nearest part around it.
+    pub fn place(&self, path: &str) -> Range<usize> {
+        if let Some(span) = self.own.get(path) {
+            return span.clone();
+        }
+        let of_basis = self.basis.place(path);
+        if of_basis != (0..0) {
+            return of_basis;
+        }
+        let mut path = path;
+        while let Some(dot) = path.rfind('.') {
+            path = &path[..dot];
+            if let Some(span) = self.own.get(path) {
+                return span.clone();
+            }
+        }
+        0..0
+    }
+
+    fn note(&mut self, path: impl Into<String>, value: Value<'_>) {
+        self.own.insert(path.into(), value.span());
+    }
+}
+
+/// Reads the whole text. `None` when nothing can be judged further; then there is a fault.
+pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
+    let document = match toml_reader::parse(source) {
+        Ok(document) => document,
+        Err(errors) => {
+            errors.list().iter().for_each(|fault| faults.push(fault.clone()));
+            return None;
+        }
+    };
+    let mut top = TableReader::document(source, &document);
+    if !model_file::read_format(&mut top, faults) {
+        return None;
+    }
+    let mut places = Places::default();
+    if let Some(value) = top.optional("model") {
+        places.note("model", value);
+    }
+    let model = top.text("model", faults);
+    let data = top.required("data", faults).and_then(|value| {
+        places.note("data", value);
+        files("`data`", value, &top, faults)
+    });
+    let validation = match top.optional("validate") {
+        None => Some(Validation::None),
+        Some(value) => {
+            places.note("validate", value);
+            read_validation(value, &top, &mut places, faults)
+        }
+    };
+    let mut inputs = Vec::new();
+    let section = top.required("inputs", faults);
+    each_entry(section, "inputs", "input", source, &mut places, faults, |path, name, reader, places, faults| {
+        inputs.push(read_input(path, name, reader, places, faults)?);
+        Some(())
+    });
+    let mut responses = Vec::new();
+    let section = top.required("responses", faults);
+    each_entry(section, "responses", "response", source, &mut places, faults, |path, name, reader, places, faults| {
+        responses.push(read_response(path, name, reader, places, faults)?);
+        Some(())
+    });
+    top.finish(faults);
+    Some(Draft {
+        model: model.unwrap_or_default(),
+        data: data.unwrap_or_default(),
+        validation: validation.unwrap_or(Validation::None),
+        inputs,
+        responses,
+        places,
+    })
+}
+
+/// A list of at least one file.
+fn files<'a>(what: &str, value: Value<'a>, reader: &TableReader<'a>, faults: &mut Collector) -> Option<Vec<String>> {
+    let names: Vec<String> = reader.texts(what, value, faults)?.into_iter().map(|(name, _)| name).collect();
+    if names.is_empty() {
+        faults.push(reader.fault(value.span(), format!("{what}: found no file, expected at least one")));
+        return None;
+    }
+    Some(names)
+}
+
+fn read_validation<'a>(
+    value: Value<'a>,
+    top: &TableReader<'a>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Validation> {
+    match value.get_ref() {
+        DeValue::Array(_) => files("`validate`", value, top, faults).map(Validation::Files),
+        DeValue::Table(_) => {
+            let mut reader = TableReader::of(top.source(), value, "`validate`", faults)?;
+            let share = reader.required("share", faults).and_then(|value| {
+                places.note("validate.share", value);
+                reader.number("`share`", value, faults)
+            });
+            let seed = reader.required("seed", faults).and_then(|value| reader.whole("`seed`", value, 0, i64::MAX, faults));
+            let mut list = |key: &'static str| match reader.optional(key) {
+                None => Some(Vec::new()),
+                Some(value) => {
+                    places.note(format!("validate.{key}"), value);
+                    let names = reader.texts(&format!("`{key}`"), value, faults)?;
+                    Some(names.into_iter().map(|(name, _)| name).collect())
+                }
+            };
+            let (keep_together, mirror) = (list("keep_together"), list("mirror"));
+            reader.finish(faults);
+            Some(Validation::Split(Split {
+                share: share?,
+                seed: seed?.unsigned_abs(),
+                keep_together: keep_together?,
+                mirror: mirror?,
+            }))
+        }
+        other => {
+            let found = describe(other);
+            let what = format!("`validate`: found {found}, expected an array of files or {{ share = 0.3, seed = 7 }}");
+            faults.push(top.fault(value.span(), what));
+            None
+        }
+    }
+}
+
+/// Reads the tables of a section whose keys are free names.
+fn each_entry<'a>(
+    section: Option<Value<'a>>,
+    key: &str,
+    kind: &str,
+    source: &'a Source,
+    places: &mut Places,
+    faults: &mut Collector,
+    mut read: impl FnMut(&str, &str, &mut TableReader<'a>, &mut Places, &mut Collector) -> Option<()>,
+) {
+    let Some(section) = section else { return };
+    places.note(key, section);
+    let Some(entries) = TableReader::of(source, section, format!("`{key}`"), faults) else { return };
+    for (name, span, value) in entries.entries() {
+        let path = format!("{key}.{name}");
+        places.own.insert(path.clone(), span);
+        let whole = TableReader::of(source, value, format!("{kind} `{name}`"), faults).and_then(|mut reader| {
+            let made = read(&path, name, &mut reader, places, faults);
+            reader.finish(faults);
+            made
+        });
+        if whole.is_none() {
+            places.broken.insert(path);
+        }
+    }
+}
+
+fn read_input(
+    path: &str,
+    name: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<InputSpec> {
+    let column = optional_text("column", path, reader, places, faults);
+    let unit = optional_text("unit", path, reader, places, faults);
+    let range = optional_range("range", path, reader, places, faults);
+    let outside = reader.choice("outside", &[("clamp", Outside::Clamp), ("extrapolate", Outside::Extrapolate)], faults);
+    Some(InputSpec {
+        name: name.to_string(),
+        column: column?.unwrap_or_else(|| name.to_string()),
+        unit: unit?,
+        range: range?,
+        outside: outside.unwrap_or_default(),
+    })
+}
+
+/// `Some(None)`: absent; `None`: refused.
+fn optional_text(
+    key: &'static str,
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Option<String>> {
+    match reader.optional(key) {
+        None => Some(None),
+        Some(value) => {
+            places.note(format!("{path}.{key}"), value);
+            reader.optional_text(key, faults).map(Some)
+        }
+    }
+}
+
+/// `Some(None)`: absent; `None`: refused.
+fn optional_range(
+    key: &'static str,
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Option<[f64; 2]>> {
+    let Some(value) = reader.optional(key) else { return Some(None) };
+    places.note(format!("{path}.{key}"), value);
+    let numbers = reader.numbers(&format!("`{key}`"), value, faults)?;
+    match numbers[..] {
+        [low, high] => Some(Some([low, high])),
+        _ => {
+            let what = format!("`{key}`: found {} numbers, expected two: [low, high]", numbers.len());
+            faults.push(reader.fault(value.span(), what));
+            None
+        }
+    }
+}
+
+fn read_response(
+    path: &str,
+    name: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<ResponseSpec> {
+    let column = optional_text("column", path, reader, places, faults);
+    let unit = optional_text("unit", path, reader, places, faults);
+    let inputs = reader.required("inputs", faults).and_then(|value| {
+        places.note(format!("{path}.inputs"), value);
+        let names = reader.texts("`inputs`", value, faults)?;
+        let note = |(k, (input, span)): (usize, (String, Range<usize>))| {
+            places.own.insert(format!("{path}.inputs.{k}"), span);
+            input
+        };
+        Some(names.into_iter().enumerate().map(note).collect::<Vec<String>>())
+    });
+    let output_range = optional_range("output_range", path, reader, places, faults);
+    let basis = model_file::read_basis(path, reader, &mut places.basis, faults);
+    let terms = match reader.optional("terms") {
+        None => Some(None),
+        Some(value) => {
+            places.note(format!("{path}.terms"), value);
+            read_terms(path, value, reader, places, faults).map(Some)
+        }
+    };
+    let select = reader.required("select", faults).and_then(|value| {
+        places.note(format!("{path}.select"), value);
+        read_select(value, terms.clone().flatten(), terms.is_none(), path, reader, places, faults)
+    });
+    refuse_later_work(reader, faults);
+    let (unit, basis) = (unit?, basis?);
+    let surface = Surface {
+        name: name.to_string(),
+        unit: unit.clone().unwrap_or_default(),
+        inputs: inputs?,
+        output_range: output_range?,
+        coding: basis.coding,
+        symmetry: basis.symmetry,
+        knots: basis.knots,
+        reciprocal: basis.reciprocal,
+        ..Surface::default()
+    };
+    Some(ResponseSpec { column: column?.unwrap_or_else(|| name.to_string()), unit, surface, method: select? })
+}
+
+/// Keys of the format for which this version has no method. Ignoring them would give another model than the one asked for.
+fn refuse_later_work(reader: &mut TableReader<'_>, faults: &mut Collector) {
+    if let Some(value) = reader.optional("loss") {
+        let is_least_squares = matches!(value.get_ref(), DeValue::String(word) if word == "least-squares");
+        if !is_least_squares {
+            let what = format!("`loss`: {} is not available in this version", describe(value.get_ref()));
+            faults.push(reader.fault(value.span(), what).help("accepted: \"least-squares\""));
+        }
+    }
+    for key in ["weights", "constraints"] {
+        if reader.optional(key).is_some() {
+            let fault = reader.fault(reader.key_span(key), format!("`{key}` is not available in this version"));
+            faults.push(fault.help("remove it: every row counts alike, and no constraint is laid on the surface"));
+        }
+    }
+}
+
+fn read_terms<'a>(
+    path: &str,
+    value: Value<'a>,
+    reader: &TableReader<'a>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Vec<Vec<u32>>> {
+    let items = reader.array("`terms`", value, faults)?;
+    let mut terms = Vec::new();
+    for (k, item) in items.into_iter().enumerate() {
+        places.note(format!("{path}.terms.{k}"), item);
+        let what = format!("term {}", k + 1);
+        let powers = reader.array(&what, item, faults).map(|powers| {
+            let whole = |power: &Value<'a>| {
+                let power = reader.whole(&what, power, 0, i64::from(HIGHEST_POWER), faults)?;
+                u32::try_from(power).ok()
+            };
+            powers.iter().map(whole).collect::<Vec<Option<u32>>>()
+        });
+        terms.push(powers.and_then(|powers| powers.into_iter().collect::<Option<Vec<u32>>>()));
+    }
+    terms.into_iter().collect()
+}
+
+/// `terms`: those of the response, if there are any; `terms_broken`: there are, but of the wrong shape.
+fn read_select<'a>(
+    value: Value<'a>,
+    terms: Option<Vec<Vec<u32>>>,
+    terms_broken: bool,
+    path: &str,
+    response: &TableReader<'a>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Method> {
+    let mut reader = TableReader::of(response.source(), value, format!("{}: `select`", response.who()), faults)?;
+    let method_value = reader.required("method", faults)?;
+    places.note(format!("{path}.select.method"), method_value);
+    let method = reader.text("method", faults)?;
+    let mut order = |key: &'static str, reader: &mut TableReader<'a>, faults: &mut Collector| {
+        reader.optional(key).map(|value| {
+            places.note(format!("{path}.select.{key}"), value);
+            let order = reader.whole(&format!("`{key}`"), value, 1, i64::from(HIGHEST_POWER), faults)?;
+            u32::try_from(order).ok()
+        })
+    };
+    let selected = match method.as_str() {
+        "ladder" => {
+            if reader.optional("max_order").is_none() {
+                reader.required("max_order", faults);
+            }
+            let max_order = order("max_order", &mut reader, faults).flatten();
+            let confidence = reader.required("confidence", faults).and_then(|value| {
+                places.note(format!("{path}.select.confidence"), value);
+                reader.number("`confidence`", value, faults)
+            });
+            if terms.is_some() || terms_broken {
+                let what = "`terms` stands with method \"fixed\" only; \"ladder\" chooses them itself";
+                faults.push(response.fault(places.place(&format!("{path}.terms")), what));
+            }
+            max_order.zip(confidence).map(|(max_order, confidence)| Method::Ladder { max_order, confidence })
+        }
+        "fixed" => {
+            let order = order("order", &mut reader, faults);
+            match (terms, order) {
+                (Some(terms), None) => Some(Method::Fixed(terms)),
+                (None, Some(order)) if !terms_broken => order.map(Method::FixedOrder),
+                (None, None) if terms_broken => None,
+                (None, None) => {
+                    let what = "method \"fixed\" needs `terms = [[0, 0], ...]` beside `select`, or `order` in it";
+                    faults.push(reader.fault(method_value.span(), what));
+                    None
+                }
+                _ => {
+                    let what = "found both `terms` and `order`, expected one of them";
+                    faults.push(reader.fault(places.place(&format!("{path}.select.order")), what));
+                    None
+                }
+            }
+        }
+        other => {
+            let known = ["stepwise", "best-subset", "lasso"].contains(&other);
+            let what = if known { "is not available in this version" } else { "is not a method" };
+            let fault = reader.fault(method_value.span(), format!("`method`: \"{other}\" {what}"));
+            faults.push(fault.help("accepted: \"ladder\", \"fixed\""));
+            // The keys that belong to it cannot be judged.
+            return None;
+        }
+    };
+    reader.finish(faults);
+    selected
+}

@@ -1,0 +1,262 @@
+//! The rules that the parts of a fit specification keep. One rule is one function.
+//!
+//! In: a [`Specification`] of the right shape. Out: faults. Rules that need the ranges run twice: here for those that are written down, and in the
+//! fit for those that come from the data.
+
+use rsm_core::model::Symmetry;
+use rsm_core::names;
+use rsm_core::source::Collector;
+
+use super::{MOST_TERMS, Method, ResponseSpec, Specification, Validation};
+use crate::design::{count_of_terms, missing_odd_input};
+use crate::units;
+
+pub(super) fn check(specification: &Specification, faults: &mut Collector) {
+    let rules = [check_model, check_validation, check_inputs, check_units, check_responses, check_basis, check_method];
+    for rule in rules {
+        rule(specification, faults);
+    }
+    let written: Vec<_> = specification.inputs.iter().map(|input| input.range).collect();
+    check_basis_against_ranges(specification, &written, faults);
+}
+
+fn check_model(specification: &Specification, faults: &mut Collector) {
+    let place = specification.places.place("model");
+    if place != (0..0)
+        && let Some(reason) = names::refuse_model(&specification.model)
+        && !specification.model.is_empty()
+    {
+        faults.push(specification.fault("model", format!("model name `{}` {reason}", specification.model)));
+    }
+}
+
+fn check_validation(specification: &Specification, faults: &mut Collector) {
+    let Validation::Split(split) = &specification.validation else { return };
+    if !(split.share > 0.0 && split.share < 1.0) {
+        let what = format!("`validate`: `share`: found {}, expected more than 0 and less than 1", split.share);
+        faults.push(specification.fault("validate.share", what));
+    }
+    for name in &split.mirror {
+        if specification.input(name).is_none() && !specification.places.broken.contains(&format!("inputs.{name}")) {
+            let known: Vec<String> = specification.inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+            let fault = specification.fault("validate.mirror", format!("`validate`: `mirror`: there is no input `{name}`"));
+            faults.push(fault.help(format!("the inputs are {}", known.join(", "))));
+        }
+    }
+}
+
+fn check_inputs(specification: &Specification, faults: &mut Collector) {
+    let inputs = &specification.inputs;
+    for (k, input) in inputs.iter().enumerate() {
+        let path = format!("inputs.{}", input.name);
+        let clash = || inputs[..k].iter().find_map(|earlier| names::clash(&earlier.name, &input.name));
+        if let Some(reason) = names::refuse(&input.name).or_else(clash) {
+            faults.push(specification.fault(&path, format!("input name `{}` {reason}", input.name)));
+        }
+        if let Some([low, high]) = input.range
+            && low >= high
+        {
+            let what = format!("input `{}`: `range`: low {low} is not below high {high}", input.name);
+            let fault = specification.fault(&format!("{path}.range"), what);
+            faults.push(if low > high { fault.help(format!("give the range as [{high}, {low}]")) } else { fault });
+        }
+    }
+    if inputs.is_empty() && specification.places.broken.is_empty() {
+        faults.push(specification.fault("inputs", "`inputs`: found none, expected at least one"));
+    }
+}
+
+fn check_units(specification: &Specification, faults: &mut Collector) {
+    let of_inputs = specification.inputs.iter().map(|input| (format!("inputs.{}.unit", input.name), &input.unit));
+    let of_responses = specification.responses.iter().map(|r| (format!("responses.{}.unit", r.surface.name), &r.unit));
+    for (path, unit) in of_inputs.chain(of_responses) {
+        if let Some(Err(reason)) = unit.as_ref().map(|unit| units::check(unit)) {
+            faults.push(specification.fault(&path, format!("`unit`: {reason}")));
+        }
+    }
+}
+
+fn check_responses(specification: &Specification, faults: &mut Collector) {
+    let responses = &specification.responses;
+    for (k, response) in responses.iter().enumerate() {
+        let name = &response.surface.name;
+        let path = format!("responses.{name}");
+        let clash = || responses[..k].iter().find_map(|earlier| names::clash_of_functions(&earlier.surface.name, name));
+        if let Some(reason) = names::refuse_function(&specification.model, name).or_else(clash) {
+            faults.push(specification.fault(&path, format!("response name `{name}` {reason}")));
+        }
+        if let Some([low, high]) = response.surface.output_range
+            && low >= high
+        {
+            let what = format!("response `{name}`: `output_range`: low {low} is not below high {high}");
+            faults.push(specification.fault(&format!("{path}.output_range"), what));
+        }
+        if response.surface.inputs.is_empty() {
+            let what = format!("response `{name}`: `inputs`: found none, expected at least one");
+            faults.push(specification.fault(&format!("{path}.inputs"), what));
+        }
+        for (k, input) in response.surface.inputs.iter().enumerate() {
+            let place = format!("{path}.inputs.{k}");
+            if response.surface.inputs[..k].contains(input) {
+                faults.push(specification.fault(&place, format!("response `{name}`: input `{input}` is named twice")));
+            } else if specification.input(input).is_none() && !specification.places.broken.contains(&format!("inputs.{input}"))
+            {
+                let known: Vec<String> = specification.inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+                let fault = specification.fault(&place, format!("response `{name}`: there is no input `{input}`"));
+                faults.push(fault.help(format!("the inputs are {}", known.join(", "))));
+            }
+        }
+    }
+    if responses.is_empty() && specification.places.broken.is_empty() {
+        faults.push(specification.fault("responses", "`responses`: found none, expected at least one"));
+    }
+}
+
+/// Symmetry, knots and reciprocals name inputs of the response, each once.
+fn check_basis(specification: &Specification, faults: &mut Collector) {
+    for response in &specification.responses {
+        let surface = &response.surface;
+        let who = format!("response `{}`", surface.name);
+        let path = format!("responses.{}", surface.name);
+        let mut known = |place: String, key: &str, input: &String| {
+            if !surface.inputs.contains(input) {
+                let what = format!("{who}: `{key}`: `{input}` is not an input of this response");
+                faults.push(specification.fault(&place, what));
+            }
+        };
+        for (input, _) in &surface.symmetry {
+            known(format!("{path}.symmetry.{input}"), "symmetry", input);
+        }
+        for (k, knot) in surface.knots.iter().enumerate() {
+            known(format!("{path}.knots.{k}"), "knots", &knot.input);
+        }
+        for (k, input) in surface.reciprocal.iter().enumerate() {
+            known(format!("{path}.reciprocal.{k}"), "reciprocal", input);
+        }
+        for (k, knot) in surface.knots.iter().enumerate() {
+            if surface.knots[..k].contains(knot) {
+                let what = format!("{who}: knot {}: stands twice", k + 1);
+                faults.push(specification.fault(&format!("{path}.knots.{k}"), what));
+            }
+        }
+        for (k, input) in surface.reciprocal.iter().enumerate() {
+            let place = format!("{path}.reciprocal.{k}");
+            if surface.reciprocal[..k].contains(input) {
+                faults.push(specification.fault(&place, format!("{who}: `reciprocal`: `{input}` stands twice")));
+            }
+            if surface.symmetry.iter().any(|(symmetric, _)| symmetric == input) {
+                let what = format!("{who}: `{input}` cannot have both `symmetry` and `reciprocal`");
+                faults.push(specification.fault(&place, what));
+            }
+        }
+    }
+}
+
+fn check_method(specification: &Specification, faults: &mut Collector) {
+    for response in &specification.responses {
+        let path = format!("responses.{}", response.surface.name);
+        let who = format!("response `{}`", response.surface.name);
+        match &response.method {
+            Method::Fixed(terms) => check_terms(specification, response, terms, faults),
+            Method::FixedOrder(order) => check_count(specification, response, *order, &format!("{path}.select.order"), faults),
+            Method::Ladder { max_order, confidence } => {
+                check_count(specification, response, *max_order, &format!("{path}.select.max_order"), faults);
+                if !(*confidence > 0.0 && *confidence <= 100.0) {
+                    let what =
+                        format!("{who}: `confidence`: found {confidence}, expected percent, more than 0 and at most 100");
+                    faults.push(specification.fault(&format!("{path}.select.confidence"), what));
+                }
+            }
+        }
+    }
+}
+
+fn check_count(specification: &Specification, response: &ResponseSpec, order: u32, path: &str, faults: &mut Collector) {
+    let surface = &response.surface;
+    let width = surface.inputs.len() + surface.knots.len();
+    let count = count_of_terms(width, order);
+    if count > MOST_TERMS {
+        let what = format!(
+            "response `{}`: {width} variables at order {order} make {count} terms, at most {MOST_TERMS} are accepted",
+            surface.name
+        );
+        faults.push(specification.fault(path, what));
+    } else if surface.symmetry.iter().filter(|(_, kind)| *kind == Symmetry::Odd).count() > order as usize {
+        let what = format!("response `{}`: no term of order {order} holds every odd input", surface.name);
+        faults.push(specification.fault(path, what));
+    }
+}
+
+fn check_terms(specification: &Specification, response: &ResponseSpec, terms: &[Vec<u32>], faults: &mut Collector) {
+    let surface = &response.surface;
+    let path = format!("responses.{}.terms", surface.name);
+    let who = format!("response `{}`", surface.name);
+    if terms.is_empty() {
+        faults.push(specification.fault(&path, format!("{who}: `terms`: found none, expected at least one")));
+    }
+    if terms.len() > MOST_TERMS {
+        let what = format!("{who}: `terms`: found {}, at most {MOST_TERMS} are accepted", terms.len());
+        faults.push(specification.fault(&path, what));
+    }
+    let (inputs, knots) = (surface.inputs.len(), surface.knots.len());
+    for (k, powers) in terms.iter().enumerate() {
+        let place = format!("{path}.{k}");
+        if powers.len() != inputs + knots {
+            let knots = if knots > 0 { format!(" and {knots} knots") } else { String::new() };
+            let expected = format!("one for each of {inputs} inputs{knots}");
+            let what = format!("{who}: term {}: found {} powers, expected {expected}", k + 1, powers.len());
+            faults.push(specification.fault(&place, what));
+            continue;
+        }
+        if let Some(first) = terms[..k].iter().position(|earlier| earlier == powers) {
+            let what = format!("{who}: term {}: powers {powers:?} stand already in term {}", k + 1, first + 1);
+            faults.push(specification.fault(&place, what));
+        }
+        if let Some(input) = missing_odd_input(surface, powers) {
+            let what = format!("{who}: term {}: `{input}` is odd, and this term does not contain it", k + 1);
+            let help = format!("give every term a power of `{input}`, else the surface jumps at {input} = 0");
+            faults.push(specification.fault(&place, what).help(help));
+        }
+    }
+}
+
+/// What symmetry, knots and reciprocals ask of the ranges; `ranges` has one an input, where it is known.
+pub(crate) fn check_basis_against_ranges(specification: &Specification, ranges: &[Option<[f64; 2]>], faults: &mut Collector) {
+    let range_of = |name: &str| {
+        let index = specification.inputs.iter().position(|input| input.name == name);
+        index.and_then(|index| ranges[index])
+    };
+    for response in &specification.responses {
+        let surface = &response.surface;
+        let who = format!("response `{}`", surface.name);
+        let path = format!("responses.{}", surface.name);
+        for (input, _) in &surface.symmetry {
+            if let Some([low, high]) = range_of(input)
+                && low != -high
+            {
+                let what = format!("{who}: `symmetry` of `{input}`: its range [{low}, {high}] is not symmetric about 0");
+                faults.push(specification.fault(&format!("{path}.symmetry.{input}"), what));
+            }
+        }
+        for (k, knot) in surface.knots.iter().enumerate() {
+            let name = &knot.input;
+            let Some([low, high]) = range_of(name) else { continue };
+            let low = if surface.symmetry.iter().any(|(input, _)| input == name) { 0.0 } else { low };
+            if !(low < knot.at && knot.at < high) {
+                let what =
+                    format!("{who}: knot {}: found {name} = {}, expected a value between {low} and {high}", k + 1, knot.at);
+                faults.push(specification.fault(&format!("{path}.knots.{k}"), what));
+            }
+        }
+        for (k, name) in surface.reciprocal.iter().enumerate() {
+            if let Some([low, high]) = range_of(name)
+                && low <= 0.0
+                && high >= 0.0
+            {
+                let what = format!("{who}: `reciprocal` of `{name}`: its range [{low}, {high}] contains 0");
+                let fault = specification.fault(&format!("{path}.reciprocal.{k}"), what);
+                faults.push(fault.help("give the input a range on one side of 0"));
+            }
+        }
+    }
+}

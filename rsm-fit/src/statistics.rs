@@ -1,0 +1,327 @@
+//! What a fitted surface is worth: the figures of DESIGN.md 5.1.
+//!
+//! In: the design of the chosen terms, the solved problem, points and responses. Out: plain structs whose serialised keys are those of `rsm fit --json`.
+//! A figure that does not exist (no degree of freedom, a residual of exactly zero) is `None`, never NaN. Sums are taken in double-double.
+//!
+//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.3 to 2.7 (t, R^2, PRESS, lack of fit); the paper's (14), (15) for C.
+//! Without a constant term R^2 is uncentred, as NIST and R have it.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use serde::ser::{SerializeMap, Serializer};
+use statrs::function::beta::beta_reg;
+
+use crate::canonical::Canonical;
+use crate::dd::Dd;
+use crate::design::{Design, Physical, order};
+use crate::qr::Growing;
+
+/// A residual below this share of the response is what double-double rounding leaves of zero: 2^-104 an operation, and a margin of 2^20 for
+/// the number of operations.
+const NO_RESIDUAL: f64 = 1.0 / 19_342_813_113_834_066_795_298_816.0;
+
+/// Named values in their own order, serialised as a map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Named<T>(pub Vec<(String, T)>);
+
+impl<T: Serialize> Serialize for Named<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        for (name, value) in &self.0 {
+            map.serialize_entry(name, value)?;
+        }
+        map.end()
+    }
+}
+
+/// A fitted term.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TermStatistics {
+    /// A power for every input, then one for every knot.
+    pub powers: Vec<u32>,
+    /// The coefficient, of the coded variables, in the unit of the response.
+    pub coefficient: f64,
+    /// Its standard error.
+    pub standard_error: Option<f64>,
+    /// Coefficient over standard error.
+    pub t: Option<f64>,
+    /// Two-sided probability of such a t when the term is not there.
+    pub p: Option<f64>,
+}
+
+/// The test of lack of fit against the scatter of replicates.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LackOfFit {
+    /// Mean square of lack of fit over that of pure error; none when replicates do not scatter.
+    pub f: Option<f64>,
+    /// Probability of such an F when nothing is lacking.
+    pub p: Option<f64>,
+    /// Degrees of freedom: lack of fit, pure error.
+    pub df: [usize; 2],
+}
+
+/// Errors on data that were not fitted, with the coefficients and the saturation of the model as it is written.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ValidationStatistics {
+    /// How many rows.
+    pub rows: usize,
+    /// Mean of the magnitudes of the errors.
+    pub mean_abs_error: f64,
+    /// The largest magnitude.
+    pub max_abs_error: f64,
+    /// Root of the mean square.
+    pub rmse: f64,
+    /// C of (14), (15).
+    pub confidence_c: Option<f64>,
+}
+
+/// One response, with the keys of DESIGN.md 5.1.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ResponseStatistics {
+    /// The terms, in the order of the model file.
+    pub terms: Vec<TermStatistics>,
+    /// Rows fitted.
+    pub rows: usize,
+    /// Root of the residual mean square.
+    pub residual_sd: Option<f64>,
+    /// Share of the response's square about its mean (about 0 without a constant term) that is explained.
+    pub r2: Option<f64>,
+    /// The same with mean squares.
+    pub r2_adjusted: Option<f64>,
+    /// The same with PRESS.
+    pub r2_predicted: Option<f64>,
+    /// Sum of squares of the errors at rows that are left out one at a time.
+    pub press: Option<f64>,
+    /// C of (14), (15) on the fitted data.
+    pub confidence_c: Option<f64>,
+    /// None without replicates.
+    pub lack_of_fit: Option<LackOfFit>,
+    /// None without validation data.
+    pub validation: Option<ValidationStatistics>,
+    /// None but for second-order surfaces of plain coded variables.
+    pub canonical: Option<Canonical>,
+}
+
+/// Points with their responses.
+#[derive(Debug, Clone, Copy)]
+pub struct Observations<'a> {
+    /// For every input of the surface its values.
+    pub inputs: &'a [&'a [f64]],
+    /// The response.
+    pub response: &'a [f64],
+}
+
+impl Observations<'_> {
+    /// The point of a row.
+    #[must_use]
+    pub fn point(&self, row: usize) -> Vec<Physical> {
+        self.inputs.iter().map(|column| Physical(column[row])).collect()
+    }
+
+    /// Rows with identical settings of all inputs, group by group, in the order of their first rows.
+    #[must_use]
+    pub fn replicates(&self) -> Vec<Vec<usize>> {
+        let mut group_of: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for row in 0..self.response.len() {
+            // + 0.0 makes one of the two zeros.
+            let key = self.inputs.iter().map(|column| (column[row] + 0.0).to_bits()).collect();
+            let group = *group_of.entry(key).or_insert(groups.len());
+            if group == groups.len() {
+                groups.push(Vec::new());
+            }
+            groups[group].push(row);
+        }
+        groups
+    }
+
+    /// The mean response of some rows.
+    #[must_use]
+    pub fn mean(&self, rows: &[usize]) -> Dd {
+        let sum: Dd = rows.iter().map(|row| Dd::from(self.response[*row])).sum();
+        sum / Dd::from(rows.len() as f64)
+    }
+}
+
+/// The value of a polynomial at a row of its design.
+fn value(row: &[Dd], coefficients: &[Dd]) -> Dd {
+    row.iter().zip(coefficients).map(|(x, b)| *x * *b).sum()
+}
+
+/// All but validation and canonical analysis. `growing` holds the terms of `design` in its order.
+#[must_use]
+pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>) -> ResponseStatistics {
+    let rows = observations.response.len();
+    let coefficients = growing.coefficients();
+    let freedom = rows - coefficients.len();
+    let y_square: Dd = observations.response.iter().map(|y| Dd::from(*y) * Dd::from(*y)).sum();
+    let mut rss = growing.residual_square();
+    if rss.sqrt().to_f64() <= NO_RESIDUAL * y_square.sqrt().to_f64() {
+        rss = Dd::ZERO;
+    }
+    let has_constant = design.terms().iter().any(|powers| order(powers) == 0);
+    let total = total_square(observations, has_constant);
+    let mean_square = (freedom > 0).then(|| rss / Dd::from(freedom as f64));
+    let mut press = Some(Dd::ZERO);
+    let mut predictions = Vec::with_capacity(rows);
+    for row in 0..rows {
+        let x = design.row(&observations.point(row));
+        let prediction = value(&x, &coefficients);
+        let own = Dd::ONE - growing.leverage(&x);
+        let error = Dd::from(observations.response[row]) - prediction;
+        // With leverage 1 the surface goes through this point whatever it is: left out, nothing holds the term. 2^-40 is well above the rounding
+        // of the leverage for columns that pass as independent.
+        press = press.filter(|_| own.to_f64() > 1e-12).map(|sum| sum + (error / own) * (error / own));
+        predictions.push(prediction);
+    }
+    if rss == Dd::ZERO {
+        press = press.map(|_| Dd::ZERO);
+    }
+    let terms = terms(design, growing, &coefficients, mean_square, freedom);
+    let share = |part: Option<Dd>, whole: Option<Dd>| {
+        let (part, whole) = (part?, whole?);
+        (whole > Dd::ZERO).then(|| (Dd::ONE - part / whole).to_f64())
+    };
+    let total_freedom = rows - usize::from(has_constant);
+    let total_mean_square = (total_freedom > 0).then(|| total / Dd::from(total_freedom as f64));
+    ResponseStatistics {
+        terms,
+        rows,
+        residual_sd: mean_square.map(|square| square.sqrt().to_f64()),
+        r2: share(Some(rss), Some(total)),
+        r2_adjusted: share(mean_square, total_mean_square),
+        r2_predicted: share(press, Some(total)),
+        press: press.map(Dd::to_f64),
+        confidence_c: confidence(observations, &predictions),
+        lack_of_fit: lack_of_fit(observations, &predictions, coefficients.len()),
+        validation: None,
+        canonical: None,
+    }
+}
+
+fn total_square(observations: Observations<'_>, centred: bool) -> Dd {
+    let all: Vec<usize> = (0..observations.response.len()).collect();
+    let mean = if centred { observations.mean(&all) } else { Dd::ZERO };
+    observations.response.iter().map(|y| (Dd::from(*y) - mean) * (Dd::from(*y) - mean)).sum()
+}
+
+fn terms(
+    design: &Design,
+    growing: &Growing,
+    coefficients: &[Dd],
+    mean_square: Option<Dd>,
+    freedom: usize,
+) -> Vec<TermStatistics> {
+    let columns = design.terms().iter().zip(coefficients).zip(growing.variances());
+    let of_one = |((powers, coefficient), variance): ((&Vec<u32>, &Dd), Dd)| {
+        let error = mean_square.map(|square| (square * variance).sqrt());
+        let t = error.filter(|error| *error > Dd::ZERO).map(|error| (*coefficient / error).to_f64());
+        TermStatistics {
+            powers: powers.clone(),
+            coefficient: coefficient.to_f64(),
+            standard_error: error.map(Dd::to_f64),
+            t,
+            p: t.and_then(|t| two_sided_t(t, freedom as f64)),
+        }
+    };
+    columns.map(of_one).collect()
+}
+
+/// P(|T| > |t|) = I_{df/(df + t^2)}(df/2, 1/2).
+fn two_sided_t(t: f64, freedom: f64) -> Option<f64> {
+    let p = beta_reg(freedom / 2.0, 0.5, freedom / (freedom + t * t));
+    p.is_finite().then_some(p)
+}
+
+/// P(F > f) = I_{d2/(d2 + d1 f)}(d2/2, d1/2).
+fn upper_f(f: f64, [d1, d2]: [f64; 2]) -> Option<f64> {
+    let p = beta_reg(d2 / 2.0, d1 / 2.0, d2 / (d2 + d1 * f));
+    p.is_finite().then_some(p)
+}
+
+/// (14), (15). None when every mean response is 0.
+fn confidence(observations: Observations<'_>, predictions: &[Dd]) -> Option<f64> {
+    let (mut ss_lof, mut ss_y) = (Dd::ZERO, Dd::ZERO);
+    for group in observations.replicates() {
+        let count = Dd::from(group.len() as f64);
+        let mean = observations.mean(&group);
+        // Replicates have one point, so one prediction.
+        let gap = mean - predictions[group[0]];
+        ss_lof += count * gap * gap;
+        ss_y += count * mean * mean;
+    }
+    let confidence = 100.0 - 100.0 * (ss_lof / ss_y).to_f64();
+    confidence.is_finite().then_some(confidence)
+}
+
+fn lack_of_fit(observations: Observations<'_>, predictions: &[Dd], terms: usize) -> Option<LackOfFit> {
+    let groups = observations.replicates();
+    let pure_freedom = observations.response.len() - groups.len();
+    let freedom = groups.len().checked_sub(terms).filter(|freedom| *freedom > 0)?;
+    if pure_freedom == 0 {
+        return None;
+    }
+    let (mut ss_lof, mut ss_pure) = (Dd::ZERO, Dd::ZERO);
+    for group in &groups {
+        let mean = observations.mean(group);
+        let gap = mean - predictions[group[0]];
+        ss_lof += Dd::from(group.len() as f64) * gap * gap;
+        for row in group {
+            let error = Dd::from(observations.response[*row]) - mean;
+            ss_pure += error * error;
+        }
+    }
+    let df = [freedom as f64, pure_freedom as f64];
+    let f = ((ss_lof / Dd::from(df[0])) / (ss_pure / Dd::from(df[1]))).to_f64();
+    let f = f.is_finite().then_some(f);
+    Some(LackOfFit { f, p: f.and_then(|f| upper_f(f, df)), df: [freedom, pure_freedom] })
+}
+
+/// How the model as it is written does on data that were not fitted. None without rows.
+#[must_use]
+pub fn of_validation(
+    design: &Design,
+    coefficients: &[f64],
+    output_range: Option<[f64; 2]>,
+    observations: Observations<'_>,
+) -> Option<ValidationStatistics> {
+    let rows = observations.response.len();
+    if rows == 0 {
+        return None;
+    }
+    let coefficients: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
+    let saturated = |y: Dd| match output_range.map(|range| range.map(Dd::from)) {
+        Some([low, _]) if y < low => low,
+        Some([_, high]) if y > high => high,
+        _ => y,
+    };
+    let predict = |row: usize| saturated(value(&design.row(&observations.point(row)), &coefficients));
+    let predictions: Vec<Dd> = (0..rows).map(predict).collect();
+    let errors = || predictions.iter().zip(observations.response).map(|(prediction, y)| (Dd::from(*y) - *prediction).abs());
+    let count = Dd::from(rows as f64);
+    Some(ValidationStatistics {
+        rows,
+        mean_abs_error: (errors().sum::<Dd>() / count).to_f64(),
+        max_abs_error: errors().fold(0.0, |most, error| error.to_f64().max(most)),
+        rmse: (errors().map(|error| error * error).sum::<Dd>() / count).sqrt().to_f64(),
+        confidence_c: confidence(observations, &predictions),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tails_agree_with_tables() {
+        // R: 2 * pt(-1.2088, 4) = 0.2933; pf(95.7335, 2, 2, lower.tail = FALSE) = 0.01034; 2 * pt(-1056.067, 7) = 1.8e-19.
+        assert!((two_sided_t(1.2088, 4.0).unwrap() - 0.2933).abs() < 5e-5);
+        assert!((upper_f(95.7335, [2.0, 2.0]).unwrap() - 0.01034).abs() < 5e-6);
+        // Two degrees of freedom have closed forms: P(|T| > t) = 1 - t/sqrt(2 + t^2), P(F > f) = 1/(1 + f) for (2, 2).
+        let t: f64 = 30.0;
+        assert!((two_sided_t(t, 2.0).unwrap() / (1.0 - t / (2.0 + t * t).sqrt()) - 1.0).abs() < 1e-11);
+        assert!((upper_f(1e6, [2.0, 2.0]).unwrap() * (1.0 + 1e6) - 1.0).abs() < 1e-11);
+        assert_eq!(two_sided_t(0.0, 5.0), Some(1.0));
+    }
+}

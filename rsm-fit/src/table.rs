@@ -1,0 +1,268 @@
+//! Reads a CSV with units in its header.
+//!
+//! In: a [`Source`] and the names of the columns that are wanted. Out: a [`Table`] of finite numbers (and of labels, where asked), or every
+//! fault with file, line and column. The first line names columns as `name[unit]`; lines that begin with `#` are comments; a byte order
+//! mark, CRLF, quotes and blanks around cells are accepted. Decimals are rounded once, to nearest. Columns that nobody asked for may hold
+//! anything. Never converts a unit: a table says what the file says.
+
+use csv::{ReaderBuilder, StringRecord, Trim};
+use rsm_core::source::{Collector, Fault, Faults, Source};
+
+use crate::units::Conversion;
+
+/// So many faults of one file are told; the rest is counted. A wrong delimiter would otherwise give one a line.
+const MOST_FAULTS: usize = 20;
+
+/// What a caller wants of a file.
+#[derive(Debug, Clone, Default)]
+pub struct Wanted {
+    /// Columns of numbers.
+    pub numbers: Vec<String>,
+    /// Columns whose cells are taken as they stand.
+    pub labels: Vec<String>,
+    /// Every column of the file as numbers, whatever its name.
+    pub every_number: bool,
+}
+
+/// One column of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Its name, without the unit.
+    pub name: String,
+    /// The unit in the header, if there is one.
+    pub unit: Option<String>,
+    /// Its place in the file, from 1.
+    pub place: usize,
+    /// A finite number a row; empty when it was not wanted as numbers.
+    pub values: Vec<f64>,
+    /// The text of the cells; empty when it was not wanted as labels.
+    pub labels: Vec<String>,
+}
+
+/// The wanted columns of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// The file, as messages speak of it.
+    pub file: String,
+    /// Line of the header.
+    pub header_line: usize,
+    /// All columns, in the order of the file.
+    pub columns: Vec<Column>,
+    /// The line of every row.
+    pub lines: Vec<usize>,
+}
+
+impl Table {
+    /// Reads the wanted columns. A wanted column that is not there is a fault.
+    ///
+    /// # Errors
+    /// Every fault, in the order of the file; past the first 20 they are counted only.
+    pub fn read(source: &Source, wanted: &Wanted) -> Result<Table, Faults> {
+        let mut reader = Reader { source, faults: Vec::new(), hidden: 0 };
+        let table = reader.table(wanted);
+        reader.finish(table)
+    }
+
+    /// The column of a name.
+    #[must_use]
+    pub fn column(&self, name: &str) -> Option<&Column> {
+        self.columns.iter().find(|column| column.name == name)
+    }
+
+    /// The values of a column in a unit; without one, in the unit of the header. Gives the unit too.
+    ///
+    /// # Errors
+    /// A fault at the header: no unit anywhere, an unknown one, or one that measures something else.
+    ///
+    /// # Panics
+    /// When the column was not among the wanted numbers.
+    pub fn values_in(&self, name: &str, unit: Option<&str>) -> Result<(Vec<f64>, String), Fault> {
+        let column = self.column(name).expect("a wanted column is in the table");
+        let fault =
+            |what: String| Fault::at_line(&self.file, self.header_line, 0, format!("column {} `{name}`: {what}", column.place));
+        let conversion = match (column.unit.as_deref(), unit) {
+            (None, None) => {
+                let help = format!(
+                    "write `{name}[unit]` in the header, or `unit = \"...\"` in the specification; `1` is no dimension"
+                );
+                return Err(fault("it has no unit".to_string()).help(help));
+            }
+            (None, Some(unit)) => Conversion::between(unit, unit),
+            (Some(unit), None) => Conversion::between(unit, unit),
+            (Some(from), Some(to)) => Conversion::between(from, to),
+        };
+        let conversion = conversion.map_err(fault)?;
+        let unit = unit.or(column.unit.as_deref()).unwrap_or_default().to_string();
+        Ok((column.values.iter().map(|value| conversion.apply(*value)).collect(), unit))
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.lines.len()
+    }
+}
+
+struct Reader<'a> {
+    source: &'a Source,
+    faults: Vec<Fault>,
+    hidden: usize,
+}
+
+impl Reader<'_> {
+    fn fault(&mut self, fault: Fault) {
+        if self.faults.len() < MOST_FAULTS {
+            self.faults.push(fault);
+        } else {
+            self.hidden += 1;
+        }
+    }
+
+    fn at_line(&self, line: usize, what: impl Into<String>) -> Fault {
+        Fault::at_line(self.source.name(), line, 0, what)
+    }
+
+    fn finish(self, table: Option<Table>) -> Result<Table, Faults> {
+        let mut collector = Collector::new();
+        let last_line = self.faults.last().map_or(0, |fault| fault.line);
+        for fault in self.faults {
+            collector.push(fault);
+        }
+        if self.hidden > 0 {
+            // At the last listed line: the collector sorts by line and keeps the order within one.
+            let more = format!("{} more faults from here on are not listed", self.hidden);
+            collector.push(Fault::at_line(self.source.name(), last_line, 0, more));
+        }
+        collector.finish(table)
+    }
+
+    fn table(&mut self, wanted: &Wanted) -> Option<Table> {
+        let text = self.source.text();
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let mut csv = ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .comment(Some(b'#'))
+            .trim(Trim::All)
+            .from_reader(text.as_bytes());
+        let mut records = csv.records();
+        let Some(header) = records.next() else {
+            self.fault(
+                Fault::whole_file(self.source.name(), "the file is empty").help("the first line names columns as `name[unit]`"),
+            );
+            return None;
+        };
+        let header = self.record(header)?;
+        let mut table = Table {
+            file: self.source.name().to_string(),
+            header_line: line_of(&header),
+            columns: self.header(&header),
+            lines: Vec::new(),
+        };
+        let roles = self.roles(&table, wanted);
+        for record in records {
+            let Some(record) = self.record(record) else { continue };
+            self.row(&record, &roles, &mut table);
+        }
+        if table.lines.is_empty() && self.faults.is_empty() {
+            let what = "there is no row below the header";
+            self.fault(self.at_line(table.header_line, what));
+        }
+        Some(table)
+    }
+
+    fn record(&mut self, record: csv::Result<StringRecord>) -> Option<StringRecord> {
+        match record {
+            Ok(record) => Some(record),
+            Err(error) => {
+                let line = error.position().map_or(0, |at| at.line() as usize);
+                self.fault(self.at_line(line, format!("not valid CSV: {error}")));
+                None
+            }
+        }
+    }
+
+    fn header(&mut self, header: &StringRecord) -> Vec<Column> {
+        let line = line_of(header);
+        let mut columns: Vec<Column> = Vec::new();
+        for (k, cell) in header.iter().enumerate() {
+            let place = k + 1;
+            let (name, unit) = match cell.split_once('[') {
+                None => (cell, None),
+                Some((name, rest)) => match rest.strip_suffix(']') {
+                    Some(unit) => (name.trim_end(), Some(unit.trim().to_string())),
+                    None => {
+                        let what = format!("column {place} is headed `{cell}`, expected `name` or `name[unit]`");
+                        self.fault(self.at_line(line, what));
+                        (name, None)
+                    }
+                },
+            };
+            if name.is_empty() {
+                self.fault(self.at_line(line, format!("column {place} has no name")));
+            } else if let Some(first) = columns.iter().find(|column| column.name == name) {
+                let what = format!("columns {} and {place} are both named `{name}`", first.place);
+                self.fault(self.at_line(line, what).help("rename or remove one of them"));
+            }
+            columns.push(Column { name: name.to_string(), unit, place, values: Vec::new(), labels: Vec::new() });
+        }
+        columns
+    }
+
+    /// For every column of the file: wanted as numbers, wanted as labels. Reports wanted ones that are missing.
+    fn roles(&mut self, table: &Table, wanted: &Wanted) -> Vec<(bool, bool)> {
+        let names = table.columns.iter().map(|column| format!("`{}`", column.name)).collect::<Vec<_>>().join(", ");
+        for name in wanted.numbers.iter().chain(&wanted.labels) {
+            if table.column(name).is_none() {
+                let mut fault =
+                    self.at_line(table.header_line, format!("there is no column `{name}`; the columns are {names}"));
+                if table.columns.len() == 1 && table.columns[0].name.contains([';', '\t']) {
+                    fault = fault.help("separate the cells by commas, with a point in decimals");
+                }
+                self.fault(fault);
+            }
+        }
+        let of = |column: &Column| {
+            (wanted.every_number || wanted.numbers.contains(&column.name), wanted.labels.contains(&column.name))
+        };
+        table.columns.iter().map(of).collect()
+    }
+
+    fn row(&mut self, record: &StringRecord, roles: &[(bool, bool)], table: &mut Table) {
+        let line = line_of(record);
+        if record.len() != table.columns.len() {
+            let what = format!("the row has {}, the header has {}", cells(record.len()), table.columns.len());
+            self.fault(self.at_line(line, what));
+            return;
+        }
+        table.lines.push(line);
+        for ((cell, column), (is_number, is_label)) in record.iter().zip(&mut table.columns).zip(roles) {
+            if *is_label {
+                column.labels.push(cell.to_string());
+            }
+            if !is_number {
+                continue;
+            }
+            let found = match cell.parse::<f64>() {
+                Ok(value) if value.is_finite() => {
+                    column.values.push(value);
+                    continue;
+                }
+                // What reads as a number and is not finite: nan, inf, and decimals beyond the largest f64.
+                Ok(_) => format!("`{cell}`, expected a finite number"),
+                Err(_) if cell.is_empty() => "an empty cell, expected a number".to_string(),
+                Err(_) => format!("`{cell}`, expected a number"),
+            };
+            let what = format!("column {} `{}`: found {found}", column.place, column.name);
+            self.fault(self.at_line(line, what));
+        }
+    }
+}
+
+fn line_of(record: &StringRecord) -> usize {
+    record.position().map_or(0, |at| at.line() as usize)
+}
+
+fn cells(count: usize) -> String {
+    if count == 1 { "1 cell".to_string() } else { format!("{count} cells") }
+}
