@@ -1,0 +1,30 @@
+//! What the macro makes of a good file, and what cargo and the compiler say about a bad, a mended and an edited one.
+
+mod cargo_project;
+mod edited;
+mod refused;
+
+rsm_macros::include_model!("tests/models/two_inputs.toml");
+
+mod only_f32 {
+    rsm_macros::include_model!("tests/models/two_inputs.toml", precision = "f32");
+}
+
+mod only_f64 {
+    rsm_macros::include_model!("tests/models/two_inputs.toml", precision = "f64",);
+}
+
+mod as_far_as_it_goes {
+    rsm_macros::include_model!("tests/models/too_large.toml");
+}
+
+#[test]
+fn the_module_holds_the_evaluators_of_both_precisions() {
+    // Torque 2 is x1 = 1, speed 0.5 is x2 = 0.5: 1.5 - 0.25 * 0.5.
+    assert_eq!(two_inputs::angle(2.0, 0.5), 1.375);
+    assert_eq!(two_inputs::angle_f32(2.0, 0.5), 1.375);
+    assert_eq!(only_f32::two_inputs::angle_f32(2.0, 0.5), 1.375);
+    assert_eq!(only_f64::two_inputs::angle(2.0, 0.5), 1.375);
+    // f32 cannot hold this one, and was not asked for by name.
+    assert_eq!(as_far_as_it_goes::too_large::angle(1.0, 0.5), 1e300);
+}

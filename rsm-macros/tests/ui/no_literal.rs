@@ -1,0 +1,5 @@
+//! A name in place of a path.
+
+rsm_macros::include_model!(two_inputs);
+
+fn main() {}
