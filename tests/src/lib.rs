@@ -1,1 +1,11 @@
-//! Tests that cross crates.
+//! What the tests that cross crates share.
+//!
+//! In: the random models that the build script wrote, the compilers of this machine. Out: cases, points that hurt, evaluators loaded from
+//! what a compiler made of emitted text, reports of a difference. No test stands here.
+
+pub mod backend;
+pub mod cases;
+pub mod compilers;
+pub mod object;
+pub mod points;
+pub mod report;

@@ -11,8 +11,6 @@ pub mod rust;
 
 pub use crate::names::Kind;
 
-use crate::check::Checked;
-use crate::lower;
 use crate::model::{Input, Outside};
 use crate::names;
 use crate::number::{self, Precision};
@@ -42,33 +40,6 @@ pub struct Function {
     pub output_range: Option<[f64; 2]>,
     /// What is computed. A support test ends in exactly 1 or 0.
     pub tape: Tape,
-}
-
-impl Unit {
-    /// The unit of a model: for each precision every surface, followed by its support test where it has one.
-    ///
-    /// # Panics
-    /// When a precision cannot hold the model: ask [`Checked::refusal`] first.
-    #[must_use]
-    pub fn new(checked: &Checked, precisions: &[Precision]) -> Self {
-        let model = checked.model();
-        let mut functions = Vec::new();
-        for precision in precisions {
-            for (index, surface) in model.surfaces.iter().enumerate() {
-                let function = |kind: Kind, tape: Tape| Function {
-                    surface: surface.name.clone(),
-                    kind,
-                    unit: surface.unit.clone(),
-                    inputs: checked.inputs_of(surface),
-                    output_range: surface.output_range,
-                    tape,
-                };
-                functions.push(function(Kind::Surface, lower::surface(checked, index, *precision)));
-                functions.extend(lower::support(checked, index, *precision).map(|tape| function(Kind::Support, tape)));
-            }
-        }
-        Unit { model: model.name.clone(), functions }
-    }
 }
 
 impl Function {

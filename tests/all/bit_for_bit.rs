@@ -1,0 +1,212 @@
+//! Every back end gives the bits of the interpreter.
+//!
+//! One suite, instantiated for emitted Rust through the macro and by rustc at opt 0 and 3, and for emitted C through gcc and clang, with
+//! every way of optimising and of fusing that keeps IEEE 754. `cargo test` runs it at the points that hurt and a few random ones,
+//! `cargo test --release -- --include-ignored` at 10^6 random points a model.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, OnceLock};
+
+use rsm_core::model::Surface;
+use rsm_tests::backend::{Backend, Linked, Loaded, Reference};
+use rsm_tests::cases::{self, Case};
+use rsm_tests::compilers::{self, Compiler};
+use rsm_tests::points::{Number, Points};
+use rsm_tests::report;
+
+/// Models through `include_model!`. The build script wrote the calls.
+mod through_the_macro {
+    include!(concat!(env!("OUT_DIR"), "/macro_models.rs"));
+}
+
+/// Random points of each function beside those that hurt: they keep `cargo test` at opt 0 short. The long matrix is the real one.
+const FEW: usize = 200;
+
+/// Random points of each function in the long matrix.
+const MANY: usize = 1_000_000;
+
+/// Points are made and compared in portions, so that the long matrix does not fill the memory.
+const PORTION: usize = 8192;
+
+/// Each is a way in which a user may compile and which keeps IEEE 754. The last options are there to invite fused operations.
+const C_COMPILERS: &[&str] = &[
+    "gcc -std=c99 -O0",
+    "gcc -std=c99 -O2",
+    "gcc -std=c99 -O3 -march=native",
+    "gcc -std=c99 -O2 -mfma -ffp-contract=fast",
+    "gcc -std=gnu11 -O2 -mfma",
+    "clang -std=c99 -O0",
+    "clang -std=c99 -O2",
+    "clang -std=c99 -O3 -march=native",
+    "clang -std=c99 -O2 -mfma -ffp-contract=fast",
+    "clang -std=gnu11 -O2 -mfma",
+];
+
+const RUST_OPTIONS: &[&str] = &["-C opt-level=0", "-C opt-level=3", "-C opt-level=3 -C target-cpu=native"];
+
+fn scratch() -> &'static Path {
+    Path::new(env!("CARGO_TARGET_TMPDIR"))
+}
+
+fn random_cases() -> &'static [Case] {
+    static CASES: OnceLock<Vec<Case>> = OnceLock::new();
+    CASES.get_or_init(cases::random)
+}
+
+/// The emitted C of every model, written once.
+fn c_folder() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let folder = compilers::fresh(scratch(), "bits-c");
+        compilers::write_c(random_cases().iter().map(|case| &case.unit), &folder);
+        folder
+    })
+}
+
+/// The emitted Rust of every model, written once.
+fn rust_folder() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let folder = compilers::fresh(scratch(), "bits-rust");
+        compilers::write_rust(random_cases().iter().map(|case| &case.unit), &folder);
+        folder
+    })
+}
+
+fn file_name(line: &str) -> String {
+    line.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_")
+}
+
+fn c_backend(line: &str) -> Loaded {
+    // A machine without fused operations cannot show that none is used.
+    let library = compilers::c_library(&Compiler::new(line), c_folder(), &file_name(line));
+    Loaded::open(line, &library)
+}
+
+fn rust_backend(options: &str) -> Loaded {
+    let name = file_name(&format!("rust{options}"));
+    Loaded::open(&format!("rustc {options}"), &compilers::rust_library(options, rust_folder(), &name))
+}
+
+/// Compares back ends with the interpreter over all models, on two threads.
+fn compare(of_f64: &[&dyn Backend<f64>], of_f32: &[&dyn Backend<f32>], random: usize) {
+    let next = AtomicUsize::new(0);
+    let failures = Mutex::new(Vec::new());
+    let functions: Vec<(&Case, usize)> =
+        random_cases().iter().flat_map(|case| (0..case.unit.functions.len()).map(move |k| (case, k))).collect();
+    let work = || {
+        while let Some((case, k)) = functions.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let function = &case.unit.functions[*k];
+            let found = match function.tape.precision {
+                rsm_core::number::Precision::F64 => compare_function(case, *k, of_f64, random),
+                rsm_core::number::Precision::F32 => compare_function(case, *k, of_f32, random),
+            };
+            failures.lock().expect("no panic in between").extend(found);
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(work);
+        scope.spawn(work);
+    });
+    let failures = failures.into_inner().expect("no panic in between");
+    assert!(failures.is_empty(), "{} functions differ\n\n{}", failures.len(), failures.join("\n"));
+}
+
+fn compare_function<T: Number>(case: &Case, function: usize, backends: &[&dyn Backend<T>], random: usize) -> Vec<String> {
+    let function = &case.unit.functions[function];
+    let surface: &Surface = case.checked.model().surface(&function.surface).expect("a function of a surface");
+    let mut points = Points::<T>::new(function, surface);
+    let mut silent: Vec<&&dyn Backend<T>> = backends.iter().collect();
+    let mut failures = vec![];
+    let mut portion = points.hurtful();
+    let mut left = random;
+    loop {
+        let expected = Reference.evaluate(&case.unit, function, &portion);
+        silent.retain(|backend| {
+            let found = backend.evaluate(&case.unit, function, &portion);
+            let difference = report::differences(&case.unit.model, function, backend.name(), &portion, &expected, &found);
+            let is_silent = difference.is_none();
+            failures.extend(difference);
+            is_silent
+        });
+        if left == 0 {
+            return failures;
+        }
+        portion = points.random(left.min(PORTION));
+        left -= left.min(PORTION);
+    }
+}
+
+fn compare_loaded(backends: &[Loaded], random: usize) {
+    let of_f64: Vec<&dyn Backend<f64>> = backends.iter().map(|backend| backend as &dyn Backend<f64>).collect();
+    let of_f32: Vec<&dyn Backend<f32>> = backends.iter().map(|backend| backend as &dyn Backend<f32>).collect();
+    compare(&of_f64, &of_f32, random);
+}
+
+fn macros() -> (Linked<f64>, Linked<f32>) {
+    (Linked::new("include_model!", through_the_macro::F64), Linked::new("include_model!", through_the_macro::F32))
+}
+
+#[test]
+fn the_random_models_cover_what_they_must() {
+    let models: Vec<_> = random_cases().iter().map(|case| case.checked.model()).collect();
+    let surfaces: Vec<&Surface> = models.iter().flat_map(|model| &model.surfaces).collect();
+    assert!(models.len() >= 30);
+    for inputs in 1..=6 {
+        assert!(models.iter().any(|model| model.inputs.len() == inputs), "{inputs} inputs");
+    }
+    let count = |wanted: &dyn Fn(&Surface) -> bool| surfaces.iter().filter(|surface| wanted(surface)).count();
+    use rsm_core::model::{Coding, Outside, Symmetry};
+    let symmetric = |kind: Symmetry| count(&|surface| surface.symmetry.iter().any(|(_, symmetry)| *symmetry == kind));
+    assert!(symmetric(Symmetry::Odd) > 2 && symmetric(Symmetry::Even) > 2);
+    assert!(count(&|surface| !surface.knots.is_empty()) > 5);
+    assert!(count(&|surface| !surface.reciprocal.is_empty()) > 5);
+    assert!(count(&|surface| surface.output_range.is_some()) > 5);
+    assert!(count(&|surface| !surface.support.is_empty()) > 5);
+    assert!(count(&|surface| surface.coding == Coding::None) > 3);
+    for outside in [Outside::Clamp, Outside::Extrapolate] {
+        assert!(models.iter().flat_map(|model| &model.inputs).filter(|input| input.outside == outside).count() > 5);
+    }
+    let functions = random_cases().iter().flat_map(|case| &case.unit.functions);
+    assert!(functions.filter(|function| function.tape.precision == rsm_core::number::Precision::F32).count() > 30);
+}
+
+#[test]
+fn macro_keeps_the_bits() {
+    let (of_f64, of_f32) = macros();
+    compare(&[&of_f64], &[&of_f32], FEW);
+}
+
+#[test]
+fn rustc_keeps_the_bits() {
+    let backends: Vec<Loaded> = RUST_OPTIONS.iter().map(|options| rust_backend(options)).collect();
+    compare_loaded(&backends, FEW);
+}
+
+#[test]
+fn gcc_keeps_the_bits() {
+    let lines = C_COMPILERS.iter().filter(|line| line.starts_with("gcc"));
+    compare_loaded(&lines.map(|line| c_backend(line)).collect::<Vec<_>>(), FEW);
+}
+
+#[test]
+fn clang_keeps_the_bits() {
+    let lines = C_COMPILERS.iter().filter(|line| line.starts_with("clang"));
+    compare_loaded(&lines.map(|line| c_backend(line)).collect::<Vec<_>>(), FEW);
+}
+
+#[test]
+#[ignore = "10^6 points a function take minutes: run by `cargo xtask test` with --release"]
+fn all_back_ends_keep_the_bits_at_a_million_points() {
+    let loaded: Vec<Loaded> =
+        RUST_OPTIONS.iter().map(|options| rust_backend(options)).chain(C_COMPILERS.iter().map(|line| c_backend(line))).collect();
+    let (macro_f64, macro_f32) = macros();
+    let mut of_f64: Vec<&dyn Backend<f64>> = vec![&macro_f64];
+    let mut of_f32: Vec<&dyn Backend<f32>> = vec![&macro_f32];
+    for backend in &loaded {
+        of_f64.push(backend);
+        of_f32.push(backend);
+    }
+    compare(&of_f64, &of_f32, MANY);
+}

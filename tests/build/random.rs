@@ -1,0 +1,155 @@
+//! Random models from a fixed seed, made to be awkward.
+//!
+//! Out: one model for every number of inputs from 1 to 6 and every order from 1 to 5, then a few more. Ranges are ordinary, narrow,
+//! offset, tiny, huge, symmetric, negative; every option of the model file occurs. Every model passes the check.
+
+use rsm_core::model::{Coding, HalfSpace, Input, Knot, Model, Outside, Surface, Symmetry, Term};
+
+/// More terms say nothing new and take long to compile 14 times.
+const MOST_TERMS: usize = 56;
+
+/// Models beyond one for each number of inputs and order.
+const EXTRA: usize = 6;
+
+pub(crate) fn models() -> Vec<Model> {
+    let mut random = Random(0x0123_4567_89ab_cdef);
+    let shapes = (1..=6).flat_map(|inputs| (1..=5).map(move |order| (inputs, order)));
+    let extra = (0..EXTRA).map(|k| (1 + k % 3, 2 + k as u32 % 2));
+    shapes.chain(extra).enumerate().map(|(index, (inputs, order))| model(&mut random, index, inputs, order)).collect()
+}
+
+fn model(random: &mut Random, index: usize, inputs: usize, order: u32) -> Model {
+    let coding = if index % 7 == 3 { Coding::None } else { Coding::Range };
+    let inputs: Vec<Input> = (0..inputs).map(|k| input(random, index, k, coding)).collect();
+    let mut surfaces = vec![surface(random, "s", inputs.clone(), order, coding)];
+    if index % 5 == 0 {
+        // Another surface with the inputs the other way round: the order of its arguments is its own.
+        let backwards: Vec<Input> = inputs.iter().rev().take(2).cloned().collect();
+        surfaces.push(surface(random, "t", backwards, order, coding));
+    }
+    Model { name: format!("m{index:02}"), inputs, surfaces, compensators: vec![] }
+}
+
+fn input(random: &mut Random, index: usize, k: usize, coding: Coding) -> Input {
+    let width = random.between(0.5, 4.0);
+    let low = random.between(-3.0, 3.0);
+    // With natural powers a huge range would leave nothing but infinities.
+    let kind = if coding == Coding::None { random.below(4) } else { random.below(9) };
+    let range = match kind {
+        0 | 1 => [low, low + width],
+        2 => [-width, width],
+        3 => [width, 3.0 * width],
+        // Narrow and far from 0: f32 has 16 numbers in it.
+        4 => [1e6 + 1.0, 1e6 + 2.0],
+        5 => [-273.15 - width * 1e-3, -273.15],
+        6 => [-3e-12 * width, 1e-12],
+        7 => [-4e15, 7e15 * width],
+        _ => [0.0, 250.0 * width],
+    };
+    let outside = if random.below(3) == 0 { Outside::Extrapolate } else { Outside::Clamp };
+    let units = ["N*m", "rad/s", "1", "\u{b5}A", "deg", ""];
+    let names = ["torque", "speed", "i_q", "Ud", "x", "gear"];
+    Input { name: names[k].to_string(), unit: units[(index + k) % units.len()].to_string(), range, outside }
+}
+
+fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, coding: Coding) -> Surface {
+    let mut symmetry = vec![];
+    let mut reciprocal = vec![];
+    let mut knots: Vec<Knot> = vec![];
+    for input in &inputs {
+        let [low, high] = input.range;
+        let symmetric = low == -high;
+        if symmetric && random.below(4) > 0 {
+            let odd = random.below(2) == 0;
+            symmetry.push((input.name.clone(), if odd { Symmetry::Odd } else { Symmetry::Even }));
+        } else if low * high > 0.0 && random.below(3) == 0 {
+            reciprocal.push(input.name.clone());
+        }
+        if random.below(4) == 0 {
+            let bottom = if symmetric { 0.0 } else { low };
+            knots.push(Knot { input: input.name.clone(), at: bottom + (high - bottom) * random.between(0.2, 0.8) });
+        }
+    }
+    // Far from 0 the middle of a narrow range may round onto a bound.
+    knots.retain(|knot| inputs.iter().all(|input| input.name != knot.input || (input.range[0] < knot.at && knot.at < input.range[1])));
+    let scale = [1.0, 1.0, 1e3, 1e-9, 1e12][random.below(5)];
+    let odd: Vec<bool> =
+        inputs.iter().map(|input| symmetry.contains(&(input.name.clone(), Symmetry::Odd))).collect();
+    let mut powers = monomials(inputs.len() + knots.len(), order);
+    for powers in &mut powers {
+        for (k, _) in odd.iter().enumerate().filter(|(_, odd)| **odd) {
+            powers[k] = powers[k].max(1);
+        }
+    }
+    powers.sort();
+    powers.dedup();
+    while powers.len() > MOST_TERMS {
+        let victim = random.below(powers.len());
+        powers.remove(victim);
+    }
+    let terms = powers.into_iter().map(|powers| Term { powers, coefficient: coefficient(random, scale) }).collect();
+    let output_range = (random.below(3) == 0).then(|| [-0.5 * scale, scale * random.between(0.1, 2.0)]);
+    let support = match random.below(3) {
+        0 => (0..2).map(|_| HalfSpace { normal: inputs.iter().map(|_| random.between(-1.0, 1.0)).collect(), bound: 0.3 }).collect(),
+        _ => vec![],
+    };
+    Surface {
+        name: name.to_string(),
+        unit: "N*m/A".to_string(),
+        inputs: inputs.into_iter().map(|input| input.name).collect(),
+        output_range,
+        coding,
+        symmetry,
+        knots,
+        reciprocal,
+        terms,
+        support,
+        evidence: vec![],
+    }
+}
+
+/// A whole number, or one with all its bits in use; rarely much smaller than the others, as after a fit with too many terms.
+fn coefficient(random: &mut Random, scale: f64) -> f64 {
+    match random.below(8) {
+        0 => 3.0,
+        1 => -1.0,
+        2 => scale * random.between(-1.0, 1.0) * 1e-7,
+        _ => scale * random.between(-2.0, 2.0),
+    }
+}
+
+/// All powers of `variables` variables whose sum is at most `order`.
+fn monomials(variables: usize, order: u32) -> Vec<Vec<u32>> {
+    if variables == 0 {
+        return vec![vec![]];
+    }
+    let mut all = vec![];
+    for first in 0..=order {
+        for mut rest in monomials(variables - 1, order - first) {
+            rest.insert(0, first);
+            all.push(rest);
+        }
+    }
+    all
+}
+
+/// Splitmix64 (Steele, Lea, Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        (self.next() % limit as u64) as usize
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * ((self.next() >> 11) as f64 * 2f64.powi(-53))
+    }
+}

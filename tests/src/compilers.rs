@@ -1,0 +1,182 @@
+//! The compilers of this machine, and what they make of emitted text.
+//!
+//! In: units and options. Out: shared objects and object files in a scratch folder of the caller, or what the compiler said when it
+//! refused. A compiler that is missing is a failure that names the package to install.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use rsm_core::emit::{self, Function, Kind, Unit};
+use rsm_core::names;
+use rsm_core::number::Precision;
+
+/// One way of compiling.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Compiler {
+    /// The program.
+    pub program: String,
+    /// Its options.
+    pub options: Vec<String>,
+}
+
+impl Compiler {
+    /// From a command line such as `gcc -std=c99 -O2`.
+    ///
+    /// # Panics
+    /// On an empty line.
+    #[must_use]
+    pub fn new(line: &str) -> Self {
+        let mut words = line.split_whitespace().map(str::to_string);
+        let program = words.next().expect("a program");
+        Compiler { program, options: words.collect() }
+    }
+
+    /// The command line.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!("{} {}", self.program, self.options.join(" "))
+    }
+
+    /// Runs the compiler.
+    ///
+    /// # Panics
+    /// When it cannot be started.
+    pub fn run(&self, arguments: &[&str], folder: &Path) -> Output {
+        let mut command = Command::new(&self.program);
+        command.args(&self.options).args(arguments).current_dir(folder);
+        command.output().unwrap_or_else(|error| panic!("cannot start {}: {error}; apt-get install {}", self.program, self.program))
+    }
+
+    /// Runs the compiler, which must succeed.
+    ///
+    /// # Panics
+    /// With what it said, when it does not.
+    pub fn must(&self, arguments: &[&str], folder: &Path) {
+        let output = self.run(arguments, folder);
+        assert!(
+            output.status.success(),
+            "{} {} failed in {}\n{}",
+            self.name(),
+            arguments.join(" "),
+            folder.display(),
+            String::from_utf8_lossy(&output.stderr)
+        );
+    }
+}
+
+/// An empty folder below a scratch folder.
+///
+/// # Panics
+/// When it cannot be made.
+#[must_use]
+pub fn fresh(scratch: &Path, name: &str) -> PathBuf {
+    let folder = scratch.join(name);
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    }
+    std::fs::create_dir_all(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    folder
+}
+
+/// Writes a file.
+///
+/// # Panics
+/// When it cannot.
+pub fn write(folder: &Path, name: &str, text: &str) {
+    std::fs::write(folder.join(name), text).unwrap_or_else(|error| panic!("{name}: {error}"));
+}
+
+/// Writes the emitted C of some models into a folder, and `models.c`, which includes every source.
+pub fn write_c<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
+    let (mut sources, mut batches) = (String::new(), String::from("#include <stddef.h>\n"));
+    for unit in units {
+        let files = emit::c::emit(unit);
+        write(folder, &format!("{}.h", unit.model), &files.header);
+        write(folder, &format!("{}.c", unit.model), &files.source);
+        writeln!(sources, "#include \"{}.c\"", unit.model).expect("text");
+        writeln!(batches, "#include \"{}.h\"", unit.model).expect("text");
+        for function in &unit.functions {
+            let float = if function.tape.precision == Precision::F64 { "double" } else { "float" };
+            let arity = function.inputs.len();
+            let arguments: Vec<String> = (0..arity).map(|k| format!("x[i * {arity} + {k}]")).collect();
+            let (model, name) = (&unit.model, function.rust_name());
+            writeln!(
+                batches,
+                "void batch_{model}_{name}(const {float} *x, {float} *y, size_t n);\n\
+                 void batch_{model}_{name}(const {float} *x, {float} *y, size_t n)\n\
+                 {{\n    size_t i;\n    for (i = 0; i < n; i++) {{ y[i] = ({float}){}({}); }}\n}}",
+                function.c_name(model),
+                arguments.join(", ")
+            )
+            .expect("text");
+        }
+    }
+    // One translation unit: 36 starts of a compiler less, and the helpers of the sources must get along with each other. The calls are in
+    // another one, so that functions are compiled as a user compiles them.
+    write(folder, "models.c", &sources);
+    write(folder, "batches.c", &batches);
+}
+
+/// Compiles what [`write_c`] wrote to a shared object.
+#[must_use]
+pub fn c_library(compiler: &Compiler, folder: &Path, name: &str) -> PathBuf {
+    let file = folder.join(format!("{name}.so"));
+    let out = file.display().to_string();
+    compiler.must(&["-shared", "-fPIC", "-DRSM_SELF_TEST", "-o", &out, "models.c", "batches.c"], folder);
+    file
+}
+
+/// The Rust compiler that compiles this package.
+#[must_use]
+pub fn rustc(options: &str) -> Compiler {
+    let mut compiler = Compiler::new(&format!("rustc --edition 2024 {options}"));
+    compiler.program = env!("RSM_TESTS_RUSTC").to_string();
+    compiler
+}
+
+/// Writes the emitted Rust of some models into a folder, and `models.rs`, a crate that has them as modules and exports a batch function
+/// for each evaluator.
+pub fn write_rust<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
+    let (mut modules, mut batches) = (String::new(), String::new());
+    for unit in units {
+        let model = &unit.model;
+        write(folder, &format!("{model}.rs"), &emit::rust::emit(unit));
+        writeln!(modules, "mod {model};").expect("text");
+        for function in &unit.functions {
+            batches.push_str(&rust_batch(model, function));
+        }
+    }
+    write(folder, "models.rs", &format!("#![deny(warnings)]\n{modules}\n{batches}"));
+}
+
+fn rust_batch(model: &str, function: &Function) -> String {
+    let float = function.tape.precision.name();
+    let arity = function.inputs.len();
+    let arguments: Vec<String> = (0..arity).map(|k| format!("*x.add(i * {arity} + {k})")).collect();
+    let name = function.rust_name();
+    let conversion = if function.kind == Kind::Support { format!(" as {float}") } else { String::new() };
+    format!(
+        "/// # Safety\n/// `x` has `n` rows, `y` room for `n` results.\n#[unsafe(no_mangle)]\n\
+         pub unsafe extern \"C\" fn batch_{model}_{name}(x: *const {float}, y: *mut {float}, n: usize) {{\n    \
+             for i in 0..n {{ unsafe {{ *y.add(i) = {model}::{name}({}){conversion}; }} }}\n}}\n",
+        arguments.join(", ")
+    )
+}
+
+/// Compiles what [`write_rust`] wrote to a shared object.
+#[must_use]
+pub fn rust_library(options: &str, folder: &Path, name: &str) -> PathBuf {
+    let file = folder.join(format!("{name}.so"));
+    rustc(options).must(&["--crate-type", "cdylib", "--crate-name", name, "-o", &file.display().to_string(), "models.rs"], folder);
+    file
+}
+
+/// The symbols of a unit's functions in C, with the functions.
+#[must_use]
+pub fn c_symbols(unit: &Unit) -> Vec<(String, &Function)> {
+    unit.functions
+        .iter()
+        .map(|function| (names::c_function(&unit.model, &function.surface, function.kind, function.tape.precision), function))
+        .collect()
+}
