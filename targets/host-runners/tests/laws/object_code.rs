@@ -1,0 +1,82 @@
+//! The steps cannot panic: there is nothing in their object code that could.
+//!
+//! A panic in Rust is a call to `core::panicking`. So: the object file of each target library, at opt 3, may name no function outside itself but
+//! those with which a compiler copies memory, and holds no trap instruction. That is stronger than "no panic": no call of anything unknown.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What an object file asks of others, and whether it traps.
+#[derive(Debug)]
+struct Object {
+    defined: Vec<String>,
+    undefined: Vec<String>,
+    traps: bool,
+}
+
+/// The compiler makes calls to these out of plain assignments; they copy and end.
+const MEMORY: [&str; 3] = ["memcpy", "memmove", "memset"];
+
+impl Object {
+    fn read(file: &Path) -> Self {
+        let names = |kind: &str| {
+            let text = output(Command::new("nm").args(["--format=just-symbols", kind]).arg(file));
+            text.lines().map(String::from).collect()
+        };
+        let listing = output(Command::new("objdump").args(["-d", "--no-show-raw-insn"]).arg(file));
+        assert!(listing.contains("ret"), "no code in {}", file.display());
+        Object { defined: names("--defined-only"), undefined: names("--undefined-only"), traps: listing.contains("ud2") }
+    }
+
+    fn may_panic(&self) -> bool {
+        self.traps || self.undefined.iter().any(|name| !MEMORY.contains(&name.as_str()))
+    }
+}
+
+fn output(command: &mut Command) -> String {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    assert!(output.status.success(), "{command:?}:\n{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("symbols are ASCII")
+}
+
+fn temporary(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+/// The object file of a target library at opt 3, in the target directory of this test.
+fn library(package: &str) -> Object {
+    let file = temporary(&format!("{package}.o"));
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["rustc", "--quiet", "--offline", "--release", "--lib", "--package", package, "--manifest-path"]);
+    cargo.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../Cargo.toml"));
+    cargo.arg("--target-dir").arg(temporary(".."));
+    cargo.args(["--", "-Ccodegen-units=1"]).arg(format!("--emit=obj={}", file.display()));
+    output(&mut cargo);
+    Object::read(&file)
+}
+
+#[test]
+fn no_step_can_panic() {
+    for (package, module) in [("motor-loop", "motor_loop"), ("throttle-loop", "throttle_loop")] {
+        let object = library(package);
+        let is_step = |name: &&String| name.contains(module) && name.contains("step");
+        assert!(object.defined.iter().find(is_step).is_some(), "{package} has no step: {object:?}");
+        assert!(!object.may_panic(), "{package}: {object:?}");
+    }
+}
+
+#[test]
+fn the_test_sees_a_panic_where_there_is_one() {
+    let source = temporary("panics.rs");
+    let file = temporary("panics.o");
+    for (body, panics) in [("a[k]", true), ("a[0]", false), ("match a.get(k) { Some(v) => *v, None => 0 }", false)] {
+        let text = format!(
+            "#![no_std]\n#[inline(never)]\npub fn step(a: &[u8; 4], k: usize) -> u8 {{\n    let _ = k;\n    {body}\n}}\n"
+        );
+        std::fs::write(&source, text).expect("the folder for temporary files can be written");
+        let mut rustc = Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
+        rustc.args(["--edition=2024", "--crate-type=lib", "-Copt-level=3"]).arg(format!("--emit=obj={}", file.display()));
+        output(rustc.arg(&source));
+        assert_eq!(Object::read(&file).may_panic(), panics, "{body}");
+    }
+}
