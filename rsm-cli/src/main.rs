@@ -1,3 +1,48 @@
-//! The command rsm.
+//! The command `rsm`: arguments, progress, reports and plots. No mathematics of its own.
+//!
+//! Every subcommand: `--json` prints one JSON object on standard output and nothing else there; words go to standard error. Exit status 0:
+//! done; 1: done, and the answer is negative; 2: bad usage or bad input.
 
-fn main() {}
+mod commands;
+mod outcome;
+mod output;
+mod report;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use commands::{check, demo, emit, eval, fit};
+
+/// From measured data to evaluators that a 1 kHz control loop can trust.
+#[derive(Parser)]
+#[command(name = "rsm", version, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Fit response surfaces to measured data and write the model file
+    Fit(fit::Arguments),
+    /// Evaluate a surface with the interpreter
+    Eval(eval::Arguments),
+    /// Check a model file and certify range and rounding error of its surfaces
+    Check(check::Arguments),
+    /// Emit evaluators as Rust or C
+    Emit(emit::Arguments),
+    /// The whole chain on shipped data: fit, check, emit, compile, compare bits, run the motor loop
+    Demo(demo::Arguments),
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Fit(arguments) => fit::run(&arguments),
+        Command::Eval(arguments) => eval::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Emit(arguments) => emit::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
+    };
+    outcome::exit(result)
+}

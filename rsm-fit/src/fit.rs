@@ -56,6 +56,10 @@ pub struct Outcome {
     pub responses: Vec<ResponseOutcome>,
     /// The data files, those for validation included.
     pub files: Vec<DataFile>,
+    /// The rows that were fitted, in the units of the model.
+    pub fitted: Records,
+    /// The rows that were kept for validation.
+    pub unseen: Option<Records>,
 }
 
 /// What became of a response.
@@ -202,7 +206,7 @@ pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)
     }
     let unseen = data.validate.iter().filter(|_| matches!(specification.validation, Validation::Files(_)));
     let files = data.fit.files.iter().chain(unseen.flat_map(|records| &records.files)).cloned().collect();
-    Ok(Outcome { model, responses, files })
+    Ok(Outcome { model, responses, files, fitted: data.fit, unseen: data.validate })
 }
 
 fn columns<'a>(records: &'a Records, used: &[usize]) -> Vec<&'a [f64]> {

@@ -109,7 +109,7 @@ struct Reader<'a> {
     hidden: usize,
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
     fn fault(&mut self, fault: Fault) {
         if self.faults.len() < MOST_FAULTS {
             self.faults.push(fault);
@@ -137,14 +137,12 @@ impl Reader<'_> {
     }
 
     fn table(&mut self, wanted: &Wanted) -> Option<Table> {
-        let text = self.source.text();
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut csv = ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
             .comment(Some(b'#'))
             .trim(Trim::All)
-            .from_reader(text.as_bytes());
+            .from_reader(self.text().as_bytes());
         let mut records = csv.records();
         let Some(header) = records.next() else {
             self.fault(
@@ -155,7 +153,7 @@ impl Reader<'_> {
         let header = self.record(header)?;
         let mut table = Table {
             file: self.source.name().to_string(),
-            header_line: line_of(&header),
+            header_line: line_of(&header, self.text()),
             columns: self.header(&header),
             lines: Vec::new(),
         };
@@ -171,6 +169,12 @@ impl Reader<'_> {
         Some(table)
     }
 
+    /// The text without a byte order mark.
+    fn text(&self) -> &'a str {
+        let text = self.source.text();
+        text.strip_prefix('\u{feff}').unwrap_or(text)
+    }
+
     fn record(&mut self, record: csv::Result<StringRecord>) -> Option<StringRecord> {
         match record {
             Ok(record) => Some(record),
@@ -183,7 +187,7 @@ impl Reader<'_> {
     }
 
     fn header(&mut self, header: &StringRecord) -> Vec<Column> {
-        let line = line_of(header);
+        let line = line_of(header, self.text());
         let mut columns: Vec<Column> = Vec::new();
         for (k, cell) in header.iter().enumerate() {
             let place = k + 1;
@@ -229,7 +233,7 @@ impl Reader<'_> {
     }
 
     fn row(&mut self, record: &StringRecord, roles: &[(bool, bool)], table: &mut Table) {
-        let line = line_of(record);
+        let line = line_of(record, self.text());
         if record.len() != table.columns.len() {
             let what = format!("the row has {}, the header has {}", cells(record.len()), table.columns.len());
             self.fault(self.at_line(line, what));
@@ -259,10 +263,33 @@ impl Reader<'_> {
     }
 }
 
-fn line_of(record: &StringRecord) -> usize {
-    record.position().map_or(0, |at| at.line() as usize)
+/// The line on which a record begins. The reader's own position is where it began to look: before comments and empty lines.
+fn line_of(record: &StringRecord, text: &str) -> usize {
+    let Some(position) = record.position() else { return 0 };
+    let skipped = |line: &&str| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty();
+    let Some((before, rest)) = text.split_at_checked(position.byte() as usize) else { return 0 };
+    before.matches('\n').count() + 1 + rest.split_inclusive('\n').take_while(skipped).count()
 }
 
 fn cells(count: usize) -> String {
     if count == 1 { "1 cell".to_string() } else { format!("{count} cells") }
+}
+
+#[cfg(test)]
+mod line_tests {
+    use super::*;
+
+    #[test]
+    fn comments_and_empty_lines_count_as_lines() {
+        for end in ["\n", "\r\n"] {
+            let text = ["# a comment", "x[1]", "1", "# another", "", "two", "3", ""].join(end);
+            let source = Source::new("t.csv", format!("\u{feff}{text}"));
+            let wanted = Wanted { numbers: vec!["x".into()], ..Wanted::default() };
+            let faults = Table::read(&source, &wanted).unwrap_err();
+            assert!(faults.to_string().starts_with("t.csv:6:"), "{faults}");
+            let source = Source::new("t.csv", text.replace("two", "2"));
+            let table = Table::read(&source, &wanted).unwrap();
+            assert_eq!((table.header_line, table.lines), (2, vec![3, 6, 7]));
+        }
+    }
 }

@@ -1,0 +1,137 @@
+//! `rsm check`: the rules of the file, and what is certain about its surfaces.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use rsm_core::certificate::{self, SurfaceCertificate};
+use rsm_core::check::Checked;
+use rsm_core::lower;
+use rsm_core::number::Precision;
+use rsm_core::source::Source;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::{PrecisionName, precisions};
+use crate::outcome::{Answer, Outcome};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The model file
+    model: PathBuf,
+    /// The precisions to certify; all that can hold the model when not given
+    #[arg(long, value_delimiter = ',')]
+    precision: Vec<PrecisionName>,
+    /// Print the tapes that the figures are about
+    #[arg(long)]
+    explain: bool,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a check found that does not hold.
+#[derive(Serialize)]
+struct Problem {
+    r#where: String,
+    what: String,
+    at: Map<String, Value>,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let asked = precisions(&arguments.precision)?;
+    let checked = Checked::read(&Source::read(&arguments.model)?)?;
+    let mut problems = Vec::new();
+    let wanted = if asked.is_empty() { Precision::ALL.to_vec() } else { asked.clone() };
+    let mut held = Vec::new();
+    for precision in wanted {
+        match checked.refusal(precision) {
+            None => held.push(precision),
+            // Nobody asked for this one by name: that it cannot hold the model is worth a word, and no failure.
+            Some(faults) if asked.is_empty() => eprintln!("{} is left out:\n{faults}", precision.name()),
+            Some(faults) => {
+                problems.extend(faults.list().iter().map(|fault| Problem {
+                    r#where: format!("{}:{}:{}", fault.file, fault.line, fault.column),
+                    what: fault.what.clone(),
+                    at: Map::new(),
+                }));
+            }
+        }
+    }
+    let certificates: Vec<SurfaceCertificate> =
+        (0..checked.model().surfaces.len()).map(|index| certificate::surface(&checked, index, &held)).collect();
+    for surface in &certificates {
+        for tape in surface.tapes.iter().filter(|tape| !tape.error.is_finite()) {
+            problems.push(Problem {
+                r#where: format!("surfaces.{}", surface.name),
+                what: format!(
+                    "no bound of the rounding error in {} can be given: an intermediate result may overflow",
+                    tape.precision.name()
+                ),
+                at: Map::new(),
+            });
+        }
+    }
+    for compensator in &checked.model().compensators {
+        problems.push(Problem {
+            r#where: format!("compensators.{}", compensator.name),
+            what: "this version does not certify compensators".into(),
+            at: Map::new(),
+        });
+    }
+    if arguments.explain {
+        for index in 0..checked.model().surfaces.len() {
+            for precision in &held {
+                eprint!("{}", lower::surface(&checked, index, *precision));
+            }
+        }
+    }
+    if arguments.json {
+        output::json(&as_json(&certificates, &problems))?;
+    } else {
+        in_words(&checked, &certificates, &problems)?;
+    }
+    Ok(if problems.is_empty() { Answer::Positive } else { Answer::Negative })
+}
+
+fn as_json(certificates: &[SurfaceCertificate], problems: &[Problem]) -> Value {
+    let surfaces: Map<String, Value> = certificates
+        .iter()
+        .map(|surface| {
+            let each = |pick: &dyn Fn(&certificate::TapeCertificate) -> Value| -> Map<String, Value> {
+                surface.tapes.iter().map(|tape| (tape.precision.name().to_string(), pick(tape))).collect()
+            };
+            let value = json!({
+                "range": [output::finite(surface.range.low), output::finite(surface.range.high)],
+                "error": each(&|tape| json!(output::finite(tape.error))),
+                "operations": each(&|tape| json!(tape.operations)),
+                "depth": each(&|tape| json!(tape.depth)),
+            });
+            (surface.name.clone(), value)
+        })
+        .collect();
+    json!({ "ok": problems.is_empty(), "surfaces": surfaces, "compensators": {}, "problems": problems })
+}
+
+fn in_words(
+    checked: &Checked,
+    certificates: &[SurfaceCertificate],
+    problems: &[Problem],
+) -> Result<(), crate::outcome::Refusal> {
+    for (surface, certificate) in checked.model().surfaces.iter().zip(certificates) {
+        let unit = if surface.unit == "1" { "" } else { surface.unit.as_str() };
+        let range = certificate.range;
+        output::line(&format!("{}: every value lies in [{:.6}, {:.6}] {unit}", surface.name, range.low, range.high))?;
+        for tape in &certificate.tapes {
+            let name = tape.precision.name();
+            let (error, operations, depth) = (tape.error, tape.operations, tape.depth);
+            output::line(&format!(
+                "  {name}: rounding error at most {error:.3e} {unit}, {operations} operations, {depth} deep"
+            ))?;
+        }
+    }
+    for problem in problems {
+        output::line(&format!("problem: {}: {}", problem.r#where, problem.what))?;
+    }
+    Ok(())
+}

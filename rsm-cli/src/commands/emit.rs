@@ -1,0 +1,88 @@
+//! `rsm emit`: evaluators as source text.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use rsm_core::check::Checked;
+use rsm_core::number::Precision;
+use rsm_core::source::Source;
+use rsm_core::{compile, emit};
+use serde_json::json;
+
+use super::{PrecisionName, precisions};
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The model file
+    model: PathBuf,
+    /// The language
+    #[arg(long)]
+    lang: Language,
+    /// The precisions; all that can hold the model when not given
+    #[arg(long, value_delimiter = ',')]
+    precision: Vec<PrecisionName>,
+    /// The folder for the files
+    #[arg(long)]
+    out: PathBuf,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// A language to emit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Language {
+    /// one module that needs nothing outside core
+    Rust,
+    /// C99, a header and a source file
+    C,
+    /// calibration file (not in this version)
+    A2l,
+    /// co-simulation unit (not in this version)
+    Fmu,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let asked = precisions(&arguments.precision)?;
+    let checked = Checked::read(&Source::read(&arguments.model)?)?;
+    let unit = compile::unit(&checked, &asked)?;
+    let model = &unit.model;
+    let files: Vec<(PathBuf, String)> = match arguments.lang {
+        Language::Rust => vec![(arguments.out.join(format!("{model}.rs")), emit::rust::emit(&unit))],
+        Language::C => {
+            let files = emit::c::emit(&unit);
+            vec![
+                (arguments.out.join(format!("{model}.h")), files.header),
+                (arguments.out.join(format!("{model}.c")), files.source),
+            ]
+        }
+        Language::A2l | Language::Fmu => {
+            return Err(Refusal::new("--lang: this version emits rust and c"));
+        }
+    };
+    let bytes: Vec<(PathBuf, &[u8])> = files.iter().map(|(path, text)| (path.clone(), text.as_bytes())).collect();
+    output::write_all(&bytes)?;
+    if asked.is_empty() {
+        for precision in Precision::ALL {
+            if let Some(faults) = checked.refusal(precision) {
+                eprintln!("{} is left out:\n{faults}", precision.name());
+            }
+        }
+    }
+    if arguments.json {
+        let names: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();
+        let functions: Vec<String> = unit
+            .functions
+            .iter()
+            .map(|function| if arguments.lang == Language::Rust { function.rust_name() } else { function.c_name(model) })
+            .collect();
+        output::json(&json!({ "model": model, "files": names, "functions": functions }))?;
+    } else {
+        for (path, _) in &files {
+            output::line(&path.display().to_string())?;
+        }
+    }
+    Ok(Answer::Positive)
+}

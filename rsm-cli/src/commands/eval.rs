@@ -1,0 +1,158 @@
+//! `rsm eval`: the interpreter, a point or a table of points.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use rsm_core::check::Checked;
+use rsm_core::compile;
+use rsm_core::lower;
+use rsm_core::model::Surface;
+use rsm_core::number::Precision;
+use rsm_core::run::Interpreter;
+use rsm_core::source::Source;
+use rsm_core::tape::Tape;
+use rsm_fit::table::{Table, Wanted};
+use serde_json::json;
+
+use super::PrecisionName;
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The model file
+    model: PathBuf,
+    /// The surface to evaluate; may be left out when the model has only one
+    #[arg(long)]
+    surface: Option<String>,
+    /// A compensator (not in this version)
+    #[arg(long, conflicts_with = "surface")]
+    compensator: Option<String>,
+    /// A point, in the units of the model: a=1,b=2
+    #[arg(long, required_unless_present = "data", conflicts_with = "data", allow_hyphen_values = true)]
+    at: Option<String>,
+    /// A CSV of points, its columns named as the inputs
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// The precision of the evaluation
+    #[arg(long, default_value = "f64")]
+    precision: PrecisionName,
+    /// Print the IEEE bits in hexadecimal
+    #[arg(long)]
+    bits: bool,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// One result: the value as the precision prints it, its f64 for JSON, its bits in hexadecimal.
+struct Evaluated {
+    text: String,
+    value: f64,
+    bits: String,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    if let Some(name) = &arguments.compensator {
+        return Err(Refusal::new(format!("--compensator: found {name}, this version evaluates surfaces only")));
+    }
+    let precision = arguments.precision.precision()?;
+    let checked = Checked::read(&Source::read(&arguments.model)?)?;
+    compile::held(&checked, &[precision])?;
+    let index = surface_index(&checked, arguments.surface.as_deref())?;
+    let surface = &checked.model().surfaces[index];
+    let tape = lower::surface(&checked, index, precision);
+    let points: Vec<Vec<f64>> = match (&arguments.at, &arguments.data) {
+        (Some(at), _) => vec![point(at, surface, precision)?],
+        (None, Some(path)) => table(path, surface, &checked)?,
+        (None, None) => return Err(Refusal::new("give a point with --at or a table with --data")),
+    };
+    let results = evaluate(&tape, &points);
+    if arguments.json {
+        let values: Vec<Option<f64>> = results.iter().map(|result| output::finite(result.value)).collect();
+        let bits: Vec<&String> = results.iter().map(|result| &result.bits).collect();
+        let (name, unit) = (&surface.name, &surface.unit);
+        output::json(&json!({ "surface": name, "unit": unit, "precision": precision.name(), "values": values, "bits": bits }))?;
+    } else {
+        let lines: Vec<&str> =
+            results.iter().map(|it| if arguments.bits { it.bits.as_str() } else { it.text.as_str() }).collect();
+        output::line(&lines.join("\n"))?;
+    }
+    Ok(Answer::Positive)
+}
+
+fn surface_index(checked: &Checked, name: Option<&str>) -> Result<usize, Refusal> {
+    let surfaces = &checked.model().surfaces;
+    let known = || surfaces.iter().map(|surface| surface.name.as_str()).collect::<Vec<_>>().join(", ");
+    match name {
+        None if surfaces.len() == 1 => Ok(0),
+        None => Err(Refusal::new(format!("--surface is missing: the surfaces of {} are {}", checked.file(), known()))),
+        Some(name) => surfaces.iter().position(|surface| surface.name == name).ok_or_else(|| {
+            Refusal::new(format!("--surface: found {name}, the surfaces of {} are {}", checked.file(), known()))
+        }),
+    }
+}
+
+/// a=1,b=2: every input once. An f32 is read as an f32, not by way of f64.
+fn point(text: &str, surface: &Surface, precision: Precision) -> Result<Vec<f64>, Refusal> {
+    let mut values: Vec<Option<f64>> = vec![None; surface.inputs.len()];
+    for part in text.split(',') {
+        let (name, number) =
+            part.split_once('=').ok_or_else(|| Refusal::new(format!("--at: found `{part}`, expected name=number")))?;
+        let (name, number) = (name.trim(), number.trim());
+        let known = || surface.inputs.join(", ");
+        let index = surface.inputs.iter().position(|input| input == name);
+        let index = index
+            .ok_or_else(|| Refusal::new(format!("--at: found `{name}`, the inputs of {} are {}", surface.name, known())))?;
+        let value = match precision {
+            Precision::F64 => number.parse::<f64>().ok(),
+            Precision::F32 => number.parse::<f32>().ok().map(f64::from),
+        };
+        let value = value.ok_or_else(|| Refusal::new(format!("--at: {name}: found `{number}`, expected a number")))?;
+        if values[index].replace(value).is_some() {
+            return Err(Refusal::new(format!("--at: {name} is given twice")));
+        }
+    }
+    let missing: Vec<&str> =
+        surface.inputs.iter().zip(&values).filter(|(_, value)| value.is_none()).map(|(name, _)| name.as_str()).collect();
+    if !missing.is_empty() {
+        return Err(Refusal::new(format!("--at: {} is missing", missing.join(", "))));
+    }
+    Ok(values.into_iter().flatten().collect())
+}
+
+/// The points of a CSV, in the units of the model.
+fn table(path: &Path, surface: &Surface, checked: &Checked) -> Result<Vec<Vec<f64>>, Refusal> {
+    let wanted = Wanted { numbers: surface.inputs.clone(), ..Wanted::default() };
+    let table = Table::read(&Source::read(path)?, &wanted)?;
+    let mut columns = Vec::new();
+    for input in checked.inputs_of(surface) {
+        let (values, _) = table
+            .values_in(&input.name, Some(&input.unit))
+            .map_err(|fault| Refusal::from(rsm_core::source::Faults::one(fault)))?;
+        columns.push(values);
+    }
+    Ok((0..table.rows()).map(|row| columns.iter().map(|column| column[row]).collect()).collect())
+}
+
+fn evaluate(tape: &Tape, points: &[Vec<f64>]) -> Vec<Evaluated> {
+    match tape.precision {
+        Precision::F64 => {
+            let mut interpreter = Interpreter::<f64>::new(tape);
+            let each = |point: &Vec<f64>| {
+                let value = interpreter.eval(point);
+                Evaluated { text: format!("{value:?}"), value, bits: format!("{:016x}", value.to_bits()) }
+            };
+            points.iter().map(each).collect()
+        }
+        Precision::F32 => {
+            let mut interpreter = Interpreter::<f32>::new(tape);
+            let each = |point: &Vec<f64>| {
+                let arguments: Vec<f32> = point.iter().map(|value| *value as f32).collect();
+                let value = interpreter.eval(&arguments);
+                Evaluated { text: format!("{value:?}"), value: f64::from(value), bits: format!("{:08x}", value.to_bits()) }
+            };
+            points.iter().map(each).collect()
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! `rsm fit`: from data to a model file.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use rsm_core::check::Checked;
+use rsm_core::model_file;
+use rsm_fit::fit::{self, Outcome as Fitted, Progress, Verdict};
+use rsm_fit::spec::Specification;
+
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::{output, report};
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The fit specification
+    specification: PathBuf,
+    /// The model file to write; without it the model is printed
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// A folder for a report: tables and plots in one HTML file
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let specification = Specification::read(&arguments.specification)?;
+    let fitted = with_progress(&specification)?;
+    let mut files: Vec<(PathBuf, String)> = Vec::new();
+    // A model in which no response could be fitted is no model file.
+    if let (Some(path), false) = (&arguments.out, fitted.model.surfaces.is_empty()) {
+        // What is written can be read again: the file passes its own rules.
+        Checked::from_model(&fitted.model)?;
+        files.push((path.clone(), model_file::write(&fitted.model)));
+    }
+    if let Some(folder) = &arguments.report {
+        files.push((folder.join("report.html"), report::fit(&fitted)?));
+    }
+    let bytes: Vec<(PathBuf, &[u8])> = files.iter().map(|(path, text)| (path.clone(), text.as_bytes())).collect();
+    output::write_all(&bytes)?;
+    if arguments.json {
+        output::json(&fitted.report())?;
+        eprint!("{}", in_words(&fitted));
+    } else if arguments.out.is_some() {
+        output::line(in_words(&fitted).trim_end())?;
+        for (path, _) in &files {
+            output::line(&format!("written: {}", path.display()))?;
+        }
+    } else {
+        eprint!("{}", in_words(&fitted));
+        if !fitted.model.surfaces.is_empty() {
+            output::line(model_file::write(&fitted.model).trim_end())?;
+        }
+    }
+    Ok(if fitted.reached() { Answer::Positive } else { Answer::Negative })
+}
+
+/// Fits, with a spinner on a terminal that tells what is being done.
+pub fn with_progress(specification: &Specification) -> Result<Fitted, Refusal> {
+    // Draws on standard error, and nothing at all when that is no terminal.
+    let bar = ProgressBar::new_spinner();
+    bar.set_style(ProgressStyle::with_template("{spinner} {elapsed_precise} {msg}").expect("the template is ours"));
+    bar.enable_steady_tick(std::time::Duration::from_millis(100));
+    let result = fit::fit(specification, &mut |progress| {
+        bar.set_message(match progress {
+            Progress::Reading { file } => format!("reading {file}"),
+            Progress::Fitting { response, number, of } => format!("fitting {response} ({number} of {of})"),
+            Progress::Step { response, order, terms, confidence } => {
+                format!("fitting {response}: order {order}, {terms} terms, confidence {confidence:.3} %")
+            }
+        });
+    });
+    bar.finish_and_clear();
+    result.map_err(|refused| Refusal::new(refused.to_string()))
+}
+
+/// A few lines a response.
+pub fn in_words(fitted: &Fitted) -> String {
+    let mut text = String::new();
+    for response in &fitted.responses {
+        text += &format!("{}: {} on {}\n", response.name, response.verdict, response.judged_on.words());
+        let Some(statistics) = &response.statistics else { continue };
+        let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
+        let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
+        text += &format!(
+            "  {} terms from {} rows, residual sd {} {unit}, R2 {}\n",
+            statistics.terms.len(),
+            statistics.rows,
+            figure(statistics.residual_sd),
+            statistics.r2.map_or("none".to_string(), |r2| format!("{r2:.6}")),
+        );
+        if let Some(validation) = &statistics.validation {
+            text += &format!(
+                "  unseen: {} rows, mean error {:.4e} {unit}, largest {:.4e} {unit}\n",
+                validation.rows, validation.mean_abs_error, validation.max_abs_error
+            );
+        }
+        if matches!(response.verdict, Verdict::IllConditioned { .. }) {
+            text += "  no surface was written for it\n";
+        }
+    }
+    text
+}

@@ -1,0 +1,53 @@
+//! How a subcommand ends: done, done with a negative answer, or refused.
+
+use std::fmt;
+use std::process::ExitCode;
+
+use rsm_core::source::Faults;
+
+/// What a subcommand that did its work has to say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// Exit status 0.
+    Positive,
+    /// Exit status 1: a check that fails, a confidence that was not reached.
+    Negative,
+}
+
+/// Why a subcommand could not do its work: the whole message, exit status 2.
+#[derive(Debug)]
+pub struct Refusal(pub String);
+
+/// What a subcommand returns.
+pub type Outcome = Result<Answer, Refusal>;
+
+impl Refusal {
+    /// A refusal with this message.
+    pub fn new(message: impl Into<String>) -> Self {
+        Refusal(message.into())
+    }
+}
+
+impl From<Faults> for Refusal {
+    fn from(faults: Faults) -> Self {
+        Refusal(faults.to_string())
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// The exit status of an outcome; a refusal is told on standard error.
+pub fn exit(outcome: Outcome) -> ExitCode {
+    match outcome {
+        Ok(Answer::Positive) => ExitCode::SUCCESS,
+        Ok(Answer::Negative) => ExitCode::from(1),
+        Err(refusal) => {
+            eprintln!("{refusal}");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! The command as programs outside the project call it: names, flags, JSON keys, exit statuses, whole outputs.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn rsm(arguments: &[&str], folder: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rsm")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", text(&output.stdout)))
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    let mut keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    keys
+}
+
+fn published(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated/coefficients").join(name);
+    path.canonicalize().unwrap().display().to_string()
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+/// The demo's specification and data, with a change.
+fn fit_folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
+    let folder = folder();
+    let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("demo");
+    for name in ["dyno.csv", "dyno-unseen.csv"] {
+        std::fs::copy(demo.join(name), folder.path().join(name)).unwrap();
+    }
+    let specification = std::fs::read_to_string(demo.join("fit.toml")).unwrap();
+    std::fs::write(folder.path().join("fit.toml"), change(specification)).unwrap();
+    folder
+}
+
+#[test]
+fn eval_prints_a_value_or_its_bits_a_line_a_point() {
+    let here = folder();
+    let model = published("pmac.toml");
+    // The centre of the surface: its constant term, 38.19.
+    let point = ["eval", &model, "--surface", "current_advance", "--at", "torque=10.8,speed=400"];
+    let output = rsm(&point, here.path());
+    assert_eq!((text(&output.stdout).as_str(), output.status.code()), ("38.19\n", Some(0)));
+    let output = rsm(&[&point[..], &["--bits"]].concat(), here.path());
+    assert_eq!(text(&output.stdout), format!("{:016x}\n", 38.19f64.to_bits()));
+    let output = rsm(&[&point[..], &["--bits", "--precision", "f32"]].concat(), here.path());
+    assert_eq!(text(&output.stdout), format!("{:08x}\n", 38.19f32.to_bits()));
+
+    // A table, in other units and another order of columns: 0.4 krad/s would be wrong by 1000 without conversion.
+    std::fs::write(here.path().join("points.csv"), "speed[rpm],torque[N*m]\n0,21.6\n3819.718634205488,10.8\n").unwrap();
+    let output = rsm(&["eval", &model, "--surface", "current_advance", "--data", "points.csv"], here.path());
+    let values: Vec<f64> = text(&output.stdout).lines().map(|line| line.parse().unwrap()).collect();
+    assert_eq!(values.len(), 2);
+    // The corner (1, -1) of (26), by hand 71.97; and 3819.7186 rpm = 400 rad/s, to the rounding of the conversion.
+    assert!((values[0] - 71.97).abs() < 1e-12 && (values[1] - 38.19).abs() < 1e-9, "{values:?}");
+    let output = rsm(&["eval", &model, "--data", "points.csv", "--json"], here.path());
+    assert_eq!(keys(&json(&output)), ["bits", "precision", "surface", "unit", "values"]);
+}
+
+#[test]
+fn eval_lets_nan_through_and_clamps_infinities() {
+    let here = folder();
+    let model = published("pmac.toml");
+    let at = |point: &str| text(&rsm(&["eval", &model, "--at", point], here.path()).stdout);
+    assert_eq!(at("torque=nan,speed=1"), "NaN\n");
+    assert_eq!(at("torque=inf,speed=-inf"), at("torque=21.6,speed=0"));
+}
+
+#[test]
+fn check_prints_the_certificate_of_the_contract() {
+    let here = folder();
+    let output = rsm(&["check", &published("throttle.toml"), "--json"], here.path());
+    assert_eq!(output.status.code(), Some(0));
+    let found = json(&output);
+    assert_eq!(keys(&found), ["compensators", "ok", "problems", "surfaces"]);
+    let surface = &found["surfaces"]["damping_ratio"];
+    assert_eq!(keys(surface), ["depth", "error", "operations", "range"]);
+    for key in ["depth", "error", "operations"] {
+        assert_eq!(keys(&surface[key]), ["f32", "f64"]);
+    }
+    // (32) as printed: least at high speed and low gear, -0.7559 by hand: 0.4079 - 0.804 - 0.3809 + 0.0519 - 0.0429 + 0.0121.
+    let low = surface["range"][0].as_f64().unwrap();
+    assert!(low <= -0.7559 && low > -0.7559 - 1e-9, "{low}");
+    // The greatest is at the corner of low speed and high gear: 0.4079 + 0.804 + 0.3809 + 0.0519 - 0.0429 + 0.0121 = 1.6139.
+    let high = surface["range"][1].as_f64().unwrap();
+    assert!(high >= 1.6139 && high < 1.6139 + 1e-9, "{high}");
+}
+
+#[test]
+fn check_fails_where_a_precision_cannot_hold_the_model() {
+    let here = folder();
+    let model = "format = 1\nmodel = \"m\"\n[inputs.a]\nunit = \"1\"\nrange = [1e6, 1000000.01]\n[surfaces.s]\nunit = \"1\"\ninputs = [\"a\"]\n\
+                 terms = [{ powers = [1], coefficient = 1.0 }]\n";
+    std::fs::write(here.path().join("m.toml"), model).unwrap();
+    // By name it is a failure; unasked it is left out with a word.
+    let output = rsm(&["check", "m.toml", "--precision", "f32", "--json"], here.path());
+    assert_eq!((output.status.code(), &json(&output)["ok"]), (Some(1), &Value::Bool(false)));
+    let output = rsm(&["check", "m.toml", "--json"], here.path());
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(keys(&json(&output)["surfaces"]["s"]["error"]), ["f64"]);
+    assert!(
+        text(&output.stderr).contains("m.toml:5:9: input `a`: f32 has fewer than two numbers in the range"),
+        "{}",
+        text(&output.stderr)
+    );
+}
+
+#[test]
+fn emit_writes_the_files_of_the_contract() {
+    let here = folder();
+    let model = published("pmac.toml");
+    let output = rsm(&["emit", &model, "--lang", "c", "--out", "out"], here.path());
+    assert_eq!(output.status.code(), Some(0));
+    let out = here.path().join("out");
+    assert_eq!(files_in(&out), [out.join("pmac.c"), out.join("pmac.h")]);
+    let header = std::fs::read_to_string(out.join("pmac.h")).unwrap();
+    assert!(header.contains("double pmac_current_advance(double torque, double speed);"), "{header}");
+    assert!(header.contains("float pmac_current_advance_f32(float torque, float speed);"), "{header}");
+    let output = rsm(&["emit", &model, "--lang", "rust", "--precision", "f32", "--out", "out", "--json"], here.path());
+    assert_eq!(json(&output)["functions"], serde_json::json!(["current_advance_f32"]));
+    let module = std::fs::read_to_string(out.join("pmac.rs")).unwrap();
+    assert!(module.contains("pub fn current_advance_f32(torque: f32, speed: f32) -> f32 {") && !module.contains("f64"));
+}
+
+#[test]
+fn bad_input_leaves_everything_as_it_was() {
+    let here = folder();
+    std::fs::create_dir(here.path().join("out")).unwrap();
+    std::fs::write(here.path().join("out/m.h"), "old").unwrap();
+    std::fs::write(here.path().join("m.toml"), "format = 1\nmodel = \"m\"\n[inputs.a]\nunit = \"1\"\nrange = [1.0, 0.0]\n")
+        .unwrap();
+    let output = rsm(&["emit", "m.toml", "--lang", "c", "--out", "out", "--json"], here.path());
+    assert_eq!((output.status.code(), text(&output.stdout).as_str()), (Some(2), ""));
+    let expected = "m.toml:1:1: `surfaces` is missing\nm.toml:5:9: input `a`: low 1 is above high 0\n  help: swap them, or give the range as [0, 1]\n";
+    assert_eq!(text(&output.stderr), expected);
+    assert_eq!(files_in(&here.path().join("out")).len(), 1);
+    assert_eq!(std::fs::read_to_string(here.path().join("out/m.h")).unwrap(), "old");
+
+    for bad in [
+        &["eval", "missing.toml", "--at", "a=1"][..],
+        &["eval", &published("pmac.toml"), "--at", "torque=1"],
+        &["eval", &published("pmac.toml"), "--at", "torque=1,speed=two"],
+        &["eval", &published("pmac.toml"), "--surface", "nothing", "--at", "torque=1,speed=2"],
+        &["check", &published("pmac.toml"), "--precision", "fixed"],
+        &["emit", &published("pmac.toml"), "--lang", "fmu", "--out", "out"],
+        &["emit", &published("pmac.toml"), "--lang", "cobol", "--out", "out"],
+        &["fit", "missing.toml"],
+        &["nonsense"],
+    ] {
+        let output = rsm(bad, here.path());
+        assert_eq!(output.status.code(), Some(2), "{bad:?}");
+        assert!(output.stdout.is_empty() && !output.stderr.is_empty(), "{bad:?}");
+    }
+}
+
+#[test]
+fn fit_writes_a_model_that_every_other_command_reads() {
+    let here = fit_folder(|specification| specification);
+    let output = rsm(&["fit", "fit.toml", "--out", "model.toml", "--report", "report", "--json"], here.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let found = json(&output);
+    assert_eq!(keys(&found), ["model", "responses"]);
+    let response = &found["responses"]["i_d"];
+    let expected = [
+        "canonical",
+        "confidence_c",
+        "lack_of_fit",
+        "press",
+        "r2",
+        "r2_adjusted",
+        "r2_predicted",
+        "residual_sd",
+        "rows",
+        "terms",
+        "validation",
+    ];
+    assert_eq!(keys(response), expected);
+    assert_eq!(keys(&response["terms"][0]), ["coefficient", "p", "powers", "standard_error", "t"]);
+    assert_eq!(keys(&response["validation"]), ["confidence_c", "max_abs_error", "mean_abs_error", "rmse", "rows"]);
+    assert_eq!(response["rows"], 64);
+    // The sensor's noise is 0.12 A: the mean of its magnitude is 0.8 of that, and a surface that errs by more than twice as much misses something.
+    assert!(response["validation"]["mean_abs_error"].as_f64().unwrap() < 0.2);
+    for command in [&["check", "model.toml"][..], &["emit", "model.toml", "--lang", "c", "--out", "out"]] {
+        assert_eq!(rsm(command, here.path()).status.code(), Some(0));
+    }
+    let report = std::fs::read_to_string(here.path().join("report/report.html")).unwrap();
+    assert!(report.contains("<svg") && report.contains("<td>torque^2</td>") && !report.contains("http://localhost"));
+}
+
+#[test]
+fn a_confidence_that_is_not_reached_is_status_1_and_still_writes_the_best() {
+    let here = fit_folder(|specification| specification.replace("99.98", "99.9999"));
+    let output = rsm(&["fit", "fit.toml", "--out", "model.toml"], here.path());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stdout).contains("i_d: confidence 99.9999 % not reached, best 99.99"), "{}", text(&output.stdout));
+    assert!(here.path().join("model.toml").exists());
+}
+
+#[test]
+fn faults_of_specification_and_data_are_status_2() {
+    let here = fit_folder(|specification| specification.replace("unit = \"N*m\"", "unit = \"kg\""));
+    let output = rsm(&["fit", "fit.toml", "--out", "model.toml"], here.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("dyno.csv:2"), "{}", text(&output.stderr));
+    assert!(!here.path().join("model.toml").exists());
+}
+
+#[test]
+fn the_same_fit_gives_the_same_bytes() {
+    let here = fit_folder(|specification| specification);
+    for out in ["one.toml", "two.toml"] {
+        rsm(&["fit", "fit.toml", "--out", out], here.path());
+    }
+    let read = |name: &str| std::fs::read(here.path().join(name)).unwrap();
+    assert!(read("one.toml") == read("two.toml") && !read("one.toml").is_empty());
+}
+
+#[test]
+fn the_demo_shows_the_whole_chain() {
+    let here = folder();
+    let output = rsm(&["demo", "--seconds", "0.2", "--json"], here.path());
+    let found = json(&output);
+    assert_eq!((output.status.code(), &found["ok"]), (Some(0), &Value::Bool(true)), "{}", text(&output.stderr));
+    assert_eq!(keys(&found), ["check", "compare", "fit", "loop", "ok"]);
+    assert_eq!(found["loop"]["ticks_wanted"], 200);
+    let output = rsm(&["demo", "--seconds", "0.05"], here.path());
+    // A dozen lines or so, for a person.
+    let lines = text(&output.stdout).lines().count();
+    assert!((8..=20).contains(&lines), "{}", text(&output.stdout));
+}
