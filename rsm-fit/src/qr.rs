@@ -12,7 +12,7 @@ use crate::dd::Dd;
 
 /// A column is refused when the part of it that the other columns do not make up is below this share of it. Data are rounded to f64, each
 /// value wrong by up to 2^-53 of itself; 2^-46 leaves a factor 128 for sums of several such columns. Filip, the worst of NIST's sets, is at 2^-31.
-const DEPENDENT: f64 = 1.0 / 70_368_744_177_664.0;
+pub(crate) const DEPENDENT: f64 = 1.0 / 70_368_744_177_664.0;
 
 /// Rows that are reduced together. Larger blocks cost memory, smaller ones repeat the work on the triangle.
 const BLOCK: usize = 512;

@@ -58,7 +58,9 @@ impl Table {
     /// # Errors
     /// Every fault, in the order of the file; past the first 20 they are counted only.
     pub fn read(source: &Source, wanted: &Wanted) -> Result<Table, Faults> {
-        let mut reader = Reader { source, faults: Vec::new(), hidden: 0 };
+        let text = source.text();
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let mut reader = Reader { source, faults: Vec::new(), hidden: 0, lines: Lines { text, offset: 0, line: 1 } };
         let table = reader.table(wanted);
         reader.finish(table)
     }
@@ -107,9 +109,37 @@ struct Reader<'a> {
     source: &'a Source,
     faults: Vec<Fault>,
     hidden: usize,
+    lines: Lines<'a>,
 }
 
-impl<'a> Reader<'a> {
+/// Finds the lines of records, which must come in order. The CSV reader gives the place where the last record ended: its line end, blank lines and
+/// comments come before the record itself.
+struct Lines<'a> {
+    text: &'a str,
+    /// Up to here the line ends are counted.
+    offset: usize,
+    line: usize,
+}
+
+impl Lines<'_> {
+    fn of(&mut self, record: &StringRecord) -> usize {
+        let bytes = self.text.as_bytes();
+        let mut start = record.position().map_or(0, |at| at.byte() as usize).min(bytes.len());
+        loop {
+            let rest = &bytes[start..];
+            start += match rest.first() {
+                Some(b'\r' | b'\n') => 1,
+                Some(b'#') => rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len()),
+                _ => break,
+            };
+        }
+        self.line += bytes[self.offset..start].iter().filter(|byte| **byte == b'\n').count();
+        self.offset = start;
+        self.line
+    }
+}
+
+impl Reader<'_> {
     fn fault(&mut self, fault: Fault) {
         if self.faults.len() < MOST_FAULTS {
             self.faults.push(fault);
@@ -142,21 +172,22 @@ impl<'a> Reader<'a> {
             .flexible(true)
             .comment(Some(b'#'))
             .trim(Trim::All)
-            .from_reader(self.text().as_bytes());
+            .from_reader(self.lines.text.as_bytes());
         let mut records = csv.records();
         let Some(header) = records.next() else {
-            self.fault(
-                Fault::whole_file(self.source.name(), "the file is empty").help("the first line names columns as `name[unit]`"),
-            );
+            let fault = Fault::whole_file(self.source.name(), "there is no header: the file is empty, or holds comments only");
+            self.fault(fault.help("the first line names columns as `name[unit]`"));
             return None;
         };
         let header = self.record(header)?;
-        let mut table = Table {
-            file: self.source.name().to_string(),
-            header_line: line_of(&header, self.text()),
-            columns: self.header(&header),
-            lines: Vec::new(),
-        };
+        let header_line = self.lines.of(&header);
+        if header.len() == 1 && header[0].contains([';', '\t']) {
+            let fault = self.at_line(header_line, format!("the header is a single cell, `{}`", &header[0]));
+            self.fault(fault.help("separate the cells by commas, with a point in decimals"));
+            return None;
+        }
+        let columns = self.header(&header, header_line);
+        let mut table = Table { file: self.source.name().to_string(), header_line, columns, lines: Vec::new() };
         let roles = self.roles(&table, wanted);
         for record in records {
             let Some(record) = self.record(record) else { continue };
@@ -167,12 +198,6 @@ impl<'a> Reader<'a> {
             self.fault(self.at_line(table.header_line, what));
         }
         Some(table)
-    }
-
-    /// The text without a byte order mark.
-    fn text(&self) -> &'a str {
-        let text = self.source.text();
-        text.strip_prefix('\u{feff}').unwrap_or(text)
     }
 
     fn record(&mut self, record: csv::Result<StringRecord>) -> Option<StringRecord> {
@@ -186,14 +211,13 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn header(&mut self, header: &StringRecord) -> Vec<Column> {
-        let line = line_of(header, self.text());
+    fn header(&mut self, header: &StringRecord, line: usize) -> Vec<Column> {
         let mut columns: Vec<Column> = Vec::new();
         for (k, cell) in header.iter().enumerate() {
             let place = k + 1;
             let (name, unit) = match cell.split_once('[') {
                 None => (cell, None),
-                Some((name, rest)) => match rest.strip_suffix(']') {
+                Some((name, rest)) => match rest.strip_suffix(']').filter(|unit| !unit.contains(['[', ']'])) {
                     Some(unit) => (name.trim_end(), Some(unit.trim().to_string())),
                     None => {
                         let what = format!("column {place} is headed `{cell}`, expected `name` or `name[unit]`");
@@ -218,12 +242,7 @@ impl<'a> Reader<'a> {
         let names = table.columns.iter().map(|column| format!("`{}`", column.name)).collect::<Vec<_>>().join(", ");
         for name in wanted.numbers.iter().chain(&wanted.labels) {
             if table.column(name).is_none() {
-                let mut fault =
-                    self.at_line(table.header_line, format!("there is no column `{name}`; the columns are {names}"));
-                if table.columns.len() == 1 && table.columns[0].name.contains([';', '\t']) {
-                    fault = fault.help("separate the cells by commas, with a point in decimals");
-                }
-                self.fault(fault);
+                self.fault(self.at_line(table.header_line, format!("there is no column `{name}`; the columns are {names}")));
             }
         }
         let of = |column: &Column| {
@@ -233,7 +252,11 @@ impl<'a> Reader<'a> {
     }
 
     fn row(&mut self, record: &StringRecord, roles: &[(bool, bool)], table: &mut Table) {
-        let line = line_of(record, self.text());
+        let line = self.lines.of(record);
+        // A line of blanks: the reader itself passes over empty ones only.
+        if record.len() == 1 && record[0].is_empty() && table.columns.len() > 1 {
+            return;
+        }
         if record.len() != table.columns.len() {
             let what = format!("the row has {}, the header has {}", cells(record.len()), table.columns.len());
             self.fault(self.at_line(line, what));
@@ -263,33 +286,37 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The line on which a record begins. The reader's own position is where it began to look: before comments and empty lines.
-fn line_of(record: &StringRecord, text: &str) -> usize {
-    let Some(position) = record.position() else { return 0 };
-    let skipped = |line: &&str| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty();
-    let Some((before, rest)) = text.split_at_checked(position.byte() as usize) else { return 0 };
-    before.matches('\n').count() + 1 + rest.split_inclusive('\n').take_while(skipped).count()
-}
-
 fn cells(count: usize) -> String {
     if count == 1 { "1 cell".to_string() } else { format!("{count} cells") }
 }
 
 #[cfg(test)]
-mod line_tests {
+mod tests {
     use super::*;
 
     #[test]
     fn comments_and_empty_lines_count_as_lines() {
         for end in ["\n", "\r\n"] {
-            let text = ["# a comment", "x[1]", "1", "# another", "", "two", "3", ""].join(end);
+            let text = ["# a comment", "x[1],\"z \"\"[1]\"", "1,2", "# another", "", "  ", "two,3", "\"3\",4", ""].join(end);
             let source = Source::new("t.csv", format!("\u{feff}{text}"));
             let wanted = Wanted { numbers: vec!["x".into()], ..Wanted::default() };
             let faults = Table::read(&source, &wanted).unwrap_err();
-            assert!(faults.to_string().starts_with("t.csv:6:"), "{faults}");
+            assert!(faults.to_string().starts_with("t.csv:7:"), "{faults}");
             let source = Source::new("t.csv", text.replace("two", "2"));
             let table = Table::read(&source, &wanted).unwrap();
-            assert_eq!((table.header_line, table.lines), (2, vec![3, 6, 7]));
+            assert_eq!((table.header_line, table.lines), (2, vec![3, 7, 8]));
+            assert_eq!(table.columns[0].values, [1.0, 2.0, 3.0]);
+            // Not wanted, so not judged.
+            assert_eq!((table.columns[1].name.as_str(), table.columns[1].values.len()), ("z \"", 0));
         }
+    }
+
+    #[test]
+    fn decimals_are_rounded_once_to_nearest() {
+        // Half way between 1 and the next f64, and a hair above; a subnormal; the largest.
+        let text = "x[1]\n1.00000000000000011102230246251565404236316680908203125\n1.00000000000000011102230246251565404236316680908203126\n\
+                    5e-324\n1.7976931348623157e308\n";
+        let table = Table::read(&Source::new("t.csv", text), &Wanted { every_number: true, ..Wanted::default() }).unwrap();
+        assert_eq!(table.columns[0].values, [1.0, 1.0f64.next_up(), f64::from_bits(1), f64::MAX]);
     }
 }

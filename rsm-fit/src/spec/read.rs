@@ -56,6 +56,15 @@ impl Places {
     fn note(&mut self, path: impl Into<String>, value: Value<'_>) {
         self.own.insert(path.into(), value.span());
     }
+
+    /// Notes a key that is read elsewhere; whether it is there.
+    fn note_key(&mut self, path: impl Into<String>, key: &str, reader: &TableReader<'_>) -> bool {
+        let found = reader.entries().find(|(name, _, _)| *name == key);
+        if let Some((_, _, value)) = &found {
+            self.note(path, value);
+        }
+        found.is_some()
+    }
 }
 
 /// Reads the whole text. `None` when nothing can be judged further; then there is a fault.
@@ -72,9 +81,7 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
         return None;
     }
     let mut places = Places::default();
-    if let Some(value) = top.optional("model") {
-        places.note("model", value);
-    }
+    places.note_key("model", "model", &top);
     let model = top.text("model", faults);
     let data = top.required("data", faults).and_then(|value| {
         places.note("data", value);
@@ -216,13 +223,9 @@ fn optional_text(
     places: &mut Places,
     faults: &mut Collector,
 ) -> Option<Option<String>> {
-    match reader.optional(key) {
-        None => Some(None),
-        Some(value) => {
-            places.note(format!("{path}.{key}"), value);
-            reader.optional_text(key, faults).map(Some)
-        }
-    }
+    let stands = places.note_key(format!("{path}.{key}"), key, reader);
+    let text = reader.optional_text(key, faults);
+    if stands && text.is_none() { None } else { Some(text) }
 }
 
 /// `Some(None)`: absent; `None`: refused.
@@ -345,9 +348,10 @@ fn read_select<'a>(
     faults: &mut Collector,
 ) -> Option<Method> {
     let mut reader = TableReader::of(response.source(), value, format!("{}: `select`", response.who()), faults)?;
-    let method_value = reader.required("method", faults)?;
-    places.note(format!("{path}.select.method"), method_value);
+    let method_path = format!("{path}.select.method");
+    places.note_key(&method_path, "method", &reader);
     let method = reader.text("method", faults)?;
+    let method_place = places.place(&method_path);
     let mut order = |key: &'static str, reader: &mut TableReader<'a>, faults: &mut Collector| {
         reader.optional(key).map(|value| {
             places.note(format!("{path}.select.{key}"), value);
@@ -357,10 +361,11 @@ fn read_select<'a>(
     };
     let selected = match method.as_str() {
         "ladder" => {
-            if reader.optional("max_order").is_none() {
-                reader.required("max_order", faults);
+            let max_order = order("max_order", &mut reader, faults);
+            if max_order.is_none() {
+                faults.push(reader.fault(reader.span(), "`max_order` is missing"));
             }
-            let max_order = order("max_order", &mut reader, faults).flatten();
+            let max_order = max_order.flatten();
             let confidence = reader.required("confidence", faults).and_then(|value| {
                 places.note(format!("{path}.select.confidence"), value);
                 reader.number("`confidence`", value, faults)
@@ -379,7 +384,7 @@ fn read_select<'a>(
                 (None, None) if terms_broken => None,
                 (None, None) => {
                     let what = "method \"fixed\" needs `terms = [[0, 0], ...]` beside `select`, or `order` in it";
-                    faults.push(reader.fault(method_value.span(), what));
+                    faults.push(reader.fault(method_place.clone(), what));
                     None
                 }
                 _ => {
@@ -392,7 +397,7 @@ fn read_select<'a>(
         other => {
             let known = ["stepwise", "best-subset", "lasso"].contains(&other);
             let what = if known { "is not available in this version" } else { "is not a method" };
-            let fault = reader.fault(method_value.span(), format!("`method`: \"{other}\" {what}"));
+            let fault = reader.fault(method_place.clone(), format!("`method`: \"{other}\" {what}"));
             faults.push(fault.help("accepted: \"ladder\", \"fixed\""));
             // The keys that belong to it cannot be judged.
             return None;

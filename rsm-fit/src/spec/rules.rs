@@ -202,7 +202,11 @@ fn check_terms(specification: &Specification, response: &ResponseSpec, terms: &[
     for (k, powers) in terms.iter().enumerate() {
         let place = format!("{path}.{k}");
         if powers.len() != inputs + knots {
-            let knots = if knots > 0 { format!(" and {knots} knots") } else { String::new() };
+            let knots = match knots {
+                0 => String::new(),
+                1 => " and for the knot".to_string(),
+                _ => format!(" and {knots} knots"),
+            };
             let expected = format!("one for each of {inputs} inputs{knots}");
             let what = format!("{who}: term {}: found {} powers, expected {expected}", k + 1, powers.len());
             faults.push(specification.fault(&place, what));
@@ -232,6 +236,7 @@ pub(crate) fn check_basis_against_ranges(specification: &Specification, ranges: 
         let path = format!("responses.{}", surface.name);
         for (input, _) in &surface.symmetry {
             if let Some([low, high]) = range_of(input)
+                && surface.inputs.contains(input)
                 && low != -high
             {
                 let what = format!("{who}: `symmetry` of `{input}`: its range [{low}, {high}] is not symmetric about 0");

@@ -1,0 +1,112 @@
+//! The ladder of figure 1 on data whose truth is known.
+
+use rsm_fit::fit::{JudgedOn, Outcome, Verdict};
+
+use crate::data::{Scratch, fitted};
+
+/// A grid of x in 0..10 and z in -3..3 with y = f(coded x, coded z), and a shifted grid for validation.
+fn grids(name: &str, f: impl Fn(f64, f64) -> f64) -> Scratch {
+    let scratch = Scratch::new(name);
+    let grid = |shift: f64, steps: u32| {
+        let mut text = "x[A],z[V],y[N*m]\n".to_string();
+        for i in 0..=steps {
+            for j in 0..=steps {
+                let [x1, x2] = [i, j].map(|k| (f64::from(k) * 2.0 / f64::from(steps) - 1.0) * shift);
+                // Natural values whose coding in f64 is as exact as decimals allow.
+                text += &format!("{},{},{:e}\n", 5.0 + 5.0 * x1, 3.0 * x2, f(x1, x2));
+            }
+        }
+        text
+    };
+    scratch.file("fit.csv", &grid(1.0, 6)).file("unseen.csv", &grid(0.9, 5));
+    scratch
+}
+
+fn ladder(scratch: &Scratch, rest: &str, validate: bool) -> Outcome {
+    let validate = if validate { "validate = [\"unseen.csv\"]\n" } else { "" };
+    let text = format!(
+        "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\n{validate}[inputs.x]\nunit = \"A\"\n[inputs.z]\nunit = \"V\"\n\
+         [responses.y]\nunit = \"N*m\"\ninputs = [\"x\", \"z\"]\n{rest}\n"
+    );
+    fitted(&text, &scratch.0)
+}
+
+fn powers(outcome: &Outcome) -> Vec<Vec<u32>> {
+    outcome.model.surfaces[0].terms.iter().map(|term| term.powers.clone()).collect()
+}
+
+#[test]
+fn it_finds_the_terms_that_are_there_and_no_other() {
+    // Six terms of order up to 4; the first-order term of z is not among them.
+    let truth = |x: f64, z: f64| 2.0 + 3.0 * x - 1.5 * x * z + 0.75 * z * z + 0.5 * x * x * z - 0.25 * x * x * z * z;
+    let scratch = grids("there", truth);
+    let outcome = ladder(&scratch, "select = { method = \"ladder\", max_order = 5, confidence = 99.9999999 }", true);
+    assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
+    assert_eq!(powers(&outcome), [[0, 0], [1, 0], [1, 1], [0, 2], [2, 1], [2, 2]]);
+    for (term, expected) in outcome.model.surfaces[0].terms.iter().zip([2.0, 3.0, -1.5, 0.75, 0.5, -0.25]) {
+        // The natural values of the grid are decimals rounded to f64: 2^-53 each, times a few.
+        assert!((term.coefficient - expected).abs() < 1e-14, "{term:?}");
+    }
+}
+
+#[test]
+fn it_stops_at_the_fewest_regressors_that_reach_the_confidence() {
+    let truth = |x: f64, z: f64| 10.0 + 3.0 * x + 0.4 * z * z + 0.001 * x * z;
+    let scratch = grids("fewest", truth);
+    let of = |confidence: f64| {
+        ladder(&scratch, &format!("select = {{ method = \"ladder\", max_order = 4, confidence = {confidence} }}"), true)
+    };
+    // C is taken about zero (15): a constant alone has most of it.
+    assert_eq!(powers(&of(90.0)), [[0, 0]]);
+    assert_eq!(powers(&of(99.9)), [[0, 0], [1, 0]]);
+    assert_eq!(powers(&of(99.9999)), [[0, 0], [1, 0], [0, 2]]);
+}
+
+#[test]
+fn what_cannot_be_reached_is_said_with_the_best_that_was_found() {
+    let scratch = grids("unreached", |x: f64, z: f64| (9.0 * x).sin() * (7.0 * z).cos());
+    let outcome = ladder(&scratch, "select = { method = \"ladder\", max_order = 3, confidence = 99.0 }", true);
+    assert!(!outcome.reached());
+    let Verdict::NotReached { best, wanted } = outcome.responses[0].verdict else { panic!("{}", outcome.responses[0].verdict) };
+    assert!(best < wanted && wanted == 99.0);
+    assert_eq!(outcome.model.surfaces.len(), 1, "the best model found is still there to look at");
+    assert_eq!(outcome.responses[0].judged_on, JudgedOn::Validation);
+}
+
+#[test]
+fn without_unseen_data_it_judges_on_the_fitted_ones_and_says_so() {
+    let scratch = grids("seen", |x: f64, z: f64| 1.0 + x + z);
+    let outcome = ladder(&scratch, "select = { method = \"ladder\", max_order = 3, confidence = 99.0 }", false);
+    assert_eq!(outcome.responses[0].judged_on, JudgedOn::FittedData);
+    let evidence = &outcome.model.surfaces[0].evidence;
+    let judged = &evidence.iter().find(|(name, _)| name == "terms_chosen_on").unwrap().1;
+    assert_eq!(*judged, rsm_core::model::Evidence::Text("fitted data".into()));
+}
+
+#[test]
+fn a_hinge_is_found_where_the_response_has_a_kink() {
+    let scratch = grids("hinge", |x: f64, z: f64| 1.0 + 0.5 * z + 2.0 * (x - 0.5).max(0.0));
+    let rest = "knots = [{ input = \"x\", at = 7.5 }]\nselect = { method = \"ladder\", max_order = 2, confidence = 99.99999 }";
+    let outcome = ladder(&scratch, rest, true);
+    assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
+    assert_eq!(powers(&outcome), [[0, 0, 0], [0, 1, 0], [0, 0, 1]]);
+}
+
+#[test]
+fn columns_that_make_each_other_up_are_named_and_give_no_surface() {
+    let scratch = Scratch::new("dependent");
+    // z is 3 x + 1 in every row.
+    let rows: String = (0..8).map(|k| format!("{k},{},{}\n", 3 * k + 1, k * k)).collect();
+    scratch.file("fit.csv", &format!("x[A],z[V],y[N*m]\n{rows}"));
+    for select in ["method = \"ladder\", max_order = 3, confidence = 99.0", "method = \"fixed\", order = 1"] {
+        let outcome = ladder(&scratch, &format!("select = {{ {select} }}"), false);
+        let Verdict::IllConditioned { condition, columns } = &outcome.responses[0].verdict else {
+            panic!("{}", outcome.responses[0].verdict)
+        };
+        assert!(*condition > 1e13, "{condition}");
+        // In coded variables they are the same column.
+        assert_eq!(columns, &["x", "z"]);
+        assert!(!outcome.reached() && outcome.model.surfaces.is_empty());
+        assert!(serde_json::to_value(outcome.report()).unwrap()["responses"]["y"].is_null());
+    }
+}

@@ -1,0 +1,10 @@
+//! Tests of the fitter through its public face. One binary: each further one would link everything again.
+
+mod data;
+mod ladder;
+mod nist;
+mod real;
+mod recursive;
+mod rejected;
+mod splits;
+mod textbook;

@@ -1,0 +1,64 @@
+//! Bad input is refused with the whole message that stands beside it.
+//!
+//! `cases/rejected/NAME.toml` is a fit specification (with the data that it names beside it), `NAME.csv` without a `NAME.toml` is a data file read with the
+//! specification below. `NAME.txt` is the message. `RSM_BLESS=1` rewrites the messages; the difference is reviewed like code.
+
+use std::path::{Path, PathBuf};
+
+use rsm_core::source::Source;
+use rsm_fit::fit::fit;
+use rsm_fit::spec::Specification;
+
+/// What the data files of the cases are read with: the unit of x stands here, that of y must stand in the header.
+fn for_data(name: &str) -> String {
+    format!(
+        "format = 1\nmodel = \"m\"\ndata = [\"{name}.csv\"]\n[inputs.x]\nunit = \"rad/s\"\n[responses.y]\ninputs = [\"x\"]\n\
+         select = {{ method = \"fixed\", order = 1 }}\n"
+    )
+}
+
+fn message(name: &str, text: String, folder: &Path) -> String {
+    let specification = Specification::from_source(Source::new(format!("{name}.toml"), text), folder.to_path_buf());
+    let message = match specification {
+        Err(faults) => faults.to_string(),
+        Ok(specification) => match fit(&specification, &mut |_| {}) {
+            Err(refused) => refused.to_string(),
+            Ok(outcome) => format!("ACCEPTED: {:?}", outcome.responses),
+        },
+    };
+    // Data files are named with the folder in front: that is of this machine.
+    let folder = format!("{}{}", folder.display(), std::path::MAIN_SEPARATOR);
+    message.replace(&folder, "") + "\n"
+}
+
+/// The names of the cases with an ending, sorted.
+fn cases(folder: &Path, ending: &str) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let of_ending = entries.filter(|path| path.extension().is_some_and(|found| found == ending));
+    let mut names: Vec<String> = of_ending.map(|path| path.file_stem().unwrap().to_str().unwrap().to_string()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn every_bad_file_gets_the_message_beside_it() {
+    let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/rejected");
+    let specifications = cases(&folder, "toml");
+    let data: Vec<String> = cases(&folder, "csv").into_iter().filter(|name| !specifications.contains(name)).collect();
+    assert!(specifications.len() >= 12 && data.len() >= 10, "{} and {} cases", specifications.len(), data.len());
+    let read = |name: &String| std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
+    let all = specifications.iter().map(|name| (name, read(name))).chain(data.iter().map(|name| (name, for_data(name))));
+    let mut wrong = Vec::new();
+    for (name, text) in all {
+        let found = message(name, text, &folder);
+        let path = folder.join(format!("{name}.txt"));
+        if std::env::var_os("RSM_BLESS").is_some() {
+            std::fs::write(&path, &found).unwrap();
+        }
+        let expected = std::fs::read_to_string(&path).unwrap_or_default();
+        if found != expected || found.starts_with("ACCEPTED") {
+            wrong.push(format!("--- {name}\nexpected:\n{expected}found:\n{found}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
