@@ -18,7 +18,8 @@
 //! assert!(held.held && held.i_q_a == outputs.i_q_a && state.bad_samples() == 1);
 //! ```
 #![no_std]
-#![forbid(unsafe_code)]
+// Denied, not forbidden: on a host the emitted evaluator clamps with SSE2 instructions, which are `unsafe` functions to Rust. There is no other.
+#![deny(unsafe_code)]
 
 mod angle;
 
