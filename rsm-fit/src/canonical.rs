@@ -1,8 +1,9 @@
 //! Canonical analysis: where a second-order surface is flat, and whether that is a top, a bottom or a saddle.
 //!
-//! In: a second-order surface of plain coded (or natural) variables and its inputs. Out: the stationary point in natural units, the eigenvalues of
-//! the matrix of second-order coefficients in the variables of the polynomial, largest first. `None` for any other surface, and for one whose matrix is
-//! singular (a ridge has no single stationary point). Never calls a point outside the data a prediction: where it lies is for the reader to judge.
+//! In: a second-order surface of plain coded (or natural) variables and its inputs. Out: the stationary point in natural units,
+//! the eigenvalues of the matrix of second-order coefficients in the variables of the polynomial, largest first. `None` for any
+//! other surface, and for one whose matrix is singular (a ridge has no single stationary point). Never calls a point outside
+//! the data a prediction: where it lies is for the reader to judge.
 //!
 //! Source: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 6.3: y = b0 + x'b + x'Bx, x_s = -1/2 B^-1 b.
 

@@ -1,8 +1,9 @@
 //! The design matrix: from points in natural units to the rows of a least-squares problem.
 //!
-//! In: a surface (its factors, symmetry and terms) and its inputs with their ranges. Out: a row of double-doubles a point, one number a term,
-//! by the same [`Factor`]s that give the surface its meaning; a point outside the range is seen as the evaluator sees it. Powers
-//! are formed in double-double: rounded to f64 they would cost NIST's Filip half of its digits. Never looks at a response.
+//! In: a surface (its factors, symmetry and terms) and its inputs with their ranges. Out: a row of double-doubles a point, one
+//! number a term, by the same [`Factor`]s that give the surface its meaning; a point outside the range is seen as the evaluator
+//! sees it. Powers are formed in double-double: rounded to f64 they would cost NIST's Filip half of its digits. Never looks at
+//! a response.
 
 use rsm_core::basis::{self, Factor};
 use rsm_core::model::{Input, Surface, Symmetry};
@@ -98,8 +99,8 @@ pub fn order(powers: &[u32]) -> u32 {
     powers.iter().sum()
 }
 
-/// All terms of at most an order that a surface may have: the constant first, then by order, and within one with the powers of the
-/// first factors highest first. Odd symmetry asks every term to contain the odd inputs.
+/// All terms of at most an order that a surface may have: the constant first, then by order, and within one with the powers of
+/// the first factors highest first. Odd symmetry asks every term to contain the odd inputs.
 #[must_use]
 pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
     let width = surface.inputs.len() + surface.knots.len();
@@ -127,8 +128,8 @@ fn push_terms_of_order(order: u32, width: usize, begun: &mut Vec<u32>, terms: &m
     }
 }
 
-/// An odd input that a term does not contain, if there is one: such a term would jump where the input changes sign. A hinge of the input opens
-/// above 0, so it does as well as the input itself.
+/// An odd input that a term does not contain, if there is one: such a term would jump where the input changes sign. A hinge of
+/// the input opens above 0, so it does as well as the input itself.
 #[must_use]
 pub fn missing_odd_input<'a>(surface: &'a Surface, powers: &[u32]) -> Option<&'a str> {
     let (own, hinges) = powers.split_at(surface.inputs.len().min(powers.len()));

@@ -1,7 +1,8 @@
 //! What a surface rests on, as it is written into the model file.
 //!
-//! In: the specification, the outcome and the records of one response. Out: named pieces of evidence: data files with hashes, the specification with its
-//! hash, the method, the figures that say how good the surface is. Never a path of the machine, a date or a user: the same inputs give the same text.
+//! In: the specification, the outcome and the records of one response. Out: named pieces of evidence: data files with hashes,
+//! the specification with its hash, the method, the figures that say how good the surface is. Never a path of the machine, a
+//! date or a user: the same inputs give the same text.
 
 use rsm_core::model::Evidence;
 

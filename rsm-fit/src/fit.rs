@@ -1,7 +1,8 @@
 //! The whole way from a specification to a model.
 //!
-//! In: a [`Specification`]. Out: an [`Outcome`]: the model, and for every response what became of it and its figures. Bad input is an error with every
-//! fault; a numerical outcome (confidence not reached, columns that make each other up) is data. Never writes a file.
+//! In: a [`Specification`]. Out: an [`Outcome`]: the model, and for every response what became of it and its figures. Bad input
+//! is an error with every fault; a numerical outcome (confidence not reached, columns that make each other up) is data. Never
+//! writes a file.
 
 use rsm_core::model::{Input, Model, Surface, Term};
 use rsm_core::source::{Collector, Faults};
@@ -10,7 +11,7 @@ use crate::canonical;
 use crate::dd::Dd;
 use crate::design::{self, Design};
 use crate::evidence;
-use crate::ladder::{Judge, Ladder};
+use crate::ladder::{Judge, Ladder, first_rung};
 use crate::qr::{Compressed, Dependent, Growing, Triangle};
 use crate::records::{DataFile, Records, Refused, Units};
 use crate::spec::{Method, ResponseSpec, Specification, Validation, check_basis_against_ranges};
@@ -247,7 +248,8 @@ fn read(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -
     Ok(data)
 }
 
-/// The inputs of the model. A range that the specification does not give is that of the data to fit; symmetric about 0 where a symmetry asks for it.
+/// The inputs of the model. A range that the specification does not give is that of the data to fit; symmetric about 0 where a
+/// symmetry asks for it.
 fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faults> {
     let mut faults = Collector::new();
     let mut inputs = Vec::new();
@@ -298,9 +300,16 @@ impl Task<'_> {
             Method::Fixed(terms) => terms.clone(),
             Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => design::terms_up_to(surface, *order),
         };
-        let least = if matches!(self.response.method, Method::Ladder { .. }) { 1 } else { terms.len() };
+        let least = match self.response.method {
+            Method::Ladder { .. } => {
+                let first = first_rung(&terms);
+                terms.iter().filter(|powers| design::order(powers) <= first).count()
+            }
+            _ => terms.len(),
+        };
         if self.fit_response.len() < least {
-            let what = format!("response `{}`: {least} terms, but {} rows to fit", surface.name, self.fit_response.len());
+            let what =
+                format!("response `{}`: at least {least} terms, but {} rows to fit", surface.name, self.fit_response.len());
             return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
         }
         let design = Design::new(surface, &self.inputs, terms);
@@ -331,7 +340,8 @@ impl Task<'_> {
         self.specification.fault(&format!("responses.{}", self.response.surface.name), what)
     }
 
-    /// The triangle of all terms and the response. As a judge: a row a group of replicates, with the mean and the weight sqrt(n_i).
+    /// The triangle of all terms and the response. As a judge: a row a group of replicates, with the mean and the weight
+    /// sqrt(n_i).
     fn compress(&self, design: &Design, observations: Observations<'_>, groups: bool) -> Result<Triangle, Faults> {
         let mut compressed = Compressed::new(design.width() + 1);
         let mut finite = true;

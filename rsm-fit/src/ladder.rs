@@ -1,16 +1,17 @@
 //! The ladder of figure 1: grow a model term by term until the confidence C is reached, then take out what it does not need.
 //!
-//! In: the triangle of all candidate terms on the data to fit, and a [`Judge`] made from the validation data. Out: the chosen terms and their C.
-//! The paper starts with first order (13) and adds interactions and higher orders until
+//! In: the triangle of all candidate terms on the data to fit, and a [`Judge`] made from the validation data. Out: the chosen
+//! terms and their C. The paper starts with first order (13) and adds interactions and higher orders until
 //!
 //! ```text
 //! C = 100 - 100 SS_lof / SS_y,   SS_lof = sum n_i (ybar_i - yhat_i)^2 (14),   SS_y = sum n_i ybar_i^2 (15)
 //! ```
 //!
-//! and wants the fewest regressors that reach C. Here: on each rung (order) the term that raises C most is added, until none does; then the
-//! next order opens. When C is reached, terms leave one at a time while it still is, and two are exchanged for one where that is possible.
-//! If this climb gets stuck below C, a second one adds by the residual of the fitted data instead, which looks further ahead. The choice uses the
-//! validation data: they are not unseen any more in the strict sense, and the evidence says so. Never solves with dependent columns.
+//! and wants the fewest regressors that reach C. Here: on each rung (order) the term that raises C most is added, until none
+//! does; then the next order opens. When C is reached, terms leave one at a time while it still is, and two are exchanged for
+//! one where that is possible. If this climb gets stuck below C, a second one adds by the residual of the fitted data instead,
+//! which looks further ahead. The choice uses the validation data: they are not unseen any more in the strict sense, and the
+//! evidence says so. Never solves with dependent columns.
 
 use crate::dd::Dd;
 use crate::design::order;
@@ -74,6 +75,12 @@ enum By {
     Residual,
 }
 
+/// The order of the first rung: 1, or the lowest that there is where odd symmetry asks for more.
+#[must_use]
+pub fn first_rung(terms: &[Vec<u32>]) -> u32 {
+    terms.iter().map(|powers| order(powers)).min().unwrap_or(0).max(1)
+}
+
 impl Ladder<'_> {
     /// Climbs. `progress` hears the order, the number of terms and C after each step.
     ///
@@ -99,9 +106,9 @@ impl Ladder<'_> {
 
     fn ascend(&self, by: By, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<Climb, Dependent> {
         let mut growing = Growing::new(self.fit);
-        let lowest = self.terms.iter().map(|powers| order(powers)).min().unwrap_or(0).max(1);
+        let lowest = first_rung(self.terms);
         for (k, powers) in self.terms.iter().enumerate() {
-            if order(powers) <= lowest && growing.chosen().len() < self.most_terms() {
+            if order(powers) <= lowest {
                 growing.add(k)?;
             }
         }
@@ -131,7 +138,7 @@ impl Ladder<'_> {
 
     /// One row stays for the residual, where there is one to spare.
     fn most_terms(&self) -> usize {
-        self.fit.rows().saturating_sub(1).max(1)
+        self.fit.rows().saturating_sub(1)
     }
 
     /// The best term up to an order, and C with it. Dependent terms are passed over: the data cannot tell what they would add.
@@ -163,7 +170,8 @@ impl Ladder<'_> {
         Some(self.judge.confidence(terms, &growing.coefficients()))
     }
 
-    /// Takes out terms one at a time, the least missed first, while C is still reached. The constant is not a regressor and stays.
+    /// Takes out terms one at a time, the least missed first, while C is still reached. The constant is not a regressor and
+    /// stays.
     fn prune(&self, climb: &mut Climb) {
         while climb.chosen.len() > 1 {
             let without = |out: &usize| -> Option<(Vec<usize>, f64)> {

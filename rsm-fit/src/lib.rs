@@ -15,8 +15,8 @@
 //!
 //! Beside the line: recursive, rows one at a time.
 //!
-//! Every stage collects all faults of its input; numerical outcomes are data. Nothing here writes a file, prints, or knows an emitter.
-//! The same bytes in give the same model, to the bit, on every machine with IEEE 754.
+//! Every stage collects all faults of its input; numerical outcomes are data. Nothing here writes a file, prints, or knows an
+//! emitter. The same bytes in give the same model, to the bit, on every machine with IEEE 754.
 //!
 //! A line through four points, from CSV text to a model file:
 //!
@@ -50,17 +50,30 @@
 //! # }
 //! ```
 
-pub mod canonical;
-pub mod dd;
-pub mod design;
-pub mod evidence;
-pub mod fit;
-pub mod ladder;
-pub mod qr;
-pub mod records;
-pub mod recursive;
-pub mod spec;
-pub mod split;
-pub mod statistics;
-pub mod table;
 pub mod units;
+
+pub mod table;
+
+pub mod spec;
+
+pub mod records;
+
+pub mod split;
+
+pub mod dd;
+
+pub mod design;
+
+pub mod qr;
+
+pub mod ladder;
+
+pub mod statistics;
+
+pub mod canonical;
+
+pub mod evidence;
+
+pub mod fit;
+
+pub mod recursive;

@@ -1,18 +1,20 @@
 //! Least squares by Householder reflections in double-double arithmetic, on a model that may grow.
 //!
-//! In: rows of a design matrix with the response behind them. Out: coefficients, the triangular factor, the residual sum of squares.
-//! [`Compressed`] takes any number of rows and keeps a triangle: an orthogonal transformation of all candidate columns and of the response,
-//! which has the same least-squares solution for every choice of columns. [`Growing`] solves on that triangle and appends a column at the cost of one
-//! reflection. A column that the others make up (to within the rounding of the data) is refused by name, never solved in silence.
+//! In: rows of a design matrix with the response behind them. Out: coefficients, the triangular factor, the residual sum of
+//! squares. [`Compressed`] takes any number of rows and keeps a triangle: an orthogonal transformation of all candidate columns
+//! and of the response, which has the same least-squares solution for every choice of columns. [`Growing`] solves on that
+//! triangle and appends a column at the cost of one reflection. A column that the others make up (to within the rounding of the
+//! data) is refused by name, never solved in silence.
 //!
-//! Source: Golub, Van Loan, Matrix Computations, 5.2 (Householder QR) and 6.5 (updating); Lawson, Hanson, Solving Least Squares Problems,
-//! chapter 27 (sequential accumulation).
+//! Source: Golub, Van Loan, Matrix Computations, 5.2 (Householder QR) and 6.5 (updating); Lawson, Hanson, Solving Least Squares
+//! Problems, chapter 27 (sequential accumulation).
 
 use crate::dd::Dd;
 
-/// A column is refused when the part of it that the other columns do not make up is below this share of it. Data are rounded to f64, each
-/// value wrong by up to 2^-53 of itself; 2^-46 leaves a factor 128 for sums of several such columns. Filip, the worst of NIST's sets, is at 2^-31.
-pub(crate) const DEPENDENT: f64 = 1.0 / 70_368_744_177_664.0;
+/// A column is refused when the part of it that the other columns do not make up is below this share of it. Data are rounded to
+/// f64, each value wrong by up to 2^-53 of itself; 2^-46 leaves a factor 128 for sums of several such columns. Filip, the worst
+/// of NIST's sets, is at 2^-31.
+pub(crate) const DEPENDENT: f64 = 1.0 / (1u64 << 46) as f64;
 
 /// Rows that are reduced together. Larger blocks cost memory, smaller ones repeat the work on the triangle.
 const BLOCK: usize = 512;

@@ -1,8 +1,8 @@
 //! Records: the rows of the data files in the units of the model.
 //!
-//! In: a specification and the names of some of its files. Out: [`Records`] (one list a variable, all of the same length) with the name, hash and
-//! rows of each file, or every fault of every file. The first file that names a unit decides where the specification names none.
-//! Never drops a row.
+//! In: a specification and the names of some of its files. Out: [`Records`] (one list a variable, all of the same length) with
+//! the name, hash and rows of each file, or every fault of every file. The first file that names a unit decides where the
+//! specification names none. Never drops a row.
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use sha2::{Digest, Sha256};
@@ -40,7 +40,8 @@ pub struct DataFile {
     pub rows: usize,
 }
 
-/// The units in which a fit counts: of the inputs, then of the responses. Settled by the specification or by the first file that has one.
+/// The units in which a fit counts: of the inputs, then of the responses. Settled by the specification or by the first file
+/// that has one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Units(Vec<Option<String>>);
 

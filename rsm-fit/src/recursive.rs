@@ -1,11 +1,13 @@
 //! Recursive least squares: rows one at a time, old ones forgotten at a chosen rate.
 //!
 //! In: rows of a design matrix with their responses, in the order of time. Out: after each row the coefficients that minimise
-//! sum of forgetting^(age) (response - row b)^2. Kept in square-root information form (a triangle R and a right-hand side z with R b = z),
-//! updated by Givens rotations in double-double: it starts from no rows, not from a made-up covariance, so that with forgetting
-//! factor 1 the answer is that of batch least squares. Before the rows determine the coefficients there is no answer. Never keeps a row.
+//! sum of forgetting^(age) (response - row b)^2. Kept in square-root information form (a triangle R and a right-hand side z
+//! with R b = z), updated by Givens rotations in double-double: it starts from no rows, not from a made-up covariance, so that
+//! with forgetting factor 1 the answer is that of batch least squares. Before the rows determine the coefficients there is no
+//! answer. Never keeps a row.
 //!
-//! Source: Golub, Van Loan, Matrix Computations, 6.5.2; Haykin, Adaptive Filter Theory, chapter on square-root adaptive filters (QR-RLS).
+//! Source: Golub, Van Loan, Matrix Computations, 6.5.2; Haykin, Adaptive Filter Theory, chapter on square-root adaptive filters
+//! (QR-RLS).
 
 use crate::dd::Dd;
 use crate::qr::DEPENDENT;
@@ -24,10 +26,12 @@ pub struct RecursiveLeastSquares {
 }
 
 impl RecursiveLeastSquares {
-    /// Nothing seen yet. The weight of a row is `forgetting` to the power of its age in rows: 1 forgets nothing, 0.99 remembers about 100 rows.
+    /// Nothing seen yet. The weight of a row is `forgetting` to the power of its age in rows: 1 forgets nothing, 0.99 remembers
+    /// about 100 rows.
     ///
     /// # Panics
-    /// Unless `terms` is at least 1 and `forgetting` is above 0 and at most 1: a factor above 1 would trust the oldest rows most.
+    /// Unless `terms` is at least 1 and `forgetting` is above 0 and at most 1: a factor above 1 would trust the oldest rows
+    /// most.
     #[must_use]
     pub fn new(terms: usize, forgetting: f64) -> Self {
         assert!(terms > 0, "recursive least squares of no terms");
@@ -41,7 +45,8 @@ impl RecursiveLeastSquares {
         }
     }
 
-    /// Takes a row in. A row with a NaN or an infinity is refused, so that one bad sample does not poison the state: false then.
+    /// Takes a row in. A row with a NaN or an infinity is refused, so that one bad sample does not poison the state: false
+    /// then.
     ///
     /// # Panics
     /// When the row has another number of terms than the state.

@@ -1,18 +1,18 @@
 //! The fit specification (DESIGN.md 5.2): which data, which inputs, which responses, how terms are chosen.
 //!
-//! In: a TOML file. Out: a [`Specification`] whose parts fit together as far as they can be judged without the data, or every fault with line and
-//! column and what is accepted. Paths in it are relative to it. What the format names but this version cannot do is refused in words,
-//! never ignored. Never opens a data file.
+//! In: a TOML file. Out: a [`Specification`] whose parts fit together as far as they can be judged without the data, or every
+//! fault with line and column and what is accepted. Paths in it are relative to it. What the format names but this version
+//! cannot do is refused in words, never ignored. Never opens a data file.
 //!
-//! Beyond the format's own example: `column` names the column of an input or of a response where it is not called like it, and a split
-//! keeps declared rows on one side:
+//! Beyond the format's own example: `column` names the column of an input or of a response where it is not called like it, and
+//! a split keeps declared rows on one side:
 //!
 //! ```toml
 //! validate = { share = 0.3, seed = 7, keep_together = ["run"], mirror = ["i_q"] }
 //! ```
 //!
-//! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows that agree in
-//! all inputs but for the sign of those named by `mirror` (a map whose halves were made from each other).
+//! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows that agree
+//! in all inputs but for the sign of those named by `mirror` (a map whose halves were made from each other).
 
 mod read;
 mod rules;

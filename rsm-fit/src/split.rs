@@ -1,7 +1,8 @@
 //! Sets rows aside as unseen data, so that rows which belong together stay on one side.
 //!
-//! In: records and what the specification says about the split. Out: the rows to fit and the rows to validate, both in the order of the data. The
-//! same seed gives the same split on every machine. Never puts a row on both sides; a group larger than what is still wanted is taken whole.
+//! In: records and what the specification says about the split. Out: the rows to fit and the rows to validate, both in the
+//! order of the data. The same seed gives the same split on every machine. Never puts a row on both sides; a group larger than
+//! what is still wanted is taken whole.
 
 use std::collections::BTreeMap;
 

@@ -1,10 +1,11 @@
 //! What a fitted surface is worth: the figures of DESIGN.md 5.1.
 //!
-//! In: the design of the chosen terms, the solved problem, points and responses. Out: plain structs whose serialised keys are those of `rsm fit --json`.
-//! A figure that does not exist (no degree of freedom, a residual of exactly zero) is `None`, never NaN. Sums are taken in double-double.
+//! In: the design of the chosen terms, the solved problem, points and responses. Out: plain structs whose serialised keys are
+//! those of `rsm fit --json`. A figure that does not exist (no degree of freedom, a residual of exactly zero) is `None`, never
+//! NaN. Sums are taken in double-double.
 //!
-//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.3 to 2.7 (t, R^2, PRESS, lack of fit); the paper's (14), (15) for C.
-//! Without a constant term R^2 is uncentred, as NIST and R have it.
+//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.3 to 2.7 (t, R^2, PRESS, lack of fit); the
+//! paper's (14), (15) for C. Without a constant term R^2 is uncentred, as NIST and R have it.
 
 use std::collections::BTreeMap;
 
@@ -17,9 +18,9 @@ use crate::dd::Dd;
 use crate::design::{Design, Physical, order};
 use crate::qr::Growing;
 
-/// A residual below this share of the response is what double-double rounding leaves of zero: 2^-104 an operation, and a margin of 2^20 for
-/// the number of operations.
-const NO_RESIDUAL: f64 = 1.0 / 19_342_813_113_834_066_795_298_816.0;
+/// A residual below this share of the response is what double-double rounding leaves of zero: 2^-104 an operation, and a margin
+/// of 2^20 for the number of operations.
+const NO_RESIDUAL: f64 = 1.0 / (1u128 << 84) as f64;
 
 /// Named values in their own order, serialised as a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -170,8 +171,8 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
         let prediction = value(&x, &coefficients);
         let own = Dd::ONE - growing.leverage(&x);
         let error = Dd::from(observations.response[row]) - prediction;
-        // With leverage 1 the surface goes through this point whatever it is: left out, nothing holds the term. 2^-40 is well above the rounding
-        // of the leverage for columns that pass as independent.
+        // With leverage 1 the surface goes through this point whatever it is: left out, nothing holds the term. 2^-40 is well
+        // above the rounding of the leverage for columns that pass as independent.
         press = press.filter(|_| own.to_f64() > 1e-12).map(|sum| sum + (error / own) * (error / own));
         predictions.push(prediction);
     }

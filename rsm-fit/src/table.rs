@@ -1,9 +1,9 @@
 //! Reads a CSV with units in its header.
 //!
-//! In: a [`Source`] and the names of the columns that are wanted. Out: a [`Table`] of finite numbers (and of labels, where asked), or every
-//! fault with file, line and column. The first line names columns as `name[unit]`; lines that begin with `#` are comments; a byte order
-//! mark, CRLF, quotes and blanks around cells are accepted. Decimals are rounded once, to nearest. Columns that nobody asked for may hold
-//! anything. Never converts a unit: a table says what the file says.
+//! In: a [`Source`] and the names of the columns that are wanted. Out: a [`Table`] of finite numbers (and of labels, where
+//! asked), or every fault with file, line and column. The first line names columns as `name[unit]`; lines that begin with `#`
+//! are comments; a byte order mark, CRLF, quotes and blanks around cells are accepted. Decimals are rounded once, to nearest.
+//! Columns that nobody asked for may hold anything. Never converts a unit: a table says what the file says.
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 use rsm_core::source::{Collector, Fault, Faults, Source};
@@ -112,8 +112,8 @@ struct Reader<'a> {
     lines: Lines<'a>,
 }
 
-/// Finds the lines of records, which must come in order. The CSV reader gives the place where the last record ended: its line end, blank lines and
-/// comments come before the record itself.
+/// Finds the lines of records, which must come in order. The CSV reader gives the place where the last record ended: its line
+/// end, blank lines and comments come before the record itself.
 struct Lines<'a> {
     text: &'a str,
     /// Up to here the line ends are counted.

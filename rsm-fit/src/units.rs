@@ -1,8 +1,9 @@
 //! Units: whether a text is one, and the way from one to another.
 //!
-//! In: texts such as `N*m`, `rad/s`, `degC`, `1` (no dimension). Out: a [`Conversion`] value -> factor value + offset, or a sentence that
-//! says what is wrong. The factors come from the library fend-core, exact as fractions (those with pi to more than 30 digits), so that a
-//! converted value is rounded once. Never converts between equal texts: those bits stay. Holds no table of factors.
+//! In: texts such as `N*m`, `rad/s`, `degC`, `1` (no dimension). Out: a [`Conversion`] value -> factor value + offset, or a
+//! sentence that says what is wrong. The factors come from the library fend-core, exact as fractions (those with pi to more
+//! than 30 digits), so that a converted value is rounded once. Never converts between equal texts: those bits stay. Holds no
+//! table of factors.
 
 use fend_core::{Context, CustomUnitAttribute};
 use num_traits::Zero;
@@ -59,8 +60,15 @@ pub fn check(text: &str) -> Result<(), String> {
     words(text).map(|_| ())
 }
 
+/// No unit is longer.
+const LONGEST: usize = 80;
+
 /// A unit cut into names, exponents and signs, every name known to the library.
 fn words(text: &str) -> Result<Vec<String>, String> {
+    // The library's parser is recursive, and powers are computed: neither is for a text without end.
+    if text.chars().count() > LONGEST {
+        return Err(format!("a text of more than {LONGEST} characters is not a unit"));
+    }
     let grammar = || {
         format!(
             "`{text}` is not a unit: names joined by `*` and `/`, powers as `m^2`, `1` for no dimension, for example `N*m` or `rad/s`"
@@ -91,7 +99,7 @@ fn words(text: &str) -> Result<Vec<String>, String> {
             ("*" | "/", false) => wants_name = true,
             ("^", false) => {}
             ("-", false) => {}
-            (digits, false) if k > 0 && digits.bytes().all(|b| b.is_ascii_digit()) => {}
+            (digits, false) if k > 0 && digits.len() < 3 && digits.bytes().all(|b| b.is_ascii_digit()) => {}
             ("1", true) => wants_name = false,
             (_, true) if word.starts_with(|c: char| !c.is_ascii_digit() && !"*/^()-".contains(c)) => {
                 *word = known_name(word)?;
@@ -159,8 +167,8 @@ fn double_double(value: &Rational) -> Dd {
     Dd::sum_of(high, Precision::F64.round(&(value - exact(high))))
 }
 
-/// In the SI the radian is 1, so that 1 Hz "is" 1 rad/s, and a factor of 2 pi is lost in silence. An angle, or an angle per time, is
-/// converted only to another.
+/// In the SI the radian is 1, so that 1 Hz "is" 1 rad/s, and a factor of 2 pi is lost in silence. An angle, or an angle per
+/// time, is converted only to another.
 fn refuse_cycles_for_angles(from: &str, from_words: &[String], to: &str, to_words: &[String]) -> Result<(), String> {
     const ANGLES: [&str; 15] = [
         "rad",

@@ -1,7 +1,7 @@
 //! Reads the keys of a fit specification.
 //!
-//! In: the text. Out: a [`Draft`] of everything that has the right shape, the place of each part, and a fault for everything else. Whether the parts
-//! fit together is judged in [`super::rules`].
+//! In: the text. Out: a [`Draft`] of everything that has the right shape, the place of each part, and a fault for everything
+//! else. Whether the parts fit together is judged in [`super::rules`].
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;

@@ -1,7 +1,7 @@
 //! The rules that the parts of a fit specification keep. One rule is one function.
 //!
-//! In: a [`Specification`] of the right shape. Out: faults. Rules that need the ranges run twice: here for those that are written down, and in the
-//! fit for those that come from the data.
+//! In: a [`Specification`] of the right shape. Out: faults. Rules that need the ranges run twice: here for those that are
+//! written down, and in the fit for those that come from the data.
 
 use rsm_core::model::Symmetry;
 use rsm_core::names;

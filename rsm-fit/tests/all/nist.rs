@@ -1,8 +1,9 @@
 //! NIST's linear least-squares sets, raw columns as published, against certified results.
 //!
-//! Digits of agreement are -log10 of the relative error against the certified 15-digit decimal, at most 15; of a certified zero, -log10 of the
-//! value. The floors stand just below what is left of the exact answer once the decimals are read into f64 (coefficients, from the data's README:
-//! Norris 14.1, Pontius 13.5, NoInt1 14.7, Filip 14.0, Longley 14.6, Wampler2 13.2, others exact): no solver can keep more.
+//! Digits of agreement are -log10 of the relative error against the certified 15-digit decimal, at most 15; of a certified
+//! zero, -log10 of the value. The floors stand just below what is left of the exact answer once the decimals are read into f64
+//! (coefficients, from the data's README: Norris 14.1, Pontius 13.5, NoInt1 14.7, Filip 14.0, Longley 14.6, Wampler2 13.2,
+//! others exact): no solver can keep more.
 
 use serde_json::Value;
 

@@ -1,18 +1,21 @@
 //! A measured flux map, fitted and judged on rows held out, against figures measured with other tools.
 //!
-//! The split: 30 % of the rows set aside at random, mirror pairs (i_q and -i_q) on one side, because one half of the map was made from the other. The
-//! largest error of one such split scatters by a tenth and more with the seed (it is one row), so the figure is the median over 15 seeds. The
-//! published figures, in percent of the response's span: 11.5 and 14.2 at second order, 7.8 and 7.7 at third, hold within a tenth.
+//! The split: 30 % of the rows set aside at random, mirror pairs (i_q and -i_q) on one side, because one half of the map was
+//! made from the other. The largest error of one such split scatters by a tenth and more with the seed (it is one row), so the
+//! figure is the median over 15 seeds. The published figures, in percent of the response's span: 11.5 and 14.2 at second order,
+//! 7.8 and 7.7 at third, hold within a tenth.
 //!
-//! The 44 mV*s for psi_q with symmetry at third order are met exactly (44.2) by sign(i_q) times the full third-order polynomial of i_d and |i_q|,
-//! 10 terms. Four of those do not contain i_q: that surface jumps by up to its own error at i_q = 0, and the model file refuses it. The two continuous
-//! bases beside it also come within a tenth: i_q times the full third-order polynomial (10 terms), and third order in each variable (12 terms).
+//! The 44 mV*s for psi_q with symmetry at third order are met exactly (44.2) by sign(i_q) times the full third-order polynomial
+//! of i_d and |i_q|, 10 terms. Four of those do not contain i_q: that surface jumps by up to its own error at i_q = 0, and the
+//! model file refuses it. The two continuous bases beside it also come within a tenth: i_q times the full third-order
+//! polynomial (10 terms), and third order in each variable (12 terms).
 
 use crate::data::{fitted, shared};
 
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=15;
 
-/// The median over the seeds of the largest held-out error of psi_d and psi_q in V*s. `psi_q` is the rest of that response's table.
+/// The median over the seeds of the largest held-out error of psi_d and psi_q in V*s. `psi_q` is the rest of that response's
+/// table.
 fn held_out(folder: &std::path::Path, psi_d: &str, psi_q: &str) -> [f64; 2] {
     let mut largest: [Vec<f64>; 2] = Default::default();
     for seed in SEEDS {

@@ -1,7 +1,8 @@
 //! Bad input is refused with the whole message that stands beside it.
 //!
-//! `cases/rejected/NAME.toml` is a fit specification (with the data that it names beside it), `NAME.csv` without a `NAME.toml` is a data file read with the
-//! specification below. `NAME.txt` is the message. `RSM_BLESS=1` rewrites the messages; the difference is reviewed like code.
+//! `cases/rejected/NAME.toml` is a fit specification (with the data that it names beside it), `NAME.csv` without a `NAME.toml`
+//! is a data file read with the specification below. `NAME.txt` is the message. `RSM_BLESS=1` rewrites the messages; the
+//! difference is reviewed like code.
 
 use std::path::{Path, PathBuf};
 
@@ -61,4 +62,39 @@ fn every_bad_file_gets_the_message_beside_it() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// No text may make a reader panic: every case, and a good specification, cut off or with a character lost at many places.
+#[test]
+fn mutilated_files_are_refused_without_a_panic() {
+    let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/rejected");
+    let read = |name: String, ending: &str| std::fs::read(folder.join(format!("{name}.{ending}"))).unwrap();
+    let good = for_data("nothing") + "coding = \"range\"\nknots = [{ input = \"x\", at = 1.0 }]\noutput_range = [0, 1]\n";
+    let mut texts: Vec<Vec<u8>> = cases(&folder, "toml").into_iter().map(|name| read(name, "toml")).collect();
+    texts.push(good.into_bytes());
+    for text in texts {
+        // A step of 5 keeps the test below a few seconds; every place was tried once by hand.
+        for at in (0..text.len()).step_by(5) {
+            let cut = text[..at].to_vec();
+            let lost = [&text[..at], &text[at + 1..]].concat();
+            for bytes in [cut, lost] {
+                let source = Source::new("m.toml", String::from_utf8_lossy(&bytes));
+                if let Err(faults) = Specification::from_source(source, folder.clone()) {
+                    assert!(!faults.to_string().is_empty());
+                }
+            }
+        }
+    }
+    for name in cases(&folder, "csv") {
+        let text = read(name, "csv");
+        for at in 0..text.len() {
+            for replaced in [b'"', b'\r', b'#', b'[', b','] {
+                let mut bytes = text.clone();
+                bytes[at] = replaced;
+                let source = Source::new("m.csv", String::from_utf8_lossy(&bytes));
+                let wanted = rsm_fit::table::Wanted { every_number: true, ..Default::default() };
+                let _ = rsm_fit::table::Table::read(&source, &wanted);
+            }
+        }
+    }
 }

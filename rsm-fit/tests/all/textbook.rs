@@ -1,6 +1,7 @@
 //! Textbook cases of response-surface methodology against the figures of another package.
 //!
-//! Tolerance: 1e-10 of the value. Both sides hold some 13 digits (the data's README: cross-checks agree to 6e-13), and probabilities lose a few.
+//! Tolerance: 1e-10 of the value. Both sides hold some 13 digits (the data's README: cross-checks agree to 6e-13), and
+//! probabilities lose a few.
 
 use std::path::Path;
 
