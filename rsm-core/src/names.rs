@@ -378,9 +378,7 @@ mod tests {
 
     #[test]
     fn ordinary_names_pass() {
-        for name in
-            ["torque", "i_q", "psi_d", "Kf", "x1", "r", "R1", "rs", "resm", "raw", "current_advance", "r1a", "time"]
-        {
+        for name in ["torque", "i_q", "psi_d", "Kf", "x1", "r", "R1", "rs", "resm", "raw", "current_advance", "r1a", "time"] {
             assert_eq!(refuse(name), None, "{name}");
             assert_eq!(refuse_model(name), None, "{name}");
             assert_eq!(refuse_function("pmac", name), None, "{name}");

@@ -36,6 +36,7 @@ const C_COMPILERS: &[&str] = &[
     "gcc -std=c99 -O3 -march=native",
     "gcc -std=c99 -O2 -mfma -ffp-contract=fast",
     "gcc -std=gnu11 -O2 -mfma",
+    "gcc -std=gnu11 -O3 -march=native",
     "clang -std=c99 -O0",
     "clang -std=c99 -O2",
     "clang -std=c99 -O3 -march=native",
@@ -75,11 +76,11 @@ fn rust_folder() -> &'static Path {
 }
 
 fn file_name(line: &str) -> String {
-    line.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_")
+    let words = line.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("_")
 }
 
 fn c_backend(line: &str) -> Loaded {
-    // A machine without fused operations cannot show that none is used.
     let library = compilers::c_library(&Compiler::new(line), c_folder(), &file_name(line));
     Loaded::open(line, &library)
 }
@@ -199,8 +200,11 @@ fn clang_keeps_the_bits() {
 #[test]
 #[ignore = "10^6 points a function take minutes: run by `cargo xtask test` with --release"]
 fn all_back_ends_keep_the_bits_at_a_million_points() {
-    let loaded: Vec<Loaded> =
-        RUST_OPTIONS.iter().map(|options| rust_backend(options)).chain(C_COMPILERS.iter().map(|line| c_backend(line))).collect();
+    let loaded: Vec<Loaded> = RUST_OPTIONS
+        .iter()
+        .map(|options| rust_backend(options))
+        .chain(C_COMPILERS.iter().map(|line| c_backend(line)))
+        .collect();
     let (macro_f64, macro_f32) = macros();
     let mut of_f64: Vec<&dyn Backend<f64>> = vec![&macro_f64];
     let mut of_f32: Vec<&dyn Backend<f32>> = vec![&macro_f32];

@@ -1,3 +1,9 @@
 //! The tests that cross crates, in one binary.
 
 mod bit_for_bit;
+mod layers;
+mod lowering;
+mod object_code;
+mod refuses;
+mod stale;
+mod warnings;

@@ -81,7 +81,9 @@ impl Taken {
     fn modules(&self, path: &Path) -> String {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let apart = |precision: &str| {
-            format!("/// In {precision} alone.\npub mod {stem}_{precision} {{\n    rsm_macros::include_model!({path:?}, precision = \"{precision}\");\n}}\n")
+            format!(
+                "/// In {precision} alone.\npub mod {stem}_{precision} {{\n    rsm_macros::include_model!({path:?}, precision = \"{precision}\");\n}}\n"
+            )
         };
         match self {
             Taken::Plainly => format!("rsm_macros::include_model!({path:?});\n"),

@@ -71,10 +71,11 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
         }
     }
     // Far from 0 the middle of a narrow range may round onto a bound.
-    knots.retain(|knot| inputs.iter().all(|input| input.name != knot.input || (input.range[0] < knot.at && knot.at < input.range[1])));
+    knots.retain(|knot| {
+        inputs.iter().all(|input| input.name != knot.input || (input.range[0] < knot.at && knot.at < input.range[1]))
+    });
     let scale = [1.0, 1.0, 1e3, 1e-9, 1e12][random.below(5)];
-    let odd: Vec<bool> =
-        inputs.iter().map(|input| symmetry.contains(&(input.name.clone(), Symmetry::Odd))).collect();
+    let odd: Vec<bool> = inputs.iter().map(|input| symmetry.contains(&(input.name.clone(), Symmetry::Odd))).collect();
     let mut powers = monomials(inputs.len() + knots.len(), order);
     for powers in &mut powers {
         for (k, _) in odd.iter().enumerate().filter(|(_, odd)| **odd) {
@@ -90,7 +91,9 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
     let terms = powers.into_iter().map(|powers| Term { powers, coefficient: coefficient(random, scale) }).collect();
     let output_range = (random.below(3) == 0).then(|| [-0.5 * scale, scale * random.between(0.1, 2.0)]);
     let support = match random.below(3) {
-        0 => (0..2).map(|_| HalfSpace { normal: inputs.iter().map(|_| random.between(-1.0, 1.0)).collect(), bound: 0.3 }).collect(),
+        0 => (0..2)
+            .map(|_| HalfSpace { normal: inputs.iter().map(|_| random.between(-1.0, 1.0)).collect(), bound: 0.3 })
+            .collect(),
         _ => vec![],
     };
     Surface {

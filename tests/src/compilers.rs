@@ -45,7 +45,9 @@ impl Compiler {
     pub fn run(&self, arguments: &[&str], folder: &Path) -> Output {
         let mut command = Command::new(&self.program);
         command.args(&self.options).args(arguments).current_dir(folder);
-        command.output().unwrap_or_else(|error| panic!("cannot start {}: {error}; apt-get install {}", self.program, self.program))
+        command
+            .output()
+            .unwrap_or_else(|error| panic!("cannot start {}: {error}; apt-get install {}", self.program, self.program))
     }
 
     /// Runs the compiler, which must succeed.
@@ -168,7 +170,8 @@ fn rust_batch(model: &str, function: &Function) -> String {
 #[must_use]
 pub fn rust_library(options: &str, folder: &Path, name: &str) -> PathBuf {
     let file = folder.join(format!("{name}.so"));
-    rustc(options).must(&["--crate-type", "cdylib", "--crate-name", name, "-o", &file.display().to_string(), "models.rs"], folder);
+    rustc(options)
+        .must(&["--crate-type", "cdylib", "--crate-name", name, "-o", &file.display().to_string(), "models.rs"], folder);
     file
 }
 

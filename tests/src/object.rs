@@ -2,6 +2,7 @@
 //!
 //! In: an object file and a symbol. Out: its instructions, and what in them an evaluator must not have: jumps, calls, fused operations.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
@@ -56,6 +57,24 @@ impl Code {
     #[must_use]
     pub fn fused(&self) -> Vec<&str> {
         self.all(|mnemonic| mnemonic.starts_with("vfm") || mnemonic.starts_with("vfnm"))
+    }
+
+    /// How many sums, products, quotients and comparisons there are, by their kind. Of `vmulsd` and `mulsd`: `mul`.
+    #[must_use]
+    pub fn arithmetic(&self) -> BTreeMap<&'static str, usize> {
+        // A sum with a constant may become a difference with its opposite.
+        const KINDS: [(&str, &str); 7] =
+            [("add", "sum"), ("sub", "sum"), ("mul", "mul"), ("div", "div"), ("max", "max"), ("min", "min"), ("cmp", "cmp")];
+        let mut counts = BTreeMap::new();
+        for line in &self.instructions {
+            let mnemonic = mnemonic(line);
+            let is_float = ["ss", "sd", "ps", "pd"].iter().any(|ending| mnemonic.ends_with(ending));
+            let plain = mnemonic.strip_prefix('v').unwrap_or(mnemonic);
+            if let Some((_, kind)) = KINDS.iter().find(|(begins, _)| is_float && plain.starts_with(begins)) {
+                *counts.entry(*kind).or_default() += 1;
+            }
+        }
+        counts
     }
 
     fn all(&self, wanted: impl Fn(&str) -> bool) -> Vec<&str> {

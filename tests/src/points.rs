@@ -69,7 +69,8 @@ impl<T: Number> Points<T> {
         let hurtful = function.inputs.iter().map(|input| hurtful_values(input, surface)).collect();
         let ranges = function.inputs.iter().map(|input| input.range.map(T::nearest)).collect();
         // A seed of its own for every function, the same in every run.
-        let seed = function.rust_name().bytes().fold(0x5eed_u64, |seed, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)));
+        let seed =
+            function.rust_name().bytes().fold(0x5eed_u64, |seed, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)));
         Points { ranges, hurtful, random: Random(seed) }
     }
 

@@ -20,14 +20,22 @@ pub fn same<T: Number>(a: T, b: T) -> bool {
 
 /// The first points at which an evaluator differs from the interpreter, with the tape. `None` when it does not.
 #[must_use]
-pub fn differences<T: Number>(model: &str, function: &Function, who: &str, points: &[T], expected: &[T], found: &[T]) -> Option<String> {
+pub fn differences<T: Number>(
+    model: &str,
+    function: &Function,
+    who: &str,
+    points: &[T],
+    expected: &[T],
+    found: &[T],
+) -> Option<String> {
     let arity = function.inputs.len();
     let wrong: Vec<usize> = (0..expected.len()).filter(|k| !same(expected[*k], found[*k])).collect();
     if wrong.is_empty() {
         return None;
     }
     let name = function.rust_name();
-    let mut text = format!("{model}::{name}: {who} differs from the interpreter at {} of {} points\n", wrong.len(), expected.len());
+    let mut text =
+        format!("{model}::{name}: {who} differs from the interpreter at {} of {} points\n", wrong.len(), expected.len());
     for k in wrong.iter().take(SHOWN) {
         text.push_str("  at");
         for (input, xi) in function.inputs.iter().zip(&points[k * arity..]) {

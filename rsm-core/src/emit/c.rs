@@ -87,15 +87,18 @@ fn source(unit: &Unit) -> String {
          #include \"{model}.h\"\n\
          \n\
          #include <float.h>\n\
-         #include <stdint.h>\n"
+         #include <stdint.h>\n\
+         #if !defined(__GNUC__)\n\
+         #include <string.h>\n\
+         #endif\n"
     );
-    text.push_str(&c_idioms::refusals(&file, has(Precision::F64), has(Precision::F32)));
+    text.push_str(&c_idioms::refusals(model, has(Precision::F64), has(Precision::F32)));
     text.push_str(&c_idioms::machine(&[f64_needs, f32_needs]));
     if has(Precision::F64) {
-        let helpers = c_idioms::helpers(f64_needs, Precision::F64);
+        let helpers = c_idioms::helpers(model, f64_needs, Precision::F64);
         text.push_str(&guarded(&helpers));
     }
-    text.push_str(&c_idioms::helpers(f32_needs, Precision::F32));
+    text.push_str(&c_idioms::helpers(model, f32_needs, Precision::F32));
     in_precisions(unit, &mut text, |function| define(unit, function));
     text.push_str(&self_test(unit));
     text
@@ -120,6 +123,14 @@ fn c_type(precision: Precision) -> &'static str {
     match precision {
         Precision::F64 => "double",
         Precision::F32 => "float",
+    }
+}
+
+/// What the names of helpers end in.
+fn suffix(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F64 => "",
+        Precision::F32 => "_f32",
     }
 }
 
@@ -167,7 +178,8 @@ fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
 
 fn define(unit: &Unit, function: &Function) -> String {
     let tape = &function.tape;
-    let (float, name) = (c_type(tape.precision), tape.precision.name());
+    let (float, suffix) = (c_type(tape.precision), suffix(tape.precision));
+    let helper = |name: &str| format!("{}_rsm_{name}{suffix}", unit.model);
     let mut text = format!("\n{}\n{{\n", signature(unit, function));
     let live = live(tape);
     for input in unused_inputs(tape, &live) {
@@ -177,20 +189,20 @@ fn define(unit: &Unit, function: &Function) -> String {
         let value = match *op {
             Op::Less(..) => continue,
             Op::Constant(ref constant) => c_literal(constant.value, tape.precision),
-            Op::Input(port) if feeds_sum(tape, reg) => format!("rsm_keep_{name}({})", tape.inputs[port.0 as usize]),
+            Op::Input(port) if feeds_sum(tape, reg) => format!("{}({})", helper("keep"), tape.inputs[port.0 as usize]),
             Op::Input(port) => tape.inputs[port.0 as usize].clone(),
             Op::Negate(a) => format!("-{a}"),
-            Op::Absolute(a) => format!("rsm_absolute_{name}({a})"),
+            Op::Absolute(a) => format!("{}({a})", helper("absolute")),
             Op::Add(a, b) => format!("{a} + {b}"),
             Op::Subtract(a, b) => format!("{a} - {b}"),
-            Op::Multiply(a, b) => format!("rsm_keep_{name}({a} * {b})"),
+            Op::Multiply(a, b) => format!("{}({a} * {b})", helper("keep")),
             Op::Divide(a, b) => format!("{a} / {b}"),
             Op::Select { condition, then, otherwise } => match tape.extremum(reg) {
-                Some(Extremum::AtLeast { value, bound }) => format!("rsm_at_least_{name}({value}, {bound})"),
-                Some(Extremum::AtMost { value, bound }) => format!("rsm_at_most_{name}({value}, {bound})"),
+                Some(Extremum::AtLeast { value, bound }) => format!("{}({value}, {bound})", helper("at_least")),
+                Some(Extremum::AtMost { value, bound }) => format!("{}({value}, {bound})", helper("at_most")),
                 None => {
                     let (left, right) = compared(tape, condition);
-                    format!("rsm_select_{name}({left}, {right}, {then}, {otherwise})")
+                    format!("{}({left}, {right}, {then}, {otherwise})", helper("select"))
                 }
             },
         };
@@ -221,12 +233,10 @@ fn self_test(unit: &Unit) -> String {
                 Precision::F64 => ("uint64_t", "0x7fffffffffffffffULL", "0x7ff0000000000000ULL"),
                 Precision::F32 => ("uint32_t", "0x7fffffffUL", "0x7f800000UL"),
             };
-            let (float, name) = (c_type(precision), precision.name());
+            let (float, suffix) = (c_type(precision), suffix(precision));
             let compare = format!(
                 "\n/* 1 unless the bits are the expected ones; any NaN is as good as another. */\n\
-                 #ifndef RSM_DIFFERS_{upper}\n\
-                 #define RSM_DIFFERS_{upper}\n\
-                 static int rsm_differs_{name}({float} found, {bits} expected)\n\
+                 static int {model}_rsm_differs{suffix}({float} found, {bits} expected)\n\
                  {{\n    \
                      {bits} bits;\n    \
                      (void)memcpy(&bits, &found, sizeof bits);\n    \
@@ -234,9 +244,8 @@ fn self_test(unit: &Unit) -> String {
                          return (bits & {magnitude}) <= {infinity};\n    \
                      }}\n    \
                      return bits != expected;\n\
-                 }}\n\
-                 #endif\n",
-                upper = name.to_uppercase()
+                 }}\n",
+                model = unit.model
             );
             text.push_str(&if precision == Precision::F64 { guarded(&compare) } else { compare });
         }
@@ -250,8 +259,8 @@ fn self_test(unit: &Unit) -> String {
 fn test_block(unit: &Unit, function: &Function) -> String {
     let tape = &function.tape;
     let points = points::points(tape, &function.inputs);
-    let (float, name) = (c_type(tape.precision), tape.precision.name());
-    let (bits, suffix, digits) = match tape.precision {
+    let float = c_type(tape.precision);
+    let (bits, end, digits) = match tape.precision {
         Precision::F64 => ("uint64_t", "ULL", 16),
         Precision::F32 => ("uint32_t", "UL", 8),
     };
@@ -262,7 +271,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
     );
     for point in &points {
         let row: Vec<String> =
-            point.arguments.iter().chain([&point.result]).map(|bits| format!("0x{bits:0digits$x}{suffix}")).collect();
+            point.arguments.iter().chain([&point.result]).map(|bits| format!("0x{bits:0digits$x}{end}")).collect();
         let note = if point.changes_under_fusing { " /* other bits if fused */" } else { "" };
         text.push_str(&format!("            {{ {} }},{note}\n", row.join(", ")));
     }
@@ -270,10 +279,10 @@ fn test_block(unit: &Unit, function: &Function) -> String {
     let types = if arity == 0 { "void".to_string() } else { vec![float; arity].join(", ") };
     let call: Vec<String> = (0..arity).map(|k| format!("x[{k}]")).collect();
     let call = format!("function({})", call.join(", "));
-    let judged = match (function.kind, tape.precision) {
-        (Kind::Surface, _) => format!("rsm_differs_{name}({call}, points[k][{arity}])"),
+    let judged = match function.kind {
+        Kind::Surface => format!("{}_rsm_differs{}({call}, points[k][{arity}])", unit.model, suffix(tape.precision)),
         // The tape's 1 or 0 as bits against the function's int.
-        (Kind::Support, _) => format!("{call} != (points[k][{arity}] != 0)"),
+        Kind::Support => format!("{call} != (points[k][{arity}] != 0)"),
     };
     let copy = if arity == 0 {
         String::new()

@@ -9,7 +9,8 @@
 //! | select | 5 | 2 | 2 | 5 | 10 |
 //! | keep a product | 0 | 0 | 0 | 0 | 0 |
 //!
-//! Why not the plain conditional: gcc sees that a clamped value is a constant on one side and makes a branch of it, on every machine.
+//! Why not the plain conditional: gcc sees that a clamped value is a constant on one side and makes a branch of it, on every machine;
+//! clang does so where a product of the clamped value follows, since a constant times a constant need not be computed.
 
 use crate::number::Precision;
 
@@ -29,20 +30,20 @@ impl Needs {
     }
 }
 
-/// Refuses to compile where the results would have other bits. `f64_only`: there is nothing to fall back to without a 64-bit double.
-pub(super) fn refusals(file: &str, f64_functions: bool, f32_functions: bool) -> String {
-    let mut text = REFUSE_FAST_MATH.replace("FILE", file);
+/// Refuses to compile where the results would have other bits. Where double is narrow, a file that has functions in f32 keeps those.
+pub(super) fn refusals(model: &str, f64_functions: bool, f32_functions: bool) -> String {
+    let mut text = REFUSE_FAST_MATH.to_string();
     if f64_functions {
         if !f32_functions {
-            text.push_str(&REFUSE_NARROW_DOUBLE.replace("FILE", file));
+            text.push_str(REFUSE_NARROW_DOUBLE);
         }
-        text.push_str(&REFUSE_EXCESS_F64.replace("FILE", file));
+        text.push_str(REFUSE_EXCESS_F64);
     }
     if f32_functions {
-        text.push_str(&REFUSE_EXCESS_F32.replace("FILE", file));
+        text.push_str(REFUSE_EXCESS_F32);
     }
     text.push_str(CONTRACTION_OFF);
-    text
+    text.replace("@m", model)
 }
 
 /// The macros that say which machine this is; every helper below asks them.
@@ -54,19 +55,15 @@ pub(super) fn machine(needs: &[Needs]) -> String {
     if needs.iter().any(|needs| needs.keep) {
         text.push_str(BARRIER);
     }
-    // f64 with VFP and f32 without may stand in one file: the masks are there whenever a choice is.
-    if needs.iter().any(|needs| needs.any_choice() || needs.absolute) {
-        text.push_str(COPY);
-    }
     text
 }
 
-/// The helpers of one precision.
-pub(super) fn helpers(needs: Needs, precision: Precision) -> String {
+/// The helpers of one precision. Their names begin with the model's, so that the sources of several models may be compiled as one.
+pub(super) fn helpers(model: &str, needs: Needs, precision: Precision) -> String {
     let mut text = String::new();
     let mut put = |wanted: bool, template: &str| {
         if wanted {
-            text.push_str(&fill(template, precision));
+            text.push_str(&fill(template, precision).replace("@m", model));
         }
     };
     put(needs.keep, KEEP);
@@ -81,9 +78,10 @@ pub(super) fn helpers(needs: Needs, precision: Precision) -> String {
 /// Writes the type, the suffixes and the register classes of a precision into a template.
 fn fill(template: &str, precision: Precision) -> String {
     let words: [(&str, &str, &str); 12] = [
+        // Before @s, with which it begins.
+        ("@suffix", "", "_f32"),
         ("@type", "double", "float"),
         ("@name", "f64", "f32"),
-        ("@NAME", "F64", "F32"),
         ("@bits", "uint64_t", "uint32_t"),
         ("@fabs", "fabs", "fabsf"),
         ("@s", "sd", "ss"),
@@ -105,45 +103,44 @@ const REFUSE_FAST_MATH: &str = r#"
 /* What cannot be survived does not compile. */
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || defined(__ASSOCIATIVE_MATH__) \
     || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__) || defined(_M_FP_FAST)
-#error "FILE: -ffast-math, -Ofast and the options that they are made of change the results; compile this file without them"
+#error "@m.c: -ffast-math, -Ofast and the options that they are made of change the results; compile this file without them"
 #endif
 "#;
 
 const REFUSE_NARROW_DOUBLE: &str = r#"
 #if DBL_MANT_DIG != 53 || DBL_MAX_EXP != 1024
-#error "FILE: double is not IEEE 754 binary64 here; emit the model in f32 or in fixed point"
+#error "@m.c: double is not IEEE 754 binary64 here; emit the model in f32 or in fixed point"
 #endif
 "#;
 
+// 16 and 32 say that only _Float16 is, or is not, evaluated in a wider type: float and double are as with 0. gcc gives 16 in GNU mode on
+// x86-64 machines with AVX512-FP16. With 1, float is evaluated as double, which leaves double alone.
 const REFUSE_EXCESS_F64: &str = r#"
 #if defined(__FLT_EVAL_METHOD__)
-#if __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 1
-#error "FILE: the x87 unit rounds twice; compile this file with -msse2 -mfpmath=sse, or for a machine without excess precision"
+#if __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 1 && __FLT_EVAL_METHOD__ != 16 && __FLT_EVAL_METHOD__ != 32
+#error "@m.c: the x87 unit rounds twice; compile this file with -msse2 -mfpmath=sse, or for a machine without excess precision"
 #endif
 #elif defined(FLT_EVAL_METHOD)
-#if FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 1
-#error "FILE: the compiler keeps excess precision in double; compile this file without it"
+#if FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 1 && FLT_EVAL_METHOD != 16 && FLT_EVAL_METHOD != 32
+#error "@m.c: the compiler keeps excess precision in double; compile this file without it"
 #endif
 #endif
 
 /* Fails to compile under -fsingle-precision-constant. */
-#ifndef RSM_CONSTANTS_ARE_DOUBLE
-#define RSM_CONSTANTS_ARE_DOUBLE
-typedef char rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 1 : -1];
-#endif
+typedef char @m_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 1 : -1];
 "#;
 
 const REFUSE_EXCESS_F32: &str = r#"
 #if FLT_MANT_DIG != 24 || FLT_MAX_EXP != 128
-#error "FILE: float is not IEEE 754 binary32 here"
+#error "@m.c: float is not IEEE 754 binary32 here"
 #endif
 #if defined(__FLT_EVAL_METHOD__)
-#if __FLT_EVAL_METHOD__ != 0
-#error "FILE: float is evaluated with excess precision; compile with -msse2 -mfpmath=sse on x86, -fexcess-precision=fast on s390x"
+#if __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16 && __FLT_EVAL_METHOD__ != 32
+#error "@m.c: float is evaluated with excess precision; compile with -msse2 -mfpmath=sse on x86, -fexcess-precision=fast on s390x"
 #endif
 #elif defined(FLT_EVAL_METHOD)
-#if FLT_EVAL_METHOD != 0
-#error "FILE: the compiler keeps excess precision in float; compile this file without it"
+#if FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16 && FLT_EVAL_METHOD != 32
+#error "@m.c: the compiler keeps excess precision in float; compile this file without it"
 #endif
 #endif
 "#;
@@ -158,21 +155,13 @@ const CONTRACTION_OFF: &str = r"
 ";
 
 const MACHINE: &str = r"
-/* Which machine this is. RSM_REGISTER is the register class of a number, for empty assembly that a compiler cannot look through. */
-#ifndef RSM_MACHINE
-#define RSM_MACHINE
+/* Which machine this is: each clamps and selects without a branch in its own way. */
 #if !defined(__GNUC__)
 #define RSM_ISO_C
 #elif defined(__SSE2_MATH__)
 #define RSM_SSE
 #elif defined(__aarch64__)
 #define RSM_AARCH64
-#elif defined(__arm__) && defined(__ARM_FP)
-#define RSM_VFP __ARM_FP
-#endif
-#ifndef RSM_VFP
-#define RSM_VFP 0
-#endif
 #endif
 ";
 
@@ -184,35 +173,22 @@ const BARRIER: &str = r"
 #endif
 ";
 
-const COPY: &str = r"
-#ifndef RSM_COPY
-#if defined(__GNUC__)
-#define RSM_COPY(to, from) ((void)__builtin_memcpy((to), (from), sizeof *(to)))
-#else
-#include <string.h>
-#define RSM_COPY(to, from) ((void)memcpy((to), (from), sizeof *(to)))
-#endif
-#endif
-";
-
 // Also on products that feed no sum here: a caller into which the function is inlined may add to its result. And on arguments: the
 // caller's product may not be fused into the first difference.
 const KEEP: &str = r#"
 /* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
-#ifndef RSM_KEEP_@NAME
-#define RSM_KEEP_@NAME
 #if defined(RSM_BARRIER)
-#define rsm_keep_@name(product) RSM_BARRIER(product)
+#define @m_rsm_keep@suffix(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
-#define rsm_keep_@name(product) (product)
+#define @m_rsm_keep@suffix(product) (product)
 #else
-static inline @type rsm_keep_@name(@type product)
+static inline @type @m_rsm_keep@suffix(@type product)
 {
 #if defined(RSM_SSE)
     __asm__("" : "+x"(product));
 #elif defined(RSM_AARCH64)
     __asm__("" : "+w"(product));
-#elif RSM_VFP & @fp
+#elif defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & @fp)
     __asm__("" : "+@w"(product));
 #elif defined(__riscv_flen) && __riscv_flen >= @length
     __asm__("" : "+f"(product));
@@ -224,35 +200,34 @@ static inline @type rsm_keep_@name(@type product)
     return product;
 }
 #endif
-#endif
 "#;
 
 const ABSOLUTE: &str = r"
 /* Clears the sign bit. */
-#ifndef RSM_ABSOLUTE_@NAME
-#define RSM_ABSOLUTE_@NAME
-static inline @type rsm_absolute_@name(@type value)
+static inline @type @m_rsm_absolute@suffix(@type value)
 {
 #if defined(__GNUC__)
     return __builtin_@fabs(value);
 #else
     @bits bits;
-    RSM_COPY(&bits, &value);
+    (void)memcpy(&bits, &value, sizeof bits);
     bits &= ~((@bits)1 << (@length - 1));
-    RSM_COPY(&value, &bits);
+    (void)memcpy(&value, &bits, sizeof value);
     return value;
 #endif
 }
-#endif
 ";
 
 // The flag goes through empty assembly: LLVM would make a branch of the mask again on a Cortex-M0.
 const CHOOSE: &str = r#"
 /* then where the flag is 1, otherwise where it is 0, by masks: machines without an idiom below. */
-#ifndef RSM_CHOOSE_@NAME
-#define RSM_CHOOSE_@NAME
-#if !defined(RSM_SSE) && !defined(RSM_AARCH64) && !(RSM_VFP & @fp)
-static inline @type rsm_choose_@name(unsigned int flag, @type then, @type otherwise)
+#if !defined(RSM_SSE) && !defined(RSM_AARCH64) && !(defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & @fp))
+#if defined(__GNUC__)
+#define RSM_COPY(to, from) ((void)__builtin_memcpy((to), (from), sizeof *(to)))
+#else
+#define RSM_COPY(to, from) ((void)memcpy((to), (from), sizeof *(to)))
+#endif
+static inline @type @m_rsm_choose@suffix(unsigned int flag, @type then, @type otherwise)
 {
     @bits chosen, other, mask;
 #if defined(__GNUC__)
@@ -266,14 +241,11 @@ static inline @type rsm_choose_@name(unsigned int flag, @type then, @type otherw
     return otherwise;
 }
 #endif
-#endif
 "#;
 
 const SELECT: &str = r#"
 /* then where left < right, else otherwise, also where either is NaN. */
-#ifndef RSM_SELECT_@NAME
-#define RSM_SELECT_@NAME
-static inline @type rsm_select_@name(@type left, @type right, @type then, @type otherwise)
+static inline @type @m_rsm_select@suffix(@type left, @type right, @type then, @type otherwise)
 {
 #if defined(RSM_SSE) && defined(__AVX__)
     @type mask, result;
@@ -290,26 +262,21 @@ static inline @type rsm_select_@name(@type left, @type right, @type then, @type 
     @type result;
     __asm__("fcmp @a1, @a2\n\tfcsel @a0, @a3, @a4, mi" : "=w"(result) : "w"(left), "w"(right), "w"(then), "w"(otherwise) : "cc");
     return result;
-#elif RSM_VFP & @fp
+#elif defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & @fp)
     __asm__("vcmp.@name @v1, @v2\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.@name @v0, @v3"
             : "+@w"(otherwise) : "@w"(left), "@w"(right), "@w"(then) : "cc");
     return otherwise;
 #else
-    return rsm_choose_@name((unsigned int)(left < right), then, otherwise);
+    return @m_rsm_choose@suffix((unsigned int)(left < right), then, otherwise);
 #endif
 }
-#endif
 "#;
 
 const AT_LEAST: &str = r#"
 /* bound where value < bound, else value: a NaN passes, and a tie keeps value. */
-#ifndef RSM_AT_LEAST_@NAME
-#define RSM_AT_LEAST_@NAME
-static inline @type rsm_at_least_@name(@type value, @type bound)
+static inline @type @m_rsm_at_least@suffix(@type value, @type bound)
 {
-#if defined(__clang__) && (defined(RSM_SSE) || defined(RSM_AARCH64))
-    return value < bound ? bound : value;
-#elif defined(RSM_SSE) && defined(__AVX__)
+#if defined(RSM_SSE) && defined(__AVX__)
     @type result;
     __asm__("vmax@s {%2, %1, %0|%0, %1, %2}" : "=x"(result) : "x"(bound), "x"(value));
     return result;
@@ -320,25 +287,20 @@ static inline @type rsm_at_least_@name(@type value, @type bound)
     @type result;
     __asm__("fcmp @a1, @a2\n\tfcsel @a0, @a2, @a1, mi" : "=w"(result) : "w"(value), "w"(bound) : "cc");
     return result;
-#elif RSM_VFP & @fp
+#elif defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & @fp)
     __asm__("vcmp.@name @v0, @v1\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.@name @v0, @v1" : "+@w"(value) : "@w"(bound) : "cc");
     return value;
 #else
-    return rsm_choose_@name((unsigned int)(value < bound), bound, value);
+    return @m_rsm_choose@suffix((unsigned int)(value < bound), bound, value);
 #endif
 }
-#endif
 "#;
 
 const AT_MOST: &str = r#"
 /* bound where bound < value, else value: a NaN passes, and a tie keeps value. */
-#ifndef RSM_AT_MOST_@NAME
-#define RSM_AT_MOST_@NAME
-static inline @type rsm_at_most_@name(@type value, @type bound)
+static inline @type @m_rsm_at_most@suffix(@type value, @type bound)
 {
-#if defined(__clang__) && (defined(RSM_SSE) || defined(RSM_AARCH64))
-    return bound < value ? bound : value;
-#elif defined(RSM_SSE) && defined(__AVX__)
+#if defined(RSM_SSE) && defined(__AVX__)
     @type result;
     __asm__("vmin@s {%2, %1, %0|%0, %1, %2}" : "=x"(result) : "x"(bound), "x"(value));
     return result;
@@ -349,12 +311,11 @@ static inline @type rsm_at_most_@name(@type value, @type bound)
     @type result;
     __asm__("fcmp @a1, @a2\n\tfcsel @a0, @a1, @a2, mi" : "=w"(result) : "w"(bound), "w"(value) : "cc");
     return result;
-#elif RSM_VFP & @fp
+#elif defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & @fp)
     __asm__("vcmp.@name @v1, @v0\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.@name @v0, @v1" : "+@w"(value) : "@w"(bound) : "cc");
     return value;
 #else
-    return rsm_choose_@name((unsigned int)(bound < value), bound, value);
+    return @m_rsm_choose@suffix((unsigned int)(bound < value), bound, value);
 #endif
 }
-#endif
 "#;

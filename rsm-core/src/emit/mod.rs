@@ -67,11 +67,12 @@ impl Function {
         lines.push(String::new());
         for input in &self.inputs {
             let [low, high] = input.range.map(number::decimal);
-            let outside = match input.outside {
-                Outside::Clamp => "clamped",
-                Outside::Extrapolate => "extrapolated",
+            let outside = match (self.kind, input.outside) {
+                (Kind::Support, _) => "",
+                (Kind::Surface, Outside::Clamp) => ", clamped outside",
+                (Kind::Surface, Outside::Extrapolate) => ", extrapolated outside",
             };
-            lines.push(format!("- `{}` in {}: {low} to {high}, {outside} outside", input.name, unit(&input.unit)));
+            lines.push(format!("- `{}` in {}: {low} to {high}{outside}", input.name, unit(&input.unit)));
         }
         lines.push(String::new());
         if let (Kind::Surface, Some([low, high])) = (self.kind, self.output_range.map(|range| range.map(number::decimal))) {

@@ -1,14 +1,24 @@
 //! The Rust printer.
 //!
 //! In: a unit. Out: one file of functions, to be used as the module of the model: through `mod`, `include!` or the macro, so it has no
-//! inner attributes. It needs nothing outside `core` and no `unsafe`. Less and select are printed as they stand on the tape: LLVM
-//! makes maxsd, fcsel and the like of them, and a test reads the object code.
+//! inner attributes. It needs nothing outside `core`. A comparison has no line of its own: the choice that reads it takes its operands,
+//! because on x86-64 the two are one instruction.
+//!
+//! On x86-64 a plain `if` (also with the hint that it cannot be predicted) may become a branch: LLVM packs the comparisons of two hinges
+//! into one register, and has no instruction that chooses a number by one bit of it. The intrinsics of SSE2 stay what they are: 2
+//! instructions a bound, 4 a select. They are `unsafe` functions although every x86-64 with floating point has them, so a crate that forbids
+//! (rather than denies) `unsafe_code` takes the model through a crate that does not.
 
-use super::{Function, Kind, Unit, literal, live, unused_inputs};
-use crate::tape::Op;
+use super::{Function, Kind, Unit, compared, literal, live, unused_inputs};
+use crate::number::Precision;
+use crate::tape::{Extremum, Op};
 
 /// Widest line of the emitted file, as rustfmt breaks it by default.
 const WIDTH: usize = 100;
+
+/// A user of the module may call some of the functions only, and names are the model's, not ours. Coefficients may look like well-known
+/// constants and stand in full length.
+const ALLOW: &str = "#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]\n";
 
 /// The text of the module.
 #[must_use]
@@ -20,9 +30,16 @@ pub fn emit(unit: &Unit) -> String {
          // bits as those of the interpreter and of the emitted C.\n",
         model = unit.model
     );
-    for function in &unit.functions {
-        text.push('\n');
-        text.push_str(&print(function));
+    let functions: String = unit.functions.iter().map(|function| format!("\n{}", print(function))).collect();
+    text.push_str(&functions);
+    // Helpers that nobody calls are left out: which do, the text says.
+    for precision in Precision::ALL {
+        for (name, helper) in [("at_least", AT_LEAST), ("at_most", AT_MOST), ("select", SELECT)] {
+            let name = format!("rsm_{name}_{}", precision.name());
+            if functions.contains(&format!("{name}(")) {
+                text.push_str(&fill(helper, precision));
+            }
+        }
     }
     text
 }
@@ -35,9 +52,8 @@ fn print(function: &Function) -> String {
         text.push_str(format!("/// {line}").trim_end());
         text.push('\n');
     }
-    // A user of the module may call some of the functions only, and names are the model's, not ours. Coefficients may look like
-    // well-known constants and stand in full length.
-    text.push_str("#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]\n#[inline]\n#[must_use]\n");
+    text.push_str(ALLOW);
+    text.push_str("#[inline]\n#[must_use]\n");
     let result = match function.kind {
         Kind::Surface => float,
         Kind::Support => "i32",
@@ -60,6 +76,7 @@ fn print(function: &Function) -> String {
     }
     for (reg, op) in tape.iter().filter(|(reg, _)| live[reg.0 as usize]) {
         let value = match *op {
+            Op::Less(..) => continue,
             Op::Constant(ref constant) => literal(constant.value, tape.precision),
             Op::Input(port) => tape.inputs[port.0 as usize].clone(),
             Op::Negate(a) => format!("-{a}"),
@@ -68,15 +85,16 @@ fn print(function: &Function) -> String {
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) => format!("{a} * {b}"),
             Op::Divide(a, b) => format!("{a} / {b}"),
-            Op::Less(a, b) => format!("{a} < {b}"),
             Op::Select { condition, then, otherwise } => match tape.extremum(reg) {
-                Some(_) => format!("if {condition} {{ {then} }} else {{ {otherwise} }}"),
-                // Without the hint LLVM may take a select for a branch that is easy to predict.
-                None => format!("::core::hint::select_unpredictable({condition}, {then}, {otherwise})"),
+                Some(Extremum::AtLeast { value, bound }) => format!("rsm_at_least_{float}({value}, {bound})"),
+                Some(Extremum::AtMost { value, bound }) => format!("rsm_at_most_{float}({value}, {bound})"),
+                None => {
+                    let (left, right) = compared(tape, condition);
+                    format!("rsm_select_{float}({left}, {right}, {then}, {otherwise})")
+                }
             },
         };
-        let kind = if matches!(op, Op::Less(..)) { "bool" } else { float };
-        text.push_str(&format!("    let {reg}: {kind} = {value};\n"));
+        text.push_str(&format!("    let {reg}: {float} = {value};\n"));
     }
     let output = tape.output;
     match function.kind {
@@ -87,3 +105,64 @@ fn print(function: &Function) -> String {
     text.push_str("}\n");
     text
 }
+
+fn fill(helper: &str, precision: Precision) -> String {
+    let (scalar, packed) = match precision {
+        Precision::F64 => ("sd", "pd"),
+        Precision::F32 => ("ss", "ps"),
+    };
+    let body = helper.replace("@float", precision.name()).replace("@s", scalar).replace("@p", packed);
+    let (comment, function) = body.split_once('\n').expect("a helper begins with a comment");
+    format!("\n{comment}\n{ALLOW}#[allow(unsafe_code, unused_unsafe)]\n#[inline(always)]\n{function}")
+}
+
+const AT_LEAST: &str = r#"// `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.
+fn rsm_at_least_@float(value: @float, bound: @float) -> @float {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use ::core::arch::x86_64::{_mm_cvt@s_@float, _mm_max_@s, _mm_set_@s};
+        // SAFETY: `cfg` says that the machine has SSE2.
+        unsafe { _mm_cvt@s_@float(_mm_max_@s(_mm_set_@s(bound), _mm_set_@s(value))) }
+    }
+    #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+    {
+        ::core::hint::select_unpredictable(value < bound, bound, value)
+    }
+}
+"#;
+
+const AT_MOST: &str = r#"// `bound` where `bound < value`, else `value`: a NaN passes, and a tie keeps `value`.
+fn rsm_at_most_@float(value: @float, bound: @float) -> @float {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use ::core::arch::x86_64::{_mm_cvt@s_@float, _mm_min_@s, _mm_set_@s};
+        // SAFETY: `cfg` says that the machine has SSE2.
+        unsafe { _mm_cvt@s_@float(_mm_min_@s(_mm_set_@s(bound), _mm_set_@s(value))) }
+    }
+    #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+    {
+        ::core::hint::select_unpredictable(bound < value, bound, value)
+    }
+}
+"#;
+
+const SELECT: &str = r#"// `then` where `left < right`, else `otherwise`, also where either is NaN.
+fn rsm_select_@float(left: @float, right: @float, then: @float, otherwise: @float) -> @float {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use ::core::arch::x86_64::{_mm_and_@p, _mm_andnot_@p, _mm_cmplt_@s, _mm_or_@p};
+        use ::core::arch::x86_64::{_mm_cvt@s_@float, _mm_set_@s};
+        // SAFETY: `cfg` says that the machine has SSE2.
+        unsafe {
+            let mask = _mm_cmplt_@s(_mm_set_@s(left), _mm_set_@s(right));
+            let chosen = _mm_and_@p(mask, _mm_set_@s(then));
+            let other = _mm_andnot_@p(mask, _mm_set_@s(otherwise));
+            _mm_cvt@s_@float(_mm_or_@p(chosen, other))
+        }
+    }
+    #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+    {
+        ::core::hint::select_unpredictable(left < right, then, otherwise)
+    }
+}
+"#;

@@ -1,0 +1,121 @@
+//! Is lowering right? Back ends that read the same tape agree even when the tape is wrong, so here the tape meets the exact rational
+//! reference: without rounding it is the polynomial itself, and with rounding it stays within the bound that is proved for it.
+
+use rsm_core::certificate;
+use rsm_core::emit::{Function, Kind};
+use rsm_core::exact;
+use rsm_core::model::{Input, Surface};
+use rsm_core::number::{Precision, Rational, exact};
+use rsm_core::rounding;
+use rsm_core::run::Interpreter;
+use rsm_tests::cases::{self, Case};
+use rsm_tests::points::{Number, Points};
+
+/// Random points a function, and as many that hurt. One rational evaluation of a large model takes some 10 ms with optimisation, where an
+/// argument is as large as f64 allows.
+const POINTS: usize = if cfg!(debug_assertions) { 2 } else { 30 };
+
+fn all() -> Vec<Case> {
+    cases::random().into_iter().chain(cases::checked_in()).collect()
+}
+
+fn of_surfaces(case: &Case) -> impl Iterator<Item = (usize, &Surface, &Function)> {
+    case.unit.functions.iter().filter(|function| function.kind == Kind::Surface).map(|function| {
+        let surfaces = &case.checked.model().surfaces;
+        let index = surfaces.iter().position(|surface| surface.name == function.surface).expect("a function of a surface");
+        (index, &surfaces[index], function)
+    })
+}
+
+/// Finite points, hurtful ones first, as f64 (which holds every f32).
+fn points<T: Number>(function: &Function, surface: &Surface) -> Vec<Vec<f64>> {
+    let mut points = Points::<T>::new(function, surface);
+    let arity = function.inputs.len();
+    let all =
+        |rows: Vec<T>| rows.chunks(arity).map(|row| row.iter().map(|xi| xi.wide()).collect::<Vec<f64>>()).collect::<Vec<_>>();
+    // Of the points that hurt, as many as of the others, from everywhere in their list.
+    let hurtful: Vec<_> = all(points.hurtful()).into_iter().filter(|row| row.iter().all(|xi| xi.is_finite())).collect();
+    let step = hurtful.len().div_ceil(POINTS).max(1);
+    hurtful
+        .into_iter()
+        .step_by(step)
+        .chain(all(points.random(POINTS)).into_iter().filter(|row| row.iter().all(|xi| xi.is_finite())))
+        .collect()
+}
+
+fn points_of(function: &Function, surface: &Surface) -> Vec<Vec<f64>> {
+    match function.tape.precision {
+        Precision::F64 => points::<f64>(function, surface),
+        Precision::F32 => points::<f32>(function, surface),
+    }
+}
+
+fn rational(point: &[f64]) -> Vec<Rational> {
+    point.iter().map(|xi| exact(*xi)).collect()
+}
+
+fn is_in_box(point: &[f64], inputs: &[Input]) -> bool {
+    point.iter().zip(inputs).all(|(xi, input)| input.range[0] <= *xi && *xi <= input.range[1])
+}
+
+#[test]
+fn without_rounding_a_tape_is_the_polynomial() {
+    let mut compared = 0;
+    for case in all() {
+        for (_, surface, function) in of_surfaces(&case) {
+            for point in points_of(function, surface) {
+                let at = rational(&point);
+                let Some(truth) = exact::value(surface, &function.inputs, &at) else { continue };
+                // A tape of a reciprocal divides; where it divides by zero the truth has a pole as well.
+                let ideal = exact::ideal(&function.tape, &at).expect("the tape has a pole where the polynomial has none");
+                assert_eq!(ideal, truth, "{} at {point:?}\n{}", case.file.display(), function.tape);
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 1000, "only {compared} points compared");
+}
+
+#[test]
+fn with_rounding_it_stays_within_the_proved_bound_and_the_range_holds() {
+    for case in all() {
+        for (_, surface, function) in of_surfaces(&case) {
+            let ranges: Vec<[f64; 2]> = function.inputs.iter().map(|input| input.range).collect();
+            let bound = rounding::error_bound(&function.tape, &ranges);
+            let range = certificate::range(surface, &function.inputs);
+            assert!(bound.is_finite(), "{}: no bound\n{}", case.file.display(), function.tape);
+            for point in points_of(function, surface) {
+                if !is_in_box(&point, &function.inputs) {
+                    continue;
+                }
+                let at = rational(&point);
+                let polynomial = exact::polynomial(surface, &function.inputs, &at).expect("no pole in the box");
+                assert!(
+                    exact(range.low) <= polynomial && polynomial <= exact(range.high),
+                    "{} {}: {} at {point:?} is outside {range:?}",
+                    case.file.display(),
+                    surface.name,
+                    Precision::F64.round(&polynomial)
+                );
+                let truth = exact::value(surface, &function.inputs, &at).expect("no pole in the box");
+                let computed = match function.tape.precision {
+                    Precision::F64 => Interpreter::<f64>::new(&function.tape).eval(&point),
+                    Precision::F32 => {
+                        let narrow: Vec<f32> = point.iter().map(|xi| *xi as f32).collect();
+                        f64::from(Interpreter::<f32>::new(&function.tape).eval(&narrow))
+                    }
+                };
+                let error = exact(computed) - truth;
+                let error = if error < exact(0.0) { -error } else { error };
+                assert!(
+                    error <= exact(bound),
+                    "{} {}: error {:e} at {point:?} is above the bound {bound:e}\n{}",
+                    case.file.display(),
+                    function.rust_name(),
+                    Precision::F64.round(&error),
+                    function.tape
+                );
+            }
+        }
+    }
+}
