@@ -1,9 +1,9 @@
 //! The design matrix: from points in natural units to the rows of a least-squares problem.
 //!
 //! In: a surface (its factors, symmetry and terms) and its inputs with their ranges. Out: a row of double-doubles a point, one
-//! number a term, by the same [`Factor`]s that give the surface its meaning; a point outside the range is seen as the evaluator
-//! sees it. Powers are formed in double-double: rounded to f64 they would cost NIST's Filip half of its digits. Never looks at
-//! a response.
+//! number a term, by the same [`Factor`]s that give the surface its meaning: as measured for the fit, as the evaluator sees the
+//! point for its errors. Powers are formed in double-double: rounded to f64 they would cost NIST's Filip half of its digits.
+//! Never looks at a response.
 
 use rsm_core::basis::{self, Factor};
 use rsm_core::model::{Input, Surface, Symmetry};
@@ -49,12 +49,28 @@ impl Design {
         &self.terms
     }
 
-    /// The row of a point: the value of every term, with the sign that odd symmetry gives.
+    /// The row of a point as an evaluator sees it: clamped where an input says so.
     #[must_use]
     pub fn row(&self, point: &[Physical]) -> Vec<Dd> {
-        let xi: Vec<Dd> =
-            self.inputs.iter().zip(point).map(|(input, value)| basis::clamped(input, Dd::from(value.0))).collect();
-        let negated = basis::is_negated(&self.surface, &self.inputs, &xi);
+        let clamped = |(input, value): (&Input, &Physical)| basis::clamped(input, Dd::from(value.0));
+        self.terms_at(&self.inputs.iter().zip(point).map(clamped).collect::<Vec<Dd>>())
+    }
+
+    /// The row of a point as it was measured: what is fitted. Clamped, a point beyond the range would pull the surface at its edge.
+    #[must_use]
+    pub fn row_as_measured(&self, point: &[Physical]) -> Vec<Dd> {
+        self.terms_at(&point.iter().map(|value| Dd::from(value.0)).collect::<Vec<Dd>>())
+    }
+
+    /// Whether a point lies within all ranges.
+    #[must_use]
+    pub fn is_inside(&self, point: &[Physical]) -> bool {
+        self.inputs.iter().zip(point).all(|(input, value)| input.range[0] <= value.0 && value.0 <= input.range[1])
+    }
+
+    /// The value of every term, with the sign that odd symmetry gives.
+    fn terms_at(&self, xi: &[Dd]) -> Vec<Dd> {
+        let negated = basis::is_negated(&self.surface, &self.inputs, xi);
         let powers: Vec<Vec<Dd>> = self
             .factors
             .iter()
@@ -187,6 +203,11 @@ mod tests {
         let row: Vec<f64> = design.row(&[Physical(2.0), Physical(-1.0)]).iter().map(|x| x.to_f64()).collect();
         assert_eq!(row, [-0.5, -0.25, -0.25]);
         // Outside the range as at its end: the evaluator clamps.
-        assert_eq!(design.row(&[Physical(9.0), Physical(-7.0)]), design.row(&[Physical(3.0), Physical(-2.0)]));
+        let far = [Physical(9.0), Physical(-7.0)];
+        assert_eq!(design.row(&far), design.row(&[Physical(3.0), Physical(-2.0)]));
+        // As measured x1 = 4, x2 = 3.5, with the sign turned.
+        let row: Vec<f64> = design.row_as_measured(&far).iter().map(|x| x.to_f64()).collect();
+        assert_eq!(row, [-3.5, -14.0, -12.25]);
+        assert!(!design.is_inside(&far) && design.is_inside(&[Physical(3.0), Physical(-2.0)]));
     }
 }

@@ -24,6 +24,7 @@ pub fn of(
     let mut tell = |name: &str, value: Option<Evidence>| evidence.extend(value.map(|value| (name.to_string(), value)));
     let number = |value: Option<f64>| value.map(Evidence::Number);
     tell("rows", Some(whole(statistics.rows)));
+    tell("rows_outside_range", Some(whole(outcome.rows_outside)).filter(|_| outcome.rows_outside > 0));
     tell("data", Some(files(&fit.files)));
     tell("specification", Some(specification_of(specification)));
     tell("method", Some(Evidence::Text(method(&response.method))));

@@ -70,6 +70,8 @@ pub struct ResponseOutcome {
     pub name: String,
     /// How it ended.
     pub verdict: Verdict,
+    /// So many fitted rows lie outside the range of an input. They are fitted as measured.
+    pub rows_outside: usize,
     /// Its figures; none when it could not be fitted.
     pub statistics: Option<ResponseStatistics>,
     /// What C was judged on.
@@ -313,7 +315,7 @@ impl Task<'_> {
             return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
         }
         let design = Design::new(surface, &self.inputs, terms);
-        let triangle = self.compress(&design, self.fitted(), false)?;
+        let triangle = self.rows_to_fit(&design)?;
         let judged_on = if self.validate.is_some() { JudgedOn::Validation } else { JudgedOn::FittedData };
         let chosen = match self.choose(&design, &triangle, progress)? {
             Ok(chosen) => chosen,
@@ -333,35 +335,51 @@ impl Task<'_> {
         surface.terms = terms.map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect();
         statistics.canonical = canonical::analyse(surface, &self.inputs);
         let verdict = self.verdict(&statistics);
-        Ok(ResponseOutcome { name: surface.name.clone(), verdict, statistics: Some(statistics), judged_on })
+        let rows_outside = self.rows_outside(&design);
+        Ok(ResponseOutcome { name: surface.name.clone(), verdict, rows_outside, statistics: Some(statistics), judged_on })
     }
 
     fn fault(&self, what: String) -> rsm_core::source::Fault {
         self.specification.fault(&format!("responses.{}", self.response.surface.name), what)
     }
 
-    /// The triangle of all terms and the response. As a judge: a row a group of replicates, with the mean and the weight
-    /// sqrt(n_i).
-    fn compress(&self, design: &Design, observations: Observations<'_>, groups: bool) -> Result<Triangle, Faults> {
+    fn rows_outside(&self, design: &Design) -> usize {
+        let fitted = self.fitted();
+        (0..fitted.response.len()).filter(|row| !design.is_inside(&fitted.point(*row))).count()
+    }
+
+    /// The triangle of all terms and the response on the data to fit.
+    fn rows_to_fit(&self, design: &Design) -> Result<Triangle, Faults> {
+        let fitted = self.fitted();
+        let row = |row: usize| design.row_as_measured(&fitted.point(row)).into_iter().chain([Dd::from(fitted.response[row])]);
+        self.triangle(design, (0..fitted.response.len()).map(|k| row(k).collect()))
+    }
+
+    /// The same on the data that judge: a row a group of replicates, with the mean response and the weight sqrt(n_i).
+    fn rows_to_judge(&self, design: &Design) -> Result<Triangle, Faults> {
+        let unseen = self.unseen();
+        let judging = unseen.unwrap_or(self.fitted());
+        let row = |group: Vec<usize>| {
+            let (point, weight) = (judging.point(group[0]), Dd::from(group.len() as f64).sqrt());
+            // The fitted data judge as they were fitted, unseen ones through the evaluator's eyes.
+            let terms = if unseen.is_some() { design.row(&point) } else { design.row_as_measured(&point) };
+            terms.into_iter().chain([judging.mean(&group)]).map(|x| x * weight).collect()
+        };
+        self.triangle(design, judging.replicates().into_iter().map(row))
+    }
+
+    fn triangle(&self, design: &Design, rows: impl Iterator<Item = Vec<Dd>>) -> Result<Triangle, Faults> {
         let mut compressed = Compressed::new(design.width() + 1);
         let mut finite = true;
-        let mut push = |row: Vec<Dd>, y: Dd, weight: Dd| {
+        for row in rows {
             finite &= row.iter().all(|x| x.is_finite());
-            compressed.push(row.into_iter().chain([y]).map(|x| x * weight));
-        };
-        if groups {
-            for group in observations.replicates() {
-                let weight = Dd::from(group.len() as f64).sqrt();
-                push(design.row(&observations.point(group[0])), observations.mean(&group), weight);
-            }
-        } else {
-            for row in 0..observations.response.len() {
-                push(design.row(&observations.point(row)), Dd::from(observations.response[row]), Dd::ONE);
-            }
+            compressed.push(row);
         }
         if !finite {
-            let what = format!("response `{}`: a power of an input is larger than a number can be", self.response.surface.name);
-            return Err(Faults::one(self.fault(what).help("lower the order, or use coding = \"range\"")));
+            let what = format!("response `{}`: in some row a term is not a finite number", self.response.surface.name);
+            let help =
+                "lower the order, use coding = \"range\", or leave out rows where an input that enters by its reciprocal is 0";
+            return Err(Faults::one(self.fault(what).help(help)));
         }
         Ok(compressed.finish())
     }
@@ -375,7 +393,7 @@ impl Task<'_> {
         let Method::Ladder { max_order, confidence } = self.response.method else {
             return Ok(Ok((0..design.width()).collect()));
         };
-        let judge = Judge::new(self.compress(design, self.unseen().unwrap_or(self.fitted()), true)?);
+        let judge = Judge::new(self.rows_to_judge(design)?);
         let ladder = Ladder { fit: triangle, judge: &judge, terms: design.terms(), max_order, wanted: confidence };
         let name = &self.response.surface.name;
         let climb = ladder.climb(&mut |order, terms, confidence| {
@@ -398,6 +416,7 @@ impl Task<'_> {
         ResponseOutcome {
             name: self.response.surface.name.clone(),
             verdict: Verdict::IllConditioned { condition: dependent.condition, columns },
+            rows_outside: self.rows_outside(design),
             statistics: None,
             judged_on,
         }

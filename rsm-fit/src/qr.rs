@@ -284,6 +284,12 @@ impl Growing {
         }
     }
 
+    /// The norm of a chosen candidate's column, by its place among the chosen.
+    #[must_use]
+    pub fn norm(&self, place: usize) -> f64 {
+        self.norms[self.chosen[place]]
+    }
+
     /// The coefficients of the chosen candidates.
     #[must_use]
     pub fn coefficients(&self) -> Vec<Dd> {

@@ -18,7 +18,7 @@ use crate::dd::Dd;
 use crate::design::{Design, Physical, order};
 use crate::qr::Growing;
 
-/// A residual below this share of the response is what double-double rounding leaves of zero: 2^-104 an operation, and a margin
+/// A residual, or a term's part, below this share of the response is what double-double rounding leaves of zero: 2^-104 an operation, and a margin
 /// of 2^20 for the number of operations.
 const NO_RESIDUAL: f64 = 1.0 / (1u128 << 84) as f64;
 
@@ -154,9 +154,14 @@ fn value(row: &[Dd], coefficients: &[Dd]) -> Dd {
 #[must_use]
 pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>) -> ResponseStatistics {
     let rows = observations.response.len();
-    let coefficients = growing.coefficients();
+    let mut coefficients = growing.coefficients();
     let freedom = rows - coefficients.len();
     let y_square: Dd = observations.response.iter().map(|y| Dd::from(*y) * Dd::from(*y)).sum();
+    for (place, coefficient) in coefficients.iter_mut().enumerate() {
+        if coefficient.to_f64().abs() * growing.norm(place) <= NO_RESIDUAL * y_square.sqrt().to_f64() {
+            *coefficient = Dd::ZERO;
+        }
+    }
     let mut rss = growing.residual_square();
     if rss.sqrt().to_f64() <= NO_RESIDUAL * y_square.sqrt().to_f64() {
         rss = Dd::ZERO;
@@ -167,7 +172,7 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
     let mut press = Some(Dd::ZERO);
     let mut predictions = Vec::with_capacity(rows);
     for row in 0..rows {
-        let x = design.row(&observations.point(row));
+        let x = design.row_as_measured(&observations.point(row));
         let prediction = value(&x, &coefficients);
         let own = Dd::ONE - growing.leverage(&x);
         let error = Dd::from(observations.response[row]) - prediction;

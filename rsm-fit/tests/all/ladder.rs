@@ -93,6 +93,22 @@ fn a_hinge_is_found_where_the_response_has_a_kink() {
 }
 
 #[test]
+fn rows_beyond_the_range_are_fitted_as_measured_and_counted() {
+    let scratch = Scratch::new("beyond");
+    let rows: String = (-3i32..=3).map(|k| format!("{k},{}\n", 1 + 2 * k * k)).collect();
+    scratch.file("fit.csv", &format!("x[A],y[V]\n{rows}")).file("unseen.csv", "x[A],y[V]\n9,9\n");
+    let text = "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\nrange = [-2.0, 2.0]\n\
+                [responses.y]\ninputs = [\"x\"]\nselect = { method = \"fixed\", order = 2 }\n";
+    let outcome = fitted(text, &scratch.0);
+    let coefficients: Vec<f64> = outcome.model.surfaces[0].terms.iter().map(|term| term.coefficient).collect();
+    // y = 1 + 2 xi^2 = 1 + 8 x^2 with x = xi/2, although the points at -3 and 3 are beyond the range.
+    assert_eq!(coefficients, [1.0, 0.0, 8.0]);
+    assert_eq!(outcome.responses[0].rows_outside, 2);
+    // The evaluator clamps 9 to 2, where the surface is 9.
+    assert_eq!(outcome.responses[0].statistics.as_ref().unwrap().validation.as_ref().unwrap().max_abs_error, 0.0);
+}
+
+#[test]
 fn columns_that_make_each_other_up_are_named_and_give_no_surface() {
     let scratch = Scratch::new("dependent");
     // z is 3 x + 1 in every row.
