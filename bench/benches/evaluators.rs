@@ -5,8 +5,9 @@ use std::cell::RefCell;
 use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use rsm_bench::horner::{self, Arguments};
 use rsm_bench::timed::{Mode, Program, Timed, interpret};
-use rsm_bench::{horner, surfaces, toolchain};
+use rsm_bench::{surfaces, toolchain};
 use rsm_core::emit::Unit;
 use rsm_core::model::Outside;
 use rsm_core::number::Precision;
@@ -53,7 +54,7 @@ fn evaluators(criterion: &mut Criterion) {
         .zip(&plain)
         .flat_map(|(peer, unit)| {
             let function = |function: &emit::Function| {
-                horner::function(&by_hand(unit, function), "", &peer.model, function.tape.precision)
+                horner::function(&by_hand(unit, function), Arguments::Values, &peer.model, function.tape.precision)
             };
             unit.functions.iter().map(function).collect::<Vec<_>>()
         })

@@ -8,17 +8,30 @@ use std::fmt::Write as _;
 use rsm_core::model::{Model, Term};
 use rsm_core::number::{Precision, decimal, decimal_f32};
 
+/// How a C function gets its arguments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arguments {
+    /// One parameter an input, as the emitted functions have them.
+    Values,
+    /// `const REAL *in`, as in the peers' benchmark; static, to be inlined.
+    Pointer,
+}
+
 /// A C function `name` of the natural inputs, for the only surface of a model with coding by range and nothing else.
 #[must_use]
-pub fn function(name: &str, linkage: &str, model: &Model, precision: Precision) -> String {
+pub fn function(name: &str, arguments: Arguments, model: &Model, precision: Precision) -> String {
     let float = crate::toolchain::c_type(precision);
-    let arguments: Vec<String> = (0..model.inputs.len()).map(|k| format!("{float} in{k}")).collect();
-    let mut text = format!("{linkage}{float} {name}({}) {{\n", arguments.join(", "));
+    let values: Vec<String> = (0..model.inputs.len()).map(|k| format!("{float} in{k}")).collect();
+    let mut text = match arguments {
+        Arguments::Values => format!("{float} {name}({}) {{\n", values.join(", ")),
+        Arguments::Pointer => format!("static {float} {name}(const {float} *in) {{\n"),
+    };
     for (k, input) in model.inputs.iter().enumerate() {
         let [low, high] = input.range;
         let (mid, half) = ((low + high) / 2.0, (high - low) / 2.0);
         let (mid, inverse) = (literal(mid, precision), literal(1.0 / half, precision));
-        writeln!(text, "  const {float} x{k} = (in{k} - {mid}) * {inverse};").expect("a string takes any text");
+        let value = if arguments == Arguments::Values { format!("in{k}") } else { format!("in[{k}]") };
+        writeln!(text, "  const {float} x{k} = ({value} - {mid}) * {inverse};").expect("a string takes any text");
     }
     let terms: Vec<&Term> = model.surfaces[0].terms.iter().collect();
     writeln!(text, "  return {};\n}}", nested(&terms, 0, precision)).expect("a string takes any text");

@@ -24,14 +24,15 @@ pub fn gcc(folder: &Path, sources: &[String], program: &str) {
     run(Command::new("gcc").current_dir(folder).arg("-O2").args(sources).args(["-o", program]));
 }
 
-/// Writes a file in a folder.
+/// Writes a file in a folder, which is made where it is missing.
 ///
 /// # Panics
 /// When it cannot be written.
 pub fn write(folder: &Path, name: &str, text: &str) {
-    std::fs::create_dir_all(folder).and_then(|()| std::fs::write(folder.join(name), text)).unwrap_or_else(|error| {
-        panic!("{}: {error}", folder.join(name).display());
-    });
+    let path = folder.join(name);
+    let parent = path.parent().expect("a file stands in a folder");
+    let written = std::fs::create_dir_all(parent).and_then(|()| std::fs::write(&path, text));
+    written.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
 }
 
 /// What decides about counts: the compiler and the machine it compiles for.

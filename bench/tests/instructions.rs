@@ -5,13 +5,16 @@ use std::path::Path;
 
 use rsm_bench::budget::{self, Budget};
 use rsm_bench::counted::{Code, Key, Subject, count, subjects};
-use rsm_bench::{horner, surfaces, toolchain};
+use rsm_bench::horner::{self, Arguments};
+use rsm_bench::{surfaces, toolchain};
 use rsm_core::model::Outside;
 use rsm_core::number::Precision;
 use rsm_core::{compile, emit};
 
-/// What hand-written nested Horner takes, measured with the peers' benchmark (gcc 12.2 -O2, baseline x86-64, the evaluator inlined into its entry).
-const HORNER: [(&str, u64); 6] = [("S1", 20), ("S2", 20), ("S3", 35), ("S4", 68), ("S5", 99), ("S6", 144)];
+/// What hand-written nested Horner takes, measured with the peers' benchmark (gcc 12.2 -O2, baseline x86-64). There gcc does not inline the two largest
+/// into their entry, which costs them a jump; here it does, so they are to be counted one lower.
+const HORNER: [(&str, u64, u64); 6] =
+    [("S1", 20, 20), ("S2", 20, 20), ("S3", 35, 35), ("S4", 68, 68), ("S5", 99, 98), ("S6", 144, 143)];
 
 /// The evaluators that are checked in, and the six surfaces of the peers in three variants.
 fn everything() -> Vec<Subject> {
@@ -37,7 +40,7 @@ fn everything() -> Vec<Subject> {
                 key: Key { name: peer.id.clone(), variant: "horner".to_string(), precision },
                 inputs: peer.model.inputs.clone(),
                 result: toolchain::c_type(precision),
-                code: Code::Inline(horner::function(&c_name, "static ", &peer.model, precision)),
+                code: Code::Inline(horner::function(&c_name, Arguments::Pointer, &peer.model, precision)),
                 c_name,
             });
         }
@@ -84,15 +87,17 @@ fn every_evaluator_costs_what_the_table_says_for_every_input() {
     }
 
     if with_peers {
-        for ((name, limit), precision) in HORNER.iter().flat_map(|row| Precision::ALL.map(|precision| (row, precision))) {
+        for ((name, limit, inlined), precision) in
+            HORNER.iter().flat_map(|row| Precision::ALL.map(|precision| (row, precision)))
+        {
             let of = |variant: &str| counts.get(&Key { name: name.to_string(), variant: variant.to_string(), precision });
             let (emitted, by_hand) = (of("extrapolate"), of("horner"));
             if emitted.is_none_or(|emitted| emitted > limit) {
                 wrong.push(format!("{name} {}: {emitted:?} instructions, hand-written Horner takes {limit}", precision.name()));
             }
-            // The same compiler must find the same count as the peers' benchmark, or the limits are of something else.
-            if budget.compiler == compiler && by_hand != Some(limit) {
-                wrong.push(format!("{name} {}: Horner counted here takes {by_hand:?}, there {limit}", precision.name()));
+            // The same compiler must find the same counts as the peers' benchmark, or the limits are of something else.
+            if budget.compiler == compiler && by_hand != Some(inlined) {
+                wrong.push(format!("{name} {}: Horner counted here takes {by_hand:?}, not {inlined}", precision.name()));
             }
         }
     }
@@ -113,14 +118,14 @@ fn a_count_that_depends_on_the_input_is_found() {
         result: "double",
         // The asm keeps the compiler from making a select of it.
         code: Code::Inline(
-            "static double branchy(double x) { if (x > 1.0) { __asm__ volatile(\"nop\"); return 1.0; } return x * x; }\n"
+            "static double branchy(const double *in) { double x = *in; if (x > 1.0) { __asm__ volatile(\"nop\"); return 1.0; } return x * x; }\n"
                 .to_string(),
         ),
     };
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("instructions-branchy");
     let found = count(&folder, &[subject.clone()]).remove(&subject.key).unwrap().unwrap_err();
     assert!(found.contains("at above") && found.contains("at infinity") && !found.contains("at below"), "{found}");
-    subject.code = Code::Inline("static double branchy(double x) { return x * x; }\n".to_string());
+    subject.code = Code::Inline("static double branchy(const double *in) { return *in * *in; }\n".to_string());
     // movsd, mulsd, ret.
     assert_eq!(count(&folder, &[subject.clone()]).remove(&subject.key), Some(Ok(3)));
 }
