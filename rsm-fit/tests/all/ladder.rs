@@ -126,3 +126,69 @@ fn columns_that_make_each_other_up_are_named_and_give_no_surface() {
         assert!(serde_json::to_value(outcome.report()).unwrap()["responses"]["y"].is_null());
     }
 }
+
+#[test]
+fn replicates_of_the_unseen_data_weigh_by_their_number() {
+    let scratch = Scratch::new("weights");
+    let rows: String = (-4i32..=4).map(|k| format!("{k},{}\n", 40 + k)).collect();
+    let unseen = "0,40\n".repeat(9) + "4,44\n";
+    scratch.file("fit.csv", &format!("x[A],y[V]\n{rows}")).file("unseen.csv", &format!("x[A],y[V]\n{unseen}"));
+    let of = |confidence: f64| {
+        let text = format!(
+            "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\n[responses.y]\n\
+             inputs = [\"x\"]\nselect = {{ method = \"ladder\", max_order = 2, confidence = {confidence} }}\n"
+        );
+        fitted(&text, &scratch.0)
+    };
+    // The constant 40 alone: SS_lof = 9 0^2 + 1 4^2 = 16, SS_y = 9 40^2 + 44^2 = 16336, C = 99.90206.
+    // Without the n_i it would be 99.548.
+    let outcome = of(99.9);
+    assert_eq!(powers(&outcome), [[0]]);
+    let confidence = outcome.responses[0].statistics.as_ref().unwrap().validation.as_ref().unwrap().confidence_c.unwrap();
+    assert!((confidence - (100.0 - 1600.0 / 16336.0)).abs() < 1e-12, "{confidence}");
+    assert_eq!(powers(&of(99.91)), [[0], [1]]);
+}
+
+#[test]
+fn one_term_takes_the_place_of_two() {
+    // The climb reaches 99.7 on the second rung with x^2 and z^2; x^2 z^2 alone, two rungs above, does better than both.
+    let scratch = grids("exchange", |x: f64, z: f64| 10.0 + 4.0 * x * x * z * z);
+    let of = |order: u32| {
+        ladder(&scratch, &format!("select = {{ method = \"ladder\", max_order = {order}, confidence = 99.7 }}"), true)
+    };
+    assert_eq!(powers(&of(3)), [[0, 0], [2, 0], [0, 2]]);
+    assert_eq!(powers(&of(4)), [[0, 0], [2, 2]]);
+}
+
+#[test]
+fn validation_sees_the_saturation_of_the_written_model() {
+    let scratch = Scratch::new("saturation");
+    scratch.file("fit.csv", "x[A],y[V]\n-1,-1\n0,0\n1,1\n").file("unseen.csv", "x[A],y[V]\n-1,0\n0.5,0.5\n1,0.75\n");
+    let text = "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\n[responses.y]\n\
+                inputs = [\"x\"]\noutput_range = [0.0, 0.75]\nselect = { method = \"fixed\", order = 1 }\n";
+    let outcome = fitted(text, &scratch.0);
+    let statistics = outcome.responses[0].statistics.as_ref().unwrap();
+    assert_eq!(statistics.validation.as_ref().unwrap().max_abs_error, 0.0);
+    assert_eq!(outcome.model.surfaces[0].output_range, Some([0.0, 0.75]));
+}
+
+#[test]
+fn a_climb_that_gets_stuck_is_followed_by_one_that_looks_at_the_fitted_data() {
+    // Judged on the upper quarter of the range alone, no single term beside 1, x, x^2 raises C, though all up to x^5 are there.
+    let truth = |x: f64| 10.0 - 5.0 * x - 5.0 * x * x - x.powi(3) - 3.0 * x.powi(4) + 2.0 * x.powi(5);
+    let grid = |from: f64, steps: u32| -> String {
+        let x = |k: u32| from + (1.0 - from) * f64::from(k) / f64::from(steps);
+        "x[A],y[V]\n".to_string() + &(0..=steps).map(|k| format!("{},{}\n", x(k), truth(x(k)))).collect::<String>()
+    };
+    let scratch = Scratch::new("stuck");
+    scratch.file("fit.csv", &grid(-1.0, 12)).file("unseen.csv", &grid(0.5, 8));
+    let text = "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\n[responses.y]\n\
+                inputs = [\"x\"]\nselect = { method = \"ladder\", max_order = 5, confidence = 99.99 }\n";
+    let mut climbs = 0;
+    let outcome = rsm_fit::fit::fit(&crate::data::specification(text, &scratch.0), &mut |progress| {
+        climbs += u32::from(matches!(progress, rsm_fit::fit::Progress::Step { terms: 2, .. }));
+    });
+    let outcome = outcome.unwrap();
+    assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
+    assert_eq!(climbs, 2, "the first climb reached the confidence: this case shows nothing");
+}
