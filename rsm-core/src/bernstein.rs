@@ -12,8 +12,11 @@ use crate::interval::Interval;
 /// Coefficients that may be touched in all: 2 * 10^7 interval operations are about a tenth of a second.
 const BUDGET: usize = 20_000_000;
 
-/// The enclosure is as tight as anyone needs once its excess is below this share of the spread of values.
+/// The enclosure is as tight as anyone needs once its excess is below this share of the spread of values,
 const TIGHT_ENOUGH: f64 = 1e-9;
+
+/// or below this share of their magnitude: a few thousand times what outward rounding adds (2^-52 an operation), so that it can be reached.
+const ROUNDING: f64 = 1e-12;
 
 /// A term: powers of the variables and a coefficient.
 #[derive(Debug, Clone)]
@@ -65,7 +68,7 @@ impl Ord for Queued {
 fn lower_bound(root: &Cell) -> f64 {
     let (root_low, root_high) = root.bounds();
     let mut seen = root.least_corner();
-    let tolerance = TIGHT_ENOUGH * (root_high - root_low).abs();
+    let tolerance = (TIGHT_ENOUGH * (root_high - root_low)).max(ROUNDING * root_low.abs().max(root_high.abs()));
     let mut queue = BinaryHeap::from([Queued { bound: root_low, cell: root.clone() }]);
     let mut work = 0;
     let dimensions = root.degrees.len();

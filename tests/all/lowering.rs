@@ -11,9 +11,9 @@ use rsm_core::run::Interpreter;
 use rsm_tests::cases::{self, Case};
 use rsm_tests::points::{Number, Points};
 
-/// Random points a function, and as many that hurt. One rational evaluation of a large model takes some 10 ms with optimisation, where an
-/// argument is as large as f64 allows.
-const POINTS: usize = if cfg!(debug_assertions) { 2 } else { 30 };
+/// Random points a function, and as many that hurt. A rational evaluation of a large model takes about a millisecond, where no argument is
+/// extreme (see [`is_handy`]).
+const POINTS: usize = if cfg!(debug_assertions) { 8 } else { 60 };
 
 fn all() -> Vec<Case> {
     cases::random().into_iter().chain(cases::checked_in()).collect()
@@ -54,6 +54,11 @@ fn rational(point: &[f64]) -> Vec<Rational> {
     point.iter().map(|xi| exact(*xi)).collect()
 }
 
+/// Of ordinary size. The fifth power of 5e-324 has five thousand binary digits, and says no more of an algebraic identity than that of 0.1.
+fn is_handy(point: &[f64]) -> bool {
+    point.iter().all(|xi| *xi == 0.0 || (1e-30..1e30).contains(&xi.abs()))
+}
+
 fn is_in_box(point: &[f64], inputs: &[Input]) -> bool {
     point.iter().zip(inputs).all(|(xi, input)| input.range[0] <= *xi && *xi <= input.range[1])
 }
@@ -63,7 +68,7 @@ fn without_rounding_a_tape_is_the_polynomial() {
     let mut compared = 0;
     for case in all() {
         for (_, surface, function) in of_surfaces(&case) {
-            for point in points_of(function, surface) {
+            for point in points_of(function, surface).into_iter().filter(|point| is_handy(point)) {
                 let at = rational(&point);
                 let Some(truth) = exact::value(surface, &function.inputs, &at) else { continue };
                 // A tape of a reciprocal divides; where it divides by zero the truth has a pole as well.
@@ -84,7 +89,11 @@ fn with_rounding_it_stays_within_the_proved_bound_and_the_range_holds() {
             let bound = rounding::error_bound(&function.tape, &ranges);
             let range = certificate::range(surface, &function.inputs);
             assert!(bound.is_finite(), "{}: no bound\n{}", case.file.display(), function.tape);
-            for point in points_of(function, surface) {
+            for (k, point) in points_of(function, surface).into_iter().enumerate() {
+                // Of the extreme ones a few: there the rounding differs (subnormal results).
+                if !is_handy(&point) && k % 8 != 0 {
+                    continue;
+                }
                 if !is_in_box(&point, &function.inputs) {
                     continue;
                 }
