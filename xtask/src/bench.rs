@@ -8,8 +8,8 @@ use crate::workspace::cargo;
 /// Times, then prints the table.
 pub(crate) fn run(words: &[&str]) -> bool {
     let mut time = cargo(&["bench", "-p", "rsm-bench", "--bench", "evaluators", "--"]);
-    // A tenth of criterion's usual times: 72 cases in about a minute. The medians repeat to some per cent on a quiet machine, enough for a table of ratios.
-    time.args(["--noplot", "--warm-up-time", "0.1", "--measurement-time", "0.4", "--sample-size", "20"]).args(words);
+    // A tenth of criterion's usual times: 120 cases in a minute and a half. The medians repeat to some per cent on a quiet machine, enough for a table of ratios.
+    time.args(["--quiet", "--noplot", "--warm-up-time", "0.1", "--measurement-time", "0.4", "--sample-size", "20"]).args(words);
     Run::new()
         .command("times", time)
         .command("table", cargo(&["run", "--quiet", "--release", "-p", "rsm-bench", "--bin", "bench-table"]))
