@@ -1,21 +1,17 @@
-//! The model file: TOML text to a [`Model`] with places, and a [`Model`] to TOML text.
+//! Reads the model file: TOML text to a [`Model`] with places.
 //!
 //! In: a source. Out: everything of it that has the right shape, where each part stands, and a fault for everything else. Whether the
-//! parts fit together is the business of [`crate::check`]. The writer prints numbers so that they read back to the same bits.
+//! parts fit together is the business of [`crate::check`].
 
 use std::collections::{HashMap, HashSet};
-use std::fmt::Write as _;
 use std::ops::Range;
 
 use toml::de::DeValue;
 
+use super::FORMAT;
 use crate::model::{Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Surface, Symmetry, Term};
-use crate::number::decimal;
 use crate::source::{Collector, Source};
 use crate::toml_reader::{self, TableReader, Value};
-
-/// The format number that this version reads and writes.
-pub const FORMAT: i64 = 1;
 
 /// The highest power of one variable. Horner's rule is a chain as long as this, and f32 has no use for x^20 with |x| below 0.5.
 pub const HIGHEST_POWER: u32 = 20;
@@ -424,131 +420,4 @@ fn evidence(value: &DeValue<'_>) -> Evidence {
             Evidence::Table(table.iter().map(|(key, item)| (key.get_ref().to_string(), evidence(item.get_ref()))).collect())
         }
     }
-}
-
-/// The text of a model file. Reading it gives the same model, every number to the bit.
-#[must_use]
-pub fn write(model: &Model) -> String {
-    let mut out = String::new();
-    let _ = writeln!(out, "format = {FORMAT}\nmodel = {}", quoted(&model.name));
-    for input in &model.inputs {
-        let [low, high] = input.range.map(decimal);
-        let outside = match input.outside {
-            Outside::Clamp => "clamp",
-            Outside::Extrapolate => "extrapolate",
-        };
-        let (name, unit) = (&input.name, quoted(&input.unit));
-        let _ = writeln!(out, "\n[inputs.{name}]\nunit = {unit}\nrange = [{low}, {high}]\noutside = \"{outside}\"");
-    }
-    for surface in &model.surfaces {
-        write_surface(&mut out, surface);
-    }
-    for compensator in &model.compensators {
-        let Compensator { name, sample_time, natural_frequency, zero_damping, pole_damping } = compensator;
-        let _ = writeln!(out, "\n[compensators.{name}]\nsample_time = {}", decimal(*sample_time));
-        let _ = writeln!(out, "natural_frequency = {}", scheduled_text(natural_frequency));
-        let _ = writeln!(out, "zero_damping = {}", scheduled_text(zero_damping));
-        let _ = writeln!(out, "pole_damping = {}", scheduled_text(pole_damping));
-    }
-    out
-}
-
-fn write_surface(out: &mut String, surface: &Surface) {
-    let name = &surface.name;
-    let _ = writeln!(out, "\n[surfaces.{name}]\nunit = {}\ninputs = {}", quoted(&surface.unit), texts(&surface.inputs));
-    if let Some([low, high]) = surface.output_range {
-        let _ = writeln!(out, "output_range = [{}, {}]", decimal(low), decimal(high));
-    }
-    if surface.coding == Coding::None {
-        let _ = writeln!(out, "coding = \"none\"");
-    }
-    if !surface.symmetry.is_empty() {
-        let entry = |(input, symmetry): &(String, Symmetry)| match symmetry {
-            Symmetry::Even => format!("{input} = \"even\""),
-            Symmetry::Odd => format!("{input} = \"odd\""),
-        };
-        let entries: Vec<_> = surface.symmetry.iter().map(entry).collect();
-        let _ = writeln!(out, "symmetry = {{ {} }}", entries.join(", "));
-    }
-    if !surface.knots.is_empty() {
-        let entry = |knot: &Knot| format!("{{ input = {}, at = {} }}", quoted(&knot.input), decimal(knot.at));
-        let entries: Vec<_> = surface.knots.iter().map(entry).collect();
-        let _ = writeln!(out, "knots = [{}]", entries.join(", "));
-    }
-    if !surface.reciprocal.is_empty() {
-        let _ = writeln!(out, "reciprocal = {}", texts(&surface.reciprocal));
-    }
-    let _ = writeln!(out, "terms = [");
-    for term in &surface.terms {
-        let powers: Vec<_> = term.powers.iter().map(u32::to_string).collect();
-        let _ = writeln!(out, "  {{ powers = [{}], coefficient = {} }},", powers.join(", "), decimal(term.coefficient));
-    }
-    let _ = writeln!(out, "]");
-    if !surface.support.is_empty() {
-        let _ = writeln!(out, "support = [");
-        for HalfSpace { normal, bound } in &surface.support {
-            let normal: Vec<_> = normal.iter().copied().map(decimal).collect();
-            let _ = writeln!(out, "  {{ normal = [{}], bound = {} }},", normal.join(", "), decimal(*bound));
-        }
-        let _ = writeln!(out, "]");
-    }
-    if !surface.evidence.is_empty() {
-        let _ = writeln!(out, "\n[surfaces.{name}.evidence]");
-        for (key, value) in &surface.evidence {
-            let _ = writeln!(out, "{} = {}", key_text(key), evidence_text(value));
-        }
-    }
-}
-
-fn scheduled_text(scheduled: &Scheduled) -> String {
-    match scheduled {
-        Scheduled::Fixed(value) => decimal(*value),
-        Scheduled::Surface(name) => format!("{{ surface = {} }}", quoted(name)),
-        Scheduled::Sum(names) => format!("{{ sum = {} }}", texts(names)),
-    }
-}
-
-fn evidence_text(value: &Evidence) -> String {
-    match value {
-        Evidence::Whole(whole) => whole.to_string(),
-        Evidence::Number(number) if number.is_nan() => "nan".into(),
-        Evidence::Number(number) => decimal(*number),
-        Evidence::Flag(flag) => flag.to_string(),
-        Evidence::Text(text) => quoted(text),
-        Evidence::List(items) => format!("[{}]", items.iter().map(evidence_text).collect::<Vec<_>>().join(", ")),
-        Evidence::Table(entries) => {
-            let entries: Vec<_> =
-                entries.iter().map(|(key, item)| format!("{} = {}", key_text(key), evidence_text(item))).collect();
-            format!("{{ {} }}", entries.join(", "))
-        }
-    }
-}
-
-fn key_text(key: &str) -> String {
-    let bare = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
-    if bare { key.to_string() } else { quoted(key) }
-}
-
-fn texts(items: &[String]) -> String {
-    format!("[{}]", items.iter().map(|item| quoted(item)).collect::<Vec<_>>().join(", "))
-}
-
-/// A TOML basic string.
-fn quoted(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' => out.push_str("\\\""),
-            '\\' => out.push_str("\\\\"),
-            '\n' => out.push_str("\\n"),
-            '\t' => out.push_str("\\t"),
-            '\r' => out.push_str("\\r"),
-            c if c.is_control() => {
-                let _ = write!(out, "\\u{:04X}", c as u32);
-            }
-            c => out.push(c),
-        }
-    }
-    out.push('"');
-    out
 }

@@ -1,0 +1,10 @@
+//! The model file: TOML text to a model and back, no number changed by a bit on the way.
+
+mod read;
+mod write;
+
+pub use read::{Basis, HIGHEST_POWER, Located, read, read_basis, read_format};
+pub use write::write;
+
+/// The format number that this version reads and writes.
+pub const FORMAT: i64 = 1;
