@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 
-use rsm_core::model::Surface;
+use rsm_core::model::{Coding, Outside, Surface, Symmetry};
+use rsm_core::number::Precision;
 use rsm_tests::backend::{Backend, Linked, Loaded, Reference};
 use rsm_tests::cases::{self, Case};
 use rsm_tests::compilers::{self, Compiler};
@@ -100,8 +101,8 @@ fn compare(of_f64: &[&dyn Backend<f64>], of_f32: &[&dyn Backend<f32>], random: u
         while let Some((case, k)) = functions.get(next.fetch_add(1, Ordering::Relaxed)) {
             let function = &case.unit.functions[*k];
             let found = match function.tape.precision {
-                rsm_core::number::Precision::F64 => compare_function(case, *k, of_f64, random),
-                rsm_core::number::Precision::F32 => compare_function(case, *k, of_f32, random),
+                Precision::F64 => compare_function(case, *k, of_f64, random),
+                Precision::F32 => compare_function(case, *k, of_f32, random),
             };
             failures.lock().expect("no panic in between").extend(found);
         }
@@ -158,7 +159,6 @@ fn the_random_models_cover_what_they_must() {
         assert!(models.iter().any(|model| model.inputs.len() == inputs), "{inputs} inputs");
     }
     let count = |wanted: &dyn Fn(&Surface) -> bool| surfaces.iter().filter(|surface| wanted(surface)).count();
-    use rsm_core::model::{Coding, Outside, Symmetry};
     let symmetric = |kind: Symmetry| count(&|surface| surface.symmetry.iter().any(|(_, symmetry)| *symmetry == kind));
     assert!(symmetric(Symmetry::Odd) > 2 && symmetric(Symmetry::Even) > 2);
     assert!(count(&|surface| !surface.knots.is_empty()) > 5);
@@ -170,7 +170,7 @@ fn the_random_models_cover_what_they_must() {
         assert!(models.iter().flat_map(|model| &model.inputs).filter(|input| input.outside == outside).count() > 5);
     }
     let functions = random_cases().iter().flat_map(|case| &case.unit.functions);
-    assert!(functions.filter(|function| function.tape.precision == rsm_core::number::Precision::F32).count() > 30);
+    assert!(functions.filter(|function| function.tape.precision == Precision::F32).count() > 30);
 }
 
 #[test]
@@ -195,6 +195,13 @@ fn gcc_keeps_the_bits() {
 fn clang_keeps_the_bits() {
     let lines = C_COMPILERS.iter().filter(|line| line.starts_with("clang"));
     compare_loaded(&lines.map(|line| c_backend(line)).collect::<Vec<_>>(), FEW);
+}
+
+/// The suite sees what it is there to see.
+#[test]
+#[should_panic(expected = "differs from the interpreter")]
+fn a_fused_operation_is_noticed() {
+    compare_loaded(&[c_backend("gcc -std=gnu11 -O2 -mfma -DRSM_BARRIER(product)=(product)")], 0);
 }
 
 #[test]

@@ -2,12 +2,13 @@
 //!
 //! Read from the object code of every function of `generated/`, and of the random models, which have every idiom.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rsm_core::emit::Unit;
 use rsm_tests::cases;
 use rsm_tests::compilers::{self, Compiler};
-use rsm_tests::object;
+use rsm_tests::object::{self, Code};
 
 fn scratch(name: &str) -> PathBuf {
     compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), name)
@@ -18,15 +19,14 @@ fn check_c(units: &[&Unit], folder: &Path, line: &str) {
     let mut wrong = vec![];
     for unit in units {
         Compiler::new(line).must(&["-c", &format!("{}.c", unit.model), "-o", "checked.o"], folder);
-        for (symbol, _) in compilers::c_symbols(unit) {
-            wrong.extend(faults(&folder.join("checked.o"), &symbol));
-        }
+        let functions = object::disassemble(&folder.join("checked.o"));
+        wrong.extend(compilers::c_symbols(unit).iter().filter_map(|(symbol, _)| faults(&functions, symbol)));
     }
     assert!(wrong.is_empty(), "{line}:\n{}", wrong.join("\n"));
 }
 
-fn faults(object: &Path, symbol: &str) -> Option<String> {
-    let code = object::disassemble(object, symbol);
+fn faults(functions: &BTreeMap<String, Code>, symbol: &str) -> Option<String> {
+    let code = functions.get(symbol).unwrap_or_else(|| panic!("no function {symbol} in the object code"));
     let (transfers, fused) = (code.transfers(), code.fused());
     (!transfers.is_empty() || !fused.is_empty())
         .then(|| format!("{symbol}: {transfers:?} {fused:?}\n  {}", code.instructions.join("\n  ")))
@@ -96,9 +96,10 @@ fn emitted_rust_is_free_of_branches_and_calls() {
 
 /// Exported as functions of their own, since an inlined evaluator has no symbol.
 fn check_rust(cases: &[cases::Case], folder: &Path) {
-    let mut text = std::fs::read_to_string(folder.join("models.rs")).expect("written by the caller");
+    let mut text = String::from("#![deny(warnings)]\n");
     let mut symbols = vec![];
     for case in cases {
+        text.push_str(&format!("mod {};\n", case.unit.model));
         for function in &case.unit.functions {
             let (model, name) = (&case.unit.model, function.rust_name());
             let float = function.tape.precision.name();
@@ -118,7 +119,8 @@ fn check_rust(cases: &[cases::Case], folder: &Path) {
         // A long evaluator is not inlined of itself, and then the exported function is a jump to it.
         let options = format!("{options} -C llvm-args=-inline-threshold=100000");
         compilers::rustc(&options).must(&["--crate-type", "lib", "--emit", "obj", "-o", "only.o", "only.rs"], folder);
-        let wrong: Vec<String> = symbols.iter().filter_map(|symbol| faults(&folder.join("only.o"), symbol)).collect();
+        let functions = object::disassemble(&folder.join("only.o"));
+        let wrong: Vec<String> = symbols.iter().filter_map(|symbol| faults(&functions, symbol)).collect();
         assert!(wrong.is_empty(), "rustc {options}:\n{}", wrong.join("\n"));
     }
 }
@@ -143,9 +145,9 @@ fn with_and_without_barrier(cases: &[cases::Case], folder: &Path, line: &str) ->
         let source = format!("{}.c", case.unit.model);
         Compiler::new(line).must(&["-c", &source, "-o", "kept.o"], folder);
         Compiler::new(&format!("{line} -DRSM_BARRIER(product)=(product)")).must(&["-c", &source, "-o", "free.o"], folder);
+        let (kept, free) = (object::disassemble(&folder.join("kept.o")), object::disassemble(&folder.join("free.o")));
         for (symbol, _) in compilers::c_symbols(&case.unit) {
-            let code = |file: &str| object::disassemble(&folder.join(file), &symbol);
-            let (kept, free) = (code("kept.o"), code("free.o"));
+            let (kept, free) = (&kept[&symbol], &free[&symbol]);
             assert_eq!(kept.arithmetic(), free.arithmetic(), "{line}: {symbol}\n{kept:#?}\n{free:#?}");
             counts.push((symbol, kept.instructions.len(), free.instructions.len()));
         }
@@ -191,8 +193,9 @@ fn without_the_barrier_gcc_fuses() {
         let compiler = Compiler::new(&format!("{line} -DRSM_BARRIER(product)=(product)"));
         for case in &cases {
             compiler.must(&["-c", &format!("{}.c", case.unit.model), "-o", "fused.o"], &folder);
+            let functions = object::disassemble(&folder.join("fused.o"));
             for (symbol, _) in compilers::c_symbols(&case.unit) {
-                assert!(!object::disassemble(&folder.join("fused.o"), &symbol).fused().is_empty(), "{line}: {symbol}");
+                assert!(!functions[&symbol].fused().is_empty(), "{line}: {symbol}");
             }
         }
     }

@@ -51,7 +51,7 @@ fn main() {
         writeln!(
             modules,
             "/// Model, function, and the function with its arguments in a slice.\n\
-             pub const {}: &[(&str, &str, fn(&[{float}]) -> {float})] = &[\n{list}];",
+             pub const {}: &[rsm_tests::backend::Entry<{float}>] = &[\n{list}];",
             float.to_uppercase()
         )
         .expect("text");

@@ -22,7 +22,7 @@ fn model(random: &mut Random, index: usize, inputs: usize, order: u32) -> Model 
     let coding = if index % 7 == 3 { Coding::None } else { Coding::Range };
     let inputs: Vec<Input> = (0..inputs).map(|k| input(random, index, k, coding)).collect();
     let mut surfaces = vec![surface(random, "s", inputs.clone(), order, coding)];
-    if index % 5 == 0 {
+    if index.is_multiple_of(5) {
         // Another surface with the inputs the other way round: the order of its arguments is its own.
         let backwards: Vec<Input> = inputs.iter().rev().take(2).cloned().collect();
         surfaces.push(surface(random, "t", backwards, order, coding));

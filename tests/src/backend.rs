@@ -32,16 +32,19 @@ impl<T: Number> Backend<T> for Reference {
     }
 }
 
+/// Model, function, and the function with its arguments in a slice.
+pub type Entry<T> = (&'static str, &'static str, fn(&[T]) -> T);
+
 /// Functions that are compiled into this process.
 pub struct Linked<T: 'static> {
     name: String,
-    functions: &'static [(&'static str, &'static str, fn(&[T]) -> T)],
+    functions: &'static [Entry<T>],
 }
 
 impl<T: 'static> Linked<T> {
-    /// Model, function, and the function with its arguments in a slice.
+    /// All functions of all models.
     #[must_use]
-    pub fn new(name: &str, functions: &'static [(&'static str, &'static str, fn(&[T]) -> T)]) -> Self {
+    pub fn new(name: &str, functions: &'static [Entry<T>]) -> Self {
         Linked { name: name.to_string(), functions }
     }
 }
@@ -55,7 +58,7 @@ impl<T: Number> Backend<T> for Linked<T> {
         let name = function.rust_name();
         let known = self.functions.iter().find(|(model, known, _)| *model == unit.model && *known == name);
         let (_, _, evaluate) = known.unwrap_or_else(|| panic!("{}: no function {}::{name}", self.name, unit.model));
-        points.chunks_exact(function.inputs.len()).map(|point| evaluate(point)).collect()
+        points.chunks_exact(function.inputs.len()).map(evaluate).collect()
     }
 }
 

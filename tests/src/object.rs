@@ -1,6 +1,6 @@
 //! Object code, read.
 //!
-//! In: an object file and a symbol. Out: its instructions, and what in them an evaluator must not have: jumps, calls, fused operations.
+//! In: an object file. Out: the instructions of its functions, and what in them an evaluator must not have: jumps, calls, fused operations.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,30 +13,44 @@ pub struct Code {
     pub instructions: Vec<String>,
 }
 
-/// Disassembles one function.
+/// Disassembles every function of an object file.
 ///
 /// # Panics
-/// When `objdump` is missing, or the function is not in the file.
+/// When `objdump` is missing or cannot read the file.
 #[must_use]
-pub fn disassemble(file: &Path, symbol: &str) -> Code {
+pub fn disassemble(file: &Path) -> BTreeMap<String, Code> {
     let output = Command::new("objdump")
-        .args(["-d", "--no-show-raw-insn", "-M", "att", &format!("--disassemble={symbol}")])
+        .args(["-d", "--no-show-raw-insn", "-M", "att"])
         .arg(file)
         .output()
         .unwrap_or_else(|error| panic!("cannot start objdump: {error}; apt-get install binutils"));
-    let text = String::from_utf8_lossy(&output.stdout);
-    let instruction = |line: &str| -> Option<String> {
-        let (address, instruction) = line.split_once(":\t")?;
-        address.trim().bytes().all(|byte| byte.is_ascii_hexdigit()).then(|| instruction.trim().to_string())
-    };
-    let mut instructions: Vec<String> = text.lines().filter_map(instruction).collect();
-    // What follows the last return is padding up to the next function.
-    let is_return = |line: &String| mnemonic(line).starts_with("ret");
-    if let Some(last) = instructions.iter().rposition(is_return) {
-        instructions.truncate(last + 1);
+    assert!(output.status.success(), "{}: {}", file.display(), String::from_utf8_lossy(&output.stderr));
+    let mut functions: BTreeMap<String, Code> = BTreeMap::new();
+    let mut current = String::new();
+    for line in String::from_utf8_lossy(&output.stdout).lines() {
+        if let Some(symbol) = heading(line) {
+            current = symbol.to_string();
+        } else if let Some((address, instruction)) = line.split_once(":\t")
+            && address.trim().bytes().all(|byte| byte.is_ascii_hexdigit())
+        {
+            let code = functions.entry(current.clone()).or_insert_with(|| Code { instructions: vec![] });
+            code.instructions.push(instruction.trim().to_string());
+        }
     }
-    assert!(!instructions.is_empty(), "{}: no function {symbol}\n{}", file.display(), String::from_utf8_lossy(&output.stderr));
-    Code { instructions }
+    for code in functions.values_mut() {
+        // What follows the last return is padding up to the next function.
+        if let Some(last) = code.instructions.iter().rposition(|line| mnemonic(line).starts_with("ret")) {
+            code.instructions.truncate(last + 1);
+        }
+    }
+    functions
+}
+
+/// The symbol of a line such as `0000000000000010 <m_s>:`.
+fn heading(line: &str) -> Option<&str> {
+    let (address, rest) = line.split_once(" <")?;
+    let is_address = !address.is_empty() && address.bytes().all(|byte| byte.is_ascii_hexdigit());
+    rest.strip_suffix(">:").filter(|_| is_address)
 }
 
 fn mnemonic(instruction: &str) -> &str {
