@@ -81,7 +81,7 @@ impl Checked {
         let mut faults = Collector::new();
         let at = |(line, column): (usize, usize), what: String| Fault::at_line(&self.file, line, column, what);
         for (input, place) in self.model.inputs.iter().zip(&self.range_places) {
-            let [low, high] = input.range.map(|bound| exact(bound));
+            let [low, high] = input.range.map(exact);
             let (inner_low, inner_high) = (precision.round_up(&low), precision.round_down(&high));
             if !inner_low.is_finite() || !inner_high.is_finite() {
                 faults.push(at(*place, format!("input `{}`: the range is wider than {name} can hold", input.name)));
@@ -124,10 +124,11 @@ impl Context<'_> {
 
     /// Whether a name that is not there is really missing: its section could be read, and it was not refused for its shape.
     fn knows_all(&self, section: &str, name: &str) -> bool {
-        self.located.place(section) != (0..0)
-            && !self.located.is_broken(section)
-            && !self.located.is_broken(&format!("{section}.{name}"))
-            && !(section == "inputs" && self.model().inputs.is_empty())
+        let read = self.located.place(section) != (0..0) && !self.located.is_broken(section);
+        let refused = self.located.is_broken(&format!("{section}.{name}"));
+        // Where a model has no input at all, that is said once.
+        let nothing_there = section == "inputs" && self.model().inputs.is_empty();
+        read && !refused && !nothing_there
     }
 
     fn model(&self) -> &Model {

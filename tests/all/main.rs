@@ -3,6 +3,7 @@
 mod bit_for_bit;
 mod layers;
 mod lowering;
+mod measured;
 mod object_code;
 mod refuses;
 mod stale;

@@ -6,7 +6,10 @@ use std::process::Command;
 /// The indented block below a heading.
 fn block(readme: &str, heading: &str) -> String {
     let after = readme.split_once(heading).unwrap_or_else(|| panic!("README has no `{heading}`")).1;
-    let lines = after.lines().skip_while(|line| !line.starts_with("    ")).take_while(|line| line.starts_with("    ") || line.is_empty());
+    let lines = after
+        .lines()
+        .skip_while(|line| !line.starts_with("    "))
+        .take_while(|line| line.starts_with("    ") || line.is_empty());
     lines.map(|line| line.strip_prefix("    ").unwrap_or(line)).collect::<Vec<_>>().join("\n")
 }
 
