@@ -5,8 +5,8 @@
 //!
 //! | idiom | x86-64 | x86-64 with AVX | AArch64 | Arm with VFP | RISC-V with D, masks |
 //! | --- | --- | --- | --- | --- | --- |
-//! | clamp at one bound, the load of the bound included | 2 | 2 | 2 or 3 | 5 | 11 to 13 |
-//! | select | 5 | 2 | 2 | 5 | 10 |
+//! | clamp at one bound, the load of the bound included | 2 | 2 | 3 | 5 | 13 |
+//! | select | 4 | 2 | 2 | 5 | 10 |
 //! | keep a product | 0 | 0 | 0 | 0 | 0 |
 //!
 //! Why not the plain conditional: gcc sees that a clamped value is a constant on one side and makes a branch of it, on every machine;
