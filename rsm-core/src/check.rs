@@ -33,7 +33,7 @@ impl Checked {
         for rule in [check_name, check_inputs, check_surfaces, check_compensators, check_emitted_names] {
             rule(&context, &mut faults);
         }
-        let position = |path: String| source.position(located.place(&path).start);
+        let position = |path: String| source.position(located.places.place(&path).start);
         let model = &located.model;
         let range_places = model.inputs.iter().map(|input| position(format!("inputs.{}.range", input.name))).collect();
         let term_places = model
@@ -119,13 +119,13 @@ struct Context<'a> {
 
 impl Context<'_> {
     fn fault(&self, path: &str, what: impl Into<String>) -> Fault {
-        self.source.fault(self.located.place(path), what)
+        self.source.fault(self.located.places.place(path), what)
     }
 
     /// Whether a name that is not there is really missing: its section could be read, and it was not refused for its shape.
     fn knows_all(&self, section: &str, name: &str) -> bool {
-        let read = self.located.place(section) != (0..0) && !self.located.is_broken(section);
-        let refused = self.located.is_broken(&format!("{section}.{name}"));
+        let read = self.located.places.place(section) != (0..0) && !self.located.places.is_broken(section);
+        let refused = self.located.places.is_broken(&format!("{section}.{name}"));
         // Where a model has no input at all, that is said once.
         let nothing_there = section == "inputs" && self.model().inputs.is_empty();
         read && !refused && !nothing_there
@@ -137,7 +137,9 @@ impl Context<'_> {
 }
 
 fn check_name(context: &Context<'_>, faults: &mut Collector) {
-    if context.located.is_broken("model") || context.model().name.is_empty() && context.located.place("model") == (0..0) {
+    if context.located.places.is_broken("model")
+        || context.model().name.is_empty() && context.located.places.place("model") == (0..0)
+    {
         return;
     }
     if let Some(reason) = names::refuse_model(&context.model().name) {
@@ -161,7 +163,7 @@ fn check_inputs(context: &Context<'_>, faults: &mut Collector) {
 /// Whether some entry of a section was there but refused for its shape.
 fn any_under(context: &Context<'_>, section: &str) -> bool {
     // A section that is missing, or has no entry at all, has no broken entry either: the faults of shape speak for the rest.
-    context.located.place(section) == (0..0) || context.located.has_broken_under(section)
+    context.located.places.place(section) == (0..0) || context.located.places.has_broken_under(section)
 }
 
 /// low < high, and a width that f64 can hold: half of it is the unit of the coded variable.
@@ -199,7 +201,7 @@ fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
 
 fn check_surface_inputs(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
     let who = format!("surface `{}`", surface.name);
-    if surface.inputs.is_empty() && !context.located.is_broken(&format!("{path}.inputs")) {
+    if surface.inputs.is_empty() && !context.located.places.is_broken(&format!("{path}.inputs")) {
         faults.push(context.fault(&format!("{path}.inputs"), format!("{who}: `inputs`: found none, expected at least one")));
     }
     for (k, name) in surface.inputs.iter().enumerate() {
@@ -216,12 +218,13 @@ fn check_surface_inputs(context: &Context<'_>, faults: &mut Collector, surface: 
 
 fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
     let who = format!("surface `{}`", surface.name);
-    if surface.terms.is_empty() && !context.located.is_broken(&format!("{path}.terms")) {
+    if surface.terms.is_empty() && !context.located.places.is_broken(&format!("{path}.terms")) {
         faults.push(context.fault(&format!("{path}.terms"), format!("{who}: `terms`: found none, expected at least one")));
     }
     let (inputs, knots) = (surface.inputs.len(), surface.knots.len());
     // How many powers a term needs is known only where inputs and knots could be read.
-    let counts = !context.located.is_broken(&format!("{path}.inputs")) && !context.located.is_broken(&format!("{path}.basis"));
+    let counts = !context.located.places.is_broken(&format!("{path}.inputs"))
+        && !context.located.places.is_broken(&format!("{path}.basis"));
     for (k, term) in surface.terms.iter().enumerate() {
         let place = format!("{path}.terms.{k}");
         let found = term.powers.len();

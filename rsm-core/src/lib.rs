@@ -38,6 +38,7 @@
 //! ```
 
 // In the order of the pipeline.
+pub mod places;
 pub mod source;
 pub mod toml_reader;
 

@@ -20,6 +20,7 @@ mod rules;
 use std::path::{Path, PathBuf};
 
 use rsm_core::model::{Outside, Surface};
+use rsm_core::places::Places;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 pub(crate) use rules::check_basis_against_ranges;
@@ -42,7 +43,7 @@ pub struct Specification {
     pub responses: Vec<ResponseSpec>,
     source: Source,
     folder: PathBuf,
-    places: read::Places,
+    places: Places,
 }
 
 /// Where unseen data come from.

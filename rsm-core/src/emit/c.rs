@@ -2,7 +2,7 @@
 //!
 //! In: a unit. Out: a header that C++ can include too, and a source file that needs no library. Straight lines of single assignments,
 //! with the tape's register numbers. A comparison has no line of its own: the choice that reads it takes its operands, because on
-//! most machines the two are one idiom ([`super::c_idioms`]). The self-test is compiled when `RSM_SELF_TEST` is defined.
+//! most machines the two are one idiom (`c_idioms.rs`). The self-test is compiled when `RSM_SELF_TEST` is defined.
 
 use super::c_idioms::{self, Needs};
 use super::{Function, Kind, Unit, compared, literal, live, points, unused_inputs};

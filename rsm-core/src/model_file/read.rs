@@ -3,65 +3,24 @@
 //! In: a source. Out: everything of it that has the right shape, where each part stands, and a fault for everything else. Whether the
 //! parts fit together is the business of [`crate::check`].
 
-use std::collections::{HashMap, HashSet};
-use std::ops::Range;
-
 use toml::de::DeValue;
 
 use super::FORMAT;
 use crate::model::{Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Surface, Symmetry, Term};
+use crate::places::Places;
 use crate::source::{Collector, Source};
 use crate::toml_reader::{self, TableReader, Value};
 
 /// The highest power of one variable. Horner's rule is a chain as long as this, and f32 has no use for x^20 with |x| below 0.5.
 pub const HIGHEST_POWER: u32 = 20;
 
-/// A model as its file has it, with the place of each part under a dotted path such as `inputs.torque.range`.
+/// A model as its file has it.
 #[derive(Debug, Default)]
 pub struct Located {
     /// All parts of the right shape.
     pub model: Model,
-    places: HashMap<String, Range<usize>>,
-    /// Dotted paths of parts that were refused: nobody should complain that they are missing.
-    broken: HashSet<String>,
-}
-
-impl Located {
-    /// Where a part stands; of a part without a place of its own, where the nearest part around it stands.
-    #[must_use]
-    pub fn place(&self, path: &str) -> Range<usize> {
-        let mut path = path;
-        loop {
-            if let Some(span) = self.places.get(path) {
-                return span.clone();
-            }
-            match path.rfind('.') {
-                Some(dot) => path = &path[..dot],
-                None => return 0..0,
-            }
-        }
-    }
-
-    /// Whether a part stands in the file but was refused for its shape.
-    #[must_use]
-    pub fn is_broken(&self, path: &str) -> bool {
-        self.broken.contains(path)
-    }
-
-    /// Marks a part as broken when it could not be read.
-    fn part<T>(&mut self, path: &str, part: &str, read: Option<T>) -> Option<T> {
-        if read.is_none() {
-            self.broken.insert(format!("{path}.{part}"));
-        }
-        read
-    }
-
-    /// Whether some entry of a section was refused for its shape.
-    #[must_use]
-    pub fn has_broken_under(&self, section: &str) -> bool {
-        self.is_broken(section)
-            || self.broken.iter().any(|path| path.strip_prefix(section).is_some_and(|rest| rest.starts_with('.')))
-    }
+    /// The place of each part under a dotted path such as `inputs.torque.range`.
+    pub places: Places,
 }
 
 /// Reads a model file. `None` when it is not even TOML or of another format; faults go to the collector.
@@ -77,45 +36,35 @@ pub fn read(source: &Source, faults: &mut Collector) -> Option<Located> {
     if !read_format(&mut top, faults) {
         return None;
     }
-    let mut located = Located::default();
+    let mut places = Places::default();
+    let mut model = Model::default();
     if let Some(value) = top.required("model", faults) {
-        located.places.insert("model".into(), value.span());
+        places.note("model", value.span());
         if let DeValue::String(name) = value.get_ref() {
-            located.model.name = name.to_string();
+            model.name = name.to_string();
         } else {
             let found = toml_reader::describe(value.get_ref());
             faults.push(top.fault(value.span(), format!("`model`: found {found}, expected a name")));
-            located.broken.insert("model".into());
+            places.refuse("model");
         }
     }
-    let inputs = top.required("inputs", faults);
-    each_entry(inputs, "inputs", "input", source, &mut located, faults, |located, path, name, reader, faults| {
-        let input = read_input(name, path, reader, located, faults)?;
-        located.model.inputs.push(input);
+    let section = top.required("inputs", faults);
+    places.each_entry(section, ("inputs", "input"), source, faults, |path, name, reader, places, faults| {
+        model.inputs.push(read_input(name, path, reader, places, faults)?);
         Some(())
     });
-    let surfaces = top.required("surfaces", faults);
-    each_entry(surfaces, "surfaces", "surface", source, &mut located, faults, |located, path, name, reader, faults| {
-        let surface = read_surface(name, path, reader, located, faults);
-        located.model.surfaces.push(surface);
+    let section = top.required("surfaces", faults);
+    places.each_entry(section, ("surfaces", "surface"), source, faults, |path, name, reader, places, faults| {
+        model.surfaces.push(read_surface(name, path, reader, places, faults));
         Some(())
     });
-    let compensators = top.optional("compensators");
-    each_entry(
-        compensators,
-        "compensators",
-        "compensator",
-        source,
-        &mut located,
-        faults,
-        |located, path, name, reader, faults| {
-            let compensator = read_compensator(name, path, reader, located, faults)?;
-            located.model.compensators.push(compensator);
-            Some(())
-        },
-    );
+    let section = top.optional("compensators");
+    places.each_entry(section, ("compensators", "compensator"), source, faults, |path, name, reader, places, faults| {
+        model.compensators.push(read_compensator(name, path, reader, places, faults)?);
+        Some(())
+    });
     top.finish(faults);
-    Some(located)
+    Some(Located { model, places })
 }
 
 /// The format number comes first: nothing else is judged in a file of a format that this version does not know.
@@ -132,109 +81,54 @@ pub fn read_format(top: &mut TableReader<'_>, faults: &mut Collector) -> bool {
     }
 }
 
-/// Reads the tables of a section whose keys are free names.
-fn each_entry<'a>(
-    section: Option<Value<'a>>,
-    key: &str,
-    kind: &str,
-    source: &'a Source,
-    located: &mut Located,
-    faults: &mut Collector,
-    mut read: impl FnMut(&mut Located, &str, &str, &mut TableReader<'a>, &mut Collector) -> Option<()>,
-) {
-    let Some(section) = section else { return };
-    located.places.insert(key.into(), section.span());
-    let Some(entries) = TableReader::of(source, section, format!("`{key}`"), faults) else {
-        located.broken.insert(key.into());
-        return;
-    };
-    for (name, name_span, value) in entries.entries() {
-        let path = format!("{key}.{name}");
-        located.places.insert(path.clone(), name_span);
-        let whole = TableReader::of(source, value, format!("{kind} `{name}`"), faults).and_then(|mut reader| {
-            let made = read(located, &path, name, &mut reader, faults);
-            reader.finish(faults);
-            made
-        });
-        if whole.is_none() {
-            located.broken.insert(path);
-        }
-    }
-}
-
 fn read_input(
     name: &str,
     path: &str,
     reader: &mut TableReader<'_>,
-    located: &mut Located,
+    places: &mut Places,
     faults: &mut Collector,
 ) -> Option<Input> {
     let unit = reader.text("unit", faults);
-    let range = reader.required("range", faults).and_then(|value| read_range("`range`", path, value, reader, located, faults));
+    let range = reader.required("range", faults).and_then(|value| places.range(path, "range", value, reader, faults));
     let outside = reader.choice("outside", &[("clamp", Outside::Clamp), ("extrapolate", Outside::Extrapolate)], faults);
     Some(Input { name: name.into(), unit: unit?, range: range?, outside: outside.unwrap_or_default() })
 }
 
-/// [low, high]: two finite numbers; their order is checked later.
-fn read_range<'a>(
-    what: &str,
-    path: &str,
-    value: Value<'a>,
-    reader: &TableReader<'a>,
-    located: &mut Located,
-    faults: &mut Collector,
-) -> Option<[f64; 2]> {
-    located.places.insert(format!("{path}.{}", what.trim_matches('`')), value.span());
-    let numbers = reader.numbers(what, value, faults)?;
-    let found = numbers.len();
-    let range: Option<[f64; 2]> = numbers.try_into().ok();
-    if range.is_none() {
-        faults.push(reader.fault(value.span(), format!("{what}: found {found} numbers, expected two: [low, high]")));
-    }
-    range
-}
-
 /// What of a surface has the right shape; the rest is marked as broken part by part, so that the rules can still judge what is there.
-fn read_surface(
-    name: &str,
-    path: &str,
-    reader: &mut TableReader<'_>,
-    located: &mut Located,
-    faults: &mut Collector,
-) -> Surface {
+fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &mut Places, faults: &mut Collector) -> Surface {
     let mut surface = Surface { name: name.into(), ..Surface::default() };
     surface.unit = reader.text("unit", faults).unwrap_or_default();
     let names = reader.required("inputs", faults).and_then(|value| {
-        located.places.insert(format!("{path}.inputs"), value.span());
+        places.note(format!("{path}.inputs"), value.span());
         reader.texts("`inputs`", value, faults)
     });
-    for (k, (input, span)) in located.part(path, "inputs", names).unwrap_or_default().into_iter().enumerate() {
-        located.places.insert(format!("{path}.inputs.{k}"), span);
+    for (k, (input, span)) in places.part(path, "inputs", names).unwrap_or_default().into_iter().enumerate() {
+        places.note(format!("{path}.inputs.{k}"), span);
         surface.inputs.push(input);
     }
     if let Some(value) = reader.optional("output_range") {
-        surface.output_range = read_range("`output_range`", path, value, reader, located, faults);
+        surface.output_range = places.range(path, "output_range", value, reader, faults);
     }
-    let basis = read_basis(path, reader, located, faults);
-    if let Some(basis) = located.part(path, "basis", basis) {
+    let basis = read_basis(path, reader, places, faults);
+    if let Some(basis) = places.part(path, "basis", basis) {
         surface.coding = basis.coding;
         surface.symmetry = basis.symmetry;
         surface.knots = basis.knots;
         surface.reciprocal = basis.reciprocal;
     }
     if let Some(value) = reader.required("terms", faults) {
-        located.places.insert(format!("{path}.terms"), value.span());
+        places.note(format!("{path}.terms"), value.span());
         let terms = read_list("`terms`", "term", value, reader, faults, |k, reader, faults| {
-            located.places.insert(format!("{path}.terms.{k}"), reader.span());
+            places.note(format!("{path}.terms.{k}"), reader.span());
             read_term(reader, faults)
         });
-        surface.terms = located.part(path, "terms", terms).unwrap_or_default();
+        surface.terms = places.part(path, "terms", terms).unwrap_or_default();
     } else {
-        located.broken.insert(format!("{path}.terms"));
+        places.refuse(format!("{path}.terms"));
     }
     if let Some(value) = reader.optional("support") {
         let spaces = read_list("`support`", "half-space", value, reader, faults, |k, reader, faults| {
-            located.places.insert(format!("{path}.support.{k}"), reader.span());
+            places.note(format!("{path}.support.{k}"), reader.span());
             let normal = reader.required("normal", faults);
             let normal = normal.and_then(|value| reader.numbers("`normal`", value, faults));
             let bound = reader.required("bound", faults).and_then(|value| reader.number("`bound`", value, faults));
@@ -265,7 +159,7 @@ pub struct Basis {
 }
 
 /// Reads `coding`, `symmetry`, `knots` and `reciprocal`. `None` when one of them is of the wrong shape.
-pub fn read_basis(path: &str, reader: &mut TableReader<'_>, located: &mut Located, faults: &mut Collector) -> Option<Basis> {
+pub fn read_basis(path: &str, reader: &mut TableReader<'_>, places: &mut Places, faults: &mut Collector) -> Option<Basis> {
     let mut basis = Basis::default();
     let mut sound = true;
     let codings = [("range", Coding::Range), ("none", Coding::None)];
@@ -276,12 +170,12 @@ pub fn read_basis(path: &str, reader: &mut TableReader<'_>, located: &mut Locate
         }
     }
     if let Some(value) = reader.optional("symmetry") {
-        located.places.insert(format!("{path}.symmetry"), value.span());
+        places.note(format!("{path}.symmetry"), value.span());
         match TableReader::of(reader.source(), value, format!("{}: `symmetry`", reader.who()), faults) {
             None => sound = false,
             Some(entries) => {
                 for (input, span, value) in entries.entries() {
-                    located.places.insert(format!("{path}.symmetry.{input}"), span);
+                    places.note(format!("{path}.symmetry.{input}"), span);
                     match value.get_ref() {
                         DeValue::String(word) if word == "even" => basis.symmetry.push((input.into(), Symmetry::Even)),
                         DeValue::String(word) if word == "odd" => basis.symmetry.push((input.into(), Symmetry::Odd)),
@@ -298,7 +192,7 @@ pub fn read_basis(path: &str, reader: &mut TableReader<'_>, located: &mut Locate
     }
     if let Some(value) = reader.optional("knots") {
         let knots = read_list("`knots`", "knot", value, reader, faults, |k, reader, faults| {
-            located.places.insert(format!("{path}.knots.{k}"), reader.span());
+            places.note(format!("{path}.knots.{k}"), reader.span());
             let input = reader.text("input", faults);
             let at = reader.required("at", faults).and_then(|value| reader.number("`at`", value, faults));
             Some(Knot { input: input?, at: at? })
@@ -311,7 +205,7 @@ pub fn read_basis(path: &str, reader: &mut TableReader<'_>, located: &mut Locate
             None => sound = false,
             Some(names) => {
                 for (k, (input, span)) in names.into_iter().enumerate() {
-                    located.places.insert(format!("{path}.reciprocal.{k}"), span);
+                    places.note(format!("{path}.reciprocal.{k}"), span);
                     basis.reciprocal.push(input);
                 }
             }
@@ -360,17 +254,17 @@ fn read_compensator(
     name: &str,
     path: &str,
     reader: &mut TableReader<'_>,
-    located: &mut Located,
+    places: &mut Places,
     faults: &mut Collector,
 ) -> Option<Compensator> {
     let sample_time = reader.required("sample_time", faults);
     let sample_time = sample_time.and_then(|value| {
-        located.places.insert(format!("{path}.sample_time"), value.span());
+        places.note(format!("{path}.sample_time"), value.span());
         reader.number("`sample_time`", value, faults)
     });
     let mut scheduled = |key: &'static str| {
         let value = reader.required(key, faults)?;
-        located.places.insert(format!("{path}.{key}"), value.span());
+        places.note(format!("{path}.{key}"), value.span());
         read_scheduled(key, value, reader, faults)
     };
     let natural_frequency = scheduled("natural_frequency");

@@ -3,11 +3,11 @@
 //! In: the text. Out: a [`Draft`] of everything that has the right shape, the place of each part, and a fault for everything
 //! else. Whether the parts fit together is judged in [`super::rules`].
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use rsm_core::model::{Outside, Surface};
-use rsm_core::model_file::{self, HIGHEST_POWER, Located};
+use rsm_core::model_file::{self, HIGHEST_POWER};
+use rsm_core::places::Places;
 use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader::{self, TableReader, Value, describe};
 use toml::de::DeValue;
@@ -24,49 +24,6 @@ pub(super) struct Draft {
     pub places: Places,
 }
 
-/// Where parts stand, by dotted path such as `inputs.torque.range`.
-#[derive(Debug, Default)]
-pub(super) struct Places {
-    own: BTreeMap<String, Range<usize>>,
-    basis: Located,
-    /// Parts that stand in the file but were refused for their shape: nobody should complain that they are missing.
-    pub broken: BTreeSet<String>,
-}
-
-impl Places {
-    /// Where a part stands, or the nearest part around it.
-    pub fn place(&self, path: &str) -> Range<usize> {
-        if let Some(span) = self.own.get(path) {
-            return span.clone();
-        }
-        let of_basis = self.basis.place(path);
-        if of_basis != (0..0) {
-            return of_basis;
-        }
-        let mut path = path;
-        while let Some(dot) = path.rfind('.') {
-            path = &path[..dot];
-            if let Some(span) = self.own.get(path) {
-                return span.clone();
-            }
-        }
-        0..0
-    }
-
-    fn note(&mut self, path: impl Into<String>, value: Value<'_>) {
-        self.own.insert(path.into(), value.span());
-    }
-
-    /// Notes a key that is read elsewhere; whether it is there.
-    fn note_key(&mut self, path: impl Into<String>, key: &str, reader: &TableReader<'_>) -> bool {
-        let found = reader.entries().find(|(name, _, _)| *name == key);
-        if let Some((_, _, value)) = &found {
-            self.note(path, value);
-        }
-        found.is_some()
-    }
-}
-
 /// Reads the whole text. `None` when nothing can be judged further; then there is a fault.
 pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
     let document = match toml_reader::parse(source) {
@@ -81,28 +38,28 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
         return None;
     }
     let mut places = Places::default();
-    places.note_key("model", "model", &top);
+    note_key(&mut places, "model", "model", &top);
     let model = top.text("model", faults);
     let data = top.required("data", faults).and_then(|value| {
-        places.note("data", value);
+        places.note("data", value.span());
         files("`data`", value, &top, faults)
     });
     let validation = match top.optional("validate") {
         None => Some(Validation::None),
         Some(value) => {
-            places.note("validate", value);
+            places.note("validate", value.span());
             read_validation(value, &top, &mut places, faults)
         }
     };
     let mut inputs = Vec::new();
     let section = top.required("inputs", faults);
-    each_entry(section, "inputs", "input", source, &mut places, faults, |path, name, reader, places, faults| {
+    places.each_entry(section, ("inputs", "input"), source, faults, |path, name, reader, places, faults| {
         inputs.push(read_input(path, name, reader, places, faults)?);
         Some(())
     });
     let mut responses = Vec::new();
     let section = top.required("responses", faults);
-    each_entry(section, "responses", "response", source, &mut places, faults, |path, name, reader, places, faults| {
+    places.each_entry(section, ("responses", "response"), source, faults, |path, name, reader, places, faults| {
         responses.push(read_response(path, name, reader, places, faults)?);
         Some(())
     });
@@ -138,14 +95,14 @@ fn read_validation<'a>(
         DeValue::Table(_) => {
             let mut reader = TableReader::of(top.source(), value, "`validate`", faults)?;
             let share = reader.required("share", faults).and_then(|value| {
-                places.note("validate.share", value);
+                places.note("validate.share", value.span());
                 reader.number("`share`", value, faults)
             });
             let seed = reader.required("seed", faults).and_then(|value| reader.whole("`seed`", value, 0, i64::MAX, faults));
             let mut list = |key: &'static str| match reader.optional(key) {
                 None => Some(Vec::new()),
                 Some(value) => {
-                    places.note(format!("validate.{key}"), value);
+                    places.note(format!("validate.{key}"), value.span());
                     let names = reader.texts(&format!("`{key}`"), value, faults)?;
                     Some(names.into_iter().map(|(name, _)| name).collect())
                 }
@@ -164,33 +121,6 @@ fn read_validation<'a>(
             let what = format!("`validate`: found {found}, expected an array of files or {{ share = 0.3, seed = 7 }}");
             faults.push(top.fault(value.span(), what));
             None
-        }
-    }
-}
-
-/// Reads the tables of a section whose keys are free names.
-fn each_entry<'a>(
-    section: Option<Value<'a>>,
-    key: &str,
-    kind: &str,
-    source: &'a Source,
-    places: &mut Places,
-    faults: &mut Collector,
-    mut read: impl FnMut(&str, &str, &mut TableReader<'a>, &mut Places, &mut Collector) -> Option<()>,
-) {
-    let Some(section) = section else { return };
-    places.note(key, section);
-    let Some(entries) = TableReader::of(source, section, format!("`{key}`"), faults) else { return };
-    for (name, span, value) in entries.entries() {
-        let path = format!("{key}.{name}");
-        places.own.insert(path.clone(), span);
-        let whole = TableReader::of(source, value, format!("{kind} `{name}`"), faults).and_then(|mut reader| {
-            let made = read(&path, name, &mut reader, places, faults);
-            reader.finish(faults);
-            made
-        });
-        if whole.is_none() {
-            places.broken.insert(path);
         }
     }
 }
@@ -223,7 +153,7 @@ fn optional_text(
     places: &mut Places,
     faults: &mut Collector,
 ) -> Option<Option<String>> {
-    let stands = places.note_key(format!("{path}.{key}"), key, reader);
+    let stands = note_key(places, format!("{path}.{key}"), key, reader);
     let text = reader.optional_text(key, faults);
     if stands && text.is_none() { None } else { Some(text) }
 }
@@ -237,16 +167,16 @@ fn optional_range(
     faults: &mut Collector,
 ) -> Option<Option<[f64; 2]>> {
     let Some(value) = reader.optional(key) else { return Some(None) };
-    places.note(format!("{path}.{key}"), value);
-    let numbers = reader.numbers(&format!("`{key}`"), value, faults)?;
-    match numbers[..] {
-        [low, high] => Some(Some([low, high])),
-        _ => {
-            let what = format!("`{key}`: found {} numbers, expected two: [low, high]", numbers.len());
-            faults.push(reader.fault(value.span(), what));
-            None
-        }
+    places.range(path, key, value, reader, faults).map(Some)
+}
+
+/// Notes a key that is read elsewhere; whether it is there.
+fn note_key(places: &mut Places, path: impl Into<String>, key: &str, reader: &TableReader<'_>) -> bool {
+    let found = reader.entries().find(|(name, _, _)| *name == key);
+    if let Some((_, _, value)) = &found {
+        places.note(path, value.span());
     }
+    found.is_some()
 }
 
 fn read_response(
@@ -259,25 +189,25 @@ fn read_response(
     let column = optional_text("column", path, reader, places, faults);
     let unit = optional_text("unit", path, reader, places, faults);
     let inputs = reader.required("inputs", faults).and_then(|value| {
-        places.note(format!("{path}.inputs"), value);
+        places.note(format!("{path}.inputs"), value.span());
         let names = reader.texts("`inputs`", value, faults)?;
         let note = |(k, (input, span)): (usize, (String, Range<usize>))| {
-            places.own.insert(format!("{path}.inputs.{k}"), span);
+            places.note(format!("{path}.inputs.{k}"), span);
             input
         };
         Some(names.into_iter().enumerate().map(note).collect::<Vec<String>>())
     });
     let output_range = optional_range("output_range", path, reader, places, faults);
-    let basis = model_file::read_basis(path, reader, &mut places.basis, faults);
+    let basis = model_file::read_basis(path, reader, places, faults);
     let terms = match reader.optional("terms") {
         None => Some(None),
         Some(value) => {
-            places.note(format!("{path}.terms"), value);
+            places.note(format!("{path}.terms"), value.span());
             read_terms(path, value, reader, places, faults).map(Some)
         }
     };
     let select = reader.required("select", faults).and_then(|value| {
-        places.note(format!("{path}.select"), value);
+        places.note(format!("{path}.select"), value.span());
         read_select(value, terms.clone().flatten(), terms.is_none(), path, reader, places, faults)
     });
     refuse_later_work(reader, faults);
@@ -323,7 +253,7 @@ fn read_terms<'a>(
     let items = reader.array("`terms`", value, faults)?;
     let mut terms = Vec::new();
     for (k, item) in items.into_iter().enumerate() {
-        places.note(format!("{path}.terms.{k}"), item);
+        places.note(format!("{path}.terms.{k}"), item.span());
         let what = format!("term {}", k + 1);
         let powers = reader.array(&what, item, faults).map(|powers| {
             let whole = |power: &Value<'a>| {
@@ -349,12 +279,12 @@ fn read_select<'a>(
 ) -> Option<Method> {
     let mut reader = TableReader::of(response.source(), value, format!("{}: `select`", response.who()), faults)?;
     let method_path = format!("{path}.select.method");
-    places.note_key(&method_path, "method", &reader);
+    note_key(places, &method_path, "method", &reader);
     let method = reader.text("method", faults)?;
     let method_place = places.place(&method_path);
     let mut order = |key: &'static str, reader: &mut TableReader<'a>, faults: &mut Collector| {
         reader.optional(key).map(|value| {
-            places.note(format!("{path}.select.{key}"), value);
+            places.note(format!("{path}.select.{key}"), value.span());
             let order = reader.whole(&format!("`{key}`"), value, 1, i64::from(HIGHEST_POWER), faults)?;
             u32::try_from(order).ok()
         })
@@ -367,7 +297,7 @@ fn read_select<'a>(
             }
             let max_order = max_order.flatten();
             let confidence = reader.required("confidence", faults).and_then(|value| {
-                places.note(format!("{path}.select.confidence"), value);
+                places.note(format!("{path}.select.confidence"), value.span());
                 reader.number("`confidence`", value, faults)
             });
             if terms.is_some() || terms_broken {

@@ -37,7 +37,7 @@ fn check_validation(specification: &Specification, faults: &mut Collector) {
         faults.push(specification.fault("validate.share", what));
     }
     for name in &split.mirror {
-        if specification.input(name).is_none() && !specification.places.broken.contains(&format!("inputs.{name}")) {
+        if specification.input(name).is_none() && !specification.places.is_broken(&format!("inputs.{name}")) {
             let known: Vec<String> = specification.inputs.iter().map(|input| format!("`{}`", input.name)).collect();
             let fault = specification.fault("validate.mirror", format!("`validate`: `mirror`: there is no input `{name}`"));
             faults.push(fault.help(format!("the inputs are {}", known.join(", "))));
@@ -61,7 +61,7 @@ fn check_inputs(specification: &Specification, faults: &mut Collector) {
             faults.push(if low > high { fault.help(format!("give the range as [{high}, {low}]")) } else { fault });
         }
     }
-    if inputs.is_empty() && specification.places.broken.is_empty() {
+    if inputs.is_empty() && !specification.places.has_broken_under("inputs") {
         faults.push(specification.fault("inputs", "`inputs`: found none, expected at least one"));
     }
 }
@@ -99,15 +99,14 @@ fn check_responses(specification: &Specification, faults: &mut Collector) {
             let place = format!("{path}.inputs.{k}");
             if response.surface.inputs[..k].contains(input) {
                 faults.push(specification.fault(&place, format!("response `{name}`: input `{input}` is named twice")));
-            } else if specification.input(input).is_none() && !specification.places.broken.contains(&format!("inputs.{input}"))
-            {
+            } else if specification.input(input).is_none() && !specification.places.is_broken(&format!("inputs.{input}")) {
                 let known: Vec<String> = specification.inputs.iter().map(|input| format!("`{}`", input.name)).collect();
                 let fault = specification.fault(&place, format!("response `{name}`: there is no input `{input}`"));
                 faults.push(fault.help(format!("the inputs are {}", known.join(", "))));
             }
         }
     }
-    if responses.is_empty() && specification.places.broken.is_empty() {
+    if responses.is_empty() && !specification.places.has_broken_under("responses") {
         faults.push(specification.fault("responses", "`responses`: found none, expected at least one"));
     }
 }
