@@ -33,7 +33,7 @@ const LAWS: &[Law] = &[
     Law { package: "rsm-lab", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
     Law {
         package: "rsm-cli",
-        ours: &["rsm-core", "rsm-macros", "rsm-fit", "rsm-lab", "host-loop", "motor-loop", "throttle-loop"],
+        ours: &["rsm-core", "rsm-macros", "rsm-fit", "rsm-lab", "host-loop", "host-runners", "motor-loop", "throttle-loop"],
         aside: &[],
         outside: None,
     },

@@ -9,7 +9,6 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use motor_loop::{Inputs, Limits, State, step};
 use rsm_core::certificate;
 use rsm_core::check::Checked;
 use rsm_core::{compile, emit, model_file};
@@ -139,7 +138,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
     results.insert("compare".into(), Value::Object(compared));
 
     tell.say(&format!("loop     {} s of the motor loop at 1 kHz ...", arguments.seconds))?;
-    let report = motor_loop(arguments.seconds);
+    let motor = host_runners::motor::run(&host_loop::Settings::new(1000.0, arguments.seconds));
+    let report = &motor.report;
     for line in report.to_string().lines() {
         tell.say(&format!("         {line}"))?;
     }
@@ -157,18 +157,4 @@ pub fn run(arguments: &Arguments) -> Outcome {
         output::json(&results)?;
     }
     Ok(if good { Answer::Positive } else { Answer::Negative })
-}
-
-/// The motor loop's step at 1 kHz, with a demand that sweeps torque and speed over the surface's range.
-fn motor_loop(seconds: f64) -> host_loop::Report {
-    let mut state = State::new(Limits { current_a: 60.0, advance_rate_deg_s: 4500.0 }, 0.001);
-    let mut last = 0.0;
-    let report = host_loop::run(&host_loop::Settings::new(1000.0, seconds), |tick| {
-        let phase = (tick % 1000) as f32 / 1000.0;
-        let inputs = Inputs { torque_nm: 21.6 * phase, speed_rad_s: 800.0 * (1.0 - phase), current_a: 60.0 * phase };
-        last = step(&mut state, inputs).advance_deg;
-    });
-    // The result is looked at, so that no compiler can leave the step out.
-    std::hint::black_box(last);
-    report
 }
