@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{check, demo, emit, eval, fit};
+use commands::{check, demo, emit, eval, fit, simulate};
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
 #[derive(Parser)]
@@ -32,6 +32,8 @@ enum Command {
     Check(check::Arguments),
     /// Emit evaluators as Rust or C
     Emit(emit::Arguments),
+    /// Run a plant, with its effects, along a record
+    Simulate(simulate::Arguments),
     /// The whole chain on shipped data: fit, check, emit, compile, compare bits, run the motor loop
     Demo(demo::Arguments),
 }
@@ -42,6 +44,7 @@ fn main() -> ExitCode {
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Emit(arguments) => emit::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
     };
     outcome::exit(result)

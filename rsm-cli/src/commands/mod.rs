@@ -5,6 +5,7 @@ pub mod demo;
 pub mod emit;
 pub mod eval;
 pub mod fit;
+pub mod simulate;
 
 use clap::ValueEnum;
 use rsm_core::number::Precision;

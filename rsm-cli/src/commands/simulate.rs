@@ -1,0 +1,80 @@
+//! `rsm simulate`: a plant with its effects along a record.
+//!
+//! In: a plant file and a CSV. Out: a CSV of time, inputs and simulated outputs, whole or absent. Adds no noise.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use rsm_core::source::Source;
+use rsm_lab::kind::{PlantKind, Signal};
+use rsm_lab::plant_file::PlantFile;
+use rsm_lab::record::{self, Drive, Record};
+use rsm_lab::simulate::{Outputs, Simulator};
+use serde_json::{Map, Value, json};
+
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The plant file
+    plant: PathBuf,
+    /// The record: inputs at every row, outputs at the first
+    #[arg(long)]
+    record: PathBuf,
+    /// The CSV that is written
+    #[arg(long)]
+    out: PathBuf,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let plant = PlantFile::read(&Source::read(&arguments.plant)?)?;
+    let record = Record::read(&Source::read(&arguments.record)?, &plant)?;
+    let mut simulator = Simulator::new(&plant, &record)?;
+    let outputs =
+        simulator.run(&record).map_err(|stopped| Refusal::new(format!("{}: {stopped}", arguments.record.display())))?;
+    let text = csv(&plant, &record, &outputs);
+    output::write_all(&[(arguments.out.clone(), text.as_bytes())])?;
+    if arguments.json {
+        let range = |values: &Vec<f64>| {
+            let (low, high) = values
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+            json!([output::finite(low), output::finite(high)])
+        };
+        let each = outputs.signals.iter().zip(&outputs.values);
+        let ranges: Map<String, Value> =
+            each.map(|(it, values)| (it.name.to_string(), json!({ "unit": it.unit, "range": range(values) }))).collect();
+        let effects: Vec<&str> = plant.effects.iter().map(|entry| entry.description.kind).collect();
+        output::json(&json!({
+            "plant": plant.kind.name(),
+            "rows": record.rows(),
+            "period": record.period,
+            "effects": effects,
+            "outputs": ranges,
+            "out": arguments.out.display().to_string(),
+        }))?;
+    } else {
+        eprintln!("{}: {} rows of {}", arguments.out.display(), record.rows(), plant.kind.name());
+    }
+    Ok(Answer::Positive)
+}
+
+/// Time, the inputs that acted, the outputs.
+fn csv(plant: &PlantFile, record: &Record, outputs: &Outputs) -> String {
+    let gears = vec![record.gear as f64; record.rows()];
+    let mut columns: Vec<(Signal, &[f64])> = vec![(Signal { name: "time", unit: "s" }, &record.time)];
+    for (signal, values) in record::inputs(plant.kind, record.drive).iter().zip(&record.inputs) {
+        if !(record.drive == Drive::HoldsDirectCurrent && signal.name == "v_d") {
+            columns.push((*signal, values));
+        }
+    }
+    if plant.kind == PlantKind::Driveline {
+        columns.push((Signal { name: "gear", unit: "1" }, &gears));
+    }
+    columns.extend(outputs.signals.iter().zip(&outputs.values).map(|(signal, values)| (*signal, values.as_slice())));
+    record::csv(&columns)
+}

@@ -1,0 +1,366 @@
+//! What an effect is: its description, and the hooks through which it changes a plant.
+//!
+//! In: the arguments of an effect from a plant file. Out: an object with the hooks that it needs; the others change nothing. A hook never
+//! allocates and never keeps anything from call to call: what an effect remembers is a state, integrated with those of the plant.
+
+use crate::kind::PlantKind;
+use crate::plant_file::Parameters;
+use crate::schema::Bound;
+
+/// A number that an effect takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Argument {
+    /// Its name in the file.
+    pub name: &'static str,
+    /// Its unit; empty where it is that of the named parameter or output.
+    pub unit: &'static str,
+    /// Which values it may have.
+    pub bound: Bound,
+    /// May be left out.
+    pub optional: bool,
+    /// Only on this plant; `None` on all on which the effect can stand.
+    pub on: Option<PlantKind>,
+}
+
+impl Argument {
+    /// A required number on every plant of the effect.
+    #[must_use]
+    pub const fn new(name: &'static str, unit: &'static str, bound: Bound) -> Self {
+        Argument { name, unit, bound, optional: false, on: None }
+    }
+
+    /// The same, on one plant only.
+    #[must_use]
+    pub const fn on(self, plant: PlantKind) -> Self {
+        Argument { on: Some(plant), ..self }
+    }
+
+    /// The same, but it may be left out.
+    #[must_use]
+    pub const fn optional(self) -> Self {
+        Argument { optional: true, ..self }
+    }
+}
+
+/// A word that an effect takes beside its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Subject {
+    /// None.
+    None,
+    /// `parameter`: a nominal parameter of the plant.
+    Parameter,
+    /// `output`: an output of the plant.
+    Output,
+}
+
+/// The arguments of one effect as they stand in a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Arguments {
+    /// The plant on which it stands.
+    pub plant: PlantKind,
+    /// The named parameter or output, if it takes one.
+    pub subject: Option<String>,
+    /// Numbers by name, in the order of the description.
+    pub numbers: Vec<(&'static str, f64)>,
+}
+
+impl Arguments {
+    /// An optional number.
+    #[must_use]
+    pub fn optional(&self, name: &str) -> Option<f64> {
+        self.numbers.iter().find(|(found, _)| *found == name).map(|(_, value)| *value)
+    }
+
+    /// A number that the description requires.
+    ///
+    /// # Panics
+    /// When it is not there: the reader of plant files lets no such effect through.
+    #[must_use]
+    pub fn number(&self, name: &str) -> f64 {
+        self.optional(name)
+            .unwrap_or_else(|| panic!("the effect's required number `{name}` was checked when the file was read"))
+    }
+
+    /// The first of two names that is given: `torque` on a rotor, `force` on an axis.
+    #[must_use]
+    pub fn either(&self, first: &str, second: &str) -> f64 {
+        self.optional(first).unwrap_or_else(|| self.number(second))
+    }
+
+    /// The place of the named output.
+    ///
+    /// # Panics
+    /// When there is none: the reader of plant files lets no such effect through.
+    #[must_use]
+    pub fn output(&self) -> usize {
+        let name = self.subject.as_deref().expect("an effect on an output names it");
+        self.plant.output(name).expect("the output was checked when the file was read")
+    }
+}
+
+/// What a file, a report and a test may know of an effect.
+#[derive(Debug)]
+pub struct Description {
+    /// The kind in a file; the file name in the code with `-` for `_`.
+    pub kind: &'static str,
+    /// The plants on which it can stand.
+    pub plants: &'static [PlantKind],
+    /// Whether it names a parameter or an output.
+    pub subject: Subject,
+    /// Its numbers.
+    pub arguments: &'static [Argument],
+    /// What the report says; `{name}` stands for an argument.
+    pub sentence: &'static str,
+    /// Makes the effect.
+    pub build: fn(&Arguments) -> Box<dyn Effect>,
+}
+
+impl Description {
+    /// The numbers that it takes on a plant.
+    pub fn arguments_on(&self, plant: PlantKind) -> impl Iterator<Item = &'static Argument> {
+        self.arguments.iter().filter(move |argument| argument.on.is_none_or(|on| on == plant))
+    }
+}
+
+/// Position, speed and nominal viscous friction of a body (rad or m, per second).
+#[derive(Debug, Clone, Copy)]
+pub struct Motion {
+    /// Angle or position.
+    pub position: f64,
+    /// Angular or linear speed.
+    pub speed: f64,
+    /// What the plant itself takes off, per unit of speed.
+    pub viscous_friction: f64,
+}
+
+/// Electrical quantities of a motor at an instant, in the true rotor frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Currents {
+    /// Direct current [A].
+    pub i_d: f64,
+    /// Quadrature current [A].
+    pub i_q: f64,
+    /// Electrical angle [rad].
+    pub theta_e: f64,
+}
+
+/// What a motor's equations take as constant and an effect may not.
+#[derive(Debug, Clone, Copy)]
+pub struct Machine {
+    /// Phase resistance [ohm].
+    pub resistance: f64,
+    /// Phase inductance [H].
+    pub inductance: f64,
+    /// Flux linkage [Wb].
+    pub flux_linkage: f64,
+}
+
+/// The flexible joints of a driveline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Joint {
+    /// Between engine and transmission, engine side.
+    Clutch,
+    /// Between final drive and wheel, wheel side.
+    Driveshaft,
+}
+
+/// A joint at an instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Twist {
+    /// Which joint.
+    pub joint: Joint,
+    /// Its twist [rad].
+    pub angle: f64,
+    /// Its rate [rad/s].
+    pub rate: f64,
+    /// Nominal stiffness [N m/rad].
+    pub stiffness: f64,
+    /// Nominal damping [N m s/rad].
+    pub damping: f64,
+}
+
+/// The law of a joint: what it carries, and which of its pieces is at work. The integrator looks closer where the piece changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Carried {
+    /// Torque or force.
+    pub effort: f64,
+    /// 0 where the law has a single piece.
+    pub piece: u32,
+}
+
+/// The wheel on the road.
+#[derive(Debug, Clone, Copy)]
+pub struct Contact {
+    /// r w_w [m/s].
+    pub surface_speed: f64,
+    /// Everything that holds the vehicle back [N].
+    pub resistance: f64,
+    /// Mass of the vehicle [kg].
+    pub mass: f64,
+}
+
+/// The true state at the start, for the states of effects.
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    /// Position and speed of the first body.
+    pub motion: Motion,
+    /// Road speed of a driveline [m/s]; 0 elsewhere.
+    pub road_speed: f64,
+}
+
+/// What decides how fast an effect's own dynamics are.
+#[derive(Debug, Clone, Copy)]
+pub struct Scale {
+    /// Inertia or mass of the whole body.
+    pub inertia: f64,
+    /// Inertia or mass that is left at the drive.
+    pub drive_inertia: f64,
+    /// Wheel inertia and radius of a driveline; 1 elsewhere.
+    pub wheel: (f64, f64),
+    /// Speed of the vehicle [m/s]; 0 elsewhere.
+    pub vehicle_speed: f64,
+}
+
+/// The hooks. Every one has a default that changes nothing.
+#[allow(unused_variables)]
+pub trait Effect: Send + Sync {
+    /// Parameters: once, before the simulation.
+    fn parameters(&self, parameters: &mut Parameters) {}
+
+    /// Inputs: the first input (both voltages of a motor) as it acts.
+    fn input(&self, value: f64) -> f64 {
+        value
+    }
+
+    /// Inputs: seconds by which the first input acts later.
+    fn delay(&self) -> f64 {
+        0.0
+    }
+
+    /// Extra states: how many.
+    fn states(&self) -> usize {
+        0
+    }
+
+    /// Extra states: their start.
+    fn start(&self, start: &Start, own: &mut [f64]) {}
+
+    /// Extra states: those that follow outputs, at rest with what the effects before this one read.
+    fn settle(&self, outputs: &[f64; 3], own: &mut [f64]) {}
+
+    /// The fastest rate [1/s] that it brings into the equations.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        0.0
+    }
+
+    /// Frame: how far the frame of the record is turned against the true one [rad].
+    fn frame_angle(&self, theta: f64) -> f64 {
+        0.0
+    }
+
+    /// Frame: the voltage that the bus allows.
+    fn voltage_limit(&self, voltage: [f64; 2]) -> [f64; 2] {
+        voltage
+    }
+
+    /// Frame: the voltage that reaches the windings.
+    fn voltage_loss(&self, voltage: [f64; 2], current: [f64; 2]) -> [f64; 2] {
+        voltage
+    }
+
+    /// Parameters of a motor that depend on its state.
+    fn machine(&self, at: &Currents, own: &[f64], rates: &mut [f64], machine: &mut Machine) {}
+
+    /// Effort on the first body (rotor, carriage, wheel), positive forward.
+    fn effort(&self, motion: &Motion) -> f64 {
+        0.0
+    }
+
+    /// Effort of the load, positive against forward motion.
+    fn load(&self) -> f64 {
+        0.0
+    }
+
+    /// The share of the body's inertia that stands behind a joint of its own.
+    fn split(&self) -> Option<f64> {
+        None
+    }
+
+    /// Position and speed of the body behind that joint.
+    fn far_motion(&self, own: &[f64]) -> Motion {
+        Motion { position: 0.0, speed: 0.0, viscous_friction: 0.0 }
+    }
+
+    /// The law of that joint: the effort that holds the near body back; moves the far one.
+    fn passes(&self, near: &Motion, inertia: f64, load: f64, own: &[f64], rates: &mut [f64]) -> Carried {
+        Carried { effort: load, piece: 0 }
+    }
+
+    /// Law of a joint of the plant.
+    fn joint(&self, twist: &Twist, effort: f64) -> Carried {
+        Carried { effort, piece: 0 }
+    }
+
+    /// Law of a joint: what it can carry at most, after every [`Effect::joint`].
+    fn joint_limit(&self, joint: Joint, effort: f64) -> f64 {
+        effort
+    }
+
+    /// Law of a joint: its free play [rad].
+    fn slack(&self, joint: Joint) -> f64 {
+        0.0
+    }
+
+    /// Effort of an engine at its crank angle.
+    fn engine_torque(&self, torque: f64, crank_angle: f64) -> f64 {
+        torque
+    }
+
+    /// Speed of the air against a vehicle [m/s].
+    fn air_speed(&self, speed: f64) -> f64 {
+        speed
+    }
+
+    /// Extra state: the speed of a vehicle that does not follow its wheel.
+    fn vehicle_speed(&self, own: &[f64]) -> Option<f64> {
+        None
+    }
+
+    /// Law of the joint between wheel and road [N]; moves that vehicle.
+    fn traction(&self, contact: &Contact, own: &[f64], rates: &mut [f64]) -> Option<f64> {
+        None
+    }
+
+    /// Outputs: what is read of an output, after the effects before this one.
+    fn reads(&self, output: usize, value: f64, time: f64, own: &[f64], rates: &mut [f64]) -> f64 {
+        value
+    }
+
+    /// Outputs: whether [`Effect::reads`] moves a state.
+    fn reads_with_memory(&self) -> bool {
+        false
+    }
+
+    /// Outputs: the way back, for the start.
+    fn truth(&self, output: usize, reading: f64, time: f64) -> f64 {
+        reading
+    }
+}
+
+/// tanh(x/x_s): the sign of x, smooth over x_s.
+#[must_use]
+pub fn smooth_sign(x: f64, scale: f64) -> f64 {
+    (x / scale).tanh()
+}
+
+/// Width of the smooth sign on a rotor [rad/s] (PLANTS.md, section 3).
+pub const ROTOR_SIGN_WIDTH: f64 = 1.0;
+
+/// Width of the smooth sign on an axis [m/s] (PLANTS.md, section 3).
+pub const AXIS_SIGN_WIDTH: f64 = 1e-3;
+
+/// The width on a plant.
+#[must_use]
+pub fn sign_width(plant: PlantKind) -> f64 {
+    if plant == PlantKind::ServoAxis { AXIS_SIGN_WIDTH } else { ROTOR_SIGN_WIDTH }
+}

@@ -1,0 +1,53 @@
+//! The encoder disc runs out of centre.
+//!
+//! Formula      as angle-offset, with delta = e sin(theta)
+//! Source       geometry of a disc mounted beside its centre; PLANTS.md, section 3
+//! Acts on      the frame of voltages and currents
+//! Looks like   torque ripple of first order
+//! Told apart   by its order: once a mechanical turn
+//! Report says  "The encoder errs by {amplitude} rad once a turn."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "angle-eccentricity",
+    plants: &[PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[Argument::new("amplitude", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
+    sentence: "The encoder errs by {amplitude} rad once a turn.",
+    build,
+};
+
+struct AngleEccentricity {
+    amplitude: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(AngleEccentricity { amplitude: arguments.number("amplitude") })
+}
+
+impl Effect for AngleEccentricity {
+    fn frame_angle(&self, theta: f64) -> f64 {
+        self.amplitude * theta.sin()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn a_quarter_turn_is_the_crest() {
+        let found = made(&[("amplitude", 0.05)]).frame_angle(std::f64::consts::FRAC_PI_2);
+        assert!((found - 0.05).abs() < 1e-17);
+    }
+}

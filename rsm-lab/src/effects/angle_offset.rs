@@ -1,0 +1,53 @@
+//! The encoder is mounted at an angle.
+//!
+//! Formula      x_d = cos(delta) rec_d - sin(delta) rec_q, x_q = sin(delta) rec_d + cos(delta) rec_q are the true quantities
+//! Source       the rotation of (19); PLANTS.md, section 3
+//! Acts on      the frame of voltages and currents
+//! Looks like   an error of the flux linkage where i_d is 0
+//! Told apart   by currents on both axes
+//! Report says  "The recorded frame is turned by {angle} rad."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "angle-offset",
+    plants: &[PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[Argument::new("angle", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
+    sentence: "The recorded frame is turned by {angle} rad.",
+    build,
+};
+
+struct AngleOffset {
+    angle: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(AngleOffset { angle: arguments.number("angle") })
+}
+
+impl Effect for AngleOffset {
+    fn frame_angle(&self, _theta: f64) -> f64 {
+        self.angle
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn the_frame_is_turned_by_the_angle_everywhere() {
+        let offset = made(&[("angle", 0.1)]);
+        assert_eq!([offset.frame_angle(0.0), offset.frame_angle(7.0)], [0.1, 0.1]);
+    }
+}

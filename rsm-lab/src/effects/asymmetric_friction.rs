@@ -1,0 +1,76 @@
+//! Friction that differs with the direction.
+//!
+//! Formula      F+ tanh(v/v_s) forward, F- backward; where given, b+ v and b- v in place of the nominal b v
+//! Source       A. Janot, M. Gautier, M. Brunot, 2019 (the measured EMPS axis); PLANTS.md, section 3
+//! Acts on      effort at the rotor; force on the carriage
+//! Looks like   coulomb friction with a constant load
+//! Told apart   by different speeds in both directions: an offset does not change with the viscous part
+//! Report says  "Friction is {forward} forward and {backward} backward."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Motion, Scale, Subject, sign_width, smooth_sign};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "asymmetric-friction",
+    plants: &[PlantKind::ServoAxis, PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[
+        Argument::new("forward", "", Bound::NotNegative),
+        Argument::new("backward", "", Bound::NotNegative),
+        Argument::new("viscous_forward", "", Bound::NotNegative).optional(),
+        Argument::new("viscous_backward", "", Bound::NotNegative).optional(),
+    ],
+    sentence: "Friction is {forward} forward and {backward} backward.",
+    build,
+};
+
+struct AsymmetricFriction {
+    level: [f64; 2],
+    viscous: [Option<f64>; 2],
+    width: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(AsymmetricFriction {
+        level: [arguments.number("forward"), arguments.number("backward")],
+        viscous: [arguments.optional("viscous_forward"), arguments.optional("viscous_backward")],
+        width: sign_width(arguments.plant),
+    })
+}
+
+impl Effect for AsymmetricFriction {
+    fn effort(&self, motion: &Motion) -> f64 {
+        let direction = usize::from(motion.speed < 0.0);
+        // The plant takes the nominal part off: here it comes back.
+        let viscous = self.viscous[direction].map_or(0.0, |viscous| (motion.viscous_friction - viscous) * motion.speed);
+        viscous - self.level[direction] * smooth_sign(motion.speed, self.width)
+    }
+
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        let steepest = (0..2).map(|k| self.level[k] / self.width + self.viscous[k].unwrap_or(0.0)).fold(0.0, f64::max);
+        steepest / scale.drive_inertia
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn each_direction_has_its_own_level() {
+        let friction = made(&[("forward", 20.0), ("backward", 30.0), ("viscous_backward", 240.0)]);
+        // Forward: the plant's own viscous part stays. Backward at -0.1 m/s: 30 N, and (200 - 240) * -0.1 = 4 N more.
+        for (speed, expected) in [(0.1, -20.0), (-0.1, 34.0)] {
+            let found = friction.effort(&Motion { position: 0.0, speed, viscous_friction: 200.0 });
+            assert!((found - expected).abs() < 1e-12, "{found} at {speed}");
+        }
+    }
+}

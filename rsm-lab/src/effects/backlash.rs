@@ -1,0 +1,130 @@
+//! Free play in a joint.
+//!
+//! Formula      twist phi becomes phi - clamp(phi, -gap/2, gap/2), the damper acts in contact only; on the axis a drive of (1 - rho) M and a carriage of rho M; sensors and friction stay on the drive
+//! Source       M. Nordin, P.-O. Gutman, 2002 (survey of backlash models); PLANTS.md, section 3
+//! Acts on      the driveshaft; the joint between drive and carriage
+//! Looks like   shaft compliance, coulomb friction at reversals
+//! Told apart   by a reversal of the load under small amplitudes
+//! Report says  "There is a free play of {gap} in the drive."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Carried, Description, Effect, Joint, Motion, Scale, Start, Subject, Twist};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "backlash",
+    plants: &[PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::None,
+    arguments: &[
+        Argument::new("gap", "", Bound::NotNegative),
+        Argument::new("mass_ratio", "1", Bound::Between(0.0, 1.0)).on(PlantKind::ServoAxis),
+        Argument::new("stiffness", "N/m", Bound::Positive).on(PlantKind::ServoAxis),
+        Argument::new("damping", "N*s/m", Bound::NotNegative).on(PlantKind::ServoAxis),
+    ],
+    sentence: "There is a free play of {gap} in the drive.",
+    build,
+};
+
+struct Backlash {
+    half_gap: f64,
+    on_axis: bool,
+    ratio: f64,
+    stiffness: f64,
+    damping: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(Backlash {
+        half_gap: arguments.number("gap") / 2.0,
+        on_axis: arguments.plant == PlantKind::ServoAxis,
+        ratio: arguments.optional("mass_ratio").unwrap_or(0.0),
+        stiffness: arguments.optional("stiffness").unwrap_or(0.0),
+        damping: arguments.optional("damping").unwrap_or(0.0),
+    })
+}
+
+impl Backlash {
+    fn contact(&self, twist: f64, rate: f64, stiffness: f64, damping: f64) -> Carried {
+        if twist > self.half_gap {
+            Carried { effort: stiffness * (twist - self.half_gap) + damping * rate, piece: 1 }
+        } else if twist < -self.half_gap {
+            Carried { effort: stiffness * (twist + self.half_gap) + damping * rate, piece: 2 }
+        } else {
+            Carried { effort: 0.0, piece: 0 }
+        }
+    }
+}
+
+impl Effect for Backlash {
+    fn slack(&self, joint: Joint) -> f64 {
+        if joint == Joint::Driveshaft { 2.0 * self.half_gap } else { 0.0 }
+    }
+
+    fn joint(&self, twist: &Twist, effort: f64) -> Carried {
+        if twist.joint != Joint::Driveshaft || self.on_axis {
+            return Carried { effort, piece: 0 };
+        }
+        let linear = twist.stiffness * twist.angle + twist.damping * twist.rate;
+        let Carried { effort: contact, piece } = self.contact(twist.angle, twist.rate, twist.stiffness, twist.damping);
+        // What other effects added to the linear law stays.
+        Carried { effort: effort - linear + contact, piece }
+    }
+
+    fn states(&self) -> usize {
+        if self.on_axis { 2 } else { 0 }
+    }
+
+    // Together with the drive, the joint at rest.
+    fn start(&self, start: &Start, own: &mut [f64]) {
+        if self.on_axis {
+            own.copy_from_slice(&[start.motion.position, start.motion.speed]);
+        }
+    }
+
+    fn split(&self) -> Option<f64> {
+        self.on_axis.then_some(self.ratio)
+    }
+
+    fn far_motion(&self, own: &[f64]) -> Motion {
+        Motion { position: own[0], speed: own[1], viscous_friction: 0.0 }
+    }
+
+    fn passes(&self, near: &Motion, inertia: f64, load: f64, own: &[f64], rates: &mut [f64]) -> Carried {
+        let Carried { effort, piece } = self.contact(near.position - own[0], near.speed - own[1], self.stiffness, self.damping);
+        rates[0] = own[1];
+        rates[1] = (effort - load) / (self.ratio * inertia);
+        Carried { effort, piece }
+    }
+
+    // The swing of the two bodies on the spring, and the damper against the lighter one.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        if !self.on_axis {
+            return 0.0;
+        }
+        let mobility = 1.0 / scale.drive_inertia + 1.0 / (self.ratio * scale.inertia);
+        (self.stiffness * mobility).sqrt().max(self.damping * mobility)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn inside_the_gap_nothing_is_carried() {
+        let play = made(&[("gap", 0.05)]);
+        // Linear 1000 * 0.02 + 10 * 1 = 30 inside; at 0.035: 1000 * 0.01 + 10 = 20 outside.
+        for (angle, linear, expected) in [(0.02, 30.0, 0.0), (0.035, 45.0, 20.0), (-0.035, -25.0, 0.0)] {
+            let twist = Twist { joint: Joint::Driveshaft, angle, rate: 1.0, stiffness: 1000.0, damping: 10.0 };
+            assert!((play.joint(&twist, linear).effort - expected).abs() < 1e-12);
+        }
+        assert_eq!([play.slack(Joint::Driveshaft), play.slack(Joint::Clutch)], [0.05, 0.0]);
+    }
+}

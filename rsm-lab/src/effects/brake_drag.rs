@@ -1,0 +1,59 @@
+//! A brake that does not let go.
+//!
+//! Formula      torque T tanh(w_w/w_s) against the rotation of the wheel, w_s = 1 rad/s as on every rotor
+//! Source       C. A. Coulomb, 1785; PLANTS.md, section 3
+//! Acts on      effort at the wheel
+//! Looks like   road grade, an error of rolling_resistance_1: one and the same while the car rolls forward
+//! Told apart   by standstill or backward motion
+//! Report says  "A brake drags with {torque} N m."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Motion, ROTOR_SIGN_WIDTH, Scale, Subject, smooth_sign};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "brake-drag",
+    plants: &[PlantKind::Driveline],
+    subject: Subject::None,
+    arguments: &[Argument::new("torque", "N*m", Bound::NotNegative)],
+    sentence: "A brake drags with {torque} N m.",
+    build,
+};
+
+struct BrakeDrag {
+    torque: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(BrakeDrag { torque: arguments.number("torque") })
+}
+
+impl Effect for BrakeDrag {
+    fn effort(&self, motion: &Motion) -> f64 {
+        -self.torque * smooth_sign(motion.speed, ROTOR_SIGN_WIDTH)
+    }
+
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        self.torque / (ROTOR_SIGN_WIDTH * scale.wheel.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_stands_against_the_rotation() {
+        let brake = made(&[("torque", 80.0)]);
+        for (speed, expected) in [(30.0, -80.0), (-30.0, 80.0), (0.0, 0.0)] {
+            assert_eq!(brake.effort(&Motion { position: 0.0, speed, viscous_friction: 0.0 }), expected);
+        }
+    }
+}

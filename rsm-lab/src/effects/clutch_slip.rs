@@ -1,0 +1,55 @@
+//! The clutch cannot carry more.
+//!
+//! Formula      abs(T_c) is limited to a capacity
+//! Source       C. A. Coulomb, 1785 (dry friction between discs); PLANTS.md, section 3
+//! Acts on      the law of the clutch, after what other effects make of it
+//! Looks like   an error of the torque map at full load
+//! Told apart   by engine speed against road speed
+//! Report says  "The clutch slips above {capacity} N m."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Joint, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "clutch-slip",
+    plants: &[PlantKind::Driveline],
+    subject: Subject::None,
+    arguments: &[Argument::new("capacity", "N*m", Bound::Positive)],
+    sentence: "The clutch slips above {capacity} N m.",
+    build,
+};
+
+struct ClutchSlip {
+    capacity: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(ClutchSlip { capacity: arguments.number("capacity") })
+}
+
+impl Effect for ClutchSlip {
+    fn joint_limit(&self, joint: Joint, effort: f64) -> f64 {
+        if joint == Joint::Clutch && effort.abs() > self.capacity { self.capacity.copysign(effort) } else { effort }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn the_clutch_carries_its_capacity_and_no_more() {
+        let slip = made(&[("capacity", 200.0)]);
+        assert_eq!(slip.joint_limit(Joint::Clutch, -250.0), -200.0);
+        assert_eq!(slip.joint_limit(Joint::Clutch, 150.0), 150.0);
+        assert_eq!(slip.joint_limit(Joint::Driveshaft, 2500.0), 2500.0);
+    }
+}

@@ -1,0 +1,57 @@
+//! The springs of the clutch disc stiffen.
+//!
+//! Formula      T_c gains k_3 phi^3
+//! Source       G. Duffing, 1918; PLANTS.md, section 3
+//! Acts on      the law of the clutch
+//! Looks like   an error of the clutch stiffness at one torque
+//! Told apart   by tip-ins of different size
+//! Report says  "The clutch stiffens with {cubic_stiffness} N m/rad^3."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Carried, Description, Effect, Joint, Subject, Twist};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "clutch-stiffening",
+    plants: &[PlantKind::Driveline],
+    subject: Subject::None,
+    arguments: &[Argument::new("cubic_stiffness", "N*m/rad^3", Bound::NotNegative)],
+    sentence: "The clutch stiffens with {cubic_stiffness} N m/rad^3.",
+    build,
+};
+
+struct ClutchStiffening {
+    cubic: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(ClutchStiffening { cubic: arguments.number("cubic_stiffness") })
+}
+
+impl Effect for ClutchStiffening {
+    fn joint(&self, twist: &Twist, effort: f64) -> Carried {
+        if twist.joint != Joint::Clutch {
+            return Carried { effort, piece: 0 };
+        }
+        Carried { effort: effort + self.cubic * twist.angle * twist.angle * twist.angle, piece: 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn the_torque_gains_the_cube_of_the_twist() {
+        let twist = Twist { joint: Joint::Clutch, angle: 0.5, rate: 0.0, stiffness: 1000.0, damping: 0.0 };
+        // 1000 * 0.5 + 80 * 0.125 = 510.
+        assert_eq!(made(&[("cubic_stiffness", 80.0)]).joint(&twist, 500.0).effort, 510.0);
+    }
+}

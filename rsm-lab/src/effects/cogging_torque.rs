@@ -1,0 +1,75 @@
+//! Torque of the magnets on the teeth.
+//!
+//! Formula      A sin(N theta + phase) on the rotor; A sin(2 pi q/pitch + phase) on the axis
+//! Source       D. C. Hanselman, Brushless Permanent-Magnet Motor Design, 1994; PLANTS.md, section 3
+//! Acts on      effort at the rotor; force on the carriage
+//! Looks like   torque ripple of the same order, unless the current changes
+//! Told apart   by motion without current
+//! Report says  "A cogging torque of amplitude {amplitude} acts on the motor."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Motion, Scale, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "cogging-torque",
+    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    subject: Subject::None,
+    arguments: &[
+        Argument::new("amplitude", "", Bound::NotNegative),
+        Argument::new("cycles", "1", Bound::Count).on(PlantKind::Pmac),
+        Argument::new("pitch", "m", Bound::Positive).on(PlantKind::ServoAxis),
+        Argument::new("phase", "rad", Bound::Any),
+    ],
+    sentence: "A cogging torque of amplitude {amplitude} acts on the motor.",
+    build,
+};
+
+struct CoggingTorque {
+    amplitude: f64,
+    wave_number: f64,
+    phase: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(CoggingTorque {
+        amplitude: arguments.number("amplitude"),
+        wave_number: match arguments.optional("cycles") {
+            Some(cycles) => cycles,
+            None => std::f64::consts::TAU / arguments.number("pitch"),
+        },
+        phase: arguments.number("phase"),
+    })
+}
+
+impl Effect for CoggingTorque {
+    fn effort(&self, motion: &Motion) -> f64 {
+        self.amplitude * (self.wave_number * motion.position + self.phase).sin()
+    }
+
+    // The swing in a valley of the torque, sqrt(A N/J).
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        (self.amplitude * self.wave_number / scale.drive_inertia).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn a_quarter_of_the_pitch_is_the_crest() {
+        let cogging = made(&[("amplitude", 2.0), ("pitch", 0.01), ("phase", 0.0)]);
+        for (position, expected) in [(0.0025, 2.0), (0.0075, -2.0), (0.005, 0.0)] {
+            let found = cogging.effort(&Motion { position, speed: 0.0, viscous_friction: 0.0 });
+            assert!((found - expected).abs() < 1e-14, "{found} at {position}");
+        }
+    }
+}

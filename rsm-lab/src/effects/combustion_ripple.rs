@@ -1,0 +1,54 @@
+//! The engine pulls in strokes.
+//!
+//! Formula      T_e (1 + h sin(3 th_e))
+//! Source       J. B. Heywood, Internal Combustion Engine Fundamentals, 1988 (six cylinders, four strokes: three a turn); PLANTS.md, section 3
+//! Acts on      the torque of the engine
+//! Looks like   torque noise of third order
+//! Told apart   by its order: three times a turn
+//! Report says  "The engine torque ripples by {amplitude} three times a turn."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "combustion-ripple",
+    plants: &[PlantKind::Driveline],
+    subject: Subject::None,
+    arguments: &[Argument::new("amplitude", "1", Bound::NotNegative)],
+    sentence: "The engine torque ripples by {amplitude} three times a turn.",
+    build,
+};
+
+struct CombustionRipple {
+    amplitude: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(CombustionRipple { amplitude: arguments.number("amplitude") })
+}
+
+impl Effect for CombustionRipple {
+    fn engine_torque(&self, torque: f64, crank_angle: f64) -> f64 {
+        torque * (1.0 + self.amplitude * (3.0 * crank_angle).sin())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn the_crest_is_at_a_sixth_of_half_a_turn() {
+        let ripple = made(&[("amplitude", 0.2)]);
+        let found = ripple.engine_torque(100.0, std::f64::consts::PI / 6.0);
+        assert!((found - 120.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,55 @@
+//! A load that is not in the record: gravity, a spring balance.
+//!
+//! Formula      the load gains T (or F), positive against forward motion
+//! Source       statics; PLANTS.md, section 3
+//! Acts on      the load: behind a joint, where an effect puts one
+//! Looks like   coulomb friction in one direction, a bias of the input
+//! Told apart   by a record with both directions
+//! Report says  "A constant load of {torque}{force} is missing from the record."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "constant-load",
+    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    subject: Subject::None,
+    arguments: &[
+        Argument::new("torque", "N*m", Bound::Any).on(PlantKind::Pmac),
+        Argument::new("force", "N", Bound::Any).on(PlantKind::ServoAxis),
+    ],
+    sentence: "A constant load of {torque}{force} is missing from the record.",
+    build,
+};
+
+struct ConstantLoad {
+    load: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(ConstantLoad { load: arguments.either("torque", "force") })
+}
+
+impl Effect for ConstantLoad {
+    fn load(&self) -> f64 {
+        self.load
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_is_the_load_whatever_the_motion() {
+        assert_eq!(made(&[("force", -3.2)]).load(), -3.2);
+    }
+}

@@ -1,0 +1,66 @@
+//! Coulomb friction.
+//!
+//! Formula      resisting torque T_c tanh(w/w_s), w_s = 1 rad/s; force F_c tanh(v/v_s), v_s = 1 mm/s
+//! Source       C. A. Coulomb, 1785; PLANTS.md, section 3
+//! Acts on      effort at the rotor; force on the carriage
+//! Looks like   constant load in one direction of motion, stribeck friction at low speed
+//! Told apart   by a record with both directions and a slow reversal
+//! Report says  "A dry friction of {torque}{force} is missing from the model."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Motion, Scale, Subject, sign_width, smooth_sign};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "coulomb-friction",
+    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    subject: Subject::None,
+    arguments: &[
+        Argument::new("torque", "N*m", Bound::NotNegative).on(PlantKind::Pmac),
+        Argument::new("force", "N", Bound::NotNegative).on(PlantKind::ServoAxis),
+    ],
+    sentence: "A dry friction of {torque}{force} is missing from the model.",
+    build,
+};
+
+struct CoulombFriction {
+    level: f64,
+    width: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(CoulombFriction { level: arguments.either("torque", "force"), width: sign_width(arguments.plant) })
+}
+
+impl Effect for CoulombFriction {
+    fn effort(&self, motion: &Motion) -> f64 {
+        -self.level * smooth_sign(motion.speed, self.width)
+    }
+
+    // Its slope at rest, T_c/w_s, over the inertia.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        self.level / (self.width * scale.drive_inertia)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_opposes_motion_in_both_directions() {
+        let friction = made(&[("torque", 0.35)]);
+        // tanh(1) = 0.76159; far from rest the whole torque.
+        for (speed, expected) in [(1.0, -0.35 * 0.7615941559557649), (-100.0, 0.35), (0.0, 0.0)] {
+            let found = friction.effort(&Motion { position: 0.0, speed, viscous_friction: 0.0 });
+            assert!((found - expected).abs() < 1e-15, "{found} at {speed}");
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! The air moves.
+//!
+//! Formula      drag acts on (road_speed + wind)^2
+//! Source       quadratic drag, I. Newton, 1687; PLANTS.md, section 3
+//! Acts on      the speed of the air
+//! Looks like   an error of drag area at one speed
+//! Told apart   by different speeds
+//! Report says  "There is a headwind of {wind} m/s."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "headwind",
+    plants: &[PlantKind::Driveline],
+    subject: Subject::None,
+    arguments: &[Argument::new("wind", "m/s", Bound::Any)],
+    sentence: "There is a headwind of {wind} m/s.",
+    build,
+};
+
+struct Headwind {
+    wind: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(Headwind { wind: arguments.number("wind") })
+}
+
+impl Effect for Headwind {
+    fn air_speed(&self, speed: f64) -> f64 {
+        speed + self.wind
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn the_wind_adds_to_the_speed() {
+        assert_eq!(made(&[("wind", 5.0)]).air_speed(20.0), 25.0);
+    }
+}

@@ -1,0 +1,59 @@
+//! The input acts later.
+//!
+//! Formula      u(t - delay); before the record its first value
+//! Source       transport delay; PLANTS.md, section 3
+//! Acts on      the first input: both voltages, throttle, command
+//! Looks like   a lag of an actuator; half a sample of delay looks like the zero-order hold
+//! Told apart   by steps of the input
+//! Report says  "The input acts {delay} s later than recorded."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "input-delay",
+    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::None,
+    arguments: &[Argument::new("delay", "s", Bound::NotNegative)],
+    sentence: "The input acts {delay} s later than recorded.",
+    build,
+};
+
+struct InputDelay {
+    delay: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(InputDelay { delay: arguments.number("delay") })
+}
+
+impl Effect for InputDelay {
+    fn delay(&self) -> f64 {
+        self.delay
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::plant_file::PlantFile;
+    use crate::record::Record;
+    use crate::simulate::Simulator;
+    use rsm_core::source::Source;
+
+    #[test]
+    fn a_delay_of_a_period_and_a_half_moves_the_step() {
+        // 1 V from 1 s on, late by 1.5 s: 2 N on 1 kg from 2.5 s on; at 4 s q = 1.5^2 = 2.25 m.
+        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 1\nforce_gain = 2\nviscous_friction = 0\n\
+                    command_limit = 10\n[[effects]]\nkind = \"input-delay\"\nparameters = { delay = 1.5 }\n";
+        let plant = PlantFile::read(&Source::new("axis.toml", text)).unwrap();
+        let rows = "time[s],command[V],position[m]\n0,0,0\n1,1,0\n2,1,0\n3,1,0\n4,1,0\n";
+        let record = Record::read(&Source::new("in.csv", rows), &plant).unwrap();
+        let outputs = Simulator::new(&plant, &record).unwrap().run(&record).unwrap();
+        let position = outputs.of("position").unwrap();
+        assert!((position[2]).abs() < 1e-15 && (position[3] - 0.25).abs() < 1e-12 && (position[4] - 2.25).abs() < 1e-12);
+    }
+}

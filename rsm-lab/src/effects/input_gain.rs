@@ -1,0 +1,52 @@
+//! The input acts stronger or weaker.
+//!
+//! Formula      gain u
+//! Source       a wrong scale of an amplifier; PLANTS.md, section 3
+//! Acts on      the first input: both voltages, throttle, command
+//! Looks like   an error of a gain of the plant
+//! Told apart   not at all where the plant has a gain of its own in the same place
+//! Report says  "The input acts {gain} times as strong as recorded."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "input-gain",
+    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::None,
+    arguments: &[Argument::new("gain", "1", Bound::Any)],
+    sentence: "The input acts {gain} times as strong as recorded.",
+    build,
+};
+
+struct InputGain {
+    gain: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(InputGain { gain: arguments.number("gain") })
+}
+
+impl Effect for InputGain {
+    fn input(&self, value: f64) -> f64 {
+        self.gain * value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn the_input_is_multiplied() {
+        assert_eq!(made(&[("gain", 0.5)]).input(3.0), 1.5);
+    }
+}

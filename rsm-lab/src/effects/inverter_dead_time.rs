@@ -1,0 +1,58 @@
+//! The switches take a voltage against the current.
+//!
+//! Formula      the applied voltage is v - V_loss i/sqrt(i^2 + (0.5 A)^2), along the current vector
+//! Source       S.-G. Jeong, M.-H. Park, 1991 (dead time of inverters); PLANTS.md, section 3
+//! Acts on      the voltage at the windings
+//! Looks like   an error of the resistance at one current
+//! Told apart   by small currents: the loss does not shrink with them
+//! Report says  "The inverter loses {voltage_loss} V against the current."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "inverter-dead-time",
+    plants: &[PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[Argument::new("voltage_loss", "V", Bound::NotNegative)],
+    sentence: "The inverter loses {voltage_loss} V against the current.",
+    build,
+};
+
+/// Width of the crossing of zero [A].
+const WIDTH: f64 = 0.5;
+
+struct InverterDeadTime {
+    loss: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(InverterDeadTime { loss: arguments.number("voltage_loss") })
+}
+
+impl Effect for InverterDeadTime {
+    fn voltage_loss(&self, voltage: [f64; 2], current: [f64; 2]) -> [f64; 2] {
+        let length = (current[0] * current[0] + current[1] * current[1] + WIDTH * WIDTH).sqrt();
+        [voltage[0] - self.loss * current[0] / length, voltage[1] - self.loss * current[1] / length]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_stands_against_the_current_vector() {
+        // Currents (0.3, 0.4) A with 0.5 A: sqrt(0.25 + 0.25) = 0.70711; 2 V along (0.42426, 0.56569).
+        let found = made(&[("voltage_loss", 2.0)]).voltage_loss([10.0, 10.0], [0.3, 0.4]);
+        assert!((found[0] - 9.151471862576143).abs() < 1e-12 && (found[1] - 8.86862915010152).abs() < 1e-12, "{found:?}");
+    }
+}

@@ -1,0 +1,60 @@
+//! The iron carries less flux for each ampere more.
+//!
+//! Formula      L becomes L/(1 + (i/i_sat)^2), i = sqrt(i_d^2 + i_q^2)
+//! Source       a one-parameter form after F. de Leon, A. Semlyen, 1992; PLANTS.md, section 3
+//! Acts on      the inductance wherever it stands
+//! Looks like   an error of the inductance at one current
+//! Told apart   by steps at small and large currents
+//! Report says  "The inductance halves at a current of {saturation_current} A."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Currents, Description, Effect, Machine, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "magnetic-saturation",
+    plants: &[PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[Argument::new("saturation_current", "A", Bound::Positive)],
+    sentence: "The inductance halves at a current of {saturation_current} A.",
+    build,
+};
+
+struct MagneticSaturation {
+    current: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(MagneticSaturation { current: arguments.number("saturation_current") })
+}
+
+impl Effect for MagneticSaturation {
+    fn machine(&self, at: &Currents, _own: &[f64], _rates: &mut [f64], machine: &mut Machine) {
+        machine.inductance /= 1.0 + (at.i_d * at.i_d + at.i_q * at.i_q) / (self.current * self.current);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn half_is_left_at_the_saturation_current() {
+        let mut machine = Machine { resistance: 0.08, inductance: 9e-4, flux_linkage: 0.06 };
+        // sqrt(30^2 + 40^2) = 50.
+        made(&[("saturation_current", 50.0)]).machine(
+            &Currents { i_d: -30.0, i_q: 40.0, theta_e: 0.0 },
+            &[],
+            &mut [],
+            &mut machine,
+        );
+        assert!((machine.inductance - 4.5e-4).abs() < 1e-18);
+    }
+}

@@ -1,0 +1,56 @@
+//! A nominal parameter has another value.
+//!
+//! Formula      p becomes value
+//! Source       the definition of a wrong data sheet; PLANTS.md, section 3
+//! Acts on      the parameters, before the simulation
+//! Looks like   whatever the parameter stands for; grade is `road-grade`
+//! Told apart   by a record that moves the plant where its other parameters matter
+//! Report says  "The parameter {parameter} is {value}, not what the plant file says."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::plant_file::Parameters;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "parameter-error",
+    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::Parameter,
+    arguments: &[Argument::new("value", "", Bound::Any)],
+    sentence: "The parameter {parameter} is {value}, not what the plant file says.",
+    build,
+};
+
+struct ParameterError {
+    name: String,
+    value: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(ParameterError { name: arguments.subject.clone().unwrap_or_default(), value: arguments.number("value") })
+}
+
+impl Effect for ParameterError {
+    fn parameters(&self, parameters: &mut Parameters) {
+        parameters.set(&self.name, self.value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::plant_file::PlantFile;
+    use rsm_core::source::Source;
+
+    #[test]
+    fn the_value_takes_the_place_of_the_nominal_one() {
+        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 0\n\
+                    command_limit = 10\n[[effects]]\nkind = \"parameter-error\"\n\
+                    parameters = { parameter = \"mass\", value = 3 }\n";
+        let file = PlantFile::read(&Source::new("axis.toml", text)).unwrap();
+        assert_eq!(file.parameters.number("mass"), 2.0);
+        assert_eq!(file.effective_parameters().number("mass"), 3.0);
+    }
+}

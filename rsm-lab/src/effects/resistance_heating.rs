@@ -1,0 +1,77 @@
+//! The winding warms up and its resistance grows.
+//!
+//! Formula      r becomes r (1 + 0.00393 Th); tau dTh/dt = R_th 1.5 r (1 + 0.00393 Th) i^2 - Th, Th = 0 at the start
+//! Source       temperature coefficient of copper at 20 degC, IEC 60028; PLANTS.md, section 3
+//! Acts on      the phase resistance
+//! Looks like   an error of the resistance in a short record
+//! Told apart   by a record longer than the time constant
+//! Report says  "The winding heats up: {thermal_resistance} K/W with a time constant of {thermal_time_constant} s."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Currents, Description, Effect, Machine, Scale, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "resistance-heating",
+    plants: &[PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[
+        Argument::new("thermal_resistance", "K/W", Bound::NotNegative),
+        Argument::new("thermal_time_constant", "s", Bound::Positive),
+    ],
+    sentence: "The winding heats up: {thermal_resistance} K/W with a time constant of {thermal_time_constant} s.",
+    build,
+};
+
+/// Per kelvin.
+const COPPER: f64 = 0.00393;
+
+struct ResistanceHeating {
+    thermal_resistance: f64,
+    time_constant: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(ResistanceHeating {
+        thermal_resistance: arguments.number("thermal_resistance"),
+        time_constant: arguments.number("thermal_time_constant"),
+    })
+}
+
+impl Effect for ResistanceHeating {
+    fn states(&self) -> usize {
+        1
+    }
+
+    fn machine(&self, at: &Currents, own: &[f64], rates: &mut [f64], machine: &mut Machine) {
+        machine.resistance *= 1.0 + COPPER * own[0];
+        let loss = 1.5 * machine.resistance * (at.i_d * at.i_d + at.i_q * at.i_q);
+        rates[0] = (self.thermal_resistance * loss - own[0]) / self.time_constant;
+    }
+
+    fn fastest_rate(&self, _scale: &Scale) -> f64 {
+        1.0 / self.time_constant
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn a_hot_winding_heats_more() {
+        let heating = made(&[("thermal_resistance", 2.0), ("thermal_time_constant", 100.0)]);
+        let (mut machine, mut rates) = (Machine { resistance: 0.08, inductance: 9e-4, flux_linkage: 0.06 }, [0.0]);
+        heating.machine(&Currents { i_d: 0.0, i_q: 10.0, theta_e: 0.0 }, &[100.0], &mut rates, &mut machine);
+        // 0.08 * 1.393 = 0.11144 ohm; 1.5 * 0.11144 * 100 = 16.716 W; (2 * 16.716 - 100)/100 = -0.66568 K/s.
+        assert!((machine.resistance - 0.11144).abs() < 1e-15);
+        assert!((rates[0] + 0.66568).abs() < 1e-12);
+    }
+}

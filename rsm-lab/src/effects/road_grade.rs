@@ -1,0 +1,53 @@
+//! The grade is not what the plant file says.
+//!
+//! Formula      grade becomes grade
+//! Source       statics of a slope; PLANTS.md, section 3
+//! Acts on      the parameter grade, before the simulation
+//! Looks like   brake drag, an error of rolling resistance, in a record that always rolls forward; `parameter-error` of grade is the same cause
+//! Told apart   by coasting in both directions of the road
+//! Report says  "The road has a grade of {grade} rad."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::plant_file::Parameters;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "road-grade",
+    plants: &[PlantKind::Driveline],
+    subject: Subject::None,
+    arguments: &[Argument::new("grade", "rad", Bound::Between(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2))],
+    sentence: "The road has a grade of {grade} rad.",
+    build,
+};
+
+struct RoadGrade {
+    grade: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(RoadGrade { grade: arguments.number("grade") })
+}
+
+impl Effect for RoadGrade {
+    fn parameters(&self, parameters: &mut Parameters) {
+        parameters.set("grade", self.grade);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::plant_file::PlantFile;
+    use rsm_core::source::Source;
+
+    #[test]
+    fn the_grade_takes_the_place_of_the_nominal_one() {
+        let text = include_str!("../../plants/driveline.toml").to_string()
+            + "\n[[effects]]\nkind = \"road-grade\"\nparameters = { grade = 0.03 }\n";
+        let file = PlantFile::read(&Source::new("car.toml", text)).unwrap();
+        assert_eq!(file.effective_parameters().number("grade"), 0.03);
+    }
+}

@@ -1,0 +1,59 @@
+//! A sensor of wrong zero.
+//!
+//! Formula      reading = truth + bias
+//! Source       calibration; PLANTS.md, section 3
+//! Acts on      a named output
+//! Looks like   a wrong start of the record
+//! Told apart   by a known rest
+//! Report says  "The sensor of {output} reads {bias} too much."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "sensor-bias",
+    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::Output,
+    arguments: &[Argument::new("bias", "", Bound::Any)],
+    sentence: "The sensor of {output} reads {bias} too much.",
+    build,
+};
+
+struct SensorBias {
+    output: usize,
+    bias: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(SensorBias { output: arguments.output(), bias: arguments.number("bias") })
+}
+
+impl Effect for SensorBias {
+    fn reads(&self, output: usize, value: f64, _time: f64, _own: &[f64], _rates: &mut [f64]) -> f64 {
+        if output == self.output { value + self.bias } else { value }
+    }
+
+    fn truth(&self, output: usize, reading: f64, _time: f64) -> f64 {
+        if output == self.output { reading - self.bias } else { reading }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: Some("position".to_string()), numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_reads_more_and_goes_back() {
+        let sensor = made(&[("bias", 0.5)]);
+        assert_eq!(sensor.reads(0, 4.0, 0.0, &[], &mut []), 4.5);
+        assert_eq!(sensor.truth(0, 4.5, 0.0), 4.0);
+    }
+}

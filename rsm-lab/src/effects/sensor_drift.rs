@@ -1,0 +1,59 @@
+//! A sensor whose zero wanders.
+//!
+//! Formula      reading = truth + rate t, t the time of the record
+//! Source       calibration; PLANTS.md, section 3
+//! Acts on      a named output
+//! Looks like   a slow change of the plant
+//! Told apart   by a record that ends where it began
+//! Report says  "The sensor of {output} drifts by {rate} per second."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "sensor-drift",
+    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::Output,
+    arguments: &[Argument::new("rate", "", Bound::Any)],
+    sentence: "The sensor of {output} drifts by {rate} per second.",
+    build,
+};
+
+struct SensorDrift {
+    output: usize,
+    rate: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(SensorDrift { output: arguments.output(), rate: arguments.number("rate") })
+}
+
+impl Effect for SensorDrift {
+    fn reads(&self, output: usize, value: f64, time: f64, _own: &[f64], _rates: &mut [f64]) -> f64 {
+        if output == self.output { value + self.rate * time } else { value }
+    }
+
+    fn truth(&self, output: usize, reading: f64, time: f64) -> f64 {
+        if output == self.output { reading - self.rate * time } else { reading }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: Some("position".to_string()), numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_reads_more_and_more() {
+        let sensor = made(&[("rate", 0.01)]);
+        assert_eq!(sensor.reads(0, 1.0, 50.0, &[], &mut []), 1.5);
+        assert_eq!(sensor.truth(0, 1.5, 50.0), 1.0);
+    }
+}

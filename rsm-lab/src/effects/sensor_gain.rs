@@ -1,0 +1,60 @@
+//! A sensor of wrong scale.
+//!
+//! Formula      reading = gain truth
+//! Source       calibration; PLANTS.md, section 3
+//! Acts on      a named output
+//! Looks like   an error of a parameter that scales the same output
+//! Told apart   by outputs that measure the same thing
+//! Report says  "The sensor of {output} reads {gain} times the truth."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "sensor-gain",
+    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::Output,
+    arguments: &[Argument::new("gain", "", Bound::Positive)],
+    sentence: "The sensor of {output} reads {gain} times the truth.",
+    build,
+};
+
+struct SensorGain {
+    output: usize,
+    gain: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(SensorGain { output: arguments.output(), gain: arguments.number("gain") })
+}
+
+impl Effect for SensorGain {
+    fn reads(&self, output: usize, value: f64, _time: f64, _own: &[f64], _rates: &mut [f64]) -> f64 {
+        if output == self.output { self.gain * value } else { value }
+    }
+
+    fn truth(&self, output: usize, reading: f64, _time: f64) -> f64 {
+        if output == self.output { reading / self.gain } else { reading }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: Some("position".to_string()), numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_reads_a_multiple_and_goes_back() {
+        let sensor = made(&[("gain", 1.25)]);
+        assert_eq!(sensor.reads(0, 4.0, 0.0, &[], &mut []), 5.0);
+        assert_eq!(sensor.reads(1, 4.0, 0.0, &[], &mut []), 4.0);
+        assert_eq!(sensor.truth(0, 5.0, 0.0), 4.0);
+    }
+}

@@ -1,0 +1,80 @@
+//! A slow sensor.
+//!
+//! Formula      T dy/dt = x - y, y is read; at rest at the start
+//! Source       first-order low-pass; PLANTS.md, section 3
+//! Acts on      a named output
+//! Looks like   input delay
+//! Told apart   by another output that is read without lag
+//! Report says  "The sensor of {output} lags with a time constant of {time_constant} s."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Scale, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "sensor-lag",
+    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::Output,
+    arguments: &[Argument::new("time_constant", "s", Bound::Positive)],
+    sentence: "The sensor of {output} lags with a time constant of {time_constant} s.",
+    build,
+};
+
+struct SensorLag {
+    output: usize,
+    time_constant: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(SensorLag { output: arguments.output(), time_constant: arguments.number("time_constant") })
+}
+
+impl Effect for SensorLag {
+    fn states(&self) -> usize {
+        1
+    }
+
+    fn settle(&self, outputs: &[f64; 3], own: &mut [f64]) {
+        own[0] = outputs[self.output];
+    }
+
+    fn fastest_rate(&self, _scale: &Scale) -> f64 {
+        1.0 / self.time_constant
+    }
+
+    fn reads_with_memory(&self) -> bool {
+        true
+    }
+
+    fn reads(&self, output: usize, value: f64, _time: f64, own: &[f64], rates: &mut [f64]) -> f64 {
+        if output != self.output {
+            return value;
+        }
+        rates[0] = (value - own[0]) / self.time_constant;
+        own[0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: Some("position".to_string()), numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_follows_with_its_time_constant() {
+        let sensor = made(&[("time_constant", 0.5)]);
+        let mut rates = [0.0];
+        // 3 m read as 2 m: (3 - 2)/0.5 = 2 m/s.
+        assert_eq!(sensor.reads(0, 3.0, 0.0, &[2.0], &mut rates), 2.0);
+        assert_eq!(rates, [2.0]);
+        let mut own = [0.0];
+        sensor.settle(&[7.0, 0.0, 0.0], &mut own);
+        assert_eq!(own, [7.0]);
+    }
+}

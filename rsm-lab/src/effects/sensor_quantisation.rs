@@ -1,0 +1,57 @@
+//! A sensor that rounds.
+//!
+//! Formula      reading = step round(truth/step)
+//! Source       B. Widrow, 1956 (rounding as noise); PLANTS.md, section 3
+//! Acts on      a named output
+//! Looks like   noise
+//! Told apart   by readings that are multiples of a step
+//! Report says  "The sensor of {output} rounds to multiples of {step}."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "sensor-quantisation",
+    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    subject: Subject::Output,
+    arguments: &[Argument::new("step", "", Bound::Positive)],
+    sentence: "The sensor of {output} rounds to multiples of {step}.",
+    build,
+};
+
+struct SensorQuantisation {
+    output: usize,
+    step: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(SensorQuantisation { output: arguments.output(), step: arguments.number("step") })
+}
+
+impl Effect for SensorQuantisation {
+    fn reads(&self, output: usize, value: f64, _time: f64, _own: &[f64], _rates: &mut [f64]) -> f64 {
+        if output == self.output { self.step * (value / self.step).round() } else { value }
+    }
+
+    // The way back is the reading itself: what was rounded off is lost.
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::ServoAxis, subject: Some("position".to_string()), numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_reads_the_nearest_multiple() {
+        let sensor = made(&[("step", 0.25)]);
+        assert_eq!(sensor.reads(0, 0.9, 0.0, &[], &mut []), 1.0);
+        assert_eq!(sensor.reads(0, -0.1, 0.0, &[], &mut []).abs(), 0.0);
+    }
+}

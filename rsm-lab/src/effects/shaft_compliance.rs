@@ -1,0 +1,93 @@
+//! The shaft between drive and load is a spring.
+//!
+//! Formula      J splits: (1 - rho) J at the drive, rho J behind k (th_1 - th_2) + c (w_1 - w_2); the load acts on the second body, sensors and friction stay on the first
+//! Source       S. P. Timoshenko, Vibration Problems in Engineering, 1928 (two inertias on a shaft); PLANTS.md, section 3
+//! Acts on      the joint between drive and load
+//! Looks like   backlash at large amplitudes, sensor lag
+//! Told apart   by an excitation near the resonance
+//! Report says  "The load hangs on a spring of {stiffness}, with {inertia_ratio} of the inertia behind it."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Carried, Description, Effect, Motion, Scale, Start, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "shaft-compliance",
+    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    subject: Subject::None,
+    arguments: &[
+        Argument::new("inertia_ratio", "1", Bound::Between(0.0, 1.0)),
+        Argument::new("stiffness", "", Bound::Positive),
+        Argument::new("damping", "", Bound::NotNegative),
+    ],
+    sentence: "The load hangs on a spring of {stiffness}, with {inertia_ratio} of the inertia behind it.",
+    build,
+};
+
+struct ShaftCompliance {
+    ratio: f64,
+    stiffness: f64,
+    damping: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(ShaftCompliance {
+        ratio: arguments.number("inertia_ratio"),
+        stiffness: arguments.number("stiffness"),
+        damping: arguments.number("damping"),
+    })
+}
+
+impl Effect for ShaftCompliance {
+    fn states(&self) -> usize {
+        2
+    }
+
+    // Together with the drive, the joint at rest.
+    fn start(&self, start: &Start, own: &mut [f64]) {
+        own.copy_from_slice(&[start.motion.position, start.motion.speed]);
+    }
+
+    fn split(&self) -> Option<f64> {
+        Some(self.ratio)
+    }
+
+    fn far_motion(&self, own: &[f64]) -> Motion {
+        Motion { position: own[0], speed: own[1], viscous_friction: 0.0 }
+    }
+
+    fn passes(&self, near: &Motion, inertia: f64, load: f64, own: &[f64], rates: &mut [f64]) -> Carried {
+        let effort = self.stiffness * (near.position - own[0]) + self.damping * (near.speed - own[1]);
+        rates[0] = own[1];
+        rates[1] = (effort - load) / (self.ratio * inertia);
+        Carried { effort, piece: 0 }
+    }
+
+    // The swing of the two bodies on the spring, and the damper against the lighter one.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        let mobility = 1.0 / scale.drive_inertia + 1.0 / (self.ratio * scale.inertia);
+        (self.stiffness * mobility).sqrt().max(self.damping * mobility)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn the_spring_pulls_the_far_body() {
+        let shaft = made(&[("inertia_ratio", 0.25), ("stiffness", 40.0), ("damping", 2.0)]);
+        let mut rates = [0.0; 2];
+        // Twist 0.25 rad, rate 1 rad/s: 10 + 2 = 12 N m; less 4 N m of load on 0.25 * 8 kg m^2: 4 rad/s^2.
+        let near = Motion { position: 0.5, speed: 3.0, viscous_friction: 0.0 };
+        assert_eq!(shaft.passes(&near, 8.0, 4.0, &[0.25, 2.0], &mut rates).effort, 12.0);
+        assert_eq!(rates, [2.0, 4.0]);
+    }
+}

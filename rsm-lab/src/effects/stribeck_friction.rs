@@ -1,0 +1,76 @@
+//! Friction that falls from its static to its Coulomb level.
+//!
+//! Formula      (F_c + (F_s - F_c) exp(-(v/v_st)^2)) tanh(v/v_s)
+//! Source       R. Stribeck, 1902; B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, 1994; PLANTS.md, section 3
+//! Acts on      effort at the rotor; force on the carriage
+//! Looks like   coulomb friction at speed
+//! Told apart   by slow motion around the Stribeck velocity
+//! Report says  "Friction of {coulomb} rises to {static} below a speed of {stribeck_velocity}."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Motion, Scale, Subject, sign_width, smooth_sign};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "stribeck-friction",
+    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    subject: Subject::None,
+    arguments: &[
+        Argument::new("coulomb", "", Bound::NotNegative),
+        Argument::new("static", "", Bound::NotNegative),
+        Argument::new("stribeck_velocity", "", Bound::Positive),
+    ],
+    sentence: "Friction of {coulomb} rises to {static} below a speed of {stribeck_velocity}.",
+    build,
+};
+
+struct StribeckFriction {
+    coulomb: f64,
+    rise: f64,
+    velocity: f64,
+    width: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(StribeckFriction {
+        coulomb: arguments.number("coulomb"),
+        rise: arguments.number("static") - arguments.number("coulomb"),
+        velocity: arguments.number("stribeck_velocity"),
+        width: sign_width(arguments.plant),
+    })
+}
+
+impl Effect for StribeckFriction {
+    fn effort(&self, motion: &Motion) -> f64 {
+        let ratio = motion.speed / self.velocity;
+        -(self.coulomb + self.rise * (-ratio * ratio).exp()) * smooth_sign(motion.speed, self.width)
+    }
+
+    // The slope at rest, or the fall beyond it: the steepest of exp(-x^2) is 0.86 at x = 0.71.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        let rest = (self.coulomb + self.rise).max(self.coulomb) / self.width;
+        rest.max(0.86 * self.rise.abs() / self.velocity) / scale.drive_inertia
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_falls_with_speed() {
+        let friction = made(&[("coulomb", 1.0), ("static", 2.0), ("stribeck_velocity", 20.0)]);
+        // At 20 rad/s: 1 + exp(-1) = 1.36788; at 200 rad/s: 1.
+        for (speed, expected) in [(20.0, -1.3678794411714423), (200.0, -1.0), (-200.0, 1.0)] {
+            let found = friction.effort(&Motion { position: 0.0, speed, viscous_friction: 0.0 });
+            assert!((found - expected).abs() < 1e-12, "{found} at {speed}");
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! The throttle plate is not linear.
+//!
+//! Formula      throttle^n in place of throttle
+//! Source       flow through a plate, approximated by a power; PLANTS.md, section 3
+//! Acts on      the throttle
+//! Looks like   an error of the torque map at part load
+//! Told apart   by several throttle openings
+//! Report says  "The throttle acts with the power {exponent}."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "throttle-nonlinearity",
+    plants: &[PlantKind::Driveline],
+    subject: Subject::None,
+    arguments: &[Argument::new("exponent", "1", Bound::Positive)],
+    sentence: "The throttle acts with the power {exponent}.",
+    build,
+};
+
+struct ThrottleNonlinearity {
+    exponent: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(ThrottleNonlinearity { exponent: arguments.number("exponent") })
+}
+
+impl Effect for ThrottleNonlinearity {
+    // A recorded throttle may be below zero by its noise: closed is closed.
+    fn input(&self, value: f64) -> f64 {
+        value.max(0.0).powf(self.exponent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn half_the_throttle_squared_is_a_quarter() {
+        let throttle = made(&[("exponent", 2.0)]);
+        assert_eq!([throttle.input(0.5), throttle.input(1.0), throttle.input(-1e-3)], [0.25, 1.0, 0.0]);
+    }
+}

@@ -1,0 +1,58 @@
+//! Harmonics of the flux linkage.
+//!
+//! Formula      lambda becomes lambda (1 + h cos(6 theta_e)), in EMF and in torque
+//! Source       T. M. Jahns, W. L. Soong, 1996; PLANTS.md, section 3
+//! Acts on      the flux linkage
+//! Looks like   cogging torque, unless the current changes
+//! Told apart   by different currents at one speed: it grows with the current
+//! Report says  "The flux linkage ripples by {amplitude} six times an electrical turn."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Currents, Description, Effect, Machine, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "torque-ripple",
+    plants: &[PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[Argument::new("amplitude", "1", Bound::NotNegative)],
+    sentence: "The flux linkage ripples by {amplitude} six times an electrical turn.",
+    build,
+};
+
+struct TorqueRipple {
+    amplitude: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(TorqueRipple { amplitude: arguments.number("amplitude") })
+}
+
+impl Effect for TorqueRipple {
+    fn machine(&self, at: &Currents, _own: &[f64], _rates: &mut [f64], machine: &mut Machine) {
+        machine.flux_linkage *= 1.0 + self.amplitude * (6.0 * at.theta_e).cos();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn six_crests_an_electrical_turn() {
+        let ripple = made(&[("amplitude", 0.1)]);
+        // cos(0) = 1, cos(pi) = -1 at a sixth of pi.
+        for (theta_e, expected) in [(0.0, 0.066), (std::f64::consts::PI / 6.0, 0.054)] {
+            let mut machine = Machine { resistance: 0.08, inductance: 9e-4, flux_linkage: 0.06 };
+            ripple.machine(&Currents { i_d: 0.0, i_q: 0.0, theta_e }, &[], &mut [], &mut machine);
+            assert!((machine.flux_linkage - expected).abs() < 1e-15);
+        }
+    }
+}

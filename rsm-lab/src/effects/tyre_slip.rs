@@ -1,0 +1,82 @@
+//! The tyre pulls by slipping.
+//!
+//! Formula      m dV/dt = F - resistances, F = C (r w_w - V)/max(abs(V), 1 m/s); J_w alone on the wheel; road_speed = V
+//! Source       H. B. Pacejka, Tyre and Vehicle Dynamics, 2002 (linear longitudinal slip); PLANTS.md, section 3
+//! Acts on      the contact of wheel and road
+//! Looks like   driveshaft damping
+//! Told apart   by engine speed against road speed
+//! Report says  "The tyres slip: {slip_stiffness} N for a slip of 1."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Contact, Description, Effect, Scale, Start, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "tyre-slip",
+    plants: &[PlantKind::Driveline],
+    subject: Subject::None,
+    arguments: &[Argument::new("slip_stiffness", "N", Bound::Positive)],
+    sentence: "The tyres slip: {slip_stiffness} N for a slip of 1.",
+    build,
+};
+
+/// Below this speed the slip is taken over it [m/s].
+const SLOWEST: f64 = 1.0;
+
+struct TyreSlip {
+    stiffness: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(TyreSlip { stiffness: arguments.number("slip_stiffness") })
+}
+
+impl Effect for TyreSlip {
+    fn states(&self) -> usize {
+        1
+    }
+
+    fn start(&self, start: &Start, own: &mut [f64]) {
+        // Without slip: road_speed = r w_w. The radius comes with the wheel's speed in the start of the plant.
+        own[0] = start.road_speed;
+    }
+
+    fn vehicle_speed(&self, own: &[f64]) -> Option<f64> {
+        Some(own[0])
+    }
+
+    fn traction(&self, contact: &Contact, own: &[f64], rates: &mut [f64]) -> Option<f64> {
+        let force = self.stiffness * (contact.surface_speed - own[0]) / own[0].abs().max(SLOWEST);
+        rates[0] = (force - contact.resistance) / contact.mass;
+        Some(force)
+    }
+
+    // Fastest at rest, where the slip is taken over 1 m/s.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        let (inertia, radius) = scale.wheel;
+        let gain = self.stiffness / scale.vehicle_speed.abs().max(SLOWEST);
+        gain * (radius * radius / inertia + 1.0 / scale.inertia)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn the_slip_pulls_the_vehicle() {
+        let tyre = made(&[("slip_stiffness", 20000.0)]);
+        let contact = Contact { surface_speed: 20.2, resistance: 100.0, mass: 1000.0 };
+        let mut rates = [0.0];
+        // 20000 * 0.2/20 = 200 N; (200 - 100)/1000 = 0.1 m/s^2.
+        let force = tyre.traction(&contact, &[20.0], &mut rates).unwrap();
+        assert!((force - 200.0).abs() < 1e-9 && (rates[0] - 0.1).abs() < 1e-12);
+    }
+}

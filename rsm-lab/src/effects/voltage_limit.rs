@@ -1,0 +1,56 @@
+//! The bus sags.
+//!
+//! Formula      a voltage vector longer than V_max is scaled back to V_max; with i_d held at 0 the vector is v_q alone
+//! Source       the circle (20) of the paper; PLANTS.md, section 3
+//! Acts on      the voltage that the bus allows
+//! Looks like   a gain of the input at high voltage
+//! Told apart   by records below and above the limit
+//! Report says  "The bus allows {limit} V only."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "voltage-limit",
+    plants: &[PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[Argument::new("limit", "V", Bound::Positive)],
+    sentence: "The bus allows {limit} V only.",
+    build,
+};
+
+struct VoltageLimit {
+    limit: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(VoltageLimit { limit: arguments.number("limit") })
+}
+
+impl Effect for VoltageLimit {
+    fn voltage_limit(&self, voltage: [f64; 2]) -> [f64; 2] {
+        let length = (voltage[0] * voltage[0] + voltage[1] * voltage[1]).sqrt();
+        let share = if length > self.limit { self.limit / length } else { 1.0 };
+        [voltage[0] * share, voltage[1] * share]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn long_vectors_keep_their_direction() {
+        let limit = made(&[("limit", 50.0)]);
+        assert_eq!(limit.voltage_limit([-60.0, 80.0]), [-30.0, 40.0]);
+        assert_eq!(limit.voltage_limit([-6.0, 8.0]), [-6.0, 8.0]);
+    }
+}

@@ -1,0 +1,56 @@
+//! Drag of the air in the gap and on the fan.
+//!
+//! Formula      resisting torque c w abs(w)
+//! Source       quadratic drag, I. Newton, 1687; PLANTS.md, section 3
+//! Acts on      effort at the rotor
+//! Looks like   viscous friction over a narrow range of speed
+//! Told apart   by a run-up to high speed: it grows with the square
+//! Report says  "Windage of {coefficient} N m per (rad/s)^2 is missing from the model."
+//!
+//! In: its arguments. Out: what its hooks change. Never changes anything else.
+
+use crate::effect::{Argument, Arguments, Description, Effect, Motion, Subject};
+use crate::kind::PlantKind;
+use crate::schema::Bound;
+
+/// What a file and a report may know of it.
+pub const DESCRIPTION: Description = Description {
+    kind: "windage",
+    plants: &[PlantKind::Pmac],
+    subject: Subject::None,
+    arguments: &[Argument::new("coefficient", "N*m*s^2/rad^2", Bound::NotNegative)],
+    sentence: "Windage of {coefficient} N m per (rad/s)^2 is missing from the model.",
+    build,
+};
+
+struct Windage {
+    coefficient: f64,
+}
+
+fn build(arguments: &Arguments) -> Box<dyn Effect> {
+    Box::new(Windage { coefficient: arguments.number("coefficient") })
+}
+
+impl Effect for Windage {
+    fn effort(&self, motion: &Motion) -> f64 {
+        -self.coefficient * motion.speed * motion.speed.abs()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
+        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+    }
+
+    #[test]
+    fn it_grows_with_the_square_of_the_speed() {
+        let windage = made(&[("coefficient", 2e-6)]);
+        // 2e-6 * 500^2 = 0.5 N m against the motion.
+        for (speed, expected) in [(500.0, -0.5), (-500.0, 0.5)] {
+            assert_eq!(windage.effort(&Motion { position: 0.0, speed, viscous_friction: 0.0 }), expected);
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! All effects of a plant file at once: every hook goes through each of them in the order of the file.
+//!
+//! In: effects, built. Out: what the plant gets at each of its fixed places. Holds which of the plant's states belong to which effect;
+//! the plant's own come first. Never allocates once it is built.
+
+use crate::effect::{Carried, Contact, Currents, Effect, Joint, Machine, Motion, Scale, Start, Twist};
+use crate::plant_file::PlantFile;
+
+struct Active {
+    effect: Box<dyn Effect>,
+    /// Its states are `first..end`.
+    first: usize,
+    end: usize,
+    /// The share of inertia that it puts behind a joint.
+    split: Option<f64>,
+}
+
+/// The effects of one simulation.
+pub struct Hooks {
+    active: Vec<Active>,
+    states: usize,
+    memory: bool,
+}
+
+impl Hooks {
+    /// The effects of a file, for a plant with so many states of its own.
+    #[must_use]
+    pub fn new(file: &PlantFile, own_states: usize) -> Self {
+        let mut states = own_states;
+        let mut memory = false;
+        let mut active = Vec::new();
+        for entry in &file.effects {
+            let effect = (entry.description.build)(&entry.arguments);
+            let first = states;
+            states += effect.states();
+            memory |= effect.reads_with_memory();
+            active.push(Active { first, end: states, split: effect.split(), effect });
+        }
+        Hooks { active, states, memory }
+    }
+
+    /// States of plant and effects.
+    #[must_use]
+    pub fn states(&self) -> usize {
+        self.states
+    }
+
+    /// Whether reading an output moves a state.
+    #[must_use]
+    pub fn reads_with_memory(&self) -> bool {
+        self.memory
+    }
+
+    /// The first input as it acts.
+    #[must_use]
+    pub fn input(&self, value: f64) -> f64 {
+        self.active.iter().fold(value, |value, it| it.effect.input(value))
+    }
+
+    /// Seconds by which the first input acts later.
+    #[must_use]
+    pub fn delay(&self) -> f64 {
+        self.active.iter().map(|it| it.effect.delay()).sum()
+    }
+
+    /// Start of the states of all effects.
+    pub fn start(&self, start: &Start, x: &mut [f64]) {
+        for it in &self.active {
+            it.effect.start(start, &mut x[it.first..it.end]);
+        }
+    }
+
+    /// Start of the states that follow outputs, from the true outputs.
+    pub fn settle(&self, time: f64, mut outputs: [f64; 3], x: &mut [f64], dx: &mut [f64]) {
+        for it in &self.active {
+            it.effect.settle(&outputs, &mut x[it.first..it.end]);
+            for (k, value) in outputs.iter_mut().enumerate() {
+                *value = it.effect.reads(k, *value, time, &x[it.first..it.end], &mut dx[it.first..it.end]);
+            }
+        }
+    }
+
+    /// The fastest rate of all effects [1/s].
+    #[must_use]
+    pub fn fastest_rate(&self, scale: &Scale) -> f64 {
+        self.active.iter().map(|it| it.effect.fastest_rate(scale)).fold(0.0, f64::max)
+    }
+
+    /// How far the frame of the record is turned.
+    #[must_use]
+    pub fn frame_angle(&self, theta: f64) -> f64 {
+        self.active.iter().map(|it| it.effect.frame_angle(theta)).sum()
+    }
+
+    /// The voltage at the windings: first what the bus allows, then what the switches leave.
+    #[must_use]
+    pub fn voltage(&self, voltage: [f64; 2], current: [f64; 2]) -> [f64; 2] {
+        let allowed = self.active.iter().fold(voltage, |voltage, it| it.effect.voltage_limit(voltage));
+        self.active.iter().fold(allowed, |voltage, it| it.effect.voltage_loss(voltage, current))
+    }
+
+    /// What of a motor depends on its state.
+    pub fn machine(&self, at: &Currents, x: &[f64], dx: &mut [f64], machine: &mut Machine) {
+        for it in &self.active {
+            it.effect.machine(at, &x[it.first..it.end], &mut dx[it.first..it.end], machine);
+        }
+    }
+
+    /// Effort on the first body.
+    #[must_use]
+    pub fn effort(&self, motion: &Motion) -> f64 {
+        self.active.iter().map(|it| it.effect.effort(motion)).sum()
+    }
+
+    /// The share of inertia that is left at the drive.
+    #[must_use]
+    pub fn drive_share(&self) -> f64 {
+        1.0 - self.active.iter().filter_map(|it| it.split).sum::<f64>()
+    }
+
+    /// What of a load reaches the first body. Bodies that are split off stand in a row, in the order of the file, the load on the last.
+    pub fn load(&self, body: &Motion, inertia: f64, load: f64, x: &[f64], dx: &mut [f64]) -> Carried {
+        let mut reaction = self.active.iter().fold(load, |load, it| load + it.effect.load());
+        let mut piece = 0;
+        for k in (0..self.active.len()).rev() {
+            let it = &self.active[k];
+            if it.split.is_none() {
+                continue;
+            }
+            let before = self.active[..k].iter().rfind(|other| other.split.is_some());
+            let near = before.map_or(*body, |other| other.effect.far_motion(&x[other.first..other.end]));
+            let carried = it.effect.passes(&near, inertia, reaction, &x[it.first..it.end], &mut dx[it.first..it.end]);
+            reaction = carried.effort;
+            piece = piece * 4 + carried.piece;
+        }
+        Carried { effort: reaction, piece }
+    }
+
+    /// The law of a joint.
+    #[must_use]
+    pub fn joint(&self, twist: &Twist) -> Carried {
+        let linear = twist.stiffness * twist.angle + twist.damping * twist.rate;
+        let mut carried = Carried { effort: linear, piece: 0 };
+        for it in &self.active {
+            let next = it.effect.joint(twist, carried.effort);
+            carried = Carried { effort: next.effort, piece: carried.piece * 4 + next.piece };
+        }
+        carried.effort = self.active.iter().fold(carried.effort, |effort, it| it.effect.joint_limit(twist.joint, effort));
+        carried
+    }
+
+    /// Free play of a joint.
+    #[must_use]
+    pub fn slack(&self, joint: Joint) -> f64 {
+        self.active.iter().map(|it| it.effect.slack(joint)).sum()
+    }
+
+    /// Effort of an engine.
+    #[must_use]
+    pub fn engine_torque(&self, torque: f64, crank_angle: f64) -> f64 {
+        self.active.iter().fold(torque, |torque, it| it.effect.engine_torque(torque, crank_angle))
+    }
+
+    /// Speed of the air.
+    #[must_use]
+    pub fn air_speed(&self, speed: f64) -> f64 {
+        self.active.iter().fold(speed, |speed, it| it.effect.air_speed(speed))
+    }
+
+    /// The speed of a vehicle that does not follow its wheel.
+    #[must_use]
+    pub fn vehicle_speed(&self, x: &[f64]) -> Option<f64> {
+        self.active.iter().find_map(|it| it.effect.vehicle_speed(&x[it.first..it.end]))
+    }
+
+    /// The force between wheel and road, where it is not rigid.
+    pub fn traction(&self, contact: &Contact, x: &[f64], dx: &mut [f64]) -> Option<f64> {
+        self.active.iter().find_map(|it| it.effect.traction(contact, &x[it.first..it.end], &mut dx[it.first..it.end]))
+    }
+
+    /// True outputs to readings.
+    pub fn read(&self, time: f64, x: &[f64], dx: &mut [f64], outputs: &mut [f64; 3]) {
+        for it in &self.active {
+            for (k, value) in outputs.iter_mut().enumerate() {
+                *value = it.effect.reads(k, *value, time, &x[it.first..it.end], &mut dx[it.first..it.end]);
+            }
+        }
+    }
+
+    /// A reading back to the truth, the last effect first.
+    #[must_use]
+    pub fn truth(&self, output: usize, reading: f64, time: f64) -> f64 {
+        self.active.iter().rev().fold(reading, |value, it| it.effect.truth(output, value, time))
+    }
+}

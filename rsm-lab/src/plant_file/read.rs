@@ -1,0 +1,270 @@
+//! Reads a plant file and finds everything that is wrong with it.
+//!
+//! In: a [`Source`]. Out: a [`PlantFile`], or every fault with line, column and the accepted names. Never panics on any text.
+
+use rsm_core::source::{Collector, Faults, Source};
+use rsm_core::toml_reader::{TableReader, Value, parse};
+
+use super::{Entry, Named, Parameters, PlantFile, Renamed, VelocityFrom};
+use crate::effect::{Arguments, Description, Subject};
+use crate::effects;
+use crate::kind::PlantKind;
+use crate::schema::{self, Bound};
+
+impl PlantFile {
+    /// Reads a plant file.
+    ///
+    /// # Errors
+    /// Every fault, in the order of the file.
+    pub fn read(source: &Source) -> Result<PlantFile, Faults> {
+        let document = parse(source)?;
+        let mut faults = Collector::new();
+        let mut top = TableReader::document(source, &document);
+        let file = read(&mut top, &mut faults);
+        if file.is_some() {
+            top.finish(&mut faults);
+        }
+        faults.finish(file)
+    }
+}
+
+fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> {
+    if let Some(value) = top.required("format", faults) {
+        top.whole("`format`", value, 1, 1, faults);
+    }
+    // Without the kind no other name can be judged.
+    let kind = required_choice(top, "plant", &PlantKind::NAMES, faults)?;
+    let parameters = top.required("parameters", faults).and_then(|value| parameters(kind, top.source(), value, faults));
+    let tolerated: Vec<&'static str> = schema::parameters(kind).iter().map(|nominal| nominal.name).collect();
+    let outputs: Vec<&'static str> = kind.outputs().iter().map(|signal| signal.name).collect();
+    let tolerance = named(top, "tolerance", &tolerated, Bound::NotNegative, faults);
+    let noise = named(top, "noise", &outputs, Bound::NotNegative, faults);
+    let initial = named(top, "initial", &outputs, Bound::Any, faults);
+    let effects = entries(kind, top, faults);
+    let columns = renamed(kind, top, faults);
+    // Half a file is judged to its end, and refused.
+    let parameters = parameters.unwrap_or(Parameters {
+        kind,
+        values: vec![None; schema::parameters(kind).len()],
+        gear_ratios: [1.0; 5],
+        velocity_from: VelocityFrom::State,
+    });
+    Some(PlantFile { kind, parameters, tolerance, noise, initial, effects, columns })
+}
+
+/// A choice that must be there. Asked for once: the accepted names list a key once.
+fn required_choice<T: Copy>(
+    table: &mut TableReader<'_>,
+    key: &'static str,
+    options: &[(&str, T)],
+    faults: &mut Collector,
+) -> Option<T> {
+    let is_there = table.entries().any(|(found, _, _)| found == key);
+    if is_there {
+        table.choice(key, options, faults)
+    } else {
+        table.required(key, faults)?;
+        None
+    }
+}
+
+/// A number within its bound.
+fn bounded(table: &TableReader<'_>, what: &str, value: Value<'_>, bound: Bound, faults: &mut Collector) -> Option<f64> {
+    let text = table.source();
+    let number = match rsm_core::number::from_toml(value.get_ref()) {
+        Some(number) if number.is_finite() => number,
+        Some(number) => {
+            faults.push(text.fault(value.span(), format!("{what}: found {number}, expected a finite number")));
+            return None;
+        }
+        None => {
+            let found = rsm_core::toml_reader::describe(value.get_ref());
+            faults.push(text.fault(value.span(), format!("{what}: found {found}, expected a number")));
+            return None;
+        }
+    };
+    if !bound.holds(number) {
+        faults.push(text.fault(value.span(), format!("{what}: found {number}, expected {}", bound.words())));
+        return None;
+    }
+    Some(number)
+}
+
+fn parameters(kind: PlantKind, source: &Source, value: Value<'_>, faults: &mut Collector) -> Option<Parameters> {
+    let mut table = TableReader::of(source, value, "[parameters]", faults)?;
+    let mut values = Vec::new();
+    for nominal in schema::parameters(kind) {
+        let found = if nominal.optional { table.optional(nominal.name) } else { table.required(nominal.name, faults) };
+        let what = format!("[parameters]: `{}` [{}]", nominal.name, nominal.unit);
+        values.push(found.and_then(|value| bounded(&table, &what, value, nominal.bound, faults)));
+    }
+    let mut gear_ratios = [1.0; 5];
+    let mut velocity_from = VelocityFrom::State;
+    if kind == PlantKind::Driveline
+        && let Some(value) = table.required("gear_ratios", faults)
+    {
+        ratios(&table, value, &mut gear_ratios, faults);
+    }
+    if kind == PlantKind::ServoAxis {
+        let options = [("state", VelocityFrom::State), ("difference", VelocityFrom::Difference)];
+        velocity_from = table.choice("velocity_from", &options, faults).unwrap_or(VelocityFrom::State);
+        gains_come_together(&table, &values, kind, faults);
+    }
+    table.finish(faults);
+    Some(Parameters { kind, values, gear_ratios, velocity_from })
+}
+
+/// One gain alone closes no loop.
+fn gains_come_together(table: &TableReader<'_>, values: &[Option<f64>], kind: PlantKind, faults: &mut Collector) {
+    let has = |name| schema::index(kind, name).is_some_and(|index| values[index].is_some());
+    for (given, missing) in [("position_gain", "velocity_gain"), ("velocity_gain", "position_gain")] {
+        if has(given) && !has(missing) {
+            let what = format!("`{given}` stands alone: the closed loop needs `{missing}` too");
+            faults.push(table.fault(table.key_span(given), what));
+        }
+    }
+}
+
+fn ratios(table: &TableReader<'_>, value: Value<'_>, ratios: &mut [f64; 5], faults: &mut Collector) {
+    let Some(items) = table.array("`gear_ratios`", value, faults) else { return };
+    if items.len() != ratios.len() {
+        let what = format!("`gear_ratios`: found {} numbers, expected 5, first gear first", items.len());
+        faults.push(table.fault(value.span(), what));
+        return;
+    }
+    for (ratio, item) in ratios.iter_mut().zip(items) {
+        if let Some(number) = bounded(table, "[parameters]: `gear_ratios` [1]", item, Bound::Positive, faults) {
+            *ratio = number;
+        }
+    }
+}
+
+/// An optional table of numbers under known names.
+fn named(
+    top: &mut TableReader<'_>,
+    key: &'static str,
+    names: &[&'static str],
+    bound: Bound,
+    faults: &mut Collector,
+) -> Vec<Named> {
+    let Some(value) = top.optional(key) else { return Vec::new() };
+    let Some(mut table) = TableReader::of(top.source(), value, format!("[{key}]"), faults) else { return Vec::new() };
+    let mut found = Vec::new();
+    for name in names {
+        if let Some(value) = table.optional(name) {
+            let number = bounded(&table, &format!("[{key}]: `{name}`"), value, bound, faults);
+            found.extend(number.map(|number| (*name, number)));
+        }
+    }
+    table.finish(faults);
+    found
+}
+
+fn entries(kind: PlantKind, top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<Entry> {
+    let Some(value) = top.optional("effects") else { return Vec::new() };
+    let Some(items) = top.array("`effects`", value, faults) else { return Vec::new() };
+    let mut found: Vec<Entry> = Vec::new();
+    let mut split = 0.0;
+    for item in items {
+        let Some(entry) = entry(kind, top.source(), item, faults) else { continue };
+        split += (entry.description.build)(&entry.arguments).split().unwrap_or(0.0);
+        if split >= 1.0 {
+            let what = format!(
+                "effect `{}`: with those before it {split} of the inertia is split off, nothing is left at the drive",
+                entry.description.kind
+            );
+            faults.push(top.source().fault(item.span(), what));
+        }
+        found.push(entry);
+    }
+    found
+}
+
+fn entry(kind: PlantKind, source: &Source, item: Value<'_>, faults: &mut Collector) -> Option<Entry> {
+    let mut table = TableReader::of(source, item, "[[effects]]", faults)?;
+    let name = table.text("kind", faults)?;
+    let allowed: Vec<&'static Description> =
+        effects::ALL.iter().copied().filter(|description| description.plants.contains(&kind)).collect();
+    let Some(description) = allowed.iter().find(|description| description.kind == name) else {
+        let known = effects::ALL.iter().any(|description| description.kind == name);
+        let what = if known {
+            format!("the effect \"{name}\" cannot stand on the plant \"{}\"", kind.name())
+        } else {
+            format!("unknown effect \"{name}\"")
+        };
+        let names = allowed.iter().map(|description| description.kind).collect::<Vec<_>>().join(", ");
+        let span = table.optional("kind").map_or(table.span(), |value| value.span());
+        faults.push(table.fault(span, what).help(format!("effects of this plant: {names}")));
+        return None;
+    };
+    let value = table.required("parameters", faults)?;
+    let arguments = arguments(kind, description, source, value, faults);
+    table.finish(faults);
+    Some(Entry { description, arguments: arguments? })
+}
+
+fn arguments(
+    kind: PlantKind,
+    description: &'static Description,
+    source: &Source,
+    value: Value<'_>,
+    faults: &mut Collector,
+) -> Option<Arguments> {
+    let mut table = TableReader::of(source, value, format!("effect `{}`", description.kind), faults)?;
+    let (key, names): (&'static str, Vec<&'static str>) = match description.subject {
+        Subject::None => ("", Vec::new()),
+        Subject::Parameter => ("parameter", schema::parameters(kind).iter().map(|nominal| nominal.name).collect()),
+        Subject::Output => ("output", kind.outputs().iter().map(|signal| signal.name).collect()),
+    };
+    let mut complete = true;
+    let mut subject = None;
+    if !names.is_empty() {
+        let options: Vec<(&str, &'static str)> = names.iter().map(|name| (*name, *name)).collect();
+        subject = required_choice(&mut table, key, &options, faults);
+        complete &= subject.is_some();
+    }
+    let mut numbers = Vec::new();
+    for argument in description.arguments_on(kind) {
+        let found = if argument.optional { table.optional(argument.name) } else { table.required(argument.name, faults) };
+        let Some(value) = found else {
+            complete &= argument.optional;
+            continue;
+        };
+        // A parameter in error keeps the sign that the physics fixes.
+        let bound = match (description.subject, subject) {
+            (Subject::Parameter, Some(name)) => {
+                schema::index(kind, name).map_or(argument.bound, |index| schema::parameters(kind)[index].bound)
+            }
+            _ => argument.bound,
+        };
+        let what = format!("effect `{}`: `{}`", description.kind, argument.name);
+        match bounded(&table, &what, value, bound, faults) {
+            Some(number) => numbers.push((argument.name, number)),
+            None => complete = false,
+        }
+    }
+    table.finish(faults);
+    complete.then_some(Arguments { plant: kind, subject: subject.map(str::to_string), numbers })
+}
+
+fn renamed(kind: PlantKind, top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<Renamed> {
+    let Some(value) = top.optional("columns") else { return Vec::new() };
+    let Some(mut table) = TableReader::of(top.source(), value, "[columns]", faults) else { return Vec::new() };
+    let mut found: Vec<Renamed> = Vec::new();
+    for signal in kind.columns() {
+        let Some(value) = table.optional(signal.name) else { continue };
+        let who = format!("[columns]: `{}`", signal.name);
+        let Some(mut one) = TableReader::of(top.source(), value, who, faults) else { continue };
+        let column = one.text("column", faults);
+        let unit = one.optional_text("unit", faults);
+        if let Some(unit) = &unit
+            && let Err(why) = rsm_fit::units::Conversion::between(unit, signal.unit)
+        {
+            faults.push(one.fault(one.key_span("unit"), why));
+        }
+        one.finish(faults);
+        found.extend(column.map(|column| Renamed { signal: signal.name, column, unit }));
+    }
+    table.finish(faults);
+    found
+}

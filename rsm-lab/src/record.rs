@@ -1,0 +1,249 @@
+//! Records (PLANTS.md 1.2): reading a CSV for a plant, writing one.
+//!
+//! In: a CSV and the plant file that says what its columns are called. Out: a [`Record`] in the units of the code, uniformly sampled; or
+//! every fault with the line. Never fills a gap, never resamples.
+
+use rsm_core::number::decimal;
+use rsm_core::source::{Collector, Fault, Faults, Source};
+use rsm_fit::table::{Table, Wanted};
+
+use crate::kind::{PlantKind, Signal};
+use crate::plant_file::PlantFile;
+
+/// Jitter beyond this share of the period is a fault (PLANTS.md 1.2).
+const JITTER: f64 = 0.01;
+
+/// What drives the plant in a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Drive {
+    /// The inputs alone.
+    Open,
+    /// A motor's drive holds i_d = 0: neither v_d nor i_d is in the record.
+    HoldsDirectCurrent,
+    /// The controller of the axis, from the reference.
+    Closed,
+}
+
+/// A uniformly sampled record.
+#[derive(Debug, Clone)]
+pub struct Record {
+    /// As messages speak of it.
+    pub file: String,
+    /// What drives the plant.
+    pub drive: Drive,
+    /// Instants [s].
+    pub time: Vec<f64>,
+    /// Their period [s].
+    pub period: f64,
+    /// The inputs in the order of the simulation: v_d, v_q, load_torque; throttle; command or reference.
+    pub inputs: Vec<Vec<f64>>,
+    /// The gear, 1 to 5; 1 for other plants.
+    pub gear: usize,
+    /// The first angle of the rotor, where the record has one.
+    pub angle: Option<f64>,
+    /// The outputs that it holds, in the order of the plant.
+    pub measured: Vec<Option<Vec<f64>>>,
+}
+
+impl Record {
+    /// Reads a record of a plant.
+    ///
+    /// # Errors
+    /// Every fault, with its line.
+    pub fn read(source: &Source, plant: &PlantFile) -> Result<Record, Faults> {
+        let header = Table::read(source, &Wanted::default())?;
+        let columns = Columns { plant, header: &header };
+        let mut faults = Collector::new();
+        let drive = columns.drive(&mut faults);
+        let signals: Vec<Signal> = plant.kind.columns().into_iter().filter(|signal| columns.has(signal.name)).collect();
+        let wanted = signals.iter().map(|signal| columns.name(signal.name).to_string()).collect();
+        let table = match Table::read(source, &Wanted { numbers: wanted, ..Wanted::default() }) {
+            Ok(table) => table,
+            Err(found) => {
+                found.list().iter().for_each(|fault| faults.push(fault.clone()));
+                return faults.finish(None);
+            }
+        };
+        let mut values: Vec<(&'static str, Vec<f64>)> = Vec::new();
+        for signal in &signals {
+            match columns.values(&table, signal) {
+                Ok(column) => values.push((signal.name, column)),
+                Err(fault) => faults.push(fault),
+            }
+        }
+        if !faults.is_clean() {
+            return faults.finish(None);
+        }
+        let take = |name: &str| values.iter().find(|(found, _)| *found == name).map(|(_, column)| column.clone());
+        let time = take("time").unwrap_or_default();
+        let period = uniform(&time, &table, &mut faults);
+        let gear = take("gear").map_or(1, |gears| constant_gear(&gears, &table, &mut faults));
+        let record = Record {
+            file: table.file.clone(),
+            drive,
+            period,
+            inputs: inputs(plant.kind, drive).iter().map(|signal| take(signal.name).unwrap_or_default()).collect(),
+            gear,
+            angle: take("angle").and_then(|angles| angles.first().copied()),
+            measured: plant.kind.outputs().iter().map(|signal| take(signal.name)).collect(),
+            time,
+        };
+        faults.finish(Some(record))
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.time.len()
+    }
+}
+
+/// The columns of inputs that a simulation reads, in its order.
+#[must_use]
+pub fn inputs(kind: PlantKind, drive: Drive) -> &'static [Signal] {
+    match (kind, drive) {
+        (PlantKind::Pmac, _) => kind.inputs(),
+        (PlantKind::Driveline, _) => &kind.inputs()[..1],
+        (PlantKind::ServoAxis, Drive::Closed) => &kind.inputs()[1..],
+        (PlantKind::ServoAxis, _) => &kind.inputs()[..1],
+    }
+}
+
+struct Columns<'a> {
+    plant: &'a PlantFile,
+    header: &'a Table,
+}
+
+impl Columns<'_> {
+    /// The name of a signal in this record.
+    fn name<'n>(&'n self, signal: &'n str) -> &'n str {
+        let renamed = self.plant.columns.iter().find(|renamed| renamed.signal == signal);
+        renamed.map_or(signal, |renamed| renamed.column.as_str())
+    }
+
+    fn has(&self, signal: &str) -> bool {
+        self.header.column(self.name(signal)).is_some()
+    }
+
+    /// What drives the plant, and whether the columns for it are there.
+    fn drive(&self, faults: &mut Collector) -> Drive {
+        let kind = self.plant.kind;
+        let mut needed: Vec<&str> = vec!["time"];
+        let drive = match kind {
+            PlantKind::Pmac => {
+                needed.extend(["v_q", "load_torque"]);
+                if self.has("v_d") || self.has("i_d") {
+                    needed.push("v_d");
+                    Drive::Open
+                } else {
+                    Drive::HoldsDirectCurrent
+                }
+            }
+            PlantKind::Driveline => {
+                needed.extend(["throttle", "gear"]);
+                Drive::Open
+            }
+            PlantKind::ServoAxis => {
+                let closed = self.plant.parameters.optional("position_gain").is_some() && self.has("reference");
+                needed.push(if closed { "reference" } else { "command" });
+                if closed { Drive::Closed } else { Drive::Open }
+            }
+        };
+        for signal in needed {
+            if !self.has(signal) {
+                let unit = kind.columns().iter().find(|found| found.name == signal).map_or("", |found| found.unit);
+                let what = format!("there is no column `{}`", self.name(signal));
+                let names: Vec<&str> = self.header.columns.iter().map(|column| column.name.as_str()).collect();
+                let help = format!(
+                    "a record of \"{}\" has `{signal}[{unit}]`, or its name under [columns] of the plant file; the columns are {}",
+                    kind.name(),
+                    names.join(", ")
+                );
+                faults.push(Fault::at_line(&self.header.file, self.header.header_line, 0, what).help(help));
+            }
+        }
+        drive
+    }
+
+    /// The values of a signal in its unit.
+    fn values(&self, table: &Table, signal: &Signal) -> Result<Vec<f64>, Fault> {
+        let name = self.name(signal.name);
+        let renamed = self.plant.columns.iter().find(|renamed| renamed.signal == signal.name);
+        let in_header = table.column(name).and_then(|column| column.unit.as_deref());
+        let stated = renamed.and_then(|renamed| renamed.unit.as_deref());
+        match (in_header, stated) {
+            (Some(_), _) => Ok(table.values_in(name, Some(signal.unit))?.0),
+            (None, Some(stated)) => {
+                let conversion = rsm_fit::units::Conversion::between(stated, signal.unit)
+                    .map_err(|why| Fault::at_line(&table.file, table.header_line, 0, why))?;
+                Ok(table.values_in(name, Some(stated))?.0.iter().map(|value| conversion.apply(*value)).collect())
+            }
+            (None, None) => {
+                let what = format!("the column `{name}` has no unit");
+                let help =
+                    format!("write `{name}[{}]` in the header, or `unit` under [columns] of the plant file", signal.unit);
+                Err(Fault::at_line(&table.file, table.header_line, 0, what).help(help))
+            }
+        }
+    }
+}
+
+/// The period of instants that must be uniform; the first bad row is a fault.
+fn uniform(time: &[f64], table: &Table, faults: &mut Collector) -> f64 {
+    if time.len() < 2 {
+        let what = "a record needs two rows at least: one has no period";
+        faults.push(Fault::at_line(&table.file, table.lines.first().copied().unwrap_or(0), 0, what));
+        return 0.0;
+    }
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    // The median: one gap or one step back does not move it.
+    let period = steps[steps.len() / 2];
+    for (k, pair) in time.windows(2).enumerate() {
+        let step = pair[1] - pair[0];
+        let what = if step <= 0.0 {
+            format!("time goes back from {} s to {} s", pair[0], pair[1])
+        } else if step > 1.5 * period {
+            format!("a gap: time goes from {} s to {} s, the period is {period} s", pair[0], pair[1])
+        } else if (step - period).abs() > JITTER * period {
+            format!("jitter: {step} s after the row before, the period is {period} s, 1 % is accepted")
+        } else {
+            continue;
+        };
+        faults.push(Fault::at_line(&table.file, table.lines[k + 1], 0, what));
+        return period;
+    }
+    // The mean over the whole record: the decimals of single instants are rounded.
+    (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64
+}
+
+fn constant_gear(gears: &[f64], table: &Table, faults: &mut Collector) -> usize {
+    let first = gears.first().copied().unwrap_or(1.0);
+    let mut bad = |row: usize, what: String| faults.push(Fault::at_line(&table.file, table.lines[row], 0, what));
+    if let Some(row) = gears.iter().position(|gear| *gear != first) {
+        bad(row, format!("`gear`: found {}, it began with {first}; one record holds one gear", gears[row]));
+    }
+    if ![1.0, 2.0, 3.0, 4.0, 5.0].contains(&first) {
+        bad(0, format!("`gear`: found {first}, expected 1, 2, 3, 4 or 5"));
+        return 1;
+    }
+    first as usize
+}
+
+/// A CSV of columns of equal length; decimals read back to the same bits.
+#[must_use]
+pub fn csv(columns: &[(Signal, &[f64])]) -> String {
+    let header: Vec<String> = columns.iter().map(|(signal, _)| format!("{}[{}]", signal.name, signal.unit)).collect();
+    let mut text = header.join(",") + "\n";
+    let rows = columns.iter().map(|(_, values)| values.len()).min().unwrap_or(0);
+    for row in 0..rows {
+        for (k, (_, values)) in columns.iter().enumerate() {
+            if k > 0 {
+                text.push(',');
+            }
+            text.push_str(&decimal(values[row]));
+        }
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,134 @@
+//! The nominal parameters of each plant (PLANTS.md, section 2): name, unit, and what physics says of the sign.
+//!
+//! In: nothing. Out: tables for the reader, the writer and `parameter-error`. Never holds a value of a parameter.
+
+use crate::kind::PlantKind;
+
+/// Which values a number may have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bound {
+    /// Any finite number.
+    Any,
+    /// Above zero.
+    Positive,
+    /// Zero or above.
+    NotNegative,
+    /// Between two numbers, both excluded.
+    Between(f64, f64),
+    /// A whole number of at least one.
+    Count,
+}
+
+impl Bound {
+    /// Whether a finite number keeps the bound.
+    #[must_use]
+    pub fn holds(self, value: f64) -> bool {
+        match self {
+            Self::Any => true,
+            Self::Positive => value > 0.0,
+            Self::NotNegative => value >= 0.0,
+            Self::Between(low, high) => value > low && value < high,
+            Self::Count => value >= 1.0 && value.fract() == 0.0,
+        }
+    }
+
+    /// The bound in words, after "expected ".
+    #[must_use]
+    pub fn words(self) -> String {
+        match self {
+            Self::Any => "a finite number".to_string(),
+            Self::Positive => "a number above 0".to_string(),
+            Self::NotNegative => "a number of at least 0".to_string(),
+            Self::Between(low, high) => format!("a number between {low} and {high}, both excluded"),
+            Self::Count => "a whole number of at least 1".to_string(),
+        }
+    }
+}
+
+/// A nominal parameter that is a single number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Nominal {
+    /// Its name in the file.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// What the physics says of it.
+    pub bound: Bound,
+    /// May be left out.
+    pub optional: bool,
+}
+
+const fn of(name: &'static str, unit: &'static str, bound: Bound) -> Nominal {
+    Nominal { name, unit, bound, optional: false }
+}
+
+const fn optional(name: &'static str, unit: &'static str, bound: Bound) -> Nominal {
+    Nominal { name, unit, bound, optional: true }
+}
+
+use Bound::{Any, Between, Count, NotNegative, Positive};
+
+const PMAC: &[Nominal] = &[
+    of("phase_resistance", "ohm", NotNegative),
+    of("phase_inductance", "H", Positive),
+    of("flux_linkage", "Wb", Positive),
+    of("pole_pairs", "1", Count),
+    of("inertia", "kg*m^2", Positive),
+    of("viscous_friction", "N*m*s/rad", NotNegative),
+    of("bus_voltage", "V", Positive),
+    of("current_limit", "A", Positive),
+];
+
+const DRIVELINE: &[Nominal] = &[
+    of("engine_inertia", "kg*m^2", Positive),
+    of("transmission_inertia", "kg*m^2", Positive),
+    of("final_drive_inertia", "kg*m^2", NotNegative),
+    of("wheel_inertia", "kg*m^2", Positive),
+    of("mass", "kg", Positive),
+    of("wheel_radius", "m", Positive),
+    of("final_drive_ratio", "1", Positive),
+    of("clutch_stiffness", "N*m/rad", Positive),
+    of("clutch_damping", "N*m*s/rad", NotNegative),
+    of("driveshaft_stiffness", "N*m/rad", Positive),
+    of("driveshaft_damping", "N*m*s/rad", NotNegative),
+    of("transmission_damping", "N*m*s/rad", NotNegative),
+    of("final_drive_damping", "N*m*s/rad", NotNegative),
+    of("wheel_damping", "N*m*s/rad", NotNegative),
+    of("rolling_resistance_1", "m/s^2", NotNegative),
+    of("rolling_resistance_2", "m/s", NotNegative),
+    of("drag_area", "m^2", NotNegative),
+    of("air_density", "kg/m^3", NotNegative),
+    // Steeper than a wall is not a road.
+    of("grade", "rad", Between(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2)),
+    of("torque_0", "N*m", Any),
+    of("torque_1", "N*m*s", Any),
+    of("torque_2", "N*m*s^2", Any),
+    of("torque_lag", "s", Positive),
+    of("engine_friction_0", "N*m", NotNegative),
+    of("engine_friction_1", "N*m*s", NotNegative),
+];
+
+const SERVO_AXIS: &[Nominal] = &[
+    of("mass", "kg", Positive),
+    of("force_gain", "N/V", Positive),
+    of("viscous_friction", "N*s/m", NotNegative),
+    of("command_limit", "V", Positive),
+    optional("position_gain", "1/s", Positive),
+    optional("velocity_gain", "V*s/m", Positive),
+];
+
+/// The numbers of a plant, in the order of PLANTS.md. The gear ratios and the choice of the velocity stand beside them.
+#[must_use]
+pub fn parameters(kind: PlantKind) -> &'static [Nominal] {
+    match kind {
+        PlantKind::Pmac => PMAC,
+        PlantKind::Driveline => DRIVELINE,
+        PlantKind::ServoAxis => SERVO_AXIS,
+    }
+}
+
+/// The place of a parameter among [`parameters`].
+#[must_use]
+pub fn index(kind: PlantKind, name: &str) -> Option<usize> {
+    parameters(kind).iter().position(|nominal| nominal.name == name)
+}

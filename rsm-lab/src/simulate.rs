@@ -1,0 +1,356 @@
+//! Runs a plant with its effects along a record.
+//!
+//! In: a plant file and a record. Out: every output at every row. Runge-Kutta of fourth order with a whole number of equal sub-steps in a
+//! period, chosen from the fastest rate of plant and effects; a sub-step in which a joint opens or closes is done again in smaller ones.
+//! The same files give the same bits on one machine. Never allocates while it runs, but for the outputs of a first run.
+
+use std::fmt;
+
+use rsm_core::source::{Fault, Faults};
+
+use crate::hooks::Hooks;
+use crate::kind::{PlantKind, Signal};
+use crate::plant_file::PlantFile;
+use crate::plants::Plant;
+use crate::plants::driveline::Driveline;
+use crate::plants::pmac::Pmac;
+use crate::plants::servo_axis::ServoAxis;
+use crate::record::{Drive, Record};
+
+/// A sub-step is at most this over the fastest rate. The error of fourth order in one time constant is then 0.25^4/120, 3e-5 of
+/// what moves that fast; stability alone would allow 2.78.
+const STEP_RATE: f64 = 0.25;
+
+/// A sub-step in which a joint opens or closes is done again in so many: the jump of a damper is placed to 1/32 of a sub-step.
+const CLOSER: usize = 32;
+
+/// More sub-steps in a period are not a simulation that anybody waits for: a stiffness or an inertia is wrong by orders.
+const MOST_STEPS: f64 = 50_000.0;
+
+/// The delay is whole periods when it is so near, in periods: decimals of periods and delays do not meet exactly.
+const WHOLE: f64 = 1e-9;
+
+/// Why a simulation stopped: a numerical outcome.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Stopped {
+    /// A state is no longer finite after this row (from 0).
+    NotFinite {
+        /// The row.
+        row: usize,
+    },
+    /// The plant needs more sub-steps a period than are reasonable.
+    TooFast {
+        /// The row.
+        row: usize,
+        /// Its fastest rate [1/s].
+        rate: f64,
+    },
+}
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Stopped::NotFinite { row } => {
+                write!(
+                    f,
+                    "the simulation grows without bound after row {} of the record: are its inputs those of this plant?",
+                    row + 1
+                )
+            }
+            Stopped::TooFast { row, rate } => write!(
+                f,
+                "at row {} of the record the plant moves at {rate:e} 1/s, more than {MOST_STEPS} sub-steps a period: \
+                 a stiffness or an inertia is out of proportion",
+                row + 1
+            ),
+        }
+    }
+}
+
+impl std::error::Error for Stopped {}
+
+/// The outputs of a run.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Outputs {
+    /// Those that this record's drive has, in the order of the plant.
+    pub signals: Vec<Signal>,
+    /// A value a row, for each of them.
+    pub values: Vec<Vec<f64>>,
+}
+
+impl Outputs {
+    /// The values of an output.
+    #[must_use]
+    pub fn of(&self, name: &str) -> Option<&[f64]> {
+        let index = self.signals.iter().position(|signal| signal.name == name)?;
+        Some(&self.values[index])
+    }
+}
+
+enum Equations {
+    Pmac(Pmac),
+    Driveline(Driveline),
+    ServoAxis(ServoAxis),
+}
+
+/// A plant with its effects, ready for one record; it can run many times.
+pub struct Simulator {
+    equations: Equations,
+    kind: PlantKind,
+    hooks: Hooks,
+    start: [f64; 3],
+    refinement: usize,
+    work: Work,
+}
+
+/// Everything that the inner loop writes.
+#[derive(Default)]
+struct Work {
+    x: Vec<f64>,
+    before: Vec<f64>,
+    trial: Vec<f64>,
+    k: [Vec<f64>; 4],
+    outputs: [f64; 3],
+}
+
+impl Simulator {
+    /// The plant of a file for a record.
+    ///
+    /// # Errors
+    /// A fault when the start is neither in the record nor in `[initial]`.
+    pub fn new(file: &PlantFile, record: &Record) -> Result<Simulator, Faults> {
+        let parameters = file.effective_parameters();
+        let holds = record.drive == Drive::HoldsDirectCurrent;
+        let (hooks, equations) = match file.kind {
+            PlantKind::Pmac => {
+                let hooks = Hooks::new(file, Pmac::STATES);
+                let plant = Pmac::new(&parameters, &hooks, holds);
+                (hooks, Equations::Pmac(plant))
+            }
+            PlantKind::Driveline => {
+                let plant = Driveline::new(&parameters, record.gear);
+                (Hooks::new(file, Driveline::STATES), Equations::Driveline(plant))
+            }
+            PlantKind::ServoAxis => {
+                let hooks = Hooks::new(file, ServoAxis::STATES);
+                let plant = ServoAxis::new(&parameters, &hooks);
+                (hooks, Equations::ServoAxis(plant))
+            }
+        };
+        let needed: &[usize] = match file.kind {
+            PlantKind::Pmac if holds => &[1, 2],
+            PlantKind::Pmac => &[0, 1, 2],
+            PlantKind::Driveline => &[1],
+            PlantKind::ServoAxis => &[0],
+        };
+        let mut start = [0.0; 3];
+        for &output in needed {
+            let name = file.kind.outputs()[output].name;
+            let initial = file.initial.iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
+            let first = record.measured[output].as_ref().and_then(|values| values.first().copied());
+            let Some(reading) = initial.or(first) else {
+                let what = format!("nothing says where `{name}` starts");
+                let help = format!("give the column `{name}` in the record, or a value under [initial] of the plant file");
+                return Err(Faults::one(Fault::whole_file(&record.file, what).help(help)));
+            };
+            start[output] = hooks.truth(output, reading, record.time[0]);
+        }
+        let states = hooks.states();
+        let of = || vec![0.0; states];
+        let work = Work { x: of(), before: of(), trial: of(), k: [of(), of(), of(), of()], outputs: [0.0; 3] };
+        Ok(Simulator { equations, kind: file.kind, hooks, start, refinement: 1, work })
+    }
+
+    /// Divides every sub-step by a whole number: how far the outputs then move shows what the step leaves.
+    #[must_use]
+    pub fn refined(mut self, factor: usize) -> Self {
+        self.refinement = factor.max(1);
+        self
+    }
+
+    /// The start as the diagnosis may vary it: true outputs.
+    pub fn set_start(&mut self, outputs: [f64; 3]) {
+        self.start = outputs;
+    }
+
+    /// Runs along the record.
+    ///
+    /// # Errors
+    /// [`Stopped`], when the numbers leave no way on.
+    pub fn run(&mut self, record: &Record) -> Result<Outputs, Stopped> {
+        let mut outputs = Outputs::default();
+        self.run_into(record, &mut outputs)?;
+        Ok(outputs)
+    }
+
+    /// The same into outputs that are used again: no allocation once they have their size.
+    ///
+    /// # Errors
+    /// [`Stopped`], when the numbers leave no way on.
+    pub fn run_into(&mut self, record: &Record, outputs: &mut Outputs) -> Result<(), Stopped> {
+        let all = self.kind.outputs();
+        let shown: &[Signal] = match record.drive {
+            Drive::HoldsDirectCurrent => &all[1..],
+            Drive::Open if self.kind == PlantKind::ServoAxis => &all[..1],
+            _ => all,
+        };
+        outputs.signals.clear();
+        outputs.signals.extend_from_slice(shown);
+        outputs.values.resize_with(shown.len(), Vec::new);
+        for values in &mut outputs.values {
+            values.clear();
+            values.reserve(record.rows());
+        }
+        let first = usize::from(record.drive == Drive::HoldsDirectCurrent);
+        let mut run = Run {
+            hooks: &self.hooks,
+            record,
+            work: &mut self.work,
+            kind: self.kind,
+            refinement: self.refinement,
+            commands: Vec::new(),
+        };
+        match &self.equations {
+            Equations::Pmac(plant) => run.along(plant, &self.start, first, outputs),
+            Equations::Driveline(plant) => run.along(plant, &self.start, first, outputs),
+            Equations::ServoAxis(plant) => run.along(plant, &self.start, first, outputs),
+        }
+    }
+}
+
+struct Run<'a> {
+    hooks: &'a Hooks,
+    record: &'a Record,
+    work: &'a mut Work,
+    kind: PlantKind,
+    refinement: usize,
+    /// What the controller said, row by row; empty without one.
+    commands: Vec<f64>,
+}
+
+impl Run<'_> {
+    fn along<P: Plant>(&mut self, plant: &P, start: &[f64; 3], first: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
+        let record = self.record;
+        let delay = self.hooks.delay() / record.period;
+        let mut whole = delay.floor();
+        let mut part = delay - whole;
+        if part > 1.0 - WHOLE {
+            (whole, part) = (whole + 1.0, 0.0);
+        } else if part < WHOLE {
+            part = 0.0;
+        }
+        // Beyond the record every row has the first value.
+        let whole = if whole < record.rows() as f64 { whole as usize } else { record.rows() };
+        if record.drive == Drive::Closed {
+            self.commands.reserve(record.rows());
+        }
+        let before_any = if record.drive == Drive::Closed { [0.0; 3] } else { self.acting(0, 0) };
+        self.work.x.fill(0.0);
+        plant.start(self.hooks, start, record, &before_any, &mut self.work.x);
+        let mut held = [self.work.x[0]; 3];
+        for row in 0..record.rows() {
+            let time = record.time[row];
+            if record.drive == Drive::Closed {
+                held = if row == 0 { held } else { [self.work.x[0], held[0], held[1]] };
+                let command = plant.command(record.inputs[0][row], &self.work.x, held, record.period);
+                self.commands.push(command);
+            }
+            let late = self.acting(row, row.saturating_sub(whole + 1));
+            let now = self.acting(row, row.saturating_sub(whole));
+            let at_row = if part > 0.0 { late } else { now };
+            let work = &mut *self.work;
+            plant.evaluate(self.hooks, &at_row, &work.x, &mut work.k[0], &mut work.outputs);
+            if row == 0 {
+                self.hooks.settle(time, work.outputs, &mut work.x, &mut work.k[0]);
+            }
+            self.hooks.read(time, &work.x, &mut work.k[0], &mut work.outputs);
+            for (values, value) in outputs.values.iter_mut().zip(&work.outputs[first..]) {
+                values.push(*value);
+            }
+            if row + 1 == record.rows() {
+                break;
+            }
+            if part > 0.0 {
+                self.hold(plant, &late, row, time, part * record.period)?;
+            }
+            self.hold(plant, &now, row, time + part * record.period, (1.0 - part) * record.period)?;
+            if self.work.x.iter().any(|value| !value.is_finite()) {
+                return Err(Stopped::NotFinite { row });
+            }
+        }
+        Ok(())
+    }
+
+    /// The inputs that act at a row, the first as it was at an earlier one.
+    fn acting(&self, row: usize, earlier: usize) -> [f64; 3] {
+        let inputs = &self.record.inputs;
+        match self.kind {
+            PlantKind::Pmac => {
+                let v_d = inputs[0].get(earlier).copied().unwrap_or(0.0);
+                [self.hooks.input(v_d), self.hooks.input(inputs[1][earlier]), inputs[2][row]]
+            }
+            PlantKind::Driveline => [self.hooks.input(inputs[0][earlier]), 0.0, 0.0],
+            PlantKind::ServoAxis => {
+                let commands = if self.record.drive == Drive::Closed { &self.commands } else { &inputs[0] };
+                [self.hooks.input(commands[earlier]), commands[row], 0.0]
+            }
+        }
+    }
+
+    /// Integrates over a span in which the inputs are held.
+    fn hold<P: Plant>(&mut self, plant: &P, inputs: &[f64; 3], row: usize, start: f64, span: f64) -> Result<(), Stopped> {
+        let rate = plant.fastest_rate(self.hooks, &self.work.x);
+        let steps = (span * rate / STEP_RATE).ceil().max(1.0);
+        if steps > MOST_STEPS || steps.is_nan() {
+            return Err(Stopped::TooFast { row, rate });
+        }
+        let steps = steps as usize * self.refinement;
+        let step = span / steps as f64;
+        let mut piece = self.rates(plant, inputs, start, 0);
+        for k in 0..steps {
+            let time = start + k as f64 * step;
+            self.work.before.copy_from_slice(&self.work.x);
+            self.advance(plant, inputs, time, step);
+            let next = self.rates(plant, inputs, time + step, 0);
+            if next == piece {
+                continue;
+            }
+            piece = next;
+            self.work.x.copy_from_slice(&self.work.before);
+            let closer = step / CLOSER as f64;
+            for part in 0..CLOSER {
+                let time = time + part as f64 * closer;
+                self.rates(plant, inputs, time, 0);
+                self.advance(plant, inputs, time, closer);
+            }
+            self.rates(plant, inputs, time + step, 0);
+        }
+        Ok(())
+    }
+
+    /// The rates at the state, into the k-th place.
+    fn rates<P: Plant>(&mut self, plant: &P, inputs: &[f64; 3], time: f64, k: usize) -> u32 {
+        let Work { x, trial, k: rates, outputs, .. } = &mut *self.work;
+        let at = if k == 0 { x } else { trial };
+        let piece = plant.evaluate(self.hooks, inputs, at, &mut rates[k], outputs);
+        if self.hooks.reads_with_memory() {
+            self.hooks.read(time, at, &mut rates[k], outputs);
+        }
+        piece
+    }
+
+    /// One step of the classical method; the rates at its start are in place.
+    fn advance<P: Plant>(&mut self, plant: &P, inputs: &[f64; 3], time: f64, step: f64) {
+        for (k, share) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
+            let Work { x, trial, k: rates, .. } = &mut *self.work;
+            for ((trial, x), rate) in trial.iter_mut().zip(x.iter()).zip(&rates[k - 1]) {
+                *trial = x + share * step * rate;
+            }
+            self.rates(plant, inputs, time + share * step, k);
+        }
+        let Work { x, k: [a, b, c, d], .. } = &mut *self.work;
+        for (i, x) in x.iter_mut().enumerate() {
+            *x += step / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]);
+        }
+    }
+}
