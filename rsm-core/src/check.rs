@@ -3,7 +3,7 @@
 //! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages carry the proof and neither
 //! check again nor fail. One rule is one function. Whether f32 can hold the model at all is asked separately: [`Checked::refusal`].
 
-use crate::model::{Compensator, Input, Model, Scheduled, Surface, Symmetry};
+use crate::model::{Compensator, Input, Model, Surface, Symmetry};
 use crate::model_file::{self, Located};
 use crate::names;
 use crate::number::{Precision, exact};
@@ -130,11 +130,9 @@ impl Checked {
             let fixed = compensator.parts().map(|(key, scheduled)| (key, scheduled.fixed()));
             let numbers = fixed.into_iter().chain([("sample_time", Some(compensator.sample_time))]).zip(places);
             for ((key, value), place) in numbers.filter_map(|((key, value), place)| Some(((key, value?), place))) {
-                // The largest number that lowering makes of a fixed one: 1 + g (g + 2 p) < 4 p, g being below pi/4, once p is large.
-                let largest = precision.round(&(exact(value) * exact(4.0)));
-                if !largest.is_finite() || precision.round(&(exact(value) / exact(2.0))) == 0.0 {
-                    let what = format!("compensator `{}`: `{key}`: {value:e} is beyond what {name} can hold", compensator.name);
-                    faults.push(at(*place, what));
+                if !fits_fixed(precision, value) {
+                    faults
+                        .push(at(*place, format!("compensator `{}`: `{key}`: {value:e} is {BEYOND} {name}", compensator.name)));
                 }
             }
         }
@@ -147,6 +145,16 @@ fn schedule(model: &Model, compensator: &Compensator) -> Vec<Input> {
     let is_used = |input: &&Input| used.iter().any(|surface| surface.inputs.contains(&input.name));
     model.inputs.iter().filter(is_used).cloned().collect()
 }
+
+/// Whether a precision can hold what lowering makes of a fixed number of a compensator. The largest is 1 + g (g + 2 p) < 4 p, since g is
+/// below pi/4, once p is large; the smallest is half of it.
+fn fits_fixed(precision: Precision, value: f64) -> bool {
+    let largest = precision.round(&(exact(value) * exact(4.0)));
+    largest.is_finite() && precision.round(&(exact(value) / exact(2.0))) != 0.0
+}
+
+/// What is said of a number that does not fit.
+const BEYOND: &str = "too large or too small for";
 
 /// A file under check.
 struct Context<'a> {
@@ -392,6 +400,11 @@ fn check_compensators(context: &Context<'_>, faults: &mut Collector) {
             );
             faults.push(context.fault(&format!("{path}.sample_time"), what));
         }
+        if compensator.sample_time > 0.0 && !fits_fixed(Precision::F64, compensator.sample_time) {
+            let what =
+                format!("compensator `{}`: `sample_time`: {:e} s is {BEYOND} f64", compensator.name, compensator.sample_time);
+            faults.push(context.fault(&format!("{path}.sample_time"), what));
+        }
         check_scheduled(context, faults, compensator, &path);
         for input in schedule(context.model(), compensator) {
             if let Some(reason) = names::refuse_scheduled(&input.name) {
@@ -410,9 +423,10 @@ fn check_scheduled(context: &Context<'_>, faults: &mut Collector, compensator: &
             && value <= 0.0
         {
             faults.push(context.fault(&place, format!("{who}: `{key}`: found {value}, expected more than 0")));
-        }
-        if *scheduled == Scheduled::Sum(vec![]) {
-            faults.push(context.fault(&place, format!("{who}: `{key}`: `sum`: found none, expected at least one surface")));
+        } else if let Some(value) = scheduled.fixed()
+            && !fits_fixed(Precision::F64, value)
+        {
+            faults.push(context.fault(&place, format!("{who}: `{key}`: {value:e} is {BEYOND} f64")));
         }
         for name in scheduled.surfaces() {
             if context.model().surface(name).is_none() && context.knows_all("surfaces", name) {

@@ -198,6 +198,7 @@ fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
         for (reg, op) in tape.iter().filter(|(reg, _)| live[reg.0 as usize]) {
             match op {
                 Op::Multiply(..) => needs.keep = true,
+                Op::Add(a, b) => needs.keep |= a == b,
                 Op::Input(_) => needs.keep |= feeds_sum(tape, reg),
                 Op::Absolute(_) => needs.absolute = true,
                 Op::Select { .. } => match tape.extremum(reg) {
@@ -232,6 +233,8 @@ fn define(unit: &Unit, function: &Function) -> String {
             Op::State(state) => format!("{}->s{}", names::STATE, state.0),
             Op::Negate(a) => format!("-{a}"),
             Op::Absolute(a) => format!("{}({a})", helper("absolute")),
+            // gcc makes 2 a of it, a product that it would fuse.
+            Op::Add(a, b) if a == b => format!("{}({a} + {b})", helper("keep")),
             Op::Add(a, b) => format!("{a} + {b}"),
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) => format!("{}({a} * {b})", helper("keep")),

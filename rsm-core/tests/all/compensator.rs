@@ -315,3 +315,11 @@ fn what_cannot_be_decided_is_said_to_be_uncertain() {
         "{found:?}"
     );
 }
+
+#[test]
+fn a_fixed_number_that_f32_cannot_hold_is_refused_for_f32_alone() {
+    let checked = read(&FIXED.replace("0.7", "1e38"));
+    assert!(checked.refusal(Precision::F64).is_none());
+    let said = checked.refusal(Precision::F32).expect("4e38 is infinite in f32").to_string();
+    assert!(said.contains("compensator `tip_in`: `pole_damping`: 1e38 is too large or too small for f32"), "{said}");
+}
