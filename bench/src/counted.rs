@@ -53,12 +53,12 @@ pub enum Code {
     Inline(String),
 }
 
-/// The subjects of an emitted unit. `name` gives the reported name of a surface; header and source are the emitted texts.
+/// The subjects of an emitted unit, steps left out: they want a state, and nobody else's to be compared with. `name` gives the reported name of a surface; header and source are the emitted texts.
 #[must_use]
 pub fn subjects(unit: &Unit, variant: &str, name: impl Fn(&str) -> String, header: &str, source: &str) -> Vec<Subject> {
     let subject = |function: &rsm_core::emit::Function| {
         let (suffix, result) = match function.kind {
-            Kind::Surface => ("", c_type(function.tape.precision)),
+            Kind::Surface | Kind::Step => ("", c_type(function.tape.precision)),
             Kind::Support => ("_support", "int"),
         };
         Subject {
@@ -73,7 +73,7 @@ pub fn subjects(unit: &Unit, variant: &str, name: impl Fn(&str) -> String, heade
             code: Code::File(unit.model.clone(), header.to_string(), source.to_string()),
         }
     };
-    unit.functions.iter().map(subject).collect()
+    unit.functions.iter().filter(|function| function.kind != Kind::Step).map(subject).collect()
 }
 
 /// The points at which counts must agree, with their names. All inputs at once: a branch on any of them would show.

@@ -30,8 +30,27 @@ pub struct Monomial {
 /// An enclosure of every value of the polynomial for variables in `sides`.
 #[must_use]
 pub fn range(terms: &[Monomial], sides: &[Interval]) -> Interval {
+    extent(terms, sides).range
+}
+
+/// An enclosure, and where in the box the least and the greatest value were seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extent {
+    /// Holds every value.
+    pub range: Interval,
+    /// Where the least value was seen, a share of each side: 0 at its low end, 1 at its high end.
+    pub least_at: Vec<f64>,
+    /// Where the greatest value was seen.
+    pub greatest_at: Vec<f64>,
+}
+
+/// As [`range`], with the places of the extremes.
+#[must_use]
+pub fn extent(terms: &[Monomial], sides: &[Interval]) -> Extent {
     let root = Cell::new(terms, sides);
-    Interval { low: lower_bound(&root), high: -lower_bound(&root.negated()) }
+    let (low, least_at) = lower_bound(&root);
+    let (high, greatest_at) = lower_bound(&root.negated());
+    Extent { range: Interval { low, high: -high }, least_at, greatest_at }
 }
 
 /// Bernstein coefficients of a polynomial over one cell of the box, a row-major tensor.
@@ -39,6 +58,8 @@ pub fn range(terms: &[Monomial], sides: &[Interval]) -> Interval {
 struct Cell {
     degrees: Vec<usize>,
     coefficients: Vec<Interval>,
+    /// The part of each side that the cell spans, as shares of the box. Halving is exact down to 2^-52.
+    spans: Vec<[f64; 2]>,
 }
 
 /// A cell in the queue: the one with the least lower bound comes first.
@@ -64,10 +85,11 @@ impl Ord for Queued {
     }
 }
 
-/// A lower bound of the values in the cell: branch and bound, until the best bound is as good as a value that was seen at a corner.
-fn lower_bound(root: &Cell) -> f64 {
+/// A lower bound of the values in the cell, and where the least value was seen: branch and bound, until the best bound is as good as a
+/// value that was seen at a corner.
+fn lower_bound(root: &Cell) -> (f64, Vec<f64>) {
     let (root_low, root_high) = root.bounds();
-    let mut seen = root.least_corner();
+    let (mut seen, mut place) = root.least_corner();
     let tolerance = (TIGHT_ENOUGH * (root_high - root_low)).max(ROUNDING * root_low.abs().max(root_high.abs()));
     let mut queue = BinaryHeap::from([Queued { bound: root_low, cell: root.clone() }]);
     let mut work = 0;
@@ -75,22 +97,25 @@ fn lower_bound(root: &Cell) -> f64 {
     let mut turn = 0;
     while let Some(Queued { bound, cell }) = queue.pop() {
         if seen - bound <= tolerance || work > BUDGET || !bound.is_finite() {
-            return bound;
+            return (bound, place);
         }
         work += 4 * cell.coefficients.len() * cell.degrees.iter().max().map_or(1, |degree| degree + 1);
         // The sides in turn: simple, and every side gets short.
         let axis = (0..dimensions).map(|k| (turn + k) % dimensions).find(|k| cell.degrees[*k] > 0);
-        let Some(axis) = axis else { return bound };
+        let Some(axis) = axis else { return (bound, place) };
         turn = axis + 1;
         let (left, right) = cell.halved(axis);
         for half in [left, right] {
-            seen = seen.min(half.least_corner());
+            let (value, corner) = half.least_corner();
+            if value < seen {
+                (seen, place) = (value, corner);
+            }
             // A half lies in the whole: its bound is never worse.
             let bound = half.bounds().0.max(bound);
             queue.push(Queued { bound, cell: half });
         }
     }
-    root_low
+    (root_low, place)
 }
 
 impl Cell {
@@ -100,7 +125,8 @@ impl Cell {
         let degree_of = |k: usize| terms.iter().map(|term| term.powers[k] as usize).max().unwrap_or(0);
         let degrees: Vec<usize> = (0..dimensions).map(degree_of).collect();
         let size = degrees.iter().map(|degree| degree + 1).product();
-        let mut cell = Cell { coefficients: vec![Interval::point(0.0); size], degrees };
+        let spans = vec![[0.0, 1.0]; dimensions];
+        let mut cell = Cell { coefficients: vec![Interval::point(0.0); size], degrees, spans };
         for term in terms {
             let index = (0..dimensions).fold(0, |index, k| index * (cell.degrees[k] + 1) + term.powers[k] as usize);
             cell.coefficients[index] = cell.coefficients[index] + term.coefficient;
@@ -135,22 +161,33 @@ impl Cell {
         (low, high)
     }
 
-    /// The least upper bound of a value at a corner of the cell.
-    fn least_corner(&self) -> f64 {
-        let mut corners = vec![0usize];
-        for degree in &self.degrees {
-            corners = corners.iter().flat_map(|index| [index * (degree + 1), index * (degree + 1) + degree]).collect();
+    /// The least upper bound of a value at a corner of the cell, and that corner.
+    fn least_corner(&self) -> (f64, Vec<f64>) {
+        let mut corners = vec![(0usize, 0usize)];
+        for (k, degree) in self.degrees.iter().enumerate() {
+            let low_and_high = |(index, ends): &(usize, usize)| {
+                let first = index * (degree + 1);
+                [(first, *ends), (first + degree, ends | 1 << k)]
+            };
+            corners = corners.iter().flat_map(low_and_high).collect();
         }
-        corners.into_iter().map(|index| self.coefficients[index].high).fold(f64::INFINITY, f64::min)
+        let value = |(index, _): &(usize, usize)| self.coefficients[*index].high;
+        let least = corners.iter().min_by(|a, b| value(a).total_cmp(&value(b))).expect("a cell has corners");
+        let place = self.spans.iter().enumerate().map(|(k, span)| span[least.1 >> k & 1]);
+        (value(least), place.collect())
     }
 
     fn negated(&self) -> Cell {
-        Cell { degrees: self.degrees.clone(), coefficients: self.coefficients.iter().map(|entry| -*entry).collect() }
+        let coefficients = self.coefficients.iter().map(|entry| -*entry).collect();
+        Cell { coefficients, ..self.clone() }
     }
 
     /// De Casteljau at the middle of an axis: the coefficients over both halves.
     fn halved(&self, axis: usize) -> (Cell, Cell) {
         let (mut left, mut right) = (self.clone(), self.clone());
+        let [low, high] = self.spans[axis];
+        let middle = (low + high) / 2.0;
+        (left.spans[axis], right.spans[axis]) = ([low, middle], [middle, high]);
         left.each_line(axis, |line| {
             for first in 1..line.len() {
                 for k in (first..line.len()).rev() {
@@ -218,6 +255,14 @@ mod tests {
         let found = range(&[monomial(&[2], 1.0), monomial(&[1], -1.0)], &[Interval::new(0.0, 2.0)]);
         assert!(found.low <= -0.25 && found.low > -0.25 - 1e-6, "{found:?}");
         assert!(found.high >= 2.0 && found.high < 2.0 + 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn the_places_of_the_extremes_are_found() {
+        // x^2 - x over [0, 2]: least at 1/2, a quarter of the side; greatest at its end. The second variable does not matter.
+        let terms = [monomial(&[2, 0], 1.0), monomial(&[1, 0], -1.0)];
+        let found = extent(&terms, &[Interval::new(0.0, 2.0), Interval::new(0.0, 1.0)]);
+        assert!((found.least_at[0] - 0.25).abs() < 1e-4 && found.greatest_at[0] == 1.0, "{found:?}");
     }
 
     #[test]

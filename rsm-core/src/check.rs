@@ -3,7 +3,7 @@
 //! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages carry the proof and neither
 //! check again nor fail. One rule is one function. Whether f32 can hold the model at all is asked separately: [`Checked::refusal`].
 
-use crate::model::{Compensator, Input, Model, Scheduled, Surface, Symmetry};
+use crate::model::{Compensator, Input, Model, Surface, Symmetry};
 use crate::model_file::{self, Located};
 use crate::names;
 use crate::number::{Precision, exact};
@@ -17,6 +17,8 @@ pub struct Checked {
     file: String,
     range_places: Vec<(usize, usize)>,
     term_places: Vec<Vec<(usize, usize)>>,
+    /// Of each compensator: its three scheduled numbers, in the order of [`Compensator::parts`], and its sample time.
+    compensator_places: Vec<[(usize, usize); 4]>,
 }
 
 impl Checked {
@@ -41,7 +43,11 @@ impl Checked {
             .iter()
             .map(|surface| (0..surface.terms.len()).map(|k| position(format!("surfaces.{}.terms.{k}", surface.name))).collect())
             .collect();
-        let checked = Checked { model: model.clone(), file: source.name().to_string(), range_places, term_places };
+        let keys = ["natural_frequency", "zero_damping", "pole_damping", "sample_time"];
+        let of_compensator = |it: &Compensator| keys.map(|key| position(format!("compensators.{}.{key}", it.name)));
+        let compensator_places = model.compensators.iter().map(of_compensator).collect();
+        let (model, file) = (model.clone(), source.name().to_string());
+        let checked = Checked { model, file, range_places, term_places, compensator_places };
         faults.finish(Some(checked))
     }
 
@@ -71,6 +77,19 @@ impl Checked {
     pub fn inputs_of(&self, surface: &Surface) -> Vec<Input> {
         let find = |name: &String| self.model.input(name).expect("a checked surface names known inputs").clone();
         surface.inputs.iter().map(find).collect()
+    }
+
+    /// The inputs that a compensator's surfaces use, in the order of the file: what its step takes after the signal itself.
+    #[must_use]
+    pub fn schedule_of(&self, compensator: &Compensator) -> Vec<Input> {
+        schedule(&self.model, compensator)
+    }
+
+    /// A fault at one of a compensator's three scheduled numbers, in the order of [`Compensator::parts`].
+    #[must_use]
+    pub fn fault_at_part(&self, compensator: usize, part: usize, what: String) -> Fault {
+        let (line, column) = self.compensator_places[compensator][part];
+        Fault::at_line(&self.file, line, column, what)
     }
 
     /// Why a precision cannot hold this model, or `None`: a bound or coefficient beyond its largest number, or a range in which it
@@ -107,9 +126,35 @@ impl Checked {
                 }
             }
         }
+        for (compensator, places) in self.model.compensators.iter().zip(&self.compensator_places) {
+            let fixed = compensator.parts().map(|(key, scheduled)| (key, scheduled.fixed()));
+            let numbers = fixed.into_iter().chain([("sample_time", Some(compensator.sample_time))]).zip(places);
+            for ((key, value), place) in numbers.filter_map(|((key, value), place)| Some(((key, value?), place))) {
+                if !fits_fixed(precision, value) {
+                    faults
+                        .push(at(*place, format!("compensator `{}`: `{key}`: {value:e} is {BEYOND} {name}", compensator.name)));
+                }
+            }
+        }
         faults.finish(Some(())).err()
     }
 }
+
+fn schedule(model: &Model, compensator: &Compensator) -> Vec<Input> {
+    let used: Vec<&Surface> = compensator.surfaces().filter_map(|name| model.surface(name)).collect();
+    let is_used = |input: &&Input| used.iter().any(|surface| surface.inputs.contains(&input.name));
+    model.inputs.iter().filter(is_used).cloned().collect()
+}
+
+/// Whether a precision can hold what lowering makes of a fixed number of a compensator. The largest is 1 + g (g + 2 p) < 4 p, since g is
+/// below pi/4, once p is large; the smallest is half of it.
+fn fits_fixed(precision: Precision, value: f64) -> bool {
+    let largest = precision.round(&(exact(value) * exact(4.0)));
+    largest.is_finite() && precision.round(&(exact(value) / exact(2.0))) != 0.0
+}
+
+/// What is said of a number that does not fit.
+const BEYOND: &str = "too large or too small for";
 
 /// A file under check.
 struct Context<'a> {
@@ -355,30 +400,35 @@ fn check_compensators(context: &Context<'_>, faults: &mut Collector) {
             );
             faults.push(context.fault(&format!("{path}.sample_time"), what));
         }
+        if compensator.sample_time > 0.0 && !fits_fixed(Precision::F64, compensator.sample_time) {
+            let what =
+                format!("compensator `{}`: `sample_time`: {:e} s is {BEYOND} f64", compensator.name, compensator.sample_time);
+            faults.push(context.fault(&format!("{path}.sample_time"), what));
+        }
         check_scheduled(context, faults, compensator, &path);
+        for input in schedule(context.model(), compensator) {
+            if let Some(reason) = names::refuse_scheduled(&input.name) {
+                let what = format!("compensator `{}`: the input name `{}` {reason}", compensator.name, input.name);
+                faults.push(context.fault(&format!("inputs.{}", input.name), what));
+            }
+        }
     }
 }
 
 fn check_scheduled(context: &Context<'_>, faults: &mut Collector, compensator: &Compensator, path: &str) {
     let who = format!("compensator `{}`", compensator.name);
-    let parts = [
-        ("natural_frequency", &compensator.natural_frequency),
-        ("zero_damping", &compensator.zero_damping),
-        ("pole_damping", &compensator.pole_damping),
-    ];
-    for (key, scheduled) in parts {
+    for (key, scheduled) in compensator.parts() {
         let place = format!("{path}.{key}");
-        let surfaces = match scheduled {
-            Scheduled::Fixed(value) => {
-                if *value <= 0.0 {
-                    faults.push(context.fault(&place, format!("{who}: `{key}`: found {value}, expected more than 0")));
-                }
-                continue;
-            }
-            Scheduled::Surface(name) => std::slice::from_ref(name),
-            Scheduled::Sum(names) => names.as_slice(),
-        };
-        for name in surfaces {
+        if let Some(value) = scheduled.fixed()
+            && value <= 0.0
+        {
+            faults.push(context.fault(&place, format!("{who}: `{key}`: found {value}, expected more than 0")));
+        } else if let Some(value) = scheduled.fixed()
+            && !fits_fixed(Precision::F64, value)
+        {
+            faults.push(context.fault(&place, format!("{who}: `{key}`: {value:e} is {BEYOND} f64")));
+        }
+        for name in scheduled.surfaces() {
             if context.model().surface(name).is_none() && context.knows_all("surfaces", name) {
                 faults.push(context.fault(&place, format!("{who}: `{key}`: there is no surface `{name}`")));
             }
@@ -394,10 +444,15 @@ fn check_emitted_names(context: &Context<'_>, faults: &mut Collector) {
     let emitted = surfaces.chain(model.compensators.iter().map(|it| ("compensators", it.name.as_str()))).collect::<Vec<_>>();
     type Clash = fn(&str, &str) -> Option<String>;
     let groups: [(_, Clash); 2] = [(inputs, names::clash), (emitted, names::clash_of_functions)];
+    let is_compensator = |name: &str| model.compensators.iter().any(|compensator| compensator.name == name);
+    let states_clash = |earlier: &str, later: &str| {
+        let both = is_compensator(earlier) && is_compensator(later);
+        both.then(|| names::clash_of_states(earlier, later)).flatten()
+    };
     for (group, clash) in groups {
         for (k, (section, name)) in group.iter().enumerate() {
             for (_, earlier) in &group[..k] {
-                if let Some(reason) = clash(earlier, name) {
+                if let Some(reason) = clash(earlier, name).or_else(|| states_clash(earlier, name)) {
                     let what = format!("{} name `{name}` {reason}", &section[..section.len() - 1]);
                     faults.push(context.fault(&format!("{section}.{name}"), what));
                 }

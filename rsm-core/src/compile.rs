@@ -2,11 +2,13 @@
 //!
 //! The macro, build.rs and the command line call these functions and no others, so they give the same text and the same errors.
 
+use crate::certificate;
 use crate::check::Checked;
 use crate::emit::{self, Function, Kind, Unit};
 use crate::lower;
-use crate::number::Precision;
-use crate::source::{Fault, Faults, Source};
+use crate::model::{Input, Outside};
+use crate::number::{self, Precision};
+use crate::source::{Faults, Source};
 
 /// A model as a Rust module.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -20,12 +22,11 @@ pub struct RustModule {
 /// The evaluators of a checked model, ready for a printer. `precisions` empty: every precision that can hold the model.
 ///
 /// # Errors
-/// The faults of a precision that was asked for and cannot hold the model; a model with a compensator, which has no evaluator yet.
+/// The faults of a precision that was asked for and cannot hold the model; a compensator that is not certain to be stable.
 pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults> {
     let model = checked.model();
-    if let Some(compensator) = model.compensators.first() {
-        let what = format!("compensator `{}`: this version evaluates surfaces only", compensator.name);
-        return Err(Faults::one(Fault::whole_file(checked.file(), what)));
+    for index in 0..model.compensators.len() {
+        certificate::compensator::require_stable(checked, index)?;
     }
     let mut functions = Vec::new();
     for precision in held(checked, precisions)? {
@@ -41,8 +42,25 @@ pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults>
             functions.push(function(Kind::Surface, lower::surface(checked, index, precision)));
             functions.extend(lower::support(checked, index, precision).map(|tape| function(Kind::Support, tape)));
         }
+        functions.extend((0..model.compensators.len()).map(|index| step(checked, index, precision)));
     }
     Ok(Unit { model: model.name.clone(), functions })
+}
+
+/// The step of a compensator, ready for a printer.
+fn step(checked: &Checked, index: usize, precision: Precision) -> Function {
+    let compensator = &checked.model().compensators[index];
+    // The signal has no range. A self-test takes it from this one, in which a pedal or a normalised demand lies.
+    let signal =
+        Input { name: lower::SIGNAL.to_string(), unit: String::new(), range: [-1.0, 1.0], outside: Outside::Extrapolate };
+    Function {
+        surface: compensator.name.clone(),
+        kind: Kind::Step,
+        unit: format!("every {} s", number::decimal(compensator.sample_time)),
+        inputs: std::iter::once(signal).chain(checked.schedule_of(compensator)).collect(),
+        output_range: None,
+        tape: lower::compensator(checked, index, precision),
+    }
 }
 
 /// The precisions that were asked for, all of which must hold the model; none asked for: those that do. f64 holds every checked model.

@@ -41,6 +41,12 @@ pub fn value(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<
 /// A tape executed without rounding, its constants as they were before rounding. `None` on a division by zero.
 #[must_use]
 pub fn ideal(tape: &Tape, point: &[Rational]) -> Option<Rational> {
+    ideal_step(tape, &mut [], point)
+}
+
+/// One step of a tape without rounding, from the states that are given and to those that it leaves. `None` on a division by zero.
+#[must_use]
+pub fn ideal_step(tape: &Tape, states: &mut [Rational], point: &[Rational]) -> Option<Rational> {
     let mut registers: Vec<Rational> = Vec::with_capacity(tape.ops.len());
     for op in &tape.ops {
         let r = |reg: &Reg| registers[reg.0 as usize].clone();
@@ -48,6 +54,7 @@ pub fn ideal(tape: &Tape, point: &[Rational]) -> Option<Rational> {
         let value = match op {
             Op::Constant(constant) => constant.exact.clone(),
             Op::Input(port) => point[port.0 as usize].clone(),
+            Op::State(state) => states[state.0 as usize].clone(),
             Op::Negate(a) => -r(a),
             Op::Absolute(a) if r(a) < zero => -r(a),
             Op::Absolute(a) => r(a),
@@ -66,6 +73,9 @@ pub fn ideal(tape: &Tape, point: &[Rational]) -> Option<Rational> {
             }
         };
         registers.push(value);
+    }
+    for (state, next) in states.iter_mut().zip(&tape.next_states) {
+        *state = registers[next.0 as usize].clone();
     }
     Some(registers[tape.output.0 as usize].clone())
 }

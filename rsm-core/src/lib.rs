@@ -5,8 +5,10 @@
 //!                                                |                 |---emit::rust--> m.rs
 //!                                                |                 |---emit::c-----> m.h, m.c
 //!                                                |                 '---rounding----> bound of the rounding error
-//!                                                '---certificate, exact--> range, reference
+//!                                                '---certificate, exact--> range, stability, reference
 //! ```
+//!
+//! A tape is a function of its arguments (a surface) or a step that keeps states as well (a compensator).
 //!
 //! A row of a CSV becomes a term of a surface in `rsm-fit`. Here a term becomes operations of a tape, and each operation a line
 //! of Rust and of C, with the same bits in every back end:

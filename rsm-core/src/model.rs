@@ -155,6 +155,44 @@ pub enum Scheduled {
     Sum(Vec<String>),
 }
 
+impl Scheduled {
+    /// The number, where it is always the same.
+    #[must_use]
+    pub fn fixed(&self) -> Option<f64> {
+        match self {
+            Scheduled::Fixed(value) => Some(*value),
+            Scheduled::Surface(_) | Scheduled::Sum(_) => None,
+        }
+    }
+
+    /// The surfaces that it is made from.
+    #[must_use]
+    pub fn surfaces(&self) -> &[String] {
+        match self {
+            Scheduled::Fixed(_) => &[],
+            Scheduled::Surface(name) => std::slice::from_ref(name),
+            Scheduled::Sum(names) => names,
+        }
+    }
+}
+
+impl Compensator {
+    /// The scheduled numbers with their keys in the file.
+    #[must_use]
+    pub fn parts(&self) -> [(&'static str, &Scheduled); 3] {
+        [
+            ("natural_frequency", &self.natural_frequency),
+            ("zero_damping", &self.zero_damping),
+            ("pole_damping", &self.pole_damping),
+        ]
+    }
+
+    /// The surfaces that it uses; one that is used twice stands there twice.
+    pub fn surfaces(&self) -> impl Iterator<Item = &String> {
+        self.parts().into_iter().flat_map(|(_, scheduled)| scheduled.surfaces())
+    }
+}
+
 impl Model {
     /// The input of a name.
     #[must_use]

@@ -120,6 +120,8 @@ impl<'t> Analysis<'t> {
                     let [low, high] = sides[port.0 as usize];
                     Known { low, high, error: 0.0 }
                 }
+                // What a state holds depends on all steps before: nothing is known of one step alone.
+                Op::State(_) => Known::NOTHING,
                 Op::Negate(a) => {
                     let a = self.of(a);
                     Known { low: -a.high, high: -a.low, error: a.error }

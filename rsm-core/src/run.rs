@@ -1,6 +1,6 @@
 //! The interpreter: executes a tape in its own precision.
 //!
-//! In: a tape and the arguments. Out: the result, bit for bit what every emitted evaluator returns. An f32 tape is executed in f32,
+//! In: a tape and the arguments, for a compensator step by step. Out: the result, bit for bit what every emitted evaluator returns. An f32 tape is executed in f32,
 //! never in f64 and rounded at the end.
 
 use crate::number::Precision;
@@ -51,6 +51,7 @@ pub struct Interpreter<'t, T> {
     tape: &'t Tape,
     registers: Vec<T>,
     flags: Vec<bool>,
+    states: Vec<T>,
 }
 
 impl<'t, T: Scalar> Interpreter<'t, T> {
@@ -62,20 +63,54 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
     pub fn new(tape: &'t Tape) -> Self {
         assert_eq!(tape.precision, T::PRECISION, "a tape is executed in the precision it was lowered for");
         let size = tape.ops.len();
-        Interpreter { tape, registers: vec![T::from_constant(0.0); size], flags: vec![false; size] }
+        let zero = T::from_constant(0.0);
+        let states = vec![zero; tape.next_states.len()];
+        Interpreter { tape, registers: vec![zero; size], flags: vec![false; size], states }
     }
 
     /// The value of the surface. `arguments` in the order of the surface's inputs, in their units.
     ///
     /// # Panics
-    /// When the number of arguments is not that of the tape.
+    /// When the number of arguments is not that of the tape, or the tape keeps states: its value is that of [`Interpreter::step`].
     pub fn eval(&mut self, arguments: &[T]) -> T {
+        assert!(self.tape.next_states.is_empty(), "a tape with states is executed step by step");
+        self.execute(arguments)
+    }
+
+    /// The result of one step; the states become what the step leaves. A tape without states is just evaluated.
+    ///
+    /// # Panics
+    /// When the number of arguments is not that of the tape.
+    pub fn step(&mut self, arguments: &[T]) -> T {
+        let result = self.execute(arguments);
+        for (state, next) in self.states.iter_mut().zip(&self.tape.next_states) {
+            *state = self.registers[next.0 as usize];
+        }
+        result
+    }
+
+    /// The states as the last step left them.
+    #[must_use]
+    pub fn states(&self) -> &[T] {
+        &self.states
+    }
+
+    /// Sets the states.
+    ///
+    /// # Panics
+    /// When their number is not that of the tape.
+    pub fn set_states(&mut self, states: &[T]) {
+        self.states.copy_from_slice(states);
+    }
+
+    fn execute(&mut self, arguments: &[T]) -> T {
         assert_eq!(arguments.len(), self.tape.inputs.len(), "one argument an input");
         for (k, op) in self.tape.ops.iter().enumerate() {
             let r = |reg: Reg| self.registers[reg.0 as usize];
             let value = match *op {
                 Op::Constant(ref constant) => T::from_constant(constant.value),
                 Op::Input(port) => arguments[port.0 as usize],
+                Op::State(state) => self.states[state.0 as usize],
                 Op::Negate(a) => -r(a),
                 Op::Absolute(a) => r(a).absolute(),
                 Op::Add(a, b) => r(a) + r(b),

@@ -2,7 +2,8 @@
 //!
 //! Once lowering has written a tape, the tape is the meaning of the surface in that precision: the interpreter executes it, every
 //! emitter prints it, and the certificate bounds its rounding error. There is no branch, loop, call or allocation in it. A fused
-//! multiply-add is not among the operations, so no back end may fuse.
+//! multiply-add is not among the operations, so no back end may fuse. A tape of a compensator also has states: numbers that it reads, and
+//! writes when all operations are done, so that a step sees what the step before left.
 
 use std::fmt;
 
@@ -15,6 +16,10 @@ pub struct Reg(pub u32);
 /// An argument of the evaluator, counted from 0 in the order of the surface's `inputs`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Port(pub u32);
+
+/// A number that a tape keeps from step to step, counted from 0; 0.0 before the first step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct State(pub u32);
 
 /// A constant: the value the tape computes with, and the real number that it stands for.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +37,8 @@ pub enum Op {
     Constant(Constant),
     /// An argument of the evaluator.
     Input(Port),
+    /// A state, as the step before left it.
+    State(State),
     /// `-a`, flips the sign of zero and NaN too.
     Negate(Reg),
     /// `|a|`, clears the sign bit.
@@ -78,10 +85,10 @@ pub enum Extremum {
     },
 }
 
-/// A lowered surface in one precision.
+/// A lowered surface or compensator in one precision.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tape {
-    /// The name of the surface (or of the support test).
+    /// The name of the surface, of the support test or of the compensator.
     pub name: String,
     /// The scalar type of every register.
     pub precision: Precision,
@@ -91,6 +98,8 @@ pub struct Tape {
     pub ops: Vec<Op>,
     /// The register that holds the result.
     pub output: Reg,
+    /// The register of each state's next value, written when all operations are done. Empty: the tape is a function of its arguments.
+    pub next_states: Vec<Reg>,
 }
 
 impl Tape {
@@ -103,6 +112,11 @@ impl Tape {
     /// The operations with their registers.
     pub fn iter(&self) -> impl Iterator<Item = (Reg, &Op)> {
         self.ops.iter().enumerate().map(|(k, op)| (Reg(k as u32), op))
+    }
+
+    /// The registers that matter when the tape has been executed: the result, then the next states.
+    pub fn results(&self) -> impl Iterator<Item = Reg> {
+        std::iter::once(self.output).chain(self.next_states.iter().copied())
     }
 
     /// Whether the select in a register is a maximum or a minimum.
@@ -119,13 +133,13 @@ impl Tape {
         }
     }
 
-    /// How many operations compute something: constants and inputs are not counted.
+    /// How many operations compute something: constants, inputs and states are not counted.
     #[must_use]
     pub fn operation_count(&self) -> usize {
-        self.ops.iter().filter(|op| !matches!(op, Op::Constant(_) | Op::Input(_))).count()
+        self.ops.iter().filter(|op| !matches!(op, Op::Constant(_) | Op::Input(_) | Op::State(_))).count()
     }
 
-    /// The length of the longest chain of dependent operations, constants and inputs not counted.
+    /// The length of the longest chain of dependent operations up to the result or a next state, constants, inputs and states not counted.
     #[must_use]
     pub fn depth(&self) -> usize {
         let mut depth = vec![0usize; self.ops.len()];
@@ -133,7 +147,7 @@ impl Tape {
             let deepest = op.operands().iter().map(|operand| depth[operand.0 as usize]).max();
             depth[reg.0 as usize] = deepest.map_or(0, |below| below + 1);
         }
-        depth[self.output.0 as usize]
+        self.results().map(|reg| depth[reg.0 as usize]).max().unwrap_or_default()
     }
 }
 
@@ -142,7 +156,7 @@ impl Op {
     #[must_use]
     pub fn operands(&self) -> Vec<Reg> {
         match *self {
-            Op::Constant(_) | Op::Input(_) => vec![],
+            Op::Constant(_) | Op::Input(_) | Op::State(_) => vec![],
             Op::Negate(a) | Op::Absolute(a) => vec![a],
             Op::Add(a, b) | Op::Subtract(a, b) | Op::Multiply(a, b) | Op::Divide(a, b) | Op::Less(a, b) => vec![a, b],
             Op::Select { condition, then, otherwise } => vec![condition, then, otherwise],
@@ -168,6 +182,7 @@ impl fmt::Display for Tape {
                     Precision::F32 => writeln!(f, "constant {}", crate::number::decimal_f32(constant.value))?,
                 },
                 Op::Input(port) => writeln!(f, "input {}", self.inputs[port.0 as usize])?,
+                Op::State(state) => writeln!(f, "state s{}", state.0)?,
                 Op::Negate(a) => writeln!(f, "negate {a}")?,
                 Op::Absolute(a) => writeln!(f, "absolute {a}")?,
                 Op::Add(a, b) => writeln!(f, "add {a} {b}")?,
@@ -178,6 +193,9 @@ impl fmt::Display for Tape {
                 Op::Select { condition, then, otherwise } => writeln!(f, "select {condition} {then} {otherwise}")?,
             }
         }
+        for (k, next) in self.next_states.iter().enumerate() {
+            writeln!(f, "  s{k}   := {next}")?;
+        }
         writeln!(f, "  return {}", self.output)
     }
 }
@@ -187,13 +205,21 @@ impl fmt::Display for Tape {
 pub struct TapeBuilder {
     precision: Precision,
     ops: Vec<Op>,
+    shares: bool,
 }
 
 impl TapeBuilder {
     /// An empty tape.
     #[must_use]
     pub fn new(precision: Precision) -> Self {
-        TapeBuilder { precision, ops: Vec::new() }
+        TapeBuilder { precision, ops: Vec::new(), shares: false }
+    }
+
+    /// An empty tape on which an operation that stands there already is not written again: several surfaces of the same inputs, and a
+    /// surface that is used twice.
+    #[must_use]
+    pub fn sharing(precision: Precision) -> Self {
+        TapeBuilder { shares: true, ..TapeBuilder::new(precision) }
     }
 
     /// The precision of the tape.
@@ -202,9 +228,14 @@ impl TapeBuilder {
         self.precision
     }
 
-    /// Appends an operation.
+    /// Appends an operation, or finds it where the tape shares.
     pub fn push(&mut self, op: Op) -> Reg {
         debug_assert!(op.operands().iter().all(|operand| (operand.0 as usize) < self.ops.len()), "operands come first");
+        if self.shares
+            && let Some(known) = self.ops.iter().position(|other| *other == op)
+        {
+            return Reg(known as u32);
+        }
         self.ops.push(op);
         Reg(self.ops.len() as u32 - 1)
     }
@@ -239,6 +270,12 @@ impl TapeBuilder {
     /// The finished tape.
     #[must_use]
     pub fn finish(self, name: impl Into<String>, inputs: Vec<String>, output: Reg) -> Tape {
-        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, output }
+        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, output, next_states: vec![] }
+    }
+
+    /// The finished tape of something that keeps states.
+    #[must_use]
+    pub fn finish_with_states(self, name: impl Into<String>, inputs: Vec<String>, output: Reg, next_states: Vec<Reg>) -> Tape {
+        Tape { next_states, ..self.finish(name, inputs, output) }
     }
 }

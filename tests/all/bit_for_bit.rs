@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 
-use rsm_core::model::{Coding, Outside, Surface, Symmetry};
+use rsm_core::emit::Kind;
+use rsm_core::model::{Coding, Knot, Outside, Surface, Symmetry};
 use rsm_core::number::Precision;
 use rsm_tests::backend::{Backend, Linked, Loaded, Reference};
 use rsm_tests::cases::{self, Case};
@@ -26,6 +27,9 @@ const FEW: usize = 200;
 
 /// Random points of each function in the long matrix.
 const MANY: usize = 1_000_000;
+
+/// A step's points are in sequences, each from rest: ten times as many, in sequences of this length while there are few.
+const SEQUENCE: usize = 500;
 
 /// Points are made and compared in portions, so that the long matrix does not fill the memory.
 const PORTION: usize = 8192;
@@ -117,12 +121,18 @@ fn compare(of_f64: &[&dyn Backend<f64>], of_f32: &[&dyn Backend<f32>], random: u
 
 fn compare_function<T: Number>(case: &Case, function: usize, backends: &[&dyn Backend<T>], random: usize) -> Vec<String> {
     let function = &case.unit.functions[function];
-    let surface: &Surface = case.checked.model().surface(&function.surface).expect("a function of a surface");
-    let mut points = Points::<T>::new(function, surface);
+    let model = case.checked.model();
+    let is_step = function.kind == Kind::Step;
+    let mut points = if is_step {
+        let knots: Vec<Knot> = model.surfaces.iter().flat_map(|surface| surface.knots.clone()).collect();
+        Points::<T>::with_knots(function, &knots)
+    } else {
+        Points::<T>::new(function, model.surface(&function.surface).expect("a function of a surface"))
+    };
     let mut silent: Vec<&&dyn Backend<T>> = backends.iter().collect();
     let mut failures = vec![];
     let mut portion = points.hurtful();
-    let mut left = random;
+    let mut left = if is_step && random == FEW { 10 * random } else { random };
     loop {
         let expected = Reference.evaluate(&case.unit, function, &portion);
         silent.retain(|backend| {
@@ -135,8 +145,9 @@ fn compare_function<T: Number>(case: &Case, function: usize, backends: &[&dyn Ba
         if left == 0 {
             return failures;
         }
-        portion = points.random(left.min(PORTION));
-        left -= left.min(PORTION);
+        let size = if is_step && random == FEW { SEQUENCE } else { PORTION }.min(left);
+        portion = if is_step { points.sequence(size) } else { points.random(size) };
+        left -= size;
     }
 }
 
@@ -169,8 +180,13 @@ fn the_random_models_cover_what_they_must() {
     for outside in [Outside::Clamp, Outside::Extrapolate] {
         assert!(models.iter().flat_map(|model| &model.inputs).filter(|input| input.outside == outside).count() > 5);
     }
-    let functions = random_cases().iter().flat_map(|case| &case.unit.functions);
-    assert!(functions.filter(|function| function.tape.precision == Precision::F32).count() > 30);
+    let functions = || random_cases().iter().flat_map(|case| &case.unit.functions);
+    for precision in Precision::ALL {
+        let steps = functions().filter(|function| function.kind == Kind::Step && function.tape.precision == precision);
+        let arguments: Vec<usize> = steps.map(|function| function.inputs.len()).collect();
+        assert!((1..=4).all(|count| arguments.contains(&count)), "{precision:?}: {arguments:?}");
+    }
+    assert!(functions().filter(|function| function.tape.precision == Precision::F32).count() > 30);
 }
 
 #[test]

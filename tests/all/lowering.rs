@@ -1,11 +1,11 @@
 //! Is lowering right? Back ends that read the same tape agree even when the tape is wrong, so here the tape meets the exact rational
-//! reference: without rounding it is the polynomial itself, and with rounding it stays within the bound that is proved for it.
+//! reference: without rounding it is the polynomial itself, or the step of the filter, and with rounding it stays within the bound that is proved for it.
 
 use rsm_core::certificate;
 use rsm_core::emit::{Function, Kind};
 use rsm_core::exact;
-use rsm_core::model::{Input, Surface};
-use rsm_core::number::{Precision, Rational, exact};
+use rsm_core::model::{Input, Scheduled, Surface};
+use rsm_core::number::{Precision, Rational, exact, integer};
 use rsm_core::rounding;
 use rsm_core::run::Interpreter;
 use rsm_tests::cases::{self, Case};
@@ -125,6 +125,89 @@ fn with_rounding_it_stays_within_the_proved_bound_and_the_range_holds() {
                     function.tape
                 );
             }
+        }
+    }
+}
+
+/// A scheduled number at a point of the compensator's schedule, from the reference.
+fn scheduled(case: &Case, scheduled: &Scheduled, schedule: &[Input], at: &[Rational]) -> Option<Rational> {
+    if let Some(value) = scheduled.fixed() {
+        return Some(exact(value));
+    }
+    scheduled.surfaces().iter().try_fold(integer(0), |sum, name| {
+        let surface = case.checked.model().surface(name).expect("a surface of the compensator");
+        let inputs = case.checked.inputs_of(surface);
+        let place = |input: &Input| schedule.iter().position(|other| other.name == input.name).expect("in the schedule");
+        let own: Vec<Rational> = inputs.iter().map(|input| at[place(input)].clone()).collect();
+        Some(sum + exact::value(surface, &inputs, &own)?)
+    })
+}
+
+fn sequence<T: Number>(function: &Function) -> Vec<Vec<f64>> {
+    let rows = Points::<T>::with_knots(function, &[]).sequence(20 * POINTS);
+    rows.chunks(function.inputs.len()).map(|row| row.iter().map(|xi| xi.wide()).collect()).collect()
+}
+
+/// The equations of the filter, from any state, with numbers from the reference. (That they are the bilinear transform of the compensator
+/// is tested beside the lowering.)
+#[test]
+fn without_rounding_a_step_is_the_filter() {
+    let mut compared = 0;
+    for case in cases::random() {
+        for function in case.unit.functions.iter().filter(|function| function.kind == Kind::Step) {
+            let mut compensators = case.checked.model().compensators.iter();
+            let compensator = compensators.find(|it| it.name == function.surface).expect("a function of a compensator");
+            let schedule = &function.inputs[1..];
+            let rows = match function.tape.precision {
+                Precision::F64 => sequence::<f64>(function),
+                Precision::F32 => sequence::<f32>(function),
+            };
+            let rows = rows.into_iter().filter(|row| row.iter().all(|xi| xi.is_finite()) && is_handy(row));
+            for (k, row) in rows.take(POINTS).enumerate() {
+                let at = rational(&row);
+                let number = |of: &Scheduled| scheduled(&case, of, schedule, &at[1..]);
+                let numbers =
+                    [&compensator.natural_frequency, &compensator.zero_damping, &compensator.pole_damping].map(number);
+                let [Some(w), Some(z), Some(p)] = numbers else { continue };
+                let x = &at[0];
+                let (s1, s2) = (integer(k as i64 % 5 - 2) / integer(7), integer(k as i64 % 3 - 1) / integer(11));
+                let g = w * exact(compensator.sample_time) / integer(2);
+                let denominator = integer(1) + &g * (&g + integer(2) * &p);
+                let u = integer(2) * (&s1 + &g * (x - &s2)) / denominator;
+                let expected = [x + (z - p) * &u, &u - &s1, &s2 + &g * &u];
+                let mut states = [s1, s2];
+                let y = exact::ideal_step(&function.tape, &mut states, &at).expect("a step has no pole");
+                let [next_1, next_2] = states;
+                assert_eq!([y, next_1, next_2], expected, "{} at {row:?}\n{}", case.file.display(), function.tape);
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 200, "only {compared} points compared");
+}
+
+#[test]
+fn no_sequence_makes_a_state_that_is_not_finite() {
+    for case in cases::random() {
+        for function in case.unit.functions.iter().filter(|function| function.kind == Kind::Step) {
+            match function.tape.precision {
+                Precision::F64 => stays_finite::<f64>(function),
+                Precision::F32 => stays_finite::<f32>(function),
+            }
+        }
+    }
+}
+
+fn stays_finite<T: Number>(function: &Function) {
+    let mut filter = Interpreter::<T>::new(&function.tape);
+    let mut points = Points::<T>::with_knots(function, &[]);
+    let rows = [points.hurtful(), points.sequence(4000)].concat();
+    for row in rows.chunks(function.inputs.len()) {
+        let before = filter.states().to_vec();
+        let result = filter.step(row);
+        assert!(filter.states().iter().all(|state| state.wide().is_finite()), "{row:?} from {before:?}\n{}", function.tape);
+        if row.iter().any(|xi| !xi.wide().is_finite()) {
+            assert!(result.wide().is_nan() && filter.states() == before, "{row:?} from {before:?}\n{}", function.tape);
         }
     }
 }

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use rsm_core::emit::Unit;
+use rsm_core::emit::{Kind, Unit};
 use rsm_tests::cases;
 use rsm_tests::compilers::{self, Compiler};
 use rsm_tests::object::{self, Code};
@@ -103,9 +103,14 @@ fn check_rust(cases: &[cases::Case], folder: &Path) {
         for function in &case.unit.functions {
             let (model, name) = (&case.unit.model, function.rust_name());
             let float = function.tape.precision.name();
-            let arguments: Vec<String> = (0..function.inputs.len()).map(|k| format!("x{k}: {float}")).collect();
-            let names: Vec<String> = (0..function.inputs.len()).map(|k| format!("x{k}")).collect();
-            let result = if function.kind == rsm_core::emit::Kind::Support { "i32" } else { float };
+            let mut arguments: Vec<String> = (0..function.inputs.len()).map(|k| format!("x{k}: {float}")).collect();
+            let mut names: Vec<String> = (0..function.inputs.len()).map(|k| format!("x{k}")).collect();
+            if function.kind == Kind::Step {
+                let state = rsm_core::names::rust_state(&function.surface, function.tape.precision);
+                arguments.insert(0, format!("state: &mut {model}::{state}"));
+                names.insert(0, "state".to_string());
+            }
+            let result = if function.kind == Kind::Support { "i32" } else { float };
             text.push_str(&format!(
                 "/// For the disassembly.\n#[unsafe(no_mangle)]\npub extern \"C\" fn only_{model}_{name}({}) -> {result} {{\n    {model}::{name}({})\n}}\n",
                 arguments.join(", "),

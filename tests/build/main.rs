@@ -12,6 +12,7 @@ use rsm_core::check::Checked;
 use rsm_core::compile;
 use rsm_core::emit::Kind;
 use rsm_core::model_file;
+use rsm_core::names;
 use rsm_core::number::Precision;
 
 fn main() {
@@ -41,16 +42,26 @@ fn main() {
             let float = function.tape.precision.name();
             let arguments: Vec<String> = (0..function.inputs.len()).map(|k| format!("x[{k}]")).collect();
             let module = taken.module(&name, function.tape.precision);
-            let call = format!("{module}::{}({})", function.rust_name(), arguments.join(", "));
-            // A support test gives a whole number.
-            let value = if function.kind == Kind::Support { format!("{float}::from({call} as i8)") } else { call };
-            writeln!(list, "    (\"{name}\", \"{}\", |x: &[{float}]| {value}),", function.rust_name()).expect("text");
+            let call = |state: &str| format!("{module}::{}({state}{})", function.rust_name(), arguments.join(", "));
+            let (before, value) = match function.kind {
+                Kind::Surface => (String::new(), call("")),
+                // A support test gives a whole number.
+                Kind::Support => (String::new(), format!("{float}::from({} as i8)", call(""))),
+                // One state goes through all rows.
+                Kind::Step => {
+                    let init = names::rust_init(&function.surface, function.tape.precision);
+                    (format!("let mut state = {module}::{init}(); "), call("&mut state, "))
+                }
+            };
+            let rows = format!("rows.chunks_exact({}).map(|x| {value}).collect()", function.inputs.len());
+            writeln!(list, "    (\"{name}\", \"{}\", |rows: &[{float}]| {{ {before}{rows} }}),", function.rust_name())
+                .expect("text");
         }
     }
     for (float, list) in [("f64", of_f64), ("f32", of_f32)] {
         writeln!(
             modules,
-            "/// Model, function, and the function with its arguments in a slice.\n\
+            "/// Model, function, and the function over rows of arguments.\n\
              pub const {}: &[rsm_tests::backend::Entry<{float}>] = &[\n{list}];",
             float.to_uppercase()
         )

@@ -1,9 +1,9 @@
 //! Random models from a fixed seed, made to be awkward.
 //!
-//! Out: one model for every number of inputs from 1 to 6 and every order from 1 to 5, then a few more. Ranges are ordinary, narrow,
+//! Out: one model for every number of inputs from 1 to 6 and every order from 1 to 5, then a few more, then models with compensators. Ranges are ordinary, narrow,
 //! offset, tiny, huge, symmetric, negative; every option of the model file occurs. Every model passes the check.
 
-use rsm_core::model::{Coding, HalfSpace, Input, Knot, Model, Outside, Surface, Symmetry, Term};
+use rsm_core::model::{Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Surface, Symmetry, Term};
 
 /// More terms say nothing new and take long to compile 14 times.
 const MOST_TERMS: usize = 56;
@@ -11,11 +11,70 @@ const MOST_TERMS: usize = 56;
 /// Models beyond one for each number of inputs and order.
 const EXTRA: usize = 6;
 
+/// Models with compensators.
+const COMPENSATORS: usize = 8;
+
 pub(crate) fn models() -> Vec<Model> {
     let mut random = Random(0x0123_4567_89ab_cdef);
     let shapes = (1..=6).flat_map(|inputs| (1..=5).map(move |order| (inputs, order)));
     let extra = (0..EXTRA).map(|k| (1 + k % 3, 2 + k as u32 % 2));
-    shapes.chain(extra).enumerate().map(|(index, (inputs, order))| model(&mut random, index, inputs, order)).collect()
+    let surfaces = shapes.chain(extra).enumerate();
+    let mut models: Vec<Model> = surfaces.map(|(index, (inputs, order))| model(&mut random, index, inputs, order)).collect();
+    models.extend((0..COMPENSATORS).map(|index| compensated(&mut random, index)));
+    models
+}
+
+/// A model with two compensators: one whose numbers are sums and surfaces, more or fewer of them fixed, and one that is fixed. What its
+/// surfaces saturate at keeps the filter stable over the whole box, whatever their terms are.
+fn compensated(random: &mut Random, index: usize) -> Model {
+    let inputs: Vec<Input> = [("speed", [2.0, 45.0]), ("gear", [1.0, 5.0]), ("slip", [-0.7, 0.7])]
+        .into_iter()
+        .take(1 + index % 3)
+        .map(|(name, range)| {
+            let outside = if random.below(3) == 0 { Outside::Extrapolate } else { Outside::Clamp };
+            Input { name: name.to_string(), unit: "1".to_string(), range, outside }
+        })
+        .collect();
+    let backwards: Vec<Input> = inputs.iter().rev().cloned().collect();
+    let mut of = |name: &str, inputs: &[Input], [low, high]: [f64; 2]| {
+        let order = 1 + random.below(3) as u32;
+        let mut surface = surface(random, name, inputs.to_vec(), order, Coding::Range);
+        surface.support.clear();
+        surface.output_range = Some([low, high]);
+        for term in &mut surface.terms {
+            // Within the limits on most of the box.
+            term.coefficient = if term.powers.iter().all(|power| *power == 0) {
+                0.5 * (low + high)
+            } else {
+                (high - low) * random.between(-0.3, 0.3)
+            };
+        }
+        surface
+    };
+    let surfaces = vec![
+        of("frequency", &inputs, [3.0, 300.0]),
+        of("damping", &backwards, [0.01, 0.9]),
+        of("lack", &inputs[..1], [0.05, 0.7]),
+    ];
+    let surface = |name: &str| Scheduled::Surface(name.to_string());
+    let natural_frequency = if index % 4 == 1 { Scheduled::Fixed(random.between(5.0, 100.0)) } else { surface("frequency") };
+    let zero_damping = if index % 4 == 2 { Scheduled::Fixed(random.between(0.01, 2.0)) } else { surface("damping") };
+    let pole_damping = match index % 4 {
+        0 => Scheduled::Sum(vec!["damping".to_string(), "lack".to_string()]),
+        1 => Scheduled::Fixed(0.7),
+        2 => surface("damping"),
+        _ => Scheduled::Sum(vec!["lack".to_string(), "lack".to_string(), "damping".to_string()]),
+    };
+    let sample_time = [1e-3, 1e-4, 0.004][random.below(3)];
+    let scheduled = Compensator { name: "tip_in".to_string(), sample_time, natural_frequency, zero_damping, pole_damping };
+    let fixed = Compensator {
+        name: "k".to_string(),
+        sample_time: 0.001,
+        natural_frequency: Scheduled::Fixed(random.between(1.0, 1500.0)),
+        zero_damping: Scheduled::Fixed(random.between(0.0, 0.3)),
+        pole_damping: Scheduled::Fixed(random.between(0.2, 1.5)),
+    };
+    Model { name: format!("n{index:02}"), inputs, surfaces, compensators: vec![scheduled, fixed] }
 }
 
 fn model(random: &mut Random, index: usize, inputs: usize, order: u32) -> Model {

@@ -1,6 +1,7 @@
 //! Evaluators under comparison, in batches.
 //!
-//! In: a shared object with one symbol `batch_MODEL_FUNCTION` an evaluator, or functions in this process. Out: results for rows of points.
+//! In: a shared object with one symbol `batch_MODEL_FUNCTION` an evaluator, or functions in this process. Out: results for rows of points. The
+//! rows of a step are a sequence: one state goes through them, from rest at 0.
 
 use std::path::Path;
 
@@ -28,12 +29,12 @@ impl<T: Number> Backend<T> for Reference {
 
     fn evaluate(&self, _: &Unit, function: &Function, points: &[T]) -> Vec<T> {
         let mut interpreter = Interpreter::<T>::new(&function.tape);
-        points.chunks_exact(function.inputs.len()).map(|point| interpreter.eval(point)).collect()
+        points.chunks_exact(function.inputs.len()).map(|point| interpreter.step(point)).collect()
     }
 }
 
-/// Model, function, and the function with its arguments in a slice.
-pub type Entry<T> = (&'static str, &'static str, fn(&[T]) -> T);
+/// Model, function, and the function over rows of arguments.
+pub type Entry<T> = (&'static str, &'static str, fn(&[T]) -> Vec<T>);
 
 /// Functions that are compiled into this process.
 pub struct Linked<T: 'static> {
@@ -58,7 +59,7 @@ impl<T: Number> Backend<T> for Linked<T> {
         let name = function.rust_name();
         let known = self.functions.iter().find(|(model, known, _)| *model == unit.model && *known == name);
         let (_, _, evaluate) = known.unwrap_or_else(|| panic!("{}: no function {}::{name}", self.name, unit.model));
-        points.chunks_exact(function.inputs.len()).map(evaluate).collect()
+        evaluate(points)
     }
 }
 

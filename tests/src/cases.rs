@@ -20,7 +20,7 @@ pub struct Case {
     pub unit: Unit,
 }
 
-/// The random models: 36 of 1 to 6 inputs and order 1 to 5.
+/// The random models: 36 of 1 to 6 inputs and order 1 to 5, and 8 with compensators.
 #[must_use]
 pub fn random() -> Vec<Case> {
     of_folder(&Path::new(env!("OUT_DIR")).join("models"))

@@ -103,11 +103,18 @@ pub fn write_c<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
             let arity = function.inputs.len();
             let arguments: Vec<String> = (0..arity).map(|k| format!("x[i * {arity} + {k}]")).collect();
             let (model, name) = (&unit.model, function.rust_name());
+            let (mut state, mut pass) = (String::new(), "");
+            if function.kind == Kind::Step {
+                let (compensator, precision) = (&function.surface, function.tape.precision);
+                let state_type = names::c_state(model, compensator, precision);
+                state = format!("{state_type} state; {}(&state); ", names::c_init(model, compensator, precision));
+                pass = "&state, ";
+            }
             writeln!(
                 batches,
                 "void batch_{model}_{name}(const {float} *x, {float} *y, size_t n);\n\
                  void batch_{model}_{name}(const {float} *x, {float} *y, size_t n)\n\
-                 {{\n    size_t i;\n    for (i = 0; i < n; i++) {{ y[i] = ({float}){}({}); }}\n}}",
+                 {{\n    size_t i;\n    {state}for (i = 0; i < n; i++) {{ y[i] = ({float}){}({pass}{}); }}\n}}",
                 function.c_name(model),
                 arguments.join(", ")
             )
@@ -158,10 +165,16 @@ fn rust_batch(model: &str, function: &Function) -> String {
     let arguments: Vec<String> = (0..arity).map(|k| format!("*x.add(i * {arity} + {k})")).collect();
     let name = function.rust_name();
     let conversion = if function.kind == Kind::Support { format!(" as {float}") } else { String::new() };
+    let (mut state, mut pass) = (String::new(), "");
+    if function.kind == Kind::Step {
+        let init = names::rust_init(&function.surface, function.tape.precision);
+        state = format!("    let mut state = {model}::{init}();\n");
+        pass = "&mut state, ";
+    }
     format!(
         "/// # Safety\n/// `x` has `n` rows, `y` room for `n` results.\n#[unsafe(no_mangle)]\n\
-         pub unsafe extern \"C\" fn batch_{model}_{name}(x: *const {float}, y: *mut {float}, n: usize) {{\n    \
-             for i in 0..n {{ unsafe {{ *y.add(i) = {model}::{name}({}){conversion}; }} }}\n}}\n",
+         pub unsafe extern \"C\" fn batch_{model}_{name}(x: *const {float}, y: *mut {float}, n: usize) {{\n{state}    \
+             for i in 0..n {{ unsafe {{ *y.add(i) = {model}::{name}({pass}{}){conversion}; }} }}\n}}\n",
         arguments.join(", ")
     )
 }

@@ -1,10 +1,10 @@
 //! Points at which evaluators are compared.
 //!
-//! In: the inputs and knots of a surface. Out: points that hurt (corners, bounds and knots with both neighbours, both zeros, subnormals,
+//! In: the inputs and knots of a surface, or those that a compensator uses. Out: points that hurt (corners, bounds and knots with both neighbours, both zeros, subnormals,
 //! the largest numbers, outside, infinities, NaN) and any number of random ones from a fixed seed. Rows of arguments, one after another.
 
 use rsm_core::emit::Function;
-use rsm_core::model::{Input, Surface};
+use rsm_core::model::{Input, Knot, Surface};
 use rsm_core::number::Precision;
 use rsm_core::run::Scalar;
 
@@ -65,8 +65,17 @@ impl<T: Number> Points<T> {
     /// When the function was lowered for another precision.
     #[must_use]
     pub fn new(function: &Function, surface: &Surface) -> Self {
+        Self::with_knots(function, &surface.knots)
+    }
+
+    /// The points of a function whose surfaces have these knots.
+    ///
+    /// # Panics
+    /// When the function was lowered for another precision.
+    #[must_use]
+    pub fn with_knots(function: &Function, knots: &[Knot]) -> Self {
         assert_eq!(function.tape.precision, T::PRECISION);
-        let hurtful = function.inputs.iter().map(|input| hurtful_values(input, surface)).collect();
+        let hurtful = function.inputs.iter().map(|input| hurtful_values(input, knots)).collect();
         let ranges = function.inputs.iter().map(|input| input.range.map(T::nearest)).collect();
         // A seed of its own for every function, the same in every run.
         let seed =
@@ -128,6 +137,37 @@ impl<T: Number> Points<T> {
         rows
     }
 
+    /// A sequence for a step. The signal, which is the first argument, is random at one of several magnitudes, subnormal ones included; the
+    /// others are held for a while and then jump, as a gear does. One sample in twenty has a value that hurts, NaN and infinities among
+    /// them, and one in a thousand a signal so large that states overflow.
+    pub fn sequence(&mut self, count: usize) -> Vec<T> {
+        let [_, smallest_normal, largest] = T::EXTREMES;
+        let magnitude = [1.0, 1.0, 1e-30, smallest_normal.wide(), 1e30][self.random.below(5)];
+        let mut rows: Vec<T> = Vec::with_capacity(count * self.ranges.len());
+        let mut held = vec![];
+        for _ in 0..count {
+            if held.is_empty() || self.random.below(40) == 0 {
+                held.clear();
+                self.push_inside(&mut held);
+            }
+            let start = rows.len();
+            rows.push(T::nearest(magnitude * (2.0 * self.random.share() - 1.0)));
+            rows.extend(&held[1..]);
+            if self.random.below(20) == 0 {
+                let k = self.random.below(self.ranges.len());
+                let value = self.hurtful[k][self.random.below(self.hurtful[k].len())];
+                // A huge signal would hide all smaller ones that follow.
+                if k > 0 || value.wide().is_nan() || value.wide().abs() <= magnitude || value.wide().is_infinite() {
+                    rows[start + k] = value;
+                }
+            }
+            if self.random.below(1000) == 0 {
+                rows[start] = largest;
+            }
+        }
+        rows
+    }
+
     fn push_inside(&mut self, rows: &mut Vec<T>) {
         for range in &self.ranges {
             rows.push(between(*range, self.random.share()));
@@ -140,10 +180,10 @@ fn between<T: Number>([low, high]: [T; 2], share: f64) -> T {
     T::nearest(low.wide() * (1.0 - share) + high.wide() * share)
 }
 
-fn hurtful_values<T: Number>(input: &Input, surface: &Surface) -> Vec<T> {
+fn hurtful_values<T: Number>(input: &Input, knots: &[Knot]) -> Vec<T> {
     let [low, high] = input.range;
     let width = high - low;
-    let at_knots = surface.knots.iter().filter(|knot| knot.input == input.name).map(|knot| knot.at);
+    let at_knots = knots.iter().filter(|knot| knot.input == input.name).map(|knot| knot.at);
     let places = [low, high].into_iter().chain(at_knots).map(T::nearest);
     let mut values: Vec<T> = places.flat_map(|place| [place.below(), place, place.above()]).collect();
     // The bounds as lowering rounds them into the range.

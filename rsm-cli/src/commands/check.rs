@@ -1,10 +1,12 @@
-//! `rsm check`: the rules of the file, and what is certain about its surfaces.
+//! `rsm check`: the rules of the file, and what is certain about its surfaces and compensators.
 
 use std::path::PathBuf;
 
 use clap::Args;
+use rsm_core::certificate::compensator::{CompensatorCertificate, certify};
 use rsm_core::certificate::{self, SurfaceCertificate};
 use rsm_core::check::Checked;
+use rsm_core::interval::Interval;
 use rsm_core::lower;
 use rsm_core::number::Precision;
 use rsm_core::source::Source;
@@ -72,12 +74,14 @@ pub fn run(arguments: &Arguments) -> Outcome {
             });
         }
     }
-    for compensator in &checked.model().compensators {
-        problems.push(Problem {
-            r#where: format!("compensators.{}", compensator.name),
-            what: "this version does not certify compensators".into(),
-            at: Map::new(),
-        });
+    let compensators: Vec<CompensatorCertificate> =
+        (0..checked.model().compensators.len()).map(|index| certify(&checked, index)).collect();
+    for compensator in &compensators {
+        problems.extend(compensator.violations.iter().map(|violation| Problem {
+            r#where: format!("compensators.{}.{}", compensator.name, violation.key),
+            what: violation.what.clone(),
+            at: violation.at.iter().map(|(input, xi)| (input.clone(), json!(xi))).collect(),
+        }));
     }
     if arguments.explain {
         for index in 0..checked.model().surfaces.len() {
@@ -85,16 +89,21 @@ pub fn run(arguments: &Arguments) -> Outcome {
                 eprint!("{}", lower::surface(&checked, index, *precision));
             }
         }
+        for index in 0..compensators.len() {
+            for precision in &held {
+                eprint!("{}", lower::compensator(&checked, index, *precision));
+            }
+        }
     }
     if arguments.json {
-        output::json(&as_json(&certificates, &problems))?;
+        output::json(&as_json(&certificates, &compensators, &problems))?;
     } else {
-        in_words(&checked, &certificates, &problems)?;
+        in_words(&checked, &certificates, &compensators, &problems)?;
     }
     Ok(if problems.is_empty() { Answer::Positive } else { Answer::Negative })
 }
 
-fn as_json(certificates: &[SurfaceCertificate], problems: &[Problem]) -> Value {
+fn as_json(certificates: &[SurfaceCertificate], compensators: &[CompensatorCertificate], problems: &[Problem]) -> Value {
     let surfaces: Map<String, Value> = certificates
         .iter()
         .map(|surface| {
@@ -110,12 +119,26 @@ fn as_json(certificates: &[SurfaceCertificate], problems: &[Problem]) -> Value {
             (surface.name.clone(), value)
         })
         .collect();
-    json!({ "ok": problems.is_empty(), "surfaces": surfaces, "compensators": {}, "problems": problems })
+    let compensators: Map<String, Value> = compensators
+        .iter()
+        .map(|compensator| {
+            let ends = |range: Interval| json!([output::finite(range.low), output::finite(range.high)]);
+            let value = json!({
+                "natural_frequency": ends(compensator.natural_frequency),
+                "zero_damping": ends(compensator.zero_damping),
+                "pole_damping": ends(compensator.pole_damping),
+                "stable": compensator.violations.is_empty(),
+            });
+            (compensator.name.clone(), value)
+        })
+        .collect();
+    json!({ "ok": problems.is_empty(), "surfaces": surfaces, "compensators": compensators, "problems": problems })
 }
 
 fn in_words(
     checked: &Checked,
     certificates: &[SurfaceCertificate],
+    compensators: &[CompensatorCertificate],
     problems: &[Problem],
 ) -> Result<(), crate::outcome::Refusal> {
     for (surface, certificate) in checked.model().surfaces.iter().zip(certificates) {
@@ -128,6 +151,16 @@ fn in_words(
             output::line(&format!(
                 "  {name}: rounding error at most {error:.3e} {unit}, {operations} operations, {depth} deep"
             ))?;
+        }
+    }
+    for it in compensators {
+        let state = if it.violations.is_empty() { "stable over the whole box" } else { "not certain to be stable" };
+        output::line(&format!("{}: {state}", it.name))?;
+        let ranges =
+            [("natural frequency", it.natural_frequency), ("zero damping", it.zero_damping), ("pole damping", it.pole_damping)];
+        for (name, range) in ranges {
+            let unit = if name == "natural frequency" { " rad/s" } else { "" };
+            output::line(&format!("  {name}: every value lies in [{:.6}, {:.6}]{unit}", range.low, range.high))?;
         }
     }
     for problem in problems {

@@ -1,12 +1,13 @@
-//! `rsm eval`: the interpreter, a point or a table of points.
+//! `rsm eval`: the interpreter, a point or a table of points; of a compensator a sequence, a step each row, from rest at 0.
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use rsm_core::certificate::compensator::require_stable;
 use rsm_core::check::Checked;
 use rsm_core::compile;
 use rsm_core::lower;
-use rsm_core::model::Surface;
+use rsm_core::model::{Input, Surface};
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
@@ -25,13 +26,13 @@ pub struct Arguments {
     /// The surface to evaluate; may be left out when the model has only one
     #[arg(long)]
     surface: Option<String>,
-    /// A compensator (not in this version)
-    #[arg(long, conflicts_with = "surface")]
+    /// The compensator to run over a sequence: --data has the columns `input` and every input that it uses
+    #[arg(long, conflicts_with_all = ["surface", "at"])]
     compensator: Option<String>,
     /// A point, in the units of the model: a=1,b=2
-    #[arg(long, required_unless_present = "data", conflicts_with = "data", allow_hyphen_values = true)]
+    #[arg(long, required_unless_present_any = ["data", "compensator"], conflicts_with = "data", allow_hyphen_values = true)]
     at: Option<String>,
-    /// A CSV of points, its columns named as the inputs
+    /// A CSV of points (of a compensator: a sequence), its columns named as the inputs
     #[arg(long)]
     data: Option<PathBuf>,
     /// The precision of the evaluation
@@ -53,26 +54,46 @@ struct Evaluated {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    if let Some(name) = &arguments.compensator {
-        return Err(Refusal::new(format!("--compensator: found {name}, this version evaluates surfaces only")));
-    }
     let precision = arguments.precision.precision()?;
     let checked = Checked::read(&Source::read(&arguments.model)?)?;
     compile::held(&checked, &[precision])?;
+    if let Some(name) = &arguments.compensator {
+        return sequence(arguments, &checked, name, precision);
+    }
     let index = surface_index(&checked, arguments.surface.as_deref())?;
     let surface = &checked.model().surfaces[index];
     let tape = lower::surface(&checked, index, precision);
     let points: Vec<Vec<f64>> = match (&arguments.at, &arguments.data) {
         (Some(at), _) => vec![point(at, surface, precision)?],
-        (None, Some(path)) => table(path, surface, &checked)?,
+        (None, Some(path)) => table(path, None, &checked.inputs_of(surface))?,
         (None, None) => return Err(Refusal::new("give a point with --at or a table with --data")),
     };
     let results = evaluate(&tape, &points);
+    let (name, unit) = (&surface.name, &surface.unit);
+    print(arguments, &results, json!({ "surface": name, "unit": unit, "precision": precision.name() }))
+}
+
+/// A compensator over the rows of a table, in order.
+fn sequence(arguments: &Arguments, checked: &Checked, name: &str, precision: Precision) -> Outcome {
+    let compensators = &checked.model().compensators;
+    let index = compensators.iter().position(|compensator| compensator.name == name).ok_or_else(|| {
+        let known = compensators.iter().map(|compensator| compensator.name.as_str()).collect::<Vec<_>>().join(", ");
+        let known = if known.is_empty() { "none".to_string() } else { known };
+        Refusal::new(format!("--compensator: found {name}, the compensators of {} are {known}", checked.file()))
+    })?;
+    require_stable(checked, index)?;
+    let path = arguments.data.as_ref().ok_or_else(|| Refusal::new("give the sequence of the compensator with --data"))?;
+    let points = table(path, Some(lower::SIGNAL), &checked.schedule_of(&compensators[index]))?;
+    let results = evaluate(&lower::compensator(checked, index, precision), &points);
+    print(arguments, &results, json!({ "compensator": name, "precision": precision.name() }))
+}
+
+/// Prints results a line each, or as an object that has them beside what it is about.
+fn print(arguments: &Arguments, results: &[Evaluated], mut object: serde_json::Value) -> Outcome {
     if arguments.json {
-        let values: Vec<Option<f64>> = results.iter().map(|result| output::finite(result.value)).collect();
-        let bits: Vec<&String> = results.iter().map(|result| &result.bits).collect();
-        let (name, unit) = (&surface.name, &surface.unit);
-        output::json(&json!({ "surface": name, "unit": unit, "precision": precision.name(), "values": values, "bits": bits }))?;
+        object["values"] = results.iter().map(|result| output::finite(result.value)).collect();
+        object["bits"] = results.iter().map(|result| result.bits.as_str()).collect();
+        output::json(&object)?;
     } else {
         let lines: Vec<&str> =
             results.iter().map(|it| if arguments.bits { it.bits.as_str() } else { it.text.as_str() }).collect();
@@ -121,12 +142,14 @@ fn point(text: &str, surface: &Surface, precision: Precision) -> Result<Vec<f64>
     Ok(values.into_iter().flatten().collect())
 }
 
-/// The points of a CSV, in the units of the model.
-fn table(path: &Path, surface: &Surface, checked: &Checked) -> Result<Vec<Vec<f64>>, Refusal> {
-    let wanted = Wanted { numbers: surface.inputs.clone(), ..Wanted::default() };
+/// The points of a CSV, in the units of the model. The signal of a compensator comes first and stays in its unit, whatever that is.
+fn table(path: &Path, signal: Option<&str>, inputs: &[Input]) -> Result<Vec<Vec<f64>>, Refusal> {
+    let names = signal.into_iter().chain(inputs.iter().map(|input| input.name.as_str()));
+    let wanted = Wanted { numbers: names.map(str::to_string).collect(), ..Wanted::default() };
     let table = Table::read(&Source::read(path)?, &wanted)?;
     let mut columns = Vec::new();
-    for input in checked.inputs_of(surface) {
+    columns.extend(signal.and_then(|name| table.column(name)).map(|column| column.values.clone()));
+    for input in inputs {
         let (values, _) = table
             .values_in(&input.name, Some(&input.unit))
             .map_err(|fault| Refusal::from(rsm_core::source::Faults::one(fault)))?;
@@ -140,7 +163,7 @@ fn evaluate(tape: &Tape, points: &[Vec<f64>]) -> Vec<Evaluated> {
         Precision::F64 => {
             let mut interpreter = Interpreter::<f64>::new(tape);
             let each = |point: &Vec<f64>| {
-                let value = interpreter.eval(point);
+                let value = interpreter.step(point);
                 Evaluated { text: format!("{value:?}"), value, bits: format!("{:016x}", value.to_bits()) }
             };
             points.iter().map(each).collect()
@@ -149,7 +172,7 @@ fn evaluate(tape: &Tape, points: &[Vec<f64>]) -> Vec<Evaluated> {
             let mut interpreter = Interpreter::<f32>::new(tape);
             let each = |point: &Vec<f64>| {
                 let arguments: Vec<f32> = point.iter().map(|value| *value as f32).collect();
-                let value = interpreter.eval(&arguments);
+                let value = interpreter.step(&arguments);
                 Evaluated { text: format!("{value:?}"), value: f64::from(value), bits: format!("{:08x}", value.to_bits()) }
             };
             points.iter().map(each).collect()

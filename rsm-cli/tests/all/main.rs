@@ -1,5 +1,6 @@
 //! The tests of the command, one binary.
 
 mod command;
+mod compensator;
 mod readme;
 mod shipped_data;

@@ -48,7 +48,8 @@ fn header(unit: &Unit) -> String {
         self_test = names::c_self_test(model)
     );
     in_precisions(unit, &mut text, |function| {
-        let mut text = String::from("\n");
+        let mut text = if function.kind == Kind::Step { declare_state(unit, function) } else { String::new() };
+        text.push('\n');
         for (k, line) in function.about().iter().enumerate() {
             let begin = if k == 0 { "/* " } else { " * " };
             text.push_str(format!("{begin}{line}").trim_end());
@@ -137,12 +138,47 @@ fn suffix(precision: Precision) -> &'static str {
 fn signature(unit: &Unit, function: &Function) -> String {
     let float = c_type(function.tape.precision);
     let result = match function.kind {
-        Kind::Surface => float,
+        Kind::Surface | Kind::Step => float,
         Kind::Support => "int",
     };
-    let arguments: Vec<String> = function.tape.inputs.iter().map(|name| format!("{float} {name}")).collect();
+    let mut arguments: Vec<String> = function.tape.inputs.iter().map(|name| format!("{float} {name}")).collect();
+    if function.kind == Kind::Step {
+        arguments.insert(0, format!("{} *{}", state_type(unit, function), names::STATE));
+    }
     let arguments = if arguments.is_empty() { "void".to_string() } else { arguments.join(", ") };
     format!("{result} {}({arguments})", function.c_name(&unit.model))
+}
+
+fn state_type(unit: &Unit, function: &Function) -> String {
+    names::c_state(&unit.model, &function.surface, function.tape.precision)
+}
+
+/// The prototype of the function that puts a state at rest.
+fn init_signature(unit: &Unit, function: &Function) -> String {
+    let init = names::c_init(&unit.model, &function.surface, function.tape.precision);
+    format!("void {init}({} *{})", state_type(unit, function), names::STATE)
+}
+
+/// The type of a compensator's state, and the function that puts it at rest, as they stand in the header.
+fn declare_state(unit: &Unit, function: &Function) -> String {
+    let float = c_type(function.tape.precision);
+    let fields: String = function.states().iter().map(|field| format!("    {float} {field};\n")).collect();
+    format!(
+        "\n/* What the compensator `{}` keeps from step to step, in {}; {} puts it at rest at 0. */\n\
+         typedef struct {{\n{fields}}} {};\n{};\n",
+        function.surface,
+        function.tape.precision.name(),
+        names::c_init(&unit.model, &function.surface, function.tape.precision),
+        state_type(unit, function),
+        init_signature(unit, function)
+    )
+}
+
+/// The function that puts a compensator's state at rest.
+fn define_init(unit: &Unit, function: &Function) -> String {
+    let zero = c_literal(0.0, function.tape.precision);
+    let fields = function.states().into_iter().map(|field| format!("    {}->{field} = {zero};\n", names::STATE));
+    format!("\n{}\n{{\n{}}}\n", init_signature(unit, function), fields.collect::<String>())
 }
 
 /// Whether a sum or a difference reads the register, itself or through a sign.
@@ -162,6 +198,7 @@ fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
         for (reg, op) in tape.iter().filter(|(reg, _)| live[reg.0 as usize]) {
             match op {
                 Op::Multiply(..) => needs.keep = true,
+                Op::Add(a, b) => needs.keep |= a == b,
                 Op::Input(_) => needs.keep |= feeds_sum(tape, reg),
                 Op::Absolute(_) => needs.absolute = true,
                 Op::Select { .. } => match tape.extremum(reg) {
@@ -180,7 +217,8 @@ fn define(unit: &Unit, function: &Function) -> String {
     let tape = &function.tape;
     let (float, suffix) = (c_type(tape.precision), suffix(tape.precision));
     let helper = |name: &str| format!("{}_rsm_{name}{suffix}", unit.model);
-    let mut text = format!("\n{}\n{{\n", signature(unit, function));
+    let mut text = if function.kind == Kind::Step { define_init(unit, function) } else { String::new() };
+    text.push_str(&format!("\n{}\n{{\n", signature(unit, function)));
     let live = live(tape);
     for input in unused_inputs(tape, &live) {
         text.push_str(&format!("    (void){input};\n"));
@@ -191,8 +229,12 @@ fn define(unit: &Unit, function: &Function) -> String {
             Op::Constant(ref constant) => c_literal(constant.value, tape.precision),
             Op::Input(port) if feeds_sum(tape, reg) => format!("{}({})", helper("keep"), tape.inputs[port.0 as usize]),
             Op::Input(port) => tape.inputs[port.0 as usize].clone(),
+            // Only a select wrote it: there is no product that could be fused.
+            Op::State(state) => format!("{}->s{}", names::STATE, state.0),
             Op::Negate(a) => format!("-{a}"),
             Op::Absolute(a) => format!("{}({a})", helper("absolute")),
+            // gcc makes 2 a of it, a product that it would fuse.
+            Op::Add(a, b) if a == b => format!("{}({a} + {b})", helper("keep")),
             Op::Add(a, b) => format!("{a} + {b}"),
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) => format!("{}({a} * {b})", helper("keep")),
@@ -208,8 +250,11 @@ fn define(unit: &Unit, function: &Function) -> String {
         };
         text.push_str(&format!("    const {float} {reg} = {value};\n"));
     }
+    for (field, next) in function.states().iter().zip(&tape.next_states) {
+        text.push_str(&format!("    {}->{field} = {next};\n", names::STATE));
+    }
     match function.kind {
-        Kind::Surface => text.push_str(&format!("    return {};\n}}\n", tape.output)),
+        Kind::Surface | Kind::Step => text.push_str(&format!("    return {};\n}}\n", tape.output)),
         Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output)),
     }
     text
@@ -228,7 +273,7 @@ fn c_literal(value: f64, precision: Precision) -> String {
 fn self_test(unit: &Unit) -> String {
     let mut text = String::from("\n#ifdef RSM_SELF_TEST\n\n#include <string.h>\n");
     for precision in Precision::ALL {
-        if of_precision(unit, precision).any(|function| function.kind == Kind::Surface) {
+        if of_precision(unit, precision).any(|function| function.kind != Kind::Support) {
             let (bits, magnitude, infinity) = match precision {
                 Precision::F64 => ("uint64_t", "0x7fffffffffffffffULL", "0x7ff0000000000000ULL"),
                 Precision::F32 => ("uint32_t", "0x7fffffffUL", "0x7f800000UL"),
@@ -275,12 +320,24 @@ fn test_block(unit: &Unit, function: &Function) -> String {
         let note = if point.changes_under_fusing { " /* other bits if fused */" } else { "" };
         text.push_str(&format!("            {{ {} }},{note}\n", row.join(", ")));
     }
-    let result = if function.kind == Kind::Surface { float } else { "int" };
-    let types = if arity == 0 { "void".to_string() } else { vec![float; arity].join(", ") };
-    let call: Vec<String> = (0..arity).map(|k| format!("x[{k}]")).collect();
+    let result = if function.kind == Kind::Support { "int" } else { float };
+    let mut types = vec![float.to_string(); arity];
+    let mut call: Vec<String> = (0..arity).map(|k| format!("x[{k}]")).collect();
+    let mut state = String::new();
+    if function.kind == Kind::Step {
+        // The points are a sequence: one state goes through all of them.
+        let name = state_type(unit, function);
+        types.insert(0, format!("{name} *"));
+        call.insert(0, "&state".to_string());
+        let init = names::c_init(&unit.model, &function.surface, tape.precision);
+        state = format!("        {name} state;\n        {init}(&state);\n");
+    }
+    let types = if types.is_empty() { "void".to_string() } else { types.join(", ") };
     let call = format!("function({})", call.join(", "));
     let judged = match function.kind {
-        Kind::Surface => format!("{}_rsm_differs{}({call}, points[k][{arity}])", unit.model, suffix(tape.precision)),
+        Kind::Surface | Kind::Step => {
+            format!("{}_rsm_differs{}({call}, points[k][{arity}])", unit.model, suffix(tape.precision))
+        }
         // The tape's 1 or 0 as bits against the function's int.
         Kind::Support => format!("{call} != (points[k][{arity}] != 0)"),
     };
@@ -292,7 +349,8 @@ fn test_block(unit: &Unit, function: &Function) -> String {
     text.push_str(&format!(
         "        }};\n        \
          {result} (*volatile function)({types}) = {};\n        \
-         unsigned int k;\n        \
+         unsigned int k;\n\
+         {state}        \
          for (k = 0; k < sizeof points / sizeof points[0]; k++) {{\n\
          {copy}            \
              failures += {judged};\n        \

@@ -25,16 +25,16 @@ pub struct Unit {
     pub functions: Vec<Function>,
 }
 
-/// One evaluator: a surface, or the test whether the data support it, in one precision (that of the tape).
+/// One evaluator: a surface, the test whether the data support it, or the step of a compensator, in one precision (that of the tape).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Function {
-    /// The name of the surface.
+    /// The name of the surface or of the compensator.
     pub surface: String,
-    /// The surface itself or its support test.
+    /// The surface itself, its support test, or a step.
     pub kind: Kind,
-    /// The unit of the result, as text.
+    /// The unit of the result, as text; of a step, when it is to be taken.
     pub unit: String,
-    /// The arguments, in order.
+    /// The arguments, in order. Those of a step begin with the signal, whose range is only what a self-test uses.
     pub inputs: Vec<Input>,
     /// Where the result saturates.
     pub output_range: Option<[f64; 2]>,
@@ -55,6 +55,11 @@ impl Function {
         names::c_function(model, &self.surface, self.kind, self.tape.precision)
     }
 
+    /// The names of the state's fields.
+    fn states(&self) -> Vec<String> {
+        (0..self.tape.next_states.len()).map(|k| format!("s{k}")).collect()
+    }
+
     /// What a caller must know, a line each: what it is, the arguments, the result, the cost.
     fn about(&self) -> Vec<String> {
         let precision = self.tape.precision;
@@ -63,14 +68,19 @@ impl Function {
             Kind::Support => {
                 format!("Whether the data support `{}` here: 1 inside, 0 outside, in {}.", self.surface, precision.name())
             }
+            Kind::Step => format!("One step of the compensator `{}`, {}, in {}.", self.surface, self.unit, precision.name()),
         }];
         lines.push(String::new());
-        for input in &self.inputs {
+        if self.kind == Kind::Step {
+            lines.push(format!("- `{}`: the signal, of any unit, which the result has too", crate::lower::SIGNAL));
+        }
+        let scheduled = self.inputs.iter().skip(usize::from(self.kind == Kind::Step));
+        for input in scheduled {
             let [low, high] = input.range.map(number::decimal);
             let outside = match (self.kind, input.outside) {
                 (Kind::Support, _) => "",
-                (Kind::Surface, Outside::Clamp) => ", clamped outside",
-                (Kind::Surface, Outside::Extrapolate) => ", extrapolated outside",
+                (_, Outside::Clamp) => ", clamped outside",
+                (_, Outside::Extrapolate) => ", extrapolated outside",
             };
             lines.push(format!("- `{}` in {}: {low} to {high}{outside}", input.name, unit(&input.unit)));
         }
@@ -78,8 +88,14 @@ impl Function {
         if let (Kind::Surface, Some([low, high])) = (self.kind, self.output_range.map(|range| range.map(number::decimal))) {
             lines.push(format!("The result saturates at {low} and {high}."));
         }
-        if self.kind == Kind::Surface {
-            lines.push("NaN in gives NaN out.".to_string());
+        match self.kind {
+            Kind::Surface => lines.push("NaN in gives NaN out.".to_string()),
+            Kind::Support => {}
+            Kind::Step => {
+                lines
+                    .push("Where an argument is NaN or infinite the result is NaN, and the state stays as it was.".to_string());
+                lines.push("At rest the result is the signal, exactly, also while the other arguments move.".to_string());
+            }
         }
         lines.push(format!("{} operations, {} deep, no branch.", self.tape.operation_count(), self.tape.depth()));
         lines
@@ -103,10 +119,12 @@ fn unit(text: &str) -> String {
     format!("`{}`", plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?"))
 }
 
-/// Which registers the result depends on. The others are not printed: a local that nobody reads is a warning.
+/// Which registers the results depend on. The others are not printed: a local that nobody reads is a warning.
 fn live(tape: &Tape) -> Vec<bool> {
     let mut live = vec![false; tape.ops.len()];
-    live[tape.output.0 as usize] = true;
+    for reg in tape.results() {
+        live[reg.0 as usize] = true;
+    }
     for (reg, op) in tape.iter().collect::<Vec<_>>().into_iter().rev() {
         if live[reg.0 as usize] {
             for operand in op.operands() {

@@ -1,7 +1,7 @@
 //! The points of a self-test.
 //!
 //! In: a function. Out: arguments and the result that the interpreter gives, as bits, and which points tell a fused multiply-add from a
-//! product and a sum. The same points for the same function: the random ones have a fixed seed. Never looks at emitted text.
+//! product and a sum. Of a compensator the points are one sequence, a step each from the state that the step before left. The same points for the same function: the random ones have a fixed seed. Never looks at emitted text.
 
 use crate::model::Input;
 use crate::run::{Interpreter, Scalar};
@@ -57,25 +57,28 @@ pub(super) fn points(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
 
 fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
     let mut interpreter = Interpreter::<T>::new(tape);
-    let mut point = |natural: &[f64]| {
+    // `None` where only a point that fusing changes is wanted and this is none: then no step was taken.
+    let mut point = |natural: &[f64], sensitive: bool| {
         let arguments: Vec<T> = natural.iter().map(|xi| T::of_f64(*xi)).collect();
-        let result = interpreter.eval(&arguments);
+        let states = interpreter.states().to_vec();
+        let result = interpreter.step(&arguments);
         // A compiler that sees two products in a sum may fuse either one: both ways must differ.
-        let changes = [false, true].iter().all(|left_first| !same(fused(tape, &arguments, *left_first), result));
-        Point {
-            arguments: arguments.iter().map(|xi| xi.bits()).collect(),
-            result: result.bits(),
-            changes_under_fusing: changes,
+        let changes = [false, true].iter().all(|left_first| !same(fused(tape, &states, &arguments, *left_first), result));
+        if sensitive && !changes {
+            interpreter.set_states(&states);
+            return None;
         }
+        let arguments = arguments.iter().map(|xi| xi.bits()).collect();
+        Some(Point { arguments, result: result.bits(), changes_under_fusing: changes })
     };
     let at = |share: f64| -> Vec<f64> {
         inputs.iter().map(|input| input.range[0] * (1.0 - share) + input.range[1] * share).collect()
     };
-    let mut points: Vec<Point> = [0.5, 0.0, 1.0, 1.5].iter().map(|share| point(&at(*share))).collect();
+    let mut points: Vec<Point> = [0.5, 0.0, 1.0, 1.5].iter().filter_map(|share| point(&at(*share), false)).collect();
     if !inputs.is_empty() {
         let mut one_nan = at(0.5);
         one_nan[0] = f64::NAN;
-        points.push(point(&one_nan));
+        points.extend(point(&one_nan, false));
     }
     let mut random = SplitMix(0x5eed);
     let mut found = 0;
@@ -87,9 +90,8 @@ fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
                 input.range[0] * (1.0 - share) + input.range[1] * share
             })
             .collect();
-        let candidate = point(&natural);
-        if candidate.changes_under_fusing {
-            points.push(candidate);
+        if let Some(sensitive) = point(&natural, true) {
+            points.push(sensitive);
             found += 1;
         }
         if found == SENSITIVE {
@@ -105,7 +107,7 @@ fn same<T: Scalar>(a: T, b: T) -> bool {
 }
 
 /// What the tape gives when every product (negated or not) that feeds a sum or a difference is fused into it.
-fn fused<T: Fused>(tape: &Tape, arguments: &[T], left_first: bool) -> T {
+fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool) -> T {
     let mut values: Vec<T> = Vec::with_capacity(tape.ops.len());
     let zero = T::from_constant(0.0);
     for op in &tape.ops {
@@ -132,6 +134,7 @@ fn fused<T: Fused>(tape: &Tape, arguments: &[T], left_first: bool) -> T {
         let value = match *op {
             Op::Constant(ref constant) => T::from_constant(constant.value),
             Op::Input(port) => arguments[port.0 as usize],
+            Op::State(state) => states[state.0 as usize],
             Op::Negate(a) => -r(a),
             Op::Absolute(a) => r(a).absolute(),
             Op::Add(a, b) => sum(a, b, false),

@@ -10,6 +10,7 @@
 //! (rather than denies) `unsafe_code` takes the model through a crate that does not.
 
 use super::{Function, Kind, Unit, compared, literal, live, unused_inputs};
+use crate::names;
 use crate::number::Precision;
 use crate::tape::{Extremum, Op};
 
@@ -47,18 +48,25 @@ pub fn emit(unit: &Unit) -> String {
 fn print(function: &Function) -> String {
     let tape = &function.tape;
     let float = tape.precision.name();
-    let mut text = String::new();
+    let mut text = if function.kind == Kind::Step { state(function) } else { String::new() };
     for line in function.about() {
         text.push_str(format!("/// {line}").trim_end());
         text.push('\n');
     }
     text.push_str(ALLOW);
-    text.push_str("#[inline]\n#[must_use]\n");
+    text.push_str("#[inline]\n");
+    if function.kind != Kind::Step {
+        text.push_str("#[must_use]\n");
+    }
     let result = match function.kind {
-        Kind::Surface => float,
+        Kind::Surface | Kind::Step => float,
         Kind::Support => "i32",
     };
-    let arguments: Vec<String> = tape.inputs.iter().map(|name| format!("{name}: {float}")).collect();
+    let mut arguments: Vec<String> = tape.inputs.iter().map(|name| format!("{name}: {float}")).collect();
+    if function.kind == Kind::Step {
+        let state = names::rust_state(&function.surface, tape.precision);
+        arguments.insert(0, format!("{}: &mut {state}", names::STATE));
+    }
     let name = function.rust_name();
     let one_line = format!("pub fn {name}({}) -> {result} {{\n", arguments.join(", "));
     if one_line.trim_end().len() <= WIDTH {
@@ -79,6 +87,7 @@ fn print(function: &Function) -> String {
             Op::Less(..) => continue,
             Op::Constant(ref constant) => literal(constant.value, tape.precision),
             Op::Input(port) => tape.inputs[port.0 as usize].clone(),
+            Op::State(state) => format!("{}.s{}", names::STATE, state.0),
             Op::Negate(a) => format!("-{a}"),
             Op::Absolute(a) => format!("{a}.abs()"),
             Op::Add(a, b) => format!("{a} + {b}"),
@@ -96,14 +105,36 @@ fn print(function: &Function) -> String {
         };
         text.push_str(&format!("    let {reg}: {float} = {value};\n"));
     }
+    for (field, next) in function.states().iter().zip(&tape.next_states) {
+        text.push_str(&format!("    {}.{field} = {next};\n", names::STATE));
+    }
     let output = tape.output;
     match function.kind {
-        Kind::Surface => text.push_str(&format!("    {output}\n")),
+        Kind::Surface | Kind::Step => text.push_str(&format!("    {output}\n")),
         // The tape ends in 1 or 0; a comparison converts it without the saturation of `as`.
         Kind::Support => text.push_str(&format!("    i32::from({output} > 0.5)\n")),
     }
     text.push_str("}\n");
     text
+}
+
+/// The type of a compensator's state, and the function that makes it.
+fn state(function: &Function) -> String {
+    let (compensator, precision) = (&function.surface, function.tape.precision);
+    let (name, init) = (names::rust_state(compensator, precision), names::rust_init(compensator, precision));
+    let float = precision.name();
+    let fields: String = function.states().iter().map(|field| format!("    {field}: {float},\n")).collect();
+    let zeros: Vec<String> = function.states().iter().map(|field| format!("{field}: 0.0")).collect();
+    format!(
+        "/// What the compensator `{compensator}` keeps from step to step, in {float}.\n\
+         #[allow(dead_code, non_camel_case_types, clippy::all, clippy::pedantic)]\n\
+         #[derive(Debug, Clone, Copy, PartialEq)]\n\
+         pub struct {name} {{\n{fields}}}\n\n\
+         /// The state of the compensator `{compensator}` at rest at 0, in {float}.\n\
+         {ALLOW}#[inline]\n#[must_use]\n\
+         pub fn {init}() -> {name} {{\n    {name} {{ {} }}\n}}\n\n",
+        zeros.join(", ")
+    )
 }
 
 fn fill(helper: &str, precision: Precision) -> String {

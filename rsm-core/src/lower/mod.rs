@@ -1,4 +1,4 @@
-//! Lowers a checked surface to a tape.
+//! Lowers a checked surface or compensator to a tape.
 //!
 //! In: `Checked`. Out: `Tape`. Never fails, and rounds each constant once. Every decision about arithmetic is taken here: which
 //! variable is outermost, how the coding is folded in, what a clamp means. The order of evaluation is part of the result: changing
@@ -8,7 +8,10 @@
 //! argument -> clamp -> variable v, with x = v * scale -> nested Horner in v, scales folded into the coefficients
 //!          -> sign of odd inputs -> output_range
 //! ```
+//!
+//! A compensator's surfaces are lowered into its tape by the same code, its filter by `compensator.rs`.
 
+mod compensator;
 mod horner;
 mod variables;
 
@@ -19,6 +22,8 @@ use crate::tape::{Op, Port, Reg, Tape, TapeBuilder};
 
 use variables::Variables;
 
+pub use compensator::{SIGNAL, compensator};
+
 /// The tape of a surface, by its index in the model.
 ///
 /// # Panics
@@ -28,16 +33,22 @@ pub fn surface(checked: &Checked, index: usize, precision: Precision) -> Tape {
     let surface = &checked.model().surfaces[index];
     let inputs = checked.inputs_of(surface);
     let mut tape = TapeBuilder::new(precision);
-    let mut variables = Variables::new(&mut tape, surface, &inputs);
-    let terms = horner::terms(surface);
-    let polynomial = horner::lower(&mut tape, &mut variables, surface, &terms);
-    let guarded = pass_nan_of_unused_inputs(&mut tape, &mut variables, &inputs, polynomial);
-    let signed = give_sign_of_odd_inputs(&mut tape, &variables, surface, &inputs, guarded);
-    let output = match surface.output_range {
-        Some(range) => clamp(&mut tape, signed, range),
-        None => signed,
-    };
+    let arguments = arguments(&mut tape, inputs.len());
+    let output = value(&mut tape, surface, &inputs, arguments);
     tape.finish(&surface.name, surface.inputs.clone(), output)
+}
+
+/// The value of a surface, saturated, on any tape. `arguments`: the registers of its inputs, in its order.
+fn value(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], arguments: Vec<Reg>) -> Reg {
+    let mut variables = Variables::new(surface, inputs, arguments);
+    let terms = horner::terms(surface);
+    let polynomial = horner::lower(tape, &mut variables, surface, &terms);
+    let guarded = pass_nan_of_unused_inputs(tape, &mut variables, inputs, polynomial);
+    let signed = give_sign_of_odd_inputs(tape, &variables, surface, inputs, guarded);
+    match surface.output_range {
+        Some(range) => clamp(tape, signed, range),
+        None => signed,
+    }
 }
 
 /// The tape of a surface's support test: 1 where every half-space holds, else 0. `None` for a surface without `support`.
@@ -50,7 +61,8 @@ pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<
     }
     let inputs = checked.inputs_of(surface);
     let mut tape = TapeBuilder::new(precision);
-    let mut variables = Variables::unclamped(&mut tape, surface, &inputs);
+    let arguments = arguments(&mut tape, inputs.len());
+    let mut variables = Variables::unclamped(surface, &inputs, arguments);
     let (zero, one) = (tape.constant(integer(0)), tape.constant(integer(1)));
     let mut inside = one;
     for space in &surface.support {
@@ -125,8 +137,8 @@ fn give_sign_of_odd_inputs(
 }
 
 /// The arguments of a tape, one register each, written first so that ports and registers carry the same numbers.
-fn arguments(tape: &mut TapeBuilder, inputs: &[Input]) -> Vec<Reg> {
-    (0..inputs.len()).map(|k| tape.push(Op::Input(Port(k as u32)))).collect()
+fn arguments(tape: &mut TapeBuilder, count: usize) -> Vec<Reg> {
+    (0..count).map(|k| tape.push(Op::Input(Port(k as u32)))).collect()
 }
 
 /// Whether an evaluator clamps this input.

@@ -21,7 +21,7 @@ use crate::model::{Input, Surface};
 use crate::number::{Rational, exact, integer};
 use crate::tape::{Op, Reg, TapeBuilder};
 
-use super::{Lowered, arguments, at_least, at_most, is_clamped};
+use super::{Lowered, at_least, at_most, is_clamped};
 
 /// The variables of one surface, each written to the tape when first asked for.
 pub(super) struct Variables<'a> {
@@ -34,15 +34,16 @@ pub(super) struct Variables<'a> {
 }
 
 impl<'a> Variables<'a> {
-    pub(super) fn new(tape: &mut TapeBuilder, surface: &Surface, inputs: &'a [Input]) -> Self {
+    /// `arguments`: the registers of the inputs, in the order of the surface.
+    pub(super) fn new(surface: &Surface, inputs: &'a [Input], arguments: Vec<Reg>) -> Self {
         let factors = Factor::all(surface, inputs);
         let lowered = vec![None; factors.len()];
-        Variables { factors, inputs, arguments: arguments(tape, inputs), clamps: true, seen: vec![None; inputs.len()], lowered }
+        Variables { factors, inputs, arguments, clamps: true, seen: vec![None; inputs.len()], lowered }
     }
 
     /// Variables of the arguments as they come: a support test must see a value outside the range as it is.
-    pub(super) fn unclamped(tape: &mut TapeBuilder, surface: &Surface, inputs: &'a [Input]) -> Self {
-        Variables { clamps: false, ..Variables::new(tape, surface, inputs) }
+    pub(super) fn unclamped(surface: &Surface, inputs: &'a [Input], arguments: Vec<Reg>) -> Self {
+        Variables { clamps: false, ..Variables::new(surface, inputs, arguments) }
     }
 
     /// The argument itself.

@@ -1,4 +1,5 @@
 //! The tests of rsm-core, one binary.
 
+mod compensator;
 mod lowering;
 mod rejected;

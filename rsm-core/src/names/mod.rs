@@ -3,196 +3,10 @@
 //! In: the names of a model file. Out: the names of functions in C and in Rust, or the reason why a name cannot be emitted, as a clause
 //! that follows the quoted name ("`while` is a keyword of ..."). The checker adds the place. Never changes a name to make it fit.
 
+mod reserved;
+
 use crate::number::Precision;
-
-/// Words that Rust (2024, reserved ones included), C (C99 to C23) or C++ (to C++20) keep for themselves.
-const KEYWORDS: &[(&str, &[&str])] = &[
-    (
-        "Rust",
-        &[
-            "Self", "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",
-            "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro",
-            "match", "mod", "move", "mut", "override", "priv", "pub", "ref", "return", "self", "static", "struct", "super",
-            "trait", "true", "try", "type", "typeof", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
-        ],
-    ),
-    (
-        "C",
-        &[
-            "alignas",
-            "alignof",
-            "asm",
-            "auto",
-            "bool",
-            "break",
-            "case",
-            "char",
-            "const",
-            "constexpr",
-            "continue",
-            "default",
-            "do",
-            "double",
-            "else",
-            "enum",
-            "extern",
-            "false",
-            "float",
-            "for",
-            "fortran",
-            "goto",
-            "if",
-            "inline",
-            "int",
-            "long",
-            "nullptr",
-            "register",
-            "restrict",
-            "return",
-            "short",
-            "signed",
-            "sizeof",
-            "static",
-            "static_assert",
-            "struct",
-            "switch",
-            "thread_local",
-            "true",
-            "typedef",
-            "typeof",
-            "typeof_unqual",
-            "union",
-            "unsigned",
-            "void",
-            "volatile",
-            "while",
-        ],
-    ),
-    (
-        "C++",
-        &[
-            "and",
-            "and_eq",
-            "bitand",
-            "bitor",
-            "catch",
-            "char16_t",
-            "char32_t",
-            "char8_t",
-            "class",
-            "co_await",
-            "co_return",
-            "co_yield",
-            "compl",
-            "concept",
-            "const_cast",
-            "consteval",
-            "constinit",
-            "decltype",
-            "delete",
-            "dynamic_cast",
-            "explicit",
-            "export",
-            "friend",
-            "mutable",
-            "namespace",
-            "new",
-            "noexcept",
-            "not",
-            "not_eq",
-            "operator",
-            "or",
-            "or_eq",
-            "private",
-            "protected",
-            "public",
-            "reinterpret_cast",
-            "requires",
-            "static_cast",
-            "template",
-            "this",
-            "throw",
-            "typeid",
-            "typename",
-            "using",
-            "wchar_t",
-            "xor",
-            "xor_eq",
-        ],
-    ),
-];
-
-/// Words that a C compiler or a C header may replace by something else before the name is seen: a parameter may not have them.
-const MACROS: &[&str] = &[
-    "EOF",
-    "HUGE_VAL",
-    "HUGE_VALF",
-    "I",
-    "INFINITY",
-    "NAN",
-    "NULL",
-    "arm",
-    "assert",
-    "errno",
-    "hppa",
-    "i386",
-    "linux",
-    "m68k",
-    "mips",
-    "offsetof",
-    "pdp11",
-    "sparc",
-    "stderr",
-    "stdin",
-    "stdout",
-    "sun",
-    "unix",
-    "vax",
-];
-
-/// Functions and types of the C library (and of POSIX) whose names a model and a surface could make together.
-const LIBRARY: &[&str] = &[
-    "aligned_alloc",
-    "at_quick_exit",
-    "call_once",
-    "clock_t",
-    "div_t",
-    "double_t",
-    "fenv_t",
-    "fexcept_t",
-    "float_t",
-    "fpos_t",
-    "imaxdiv_t",
-    "kill_dependency",
-    "ldiv_t",
-    "lldiv_t",
-    "mbstate_t",
-    "nullptr_t",
-    "ptrdiff_t",
-    "quick_exit",
-    "size_t",
-    "ssize_t",
-    "time_t",
-    "timespec_get",
-    "va_arg",
-    "va_copy",
-    "va_end",
-    "va_list",
-    "va_start",
-    "wctrans_t",
-    "wctype_t",
-    "wint_t",
-];
-
-/// Names of models that make the prefix of a family that C11 or POSIX reserves (`atomic_load`, `mtx_lock`, `pthread_join`).
-const FAMILIES: &[&str] = &["aio", "atomic", "cnd", "memory", "mq", "mtx", "posix", "pthread", "sched", "sem", "thrd", "tss"];
-
-/// Names of models that make the prefix of macros of the C library when the surface is in capitals too (`FLT_MAX`, `M_PI`).
-const MACRO_FAMILIES: &[&str] = &[
-    "ATOMIC", "CHAR", "DBL", "EXIT", "FE", "FLT", "FP", "INT", "INTMAX", "INTPTR", "LC", "LDBL", "LLONG", "LONG", "M", "MATH",
-    "MB", "PTRDIFF", "RAND", "SCHAR", "SEEK", "SHRT", "SIG", "SIZE", "TIME", "TMP", "UCHAR", "UINT", "UINTMAX", "UINTPTR",
-    "ULLONG", "ULONG", "USHRT", "WCHAR", "WINT",
-];
+use reserved::{FAMILIES, KEYWORDS, LIBRARY, MACRO_FAMILIES, MACROS};
 
 /// What is appended to the name of a surface or a compensator, now or by a later emitter: two names may not meet through them.
 const SUFFIXES: &[&str] = &[
@@ -214,13 +28,15 @@ const SUFFIXES: &[&str] = &[
     "_self_test",
 ];
 
-/// Which of the functions of a surface a name is for.
+/// Which of the functions of a surface or a compensator a name is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
     /// The surface itself.
     Surface,
     /// Whether the data support the surface at a point.
     Support,
+    /// One step of a compensator.
+    Step,
 }
 
 /// The name of a function in Rust, within the module of the model.
@@ -229,12 +45,49 @@ pub fn rust_function(surface: &str, kind: Kind, precision: Precision) -> String 
     let kind = match kind {
         Kind::Surface => "",
         Kind::Support => "_support",
+        Kind::Step => "_step",
     };
-    let precision = match precision {
+    format!("{surface}{kind}{}", suffix(precision))
+}
+
+fn suffix(precision: Precision) -> &'static str {
+    match precision {
         Precision::F64 => "",
         Precision::F32 => "_f32",
+    }
+}
+
+/// The name of the function that makes a compensator's state, in Rust.
+#[must_use]
+pub fn rust_init(compensator: &str, precision: Precision) -> String {
+    format!("{compensator}_init{}", suffix(precision))
+}
+
+/// The name of the type of a compensator's state, in Rust: `tip_in` has `TipInState`, and `TipInStateF32`.
+#[must_use]
+pub fn rust_state(compensator: &str, precision: Precision) -> String {
+    let precision = match precision {
+        Precision::F64 => "",
+        Precision::F32 => "F32",
     };
-    format!("{surface}{kind}{precision}")
+    format!("{}State{precision}", camel_case(compensator))
+}
+
+fn camel_case(name: &str) -> String {
+    let capital = |word: &str| word[..1].to_ascii_uppercase() + &word[1..];
+    name.split('_').filter(|word| !word.is_empty()).map(capital).collect()
+}
+
+/// The name of the function that makes a compensator's state, in C.
+#[must_use]
+pub fn c_init(model: &str, compensator: &str, precision: Precision) -> String {
+    format!("{model}_{}", rust_init(compensator, precision))
+}
+
+/// The name of the type of a compensator's state, in C.
+#[must_use]
+pub fn c_state(model: &str, compensator: &str, precision: Precision) -> String {
+    format!("{model}_{compensator}_state{}", suffix(precision))
 }
 
 /// The name of a function in C.
@@ -305,6 +158,26 @@ pub fn clash_of_functions(earlier: &str, later: &str) -> Option<String> {
     })
 }
 
+/// Why two compensators of one model cannot have these names together: the types of their states in Rust. `None`: they can.
+#[must_use]
+pub fn clash_of_states(earlier: &str, later: &str) -> Option<String> {
+    let (of_earlier, of_later) = (camel_case(earlier), camel_case(later));
+    of_earlier
+        .eq_ignore_ascii_case(&of_later)
+        .then(|| format!("and `{earlier}` would both have a type `{}` in Rust", rust_state(later, Precision::F64)))
+}
+
+/// Why an input that a compensator uses cannot have this name: an argument of the step has it. `None`: it can.
+#[must_use]
+pub fn refuse_scheduled(name: &str) -> Option<String> {
+    [crate::lower::SIGNAL, STATE]
+        .contains(&name)
+        .then(|| "is the name of another argument of its step; choose another name".to_string())
+}
+
+/// What the state is called among the arguments of a step.
+pub const STATE: &str = "state";
+
 fn not_an_identifier(name: &str) -> Option<String> {
     if name.is_empty() {
         return Some("is empty; a name is a letter, then letters, digits and underscores".to_string());
@@ -374,6 +247,22 @@ mod tests {
         assert_eq!(c_function("m", "s", Kind::Support, Precision::F32), "m_s_support_f32");
         assert_eq!(c_function("m", "s", Kind::Surface, Precision::F64), "m_s");
         assert_eq!(c_self_test("m"), "m_self_test");
+    }
+
+    #[test]
+    fn a_compensator_names_its_state_and_its_functions() {
+        assert_eq!(rust_function("tip_in", Kind::Step, Precision::F32), "tip_in_step_f32");
+        assert_eq!(rust_init("tip_in", Precision::F64), "tip_in_init");
+        assert_eq!(
+            (rust_state("tip_in", Precision::F64).as_str(), rust_state("K", Precision::F32).as_str()),
+            ("TipInState", "KStateF32")
+        );
+        assert_eq!(c_init("m", "k", Precision::F32), "m_k_init_f32");
+        assert_eq!(c_state("m", "k", Precision::F32), "m_k_state_f32");
+        assert!(clash_of_states("tip_in", "tipIn").is_some() && clash_of_states("tip_in", "tip").is_none());
+        assert!(
+            refuse_scheduled("input").is_some() && refuse_scheduled("state").is_some() && refuse_scheduled("gear").is_none()
+        );
     }
 
     #[test]

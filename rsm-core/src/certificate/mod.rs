@@ -1,11 +1,13 @@
 //! What is certain about a model: theorems over the whole input box, not samples.
 //!
 //! In: `Checked`. Out: for each surface an enclosure of the true polynomial's range (before `output_range`), and for each precision a bound
-//! of |tape - true polynomial, saturated alike| over all arguments of that type in the box, with operations and depth of the tape.
+//! of |tape - true polynomial, saturated alike| over all arguments of that type in the box, with operations and depth of the tape. Compensators have theirs in `compensator.rs`.
+
+pub mod compensator;
 
 use std::collections::BTreeMap;
 
-use crate::basis::{Arithmetic, Factor};
+use crate::basis::{Arithmetic, Factor, Variable};
 use crate::bernstein::{self, Monomial};
 use crate::check::Checked;
 use crate::interval::Interval;
@@ -66,25 +68,75 @@ pub fn surface(checked: &Checked, index: usize, precisions: &[Precision]) -> Sur
     SurfaceCertificate { name: surface.name.clone(), range: range(surface, &inputs), tapes: tapes.collect() }
 }
 
-/// An enclosure of the true polynomial over the box. The box is cut at the knots: in each piece a hinge is 0 or a plain difference, so
-/// the surface is a polynomial there.
+/// An enclosure of the true polynomial over the box.
 #[must_use]
 pub fn range(surface: &Surface, inputs: &[Input]) -> Interval {
+    extent(surface, inputs).range
+}
+
+/// An enclosure of the true polynomial, and points of the box where its least and its greatest value were seen, in natural units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extent {
+    /// Holds every value.
+    pub range: Interval,
+    /// Where the least value was seen, in the order of the inputs.
+    pub least_at: Vec<f64>,
+    /// Where the greatest value was seen.
+    pub greatest_at: Vec<f64>,
+}
+
+/// The extent of the true polynomial over the box. The box is cut at the knots: in each piece a hinge is 0 or a plain difference, so
+/// the surface is a polynomial there.
+#[must_use]
+pub fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
     let factors = Factor::all(surface, inputs);
     let pieces: Vec<Vec<[f64; 2]>> = inputs.iter().map(|input| pieces(surface, input)).collect();
-    let mut hull: Option<Interval> = None;
+    let mut whole: Option<Extent> = None;
     let mut chosen = vec![0usize; inputs.len()];
     loop {
         let cell: Vec<[f64; 2]> = pieces.iter().zip(&chosen).map(|(pieces, k)| pieces[*k]).collect();
-        let here = range_of_piece(surface, &factors, &cell);
-        hull = Some(hull.map_or(here, |hull| hull.hull(here)));
+        let here = extent_of_piece(surface, &factors, &cell);
+        whole = Some(match whole {
+            None => here,
+            Some(whole) => whole.joined(here),
+        });
         let Some(next) = (0..inputs.len()).find(|k| chosen[*k] + 1 < pieces[*k].len()) else { break };
         chosen[next] += 1;
         chosen[..next].fill(0);
     }
-    let hull = hull.expect("a box has at least one piece");
-    let odd = surface.symmetry.iter().any(|(_, symmetry)| *symmetry == Symmetry::Odd);
-    if odd { hull.hull(-hull) } else { hull }
+    let whole = whole.expect("a box has at least one piece");
+    let is_odd = |input: &Input| surface.symmetry.contains(&(input.name.clone(), Symmetry::Odd));
+    match inputs.iter().position(is_odd) {
+        None => whole,
+        // On the other side of an odd input every value has its opposite.
+        Some(odd) => {
+            let opposite = |mut point: Vec<f64>| {
+                point[odd] = -point[odd];
+                point
+            };
+            let (least_at, greatest_at) = (opposite(whole.greatest_at.clone()), opposite(whole.least_at.clone()));
+            let opposite = Extent { range: -whole.range, least_at, greatest_at };
+            whole.joined(opposite)
+        }
+    }
+}
+
+impl Extent {
+    fn joined(self, other: Extent) -> Extent {
+        let least_at = if other.range.low < self.range.low { other.least_at } else { self.least_at };
+        let greatest_at = if other.range.high > self.range.high { other.greatest_at } else { self.greatest_at };
+        Extent { range: self.range.hull(other.range), least_at, greatest_at }
+    }
+}
+
+/// The natural value at which a variable is at a share of its way from its least to its greatest value over [low, high].
+fn natural(variable: Variable, [low, high]: [f64; 2], share: f64) -> f64 {
+    let xi = match variable {
+        // 1/xi falls where xi rises.
+        Variable::Reciprocal | Variable::CentredReciprocal { .. } => 1.0 / ((1.0 - share) / high + share / low),
+        _ => low * (1.0 - share) + high * share,
+    };
+    xi.clamp(low, high)
 }
 
 /// The range of an input between its knots; of a symmetric input the half above 0, which stands for both.
@@ -98,7 +150,7 @@ fn pieces(surface: &Surface, input: &Input) -> Vec<[f64; 2]> {
     cuts.windows(2).map(|pair| [pair[0], pair[1]]).collect()
 }
 
-fn range_of_piece(surface: &Surface, factors: &[Factor], cell: &[[f64; 2]]) -> Interval {
+fn extent_of_piece(surface: &Surface, factors: &[Factor], cell: &[[f64; 2]]) -> Extent {
     let inputs = cell.len();
     // The main variable is monotone in xi within a piece, so its ends are the ends of its range.
     let sides: Vec<Interval> = factors[..inputs]
@@ -129,7 +181,12 @@ fn range_of_piece(surface: &Surface, factors: &[Factor], cell: &[[f64; 2]]) -> I
     }
     let monomials: Vec<Monomial> =
         monomials.into_iter().map(|(powers, coefficient)| Monomial { powers, coefficient }).collect();
-    bernstein::range(&monomials, &sides)
+    let found = bernstein::extent(&monomials, &sides);
+    let point = |shares: &[f64]| {
+        let each = factors.iter().zip(cell).zip(shares);
+        each.map(|((factor, ends), share)| natural(factor.variable, *ends, *share)).collect()
+    };
+    Extent { range: found.range, least_at: point(&found.least_at), greatest_at: point(&found.greatest_at) }
 }
 
 /// A polynomial times (x_k - knot).

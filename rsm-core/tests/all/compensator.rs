@@ -1,0 +1,325 @@
+//! The compensator: its tape against the bilinear transform of H in exact rationals, what holds at rest, what a bad sample does, the
+//! frequency response, and the certificate with the point that breaks it.
+
+use rsm_core::certificate::compensator::{CompensatorCertificate, certify};
+use rsm_core::check::Checked;
+use rsm_core::compile;
+use rsm_core::exact::{self, ideal_step};
+use rsm_core::lower;
+use rsm_core::number::{Precision, Rational, exact, integer};
+use rsm_core::run::Interpreter;
+use rsm_core::source::Source;
+
+const HEAD: &str = r#"format = 1
+model = "car"
+
+[inputs.speed]
+unit = "m/s"
+range = [5.0, 45.0]
+
+[inputs.gear]
+unit = "1"
+range = [1.0, 5.0]
+
+[surfaces.frequency]
+unit = "rad/s"
+inputs = ["speed", "gear"]
+terms = [
+  { powers = [0, 0], coefficient = 30.0 },
+  { powers = [1, 0], coefficient = 4.0 },
+  { powers = [0, 1], coefficient = 12.0 },
+]
+
+[surfaces.damping]
+unit = "1"
+inputs = ["gear"]
+terms = [{ powers = [0], coefficient = 0.15 }, { powers = [1], coefficient = 0.05 }]
+
+[surfaces.lack]
+unit = "1"
+inputs = ["gear", "speed"]
+terms = [{ powers = [0, 0], coefficient = 0.5 }, { powers = [1, 1], coefficient = -0.1 }]
+"#;
+
+const SCHEDULED: &str = r#"
+[compensators.tip_in]
+sample_time = 0.001
+natural_frequency = { surface = "frequency" }
+zero_damping = { surface = "damping" }
+pole_damping = { sum = ["damping", "lack"] }
+"#;
+
+const FIXED: &str = r#"
+[compensators.tip_in]
+sample_time = 0.004
+natural_frequency = 31.0
+zero_damping = 0.11
+pole_damping = 0.7
+"#;
+
+fn read(compensator: &str) -> Checked {
+    Checked::read(&Source::new("car.toml", format!("{HEAD}{compensator}"))).unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+/// Signals with steps, a ramp and numbers that are no binary fractions.
+fn signal(n: i64) -> Rational {
+    integer((n * n) % 7 - 3) / integer(1 + n % 3)
+}
+
+/// The difference equation of H with s = (2/T)(q - 1)/(q + 1) and g = w T/2, straight from multiplying out:
+/// numerator (q - 1)^2 + 2 z g (q - 1)(q + 1) + g^2 (q + 1)^2, denominator with p in place of z.
+fn difference_equation(w: &Rational, z: &Rational, p: &Rational, sample_time: f64, steps: i64) -> Vec<Rational> {
+    let g = w * exact(sample_time) / integer(2);
+    let polynomial = |damping: &Rational| {
+        let (one, square, middle) = (integer(1), &g * &g, integer(2) * damping * &g);
+        [&one + &middle + &square, integer(2) * &square - integer(2), &one - &middle + &square]
+    };
+    let (b, a) = (polynomial(z), polynomial(p));
+    let mut y: Vec<Rational> = vec![];
+    for n in 0..steps {
+        let x = |back: i64| if n >= back { signal(n - back) } else { integer(0) };
+        let before = |back: i64| if n >= back { y[(n - back) as usize].clone() } else { integer(0) };
+        let sum = &b[0] * x(0) + &b[1] * x(1) + &b[2] * x(2) - &a[1] * before(1) - &a[2] * before(2);
+        y.push(sum / &a[0]);
+    }
+    y
+}
+
+#[test]
+fn without_rounding_a_step_is_the_bilinear_transform() {
+    let steps = 12;
+    for precision in Precision::ALL {
+        for text in [SCHEDULED, FIXED] {
+            let checked = read(text);
+            let tape = lower::compensator(&checked, 0, precision);
+            println!("{tape}");
+            println!("{} operations, {} deep", tape.operation_count(), tape.depth());
+            // 10 m/s in gear 2.
+            let schedule: Vec<Rational> = if text == SCHEDULED { vec![integer(10), integer(2)] } else { vec![] };
+            let model = checked.model();
+            let of = |name: &str| {
+                let surface = model.surface(name).unwrap();
+                let at: Vec<Rational> =
+                    surface.inputs.iter().map(|input| schedule[usize::from(input == "gear")].clone()).collect();
+                exact::value(surface, &checked.inputs_of(surface), &at).unwrap()
+            };
+            let sample_time = model.compensators[0].sample_time;
+            let (w, z, p) = if text == SCHEDULED {
+                (of("frequency"), of("damping"), of("damping") + of("lack"))
+            } else {
+                (exact(31.0), exact(0.11), exact(0.7))
+            };
+            let expected = difference_equation(&w, &z, &p, sample_time, steps);
+            let mut states = vec![integer(0), integer(0)];
+            for (n, expected) in (0..steps).zip(expected) {
+                let point: Vec<Rational> = std::iter::once(signal(n)).chain(schedule.iter().cloned()).collect();
+                let found = ideal_step(&tape, &mut states, &point).unwrap();
+                assert_eq!(found, expected, "step {n}\n{tape}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tape_lists_its_states_and_shares_a_surface_that_is_used_twice() {
+    let tape = lower::compensator(&read(SCHEDULED), 0, Precision::F64);
+    let listing = tape.to_string();
+    assert_eq!(tape.inputs, ["input", "speed", "gear"]);
+    assert!(listing.contains("= state s0") && listing.contains("s1   := r"), "{listing}");
+    // Both clamps of gear and of speed once: four comparisons and the one that holds the states.
+    assert_eq!(listing.matches("= less").count(), 5, "{listing}");
+    // A fixed filter: x - s2, times g, plus s1, times 2/denominator (4); y (2), s1 (1), s2 (2);
+    // nothings: one of the argument added to y (2), two of the states added up (4); less, two selects (3).
+    assert_eq!(lower::compensator(&read(FIXED), 0, Precision::F64).operation_count(), 18);
+}
+
+#[test]
+fn at_rest_the_result_is_the_signal_and_moving_coefficients_move_nothing() {
+    fn settled<T: rsm_core::run::Scalar + std::fmt::Debug>(of: impl Fn(f64) -> T) {
+        let tape = lower::compensator(&read(SCHEDULED), 0, T::PRECISION);
+        for level in [1.0, -0.3, 1e-30, 12345.678, 1e30] {
+            let mut filter = Interpreter::<T>::new(&tape);
+            // The state at rest, exactly: what a gain of exactly 1 at frequency 0 means.
+            filter.set_states(&[of(0.0), of(level)]);
+            for k in 0..200u32 {
+                let (speed, gear) = (5.0 + f64::from(k % 41), 1.0 + f64::from(k / 7 % 5));
+                let y = filter.step(&[of(level), of(speed), of(gear)]);
+                assert_eq!(y.bits(), of(level).bits(), "{y:?} is not {level}");
+                assert_eq!(filter.states()[1].bits(), of(level).bits());
+            }
+        }
+    }
+    settled::<f64>(|value| value);
+    settled::<f32>(|value| value as f32);
+}
+
+#[test]
+fn a_step_of_the_signal_settles_at_the_signal() {
+    // The slowest poles of this box: w = 14, p = 0.5 (speed 5, gear 1: 0.1 + 0.4), so the envelope falls by exp(-7) a second: after 8 s
+    // 5e-25 of it is left, below half a unit in the last place.
+    let tape = lower::compensator(&read(SCHEDULED), 0, Precision::F64);
+    let mut filter = Interpreter::<f64>::new(&tape);
+    let last = (0..8000).map(|_| filter.step(&[0.75, 5.0, 1.0])).last().unwrap();
+    // It stops where g u no longer moves s2, |g u| <= 2^-54 (half a unit in the last place of 0.75): then y is off by (p - z) u at most, with
+    // g = 0.007, p - z = 0.4; and by the rounding of y.
+    let bound = 0.4 * 2f64.powi(-54) / 0.007 + f64::EPSILON;
+    assert!((last - 0.75).abs() <= bound, "{last}");
+}
+
+#[test]
+fn one_bad_sample_does_not_poison_the_loop() {
+    let tape = lower::compensator(&read(SCHEDULED), 0, Precision::F64);
+    let mut good = Interpreter::<f64>::new(&tape);
+    let mut hit = Interpreter::<f64>::new(&tape);
+    let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+    for n in 0..300usize {
+        let point = [(n as f64 * 0.05).sin(), 20.0, 2.0 + (n / 100) as f64];
+        if n % 10 == 3 {
+            let before = hit.states().to_vec();
+            let mut worse = point;
+            worse[n / 10 % 3] = bad[n / 30 % 3];
+            assert!(hit.step(&worse).is_nan(), "{worse:?}");
+            assert_eq!(hit.states(), before);
+        }
+        assert_eq!(good.step(&point).to_bits(), hit.step(&point).to_bits(), "step {n}");
+    }
+}
+
+#[test]
+fn a_state_that_would_overflow_is_held() {
+    let tape = lower::compensator(&read(SCHEDULED), 0, Precision::F64);
+    let mut filter = Interpreter::<f64>::new(&tape);
+    for n in 0..50 {
+        let huge = if n % 2 == 0 { f64::MAX } else { -f64::MAX };
+        filter.step(&[huge, 20.0, 2.0]);
+        assert!(filter.states().iter().all(|state| state.is_finite()), "step {n}");
+    }
+    assert!(filter.step(&[0.5, 20.0, 2.0]).is_finite());
+}
+
+/// H at s = j (2/T) tan(theta/2), which is where the bilinear transform puts exp(j theta).
+fn response(w: f64, z: f64, p: f64, sample_time: f64, theta: f64) -> (f64, f64) {
+    let omega = 2.0 / sample_time * (theta / 2.0).tan();
+    let part = |damping: f64| (w * w - omega * omega, 2.0 * damping * w * omega);
+    let ((a, b), (c, d)) = (part(z), part(p));
+    let size = c * c + d * d;
+    ((a * c + b * d) / size, (b * c - a * d) / size)
+}
+
+#[test]
+fn the_frequency_response_is_that_of_the_bilinear_transform() {
+    let (w, z, p, sample_time) = (31.0f64, 0.11, 0.7, 0.004);
+    let tape = lower::compensator(&read(FIXED), 0, Precision::F64);
+    for theta in [0.01, w * sample_time, 0.5, 2.0, 3.0] {
+        let (real, imaginary) = response(w, z, p, sample_time, theta);
+        let mut filter = Interpreter::<f64>::new(&tape);
+        // The transient falls by exp(-p w T) = 0.917 a step: after 1000 steps by 1e-37.
+        let settled = 1000;
+        for n in 0..settled + 200 {
+            let angle = theta * f64::from(n);
+            let found = filter.step(&[angle.cos()]);
+            let expected = real * angle.cos() - imaginary * angle.sin();
+            // Rounding: at most 12 roundings a step of numbers below 4 (half a unit, 2^-53 of each), and what a step leaves behind falls by
+            // 0.917 a step, so 1/(1 - 0.917) = 12 of them add up; and 4 more for `expected`, whose angle of up to 3600 rounds by 2e-13 (half
+            // a unit of 2^12 2^-52) twice.
+            let bound = 12.0 * 4.0 * 2f64.powi(-53) * 12.0 + 2.0 * 2.3e-13 + 4.0 * 2f64.powi(-53);
+            assert!(n < settled || (found - expected).abs() <= 2.0 * bound, "theta {theta}, step {n}: {found} {expected}");
+        }
+    }
+}
+
+fn certificate(text: &str) -> CompensatorCertificate {
+    certify(&read(text), 0)
+}
+
+#[test]
+fn a_sound_compensator_is_certified() {
+    let found = certificate(SCHEDULED);
+    assert_eq!(found.violations, []);
+    // 30 -+ 4 -+ 12, by hand.
+    assert!(found.natural_frequency.low <= 14.0 && found.natural_frequency.low > 14.0 - 1e-9);
+    assert!(found.natural_frequency.high >= 46.0 && found.natural_frequency.high < 46.0 + 1e-9);
+    // The sum as one polynomial: 0.65 + 0.05 g - 0.1 g v is least at g = v = 1 (0.6) and at g = -1, v = -1 (0.5).
+    assert!(found.pole_damping.low <= 0.5 && found.pole_damping.low > 0.5 - 1e-9, "{:?}", found.pole_damping);
+    // Ranges of the summands alone would give 0.1 + 0.4 = 0.5 and 0.2 + 0.6 = 0.8; the sum reaches 0.7 + 0.1 = 0.8 at g = 1, v = -1.
+    assert!(found.pole_damping.high >= 0.8 && found.pole_damping.high < 0.8 + 1e-9);
+}
+
+#[test]
+fn the_published_surface_32_is_refused_with_the_corner_of_high_speed_and_low_gear() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated/coefficients");
+    let published = std::fs::read_to_string(folder.join("throttle.toml")).unwrap();
+    let text = published
+        + "\n[compensators.tip_in]\nsample_time = 0.001\nnatural_frequency = 20.0\nzero_damping = { surface = \"damping_ratio\" }\n\
+           pole_damping = 0.7\n";
+    let source = Source::new("throttle.toml", text);
+    let checked = Checked::read(&source).unwrap();
+    let found = certify(&checked, 0);
+    assert_eq!(found.violations.len(), 1);
+    let violation = &found.violations[0];
+    assert_eq!(violation.key, "zero_damping");
+    assert_eq!(violation.at, [("speed".to_string(), 70.0), ("gear".to_string(), 1.0)]);
+    let faults = compile::rust(&source, &[]).unwrap_err().to_string();
+    let expected = "compensator `tip_in`: `zero_damping`: found -0.7559 at speed = 70, gear = 1, expected more than 0";
+    assert!(faults.contains(expected) && faults.starts_with("throttle.toml:40:16: "), "{faults}");
+}
+
+#[test]
+fn what_breaks_a_condition_is_named_with_its_point() {
+    let cases = [
+        // 46 rad/s at 45 m/s in gear 5; a quarter of the sample rate is pi/(2 0.05) = 31.4159.
+        (
+            "sample_time = 0.05\nnatural_frequency = { surface = \"frequency\" }\nzero_damping = 0.1\npole_damping = 0.7\n",
+            "natural_frequency",
+            "found 46 at speed = 45, gear = 5, expected less than a quarter of the sample rate, 31.4159 rad/s",
+        ),
+        (
+            "sample_time = 0.05\nnatural_frequency = 40.0\nzero_damping = 0.1\npole_damping = 0.7\n",
+            "natural_frequency",
+            "found 40, expected less than a quarter of the sample rate, 31.4159 rad/s",
+        ),
+        // -4 g v + ... : 0.5 at most; the least of `falls` lies inside the box, at speed 25 (coded 0): -0.01.
+        (
+            "sample_time = 0.001\nnatural_frequency = 20.0\nzero_damping = { surface = \"falls\" }\npole_damping = 0.7\n",
+            "zero_damping",
+            "found -0.01 at speed = 25, expected more than 0",
+        ),
+        // Summed with itself, saturated: from -0.02.
+        (
+            "sample_time = 0.001\nnatural_frequency = 20.0\nzero_damping = 0.1\npole_damping = { sum = [\"held\", \"falls\"] }\n",
+            "pole_damping",
+            "found -0.005 at speed = 25, expected more than 0",
+        ),
+    ];
+    let extra = "\n[surfaces.falls]\nunit = \"1\"\ninputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = -0.01 }, { powers = [2], coefficient = 0.3 }]\n\
+                 \n[surfaces.held]\nunit = \"1\"\ninputs = [\"speed\"]\noutput_range = [0.005, 1.0]\nterms = [{ powers = [0], coefficient = -0.01 }, { powers = [2], coefficient = 0.3 }]\n";
+    for (text, key, what) in cases {
+        let found = certificate(&format!("{extra}\n[compensators.k]\n{text}")).violations;
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!((found[0].key, found[0].what.as_str()), (key, what));
+    }
+}
+
+#[test]
+fn what_cannot_be_decided_is_said_to_be_uncertain() {
+    // Held at 0.05 where the other is 0.06, and 0.5 where it is -0.06: the sum is never below 0.11, but the ranges add up to [-0.01, 0.56].
+    let text = "\n[surfaces.up]\nunit = \"1\"\ninputs = [\"speed\"]\noutput_range = [0.05, 1.0]\nterms = [{ powers = [1], coefficient = 0.5 }]\n\
+                \n[surfaces.down]\nunit = \"1\"\ninputs = [\"speed\"]\nterms = [{ powers = [1], coefficient = -0.06 }]\n\
+                \n[compensators.k]\nsample_time = 0.001\nnatural_frequency = 20.0\nzero_damping = 0.1\npole_damping = { sum = [\"up\", \"down\"] }\n";
+    let found = certificate(text).violations;
+    assert_eq!(found.len(), 1);
+    assert!(
+        found[0].what.starts_with(
+            "not certain to be more than 0: its enclosure is [-0.01, 0.56], the worst value found 0.11 at speed = 5"
+        ),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn a_fixed_number_that_f32_cannot_hold_is_refused_for_f32_alone() {
+    let checked = read(&FIXED.replace("0.7", "1e38"));
+    assert!(checked.refusal(Precision::F64).is_none());
+    let said = checked.refusal(Precision::F32).expect("4e38 is infinite in f32").to_string();
+    assert!(said.contains("compensator `tip_in`: `pole_damping`: 1e38 is too large or too small for f32"), "{said}");
+}
