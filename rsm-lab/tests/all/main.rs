@@ -2,6 +2,7 @@
 
 mod catalogue;
 mod cross_check;
+mod measured;
 mod rejected;
 mod step;
 
