@@ -245,3 +245,25 @@ fn the_demo_shows_the_whole_chain() {
     let lines = text(&output.stdout).lines().count();
     assert!((8..=20).contains(&lines), "{}", text(&output.stdout));
 }
+
+#[test]
+fn simulate_writes_a_record_that_it_reads_again() {
+    let here = folder();
+    let plants = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants");
+    let file = |name: &str| plants.join(name).canonicalize().unwrap().display().to_string();
+    for plant in ["pmac", "driveline", "servo-axis"] {
+        let (model, record) = (file(&format!("{plant}.toml")), file(&format!("{plant}.csv")));
+        let output = rsm(&["simulate", &model, "--record", &record, "--out", "one.csv", "--json"], here.path());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        assert_eq!(keys(&json(&output)), ["effects", "out", "outputs", "period", "plant", "rows"]);
+        // The written record has the same inputs and the same start: it simulates to itself, byte for byte.
+        let output = rsm(&["simulate", &model, "--record", "one.csv", "--out", "two.csv"], here.path());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let read = |name: &str| std::fs::read_to_string(here.path().join(name)).unwrap();
+        assert_eq!(read("one.csv"), read("two.csv"), "{plant}");
+        assert!(read("one.csv").lines().count() > 100);
+    }
+    let output = rsm(&["simulate", &file("pmac.toml"), "--record", &file("driveline.csv"), "--out", "bad.csv"], here.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(!here.path().join("bad.csv").exists() && output.stdout.is_empty());
+}
