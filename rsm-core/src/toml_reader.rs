@@ -9,20 +9,16 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::source::{Collector, Fault, Faults, Source};
+use crate::source::{Collector, Fault, Source};
 
-/// Parses the text of a source.
-///
-/// # Errors
-/// Every syntax error, with line and column.
-pub fn parse(source: &Source) -> Result<Spanned<DeTable<'_>>, Faults> {
+/// Parses the text of a source. `None` when it is no TOML: then every syntax error is among the faults.
+pub fn parse<'a>(source: &'a Source, faults: &mut Collector) -> Option<Spanned<DeTable<'a>>> {
     let (table, errors) = DeTable::parse_recoverable(source.text());
-    let mut faults = Collector::new();
-    for error in errors {
+    for error in &errors {
         let what = error.message().trim().replace('\n', ", ");
         faults.push(source.fault(error.span().unwrap_or(0..0), format!("not valid TOML: {what}")));
     }
-    faults.finish(Some(table))
+    errors.is_empty().then_some(table)
 }
 
 /// A value of the document with the place where it stands.

@@ -25,13 +25,7 @@ pub struct Located {
 
 /// Reads a model file. `None` when it is not even TOML or of another format; faults go to the collector.
 pub fn read(source: &Source, faults: &mut Collector) -> Option<Located> {
-    let document = match toml_reader::parse(source) {
-        Ok(document) => document,
-        Err(errors) => {
-            errors.list().iter().for_each(|fault| faults.push(fault.clone()));
-            return None;
-        }
-    };
+    let document = toml_reader::parse(source, faults)?;
     let mut top = TableReader::document(source, &document);
     if !read_format(&mut top, faults) {
         return None;

@@ -26,13 +26,7 @@ pub(super) struct Draft {
 
 /// Reads the whole text. `None` when nothing can be judged further; then there is a fault.
 pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
-    let document = match toml_reader::parse(source) {
-        Ok(document) => document,
-        Err(errors) => {
-            errors.list().iter().for_each(|fault| faults.push(fault.clone()));
-            return None;
-        }
-    };
+    let document = toml_reader::parse(source, faults)?;
     let mut top = TableReader::document(source, &document);
     if !model_file::read_format(&mut top, faults) {
         return None;

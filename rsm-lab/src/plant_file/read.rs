@@ -17,8 +17,8 @@ impl PlantFile {
     /// # Errors
     /// Every fault, in the order of the file.
     pub fn read(source: &Source) -> Result<PlantFile, Faults> {
-        let document = parse(source)?;
         let mut faults = Collector::new();
+        let Some(document) = parse(source, &mut faults) else { return faults.finish(None) };
         let mut top = TableReader::document(source, &document);
         let file = read(&mut top, &mut faults);
         if file.is_some() {
