@@ -136,22 +136,22 @@ pub struct Motion {
 /// Electrical quantities of a motor at an instant, in the true rotor frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Currents {
-    /// Direct current [A].
+    /// Direct current, in A.
     pub i_d: f64,
-    /// Quadrature current [A].
+    /// Quadrature current, in A.
     pub i_q: f64,
-    /// Electrical angle [rad].
+    /// Electrical angle, in rad.
     pub theta_e: f64,
 }
 
 /// What a motor's equations take as constant and an effect may not.
 #[derive(Debug, Clone, Copy)]
 pub struct Machine {
-    /// Phase resistance [ohm].
+    /// Phase resistance, in ohm.
     pub resistance: f64,
-    /// Phase inductance [H].
+    /// Phase inductance, in H.
     pub inductance: f64,
-    /// Flux linkage [Wb].
+    /// Flux linkage, in Wb.
     pub flux_linkage: f64,
 }
 
@@ -169,13 +169,13 @@ pub enum Joint {
 pub struct Twist {
     /// Which joint.
     pub joint: Joint,
-    /// Its twist [rad].
+    /// Its twist, in rad.
     pub angle: f64,
-    /// Its rate [rad/s].
+    /// Its rate, in rad/s.
     pub rate: f64,
-    /// Nominal stiffness [N m/rad].
+    /// Nominal stiffness, in N m/rad.
     pub stiffness: f64,
-    /// Nominal damping [N m s/rad].
+    /// Nominal damping, in N m s/rad.
     pub damping: f64,
 }
 
@@ -191,11 +191,11 @@ pub struct Carried {
 /// The wheel on the road.
 #[derive(Debug, Clone, Copy)]
 pub struct Contact {
-    /// r w_w [m/s].
+    /// r w_w, in m/s.
     pub surface_speed: f64,
-    /// Everything that holds the vehicle back [N].
+    /// Everything that holds the vehicle back, in N.
     pub resistance: f64,
-    /// Mass of the vehicle [kg].
+    /// Mass of the vehicle, in kg.
     pub mass: f64,
 }
 
@@ -204,7 +204,7 @@ pub struct Contact {
 pub struct Start {
     /// Position and speed of the first body.
     pub motion: Motion,
-    /// Road speed of a driveline [m/s]; 0 elsewhere.
+    /// Road speed of a driveline, in m/s; 0 elsewhere.
     pub road_speed: f64,
 }
 
@@ -217,7 +217,7 @@ pub struct Scale {
     pub drive_inertia: f64,
     /// Wheel inertia and radius of a driveline; 1 elsewhere.
     pub wheel: (f64, f64),
-    /// Speed of the vehicle [m/s]; 0 elsewhere.
+    /// Speed of the vehicle, in m/s; 0 elsewhere.
     pub vehicle_speed: f64,
 }
 
@@ -248,12 +248,12 @@ pub trait Effect: Send + Sync {
     /// Extra states: those that follow outputs, at rest with what the effects before this one read.
     fn settle(&self, outputs: &[f64; 3], own: &mut [f64]) {}
 
-    /// The fastest rate [1/s] that it brings into the equations.
+    /// The fastest rate, in 1/s, that it brings into the equations.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         0.0
     }
 
-    /// Frame: how far the frame of the record is turned against the true one [rad].
+    /// Frame: how far the frame of the record is turned against the true one, in rad.
     fn frame_angle(&self, theta: f64) -> f64 {
         0.0
     }
@@ -306,7 +306,7 @@ pub trait Effect: Send + Sync {
         effort
     }
 
-    /// Law of a joint: its free play [rad].
+    /// Law of a joint: its free play, in rad.
     fn slack(&self, joint: Joint) -> f64 {
         0.0
     }
@@ -316,7 +316,7 @@ pub trait Effect: Send + Sync {
         torque
     }
 
-    /// Speed of the air against a vehicle [m/s].
+    /// Speed of the air against a vehicle, in m/s.
     fn air_speed(&self, speed: f64) -> f64 {
         speed
     }
@@ -326,7 +326,7 @@ pub trait Effect: Send + Sync {
         None
     }
 
-    /// Law of the joint between wheel and road [N]; moves that vehicle.
+    /// Law of the joint between wheel and road, in N; moves that vehicle.
     fn traction(&self, contact: &Contact, own: &[f64], rates: &mut [f64]) -> Option<f64> {
         None
     }
@@ -353,10 +353,10 @@ pub fn smooth_sign(x: f64, scale: f64) -> f64 {
     (x / scale).tanh()
 }
 
-/// Width of the smooth sign on a rotor [rad/s] (PLANTS.md, section 3).
+/// Width of the smooth sign on a rotor, in rad/s (PLANTS.md, section 3).
 pub const ROTOR_SIGN_WIDTH: f64 = 1.0;
 
-/// Width of the smooth sign on an axis [m/s] (PLANTS.md, section 3).
+/// Width of the smooth sign on an axis, in m/s (PLANTS.md, section 3).
 pub const AXIS_SIGN_WIDTH: f64 = 1e-3;
 
 /// The width on a plant.

@@ -80,7 +80,7 @@ impl Hooks {
         }
     }
 
-    /// The fastest rate of all effects [1/s].
+    /// The fastest rate of all effects, in 1/s.
     #[must_use]
     pub fn fastest_rate(&self, scale: &Scale) -> f64 {
         self.active.iter().map(|it| it.effect.fastest_rate(scale)).fold(0.0, f64::max)

@@ -31,9 +31,9 @@ pub struct Record {
     pub file: String,
     /// What drives the plant.
     pub drive: Drive,
-    /// Instants [s].
+    /// Instants, in s.
     pub time: Vec<f64>,
-    /// Their period [s].
+    /// Their period, in s.
     pub period: f64,
     /// The inputs in the order of the simulation: v_d, v_q, load_torque; throttle; command or reference.
     pub inputs: Vec<Vec<f64>>,

@@ -42,7 +42,7 @@ pub enum Stopped {
     TooFast {
         /// The row.
         row: usize,
-        /// Its fastest rate [1/s].
+        /// Its fastest rate, in 1/s.
         rate: f64,
     },
 }

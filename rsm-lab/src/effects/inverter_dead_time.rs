@@ -23,7 +23,7 @@ pub const DESCRIPTION: Description = Description {
     build,
 };
 
-/// Width of the crossing of zero [A].
+/// Width of the crossing of zero, in A.
 const WIDTH: f64 = 0.5;
 
 struct InverterDeadTime {

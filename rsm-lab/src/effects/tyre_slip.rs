@@ -23,7 +23,7 @@ pub const DESCRIPTION: Description = Description {
     build,
 };
 
-/// Below this speed the slip is taken over it [m/s].
+/// Below this speed the slip is taken over it, in m/s.
 const SLOWEST: f64 = 1.0;
 
 struct TyreSlip {

@@ -20,7 +20,7 @@ pub trait Plant {
     /// Rates and true outputs. The answer names the pieces of the laws of joints that are at work.
     fn evaluate(&self, hooks: &Hooks, inputs: &[f64; 3], x: &[f64], dx: &mut [f64], outputs: &mut [f64; 3]) -> u32;
 
-    /// The fastest rate of the plant at a state [1/s], its effects included.
+    /// The fastest rate of the plant at a state, in 1/s, its effects included.
     fn fastest_rate(&self, hooks: &Hooks, x: &[f64]) -> f64;
 
     /// The command of a controller that is part of the plant, from its measured output (this row and the two before).
