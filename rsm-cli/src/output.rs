@@ -9,7 +9,7 @@ use crate::outcome::Refusal;
 
 /// Writes files all or none, as far as a file system allows: each is written beside its place first, and renamed when all of them are
 /// on the disk.
-pub fn write_all(files: &[(PathBuf, &[u8])]) -> Result<(), Refusal> {
+pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
     let mut ready = Vec::new();
     for (path, bytes) in files {
         let folder = match path.parent() {
@@ -27,7 +27,7 @@ pub fn write_all(files: &[(PathBuf, &[u8])]) -> Result<(), Refusal> {
             builder.permissions(std::fs::Permissions::from_mode(0o644));
         }
         let mut file = builder.tempfile_in(folder).map_err(failed)?;
-        file.write_all(bytes).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
+        file.write_all(bytes.as_ref()).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
         ready.push((file, path));
     }
     for (file, path) in ready {

@@ -33,6 +33,9 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
         .map(|file| format!("{} ({} rows, SHA-256 <code>{}</code>)", escaped(&file.name), file.rows, &file.sha256[..16]))
         .collect();
     body += &format!("{}</p>\n<p>Blue circles: rows that were fitted. Orange crosses: unseen rows.</p>\n", files.join("; "));
+    // Where no response could be fitted there is no surface, and no model to check.
+    let fitted = (!outcome.model.surfaces.is_empty()).then(|| Checked::from_model(&outcome.model));
+    let checked = fitted.transpose()?;
     for response in &outcome.responses {
         body += &format!(
             "<h2>{}</h2>\n<p>{} on {}.</p>\n",
@@ -40,8 +43,8 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
             escaped(&response.verdict.to_string()),
             response.judged_on.words()
         );
-        if let Some(statistics) = &response.statistics {
-            body += &of_response(outcome, response, statistics)?;
+        if let (Some(checked), Some(statistics)) = (&checked, &response.statistics) {
+            body += &of_response(outcome, checked, response, statistics)?;
         }
     }
     Ok(page(&format!("rsm fit: {}", outcome.model.name), &body))
@@ -53,8 +56,12 @@ struct Pairs {
     predicted: Vec<f64>,
 }
 
-fn of_response(outcome: &Outcome, response: &ResponseOutcome, statistics: &ResponseStatistics) -> Result<String, Refusal> {
-    let checked = Checked::from_model(&outcome.model)?;
+fn of_response(
+    outcome: &Outcome,
+    checked: &Checked,
+    response: &ResponseOutcome,
+    statistics: &ResponseStatistics,
+) -> Result<String, Refusal> {
     let index = outcome
         .model
         .surfaces
@@ -63,7 +70,7 @@ fn of_response(outcome: &Outcome, response: &ResponseOutcome, statistics: &Respo
         .expect("a fitted response has a surface");
     let surface = &outcome.model.surfaces[index];
     let inputs = checked.inputs_of(surface);
-    let tape = lower::surface(&checked, index, Precision::F64);
+    let tape = lower::surface(checked, index, Precision::F64);
     let place = outcome.responses.iter().position(|other| other.name == response.name).expect("it is one of them");
     let pairs = |records: &Records| {
         let mut interpreter = Interpreter::<f64>::new(&tape);

@@ -13,7 +13,7 @@ use rsm_core::source::Source;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::{PrecisionName, precisions};
+use super::{PrecisionName, precisions, tell_left_out};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
 
@@ -45,12 +45,15 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let checked = Checked::read(&Source::read(&arguments.model)?)?;
     let mut problems = Vec::new();
     let wanted = if asked.is_empty() { Precision::ALL.to_vec() } else { asked.clone() };
+    if asked.is_empty() {
+        tell_left_out(&checked);
+    }
     let mut held = Vec::new();
     for precision in wanted {
         match checked.refusal(precision) {
             None => held.push(precision),
-            // Nobody asked for this one by name: that it cannot hold the model is worth a word, and no failure.
-            Some(faults) if asked.is_empty() => eprintln!("{} is left out:\n{faults}", precision.name()),
+            // Nobody asked for this one by name.
+            Some(_) if asked.is_empty() => {}
             Some(faults) => {
                 problems.extend(faults.list().iter().map(|fault| Problem {
                     r#where: format!("{}:{}:{}", fault.file, fault.line, fault.column),
@@ -60,8 +63,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             }
         }
     }
-    let certificates: Vec<SurfaceCertificate> =
-        (0..checked.model().surfaces.len()).map(|index| certificate::surface(&checked, index, &held)).collect();
+    let certificates = certificate::surfaces(&checked, &held)?;
     for surface in &certificates {
         for tape in surface.tapes.iter().filter(|tape| !tape.error.is_finite()) {
             problems.push(Problem {

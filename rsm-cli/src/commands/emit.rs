@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use rsm_core::check::Checked;
-use rsm_core::number::Precision;
 use rsm_core::source::Source;
 use rsm_core::{compile, emit};
 use serde_json::json;
 
-use super::{PrecisionName, precisions};
+use super::{PrecisionName, precisions, tell_left_out};
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -62,14 +61,9 @@ pub fn run(arguments: &Arguments) -> Outcome {
             return Err(Refusal::new("--lang: this version emits rust and c"));
         }
     };
-    let bytes: Vec<(PathBuf, &[u8])> = files.iter().map(|(path, text)| (path.clone(), text.as_bytes())).collect();
-    output::write_all(&bytes)?;
+    output::write_all(&files)?;
     if asked.is_empty() {
-        for precision in Precision::ALL {
-            if let Some(faults) = checked.refusal(precision) {
-                eprintln!("{} is left out:\n{faults}", precision.name());
-            }
-        }
+        tell_left_out(&checked);
     }
     if arguments.json {
         let names: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();

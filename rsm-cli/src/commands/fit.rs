@@ -40,8 +40,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if let Some(folder) = &arguments.report {
         files.push((folder.join("report.html"), report::fit(&fitted)?));
     }
-    let bytes: Vec<(PathBuf, &[u8])> = files.iter().map(|(path, text)| (path.clone(), text.as_bytes())).collect();
-    output::write_all(&bytes)?;
+    output::write_all(&files)?;
     if arguments.json {
         output::json(&fitted.report())?;
         eprint!("{}", in_words(&fitted));

@@ -8,6 +8,7 @@ pub mod fit;
 pub mod simulate;
 
 use clap::ValueEnum;
+use rsm_core::check::Checked;
 use rsm_core::number::Precision;
 
 use crate::outcome::Refusal;
@@ -40,4 +41,14 @@ pub fn precisions(names: &[PrecisionName]) -> Result<Vec<Precision>, Refusal> {
     found.sort_unstable();
     found.dedup();
     Ok(found)
+}
+
+/// Says on standard error which precisions cannot hold the model, and why: where none was asked for by name, that is worth a word and no
+/// failure.
+pub fn tell_left_out(checked: &Checked) {
+    for precision in Precision::ALL {
+        if let Some(faults) = checked.refusal(precision) {
+            eprintln!("{} is left out:\n{faults}", precision.name());
+        }
+    }
 }

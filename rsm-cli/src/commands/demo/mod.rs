@@ -64,8 +64,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let mut good = true;
     let mut results = Map::new();
     let folder = arguments.out.join("data");
-    let data: Vec<(PathBuf, &[u8])> = SHIPPED.iter().map(|(name, text)| (folder.join(name), text.as_bytes())).collect();
-    output::write_all(&data)?;
+    output::write_all(&SHIPPED.map(|(name, text)| (folder.join(name), text)))?;
 
     let fitted = fit::with_progress(&Specification::read(&folder.join("fit.toml"))?)?;
     good &= fitted.reached();
@@ -86,11 +85,10 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let model_path = arguments.out.join("weakening.toml");
     let report_path = arguments.out.join("report.html");
     let checked = Checked::from_model(&fitted.model)?;
-    let certificates = certificate::surfaces(&checked, &[])?;
-    let held = compile::held(&checked, &[])?;
+    let certificates = certificate::surfaces(&checked, &compile::held(&checked, &[])?)?;
     let mut certified = Map::new();
-    for (index, certificate) in certificates.iter().enumerate() {
-        let tapes = certificate::surface(&checked, index, &held).tapes;
+    for certificate in &certificates {
+        let tapes = &certificate.tapes;
         let errors: Vec<String> = tapes.iter().map(|tape| format!("{} {:.1e}", tape.precision.name(), tape.error)).collect();
         let (low, high) = (certificate.range.low, certificate.range.high);
         tell.say(&format!(
