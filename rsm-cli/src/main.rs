@@ -6,6 +6,8 @@
 mod commands;
 mod outcome;
 mod output;
+mod page;
+mod plot;
 mod report;
 
 use std::process::ExitCode;

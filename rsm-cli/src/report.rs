@@ -2,10 +2,6 @@
 //!
 //! In: what a fit found. Out: text. Predictions come from the interpreter, so a report shows what an evaluator will return.
 
-use plotters::prelude::{
-    ChartBuilder, Circle, Cross, EmptyElement, IntoDrawingArea, LineSeries, PointSeries, RGBColor, SVGBackend,
-};
-use plotters::style::{IntoFont, WHITE};
 use rsm_core::check::Checked;
 use rsm_core::lower;
 use rsm_core::number::Precision;
@@ -16,13 +12,8 @@ use rsm_fit::records::Records;
 use rsm_fit::statistics::ResponseStatistics;
 
 use crate::outcome::Refusal;
-
-const FITTED: RGBColor = RGBColor(31, 90, 160);
-const UNSEEN: RGBColor = RGBColor(205, 92, 20);
-const RULE: RGBColor = RGBColor(150, 150, 150);
-
-/// Size of a plot in pixels.
-const PLOT: (u32, u32) = (460, 340);
+use crate::page::{escaped, figure, page};
+use crate::plot::{self, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
 
 /// The report of a fit.
 pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
@@ -32,7 +23,7 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
         .iter()
         .map(|file| format!("{} ({} rows, SHA-256 <code>{}</code>)", escaped(&file.name), file.rows, &file.sha256[..16]))
         .collect();
-    body += &format!("{}</p>\n<p>Blue circles: rows that were fitted. Orange crosses: unseen rows.</p>\n", files.join("; "));
+    body += &format!("{}</p>\n", files.join("; "));
     // Where no response could be fitted there is no surface, and no model to check.
     let fitted = (!outcome.model.surfaces.is_empty()).then(|| Checked::from_model(&outcome.model));
     let checked = fitted.transpose()?;
@@ -134,124 +125,77 @@ fn of_response(
         );
     }
     text += "</table>\n<div class=\"plots\">\n";
-    text += &against_prediction(&fitted, unseen.as_ref(), &format!("measured against predicted{brackets}"))?;
-    text += &over_rows(&fitted, unseen.as_ref(), &format!("residual{brackets} over row"))?;
+    text += &over_the_plane(outcome, checked, index)?;
+    text += &against_prediction(&fitted, unseen.as_ref(), &brackets)?;
+    text += &over_rows(&fitted, unseen.as_ref(), &brackets)?;
     text += "</div>\n";
     Ok(text)
-}
-
-fn figure(value: Option<f64>) -> String {
-    match value {
-        None => "none".to_string(),
-        Some(value) if value == 0.0 || (1e-3..1e5).contains(&value.abs()) => {
-            // Five significant digits.
-            let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
-            format!("{value:.*}", (4 - before).max(0) as usize)
-        }
-        Some(value) => format!("{value:.4e}"),
-    }
 }
 
 fn share(value: Option<f64>) -> String {
     value.map_or("none".to_string(), |value| format!("{value:.6}"))
 }
 
-/// The least and the greatest of some values, with a margin; never empty.
-fn span<'a>(values: impl Iterator<Item = &'a f64>) -> (f64, f64) {
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
-    if low >= high || !(high - low).is_finite() {
-        return if low.is_finite() { (low - 1.0, low + 1.0) } else { (0.0, 1.0) };
-    }
-    let margin = 0.05 * (high - low);
-    (low - margin, high + margin)
-}
-
-fn against_prediction(fitted: &Pairs, unseen: Option<&Pairs>, title: &str) -> Result<String, Refusal> {
-    let all = std::iter::once(fitted).chain(unseen);
-    let (low, high) = span(all.flat_map(|pairs| pairs.measured.iter().chain(&pairs.predicted)));
+fn against_prediction(fitted: &Pairs, unseen: Option<&Pairs>, brackets: &str) -> Result<String, Refusal> {
+    let all: Vec<&Pairs> = std::iter::once(fitted).chain(unseen).collect();
+    let values = || all.iter().flat_map(|pairs| pairs.measured.iter().chain(&pairs.predicted));
+    let (low, high) =
+        values().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
     let points = |pairs: &Pairs| pairs.predicted.iter().copied().zip(pairs.measured.iter().copied()).collect::<Vec<_>>();
-    plot(title, (low, high), (low, high), &[(low, low), (high, high)], &points(fitted), &unseen.map(points).unwrap_or_default())
+    let (x, y) = (format!("predicted{brackets}"), format!("measured{brackets}"));
+    let words = Words { title: "measured against predicted", x: &x, y: &y };
+    with_rule(&words, vec![(low, low), (high, high)], points(fitted), unseen.map(points))
 }
 
-fn over_rows(fitted: &Pairs, unseen: Option<&Pairs>, title: &str) -> Result<String, Refusal> {
+fn over_rows(fitted: &Pairs, unseen: Option<&Pairs>, brackets: &str) -> Result<String, Refusal> {
     let residuals = |pairs: &Pairs| {
         let each = pairs.measured.iter().zip(&pairs.predicted).enumerate();
         each.map(|(row, (measured, predicted))| (row as f64 + 1.0, measured - predicted)).collect::<Vec<_>>()
     };
-    let (fitted, unseen) = (residuals(fitted), unseen.map(residuals).unwrap_or_default());
-    let values: Vec<f64> = fitted.iter().chain(&unseen).map(|(_, residual)| *residual).collect();
-    let last = fitted.len().max(unseen.len()) as f64 + 1.0;
-    plot(title, (0.0, last), span(values.iter()), &[(0.0, 0.0), (last, 0.0)], &fitted, &unseen)
+    let (fitted, unseen) = (residuals(fitted), unseen.map(residuals));
+    let last = fitted.len().max(unseen.as_ref().map_or(0, Vec::len)) as f64 + 1.0;
+    let y = format!("residual{brackets}");
+    let words = Words { title: "residual over row", x: "row", y: &y };
+    with_rule(&words, vec![(0.0, 0.0), (last, 0.0)], fitted, unseen)
 }
 
-/// Circles: fitted rows. Crosses: unseen rows. A grey rule shows where a perfect model would lie.
-fn plot(
-    title: &str,
-    (left, right): (f64, f64),
-    (bottom, top): (f64, f64),
-    rule: &[(f64, f64)],
-    fitted: &[(f64, f64)],
-    unseen: &[(f64, f64)],
+/// The rule shows where a perfect model would lie.
+fn with_rule(
+    words: &Words<'_>,
+    rule: Vec<(f64, f64)>,
+    fitted: Vec<(f64, f64)>,
+    unseen: Option<Vec<(f64, f64)>>,
 ) -> Result<String, Refusal> {
-    let failed = |error: &dyn std::fmt::Display| Refusal::new(format!("a plot cannot be drawn: {error}"));
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, PLOT).into_drawing_area();
-        area.fill(&WHITE).map_err(|error| failed(&error))?;
-        let mut chart = ChartBuilder::on(&area)
-            .caption(title, ("sans-serif", 15).into_font())
-            .margin(10)
-            .x_label_area_size(28)
-            .y_label_area_size(58)
-            .build_cartesian_2d(left..right, bottom..top)
-            .map_err(|error| failed(&error))?;
-        let label = |value: &f64| figure(Some(if value.abs() < 1e-12 * (top - bottom).abs() { 0.0 } else { *value }));
-        let short = |value: &f64| {
-            let text = label(value);
-            if text.contains('.') && !text.contains('e') {
-                text.trim_end_matches('0').trim_end_matches('.').to_string()
-            } else {
-                text
-            }
-        };
-        chart
-            .configure_mesh()
-            .light_line_style(WHITE)
-            .x_labels(6)
-            .y_labels(6)
-            .x_label_formatter(&short)
-            .y_label_formatter(&short)
-            .draw()
-            .map_err(|error| failed(&error))?;
-        chart.draw_series(LineSeries::new(rule.iter().copied(), RULE)).map_err(|error| failed(&error))?;
-        chart
-            .draw_series(PointSeries::of_element(fitted.iter().copied(), 3, FITTED, &|at, size, colour| {
-                EmptyElement::at(at) + Circle::new((0, 0), size, colour.filled())
-            }))
-            .map_err(|error| failed(&error))?;
-        chart
-            .draw_series(PointSeries::of_element(unseen.iter().copied(), 3, UNSEEN, &|at, size, colour| {
-                EmptyElement::at(at) + Cross::new((0, 0), size, colour.stroke_width(2))
-            }))
-            .map_err(|error| failed(&error))?;
-        area.present().map_err(|error| failed(&error))?;
-    }
-    Ok(svg)
+    let mut series = vec![Series::new("", GREY, Mark::Line, rule), Series::new("fitted rows", BLUE, Mark::Circle, fitted)];
+    series.extend(unseen.map(|unseen| Series::new("unseen rows", ORANGE, Mark::Cross, unseen)));
+    plot::curves(words, &series)
 }
 
-fn page(title: &str, body: &str) -> String {
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{}</title>\n<style>\n\
-         body {{ font: 15px/1.5 sans-serif; color: #222; max-width: 1000px; margin: 2em auto; padding: 0 1em; }}\n\
-         table {{ border-collapse: collapse; margin: 0.8em 0; }}\n\
-         th, td {{ border: 1px solid #ccc; padding: 0.2em 0.7em; text-align: left; font-variant-numeric: tabular-nums; }}\n\
-         th {{ background: #f3f3f3; font-weight: 600; }}\n\
-         .plots {{ display: flex; flex-wrap: wrap; gap: 1em; }}\n</style>\n</head>\n<body>\n{body}\
-         </body>\n</html>\n",
-        escaped(title)
-    )
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+/// A surface of two inputs over its box, blank where the data do not support it; nothing for other surfaces.
+fn over_the_plane(outcome: &Outcome, checked: &Checked, index: usize) -> Result<String, Refusal> {
+    let surface = &outcome.model.surfaces[index];
+    let inputs = checked.inputs_of(surface);
+    let [first, second] = inputs.as_slice() else { return Ok(String::new()) };
+    let tape = lower::surface(checked, index, Precision::F64);
+    let support = lower::support(checked, index, Precision::F64);
+    let mut interpreter = Interpreter::<f64>::new(&tape);
+    let mut supported = support.as_ref().map(Interpreter::<f64>::new);
+    let mut value = |x: f64, y: f64| {
+        let inside = supported.as_mut().is_none_or(|supported| supported.eval(&[x, y]) == 1.0);
+        inside.then(|| interpreter.eval(&[x, y]))
+    };
+    let columns = [first, second].map(|input| {
+        outcome.model.inputs.iter().position(|other| other.name == input.name).expect("a surface's input is in the model")
+    });
+    let points = |records: &Records| {
+        let [x, y] = columns.map(|column| &records.inputs[column]);
+        x.iter().copied().zip(y.iter().copied()).collect::<Vec<_>>()
+    };
+    let mut series = vec![Series::new("fitted rows", PINK, Mark::Circle, points(&outcome.fitted))];
+    series.extend(outcome.unseen.as_ref().map(|unseen| Series::new("unseen rows", ORANGE, Mark::Cross, points(unseen))));
+    let axis = |input: &rsm_core::model::Input| format!("{} [{}]", input.name, input.unit);
+    let (x, y) = (axis(first), axis(second));
+    let words = Words { title: &surface.name, x: &x, y: &y };
+    let pair = |[low, high]: [f64; 2]| (low, high);
+    plot::map(&words, &surface.unit, pair(first.range), pair(second.range), &mut value, &series)
 }

@@ -1,0 +1,332 @@
+//! Plots as SVG text: curves over an axis, and a surface over a plane as a map of colours with level lines.
+//!
+//! In: numbers, with the words for axes and legend. Out: a `<figure>` of HTML with the drawing inside and the legend below it. Knows nothing of what is
+//! shown. The same numbers give the same text.
+
+use plotters::chart::{ChartBuilder, ChartContext};
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::{
+    Cartesian2d, Circle, Cross, DrawingArea, IntoDrawingArea, PathElement, Rectangle, SVGBackend, ShapeStyle,
+};
+use plotters::style::{BLACK, Color, IntoFont, RGBColor, WHITE};
+
+use crate::outcome::Refusal;
+
+/// Size of a plot in pixels.
+const PLOT: (u32, u32) = (480, 340);
+
+/// More points than this are no longer seen apart on the width of a plot.
+const MOST_POINTS: usize = 1200;
+
+/// Cells of a map along each axis: the level lines are straight in a cell.
+const CELLS: usize = 48;
+
+/// Level lines between the least and the greatest value.
+const LEVELS: usize = 9;
+
+/// Colours that stay apart for readers who see fewer of them (Okabe and Ito 2008), in the order of use.
+pub const BLUE: RGBColor = RGBColor(0, 114, 178);
+/// The second.
+pub const ORANGE: RGBColor = RGBColor(213, 94, 0);
+/// For marks on a map, whose dark end is blue.
+pub const PINK: RGBColor = RGBColor(255, 150, 200);
+/// For what is only there to compare with.
+pub const GREY: RGBColor = RGBColor(140, 140, 140);
+
+/// How a series is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    Line,
+    Circle,
+    Cross,
+}
+
+/// Numbers that belong together.
+pub struct Series {
+    pub name: String,
+    pub colour: RGBColor,
+    pub mark: Mark,
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Series {
+    pub fn new(name: &str, colour: RGBColor, mark: Mark, points: Vec<(f64, f64)>) -> Self {
+        Series { name: name.to_string(), colour, mark, points }
+    }
+}
+
+/// The words around a plot.
+pub struct Words<'a> {
+    pub title: &'a str,
+    /// With its unit.
+    pub x: &'a str,
+    /// With its unit.
+    pub y: &'a str,
+}
+
+type Backend<'a> = SVGBackend<'a>;
+type Chart<'a, 'b> = ChartContext<'a, Backend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+fn failed(error: impl std::fmt::Display) -> Refusal {
+    Refusal::new(format!("a plot cannot be drawn: {error}"))
+}
+
+/// Curves and marks over two axes. Points that are not finite are left out.
+pub fn curves(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
+    let shown = |axis: fn(&(f64, f64)) -> f64| series.iter().flat_map(move |each| each.points.iter().filter(finite).map(axis));
+    let (x, y) = (span(shown(|point| point.0), 0.02), span(shown(|point| point.1), 0.06));
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, PLOT).into_drawing_area();
+        area.fill(&WHITE).map_err(failed)?;
+        let mut chart = axes(&area, words, x, y)?;
+        draw(&mut chart, series)?;
+        area.present().map_err(failed)?;
+    }
+    Ok(figure(&svg, series))
+}
+
+/// A surface over a rectangle of the plane, `None` where it is not to be shown, with marks on top.
+pub fn map(
+    words: &Words<'_>,
+    value_words: &str,
+    x: (f64, f64),
+    y: (f64, f64),
+    value: &mut dyn FnMut(f64, f64) -> Option<f64>,
+    series: &[Series],
+) -> Result<String, Refusal> {
+    let along = |range: (f64, f64), k: usize| range.0 + (range.1 - range.0) * k as f64 / CELLS as f64;
+    let corners: Vec<Vec<Option<f64>>> =
+        (0..=CELLS).map(|i| (0..=CELLS).map(|j| value(along(x, i), along(y, j))).collect()).collect();
+    let (low, high) = span(corners.iter().flatten().filter_map(|value| *value), 0.0);
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, PLOT).into_drawing_area();
+        area.fill(&WHITE).map_err(failed)?;
+        let (left, right) = area.split_horizontally(PLOT.0 - 80);
+        let mut chart = axes(&left, words, x, y)?;
+        for i in 0..CELLS {
+            for j in 0..CELLS {
+                let around = [corners[i][j], corners[i + 1][j], corners[i + 1][j + 1], corners[i][j + 1]];
+                let Some(mean) = mean(&around) else { continue };
+                let corner = [(along(x, i), along(y, j)), (along(x, i + 1), along(y, j + 1))];
+                let colour = colour((mean - low) / (high - low));
+                chart.draw_series([Rectangle::new(corner, colour.filled())]).map_err(failed)?;
+            }
+        }
+        for level in (1..=LEVELS).map(|k| low + (high - low) * k as f64 / (LEVELS + 1) as f64) {
+            for i in 0..CELLS {
+                for j in 0..CELLS {
+                    let cell = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+                        .map(|(i, j)| corners[i][j].map(|value| (along(x, i), along(y, j), value)));
+                    let crossings = crossings(&cell, level);
+                    let lines = crossings.chunks_exact(2).map(|pair| PathElement::new(pair.to_vec(), BLACK.mix(0.35)));
+                    chart.draw_series(lines).map_err(failed)?;
+                }
+            }
+        }
+        draw(&mut chart, series)?;
+        scale(&right, value_words, low, high)?;
+        area.present().map_err(failed)?;
+    }
+    Ok(figure(&svg, series))
+}
+
+fn axes<'a, 'b>(
+    area: &'a DrawingArea<Backend<'b>, plotters::coord::Shift>,
+    words: &Words<'_>,
+    x: (f64, f64),
+    y: (f64, f64),
+) -> Result<Chart<'a, 'b>, Refusal> {
+    let mut chart = ChartBuilder::on(area)
+        .caption(words.title, ("sans-serif", 15).into_font())
+        .margin(8)
+        .x_label_area_size(38)
+        .y_label_area_size(56)
+        .build_cartesian_2d(x.0..x.1, y.0..y.1)
+        .map_err(failed)?;
+    let (label_x, label_y) = (|value: &f64| label(*value, x), |value: &f64| label(*value, y));
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .bold_line_style(BLACK.mix(0.12))
+        .label_style(("sans-serif", 12))
+        .axis_desc_style(("sans-serif", 13))
+        .x_labels(6)
+        .y_labels(6)
+        .x_desc(words.x)
+        .y_desc(words.y)
+        .x_label_formatter(&label_x)
+        .y_label_formatter(&label_y)
+        .draw()
+        .map_err(failed)?;
+    Ok(chart)
+}
+
+fn draw(chart: &mut Chart<'_, '_>, series: &[Series]) -> Result<(), Refusal> {
+    for each in series {
+        let points: Vec<(f64, f64)> = each.points.iter().copied().filter(|point| finite(&point)).collect();
+        match each.mark {
+            Mark::Line => {
+                let style: ShapeStyle = each.colour.stroke_width(2);
+                chart.draw_series([PathElement::new(thinned(&points), style)]).map_err(failed)?;
+            }
+            Mark::Circle => {
+                let circles = points.iter().map(|point| Circle::new(*point, 3, each.colour.filled()));
+                chart.draw_series(circles).map_err(failed)?;
+            }
+            Mark::Cross => {
+                let crosses = points.iter().map(|point| Cross::new(*point, 4, each.colour.stroke_width(2)));
+                chart.draw_series(crosses).map_err(failed)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The bar that says which value a colour has.
+fn scale(area: &DrawingArea<Backend<'_>, plotters::coord::Shift>, words: &str, low: f64, high: f64) -> Result<(), Refusal> {
+    let mut chart = ChartBuilder::on(area)
+        .caption(words, ("sans-serif", 13).into_font())
+        .margin(8)
+        .x_label_area_size(38)
+        .y_label_area_size(40)
+        .build_cartesian_2d(0.0..1.0, low..high)
+        .map_err(failed)?;
+    for k in 0..CELLS {
+        let at = |k: usize| low + (high - low) * k as f64 / CELLS as f64;
+        let middle = (k as f64 + 0.5) / CELLS as f64;
+        let bar = Rectangle::new([(0.0, at(k)), (1.0, at(k + 1))], colour(middle).filled());
+        chart.draw_series([bar]).map_err(failed)?;
+    }
+    let names = |value: &f64| label(*value, (low, high));
+    let mut mesh = chart.configure_mesh();
+    // Sizes of text and ticks are by default a share of the drawing, and this one is narrow.
+    mesh.disable_mesh()
+        .disable_x_axis()
+        .y_labels(6)
+        .y_label_formatter(&names)
+        .label_style(("sans-serif", 12))
+        .set_all_tick_mark_size(4);
+    mesh.draw().map_err(failed)
+}
+
+fn figure(svg: &str, series: &[Series]) -> String {
+    let legend = series.iter().filter(|each| !each.name.is_empty()).map(|each| {
+        let sign = match each.mark {
+            Mark::Line => "&#9473;",
+            Mark::Circle => "&#9679;",
+            Mark::Cross => "&#10005;",
+        };
+        let RGBColor(red, green, blue) = each.colour;
+        format!("<span style=\"color:rgb({red},{green},{blue})\">{sign}</span>&nbsp;{}", crate::page::escaped(&each.name))
+    });
+    let legend: Vec<String> = legend.collect();
+    format!("<figure>\n{svg}\n<figcaption>{}</figcaption>\n</figure>\n", legend.join(" &nbsp; "))
+}
+
+fn finite(point: &&(f64, f64)) -> bool {
+    point.0.is_finite() && point.1.is_finite()
+}
+
+/// The least and the greatest, with a margin as a share of their distance; never empty.
+fn span(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    if low >= high || !(high - low).is_finite() {
+        return if low.is_finite() { (low - 1.0, low + 1.0) } else { (0.0, 1.0) };
+    }
+    (low - margin * (high - low), high + margin * (high - low))
+}
+
+/// A tick's number: as many decimals as the span asks for, and no more.
+fn label(value: f64, (low, high): (f64, f64)) -> String {
+    let decimals = (2.0 - (high - low).abs().log10()).ceil().clamp(0.0, 9.0) as usize;
+    let text = format!("{value:.decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".to_string() } else { text.to_string() }
+}
+
+/// A curve of many points by the extremes of equal pieces: peaks stay.
+fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    if points.len() <= MOST_POINTS {
+        return points.to_vec();
+    }
+    let piece = points.len().div_ceil(MOST_POINTS / 2);
+    let mut kept = Vec::with_capacity(MOST_POINTS);
+    for chunk in points.chunks(piece) {
+        let by = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+        let (Some(low), Some(high)) = (chunk.iter().min_by(by), chunk.iter().max_by(by)) else { continue };
+        let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
+        kept.push(*first);
+        kept.push(*second);
+    }
+    kept
+}
+
+fn mean(values: &[Option<f64>]) -> Option<f64> {
+    let known: Option<Vec<f64>> = values.iter().copied().collect();
+    known.map(|known| known.iter().sum::<f64>() / known.len() as f64)
+}
+
+/// Where a level crosses the sides of a cell, in the order of the sides: two points, or four in a saddle.
+fn crossings(cell: &[Option<(f64, f64, f64)>; 4], level: f64) -> Vec<(f64, f64)> {
+    let mut found = Vec::new();
+    for k in 0..4 {
+        let (Some(a), Some(b)) = (cell[k], cell[(k + 1) % 4]) else { return Vec::new() };
+        if (a.2 < level) != (b.2 < level) {
+            let share = (level - a.2) / (b.2 - a.2);
+            found.push((a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1)));
+        }
+    }
+    found
+}
+
+/// From dark blue over green to yellow, ever lighter: the order of values survives a print in grey.
+fn colour(share: f64) -> RGBColor {
+    const ANCHORS: [[f64; 3]; 5] =
+        [[58.0, 50.0, 120.0], [48.0, 104.0, 150.0], [52.0, 152.0, 140.0], [130.0, 200.0, 100.0], [245.0, 230.0, 90.0]];
+    let place = share.clamp(0.0, 1.0) * 4.0;
+    let below = (place.floor() as usize).min(3);
+    let part = place - below as f64;
+    let [red, green, blue] =
+        [0, 1, 2].map(|k| (ANCHORS[below][k] + part * (ANCHORS[below + 1][k] - ANCHORS[below][k])).round() as u8);
+    RGBColor(red, green, blue)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thinned_curve_keeps_its_peak() {
+        let mut points: Vec<(f64, f64)> = (0..100_000).map(|k| (f64::from(k), 0.0)).collect();
+        points[54_321].1 = 7.0;
+        let thin = thinned(&points);
+        assert!(thin.len() <= MOST_POINTS + 2 && thin.contains(&(54_321.0, 7.0)));
+        assert!(thin.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+    }
+
+    #[test]
+    fn a_level_crosses_a_slope_once_and_a_saddle_twice() {
+        let cell = |values: [f64; 4]| {
+            [(0.0, 0.0, values[0]), (1.0, 0.0, values[1]), (1.0, 1.0, values[2]), (0.0, 1.0, values[3])].map(Some)
+        };
+        assert_eq!(crossings(&cell([0.0, 4.0, 4.0, 0.0]), 1.0), [(0.25, 0.0), (0.25, 1.0)]);
+        assert_eq!(crossings(&cell([0.0, 2.0, 0.0, 2.0]), 1.0).len(), 4);
+        assert!(crossings(&cell([0.0, 1.0, 1.0, 0.0]), 5.0).is_empty());
+    }
+
+    #[test]
+    fn ticks_have_the_decimals_of_their_span() {
+        assert_eq!(label(0.25, (0.0, 1.0)), "0.25");
+        assert_eq!(label(1500.0, (0.0, 7500.0)), "1500");
+        assert_eq!(label(-0.0, (-1.0, 1.0)), "0");
+    }
+
+    #[test]
+    fn what_is_not_finite_is_left_out() {
+        let series = [Series::new("a", BLUE, Mark::Line, vec![(0.0, 0.0), (f64::NAN, 1.0), (1.0, f64::INFINITY), (2.0, 1.0)])];
+        let text = curves(&Words { title: "t", x: "x", y: "y" }, &series).unwrap();
+        assert!(text.contains("<svg") && !text.contains("NaN") && !text.contains("inf"));
+    }
+}
