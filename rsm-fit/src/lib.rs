@@ -13,7 +13,7 @@
 //!                    Outcome { model: rsm_core::model::Model, figures of each response }
 //! ```
 //!
-//! Beside the line: recursive, rows one at a time.
+//! Beside the line: recursive, rows one at a time; plan, what to run before there are data.
 //!
 //! Every stage collects all faults of its input; numerical outcomes are data. Nothing here writes a file, prints, or knows an
 //! emitter. The same bytes in give the same model, to the bit, on every machine with IEEE 754.
@@ -58,6 +58,8 @@ pub mod spec;
 
 pub mod records;
 
+pub mod random;
+
 pub mod split;
 
 pub mod dd;
@@ -77,3 +79,5 @@ pub mod evidence;
 pub mod fit;
 
 pub mod recursive;
+
+pub mod plan;

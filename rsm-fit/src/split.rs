@@ -6,9 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
-
+use crate::random::Random;
 use crate::records::Records;
 use crate::spec::{Specification, Split};
 
@@ -26,11 +24,7 @@ pub struct Sides {
 pub fn split(specification: &Specification, split: &Split, records: &Records) -> Sides {
     let rows = records.rows();
     let mut groups = groups(specification, split, records);
-    // The stream of ChaCha8 is fixed by its definition; a shuffle of our own keeps the rest fixed too.
-    let mut random = ChaCha8Rng::seed_from_u64(split.seed);
-    for last in (1..groups.len()).rev() {
-        groups.swap(last, below(&mut random, last as u64 + 1) as usize);
-    }
+    Random::new(split.seed).shuffle(&mut groups);
     let wanted = (split.share * rows as f64).round() as usize;
     let mut validate = Vec::new();
     for group in groups {
@@ -42,17 +36,6 @@ pub fn split(specification: &Specification, split: &Split, records: &Records) ->
     validate.sort_unstable();
     let fit = (0..rows).filter(|row| validate.binary_search(row).is_err()).collect();
     Sides { fit, validate }
-}
-
-/// A whole number below `limit`, each equally likely: draws beyond the last full multiple are thrown away.
-fn below(random: &mut ChaCha8Rng, limit: u64) -> u64 {
-    let full = u64::MAX - u64::MAX % limit;
-    loop {
-        let draw = random.next_u64();
-        if draw < full {
-            return draw % limit;
-        }
-    }
 }
 
 /// The groups in the order of their first rows.

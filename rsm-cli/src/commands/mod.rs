@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod demo;
+pub mod design;
 pub mod emit;
 pub mod eval;
 pub mod fit;

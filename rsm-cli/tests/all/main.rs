@@ -2,5 +2,6 @@
 
 mod command;
 mod compensator;
+mod design;
 mod readme;
 mod shipped_data;

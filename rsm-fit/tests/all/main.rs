@@ -3,6 +3,7 @@
 mod data;
 mod ladder;
 mod nist;
+mod plans;
 mod real;
 mod recursive;
 mod rejected;

@@ -33,7 +33,7 @@ fn message(name: &str, text: String, folder: &Path) -> String {
 }
 
 /// The names of the cases with an ending, sorted.
-fn cases(folder: &Path, ending: &str) -> Vec<String> {
+pub(crate) fn cases(folder: &Path, ending: &str) -> Vec<String> {
     let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let of_ending = entries.filter(|path| path.extension().is_some_and(|found| found == ending));
     let mut names: Vec<String> = of_ending.map(|path| path.file_stem().unwrap().to_str().unwrap().to_string()).collect();

@@ -1,0 +1,279 @@
+//! Plans: which settings to run, in which order.
+//!
+//! In: a [`DesignSpecification`], or a plan file. Out: a [`Plan`], a run a row, whose order is random where it comes from a
+//! specification; its CSV `run[1],factor[unit],...`. The same specification gives the same bytes on every machine. Never runs
+//! anything.
+//!
+//! The run order is random so that what drifts during the experiment does not look like an effect of a factor; centre points
+//! stand at equal distances in it, at its start and at its end, where they show such a drift (Montgomery, Design and Analysis
+//! of Experiments, 6.8).
+
+mod levels;
+mod points;
+mod spec;
+
+use std::collections::BTreeSet;
+
+use rsm_core::source::{Collector, Fault, Faults, Source};
+
+pub use spec::{Condition, Design, DesignSpecification, Factor, MOST_RUNS};
+
+use crate::random::Random;
+use crate::table::{Table, Wanted};
+use crate::units::Conversion;
+
+/// The column of the run order.
+const RUN: &str = "run";
+
+/// Draws a wanted point before `where` is held to leave nothing of the box.
+const MOST_DRAWS: usize = 10_000;
+
+/// The runs of an experiment, in the order in which they are made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// The number of every run.
+    pub runs: Vec<u32>,
+    /// The factors with a setting a run.
+    pub factors: Vec<PlanFactor>,
+    /// Where it was read; none where it was made.
+    place: Option<Place>,
+}
+
+/// A factor of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanFactor {
+    /// Its name.
+    pub name: String,
+    /// The unit of its settings.
+    pub unit: String,
+    /// A setting a run.
+    pub values: Vec<f64>,
+}
+
+/// The lines of a plan file.
+#[derive(Debug, Clone, PartialEq)]
+struct Place {
+    file: String,
+    header_line: usize,
+    lines: Vec<usize>,
+}
+
+impl Plan {
+    /// Makes the runs of a specification.
+    ///
+    /// # Errors
+    /// When `where` leaves no point.
+    pub fn make(specification: &DesignSpecification) -> Result<Plan, Faults> {
+        let mut random = Random::new(specification.seed);
+        let holds = |point: &Vec<f64>| specification.conditions.iter().all(|condition| condition.holds(point));
+        let mut points = match &specification.design {
+            Design::Random { runs } => random_points(specification, *runs, &mut random, &holds),
+            other => {
+                let mut points = all_points(specification, other, &mut random);
+                points.retain(holds);
+                points
+            }
+        };
+        let mut seen = BTreeSet::new();
+        points.retain(|point| seen.insert(point.iter().map(|value| value.to_bits()).collect::<Vec<u64>>()));
+        let centre: Vec<f64> = specification.factors.iter().map(|factor| physical(factor, 0.0)).collect();
+        let mut faults = Collector::new();
+        if points.is_empty() {
+            faults.push(specification.fault("where", "`where`: no point of the design fulfils it"));
+        }
+        if specification.centre_points > 0 && !holds(&centre) {
+            let what = format!("`where`: the centre ({}) does not fulfil it", list(&centre));
+            faults.push(specification.fault("where", what).help("leave `centre_points` out"));
+        }
+        let mut order: Vec<Vec<f64>> = points.iter().flat_map(|point| vec![point.clone(); specification.replicates]).collect();
+        random.shuffle(&mut order);
+        spread(&mut order, &centre, specification.centre_points);
+        let factors = specification.factors.iter().enumerate().map(|(k, factor)| PlanFactor {
+            name: factor.name.clone(),
+            unit: factor.unit.clone(),
+            values: order.iter().map(|point| point[k]).collect(),
+        });
+        let runs = (1..).take(order.len()).collect();
+        faults.finish(Some(Plan { runs, factors: factors.collect(), place: None }))
+    }
+
+    /// Reads a plan from its CSV. Every column but `run` is a factor and has a unit; runs are numbered upward from 1, with gaps
+    /// where rows were taken out.
+    ///
+    /// # Errors
+    /// Every fault of the file.
+    pub fn read(source: &Source) -> Result<Plan, Faults> {
+        let table = Table::read(source, &Wanted { numbers: vec![RUN.to_string()], every_number: true, ..Wanted::default() })?;
+        let mut faults = Collector::new();
+        let place = Place { file: table.file.clone(), header_line: table.header_line, lines: table.lines.clone() };
+        let runs = run_numbers(&table, &mut faults);
+        let mut factors = Vec::new();
+        for column in table.columns.iter().filter(|column| column.name != RUN) {
+            if column.unit.is_none() {
+                let what = format!("column {} `{}`: it has no unit", column.place, column.name);
+                let fault = Fault::at_line(&place.file, place.header_line, 0, what);
+                faults.push(fault.help(format!("write `{}[unit]` in the header; `1` is no dimension", column.name)));
+                continue;
+            }
+            match table.values_in(&column.name, None) {
+                Ok((values, unit)) => factors.push(PlanFactor { name: column.name.clone(), unit, values }),
+                Err(fault) => faults.push(fault),
+            }
+        }
+        let names_a_factor = table.columns.iter().any(|column| column.name != RUN);
+        if !names_a_factor {
+            let fault = Fault::at_line(&place.file, place.header_line, 0, "there is no factor beside the column `run`");
+            faults.push(fault.help("the header of a plan is `run[1],factor[unit],...`"));
+        }
+        faults.finish(Some(Plan { runs, factors, place: Some(place) }))
+    }
+
+    /// The factor of a name.
+    #[must_use]
+    pub fn factor(&self, name: &str) -> Option<&PlanFactor> {
+        self.factors.iter().find(|factor| factor.name == name)
+    }
+
+    /// The settings of a factor in a unit.
+    ///
+    /// # Errors
+    /// A fault at the header: the plan has no such factor, or its unit measures something else.
+    pub fn settings(&self, name: &str, unit: &str) -> Result<Vec<f64>, Fault> {
+        let Some(factor) = self.factor(name) else {
+            let known: Vec<String> = self.factors.iter().map(|factor| format!("`{}`", factor.name)).collect();
+            let fault = self.fault_of_header(format!("the plan has no factor `{name}`"));
+            return Err(fault.help(format!("its factors are {}", known.join(", "))));
+        };
+        let conversion = Conversion::between(&factor.unit, unit)
+            .map_err(|reason| self.fault_of_header(format!("factor `{name}`: {reason}")))?;
+        Ok(factor.values.iter().map(|value| conversion.apply(*value)).collect())
+    }
+
+    /// A fault at a row, counted from 0: a setting that cannot be run.
+    #[must_use]
+    pub fn fault(&self, row: usize, what: impl Into<String>) -> Fault {
+        match &self.place {
+            Some(place) => Fault::at_line(&place.file, place.lines[row], 0, what),
+            None => Fault::whole_file("plan", format!("run {}: {}", self.runs[row], what.into())),
+        }
+    }
+
+    fn fault_of_header(&self, what: String) -> Fault {
+        match &self.place {
+            Some(place) => Fault::at_line(&place.file, place.header_line, 0, what),
+            None => Fault::whole_file("plan", what),
+        }
+    }
+
+    /// How many different settings there are.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        let setting = |row: usize| self.factors.iter().map(|factor| factor.values[row].to_bits()).collect::<Vec<u64>>();
+        (0..self.runs.len()).map(setting).collect::<BTreeSet<_>>().len()
+    }
+
+    /// The text of its file.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let mut text = format!("{RUN}[1]");
+        for factor in &self.factors {
+            text += &format!(",{}[{}]", factor.name, factor.unit);
+        }
+        text += "\n";
+        for (row, run) in self.runs.iter().enumerate() {
+            text += &run.to_string();
+            for factor in &self.factors {
+                text += ",";
+                // As short as reads back to the same bits.
+                text += &factor.values[row].to_string();
+            }
+            text += "\n";
+        }
+        text
+    }
+}
+
+fn list(point: &[f64]) -> String {
+    point.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+}
+
+/// xi = mid + half x, (22) turned around; the ends of the range exactly.
+fn physical(factor: &Factor, coded: f64) -> f64 {
+    let [low, high] = factor.range;
+    // Weights that sum to 1: at -1 and 1 one of them is 0. + 0.0: one of the two zeros.
+    low * ((1.0 - coded) / 2.0) + high * ((1.0 + coded) / 2.0) + 0.0
+}
+
+fn all_points(specification: &DesignSpecification, design: &Design, random: &mut Random) -> points::Points {
+    let factors = &specification.factors;
+    let coded = match design {
+        Design::FullFactorial { blocks } => return blocks.iter().flat_map(|levels| points::full_factorial(levels)).collect(),
+        Design::CentralComposite { alpha } => points::central_composite(factors.len(), *alpha),
+        Design::BoxBehnken => {
+            points::box_behnken(factors.len()).expect("a read specification has a number of factors with such a design")
+        }
+        Design::LatinHypercube { runs } => points::latin_hypercube(factors.len(), *runs, random),
+        Design::Random { runs } => (0..*runs).map(|_| points::anywhere(factors.len(), random)).collect(),
+    };
+    let of_point = |point: Vec<f64>| factors.iter().zip(point).map(|(factor, x)| physical(factor, x)).collect();
+    coded.into_iter().map(of_point).collect()
+}
+
+/// Draws points until so many fulfil the conditions; fewer where the conditions leave next to nothing of the box.
+fn random_points(
+    specification: &DesignSpecification,
+    runs: usize,
+    random: &mut Random,
+    holds: &dyn Fn(&Vec<f64>) -> bool,
+) -> points::Points {
+    let mut draw = || all_points(specification, &Design::Random { runs: 1 }, random).remove(0);
+    let mut next = || (0..MOST_DRAWS).map(|_| draw()).find(|point| holds(point));
+    (0..runs).map_while(|_| next()).collect()
+}
+
+/// Puts `count` centre points among the others at equal distances, the first and the last run included; a single one in the middle.
+fn spread(order: &mut Vec<Vec<f64>>, centre: &[f64], count: usize) {
+    let all = order.len() + count;
+    let place = |k: usize| if count == 1 { all / 2 } else { k * (all - 1) / (count - 1) };
+    // Ascending, so that what stands before a place is final when the place is filled.
+    for k in 0..count {
+        order.insert(place(k), centre.to_vec());
+    }
+}
+
+/// Whole numbers from 1 upward, each once.
+fn run_numbers(table: &Table, faults: &mut Collector) -> Vec<u32> {
+    let column = table.column(RUN).expect("a wanted column is in the table");
+    let mut runs: Vec<u32> = Vec::new();
+    for (value, line) in column.values.iter().zip(&table.lines) {
+        let last = runs.last().copied().unwrap_or(0);
+        let is_whole = value.fract() == 0.0 && (1.0..=MOST_RUNS as f64).contains(value);
+        if !is_whole || *value <= f64::from(last) {
+            let expected = match (is_whole, last) {
+                (false, _) | (true, 0) => format!("a whole number from 1 to {MOST_RUNS}"),
+                _ => format!("a number above {last}, that of the row before"),
+            };
+            let what = format!("column {} `{RUN}`: found {value}, expected {expected}", column.place);
+            faults.push(Fault::at_line(&table.file, *line, 0, what));
+        }
+        if is_whole {
+            runs.push(*value as u32);
+        }
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn centre_points_stand_at_the_start_at_the_end_and_between() {
+        for (others, count, expected) in [(4, 3, vec![0, 3, 6]), (5, 2, vec![0, 6]), (4, 1, vec![2]), (0, 2, vec![0, 1])] {
+            let mut order = vec![vec![1.0]; others];
+            spread(&mut order, &[0.0], count);
+            let found: Vec<usize> = (0..order.len()).filter(|k| order[*k] == [0.0]).collect();
+            assert_eq!(found, expected);
+        }
+    }
+}

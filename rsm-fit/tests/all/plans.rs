@@ -1,0 +1,177 @@
+//! Plans: from specification to CSV and back, and what is refused.
+//!
+//! `cases/rejected-plans/NAME.toml` is a design specification, `NAME.csv` a plan; `NAME.txt` is the whole message. `RSM_BLESS=1`
+//! rewrites the messages; the difference is reviewed like code.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use rsm_core::source::Source;
+use rsm_fit::plan::{DesignSpecification, Plan};
+
+use crate::rejected::cases;
+
+fn made(text: &str) -> Plan {
+    Plan::make(&DesignSpecification::from_source(Source::new("plan.toml", text)).unwrap()).unwrap()
+}
+
+fn points(plan: &Plan) -> Vec<Vec<f64>> {
+    (0..plan.runs.len()).map(|row| plan.factors.iter().map(|factor| factor.values[row]).collect()).collect()
+}
+
+/// The dynamometer of the paper: 10 depths, 18 advances.
+const DYNAMOMETER: &str = "format = 1\nplan = \"dynamometer\"\nseed = 7\n\
+    [factors.depth]\nunit = \"%\"\nlevels = { from = 10, to = 100, step = 10 }\n\
+    [factors.advance]\nunit = \"deg\"\nlevels = { from = 0, to = 170, step = 10 }\n";
+
+#[test]
+fn a_full_factorial_runs_every_combination_once_in_an_order_that_the_seed_decides() {
+    let plan = made(DYNAMOMETER);
+    assert_eq!((plan.runs.len(), plan.points()), (180, 180));
+    assert_eq!(plan.runs, (1..=180).collect::<Vec<u32>>());
+    let all: BTreeSet<(u32, u32)> = points(&plan).iter().map(|point| (point[0] as u32, point[1] as u32)).collect();
+    let expected = (1..=10).flat_map(|depth| (0..18).map(move |advance| (10 * depth, 10 * advance))).collect();
+    assert_eq!(all, expected);
+    assert_eq!(made(DYNAMOMETER).csv(), plan.csv());
+    let other = made(&DYNAMOMETER.replace("seed = 7", "seed = 8"));
+    assert_ne!(other.csv(), plan.csv());
+    // The stream of ChaCha8 and the shuffle are fixed: these bytes hold on every machine and in every release.
+    assert!(plan.csv().starts_with(FIRST_LINES), "{}", &plan.csv()[..80]);
+}
+
+const FIRST_LINES: &str = "run[1],depth[%],advance[deg]\n1,60,10\n2,100,130\n3,30,170\n";
+
+#[test]
+fn the_order_of_runs_is_not_the_order_of_a_factor() {
+    // Rank correlation of run and setting: 0 with a standard deviation of 1/sqrt(179) = 0.075 in a random order, 0.99 in standard
+    // order. 0.3 is 4 of them.
+    for factor in &made(DYNAMOMETER).factors {
+        let n = factor.values.len() as f64;
+        let mean = factor.values.iter().sum::<f64>() / n;
+        let (mut xy, mut xx, mut yy) = (0.0, 0.0, 0.0);
+        for (k, value) in factor.values.iter().enumerate() {
+            let (x, y) = (k as f64 - (n - 1.0) / 2.0, value - mean);
+            (xy, xx, yy) = (xy + x * y, xx + x * x, yy + y * y);
+        }
+        assert!((xy / (xx * yy).sqrt()).abs() < 0.3, "{}", factor.name);
+    }
+}
+
+#[test]
+fn blocks_are_united_and_shared_points_run_once() {
+    let plan =
+        made(&format!("{DYNAMOMETER}[[blocks]]\ndepth = [10, 70]\n[[blocks]]\ndepth = [70, 80]\nadvance = [0, 90, 170]\n"));
+    // 2 x 18, and 80 at 3 advances: 70 at those 3 stands in the first block already.
+    assert_eq!((plan.runs.len(), plan.points()), (39, 39));
+}
+
+#[test]
+fn replicates_conditions_and_centre_points() {
+    let text = format!(
+        "replicates = 2\ncentre_points = 3\nwhere = [{{ sum = {{ depth = 1, advance = 1 }}, at_most = 140 }}]\n{DYNAMOMETER}"
+    );
+    let plan = made(&text);
+    // depth 10 to 100 leaves advances 0 to 130, 120, ... 40: 14 + 13 + ... + 5 = 95 points, twice.
+    assert_eq!((plan.runs.len(), plan.points()), (2 * 95 + 3, 96));
+    let centre = [55.0, 85.0];
+    let at: Vec<usize> = (0..193).filter(|row| points(&plan)[*row] == centre).collect();
+    assert_eq!(at, [0, 96, 192]);
+    assert!(points(&plan).iter().all(|point| point[0] + point[1] <= 140.0));
+}
+
+#[test]
+fn coded_designs_stand_in_physical_units() {
+    let factors = "[factors.speed]\nunit = \"rad/s\"\nrange = [100, 300]\n[factors.torque]\nunit = \"N*m\"\nrange = [-5, 5]\n";
+    let composite = |alpha: &str| {
+        let head = "format = 1\nplan = \"p\"\nseed = 1\ndesign = \"central-composite\"\ncentre_points = 5\n";
+        made(&format!("{head}alpha = {alpha}\n{factors}"))
+    };
+    let rotatable = composite("\"rotatable\"");
+    assert_eq!((rotatable.runs.len(), rotatable.points()), (13, 9));
+    let far = 200.0 + 100.0 * 2f64.sqrt();
+    // Two roundings of a value near 341.
+    assert!(points(&rotatable).iter().any(|point| (point[0] - far).abs() < 1e-12 && point[1] == 0.0));
+    assert!(points(&composite("\"face-centred\"")).contains(&vec![300.0, 0.0]));
+    assert!(points(&composite("1.5")).contains(&vec![200.0, -7.5]));
+    let head = "format = 1\nplan = \"p\"\nseed = 1\nruns = 20\n";
+    for design in ["latin-hypercube", "random"] {
+        let plan =
+            made(&format!("{head}design = \"{design}\"\nwhere = [{{ sum = {{ torque = 1 }}, at_least = 0 }}]\n{factors}"));
+        // A hypercube has a run in each of 20 slices of torque, ten of them above 0; random points are drawn until there are 20.
+        assert_eq!(plan.runs.len(), if design == "random" { 20 } else { 10 });
+        assert!(points(&plan).iter().all(|point| (100.0..=300.0).contains(&point[0]) && (0.0..=5.0).contains(&point[1])));
+    }
+    let third = "[factors.load]\nunit = \"kg\"\nrange = [0, 320]\n";
+    let behnken =
+        made(&format!("format = 1\nplan = \"p\"\nseed = 1\ndesign = \"box-behnken\"\ncentre_points = 3\n{factors}{third}"));
+    assert_eq!((behnken.runs.len(), behnken.points()), (15, 13));
+}
+
+#[test]
+fn a_plan_is_read_back_as_it_was_written_and_in_other_units() {
+    let plan = made(&format!("replicates = 2\n{DYNAMOMETER}"));
+    let read = Plan::read(&Source::new("plan.csv", plan.csv())).unwrap();
+    assert_eq!((&read.runs, &read.factors), (&plan.runs, &plan.factors));
+    assert_eq!(read.csv(), plan.csv());
+    let radians = read.settings("advance", "rad").unwrap();
+    for (found, degrees) in radians.iter().zip(&read.factors[1].values) {
+        // One rounding there, at most three here.
+        let expected = degrees.to_radians();
+        assert!((found - expected).abs() <= 2.0 * f64::EPSILON * expected, "{found} {expected}");
+    }
+    let fault = read.settings("speed", "rad/s").unwrap_err();
+    assert_eq!(fault.to_string(), "plan.csv:1: the plan has no factor `speed`\n  help: its factors are `depth`, `advance`");
+    let fault = read.settings("depth", "m").unwrap_err();
+    assert_eq!(fault.to_string(), "plan.csv:1: factor `depth`: `%` cannot be converted to `m`: they measure different things");
+    assert_eq!(read.fault(2, "the gear is not 1 to 5").to_string(), "plan.csv:4: the gear is not 1 to 5");
+    // Rows may be taken out, and their numbers stay.
+    let sparse = Plan::read(&Source::new("plan.csv", "run[1],gear[1]\n2,1\n7,1\n")).unwrap();
+    assert_eq!(sparse.runs, [2, 7]);
+}
+
+#[test]
+fn every_bad_plan_gets_the_message_beside_it() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/rejected-plans");
+    let names = cases(&folder, "toml").into_iter().map(|name| (name, "toml"));
+    let names: Vec<(String, &str)> = names.chain(cases(&folder, "csv").into_iter().map(|name| (name, "csv"))).collect();
+    assert!(names.len() >= 16, "{} cases", names.len());
+    let mut wrong = Vec::new();
+    for (name, ending) in names {
+        let file = format!("{name}.{ending}");
+        let source = Source::new(&file, std::fs::read_to_string(folder.join(&file)).unwrap());
+        let plan = match ending {
+            "toml" => DesignSpecification::from_source(source).and_then(|specification| Plan::make(&specification)),
+            _ => Plan::read(&source),
+        };
+        let found = plan.map_or_else(|faults| faults.to_string(), |plan| format!("ACCEPTED: {plan:?}")) + "\n";
+        let path = folder.join(format!("{name}.txt"));
+        if std::env::var_os("RSM_BLESS").is_some() {
+            std::fs::write(&path, &found).unwrap();
+        }
+        let expected = std::fs::read_to_string(&path).unwrap_or_default();
+        if found != expected || found.starts_with("ACCEPTED") {
+            wrong.push(format!("--- {name}\nexpected:\n{expected}found:\n{found}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn mutilated_plans_are_refused_without_a_panic() {
+    let good = format!(
+        "replicates = 2\ncentre_points = 1\nwhere = [{{ sum = {{ depth = 1 }}, at_most = 90 }}]\n{DYNAMOMETER}[[blocks]]\ndepth = [10]\n"
+    );
+    let plan = made(&good).csv();
+    for (text, is_plan) in [(&good, false), (&plan, true)] {
+        for at in 0..text.len().min(600) {
+            for bytes in [text[..at].to_string(), [&text[..at], &text[at + 1..]].concat()] {
+                let source = Source::new("p", bytes);
+                if is_plan {
+                    let _ = Plan::read(&source);
+                } else {
+                    let _ = DesignSpecification::from_source(source).and_then(|specification| Plan::make(&specification));
+                }
+            }
+        }
+    }
+}
