@@ -44,3 +44,5 @@ pub mod hooks;
 pub mod plants;
 
 pub mod simulate;
+
+pub mod motor;

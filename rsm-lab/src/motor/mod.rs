@@ -1,0 +1,15 @@
+//! The drive of a permanent-magnet AC motor in closed loop: controller, inverter, encoder, load, and the plant `pmac` behind them.
+//!
+//! ```text
+//!   torque demand --Controller::references (1 kHz)--> i_d, i_q
+//!                                                        |
+//!   currents, angle --Controller::duties (PWM rate)------+--> duties --inverter--> voltages --pmac--> currents, speed, angle
+//!                                                                                               '--encoder--> angle, speed
+//! ```
+//!
+//! In: a plant file of kind `pmac` and the settings of the drive. Out: traces. A controller knows nominal parameters only: what an effect
+//! of the plant file changes, it has to find out. Nothing here draws random numbers but those of a seed that the caller gives.
+
+pub mod controller;
+
+pub mod park;
