@@ -23,6 +23,12 @@ impl Places {
         self.spans.insert(path.into(), span);
     }
 
+    /// Whether a place of the part itself was noted.
+    #[must_use]
+    pub fn has(&self, path: &str) -> bool {
+        self.spans.contains_key(path)
+    }
+
     /// Where a part stands; of a part without a place of its own, where the nearest part around it stands.
     #[must_use]
     pub fn place(&self, path: &str) -> Range<usize> {

@@ -36,6 +36,11 @@ pub fn of(
     if matches!(response.method, Method::Ladder { .. }) {
         tell("terms_chosen_on", Some(Evidence::Text(outcome.judged_on.words().to_string())));
     }
+    if let Some(support) = &statistics.support {
+        let mut table = vec![("share_of_box".to_string(), Evidence::Number(support.share_of_box))];
+        table.extend(validate.map(|_| ("unseen_rows_outside".to_string(), whole(support.unseen_rows_outside))));
+        tell("support", Some(Evidence::Table(table)));
+    }
     if let (Some(validation), Some(records)) = (&statistics.validation, validate) {
         let source = match &specification.validation {
             Validation::Split(split) => Evidence::Text(format!("a share of {} of the data, seed {}", split.share, split.seed)),

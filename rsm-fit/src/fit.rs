@@ -17,6 +17,7 @@ use crate::records::{DataFile, Records, Refused, Units};
 use crate::spec::{Method, ResponseSpec, Specification, Validation, check_basis_against_ranges};
 use crate::split;
 use crate::statistics::{self, Named, Observations, ResponseStatistics};
+use crate::support::{self, Region, SupportStatistics};
 
 /// What a fit tells while it runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -314,6 +315,9 @@ impl Task<'_> {
                 format!("response `{}`: at least {least} terms, but {} rows to fit", surface.name, self.fit_response.len());
             return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
         }
+        if let Some(wanted) = self.response.support {
+            surface.support = support::of_data(surface, &self.inputs, self.fitted(), wanted);
+        }
         let design = Design::new(surface, &self.inputs, terms);
         let triangle = self.rows_to_fit(&design)?;
         let judged_on = if self.validate.is_some() { JudgedOn::Validation } else { JudgedOn::FittedData };
@@ -334,6 +338,7 @@ impl Task<'_> {
         let terms = statistics.terms.iter();
         surface.terms = terms.map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect();
         statistics.canonical = canonical::analyse(surface, &self.inputs);
+        statistics.support = self.support(surface);
         let verdict = self.verdict(&statistics);
         let rows_outside = self.rows_outside(&design);
         Ok(ResponseOutcome { name: surface.name.clone(), verdict, rows_outside, statistics: Some(statistics), judged_on })
@@ -346,6 +351,21 @@ impl Task<'_> {
     fn rows_outside(&self, design: &Design) -> usize {
         let fitted = self.fitted();
         (0..fitted.response.len()).filter(|row| !design.is_inside(&fitted.point(*row))).count()
+    }
+
+    /// How much of the box the support holds.
+    fn support(&self, surface: &Surface) -> Option<SupportStatistics> {
+        self.response.support?;
+        let region = Region::new(surface, &self.inputs);
+        let outside = |unseen: Observations<'_>| {
+            let is_outside = |row: &usize| !support::holds(&surface.support, &region.coded(&unseen.point(*row)));
+            (0..unseen.response.len()).filter(is_outside).count()
+        };
+        Some(SupportStatistics {
+            half_spaces: surface.support.len(),
+            share_of_box: region.share(&surface.support),
+            unseen_rows_outside: self.unseen().map_or(0, outside),
+        })
     }
 
     /// The triangle of all terms and the response on the data to fit.

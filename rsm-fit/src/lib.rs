@@ -74,6 +74,8 @@ pub mod statistics;
 
 pub mod canonical;
 
+pub mod support;
+
 pub mod evidence;
 
 pub mod fit;

@@ -11,11 +11,18 @@
 //! validate = { share = 0.3, seed = 7, keep_together = ["run"], mirror = ["i_q"] }
 //! ```
 //!
+//! and a response says where its data support it, by half-spaces that hold all rows to fit:
+//!
+//! ```toml
+//! support = "data"                 # or { from = "data", margin = 0.05, faces = 8 }: margin in coded units, faces with two inputs
+//! ```
+//!
 //! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows that agree
 //! in all inputs but for the sign of those named by `mirror` (a map whose halves were made from each other).
 
 mod read;
 mod rules;
+mod shape;
 
 use std::path::{Path, PathBuf};
 
@@ -24,6 +31,7 @@ use rsm_core::places::Places;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 pub(crate) use rules::check_basis_against_ranges;
+pub use shape::{Constraint, SupportSpec};
 
 /// So many candidate terms are the most: the triangle of all of them is held in memory and each step looks at all.
 pub const MOST_TERMS: usize = 1000;
@@ -96,6 +104,10 @@ pub struct ResponseSpec {
     pub surface: Surface,
     /// How the terms are chosen.
     pub method: Method,
+    /// What the surface must keep, over its whole supported region.
+    pub constraints: Vec<Constraint>,
+    /// Whether the model says where the data support the surface.
+    pub support: Option<SupportSpec>,
 }
 
 /// How the terms of a response are chosen.

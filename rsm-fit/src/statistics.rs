@@ -17,6 +17,7 @@ use crate::canonical::Canonical;
 use crate::dd::Dd;
 use crate::design::{Design, Physical, order};
 use crate::qr::Growing;
+use crate::support::SupportStatistics;
 
 /// A residual, or a term's part, below this share of the response is what double-double rounding leaves of zero: 2^-104 an operation, and a margin
 /// of 2^20 for the number of operations.
@@ -102,6 +103,9 @@ pub struct ResponseStatistics {
     pub validation: Option<ValidationStatistics>,
     /// None but for second-order surfaces of plain coded variables.
     pub canonical: Option<Canonical>,
+    /// Where the data support the surface; absent where the specification does not ask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub support: Option<SupportStatistics>,
 }
 
 /// Points with their responses.
@@ -203,6 +207,7 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
         lack_of_fit: lack_of_fit(observations, &predictions, coefficients.len()),
         validation: None,
         canonical: None,
+        support: None,
     }
 }
 

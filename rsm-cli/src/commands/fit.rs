@@ -98,6 +98,14 @@ pub fn in_words(fitted: &Fitted) -> String {
                 validation.rows, validation.mean_abs_error, validation.max_abs_error
             );
         }
+        if let Some(support) = &statistics.support {
+            text += &format!(
+                "  supported: {:.1} % of the box by {} half-spaces, {} unseen rows outside\n",
+                100.0 * support.share_of_box,
+                support.half_spaces,
+                support.unseen_rows_outside
+            );
+        }
         if matches!(response.verdict, Verdict::IllConditioned { .. }) {
             text += "  no surface was written for it\n";
         }

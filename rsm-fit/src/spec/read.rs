@@ -12,7 +12,7 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader::{self, TableReader, Value, describe};
 use toml::de::DeValue;
 
-use super::{InputSpec, Method, ResponseSpec, Split, Validation};
+use super::{InputSpec, Method, ResponseSpec, Split, Validation, shape};
 
 /// What of the text has the right shape.
 pub(super) struct Draft {
@@ -204,6 +204,8 @@ fn read_response(
         places.note(format!("{path}.select"), value.span());
         read_select(value, terms.clone().flatten(), terms.is_none(), path, reader, places, faults)
     });
+    let constraints = shape::read_constraints(path, reader, places, faults);
+    let support = shape::read_support(path, reader, places, faults);
     refuse_later_work(reader, faults);
     let (unit, basis) = (unit?, basis?);
     let surface = Surface {
@@ -217,7 +219,14 @@ fn read_response(
         reciprocal: basis.reciprocal,
         ..Surface::default()
     };
-    Some(ResponseSpec { column: column?.unwrap_or_else(|| name.to_string()), unit, surface, method: select? })
+    Some(ResponseSpec {
+        column: column?.unwrap_or_else(|| name.to_string()),
+        unit,
+        surface,
+        method: select?,
+        constraints: constraints?,
+        support: support?,
+    })
 }
 
 /// Keys of the format for which this version has no method. Ignoring them would give another model than the one asked for.
@@ -229,11 +238,13 @@ fn refuse_later_work(reader: &mut TableReader<'_>, faults: &mut Collector) {
             faults.push(reader.fault(value.span(), what).help("accepted: \"least-squares\""));
         }
     }
-    for key in ["weights", "constraints"] {
-        if reader.optional(key).is_some() {
-            let fault = reader.fault(reader.key_span(key), format!("`{key}` is not available in this version"));
-            faults.push(fault.help("remove it: every row counts alike, and no constraint is laid on the surface"));
-        }
+    if reader.entries().any(|(key, _, _)| key == "constraints") {
+        let fault = reader.fault(reader.key_span("constraints"), "`constraints` is not available in this version");
+        faults.push(fault.help("remove it: no constraint is laid on the surface"));
+    }
+    if reader.optional("weights").is_some() {
+        let fault = reader.fault(reader.key_span("weights"), "`weights` is not available in this version");
+        faults.push(fault.help("remove it: every row counts alike"));
     }
 }
 

@@ -7,12 +7,13 @@ use rsm_core::model::Symmetry;
 use rsm_core::names;
 use rsm_core::source::Collector;
 
-use super::{MOST_TERMS, Method, ResponseSpec, Specification, Validation};
+use super::{MOST_TERMS, Method, ResponseSpec, Specification, Validation, shape};
 use crate::design::{count_of_terms, missing_odd_input};
 use crate::units;
 
 pub(super) fn check(specification: &Specification, faults: &mut Collector) {
-    let rules = [check_model, check_validation, check_inputs, check_units, check_responses, check_basis, check_method];
+    let rules =
+        [check_model, check_validation, check_inputs, check_units, check_responses, check_basis, check_method, shape::check];
     for rule in rules {
         rule(specification, faults);
     }

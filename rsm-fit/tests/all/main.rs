@@ -8,4 +8,5 @@ mod real;
 mod recursive;
 mod rejected;
 mod splits;
+mod support;
 mod textbook;

@@ -1,0 +1,236 @@
+//! What a response may look like, and where: the keys `constraints` and `support`.
+//!
+//! In: the table of a response. Out: [`Constraint`]s and a [`SupportSpec`] of the right shape; then, given the response, faults
+//! where they do not fit it. Never looks at data.
+
+use rsm_core::model::Symmetry;
+use rsm_core::places::Places;
+use rsm_core::source::Collector;
+use rsm_core::toml_reader::{TableReader, Value, describe};
+use toml::de::DeValue;
+
+use super::{ResponseSpec, Specification};
+
+/// Faces of a support without `faces`: those of a box and of four cut corners.
+const FACES: usize = 8;
+
+/// With more faces the support test costs more than the surface.
+const MOST_FACES: i64 = 32;
+
+/// What must hold over the whole supported region.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Constraint {
+    /// The response lies between two values.
+    Bounds {
+        /// The least,
+        min: Option<f64>,
+        /// and the greatest.
+        max: Option<f64>,
+    },
+    /// The response never falls, or never rises, with an input.
+    Monotone {
+        /// The input.
+        input: String,
+        /// Never falls.
+        increasing: bool,
+    },
+    /// The response is convex in all inputs together,
+    Convex,
+    /// or concave.
+    Concave,
+}
+
+impl std::fmt::Display for Constraint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Constraint::Bounds { min, max } => {
+                let word = |name: &str, value: &Option<f64>| value.map(|value| format!("{name} {value}"));
+                let words: Vec<String> = word("min", min).into_iter().chain(word("max", max)).collect();
+                write!(f, "bounds {}", words.join(" "))
+            }
+            Constraint::Monotone { input, increasing } => {
+                write!(f, "monotone {input} {}", if *increasing { "increasing" } else { "decreasing" })
+            }
+            Constraint::Convex => write!(f, "convex"),
+            Constraint::Concave => write!(f, "concave"),
+        }
+    }
+}
+
+/// A support that is made from the data.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SupportSpec {
+    /// So far beyond the data, in coded units.
+    pub margin: f64,
+    /// At most so many half-spaces, with two inputs.
+    pub faces: usize,
+}
+
+/// Reads `constraints`; none where the key is absent.
+pub(super) fn read_constraints(
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Vec<Constraint>> {
+    let Some(value) = reader.optional("constraints") else { return Some(Vec::new()) };
+    places.note(format!("{path}.constraints"), value.span());
+    let mut constraints = Vec::new();
+    for (k, item) in reader.array("`constraints`", value, faults)?.into_iter().enumerate() {
+        places.note(format!("{path}.constraints.{k}"), item.span());
+        let who = format!("{}: constraint {}", reader.who(), k + 1);
+        let table = TableReader::of(reader.source(), item, who, faults);
+        constraints.push(table.and_then(|mut table| read_constraint(&mut table, faults).inspect(|_| table.finish(faults))));
+    }
+    constraints.into_iter().collect()
+}
+
+fn read_constraint(reader: &mut TableReader<'_>, faults: &mut Collector) -> Option<Constraint> {
+    let Some(value) = reader.optional("kind") else {
+        faults.push(reader.fault(reader.span(), "`kind` is missing").help(KINDS));
+        return None;
+    };
+    match value.get_ref() {
+        DeValue::String(word) if word == "bounds" => {
+            let mut bound = |key: &'static str, faults: &mut Collector| match reader.optional(key) {
+                None => Some(None),
+                Some(value) => reader.number(&format!("`{key}`"), value, faults).map(Some),
+            };
+            let (min, max) = (bound("min", faults), bound("max", faults));
+            if (&min, &max) == (&Some(None), &Some(None)) {
+                faults.push(reader.fault(reader.span(), "found neither `min` nor `max`, expected one of them"));
+            }
+            let (min, max) = (min?, max?);
+            if let (Some(min), Some(max)) = (min, max)
+                && min >= max
+            {
+                faults.push(reader.fault(reader.span(), format!("`min` {min} is not below `max` {max}")));
+            }
+            Some(Constraint::Bounds { min, max })
+        }
+        DeValue::String(word) if word == "monotone" => {
+            let input = reader.text("input", faults);
+            let directions = [("increasing", true), ("decreasing", false)];
+            let increasing = required_choice("direction", &directions, reader, faults);
+            Some(Constraint::Monotone { input: input?, increasing: increasing? })
+        }
+        DeValue::String(word) if word == "convex" => Some(Constraint::Convex),
+        DeValue::String(word) if word == "concave" => Some(Constraint::Concave),
+        other => {
+            let what = format!("`kind`: found {}", describe(other));
+            faults.push(reader.fault(value.span(), what).help(KINDS));
+            None
+        }
+    }
+}
+
+/// A choice among fixed words that must be there.
+fn required_choice<T: Copy>(
+    key: &'static str,
+    options: &[(&str, T)],
+    reader: &mut TableReader<'_>,
+    faults: &mut Collector,
+) -> Option<T> {
+    if !reader.entries().any(|(name, _, _)| name == key) {
+        faults.push(reader.fault(reader.span(), format!("`{key}` is missing")));
+    }
+    reader.choice(key, options, faults)
+}
+
+const KINDS: &str = "accepted: \"bounds\", \"monotone\", \"convex\", \"concave\"";
+
+/// Reads `support`. `Some(None)`: absent.
+pub(super) fn read_support(
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Option<SupportSpec>> {
+    let Some(value) = reader.optional("support") else { return Some(None) };
+    places.note(format!("{path}.support"), value.span());
+    match value.get_ref() {
+        DeValue::String(word) if word == "data" => Some(Some(SupportSpec { margin: 0.0, faces: FACES })),
+        DeValue::Table(_) => {
+            let who = format!("{}: `support`", reader.who());
+            let mut table = TableReader::of(reader.source(), value, who, faults)?;
+            required_choice("from", &[("data", ())], &mut table, faults);
+            let margin = table.optional("margin").map(|value| read_margin(&table, value, faults));
+            let faces = table.optional("faces").map(|value| {
+                places.note(format!("{path}.support.faces"), value.span());
+                table.whole("`faces`", value, 4, MOST_FACES, faults)
+            });
+            table.finish(faults);
+            let faces = faces.map_or(Some(FACES), |faces| faces.and_then(|faces| usize::try_from(faces).ok()));
+            Some(Some(SupportSpec { margin: margin.unwrap_or(Some(0.0))?, faces: faces? }))
+        }
+        other => {
+            let found = describe(other);
+            let what =
+                format!("`support`: found {found}, expected \"data\" or {{ from = \"data\", margin = 0.05, faces = 8 }}");
+            faults.push(reader.fault(value.span(), what));
+            None
+        }
+    }
+}
+
+fn read_margin(reader: &TableReader<'_>, value: Value<'_>, faults: &mut Collector) -> Option<f64> {
+    let margin = reader.number("`margin`", value, faults)?;
+    if margin < 0.0 {
+        faults.push(reader.fault(value.span(), format!("`margin`: found {margin}, expected 0 or more, in coded units")));
+        return None;
+    }
+    Some(margin)
+}
+
+/// Constraints speak of inputs of their response, and ask nothing that its form excludes; faces are counted with two inputs.
+pub(super) fn check(specification: &Specification, faults: &mut Collector) {
+    for response in &specification.responses {
+        let faces = format!("responses.{}.support.faces", response.surface.name);
+        if specification.places.has(&faces) && response.surface.inputs.len() != 2 {
+            let what = format!("response `{}`: `faces` belongs to responses of two inputs", response.surface.name);
+            faults.push(specification.fault(&faces, what).help("leave it out: directions of -1, 0 and 1 are taken"));
+        }
+        for (k, constraint) in response.constraints.iter().enumerate() {
+            if let Some((what, help)) = contradiction(response, constraint) {
+                let place = format!("responses.{}.constraints.{k}", response.surface.name);
+                let what = format!("response `{}`: constraint {}: {what}", response.surface.name, k + 1);
+                faults.push(specification.fault(&place, what).help(help));
+            }
+        }
+    }
+}
+
+/// What is wrong with a constraint, and what to do.
+fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(String, String)> {
+    let surface = &response.surface;
+    let symmetry_of = |name: &str| surface.symmetry.iter().find(|(input, _)| input == name).map(|(_, kind)| *kind);
+    let mut odd = surface.symmetry.iter().filter(|(_, kind)| *kind == Symmetry::Odd).map(|(input, _)| input);
+    match constraint {
+        Constraint::Bounds { .. } => None,
+        Constraint::Monotone { input, .. } => {
+            if !surface.inputs.contains(input) {
+                let known: Vec<String> = surface.inputs.iter().map(|input| format!("`{input}`")).collect();
+                let help = format!("its inputs are {}", known.join(", "));
+                return Some((format!("`{input}` is not an input of this response"), help));
+            }
+            if symmetry_of(input) == Some(Symmetry::Even) {
+                let help = "leave out one of the two".to_string();
+                return Some((format!("the response is even in `{input}`: what rises on one side falls on the other"), help));
+            }
+            odd.find(|name| *name != input).map(|name| {
+                let what = format!("the response is odd in `{name}`: what rises with `{input}` on one side falls on the other");
+                (what, "leave out one of the two".to_string())
+            })
+        }
+        Constraint::Convex | Constraint::Concave => {
+            if let Some((input, _)) = surface.symmetry.first() {
+                let what = format!("a response with `symmetry` in `{input}` is not offered as convex or concave");
+                return Some((what, "leave out one of the two".to_string()));
+            }
+            surface.reciprocal.first().map(|input| {
+                let what = format!("`{input}` enters by its reciprocal: convex in 1/{input} is not convex in `{input}`");
+                (what, "leave out one of the two".to_string())
+            })
+        }
+    }
+}
