@@ -3,13 +3,33 @@
 //! ```text
 //!   torque demand --Controller::references (1 kHz)--> i_d, i_q
 //!                                                        |
-//!   currents, angle --Controller::duties (PWM rate)------+--> duties --inverter--> voltages --pmac--> currents, speed, angle
-//!                                                                                               '--encoder--> angle, speed
+//!   currents, angle --Controller::duties (PWM rate)------+--> duties --inverter--> voltages --machine (pmac)--> currents, speed, angle
+//!                                                                                                   '--encoder--> angle, speed
 //! ```
 //!
 //! In: a plant file of kind `pmac` and the settings of the drive. Out: traces. A controller knows nominal parameters only: what an effect
-//! of the plant file changes, it has to find out. Nothing here draws random numbers but those of a seed that the caller gives.
+//! of the plant file changes, it has to find out. Nothing here draws random numbers but from a seed that the caller gives.
 
 pub mod controller;
 
 pub mod park;
+
+pub mod circle_diagram;
+
+pub mod surface;
+
+pub mod current_loop;
+
+pub mod field_oriented;
+
+pub mod inverter;
+
+pub mod encoder;
+
+pub mod machine;
+
+pub mod noise;
+
+pub mod closed_loop;
+
+pub mod tasks;
