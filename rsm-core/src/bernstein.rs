@@ -60,6 +60,8 @@ struct Cell {
     coefficients: Vec<Interval>,
     /// The part of each side that the cell spans, as shares of the box. Halving is exact down to 2^-52.
     spans: Vec<[f64; 2]>,
+    /// Whether a part of it may lie outside the region that is searched.
+    is_partly: bool,
 }
 
 /// A cell in the queue: the one with the least lower bound comes first.
@@ -88,35 +90,86 @@ impl Ord for Queued {
 /// A lower bound of the values in the cell, and where the least value was seen: branch and bound, until the best bound is as good as a
 /// value that was seen at a corner.
 fn lower_bound(root: &Cell) -> (f64, Vec<f64>) {
+    let everywhere = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
+    let found = search(root, &everywhere);
+    (found.bound, found.at)
+}
+
+/// Where a cell lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// No point of it belongs to the region.
+    Outside,
+    /// Some may, some may not.
+    Partly,
+    /// All do.
+    Inside,
+}
+
+/// Which part of a box is searched for the least value, and how far.
+#[derive(Clone, Copy)]
+pub struct Search<'a> {
+    /// Where a cell lies, given as shares of the sides. A point is a cell without width.
+    pub place: &'a dyn Fn(&[[f64; 2]]) -> Place,
+    /// A cell that is no wider than this share of each side counts as inside unless it is outside.
+    pub finest: f64,
+    /// A least value of at least this is as good as any; a value well below it is all that is asked for. Infinite: find the least.
+    pub enough: f64,
+}
+
+/// What a search found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Least {
+    /// No value in the region is less; infinite where the region is empty.
+    pub bound: f64,
+    /// The least value that was seen, rounded up; infinite where no corner belonged to the region.
+    pub seen: f64,
+    /// Where it was seen, a share of each side.
+    pub at: Vec<f64>,
+}
+
+/// The least value of the polynomial over a region of the box.
+#[must_use]
+pub fn least(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>) -> Least {
+    search(&Cell::new(terms, sides), wanted)
+}
+
+/// Branch and bound.
+fn search(root: &Cell, wanted: &Search<'_>) -> Least {
     let (root_low, root_high) = root.bounds();
-    let (mut seen, mut place) = root.least_corner();
-    let tolerance = (TIGHT_ENOUGH * (root_high - root_low)).max(ROUNDING * root_low.abs().max(root_high.abs()));
-    let mut queue = BinaryHeap::from([Queued { bound: root_low, cell: root.clone() }]);
-    let mut work = 0;
     let dimensions = root.degrees.len();
-    let mut turn = 0;
+    let mut best = Least { bound: f64::INFINITY, seen: f64::INFINITY, at: vec![0.5; dimensions] };
+    let Some(root) = root.clone().placed(wanted) else { return best };
+    root.look(wanted, &mut best);
+    let tolerance = (TIGHT_ENOUGH * (root_high - root_low)).max(ROUNDING * root_low.abs().max(root_high.abs()));
+    let mut queue = BinaryHeap::from([Queued { bound: root_low, cell: root }]);
+    let mut work = 0;
     while let Some(Queued { bound, cell }) = queue.pop() {
-        if seen - bound <= tolerance || work > BUDGET || !bound.is_finite() {
-            return (bound, place);
+        best.bound = bound;
+        let missing = wanted.enough - best.seen;
+        let is_known = bound >= wanted.enough || (missing.is_finite() && best.seen - bound <= missing * DEEP_ENOUGH);
+        if is_known || best.seen - bound <= tolerance || work > BUDGET || !bound.is_finite() {
+            return best;
         }
         work += 4 * cell.coefficients.len() * cell.degrees.iter().max().map_or(1, |degree| degree + 1);
-        // The sides in turn: simple, and every side gets short.
-        let axis = (0..dimensions).map(|k| (turn + k) % dimensions).find(|k| cell.degrees[*k] > 0);
-        let Some(axis) = axis else { return (bound, place) };
-        turn = axis + 1;
+        let may_be_cut = |k: &usize| cell.degrees[*k] > 0 || (cell.is_partly && cell.width(*k) > wanted.finest);
+        let Some(axis) = (0..dimensions).filter(may_be_cut).reduce(|k, other| cell.better_cut(k, other)) else { return best };
         let (left, right) = cell.halved(axis);
         for half in [left, right] {
-            let (value, corner) = half.least_corner();
-            if value < seen {
-                (seen, place) = (value, corner);
-            }
+            let Some(half) = half.placed(wanted) else { continue };
+            half.look(wanted, &mut best);
             // A half lies in the whole: its bound is never worse.
             let bound = half.bounds().0.max(bound);
             queue.push(Queued { bound, cell: half });
         }
     }
-    (root_low, place)
+    // Every cell was left out.
+    best.bound = f64::INFINITY;
+    best
 }
+
+/// A value below what is enough is deep enough when the deepest is at most this share deeper.
+const DEEP_ENOUGH: f64 = 0.25;
 
 impl Cell {
     /// Power basis to Bernstein basis over the box, one variable after the other.
@@ -126,7 +179,7 @@ impl Cell {
         let degrees: Vec<usize> = (0..dimensions).map(degree_of).collect();
         let size = degrees.iter().map(|degree| degree + 1).product();
         let spans = vec![[0.0, 1.0]; dimensions];
-        let mut cell = Cell { coefficients: vec![Interval::point(0.0); size], degrees, spans };
+        let mut cell = Cell { coefficients: vec![Interval::point(0.0); size], degrees, spans, is_partly: false };
         for term in terms {
             let index = (0..dimensions).fold(0, |index, k| index * (cell.degrees[k] + 1) + term.powers[k] as usize);
             cell.coefficients[index] = cell.coefficients[index] + term.coefficient;
@@ -161,8 +214,40 @@ impl Cell {
         (low, high)
     }
 
-    /// The least upper bound of a value at a corner of the cell, and that corner.
-    fn least_corner(&self) -> (f64, Vec<f64>) {
+    fn width(&self, axis: usize) -> f64 {
+        self.spans[axis][1] - self.spans[axis][0]
+    }
+
+    /// Which of two sides to halve, the first of equals. A cell that a region's edge may cut: the longer. Else the one along which the
+    /// coefficients are bent more: what is linear along a side is enclosed without a cut of it. Sides taken in turn over all cells
+    /// would be wrong: the same side of one cell may come up for ever, and its bound then stays.
+    fn better_cut(&self, one: usize, other: usize) -> usize {
+        let [(a, b), (c, d)] = [one, other].map(|axis| {
+            let bend = if self.is_partly { 0.0 } else { self.bend(axis) };
+            (bend, self.width(axis))
+        });
+        if (c, d) > (a, b) { other } else { one }
+    }
+
+    /// The largest second difference of the coefficients along an axis.
+    fn bend(&self, axis: usize) -> f64 {
+        let stride: usize = self.degrees[axis + 1..].iter().map(|degree| degree + 1).product();
+        let is_inner = |k: &usize| (1..self.degrees[axis]).contains(&(k / stride % (self.degrees[axis] + 1)));
+        let low = |k: usize| self.coefficients[k].low;
+        let second = |k: usize| (low(k - stride) - 2.0 * low(k) + low(k + stride)).abs();
+        (0..self.coefficients.len()).filter(is_inner).map(second).fold(0.0, f64::max)
+    }
+
+    /// The cell with its place in the region; `None` outside.
+    fn placed(mut self, wanted: &Search<'_>) -> Option<Self> {
+        let place = (wanted.place)(&self.spans);
+        let is_fine = (0..self.spans.len()).all(|k| self.width(k) <= wanted.finest);
+        self.is_partly = place == Place::Partly && !is_fine;
+        (place != Place::Outside).then_some(self)
+    }
+
+    /// Looks at the corners that belong to the region.
+    fn look(&self, wanted: &Search<'_>, best: &mut Least) {
         let mut corners = vec![(0usize, 0usize)];
         for (k, degree) in self.degrees.iter().enumerate() {
             let low_and_high = |(index, ends): &(usize, usize)| {
@@ -171,10 +256,16 @@ impl Cell {
             };
             corners = corners.iter().flat_map(low_and_high).collect();
         }
-        let value = |(index, _): &(usize, usize)| self.coefficients[*index].high;
-        let least = corners.iter().min_by(|a, b| value(a).total_cmp(&value(b))).expect("a cell has corners");
-        let place = self.spans.iter().enumerate().map(|(k, span)| span[least.1 >> k & 1]);
-        (value(least), place.collect())
+        for (index, ends) in corners {
+            let value = self.coefficients[index].high;
+            if value < best.seen {
+                let at: Vec<f64> = self.spans.iter().enumerate().map(|(k, span)| span[ends >> k & 1]).collect();
+                let as_cell: Vec<[f64; 2]> = at.iter().map(|share| [*share, *share]).collect();
+                if !self.is_partly || (wanted.place)(&as_cell) != Place::Outside {
+                    (best.seen, best.at) = (value, at);
+                }
+            }
+        }
     }
 
     fn negated(&self) -> Cell {
@@ -271,6 +362,46 @@ mod tests {
         let side = Interval::new(-1.0, 1.0);
         let found = range(&[monomial(&[1, 1], 1.0)], &[side, side]);
         assert!(found.low <= -1.0 && found.low > -1.0 - 1e-12 && found.high >= 1.0 && found.high < 1.0 + 1e-12);
+    }
+
+    #[test]
+    fn a_search_leaves_out_what_does_not_belong_to_the_region() {
+        // x + y over [0, 1]^2, only where x >= 0.7 + a hair: least 0.7 at (0.7, 0), though y = 0 is everywhere.
+        let terms = [monomial(&[1, 0], 1.0), monomial(&[0, 1], 1.0)];
+        let place = |cell: &[[f64; 2]]| match (cell[0][0] >= 0.7, cell[0][1] < 0.7) {
+            (true, _) => Place::Inside,
+            (_, true) => Place::Outside,
+            _ => Place::Partly,
+        };
+        let side = Interval::new(0.0, 1.0);
+        let find = |enough| least(&terms, &[side, side], &Search { place: &place, finest: 1.0 / 1024.0, enough });
+        let found = find(f64::INFINITY);
+        // The cell that 0.7 cuts belongs to the region: 0.7 - 1/1024 at worst.
+        assert!(found.bound > 0.7 - 1.0 / 1024.0 && found.bound <= 0.7 && found.at[1] == 0.0, "{found:?}");
+        assert!(find(0.69).bound >= 0.69);
+        let too_much = find(0.8);
+        assert!(too_much.seen < 0.8 && too_much.bound <= too_much.seen, "{too_much:?}");
+        // A polynomial that does not know the variable which bounds the region.
+        let nowhere = |cell: &[[f64; 2]]| if cell[0][0] <= 2.0 { Place::Outside } else { Place::Inside };
+        let empty = Search { place: &nowhere, finest: 0.5, enough: 0.0 };
+        assert_eq!(least(&[monomial(&[0, 1], -1.0)], &[side, side], &empty).bound, f64::INFINITY);
+    }
+
+    #[test]
+    fn every_side_of_every_cell_gets_short() {
+        // A tilted bowl that just misses 0: (x - y)^2 + (x + y - 1)^2/16 + 10^-6, least along a diagonal of the box. Its proof took
+        // all of the budget, and failed, when sides were halved in turn over all cells.
+        let terms = [
+            monomial(&[2, 0], 17.0 / 16.0),
+            monomial(&[0, 2], 17.0 / 16.0),
+            monomial(&[1, 1], -2.0 + 2.0 / 16.0),
+            monomial(&[1, 0], -2.0 / 16.0),
+            monomial(&[0, 1], -2.0 / 16.0),
+            monomial(&[0, 0], 1.0 / 16.0 + 1e-6),
+        ];
+        let sides = [Interval::new(-1.0, 1.3), Interval::new(-0.9, 1.2)];
+        let found = least(&terms, &sides, &Search { place: &|_| Place::Inside, finest: 1.0, enough: 0.0 });
+        assert!(found.bound >= 0.0, "{found:?}");
     }
 
     #[test]

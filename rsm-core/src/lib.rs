@@ -63,6 +63,7 @@ pub mod exact;
 pub mod bernstein;
 pub mod certificate;
 pub mod interval;
+pub mod pieces;
 pub mod rounding;
 
 pub mod emit;

@@ -6,9 +6,11 @@
 
 use rsm_core::model::Evidence;
 
+use crate::constrain::{ConstraintReport, ConstraintStatistics};
 use crate::fit::ResponseOutcome;
 use crate::records::{DataFile, Records, hash};
 use crate::spec::{Method, ResponseSpec, Specification, Validation};
+use crate::statistics::Named;
 
 /// The evidence of a fitted response.
 #[must_use]
@@ -35,6 +37,9 @@ pub fn of(
     tell("confidence_c", number(statistics.confidence_c));
     if matches!(response.method, Method::Ladder { .. }) {
         tell("terms_chosen_on", Some(Evidence::Text(outcome.judged_on.words().to_string())));
+    }
+    if let Some(constraints) = &statistics.constraints {
+        tell("constraints", Some(constrained(constraints)));
     }
     if let Some(support) = &statistics.support {
         let mut table = vec![("share_of_box".to_string(), Evidence::Number(support.share_of_box))];
@@ -73,6 +78,27 @@ fn files(files: &[DataFile]) -> Evidence {
         Evidence::Table(vec![text("file", &file.name), rows, text("sha256", &file.sha256)])
     };
     Evidence::List(files.iter().map(of_one).collect())
+}
+
+/// What was proven of the surface, and what it cost.
+fn constrained(told: &ConstraintStatistics) -> Evidence {
+    let number = |name: &str, value: f64| (name.to_string(), Evidence::Number(value));
+    let of_one = |report: &ConstraintReport| {
+        let mut table = vec![text("constraint", &report.constraint), number("proven_distance", report.distance)];
+        let point = |point: &Named<f64>| Evidence::Table(point.0.iter().map(|(name, value)| number(name, *value)).collect());
+        if !report.points.is_empty() {
+            table.push(("holds_the_surface_at".to_string(), Evidence::List(report.points.iter().map(point).collect())));
+        }
+        Evidence::Table(table)
+    };
+    let list = Evidence::List(told.constraints.iter().map(of_one).collect());
+    let mut table = vec![("active".to_string(), Evidence::Flag(told.active)), ("each".to_string(), list)];
+    if let Some(change) = &told.largest_change {
+        table.extend(told.residual_sd_without.map(|sd| number("residual_sd_without", sd)));
+        table.extend(told.validation_without.as_ref().map(|unseen| number("unseen_rmse_without", unseen.rmse)));
+        table.push(number("largest_change", change.value));
+    }
+    Evidence::Table(table)
 }
 
 /// The name without folders: where it lay on the machine that fitted says nothing.

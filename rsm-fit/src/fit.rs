@@ -8,6 +8,7 @@ use rsm_core::model::{Input, Model, Surface, Term};
 use rsm_core::source::{Collector, Faults};
 
 use crate::canonical;
+use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::dd::Dd;
 use crate::design::{self, Design};
 use crate::evidence;
@@ -98,6 +99,13 @@ pub enum Verdict {
         /// The C that was asked for.
         wanted: f64,
     },
+    /// No coefficients of the chosen terms keep the constraints, or none could be proven to. There is no surface.
+    Infeasible {
+        /// The constraints that contradict each other or the terms; those without a proof.
+        constraints: Vec<String>,
+        /// Whether there are none, rather than no proof.
+        is_certain: bool,
+    },
     /// The data cannot tell some columns apart. There is no surface.
     IllConditioned {
         /// How much larger a column is than the part of it that the others do not make up.
@@ -133,6 +141,12 @@ impl std::fmt::Display for Verdict {
             Verdict::Fitted => write!(f, "fitted"),
             Verdict::Reached { confidence, wanted } => write!(f, "confidence {confidence:.4} % reached ({wanted} % wanted)"),
             Verdict::NotReached { best, wanted } => write!(f, "confidence {wanted} % not reached, best {best:.4} %"),
+            Verdict::Infeasible { constraints, is_certain: true } => {
+                write!(f, "infeasible: no coefficients of the chosen terms keep: {}", constraints.join("; "))
+            }
+            Verdict::Infeasible { constraints, is_certain: false } => {
+                write!(f, "not proven to keep over the whole region: {}", constraints.join("; "))
+            }
             Verdict::IllConditioned { condition, columns } => write!(
                 f,
                 "ill-conditioned ({condition:.1e}): the data cannot tell apart the terms {}; vary their inputs independently or drop a term",
@@ -278,6 +292,10 @@ fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faul
     faults.finish(Some(inputs))
 }
 
+fn terms_of(statistics: &ResponseStatistics) -> Vec<Term> {
+    statistics.terms.iter().map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect()
+}
+
 /// One response with its data.
 struct Task<'a> {
     specification: &'a Specification,
@@ -330,18 +348,75 @@ impl Task<'_> {
             Err(dependent) => return Ok(self.ill_conditioned(&design, &dependent, judged_on)),
         };
         let design = Design::new(surface, &self.inputs, chosen.iter().map(|k| design.terms()[*k].clone()).collect());
-        let mut statistics = statistics::of_fit(&design, &growing, self.fitted());
-        let coefficients: Vec<f64> = statistics.terms.iter().map(|term| term.coefficient).collect();
-        let unseen = self.unseen();
-        statistics.validation =
-            unseen.and_then(|unseen| statistics::of_validation(&design, &coefficients, surface.output_range, unseen));
-        let terms = statistics.terms.iter();
-        surface.terms = terms.map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect();
+        let mut statistics = self.with_validation(surface, &design, statistics::of_fit(&design, &growing, self.fitted()));
+        surface.terms = terms_of(&statistics);
+        if !self.response.constraints.is_empty() {
+            statistics = match self.constrained(surface, &design, &growing, statistics) {
+                Ok(statistics) => statistics,
+                Err(verdict) => return Ok(self.without_surface(&design, verdict, judged_on)),
+            };
+            surface.terms = terms_of(&statistics);
+        }
         statistics.canonical = canonical::analyse(surface, &self.inputs);
         statistics.support = self.support(surface);
         let verdict = self.verdict(&statistics);
         let rows_outside = self.rows_outside(&design);
         Ok(ResponseOutcome { name: surface.name.clone(), verdict, rows_outside, statistics: Some(statistics), judged_on })
+    }
+
+    fn with_validation(&self, surface: &Surface, design: &Design, mut statistics: ResponseStatistics) -> ResponseStatistics {
+        let coefficients: Vec<f64> = statistics.terms.iter().map(|term| term.coefficient).collect();
+        let judge = |unseen| statistics::of_validation(design, &coefficients, surface.output_range, unseen);
+        statistics.validation = self.unseen().and_then(judge);
+        statistics
+    }
+
+    /// The figures with constraints on the chosen terms; those that they are given where the constraints hold anyway.
+    fn constrained(
+        &self,
+        surface: &Surface,
+        design: &Design,
+        problem: &Growing,
+        free: ResponseStatistics,
+    ) -> Result<ResponseStatistics, Verdict> {
+        let constraints = &self.response.constraints;
+        let low = self.fit_response.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = self.fit_response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // Of a response that is everywhere the same, its magnitude; 1 for one that is 0.
+        let spread = [high - low, high.abs()].into_iter().find(|spread| *spread > 0.0).unwrap_or(1.0);
+        let task = constrain::Task { surface, inputs: &self.inputs, constraints, problem, spread };
+        let shift = constrain::SHIFT * spread;
+        let (mut statistics, told) = match task.run() {
+            Constrained::Inactive { constraints } => {
+                let told = ConstraintStatistics {
+                    active: false,
+                    constraints,
+                    shift,
+                    rounds: 0,
+                    residual_sd_without: free.residual_sd,
+                    validation_without: free.validation.clone(),
+                    largest_change: None,
+                };
+                (free, told)
+            }
+            Constrained::Active { coefficients, constraints, rounds, largest_change } => {
+                let statistics = statistics::of_constrained(design, &coefficients, self.fitted());
+                let told = ConstraintStatistics {
+                    active: true,
+                    constraints,
+                    shift,
+                    rounds,
+                    residual_sd_without: free.residual_sd,
+                    validation_without: free.validation,
+                    largest_change: Some(largest_change),
+                };
+                (self.with_validation(surface, design, statistics), told)
+            }
+            Constrained::Infeasible { constraints } => return Err(Verdict::Infeasible { constraints, is_certain: true }),
+            Constrained::NotProven { constraints } => return Err(Verdict::Infeasible { constraints, is_certain: false }),
+        };
+        statistics.constraints = Some(told);
+        Ok(statistics)
     }
 
     fn fault(&self, what: String) -> rsm_core::source::Fault {
@@ -433,9 +508,13 @@ impl Task<'_> {
 
     fn ill_conditioned(&self, design: &Design, dependent: &Dependent, judged_on: JudgedOn) -> ResponseOutcome {
         let columns = dependent.candidates.iter().map(|k| design.name_of(*k)).collect();
+        self.without_surface(design, Verdict::IllConditioned { condition: dependent.condition, columns }, judged_on)
+    }
+
+    fn without_surface(&self, design: &Design, verdict: Verdict, judged_on: JudgedOn) -> ResponseOutcome {
         ResponseOutcome {
             name: self.response.surface.name.clone(),
-            verdict: Verdict::IllConditioned { condition: dependent.condition, columns },
+            verdict,
             rows_outside: self.rows_outside(design),
             statistics: None,
             judged_on,

@@ -76,6 +76,8 @@ pub mod canonical;
 
 pub mod support;
 
+pub mod constrain;
+
 pub mod evidence;
 
 pub mod fit;

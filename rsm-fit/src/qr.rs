@@ -298,6 +298,20 @@ impl Growing {
         b
     }
 
+    /// R^-T x: the row of a linear function of the coefficients, seen from R b.
+    #[must_use]
+    pub fn projected(&self, mut row: Vec<Dd>) -> Vec<Dd> {
+        self.forward_substitute(&mut row);
+        row
+    }
+
+    /// The b with R b = c.
+    #[must_use]
+    pub fn coefficients_of(&self, mut c: Vec<Dd>) -> Vec<Dd> {
+        self.back_substitute(&mut c);
+        c
+    }
+
     /// The residual sum of squares.
     #[must_use]
     pub fn residual_square(&self) -> Dd {

@@ -14,6 +14,7 @@ use serde::ser::{SerializeMap, Serializer};
 use statrs::function::beta::beta_reg;
 
 use crate::canonical::Canonical;
+use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
 use crate::design::{Design, Physical, order};
 use crate::qr::Growing;
@@ -106,6 +107,9 @@ pub struct ResponseStatistics {
     /// Where the data support the surface; absent where the specification does not ask.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub support: Option<SupportStatistics>,
+    /// What the constraints cost; absent where the specification has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub constraints: Option<ConstraintStatistics>,
 }
 
 /// Points with their responses.
@@ -208,6 +212,51 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
         validation: None,
         canonical: None,
         support: None,
+        constraints: None,
+    }
+}
+
+/// The figures of coefficients that active constraints hold. Residuals are what they are; what rests on the distribution of free
+/// least squares does not exist: standard errors, t and p (an estimate on the edge of its region has a mixture of distributions,
+/// and a normal one not even with many rows: Geyer 1994, Silvapulle and Sen 2005, chapter 4), the p of lack of fit, and PRESS,
+/// whose rows would each have to be left out in a constrained fit of its own. Degrees of freedom count every term, as if all were
+/// free: the residual standard deviation is rather too large.
+#[must_use]
+pub fn of_constrained(design: &Design, coefficients: &[f64], observations: Observations<'_>) -> ResponseStatistics {
+    let rows = observations.response.len();
+    let exact: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
+    let predictions: Vec<Dd> = (0..rows).map(|row| value(&design.row_as_measured(&observations.point(row)), &exact)).collect();
+    let errors = observations.response.iter().zip(&predictions).map(|(y, prediction)| Dd::from(*y) - *prediction);
+    let rss: Dd = errors.map(|error| error * error).sum();
+    let has_constant = design.terms().iter().any(|powers| order(powers) == 0);
+    let total = total_square(observations, has_constant);
+    let mean = |sum: Dd, freedom: usize| (freedom > 0).then(|| sum / Dd::from(freedom as f64));
+    let mean_square = mean(rss, rows.saturating_sub(coefficients.len()));
+    let share = |part: Option<Dd>, whole: Option<Dd>| {
+        let (part, whole) = (part?, whole?);
+        (whole > Dd::ZERO).then(|| (Dd::ONE - part / whole).to_f64())
+    };
+    let term = |(powers, coefficient): (&Vec<u32>, &f64)| TermStatistics {
+        powers: powers.clone(),
+        coefficient: *coefficient,
+        standard_error: None,
+        t: None,
+        p: None,
+    };
+    ResponseStatistics {
+        terms: design.terms().iter().zip(coefficients).map(term).collect(),
+        rows,
+        residual_sd: mean_square.map(|square| square.sqrt().to_f64()),
+        r2: share(Some(rss), Some(total)),
+        r2_adjusted: share(mean_square, mean(total, rows - usize::from(has_constant))),
+        r2_predicted: None,
+        press: None,
+        confidence_c: confidence(observations, &predictions),
+        lack_of_fit: lack_of_fit(observations, &predictions, coefficients.len()).map(|lack| LackOfFit { p: None, ..lack }),
+        validation: None,
+        canonical: None,
+        support: None,
+        constraints: None,
     }
 }
 

@@ -6,8 +6,10 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::check::Checked;
 use rsm_core::model_file;
-use rsm_fit::fit::{self, Outcome as Fitted, Progress, Verdict};
+use rsm_fit::constrain::{ConstraintReport, ConstraintStatistics};
+use rsm_fit::fit::{self, Outcome as Fitted, Progress};
 use rsm_fit::spec::Specification;
+use rsm_fit::statistics::Named;
 
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::{output, report};
@@ -82,7 +84,10 @@ pub fn in_words(fitted: &Fitted) -> String {
     let mut text = String::new();
     for response in &fitted.responses {
         text += &format!("{}: {} on {}\n", response.name, response.verdict, response.judged_on.words());
-        let Some(statistics) = &response.statistics else { continue };
+        let Some(statistics) = &response.statistics else {
+            text += "  no surface was written for it\n";
+            continue;
+        };
         let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
         let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
         text += &format!(
@@ -98,6 +103,9 @@ pub fn in_words(fitted: &Fitted) -> String {
                 validation.rows, validation.mean_abs_error, validation.max_abs_error
             );
         }
+        if let Some(constraints) = &statistics.constraints {
+            text += &in_words_of_constraints(constraints, unit);
+        }
         if let Some(support) = &statistics.support {
             text += &format!(
                 "  supported: {:.1} % of the box by {} half-spaces, {} unseen rows outside\n",
@@ -106,9 +114,34 @@ pub fn in_words(fitted: &Fitted) -> String {
                 support.unseen_rows_outside
             );
         }
-        if matches!(response.verdict, Verdict::IllConditioned { .. }) {
-            text += "  no surface was written for it\n";
-        }
     }
     text
+}
+
+/// What the constraints hold, and what they cost.
+fn in_words_of_constraints(told: &ConstraintStatistics, unit: &str) -> String {
+    let mut text = String::new();
+    for report in &told.constraints {
+        let held =
+            if report.points.is_empty() { "does not touch it".to_string() } else { format!("holds it at {}", places(report)) };
+        text += &format!("  constraint {}: proven over the whole region, {held}\n", report.constraint);
+    }
+    if let Some(change) = &told.largest_change {
+        let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
+        text += &format!(
+            "  without constraints: residual sd {} {unit}, unseen mean error {} {unit}; largest change {:.4e} {unit}\n",
+            figure(told.residual_sd_without),
+            figure(told.validation_without.as_ref().map(|unseen| unseen.mean_abs_error)),
+            change.value
+        );
+    }
+    text
+}
+
+fn places(report: &ConstraintReport) -> String {
+    let point = |point: &Named<f64>| {
+        let each: Vec<String> = point.0.iter().map(|(name, value)| format!("{name} = {value:.5}")).collect();
+        each.join(", ")
+    };
+    report.points.iter().map(point).collect::<Vec<String>>().join("; ")
 }

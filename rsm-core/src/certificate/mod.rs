@@ -7,13 +7,14 @@ pub mod compensator;
 
 use std::collections::BTreeMap;
 
-use crate::basis::{Arithmetic, Factor, Variable};
+use crate::basis::{Factor, Variable};
 use crate::bernstein::{self, Monomial};
 use crate::check::Checked;
 use crate::interval::Interval;
 use crate::lower;
 use crate::model::{Input, Surface, Symmetry};
-use crate::number::{Precision, Rational, exact, integer};
+use crate::number::{Precision, exact};
+use crate::pieces::{self, Piece};
 use crate::rounding;
 use crate::source::Faults;
 
@@ -90,20 +91,8 @@ pub struct Extent {
 #[must_use]
 pub fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
     let factors = Factor::all(surface, inputs);
-    let pieces: Vec<Vec<[f64; 2]>> = inputs.iter().map(|input| pieces(surface, input)).collect();
-    let mut whole: Option<Extent> = None;
-    let mut chosen = vec![0usize; inputs.len()];
-    loop {
-        let cell: Vec<[f64; 2]> = pieces.iter().zip(&chosen).map(|(pieces, k)| pieces[*k]).collect();
-        let here = extent_of_piece(surface, &factors, &cell);
-        whole = Some(match whole {
-            None => here,
-            Some(whole) => whole.joined(here),
-        });
-        let Some(next) = (0..inputs.len()).find(|k| chosen[*k] + 1 < pieces[*k].len()) else { break };
-        chosen[next] += 1;
-        chosen[..next].fill(0);
-    }
+    let pieces = pieces::all(surface, inputs);
+    let whole = pieces.iter().map(|piece| extent_of_piece(surface, &factors, piece)).reduce(Extent::joined);
     let whole = whole.expect("a box has at least one piece");
     let is_odd = |input: &Input| surface.symmetry.contains(&(input.name.clone(), Symmetry::Odd));
     match inputs.iter().position(is_odd) {
@@ -139,63 +128,22 @@ fn natural(variable: Variable, [low, high]: [f64; 2], share: f64) -> f64 {
     xi.clamp(low, high)
 }
 
-/// The range of an input between its knots; of a symmetric input the half above 0, which stands for both.
-fn pieces(surface: &Surface, input: &Input) -> Vec<[f64; 2]> {
-    let symmetric = surface.symmetry.iter().any(|(name, _)| *name == input.name);
-    let low = if symmetric { 0.0 } else { input.range[0] };
-    let mut cuts: Vec<f64> = surface.knots.iter().filter(|knot| knot.input == input.name).map(|knot| knot.at).collect();
-    cuts.extend([low, input.range[1]]);
-    cuts.sort_by(f64::total_cmp);
-    cuts.dedup();
-    cuts.windows(2).map(|pair| [pair[0], pair[1]]).collect()
-}
-
-fn extent_of_piece(surface: &Surface, factors: &[Factor], cell: &[[f64; 2]]) -> Extent {
-    let inputs = cell.len();
-    // The main variable is monotone in xi within a piece, so its ends are the ends of its range.
-    let sides: Vec<Interval> = factors[..inputs]
-        .iter()
-        .zip(cell)
-        .map(|(factor, ends)| {
-            let [one, other] = ends.map(|end| Interval::around(&factor.value(exact(end))));
-            one.hull(other)
-        })
-        .collect();
+fn extent_of_piece(surface: &Surface, factors: &[Factor], piece: &Piece) -> Extent {
     let mut monomials: BTreeMap<Vec<u32>, Interval> = BTreeMap::new();
     for term in surface.terms.iter().filter(|term| term.coefficient != 0.0) {
-        let mut expanded = vec![(term.powers[..inputs].to_vec(), exact(term.coefficient))];
-        for (factor, power) in factors[inputs..].iter().zip(&term.powers[inputs..]) {
-            let [low, high] = cell[factor.input].map(exact);
-            let open = factor.value((low + high) / integer(2)) > Rational::of(0.0);
-            let at = factor.hinge.expect("factors after the inputs are hinges");
-            let knot = factor.variable.value(exact(at));
-            for _ in 0..*power {
-                expanded = if open { times_difference(&expanded, factor.input, &knot) } else { vec![] };
-            }
-        }
-        for (powers, coefficient) in expanded {
-            let coefficient = Interval::around(&coefficient);
+        let of_term = exact(term.coefficient);
+        for (powers, coefficient) in piece.term(&term.powers) {
+            let coefficient = Interval::around(&(coefficient * &of_term));
             let entry = monomials.entry(powers).or_insert(Interval::point(0.0));
             *entry = *entry + coefficient;
         }
     }
     let monomials: Vec<Monomial> =
         monomials.into_iter().map(|(powers, coefficient)| Monomial { powers, coefficient }).collect();
-    let found = bernstein::extent(&monomials, &sides);
+    let found = bernstein::extent(&monomials, &piece.sides);
     let point = |shares: &[f64]| {
-        let each = factors.iter().zip(cell).zip(shares);
+        let each = factors.iter().zip(&piece.cell).zip(shares);
         each.map(|((factor, ends), share)| natural(factor.variable, *ends, *share)).collect()
     };
     Extent { range: found.range, least_at: point(&found.least_at), greatest_at: point(&found.greatest_at) }
-}
-
-/// A polynomial times (x_k - knot).
-fn times_difference(terms: &[(Vec<u32>, Rational)], input: usize, knot: &Rational) -> Vec<(Vec<u32>, Rational)> {
-    let raised = terms.iter().map(|(powers, coefficient)| {
-        let mut powers = powers.clone();
-        powers[input] += 1;
-        (powers, coefficient.clone())
-    });
-    let lowered = terms.iter().map(|(powers, coefficient)| (powers.clone(), -(coefficient * knot)));
-    raised.chain(lowered).collect()
 }

@@ -238,10 +238,6 @@ fn refuse_later_work(reader: &mut TableReader<'_>, faults: &mut Collector) {
             faults.push(reader.fault(value.span(), what).help("accepted: \"least-squares\""));
         }
     }
-    if reader.entries().any(|(key, _, _)| key == "constraints") {
-        let fault = reader.fault(reader.key_span("constraints"), "`constraints` is not available in this version");
-        faults.push(fault.help("remove it: no constraint is laid on the surface"));
-    }
     if reader.optional("weights").is_some() {
         let fault = reader.fault(reader.key_span("weights"), "`weights` is not available in this version");
         faults.push(fault.help("remove it: every row counts alike"));

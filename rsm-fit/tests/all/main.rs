@@ -1,5 +1,6 @@
 //! Tests of the fitter through its public face. One binary: each further one would link everything again.
 
+mod constraints;
 mod data;
 mod ladder;
 mod nist;

@@ -1,0 +1,100 @@
+//! The pieces of a surface: its box cut at the knots.
+//!
+//! In: a surface and its inputs. Out: for each piece the sides of its main coded variables, and every term written as a plain
+//! polynomial of them: in a piece a hinge is 0 or a difference. Of a symmetric input the half above 0, which stands for both.
+//! Exact: nothing is rounded but the sides, outward.
+
+use crate::basis::{Arithmetic as _, Factor};
+use crate::interval::Interval;
+use crate::model::{Input, Surface};
+use crate::number::{Rational, exact, integer};
+
+/// A polynomial: powers of the main variables and exact coefficients; powers may stand several times.
+pub type Polynomial = Vec<(Vec<u32>, Rational)>;
+
+/// A part of the box in which no hinge opens or closes.
+#[derive(Debug, Clone)]
+pub struct Piece {
+    /// The range of each input, in natural units.
+    pub cell: Vec<[f64; 2]>,
+    /// The place of the cell among those of its input.
+    pub place: Vec<usize>,
+    /// The range of each main variable.
+    pub sides: Vec<Interval>,
+    /// For every knot the value of its variable, where the hinge is open.
+    hinges: Vec<Option<(usize, Rational)>>,
+}
+
+/// All pieces of a surface; those of the first input change fastest.
+#[must_use]
+pub fn all(surface: &Surface, inputs: &[Input]) -> Vec<Piece> {
+    let factors = Factor::all(surface, inputs);
+    let parts: Vec<Vec<[f64; 2]>> = inputs.iter().map(|input| parts(surface, input)).collect();
+    let mut pieces = Vec::new();
+    let mut place = vec![0usize; inputs.len()];
+    loop {
+        let cell = parts.iter().zip(&place).map(|(parts, k)| parts[*k]).collect();
+        pieces.push(Piece::new(&factors, cell, place.clone()));
+        let Some(next) = (0..inputs.len()).find(|k| place[*k] + 1 < parts[*k].len()) else { return pieces };
+        place[next] += 1;
+        place[..next].fill(0);
+    }
+}
+
+/// The range of an input between its knots; of a symmetric input the half above 0.
+fn parts(surface: &Surface, input: &Input) -> Vec<[f64; 2]> {
+    let symmetric = surface.symmetry.iter().any(|(name, _)| *name == input.name);
+    let low = if symmetric { 0.0 } else { input.range[0] };
+    let mut cuts: Vec<f64> = surface.knots.iter().filter(|knot| knot.input == input.name).map(|knot| knot.at).collect();
+    cuts.extend([low, input.range[1]]);
+    cuts.sort_by(f64::total_cmp);
+    cuts.dedup();
+    cuts.windows(2).map(|pair| [pair[0], pair[1]]).collect()
+}
+
+impl Piece {
+    fn new(factors: &[Factor], cell: Vec<[f64; 2]>, place: Vec<usize>) -> Self {
+        let inputs = cell.len();
+        // The main variable is monotone in xi within a piece, so its ends are the ends of its range.
+        let side = |(factor, ends): (&Factor, &[f64; 2])| {
+            let [one, other] = ends.map(|end| Interval::around(&factor.value(exact(end))));
+            one.hull(other)
+        };
+        let sides = factors[..inputs].iter().zip(&cell).map(side).collect();
+        let hinge = |factor: &Factor| {
+            let [low, high] = cell[factor.input].map(exact);
+            let open = factor.value((low + high) / integer(2)) > Rational::of(0.0);
+            let at = factor.hinge.expect("factors after the inputs are hinges");
+            open.then(|| (factor.input, factor.variable.value(exact(at))))
+        };
+        let hinges = factors[inputs..].iter().map(hinge).collect();
+        Piece { cell, place, sides, hinges }
+    }
+
+    /// A term of coefficient 1 as a polynomial of the main variables; empty where a hinge in it is closed.
+    #[must_use]
+    pub fn term(&self, powers: &[u32]) -> Polynomial {
+        let (own, of_hinges) = powers.split_at(self.cell.len());
+        let mut expanded = vec![(own.to_vec(), integer(1))];
+        for (hinge, power) in self.hinges.iter().zip(of_hinges) {
+            for _ in 0..*power {
+                expanded = match hinge {
+                    Some((input, knot)) => times_difference(&expanded, *input, knot),
+                    None => vec![],
+                };
+            }
+        }
+        expanded
+    }
+}
+
+/// A polynomial times (x_k - knot).
+fn times_difference(terms: &Polynomial, input: usize, knot: &Rational) -> Polynomial {
+    let raised = terms.iter().map(|(powers, coefficient)| {
+        let mut powers = powers.clone();
+        powers[input] += 1;
+        (powers, coefficient.clone())
+    });
+    let lowered = terms.iter().map(|(powers, coefficient)| (powers.clone(), -(coefficient * knot)));
+    raised.chain(lowered).collect()
+}

@@ -1,0 +1,394 @@
+//! Constraints that hold over the whole supported region, and not only at points.
+//!
+//! In: a surface with its least-squares coefficients, the constraints, the solved problem. Out: coefficients that keep the
+//! constraints at the least cost in the residual sum of squares, with the proof that they do; or that there are none. Coefficients
+//! that keep them anyway are left as they are, to the bit. Never chooses terms, never looks beyond the support.
+//!
+//! A semi-infinite program by exchange (Hettich, Kortanek 1993, SIAM Review 35): the constraints are enforced at points, then
+//! [`bernstein::least`] looks for the worst place of the whole region and either proves that there is none or gives it as a new
+//! point. At the points a constraint is enforced [`SHIFT`] inside, so that the dips between them, which shrink with the square of
+//! their distance, end at 0 and not only tend to it. Region: the box cut by the support; a cell of the search that the
+//! support's edge cuts counts as a whole once it is small.
+
+mod claim;
+mod program;
+
+use rsm_core::basis::{Factor, Variable};
+use rsm_core::bernstein::{self, Place, Search};
+use rsm_core::interval::Interval;
+use rsm_core::model::{HalfSpace, Input, Surface};
+use serde::Serialize;
+
+use crate::dd::Dd;
+use crate::design::Coded;
+use crate::qr::Growing;
+use crate::spec::Constraint;
+use crate::statistics::{Named, ValidationStatistics};
+use crate::support::Region;
+use claim::Claim;
+use program::{Row, Solution};
+
+/// How far inside a constraint is enforced, as a share of the spread of the response.
+pub const SHIFT: f64 = 1e-7;
+
+/// What a proof may miss, as a share of that spread: where a surface is 0 whatever its coefficients, rounding leaves so much.
+pub const SLACK: f64 = 1e-12;
+
+/// Rounds of exchange; a dozen is usual.
+const MOST_ROUNDS: usize = 100;
+
+/// Points of the first round, all claims together: enough that few rounds follow, few enough that the solver takes milliseconds.
+const FIRST_POINTS: usize = 1500;
+
+/// What is told of the constraints on a surface.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ConstraintStatistics {
+    /// Whether they changed the coefficients.
+    pub active: bool,
+    /// Every constraint.
+    pub constraints: Vec<ConstraintReport>,
+    /// How far inside they are enforced, in the unit of the response.
+    pub shift: f64,
+    /// Rounds of exchange.
+    pub rounds: usize,
+    /// Root of the residual mean square without constraints.
+    pub residual_sd_without: Option<f64>,
+    /// The errors on unseen data without constraints.
+    pub validation_without: Option<ValidationStatistics>,
+    /// Where the surface was changed most, over the supported region.
+    pub largest_change: Option<Change>,
+}
+
+/// A constraint and how it stands.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ConstraintReport {
+    /// In the words of the specification.
+    pub constraint: String,
+    /// Proven: over the whole supported region the surface keeps this distance from the bound, the slope (per half range of the
+    /// input) or the curvature (per half range squared) this distance from 0; in the unit of the response.
+    pub distance: f64,
+    /// Where it holds the surface.
+    pub points: Vec<Named<f64>>,
+}
+
+/// The largest change of a surface.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Change {
+    /// With constraints less without.
+    pub value: f64,
+    /// Where.
+    pub at: Named<f64>,
+}
+
+/// What became of the coefficients.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Constrained {
+    /// They keep the constraints as they are.
+    Inactive {
+        /// Every constraint, as it stands.
+        constraints: Vec<ConstraintReport>,
+    },
+    /// Others keep them.
+    Active {
+        /// The others.
+        coefficients: Vec<f64>,
+        /// Every constraint, as it stands.
+        constraints: Vec<ConstraintReport>,
+        /// Rounds of exchange.
+        rounds: usize,
+        /// Where the surface was changed most.
+        largest_change: Change,
+    },
+    /// None do.
+    Infeasible {
+        /// Constraints that contradict each other, or the terms.
+        constraints: Vec<String>,
+    },
+    /// Some may, but there is no proof.
+    NotProven {
+        /// The constraints without one.
+        constraints: Vec<String>,
+    },
+}
+
+/// A surface whose coefficients are sought.
+pub struct Task<'a> {
+    /// With its terms, their least-squares coefficients and its support.
+    pub surface: &'a Surface,
+    /// Its inputs.
+    pub inputs: &'a [Input],
+    /// What to keep.
+    pub constraints: &'a [Constraint],
+    /// The solved problem, with the terms in the order of the surface.
+    pub problem: &'a Growing,
+    /// Largest less least measured response.
+    pub spread: f64,
+}
+
+/// What one search says of a claim.
+struct Found {
+    bound: f64,
+    seen: f64,
+    at: Vec<f64>,
+}
+
+impl Task<'_> {
+    /// Finds the coefficients.
+    #[must_use]
+    pub fn run(&self) -> Constrained {
+        let region = Region::new(self.surface, self.inputs);
+        let halves: Vec<f64> = region.sides.iter().map(|[low, high]| (high - low) / 2.0).collect();
+        let claims = claim::of(self.constraints, self.surface, self.inputs, &halves);
+        let mut coefficients: Vec<f64> = self.surface.terms.iter().map(|term| term.coefficient).collect();
+        let mut found = self.search(&claims, &coefficients);
+        if self.is_proven(&found) {
+            return Constrained::Inactive { constraints: self.reports(&claims, &found, &[]) };
+        }
+        let free = self.problem.coefficients();
+        let mut points =
+            Points { task: self, free: &free, claims: &claims, lengths: Vec::new(), rows: Vec::new(), of: Vec::new() };
+        if let Err(constraint) = points.first() {
+            return Constrained::Infeasible { constraints: vec![self.constraints[constraint].to_string()] };
+        }
+        for rounds in 1..=MOST_ROUNDS {
+            let (c, active) = match program::shortest(&points.rows, free.len()) {
+                Solution::Shortest { c, active } => (c, active),
+                Solution::Infeasible(rows) => {
+                    return Constrained::Infeasible {
+                        constraints: self.names(rows.iter().map(|k| claims[points.of[*k].0].constraint)),
+                    };
+                }
+                Solution::Failed => break,
+            };
+            let step = self.problem.coefficients_of(c);
+            coefficients = free.iter().zip(&step).map(|(free, step)| (*free + *step).to_f64()).collect();
+            found = self.search(&claims, &coefficients);
+            if self.is_proven(&found) {
+                let held: Vec<(usize, Vec<f64>)> = active.iter().map(|k| points.of[*k].clone()).collect();
+                let constraints = self.reports(&claims, &found, &held);
+                let largest_change = self.largest_change(&coefficients);
+                return Constrained::Active { coefficients, constraints, rounds, largest_change };
+            }
+            match points.add(&found) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(constraint) => {
+                    return Constrained::Infeasible { constraints: vec![self.constraints[constraint].to_string()] };
+                }
+            }
+        }
+        let without = claims.iter().zip(&found).filter(|(_, found)| found.bound < -SLACK * self.spread);
+        Constrained::NotProven { constraints: self.names(without.map(|(claim, _)| claim.constraint)) }
+    }
+
+    fn names(&self, constraints: impl Iterator<Item = usize>) -> Vec<String> {
+        let mut indices: Vec<usize> = constraints.collect();
+        indices.sort_unstable();
+        indices.dedup();
+        indices.into_iter().map(|k| self.constraints[k].to_string()).collect()
+    }
+
+    fn is_proven(&self, found: &[Found]) -> bool {
+        found.iter().all(|found| found.bound >= -SLACK * self.spread)
+    }
+
+    /// The least value of every claim over the region.
+    fn search(&self, claims: &[Claim], coefficients: &[f64]) -> Vec<Found> {
+        claims.iter().map(|claim| self.least(claim, &claim.monomials(coefficients), -SLACK * self.spread)).collect()
+    }
+
+    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
+        let place = |cell: &[[f64; 2]]| self.place(claim, cell);
+        let wanted = Search { place: &place, finest: finest(self.inputs.len()), enough };
+        let found = bernstein::least(monomials, &claim.sides, &wanted);
+        Found { bound: found.bound, seen: found.seen, at: claim.point(&found.at) }
+    }
+
+    /// Where a cell of a claim, given as shares of its sides, lies in the support.
+    fn place(&self, claim: &Claim, cell: &[[f64; 2]]) -> Place {
+        let variable = |(side, shares): (&Interval, &[f64; 2])| {
+            let at = |share: f64| {
+                Interval::point(side.low) + Interval::point(share) * (Interval::point(side.high) - Interval::point(side.low))
+            };
+            at(shares[0]).hull(at(shares[1]))
+        };
+        let cell: Vec<Interval> = claim.sides.iter().zip(cell).take(self.inputs.len()).map(variable).collect();
+        let of_one = |space: &HalfSpace| {
+            let parts = space.normal.iter().zip(&cell).map(|(n, x)| Interval::point(*n) * *x);
+            let sum = parts.fold(Interval::point(0.0), |sum, part| sum + part);
+            if sum.low > space.bound {
+                Place::Outside
+            } else if sum.high > space.bound {
+                Place::Partly
+            } else {
+                Place::Inside
+            }
+        };
+        let places: Vec<Place> = self.surface.support.iter().map(of_one).collect();
+        if places.contains(&Place::Outside) {
+            Place::Outside
+        } else if places.contains(&Place::Partly) {
+            Place::Partly
+        } else {
+            Place::Inside
+        }
+    }
+
+    fn reports(&self, claims: &[Claim], found: &[Found], held: &[(usize, Vec<f64>)]) -> Vec<ConstraintReport> {
+        let of_one = |(k, constraint): (usize, &Constraint)| {
+            let bounds = claims.iter().zip(found).filter(|(claim, _)| claim.constraint == k).map(|(_, found)| found.bound);
+            let mut points: Vec<Named<f64>> = Vec::new();
+            for (claim, point) in held {
+                let point = self.natural(point);
+                // Neighbours of one place, as exchange leaves them, are told once.
+                if claims[*claim].constraint == k && !points.iter().any(|known| self.are_close(known, &point)) {
+                    points.push(point);
+                }
+            }
+            ConstraintReport { constraint: constraint.to_string(), distance: bounds.fold(f64::INFINITY, f64::min), points }
+        };
+        self.constraints.iter().enumerate().map(of_one).collect()
+    }
+
+    fn are_close(&self, one: &Named<f64>, other: &Named<f64>) -> bool {
+        let distances = one.0.iter().zip(&other.0).map(|((_, a), (_, b))| (a - b).abs());
+        // A hundredth of the range.
+        distances.zip(self.inputs).all(|(distance, input)| distance < 0.01 * (input.range[1] - input.range[0]))
+    }
+
+    /// A point of coded variables in natural units.
+    fn natural(&self, point: &[f64]) -> Named<f64> {
+        let factors = Factor::all(self.surface, self.inputs);
+        let each = self.inputs.iter().zip(&factors).zip(point);
+        Named(each.map(|((input, factor), x)| (input.name.clone(), natural(factor.variable, Coded(*x), input))).collect())
+    }
+
+    fn largest_change(&self, coefficients: &[f64]) -> Change {
+        let mut largest = (0.0, vec![0.0; self.inputs.len()]);
+        for claim in claim::values(self.surface, self.inputs) {
+            let mut monomials = claim.monomials(coefficients);
+            let free: Vec<f64> = self.surface.terms.iter().map(|term| -term.coefficient).collect();
+            monomials.extend(claim.monomials(&free));
+            for sign in [1.0, -1.0] {
+                let turned: Vec<bernstein::Monomial> = monomials
+                    .iter()
+                    .map(|term| bernstein::Monomial { coefficient: term.coefficient * Interval::point(sign), ..term.clone() })
+                    .collect();
+                let found = self.least(&claim, &turned, f64::INFINITY);
+                if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
+                    largest = (sign * found.seen, found.at);
+                }
+            }
+        }
+        Change { value: largest.0, at: self.natural(&largest.1) }
+    }
+}
+
+/// Cells of the support's edge no wider than this share of a side count as a whole: some thousand of them with each number of
+/// inputs.
+fn finest(inputs: usize) -> f64 {
+    match inputs {
+        0..=2 => 1.0 / 1024.0,
+        3 => 1.0 / 64.0,
+        4 => 1.0 / 16.0,
+        _ => 1.0 / 8.0,
+    }
+}
+
+/// xi of x, within the range of the input; of a symmetric one its magnitude.
+fn natural(variable: Variable, Coded(x): Coded, input: &Input) -> f64 {
+    let centred = |low: f64, high: f64| (low + high) / 2.0 + x * (high - low) / 2.0;
+    let xi = match variable {
+        Variable::Natural | Variable::Magnitude => x,
+        Variable::ScaledMagnitude { high } => x * high,
+        Variable::Centred { low, high } => centred(low, high),
+        Variable::Reciprocal => 1.0 / x,
+        Variable::CentredReciprocal { low, high } => 1.0 / centred(1.0 / high, 1.0 / low),
+    };
+    xi.clamp(input.range[0], input.range[1])
+}
+
+/// A row counts as long from the share 1/100 of the longest row of its claim.
+const NEAR_ZERO: f64 = 100.0;
+
+/// The points at which claims are enforced.
+struct Points<'a> {
+    task: &'a Task<'a>,
+    free: &'a [Dd],
+    claims: &'a [Claim],
+    /// The longest row of each claim among its first points.
+    lengths: Vec<f64>,
+    rows: Vec<Row>,
+    /// The claim and the point of every row.
+    of: Vec<(usize, Vec<f64>)>,
+}
+
+impl Points<'_> {
+    /// A grid for every claim. An error names the constraint that no coefficient can meet.
+    fn first(&mut self) -> Result<(), usize> {
+        for (k, claim) in self.claims.iter().enumerate() {
+            let points = self.grid(claim);
+            let length = |point: &Vec<f64>| norm(&claim.row(point));
+            self.lengths.push(points.iter().map(length).fold(0.0, f64::max));
+            for point in points {
+                self.push(k, point)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Points of a grid over the sides of a claim that lie in the region.
+    fn grid(&self, claim: &Claim) -> Vec<Vec<f64>> {
+        let axes = claim.sides.len();
+        let wanted = FIRST_POINTS / self.claims.len().max(1);
+        let steps = (2..=16usize).take_while(|steps| steps.pow(axes as u32) <= wanted.max(1 << axes)).last().unwrap_or(2);
+        let mut shares = vec![Vec::new()];
+        for _ in 0..axes {
+            let next = |begun: &Vec<f64>| {
+                (0..steps).map(|k| [&begun[..], &[k as f64 / (steps - 1) as f64]].concat()).collect::<Vec<_>>()
+            };
+            shares = shares.iter().flat_map(next).collect();
+        }
+        let is_inside = |shares: &Vec<f64>| {
+            let cell: Vec<[f64; 2]> = shares.iter().map(|share| [*share, *share]).collect();
+            self.task.place(claim, &cell) != Place::Outside
+        };
+        shares.into_iter().filter(is_inside).map(|shares| claim.point(&shares)).collect()
+    }
+
+    /// The worst places that a search found. Whether there is a new one among them.
+    fn add(&mut self, found: &[Found]) -> Result<bool, usize> {
+        let count = self.rows.len();
+        for (k, found) in found.iter().enumerate() {
+            let is_known = self.of.iter().any(|(claim, point)| *claim == k && *point == found.at);
+            if found.seen < -SLACK * self.task.spread && !is_known {
+                self.push(k, found.at.clone())?;
+            }
+        }
+        Ok(self.rows.len() > count)
+    }
+
+    fn push(&mut self, k: usize, point: Vec<f64>) -> Result<(), usize> {
+        let claim = &self.claims[k];
+        let row = claim.row(&point);
+        let value: Dd = row.iter().zip(self.free).map(|(x, b)| *x * *b).sum::<Dd>() + claim.offset();
+        // Where a claim hardly depends on the coefficients (a surface without constant term, near the origin), the shift gets small
+        // with it.
+        let share = if self.lengths[k] > 0.0 { (NEAR_ZERO * norm(&row) / self.lengths[k]).min(1.0) } else { 0.0 };
+        let missing = Dd::from(SHIFT * self.task.spread * share) - value;
+        let projected = self.task.problem.projected(row);
+        let length = projected.iter().map(|x| *x * *x).sum::<Dd>().sqrt();
+        if length == Dd::ZERO {
+            // No coefficient counts here: it holds or it does not.
+            let holds = value.to_f64() >= -SLACK * self.task.spread;
+            return if holds { Ok(()) } else { Err(claim.constraint) };
+        }
+        self.rows.push(Row { normal: projected.into_iter().map(|x| x / length).collect(), distance: missing / length });
+        self.of.push((k, point));
+        Ok(())
+    }
+}
+
+fn norm(row: &[Dd]) -> f64 {
+    row.iter().map(|x| *x * *x).sum::<Dd>().sqrt().to_f64()
+}
