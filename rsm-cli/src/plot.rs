@@ -8,7 +8,8 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::{
     Cartesian2d, Circle, Cross, DrawingArea, IntoDrawingArea, PathElement, Rectangle, SVGBackend, ShapeStyle,
 };
-use plotters::style::{BLACK, Color, IntoFont, RGBColor, WHITE};
+pub use plotters::style::BLACK;
+use plotters::style::{Color, IntoFont, RGBColor, WHITE};
 
 use crate::outcome::Refusal;
 

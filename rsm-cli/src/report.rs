@@ -6,14 +6,15 @@ use rsm_core::check::Checked;
 use rsm_core::lower;
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
+use rsm_fit::constrain::ConstraintStatistics;
 use rsm_fit::design;
 use rsm_fit::fit::{Outcome, ResponseOutcome};
 use rsm_fit::records::Records;
-use rsm_fit::statistics::ResponseStatistics;
+use rsm_fit::statistics::{Named, ResponseStatistics};
 
 use crate::outcome::Refusal;
 use crate::page::{escaped, figure, page};
-use crate::plot::{self, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
+use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
 
 /// The report of a fit.
 pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
@@ -113,7 +114,17 @@ fn of_response(
             serde_json::to_value(canonical.kind).ok().and_then(|kind| kind.as_str().map(str::to_string)).unwrap_or_default();
         row("stationary point", format!("{kind} at {}", point.join(", ")));
     }
-    text += "</table>\n<table>\n<tr><th>term, in coded variables</th><th>coefficient</th><th>standard error</th><th>t</th><th>p</th></tr>\n";
+    if let Some(support) = &statistics.support {
+        let words = format!("{:.1} % of the box, by {} half-spaces", 100.0 * support.share_of_box, support.half_spaces);
+        row("supported by the data", words);
+        if statistics.validation.is_some() {
+            row("unseen rows outside", support.unseen_rows_outside.to_string());
+        }
+    }
+    text += "</table>\n";
+    text += &statistics.constraints.as_ref().map_or(String::new(), |told| constraints(told, &unit));
+    text +=
+        "<table>\n<tr><th>term, in coded variables</th><th>coefficient</th><th>standard error</th><th>t</th><th>p</th></tr>\n";
     for term in &statistics.terms {
         text += &format!(
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
@@ -130,6 +141,38 @@ fn of_response(
     text += &over_rows(&fitted, unseen.as_ref(), &brackets)?;
     text += "</div>\n";
     Ok(text)
+}
+
+/// What is proven, and what it cost.
+fn constraints(told: &ConstraintStatistics, unit: &str) -> String {
+    let mut text = String::from("<table>\n<tr><th>constraint</th><th>proven distance</th><th>holds the surface at</th></tr>\n");
+    for report in &told.constraints {
+        let places: Vec<String> = report.points.iter().map(place).collect();
+        let places = if places.is_empty() { "nowhere".to_string() } else { places.join("; ") };
+        let distance = figure(Some(report.distance)) + unit;
+        text += &format!("<tr><td>{}</td><td>{distance}</td><td>{places}</td></tr>\n", escaped(&report.constraint));
+    }
+    text += "</table>\n";
+    match &told.largest_change {
+        None => text += "<p>The constraints hold without changing a coefficient.</p>\n",
+        Some(change) => {
+            let unseen = told.validation_without.as_ref().map_or(String::new(), |unseen| {
+                format!(", mean error on unseen rows {}{unit}", figure(Some(unseen.mean_abs_error)))
+            });
+            text += &format!(
+                "<p>Without constraints: residual standard deviation {}{unit}{unseen}. The surface was changed most, by {}{unit}, at {}.</p>\n",
+                figure(told.residual_sd_without),
+                figure(Some(change.value)),
+                place(&change.at)
+            );
+        }
+    }
+    text
+}
+
+fn place(point: &Named<f64>) -> String {
+    let each = point.0.iter().map(|(name, value)| format!("{} = {}", escaped(name), figure(Some(*value))));
+    each.collect::<Vec<String>>().join(", ")
 }
 
 fn share(value: Option<f64>) -> String {
@@ -171,6 +214,10 @@ fn with_rule(
     plot::curves(words, &series)
 }
 
+fn constraints_of(response: &ResponseOutcome) -> Option<&ConstraintStatistics> {
+    response.statistics.as_ref()?.constraints.as_ref()
+}
+
 /// A surface of two inputs over its box, blank where the data do not support it; nothing for other surfaces.
 fn over_the_plane(outcome: &Outcome, checked: &Checked, index: usize) -> Result<String, Refusal> {
     let surface = &outcome.model.surfaces[index];
@@ -193,6 +240,11 @@ fn over_the_plane(outcome: &Outcome, checked: &Checked, index: usize) -> Result<
     };
     let mut series = vec![Series::new("fitted rows", PINK, Mark::Circle, points(&outcome.fitted))];
     series.extend(outcome.unseen.as_ref().map(|unseen| Series::new("unseen rows", ORANGE, Mark::Cross, points(unseen))));
+    if let Some(told) = outcome.responses.iter().find(|response| response.name == surface.name).and_then(constraints_of) {
+        let held = told.constraints.iter().flat_map(|report| &report.points).map(|point| (point.0[0].1, point.0[1].1));
+        let held: Vec<(f64, f64)> = held.collect();
+        series.extend((!held.is_empty()).then(|| Series::new("held by a constraint", BLACK, Mark::Cross, held)));
+    }
     let axis = |input: &rsm_core::model::Input| format!("{} [{}]", input.name, input.unit);
     let (x, y) = (axis(first), axis(second));
     let words = Words { title: &surface.name, x: &x, y: &y };

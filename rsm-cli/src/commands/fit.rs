@@ -128,10 +128,11 @@ fn in_words_of_constraints(told: &ConstraintStatistics, unit: &str) -> String {
     }
     if let Some(change) = &told.largest_change {
         let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
+        let unseen = told.validation_without.as_ref();
+        let unseen = unseen.map_or(String::new(), |unseen| format!(", unseen mean error {:.4e} {unit}", unseen.mean_abs_error));
         text += &format!(
-            "  without constraints: residual sd {} {unit}, unseen mean error {} {unit}; largest change {:.4e} {unit}\n",
+            "  without constraints: residual sd {} {unit}{unseen}; largest change {:.4e} {unit}\n",
             figure(told.residual_sd_without),
-            figure(told.validation_without.as_ref().map(|unseen| unseen.mean_abs_error)),
             change.value
         );
     }
