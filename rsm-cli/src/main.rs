@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{check, demo, design, emit, eval, fit, simulate};
+use commands::{check, demo, design, emit, eval, experiment, fit, simulate};
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
 #[derive(Parser)]
@@ -28,6 +28,8 @@ struct Arguments {
 enum Command {
     /// Write the plan of a designed experiment, in random run order
     Design(design::Arguments),
+    /// Run a plan on the simulated bench
+    Experiment(experiment::Arguments),
     /// Fit response surfaces to measured data and write the model file
     Fit(fit::Arguments),
     /// Evaluate a surface with the interpreter
@@ -45,6 +47,7 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Design(arguments) => design::run(&arguments),
+        Command::Experiment(arguments) => experiment::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

@@ -46,3 +46,5 @@ pub mod plants;
 pub mod simulate;
 
 pub mod motor;
+
+pub mod bench;

@@ -5,6 +5,7 @@ pub mod demo;
 pub mod design;
 pub mod emit;
 pub mod eval;
+pub mod experiment;
 pub mod fit;
 pub mod simulate;
 

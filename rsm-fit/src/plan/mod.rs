@@ -158,7 +158,9 @@ impl Plan {
         }
     }
 
-    fn fault_of_header(&self, what: String) -> Fault {
+    /// A fault at the header: a factor that is missing, or one that cannot be set.
+    #[must_use]
+    pub fn fault_of_header(&self, what: String) -> Fault {
         match &self.place {
             Some(place) => Fault::at_line(&place.file, place.header_line, 0, what),
             None => Fault::whole_file("plan", what),

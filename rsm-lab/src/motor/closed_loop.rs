@@ -190,6 +190,12 @@ impl ClosedLoop {
         Some(row)
     }
 
+    /// What a sensor of the shaft's speed reads, in rad/s, without noise.
+    #[must_use]
+    pub fn speed_reading(&mut self) -> f64 {
+        self.machine.readings()[2]
+    }
+
     /// One PWM period; the length of the commanded voltage vector.
     fn pwm_period<C: Controller + ?Sized>(&mut self, controller: &mut C, load: f64) -> f64 {
         let measured = self.measure();
@@ -197,12 +203,14 @@ impl ClosedLoop {
         let now = self.duties;
         match self.fidelity {
             Fidelity::Averaged => {
-                let voltage = self.inverter.average(now, self.phase_currents());
+                // The signs of the currents are those of the middle of the period, about which the edges lie.
+                let currents = self.phase_currents(0.5 * self.inverter.period);
+                let voltage = self.inverter.average(now, currents);
                 self.machine.advance(voltage, load, self.inverter.period);
             }
             Fidelity::Switched => {
                 let mut edges = self.inverter.edges(now);
-                while let Some((span, voltage)) = edges.next(self.phase_currents()) {
+                while let Some((span, voltage)) = edges.next(self.phase_currents(0.0)) {
                     self.machine.advance(voltage, load, span);
                 }
             }
@@ -220,9 +228,11 @@ impl ClosedLoop {
         self.period as f64 * self.inverter.period
     }
 
-    fn phase_currents(&self) -> [f64; 3] {
+    /// The true phase currents, in `ahead` s if those of the rotor's frame stay what they are.
+    fn phase_currents(&self, ahead: f64) -> [f64; 3] {
         let truth = self.machine.truth();
-        to_phases(Angle::new(self.known.pole_pairs * truth.angle).to_stator([truth.i_d, truth.i_q]))
+        let angle = truth.angle + ahead * truth.speed;
+        to_phases(Angle::new(self.known.pole_pairs * angle).to_stator([truth.i_d, truth.i_q]))
     }
 
     fn measure(&mut self) -> Measured {

@@ -40,6 +40,19 @@ impl<W: Weakening> FieldOriented<W> {
     }
 }
 
+impl<W> FieldOriented<W> {
+    /// The source of references.
+    pub fn weakening(&mut self) -> &mut W {
+        &mut self.weakening
+    }
+
+    /// The current control.
+    #[must_use]
+    pub fn currents(&self) -> &CurrentLoop {
+        &self.currents
+    }
+}
+
 impl<W: Weakening> Controller for FieldOriented<W> {
     fn references(&mut self, demand: &Demand) -> References {
         self.held = self.weakening.references(demand);

@@ -1,17 +1,15 @@
 //! Sensor noise: white, normal, from a seed.
 //!
-//! In: a seed. Out: deviates of mean 0 and variance 1. The stream of ChaCha8 is fixed by its definition; the deviates are those of Box and Muller (1958),
-//! so the same seed gives the same noise on one machine.
+//! In: a seed. Out: deviates of mean 0 and variance 1, those of Box and Muller (1958). The same seed gives the same noise on one machine.
 
 use std::f64::consts::TAU;
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rsm_fit::random::Random;
 
 /// A source of random numbers.
 #[derive(Debug, Clone)]
 pub struct Noise {
-    random: ChaCha8Rng,
+    random: Random,
     spare: Option<f64>,
 }
 
@@ -19,18 +17,17 @@ impl Noise {
     /// From a seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        Noise { random: ChaCha8Rng::seed_from_u64(seed), spare: None }
+        Noise { random: Random::new(seed), spare: None }
     }
 
-    /// Equally likely in 0 (inclusive) to 1 (exclusive).
-    pub fn uniform(&mut self) -> f64 {
-        // The 53 bits that an f64 below 1 holds.
-        (self.random.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    /// A whole number, for the seed of another source.
+    pub fn whole(&mut self) -> u64 {
+        self.random.below(u64::MAX)
     }
 
     /// Equally likely in a range.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.uniform()
+        low + (high - low) * self.random.share()
     }
 
     /// Normal, mean 0, variance 1.
@@ -39,8 +36,8 @@ impl Noise {
             return spare;
         }
         // 1 - u is never 0.
-        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
-        let (sin, cos) = (TAU * self.uniform()).sin_cos();
+        let radius = (-2.0 * (1.0 - self.random.share()).ln()).sqrt();
+        let (sin, cos) = (TAU * self.random.share()).sin_cos();
         self.spare = Some(radius * sin);
         radius * cos
     }
