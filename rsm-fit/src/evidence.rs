@@ -9,7 +9,7 @@ use rsm_core::model::Evidence;
 use crate::constrain::{ConstraintReport, ConstraintStatistics};
 use crate::fit::ResponseOutcome;
 use crate::records::{DataFile, Records, hash};
-use crate::spec::{Method, ResponseSpec, Specification, Validation};
+use crate::spec::{Method, ResponseSpec, Specification, Validation, Weights};
 use crate::statistics::Named;
 
 /// The evidence of a fitted response.
@@ -30,6 +30,15 @@ pub fn of(
     tell("data", Some(files(&fit.files)));
     tell("specification", Some(specification_of(specification)));
     tell("method", Some(Evidence::Text(method(&response.method))));
+    tell(
+        "weights",
+        response.weights.as_ref().map(|weights| {
+            Evidence::Text(match weights {
+                Weights::Weight(column) => format!("column {column}"),
+                Weights::StandardError(column) => format!("1/{column}^2"),
+            })
+        }),
+    );
     tell("residual_sd", number(statistics.residual_sd));
     tell("r2", number(statistics.r2));
     tell("r2_predicted", number(statistics.r2_predicted));

@@ -14,7 +14,7 @@ use crate::design::{self, Design};
 use crate::evidence;
 use crate::ladder::{Judge, Ladder, first_rung};
 use crate::qr::{Compressed, Dependent, Growing, Triangle};
-use crate::records::{DataFile, Records, Refused, Units};
+use crate::records::{DataFile, Records, Refused, Rows, Units};
 use crate::spec::{Method, ResponseSpec, Specification, Validation, check_basis_against_ranges};
 use crate::split;
 use crate::statistics::{self, Named, Observations, ResponseStatistics};
@@ -213,6 +213,7 @@ pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)
             inputs: used.iter().map(|k| inputs[*k].clone()).collect(),
             fit: columns(&data.fit, &used),
             fit_response: &data.fit.responses[k],
+            fit_weights: relative(&data.fit.weights[k]),
             validate: data.validate.as_ref().map(|records| (columns(records, &used), &records.responses[k][..])),
         };
         let outcome = task.run(&mut surface, progress)?;
@@ -234,12 +235,12 @@ fn columns<'a>(records: &'a Records, used: &[usize]) -> Vec<&'a [f64]> {
 fn read(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Data, Refused> {
     let mut units = Units::of(specification);
     let mut reading = |file: &str| progress(Progress::Reading { file });
-    let all = Records::read(specification, &specification.data, &mut units, &mut reading);
+    let all = Records::read(specification, &specification.data, Rows::ToFit, &mut units, &mut reading);
     let mut data = match &specification.validation {
         Validation::None => Data { fit: all?, validate: None, units },
         Validation::Files(files) => {
             // Both are read before either is refused: all faults together.
-            let unseen = Records::read(specification, files, &mut units, &mut reading);
+            let unseen = Records::read(specification, files, Rows::Unseen, &mut units, &mut reading);
             match (all, unseen) {
                 (Ok(fit), Ok(validate)) => Data { fit, validate: Some(validate), units },
                 (Err(Refused(mut first)), Err(Refused(second))) => {
@@ -292,6 +293,12 @@ fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faul
     faults.finish(Some(inputs))
 }
 
+/// Weights with a mean of 1, so that the residual standard deviation is that of a row of mean weight.
+fn relative(weights: &[f64]) -> Vec<f64> {
+    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+    weights.iter().map(|weight| weight / mean).collect()
+}
+
 fn terms_of(statistics: &ResponseStatistics) -> Vec<Term> {
     statistics.terms.iter().map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect()
 }
@@ -303,16 +310,17 @@ struct Task<'a> {
     inputs: Vec<Input>,
     fit: Vec<&'a [f64]>,
     fit_response: &'a [f64],
+    fit_weights: Vec<f64>,
     validate: Option<(Vec<&'a [f64]>, &'a [f64])>,
 }
 
 impl Task<'_> {
     fn fitted(&self) -> Observations<'_> {
-        Observations { inputs: &self.fit, response: self.fit_response }
+        Observations { inputs: &self.fit, response: self.fit_response, weights: &self.fit_weights }
     }
 
     fn unseen(&self) -> Option<Observations<'_>> {
-        self.validate.as_ref().map(|(inputs, response)| Observations { inputs, response })
+        self.validate.as_ref().map(|(inputs, response)| Observations { inputs, response, weights: &[] })
     }
 
     /// Fits and fills the surface's terms.
@@ -446,8 +454,12 @@ impl Task<'_> {
     /// The triangle of all terms and the response on the data to fit.
     fn rows_to_fit(&self, design: &Design) -> Result<Triangle, Faults> {
         let fitted = self.fitted();
-        let row = |row: usize| design.row_as_measured(&fitted.point(row)).into_iter().chain([Dd::from(fitted.response[row])]);
-        self.triangle(design, (0..fitted.response.len()).map(|k| row(k).collect()))
+        let row = |row: usize| {
+            let root = fitted.weight(row).sqrt();
+            let terms = design.row_as_measured(&fitted.point(row)).into_iter().chain([Dd::from(fitted.response[row])]);
+            if fitted.weights.is_empty() { terms.collect() } else { terms.map(|x| x * root).collect() }
+        };
+        self.triangle(design, (0..fitted.response.len()).map(row))
     }
 
     /// The same on the data that judge: a row a group of replicates, with the mean response and the weight sqrt(n_i).
@@ -455,7 +467,7 @@ impl Task<'_> {
         let unseen = self.unseen();
         let judging = unseen.unwrap_or(self.fitted());
         let row = |group: Vec<usize>| {
-            let (point, weight) = (judging.point(group[0]), Dd::from(group.len() as f64).sqrt());
+            let (point, weight) = (judging.point(group[0]), judging.weight_of(&group).sqrt());
             // The fitted data judge as they were fitted, unseen ones through the evaluator's eyes.
             let terms = if unseen.is_some() { design.row(&point) } else { design.row_as_measured(&point) };
             terms.into_iter().chain([judging.mean(&group)]).map(|x| x * weight).collect()

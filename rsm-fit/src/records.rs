@@ -7,7 +7,7 @@
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use sha2::{Digest, Sha256};
 
-use crate::spec::{Specification, Validation};
+use crate::spec::{Specification, Validation, Weights};
 use crate::table::{Table, Wanted};
 
 /// Every file's faults, in the order in which the files are named. Never empty.
@@ -60,6 +60,15 @@ impl Units {
     }
 }
 
+/// What rows are read for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rows {
+    /// To be fitted, with their weights.
+    ToFit,
+    /// To judge; they count alike.
+    Unseen,
+}
+
 /// Rows in the units of the model.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Records {
@@ -69,6 +78,8 @@ pub struct Records {
     pub inputs: Vec<Vec<f64>>,
     /// For every response its values.
     pub responses: Vec<Vec<f64>>,
+    /// For every response the weights of its rows, 1/sigma^2 as the file has it; empty where all count alike, and for unseen rows.
+    pub weights: Vec<Vec<f64>>,
     /// For every column that keeps rows together its cells.
     pub labels: Vec<Vec<String>>,
 }
@@ -81,14 +92,22 @@ impl Records {
     pub fn read(
         specification: &Specification,
         files: &[String],
+        rows: Rows,
         units: &mut Units,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Self, Refused> {
-        let wanted = wanted(specification);
+        let weights: Vec<Option<Weights>> = match rows {
+            Rows::ToFit => specification.responses.iter().map(|response| response.weights.clone()).collect(),
+            Rows::Unseen => vec![None; specification.responses.len()],
+        };
+        let mut wanted = wanted(specification);
+        let variables = wanted.numbers.len();
+        wanted.numbers.extend(weights.iter().flatten().map(|weights| weights.column().to_string()));
         let mut records = Records {
             inputs: vec![Vec::new(); specification.inputs.len()],
             responses: vec![Vec::new(); specification.responses.len()],
             labels: vec![Vec::new(); wanted.labels.len()],
+            weights: vec![Vec::new(); weights.len()],
             ..Records::default()
         };
         let mut refused = Vec::new();
@@ -101,7 +120,12 @@ impl Records {
                     continue;
                 }
             };
-            match Table::read(&source, &wanted).and_then(|table| records.append(&table, &wanted, units)) {
+            let read = Table::read(&source, &wanted).and_then(|table| {
+                let rows = records.append(&table, &wanted.numbers[..variables], &wanted.labels, units)?;
+                records.append_weights(&table, &weights)?;
+                Ok(rows)
+            });
+            match read {
                 Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256: hash(source.text()), rows }),
                 Err(faults) => refused.push(faults),
             }
@@ -109,11 +133,33 @@ impl Records {
         if refused.is_empty() { Ok(records) } else { Err(Refused(refused)) }
     }
 
-    fn append(&mut self, table: &Table, wanted: &Wanted, units: &mut Units) -> Result<usize, Faults> {
+    /// Weights are taken as numbers: only their ratios count, so a unit would change nothing.
+    fn append_weights(&mut self, table: &Table, weights: &[Option<Weights>]) -> Result<(), Faults> {
+        let mut faults = Collector::new();
+        for (target, weights) in self.weights.iter_mut().zip(weights) {
+            let Some(weights) = weights else { continue };
+            let column = table.column(weights.column()).expect("a wanted column is in the table");
+            for (value, line) in column.values.iter().zip(&table.lines) {
+                let weight = match weights {
+                    Weights::Weight(_) => *value,
+                    Weights::StandardError(_) => 1.0 / (value * value),
+                };
+                if *value <= 0.0 || !(weight.is_normal()) {
+                    let what = format!("column {} `{}`: found {value}, expected a number above 0", column.place, column.name);
+                    let fault = Fault::at_line(&table.file, *line, 0, what);
+                    faults.push(fault.help("a row that shall not count is left out of the file"));
+                }
+                target.push(weight);
+            }
+        }
+        faults.finish(Some(()))
+    }
+
+    fn append(&mut self, table: &Table, numbers: &[String], labels: &[String], units: &mut Units) -> Result<usize, Faults> {
         let mut faults = Collector::new();
         let mut told: Vec<Fault> = Vec::new();
         let targets = self.inputs.iter_mut().chain(&mut self.responses);
-        for ((target, name), unit) in targets.zip(&wanted.numbers).zip(&mut units.0) {
+        for ((target, name), unit) in targets.zip(numbers).zip(&mut units.0) {
             match table.values_in(name, unit.as_deref()) {
                 Ok((values, found)) => {
                     target.extend(values);
@@ -127,7 +173,7 @@ impl Records {
                 }
             }
         }
-        for (target, name) in self.labels.iter_mut().zip(&wanted.labels) {
+        for (target, name) in self.labels.iter_mut().zip(labels) {
             target.extend(table.column(name).into_iter().flat_map(|column| column.labels.iter().cloned()));
         }
         faults.finish(Some(table.rows()))
@@ -143,7 +189,14 @@ impl Records {
     #[must_use]
     pub fn select(&self, rows: &[usize]) -> Self {
         let of = |columns: &[Vec<f64>]| columns.iter().map(|column| rows.iter().map(|row| column[*row]).collect()).collect();
-        Records { files: self.files.clone(), inputs: of(&self.inputs), responses: of(&self.responses), labels: Vec::new() }
+        let weights = |column: &Vec<f64>| rows.iter().filter_map(|row| column.get(*row).copied()).collect();
+        Records {
+            files: self.files.clone(),
+            inputs: of(&self.inputs),
+            responses: of(&self.responses),
+            weights: self.weights.iter().map(weights).collect(),
+            labels: Vec::new(),
+        }
     }
 }
 

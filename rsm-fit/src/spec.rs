@@ -17,6 +17,12 @@
 //! support = "data"                 # or { from = "data", margin = 0.05, faces = 8 }: margin in coded units, faces with two inputs
 //! ```
 //!
+//! `weights` names a column of the data to fit, proportional to 1/sigma^2 of each row, or the column of sigma itself:
+//!
+//! ```toml
+//! weights = "runs"                 # or { standard_error = "damping_ratio_error" }; only ratios of weights count
+//! ```
+//!
 //! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows that agree
 //! in all inputs but for the sign of those named by `mirror` (a map whose halves were made from each other).
 
@@ -104,10 +110,31 @@ pub struct ResponseSpec {
     pub surface: Surface,
     /// How the terms are chosen.
     pub method: Method,
+    /// How much each row counts; all alike where absent.
+    pub weights: Option<Weights>,
     /// What the surface must keep, over its whole supported region.
     pub constraints: Vec<Constraint>,
     /// Whether the model says where the data support the surface.
     pub support: Option<SupportSpec>,
+}
+
+/// A column of the data that says how much each row counts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Weights {
+    /// The weight itself, proportional to 1/sigma^2 of the row.
+    Weight(String),
+    /// The standard error sigma of the row's response, in any unit or none: only ratios count.
+    StandardError(String),
+}
+
+impl Weights {
+    /// The column.
+    #[must_use]
+    pub fn column(&self) -> &str {
+        match self {
+            Weights::Weight(column) | Weights::StandardError(column) => column,
+        }
+    }
 }
 
 /// How the terms of a response are chosen.

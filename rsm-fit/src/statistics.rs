@@ -119,9 +119,29 @@ pub struct Observations<'a> {
     pub inputs: &'a [&'a [f64]],
     /// The response.
     pub response: &'a [f64],
+    /// How much each row counts, with a mean of 1; empty where all count alike.
+    pub weights: &'a [f64],
 }
 
 impl Observations<'_> {
+    /// How much a row counts.
+    #[must_use]
+    pub fn weight(&self, row: usize) -> Dd {
+        self.weights.get(row).map_or(Dd::ONE, |weight| Dd::from(*weight))
+    }
+
+    /// How much some rows count together.
+    #[must_use]
+    pub fn weight_of(&self, rows: &[usize]) -> Dd {
+        rows.iter().map(|row| self.weight(*row)).sum()
+    }
+
+    /// The sum of squares of the response about a value.
+    fn square_about(&self, value: Dd) -> Dd {
+        let deviation = |row: usize| Dd::from(self.response[row]) - value;
+        (0..self.response.len()).map(|row| self.weight(row) * deviation(row) * deviation(row)).sum()
+    }
+
     /// The point of a row.
     #[must_use]
     pub fn point(&self, row: usize) -> Vec<Physical> {
@@ -145,11 +165,11 @@ impl Observations<'_> {
         groups
     }
 
-    /// The mean response of some rows.
+    /// The mean response of some rows, each with its weight.
     #[must_use]
     pub fn mean(&self, rows: &[usize]) -> Dd {
-        let sum: Dd = rows.iter().map(|row| Dd::from(self.response[*row])).sum();
-        sum / Dd::from(rows.len() as f64)
+        let sum: Dd = rows.iter().map(|row| self.weight(*row) * Dd::from(self.response[*row])).sum();
+        sum / self.weight_of(rows)
     }
 }
 
@@ -164,7 +184,7 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
     let rows = observations.response.len();
     let mut coefficients = growing.coefficients();
     let freedom = rows - coefficients.len();
-    let y_square: Dd = observations.response.iter().map(|y| Dd::from(*y) * Dd::from(*y)).sum();
+    let y_square = observations.square_about(Dd::ZERO);
     for (place, coefficient) in coefficients.iter_mut().enumerate() {
         if coefficient.to_f64().abs() * growing.norm(place) <= NO_RESIDUAL * y_square.sqrt().to_f64() {
             *coefficient = Dd::ZERO;
@@ -182,11 +202,12 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
     for row in 0..rows {
         let x = design.row_as_measured(&observations.point(row));
         let prediction = value(&x, &coefficients);
-        let own = Dd::ONE - growing.leverage(&x);
+        let weight = observations.weight(row);
+        let own = Dd::ONE - weight * growing.leverage(&x);
         let error = Dd::from(observations.response[row]) - prediction;
         // With leverage 1 the surface goes through this point whatever it is: left out, nothing holds the term. 2^-40 is well
         // above the rounding of the leverage for columns that pass as independent.
-        press = press.filter(|_| own.to_f64() > 1e-12).map(|sum| sum + (error / own) * (error / own));
+        press = press.filter(|_| own.to_f64() > 1e-12).map(|sum| sum + weight * (error / own) * (error / own));
         predictions.push(prediction);
     }
     if rss == Dd::ZERO {
@@ -226,8 +247,8 @@ pub fn of_constrained(design: &Design, coefficients: &[f64], observations: Obser
     let rows = observations.response.len();
     let exact: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
     let predictions: Vec<Dd> = (0..rows).map(|row| value(&design.row_as_measured(&observations.point(row)), &exact)).collect();
-    let errors = observations.response.iter().zip(&predictions).map(|(y, prediction)| Dd::from(*y) - *prediction);
-    let rss: Dd = errors.map(|error| error * error).sum();
+    let error = |row: usize| Dd::from(observations.response[row]) - predictions[row];
+    let rss: Dd = (0..rows).map(|row| observations.weight(row) * error(row) * error(row)).sum();
     let has_constant = design.terms().iter().any(|powers| order(powers) == 0);
     let total = total_square(observations, has_constant);
     let mean = |sum: Dd, freedom: usize| (freedom > 0).then(|| sum / Dd::from(freedom as f64));
@@ -263,7 +284,7 @@ pub fn of_constrained(design: &Design, coefficients: &[f64], observations: Obser
 fn total_square(observations: Observations<'_>, centred: bool) -> Dd {
     let all: Vec<usize> = (0..observations.response.len()).collect();
     let mean = if centred { observations.mean(&all) } else { Dd::ZERO };
-    observations.response.iter().map(|y| (Dd::from(*y) - mean) * (Dd::from(*y) - mean)).sum()
+    observations.square_about(mean)
 }
 
 fn terms(
@@ -304,7 +325,8 @@ fn upper_f(f: f64, [d1, d2]: [f64; 2]) -> Option<f64> {
 fn confidence(observations: Observations<'_>, predictions: &[Dd]) -> Option<f64> {
     let (mut ss_lof, mut ss_y) = (Dd::ZERO, Dd::ZERO);
     for group in observations.replicates() {
-        let count = Dd::from(group.len() as f64);
+        // n_i of the paper: a row counts as much as it weighs.
+        let count = observations.weight_of(&group);
         let mean = observations.mean(&group);
         // Replicates have one point, so one prediction.
         let gap = mean - predictions[group[0]];
@@ -326,10 +348,10 @@ fn lack_of_fit(observations: Observations<'_>, predictions: &[Dd], terms: usize)
     for group in &groups {
         let mean = observations.mean(group);
         let gap = mean - predictions[group[0]];
-        ss_lof += Dd::from(group.len() as f64) * gap * gap;
+        ss_lof += observations.weight_of(group) * gap * gap;
         for row in group {
             let error = Dd::from(observations.response[*row]) - mean;
-            ss_pure += error * error;
+            ss_pure += observations.weight(*row) * error * error;
         }
     }
     let df = [freedom as f64, pure_freedom as f64];

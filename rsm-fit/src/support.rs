@@ -283,7 +283,7 @@ mod tests {
     fn support(surface: &Surface, inputs: &[Input], columns: &[Vec<f64>], wanted: SupportSpec) -> Vec<HalfSpace> {
         let response = vec![0.0; columns[0].len()];
         let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        of_data(surface, inputs, Observations { inputs: &columns, response: &response }, wanted)
+        of_data(surface, inputs, Observations { inputs: &columns, response: &response, weights: &[] }, wanted)
     }
 
     fn surface(names: &[&str]) -> Surface {

@@ -12,7 +12,7 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader::{self, TableReader, Value, describe};
 use toml::de::DeValue;
 
-use super::{InputSpec, Method, ResponseSpec, Split, Validation, shape};
+use super::{InputSpec, Method, ResponseSpec, Split, Validation, Weights, shape};
 
 /// What of the text has the right shape.
 pub(super) struct Draft {
@@ -206,6 +206,7 @@ fn read_response(
     });
     let constraints = shape::read_constraints(path, reader, places, faults);
     let support = shape::read_support(path, reader, places, faults);
+    let weights = read_weights(path, reader, places, faults);
     refuse_later_work(reader, faults);
     let (unit, basis) = (unit?, basis?);
     let surface = Surface {
@@ -224,6 +225,7 @@ fn read_response(
         unit,
         surface,
         method: select?,
+        weights: weights?,
         constraints: constraints?,
         support: support?,
     })
@@ -238,9 +240,31 @@ fn refuse_later_work(reader: &mut TableReader<'_>, faults: &mut Collector) {
             faults.push(reader.fault(value.span(), what).help("accepted: \"least-squares\""));
         }
     }
-    if reader.optional("weights").is_some() {
-        let fault = reader.fault(reader.key_span("weights"), "`weights` is not available in this version");
-        faults.push(fault.help("remove it: every row counts alike"));
+}
+
+/// `Some(None)`: absent.
+fn read_weights(
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Option<Weights>> {
+    let Some(value) = reader.optional("weights") else { return Some(None) };
+    places.note(format!("{path}.weights"), value.span());
+    match value.get_ref() {
+        DeValue::String(column) => Some(Some(Weights::Weight(column.to_string()))),
+        DeValue::Table(_) => {
+            let mut table = TableReader::of(reader.source(), value, format!("{}: `weights`", reader.who()), faults)?;
+            let column = table.text("standard_error", faults);
+            table.finish(faults);
+            Some(Some(Weights::StandardError(column?)))
+        }
+        other => {
+            let found = describe(other);
+            let what = format!("`weights`: found {found}, expected the name of a column or {{ standard_error = \"column\" }}");
+            faults.push(reader.fault(value.span(), what));
+            None
+        }
     }
 }
 

@@ -142,6 +142,36 @@ fn contradictions_are_an_outcome_with_names() {
     }
 }
 
+#[test]
+fn a_bound_holds_on_both_sides_of_an_odd_input() {
+    // y = x for -2 to 2; where y keeps above -1 at x < 0, it keeps below 1 at x > 0: the slope is a half, less the shift.
+    let rows: Vec<Vec<f64>> = grid(-2.0, 2.0, 9).into_iter().map(|x| vec![x, x]).collect();
+    for bound in ["min = -1", "max = 1", "min = -1, max = 3"] {
+        let rest = format!("symmetry = {{ x = \"odd\" }}\n{LINE}\nconstraints = [{{ kind = \"bounds\", {bound} }}]");
+        let outcome = fit("odd-bound", "x[A],y[V]", &rows, &rest);
+        let mut value = evaluator(&outcome);
+        let ends = [value(&[-2.0]).0, value(&[2.0]).0];
+        // Spread 4.
+        assert!((ends[1] - (1.0 - 4.0 * SHIFT)).abs() < ROUNDING && ends[0] == -ends[1], "{bound}: {ends:?}");
+    }
+}
+
+#[test]
+fn a_kink_that_bends_the_wrong_way_is_straightened() {
+    // Lines on both sides of 2: their own curvature is 0, only the kink bends.
+    let form = "knots = [{ input = \"x\", at = 2.0 }]\nselect = { method = \"fixed\" }\nterms = [[0, 0], [1, 0], [0, 1]]";
+    for (kind, sign) in [("convex", 1.0), ("concave", -1.0)] {
+        let rows: Vec<Vec<f64>> = grid(0.0, 6.0, 13).into_iter().map(|x| vec![x, -sign * (x - 2.0).abs()]).collect();
+        let rest = format!("{form}\nconstraints = [{{ kind = \"{kind}\" }}]");
+        let outcome = fit("kink", "x[A],y[V]", &rows, &rest);
+        // Spread 4; without the constraint the hinge of -|x - 2| is -2 per unit of x, -6 per half range.
+        let hinge = coefficients(&outcome)[2];
+        assert!((sign * hinge - 4.0 * SHIFT).abs() < ROUNDING, "{kind}: {hinge}");
+        let report = &told(&outcome).constraints[0];
+        assert!(report.points.iter().all(|point| point.0[0].1 == 2.0) && report.points.len() == 1, "{report:?}");
+    }
+}
+
 /// Noise without a generator: the fraction of a multiple of the golden ratio, in [-0.5, 0.5).
 fn noise(k: usize) -> f64 {
     (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5

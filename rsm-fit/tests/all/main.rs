@@ -11,3 +11,4 @@ mod rejected;
 mod splits;
 mod support;
 mod textbook;
+mod weights;

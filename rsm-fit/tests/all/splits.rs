@@ -1,7 +1,7 @@
 //! A split keeps declared rows on one side, and is the same for one seed.
 
 use rsm_core::model::Evidence;
-use rsm_fit::records::{Records, Units};
+use rsm_fit::records::{Records, Rows, Units};
 use rsm_fit::spec::Validation;
 use rsm_fit::split::{Sides, split};
 
@@ -29,7 +29,8 @@ fn text(validate: &str) -> String {
 
 fn sides(scratch: &Scratch, validate: &str) -> (Records, Sides) {
     let specification = specification(&text(validate), &scratch.0);
-    let records = Records::read(&specification, &specification.data, &mut Units::of(&specification), &mut |_| {}).unwrap();
+    let records =
+        Records::read(&specification, &specification.data, Rows::ToFit, &mut Units::of(&specification), &mut |_| {}).unwrap();
     let Validation::Split(wanted) = &specification.validation else { panic!("a split was asked for") };
     let sides = split(&specification, wanted, &records);
     (records, sides)

@@ -1,0 +1,73 @@
+//! Weighted least squares against cases worked by hand.
+
+use rsm_fit::statistics::ResponseStatistics;
+
+use crate::data::{Scratch, fitted};
+
+fn fit(name: &str, data: &str, rest: &str) -> ResponseStatistics {
+    let scratch = Scratch::new(name);
+    scratch.file("data.csv", data);
+    let text =
+        format!("format = 1\nmodel = \"m\"\ndata = [\"data.csv\"]\n[inputs.x]\n[responses.y]\ninputs = [\"x\"]\n{rest}\n");
+    fitted(&text, &scratch.0).responses[0].statistics.clone().unwrap()
+}
+
+const LINE: &str = "select = { method = \"fixed\", order = 1 }";
+
+#[test]
+fn a_constant_is_the_weighted_mean() {
+    let data = "x[1],y[V],w\n0,1,1\n1,2,2\n2,6,5\n";
+    let found = fit("weighted-mean", data, "select = { method = \"fixed\" }\nterms = [[0]]\nweights = \"w\"");
+    // (1 + 4 + 30)/8 = 4.375. With weights of mean 1, w_i 3/8: rss = (3/8)(1 * 11.390625 + 2 * 5.640625 + 5 * 2.640625) = 13.453125,
+    // two degrees of freedom; the variance of the mean is that over the sum of the weights, 3.
+    let square: f64 = 13.453125 / 2.0;
+    assert_eq!(found.terms[0].coefficient, 4.375);
+    // One rounding of each root.
+    assert!((found.residual_sd.unwrap() - square.sqrt()).abs() < 1e-15 * 3.0);
+    assert!((found.terms[0].standard_error.unwrap() - (square / 3.0).sqrt()).abs() < 1e-15 * 3.0);
+    // About its own weighted mean nothing is explained, to the 106 bits of the sums.
+    assert!(found.r2.unwrap().abs() < 1e-30);
+}
+
+#[test]
+fn a_row_of_weight_two_is_a_row_twice() {
+    let once = "x[1],y[V],w\n0,1,1\n1,2.5,2\n2,2.75,1\n3,5,2\n4,4.5,1\n";
+    let twice = "x[1],y[V]\n0,1\n1,2.5\n1,2.5\n2,2.75\n3,5\n3,5\n4,4.5\n";
+    let (one, two) = (fit("weight-once", once, &format!("{LINE}\nweights = \"w\"")), fit("weight-twice", twice, LINE));
+    // 106 bits on both ways, rounded once.
+    for (a, b) in one.terms.iter().zip(&two.terms) {
+        assert_eq!(a.coefficient, b.coefficient);
+    }
+    assert!((one.r2.unwrap() - two.r2.unwrap()).abs() < 1e-15, "{:?} {:?}", one.r2, two.r2);
+    // (14), (15): replicates and weights count alike.
+    assert!((one.confidence_c.unwrap() - two.confidence_c.unwrap()).abs() < 1e-12);
+}
+
+#[test]
+fn standard_errors_weigh_by_their_inverse_square_and_their_scale_does_not_matter() {
+    let by_weight = "x[1],y[V],w\n0,1,4\n1,2.5,1\n2,2.75,0.25\n3,5,4\n";
+    let weighted = fit("by-weight", by_weight, &format!("{LINE}\nweights = \"w\""));
+    for scale in [1.0, 8.0] {
+        let rows: String = [(0.0, 1.0, 0.5), (1.0, 2.5, 1.0), (2.0, 2.75, 2.0), (3.0, 5.0, 0.5)]
+            .map(|(x, y, s)| format!("{x},{y},{}\n", s * scale))
+            .concat();
+        let found =
+            fit("by-error", &format!("x[1],y[V],s[V]\n{rows}"), &format!("{LINE}\nweights = {{ standard_error = \"s\" }}"));
+        // Powers of two: the weights are the same to the bit.
+        assert_eq!(found, weighted);
+    }
+    // And they matter.
+    let plain = fit("by-nothing", by_weight, LINE);
+    assert!((plain.terms[1].coefficient - weighted.terms[1].coefficient).abs() > 0.01);
+}
+
+#[test]
+fn unseen_rows_need_no_weights() {
+    let scratch = Scratch::new("weights-unseen");
+    scratch.file("data.csv", "x[1],y[V],w\n0,1,1\n1,2,2\n2,6,5\n").file("unseen.csv", "x[1],y[V]\n1,3\n");
+    let text = "format = 1\nmodel = \"m\"\ndata = [\"data.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\n[responses.y]\ninputs = [\"x\"]\n\
+                weights = \"w\"\nselect = { method = \"ladder\", max_order = 2, confidence = 50.0 }\n";
+    let outcome = fitted(text, &scratch.0);
+    assert_eq!(outcome.responses[0].statistics.as_ref().unwrap().validation.as_ref().unwrap().rows, 1);
+    assert!(rsm_core::model_file::write(&outcome.model).contains("weights = \"column w\""));
+}
