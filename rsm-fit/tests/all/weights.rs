@@ -25,6 +25,10 @@ fn a_constant_is_the_weighted_mean() {
     // One rounding of each root.
     assert!((found.residual_sd.unwrap() - square.sqrt()).abs() < 1e-15 * 3.0);
     assert!((found.terms[0].standard_error.unwrap() - (square / 3.0).sqrt()).abs() < 1e-15 * 3.0);
+    // Left out one at a time, the others' means are 34/7, 31/6 and 5/3.
+    let press = 0.375 * ((27.0f64 / 7.0).powi(2) + 2.0 * (19.0f64 / 6.0).powi(2) + 5.0 * (13.0f64 / 3.0).powi(2));
+    // A few roundings of terms below 36.
+    assert!((found.press.unwrap() - press).abs() < 1e-13, "{:?} {press}", found.press);
     // About its own weighted mean nothing is explained, to the 106 bits of the sums.
     assert!(found.r2.unwrap().abs() < 1e-30);
 }
