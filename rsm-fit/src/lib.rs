@@ -78,6 +78,8 @@ pub mod support;
 
 pub mod constrain;
 
+pub mod verdict;
+
 pub mod evidence;
 
 pub mod fit;

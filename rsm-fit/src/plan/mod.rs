@@ -10,6 +10,7 @@
 
 mod levels;
 mod points;
+mod read;
 mod spec;
 
 use std::collections::BTreeSet;
