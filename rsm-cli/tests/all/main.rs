@@ -3,5 +3,6 @@
 mod command;
 mod compensator;
 mod design;
+mod motor;
 mod readme;
 mod shipped_data;

@@ -10,7 +10,7 @@ use rsm_core::number::decimal;
 use super::{Outcome, Point};
 
 const HEADER: &str = "run[1],depth[%],advance[deg],torque[N*m],speed[rad/s],i_d[A],i_q[A],current[A],weakening_current[A],\
-                      current_advance[deg],voltage[V],shaft_torque[N*m]";
+                      current_advance[deg],weakening_angle[deg],voltage[V],shaft_torque[N*m]";
 
 /// The CSV of a bench's runs.
 #[must_use]
@@ -41,6 +41,8 @@ fn row(text: &mut String, point: &Point) {
         point.i_d.hypot(point.i_q),
         -point.i_d,
         (-point.i_d).atan2(point.i_q).to_degrees(),
+        // The same from the nearer half of the q axis: 0 to 90 degrees, driving and braking alike.
+        (-point.i_d).atan2(point.i_q.abs()).to_degrees(),
         point.voltage,
         point.shaft_torque,
     ];

@@ -14,7 +14,7 @@
 
 mod csv;
 
-use rsm_core::source::Faults;
+use rsm_core::source::{Fault, Faults};
 
 pub use csv::csv;
 
@@ -22,7 +22,7 @@ use crate::motor::closed_loop::{ClosedLoop, Drive, Sensed, Task};
 use crate::motor::controller::{Demand, Known, REFERENCE_PERIOD_S, References};
 use crate::motor::encoder;
 use crate::motor::field_oriented::{FieldOriented, Weakening};
-use crate::motor::machine::Truth;
+use crate::motor::machine::{Truth, check_plant};
 use crate::motor::noise::Noise;
 use crate::motor::tasks::{DYNAMOMETER_INERTIA, Dynamometer};
 use crate::plant_file::PlantFile;
@@ -116,8 +116,9 @@ impl Bench {
     /// machine's processors; their number changes no bit.
     ///
     /// # Errors
-    /// A plant that is no motor, or one that cannot run in a loop.
+    /// A plant that is no motor, or one that cannot run in a loop; a run whose numbers grow without bound.
     pub fn run(&self, plant: &PlantFile, settings: &[Setting], seed: u64) -> Result<Vec<Outcome>, Faults> {
+        check_plant(plant)?;
         let workers = std::thread::available_parallelism().map_or(1, usize::from).min(settings.len()).max(1);
         let chunks = settings.chunks(settings.len().div_ceil(workers).max(1));
         let parts: Vec<Result<Vec<Outcome>, Faults>> = std::thread::scope(|scope| {
@@ -137,6 +138,7 @@ impl Bench {
     /// # Errors
     /// See [`Bench::run`].
     pub fn one(&self, plant: &PlantFile, setting: Setting, seed: u64) -> Result<Outcome, Faults> {
+        check_plant(plant)?;
         let mut noise = Noise::new(mixed(seed, setting.run));
         let drive = Drive { noise_seed: Some(noise.whole()), ..self.drive };
         let known = drive.known(plant);
@@ -167,6 +169,10 @@ impl Bench {
             sum.add(&sample.current, &sample.voltage, machine.speed_reading() + sigma * noise.normal(), row.load);
         }
         let point = sum.point(setting, &known);
+        if ![point.torque, point.speed, point.i_d, point.voltage, point.shaft_torque].into_iter().all(f64::is_finite) {
+            let what = format!("run {}: the simulation grows without bound: are these the parameters of a motor?", setting.run);
+            return Err(Faults::one(Fault::whole_file("plant file", what)));
+        }
         Ok(if !search.at_top { Outcome::AtLimit(point) } else { Outcome::BelowLimit(point) })
     }
 }

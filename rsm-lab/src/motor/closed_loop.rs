@@ -53,6 +53,9 @@ impl Drive {
     }
 
     /// What a controller is told: nominal parameters and this drive.
+    ///
+    /// # Panics
+    /// When the plant is not `pmac`.
     #[must_use]
     pub fn known(&self, plant: &PlantFile) -> Known {
         Known::new(&plant.parameters, self.voltage_margin, self.pwm_period(), self.dead_time)

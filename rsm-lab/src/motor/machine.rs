@@ -18,6 +18,25 @@ use crate::record::{Drive, Record};
 /// in a step; the test of half the step measures what is left at the end.
 const STEP_RATE: f64 = 0.35;
 
+/// Faster than this, in 1/s, is no motor: 3000 sub-steps in a PWM period of 0.1 ms.
+const FASTEST: f64 = 1e7;
+
+/// Whether a plant can be driven in a loop.
+///
+/// # Errors
+/// A plant that is not `pmac`; the effect `input-delay`, which is that of a record: here the sampled controller makes its own.
+pub fn check_plant(file: &PlantFile) -> Result<(), Faults> {
+    if file.kind != PlantKind::Pmac {
+        let what = format!("`plant`: found \"{}\", expected \"pmac\"", file.kind.name());
+        return Err(Faults::one(Fault::whole_file("plant file", what)));
+    }
+    if Hooks::new(file, Pmac::STATES).delay() > 0.0 {
+        let what = "the effect `input-delay` is one of a record; a drive in closed loop has its own delay";
+        return Err(Faults::one(Fault::whole_file("plant file", what)));
+    }
+    Ok(())
+}
+
 /// The order of the states of the plant.
 const SPEED: usize = 2;
 const ANGLE: usize = 3;
@@ -52,19 +71,12 @@ impl Machine {
     /// The motor of a plant file at rest, with `load_inertia` (kg m^2) on its shaft, turned to `speed` (rad/s).
     ///
     /// # Errors
-    /// A plant that is not `pmac`; the effect `input-delay`, which is that of a record: here the sampled controller makes its own.
+    /// See [`check_plant`]; parameters out of proportion.
     pub fn new(file: &PlantFile, load_inertia: f64, speed: f64) -> Result<Machine, Faults> {
-        if file.kind != PlantKind::Pmac {
-            let what = format!("`plant`: found \"{}\", expected \"pmac\"", file.kind.name());
-            return Err(Faults::one(Fault::whole_file("plant file", what)));
-        }
+        check_plant(file)?;
         let mut parameters = file.effective_parameters();
         parameters.set("inertia", parameters.number("inertia") + load_inertia);
         let hooks = Hooks::new(file, Pmac::STATES);
-        if hooks.delay() > 0.0 {
-            let what = "the effect `input-delay` is one of a record; a drive in closed loop has its own delay";
-            return Err(Faults::one(Fault::whole_file("plant file", what)));
-        }
         let plant = Pmac::new(&parameters, &hooks, false);
         let of = || vec![0.0; hooks.states()];
         let mut machine = Machine {
@@ -79,7 +91,14 @@ impl Machine {
             hooks,
         };
         machine.start(speed);
-        Ok(machine)
+        let rate = machine.plant.fastest_rate(&machine.hooks, &machine.x);
+        if rate < FASTEST {
+            Ok(machine)
+        } else {
+            let what =
+                format!("the motor moves at {rate:e} 1/s: an inductance, an inertia or a stiffness is out of proportion");
+            Err(Faults::one(Fault::whole_file("plant file", what)))
+        }
     }
 
     fn start(&mut self, speed: f64) {

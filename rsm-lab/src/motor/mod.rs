@@ -33,3 +33,5 @@ pub mod noise;
 pub mod closed_loop;
 
 pub mod tasks;
+
+pub mod figures;

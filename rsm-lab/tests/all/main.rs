@@ -3,6 +3,7 @@
 mod catalogue;
 mod cross_check;
 mod measured;
+mod motor;
 mod rejected;
 mod step;
 
