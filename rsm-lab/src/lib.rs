@@ -9,7 +9,9 @@
 //!
 //! A plant calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a joint, outputs, extra states. An effect
 //! implements the hooks that it needs. No plant knows any effect (a test searches for their names). The same files give the same bits on
-//! one machine. Nothing here prints, and nothing draws random numbers: noise is added by whoever measures.
+//! one machine. Nothing here prints, and a simulation along a record draws no random numbers: noise is added by whoever measures.
+//!
+//! Beside the line: `motor`, a drive in closed loop around the plant `pmac`, and `bench`, which measures it with noise from a seed.
 //!
 //! ```
 //! use rsm_core::source::Source;

@@ -160,12 +160,17 @@ pub fn surface_difference(
     };
     let tape = lower::surface(model, index, Precision::F64);
     let mut interpreter = Interpreter::new(&tape);
-    let k_t = drive.known(plant).torque_constant();
+    let known = drive.known(plant);
+    let (k_t, limit) = (known.torque_constant(), known.current_limit);
     differences(plant, drive, seeds, duration, &mut |demand, full| {
         let mirrored = full.i_q_a * 1f64.copysign(demand.speed_rad_s);
         let value = interpreter.eval(&[k_t * mirrored, demand.speed_rad_s.abs()]);
         let length = full.i_q_a.abs();
-        if is_angle { (value, length * value.to_radians().tan()) } else { (value.atan2(length).to_degrees(), value) }
+        if is_angle {
+            (value, (length * value.to_radians().tan()).min(limit))
+        } else {
+            (value.atan2(length).to_degrees(), value)
+        }
     })
 }
 
