@@ -17,8 +17,8 @@ pub struct Checked {
     file: String,
     range_places: Vec<(usize, usize)>,
     term_places: Vec<Vec<(usize, usize)>>,
-    /// Of each compensator: its three scheduled numbers, in the order of [`Compensator::parts`], and its sample time.
-    compensator_places: Vec<[(usize, usize); 4]>,
+    /// Of each compensator: its scheduled numbers, in the order of [`Compensator::parts`], and its sample time.
+    compensator_places: Vec<Vec<(usize, usize)>>,
 }
 
 impl Checked {
@@ -43,8 +43,10 @@ impl Checked {
             .iter()
             .map(|surface| (0..surface.terms.len()).map(|k| position(format!("surfaces.{}.terms.{k}", surface.name))).collect())
             .collect();
-        let keys = ["natural_frequency", "zero_damping", "pole_damping", "sample_time"];
-        let of_compensator = |it: &Compensator| keys.map(|key| position(format!("compensators.{}.{key}", it.name)));
+        let of_compensator = |it: &Compensator| {
+            let keys = it.parts().into_iter().map(|(key, _)| key).chain(["sample_time"]);
+            keys.map(|key| position(format!("compensators.{}.{key}", it.name))).collect()
+        };
         let compensator_places = model.compensators.iter().map(of_compensator).collect();
         let (model, file) = (model.clone(), source.name().to_string());
         let checked = Checked { model, file, range_places, term_places, compensator_places };
@@ -85,7 +87,7 @@ impl Checked {
         schedule(&self.model, compensator)
     }
 
-    /// A fault at one of a compensator's three scheduled numbers, in the order of [`Compensator::parts`].
+    /// A fault at one of a compensator's scheduled numbers, in the order of [`Compensator::parts`].
     #[must_use]
     pub fn fault_at_part(&self, compensator: usize, part: usize, what: String) -> Fault {
         let (line, column) = self.compensator_places[compensator][part];
@@ -127,13 +129,17 @@ impl Checked {
             }
         }
         for (compensator, places) in self.model.compensators.iter().zip(&self.compensator_places) {
-            let fixed = compensator.parts().map(|(key, scheduled)| (key, scheduled.fixed()));
-            let numbers = fixed.into_iter().chain([("sample_time", Some(compensator.sample_time))]).zip(places);
+            let parts = compensator.parts();
+            let fixed = parts.into_iter().map(|(key, scheduled)| (key, scheduled.fixed()));
+            let numbers = fixed.chain([("sample_time", Some(compensator.sample_time))]).zip(places);
             for ((key, value), place) in numbers.filter_map(|((key, value), place)| Some(((key, value?), place))) {
                 if !fits_fixed(precision, value) {
                     faults
                         .push(at(*place, format!("compensator `{}`: `{key}`: {value:e} is {BEYOND} {name}", compensator.name)));
                 }
+            }
+            if !fits_ratio(precision, compensator) {
+                faults.push(at(places[POLE_FREQUENCY], beyond_ratio(compensator, name)));
             }
         }
         faults.finish(Some(())).err()
@@ -151,6 +157,24 @@ fn schedule(model: &Model, compensator: &Compensator) -> Vec<Input> {
 fn fits_fixed(precision: Precision, value: f64) -> bool {
     let largest = precision.round(&(exact(value) * exact(4.0)));
     largest.is_finite() && precision.round(&(exact(value) / exact(2.0))) != 0.0
+}
+
+/// The place of `pole_frequency` among [`Compensator::parts`].
+const POLE_FREQUENCY: usize = 3;
+
+/// Whether a precision can hold the square of the ratio of two fixed frequencies, which lowering makes a constant of.
+fn fits_ratio(precision: Precision, compensator: &Compensator) -> bool {
+    let own = compensator.pole_frequency.as_ref().and_then(|scheduled| scheduled.fixed());
+    let (Some(poles), Some(zeros)) = (own, compensator.natural_frequency.fixed()) else { return true };
+    if poles <= 0.0 || zeros <= 0.0 {
+        return true; // told already
+    }
+    let ratio = exact(poles) / exact(zeros);
+    precision.round(&(&ratio * &ratio)).is_finite()
+}
+
+fn beyond_ratio(compensator: &Compensator, precision: &str) -> String {
+    format!("compensator `{}`: `pole_frequency`: its square over that of `natural_frequency` is {BEYOND} {precision}", compensator.name)
 }
 
 /// What is said of a number that does not fit.
@@ -406,6 +430,9 @@ fn check_compensators(context: &Context<'_>, faults: &mut Collector) {
             faults.push(context.fault(&format!("{path}.sample_time"), what));
         }
         check_scheduled(context, faults, compensator, &path);
+        if !fits_ratio(Precision::F64, compensator) {
+            faults.push(context.fault(&format!("{path}.pole_frequency"), beyond_ratio(compensator, "f64")));
+        }
         for input in schedule(context.model(), compensator) {
             if let Some(reason) = names::refuse_scheduled(&input.name) {
                 let what = format!("compensator `{}`: the input name `{}` {reason}", compensator.name, input.name);

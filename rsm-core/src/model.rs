@@ -129,7 +129,8 @@ pub enum Evidence {
     Table(Vec<(String, Evidence)>),
 }
 
-/// (a s^2 + b s + c)/(a s^2 + d s + c), section 4 of the paper.
+/// (a s^2 + b s + c)/(a s^2 + d s + c), section 4 of the paper; with a natural frequency of its own, the pair of poles is moved in
+/// frequency too.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compensator {
     /// Its name.
@@ -142,6 +143,9 @@ pub struct Compensator {
     pub zero_damping: Scheduled,
     /// zeta of the denominator, d = 2 zeta w_n a.
     pub pole_damping: Scheduled,
+    /// w_p in rad/s, the natural frequency of the poles: H = (w_p/w_n)^2 (s^2 + 2 z w_n s + w_n^2)/(s^2 + 2 p w_p s + w_p^2), whose gain
+    /// at frequency 0 is 1. `None`: that of the zeros.
+    pub pole_frequency: Option<Scheduled>,
 }
 
 /// A number that a compensator takes from surfaces.
@@ -179,12 +183,14 @@ impl Scheduled {
 impl Compensator {
     /// The scheduled numbers with their keys in the file.
     #[must_use]
-    pub fn parts(&self) -> [(&'static str, &Scheduled); 3] {
-        [
+    pub fn parts(&self) -> Vec<(&'static str, &Scheduled)> {
+        let mut parts = vec![
             ("natural_frequency", &self.natural_frequency),
             ("zero_damping", &self.zero_damping),
             ("pole_damping", &self.pole_damping),
-        ]
+        ];
+        parts.extend(self.pole_frequency.as_ref().map(|scheduled| ("pole_frequency", scheduled)));
+        parts
     }
 
     /// The surfaces that it uses; one that is used twice stands there twice.

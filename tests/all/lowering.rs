@@ -169,12 +169,15 @@ fn without_rounding_a_step_is_the_filter() {
                 let numbers =
                     [&compensator.natural_frequency, &compensator.zero_damping, &compensator.pole_damping].map(number);
                 let [Some(w), Some(z), Some(p)] = numbers else { continue };
+                let Some(v) = compensator.pole_frequency.as_ref().map_or(Some(w.clone()), number) else { continue };
                 let x = &at[0];
                 let (s1, s2) = (integer(k as i64 % 5 - 2) / integer(7), integer(k as i64 % 3 - 1) / integer(11));
-                let g = w * exact(compensator.sample_time) / integer(2);
+                let (g, r) = (&v * exact(compensator.sample_time) / integer(2), &v / &w);
                 let denominator = integer(1) + &g * (&g + integer(2) * &p);
                 let u = integer(2) * (&s1 + &g * (x - &s2)) / denominator;
-                let expected = [x + (z - p) * &u, &u - &s1, &s2 + &g * &u];
+                let high_pass = x - &s2 - (&p + &g / integer(2)) * &u;
+                let y = x + (z * &r - p) * &u + (&r * &r - integer(1)) * high_pass;
+                let expected = [y, &u - &s1, &s2 + &g * &u];
                 let mut states = [s1, s2];
                 let y = exact::ideal_step(&function.tape, &mut states, &at).expect("a step has no pole");
                 let [next_1, next_2] = states;

@@ -55,6 +55,7 @@ fn compensated(random: &mut Random, index: usize) -> Model {
         of("frequency", &inputs, [3.0, 300.0]),
         of("damping", &backwards, [0.01, 0.9]),
         of("lack", &inputs[..1], [0.05, 0.7]),
+        of("frequency_of_poles", &inputs, [2.0, 200.0]),
     ];
     let surface = |name: &str| Scheduled::Surface(name.to_string());
     let natural_frequency = if index % 4 == 1 { Scheduled::Fixed(random.between(5.0, 100.0)) } else { surface("frequency") };
@@ -66,13 +67,20 @@ fn compensated(random: &mut Random, index: usize) -> Model {
         _ => Scheduled::Sum(vec!["lack".to_string(), "lack".to_string(), "damping".to_string()]),
     };
     let sample_time = [1e-3, 1e-4, 0.004][random.below(3)];
-    let scheduled = Compensator { name: "tip_in".to_string(), sample_time, natural_frequency, zero_damping, pole_damping };
+    let pole_frequency = match index % 3 {
+        0 => None,
+        1 => Some(surface("frequency_of_poles")),
+        _ => Some(Scheduled::Fixed(11.0)),
+    };
+    let name = "tip_in".to_string();
+    let scheduled = Compensator { name, sample_time, natural_frequency, zero_damping, pole_damping, pole_frequency };
     let fixed = Compensator {
         name: "k".to_string(),
         sample_time: 0.001,
         natural_frequency: Scheduled::Fixed(random.between(1.0, 1500.0)),
         zero_damping: Scheduled::Fixed(random.between(0.0, 0.3)),
         pole_damping: Scheduled::Fixed(random.between(0.2, 1.5)),
+        pole_frequency: (index % 2 == 1).then(|| Scheduled::Fixed(random.between(1.0, 1500.0))),
     };
     Model { name: format!("n{index:02}"), inputs, surfaces, compensators: vec![scheduled, fixed] }
 }

@@ -125,12 +125,15 @@ fn as_json(certificates: &[SurfaceCertificate], compensators: &[CompensatorCerti
         .iter()
         .map(|compensator| {
             let ends = |range: Interval| json!([output::finite(range.low), output::finite(range.high)]);
-            let value = json!({
+            let mut value = json!({
                 "natural_frequency": ends(compensator.natural_frequency),
                 "zero_damping": ends(compensator.zero_damping),
                 "pole_damping": ends(compensator.pole_damping),
                 "stable": compensator.violations.is_empty(),
             });
+            if let Some(range) = compensator.pole_frequency {
+                value["pole_frequency"] = ends(range);
+            }
             (compensator.name.clone(), value)
         })
         .collect();
@@ -158,10 +161,11 @@ fn in_words(
     for it in compensators {
         let state = if it.violations.is_empty() { "stable over the whole box" } else { "not certain to be stable" };
         output::line(&format!("{}: {state}", it.name))?;
-        let ranges =
-            [("natural frequency", it.natural_frequency), ("zero damping", it.zero_damping), ("pole damping", it.pole_damping)];
+        let mut ranges =
+            vec![("natural frequency", it.natural_frequency), ("zero damping", it.zero_damping), ("pole damping", it.pole_damping)];
+        ranges.extend(it.pole_frequency.map(|range| ("pole frequency", range)));
         for (name, range) in ranges {
-            let unit = if name == "natural frequency" { " rad/s" } else { "" };
+            let unit = if name.ends_with("frequency") { " rad/s" } else { "" };
             output::line(&format!("  {name}: every value lies in [{:.6}, {:.6}]{unit}", range.low, range.high))?;
         }
     }

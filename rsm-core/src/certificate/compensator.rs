@@ -5,7 +5,7 @@
 //! certain inside its range only. Never samples to prove: points are looked for only where an enclosure has failed already.
 //!
 //! The filter is stable, and so is its inverse, when damping and frequency are positive: the bilinear transform takes the left half plane into the unit
-//! circle, whatever the sample time. The natural frequency must also lie below a quarter of the sample rate, w < 2 pi/(4 T): there the transform
+//! circle, whatever the sample time. A natural frequency, of the zeros and of the poles, must also lie below a quarter of the sample rate, w < 2 pi/(4 T): there the transform
 //! bends the frequency axis by tan(pi/4)/(pi/4) = 1.27 already, and the filter is no longer the one that was asked for.
 
 use crate::basis::Variable;
@@ -29,6 +29,8 @@ pub struct CompensatorCertificate {
     pub zero_damping: Interval,
     /// Holds every damping ratio of the poles.
     pub pole_damping: Interval,
+    /// Holds every natural frequency of the poles, in rad/s, where they have their own.
+    pub pole_frequency: Option<Interval>,
     /// What is not certain to hold. Empty: stable over the whole box.
     pub violations: Vec<Violation>,
 }
@@ -36,7 +38,7 @@ pub struct CompensatorCertificate {
 /// A condition that does not hold over the whole box.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {
-    /// Which of the three scheduled numbers, in the order of [`crate::model::Compensator::parts`].
+    /// Which of the scheduled numbers, in the order of [`crate::model::Compensator::parts`].
     pub part: usize,
     /// Its key in the file.
     pub key: &'static str,
@@ -65,7 +67,7 @@ pub fn certify(checked: &Checked, index: usize) -> CompensatorCertificate {
     for (part, (key, scheduled)) in compensator.parts().into_iter().enumerate() {
         let enclosed = Enclosed::of(model, scheduled);
         let mut conditions = vec![Condition::Positive];
-        if part == 0 {
+        if key.ends_with("_frequency") {
             conditions.push(Condition::Below(quarter_of_sample_rate));
         }
         for condition in conditions.into_iter().filter(|condition| !condition.holds(enclosed.range)) {
@@ -78,6 +80,7 @@ pub fn certify(checked: &Checked, index: usize) -> CompensatorCertificate {
         natural_frequency: ranges[0],
         zero_damping: ranges[1],
         pole_damping: ranges[2],
+        pole_frequency: ranges.get(3).copied(),
         violations,
     }
 }

@@ -15,7 +15,14 @@
 //! s2 := s2 + g u
 //! ```
 //!
-//! Why these states and not those of the difference equation: at rest s1 = 0 and s2 = x, whatever z, p and w. Then u = 0 and y = x exactly,
+//! Poles with a natural frequency of their own, v: H(s) = (v/w)^2 (s^2 + 2 z w s + w^2)/(s^2 + 2 p v s + v^2). The integrators then run at
+//! g = v T/2, and with r = v/w and the high-pass h = s^2/(s^2 + 2 p v s + v^2) x, which is x - s2 - (p + g/2) u:
+//!
+//! ```text
+//! y   = x + (r z - p) u + (r^2 - 1) h
+//! ```
+//!
+//! Why these states and not those of the difference equation: at rest s1 = 0 and s2 = x, whatever z, p, w and v. Then u = h = 0 and y = x exactly,
 //! also while the coefficients move: the gain at frequency 0 is exactly 1, and a change of gear at rest moves nothing.
 //!
 //! Reached from elsewhere, rest is where g u no longer moves s2: y may then be off by |z - p|/(2 g) units in the last place of x, some ten for
@@ -59,13 +66,17 @@ pub fn compensator(checked: &Checked, index: usize, precision: Precision) -> Tap
     let w = part(&compensator.natural_frequency);
     let z = part(&compensator.zero_damping);
     let p = part(&compensator.pole_damping);
+    let v = compensator.pole_frequency.as_ref().map(part);
 
     let half_sample = Number::Fixed(exact(compensator.sample_time) / integer(2));
-    let g = w.times(&half_sample, &mut tape);
+    let g = v.as_ref().unwrap_or(&w).times(&half_sample, &mut tape);
     // 1 + g (g + 2 p)
     let twice_p = p.plus(&p, &mut tape);
-    let inner = g.plus(&twice_p, &mut tape).times(&g, &mut tape);
+    let sum = g.plus(&twice_p, &mut tape);
+    let inner = sum.times(&g, &mut tape);
     let denominator = inner.plus(&Number::Fixed(integer(1)), &mut tape);
+    let ratio = v.as_ref().map(|v| v.over(&w, &mut tape));
+    let z = ratio.as_ref().map_or(z.clone(), |ratio| z.times(ratio, &mut tape));
     let difference = z.minus(&p, &mut tape);
 
     let g = g.register(&mut tape);
@@ -85,7 +96,16 @@ pub fn compensator(checked: &Checked, index: usize, precision: Precision) -> Tap
     };
     let difference = difference.register(&mut tape);
     let shaped = tape.push(Op::Multiply(u, difference));
-    let y = tape.push(Op::Add(x, shaped));
+    let mut y = tape.push(Op::Add(x, shaped));
+    if let Some(ratio) = ratio {
+        let excess = ratio.times(&ratio, &mut tape).minus(&Number::Fixed(integer(1)), &mut tape);
+        let half_sum = sum.times(&Number::Fixed(integer(1) / integer(2)), &mut tape).register(&mut tape);
+        let slow = tape.push(Op::Multiply(u, half_sum));
+        let high_pass = tape.push(Op::Subtract(error, slow));
+        let excess = excess.register(&mut tape);
+        let added = tape.push(Op::Multiply(high_pass, excess));
+        y = tape.push(Op::Add(y, added));
+    }
     let next_1 = tape.push(Op::Subtract(u, s1));
     let moved = tape.push(Op::Multiply(u, g));
     let next_2 = tape.push(Op::Add(s2, moved));
@@ -143,6 +163,10 @@ impl Number {
 
     fn times(&self, other: &Number, tape: &mut TapeBuilder) -> Number {
         self.with(other, tape, |a, b| a * b, Op::Multiply)
+    }
+
+    fn over(&self, other: &Number, tape: &mut TapeBuilder) -> Number {
+        self.with(other, tape, |a, b| a / b, Op::Divide)
     }
 
     fn with(

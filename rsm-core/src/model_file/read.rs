@@ -256,20 +256,31 @@ fn read_compensator(
         places.note(format!("{path}.sample_time"), value.span());
         reader.number("`sample_time`", value, faults)
     });
-    let mut scheduled = |key: &'static str| {
-        let value = reader.required(key, faults)?;
+    let mut scheduled = |key: &'static str, value: Option<Value<'_>>, reader: &TableReader<'_>, faults: &mut Collector| {
+        let value = value?;
         places.note(format!("{path}.{key}"), value.span());
         read_scheduled(key, value, reader, faults)
     };
-    let natural_frequency = scheduled("natural_frequency");
-    let zero_damping = scheduled("zero_damping");
-    let pole_damping = scheduled("pole_damping");
+    let mut required = |key| {
+        let value = reader.required(key, faults);
+        scheduled(key, value, reader, faults)
+    };
+    let natural_frequency = required("natural_frequency");
+    let zero_damping = required("zero_damping");
+    let pole_damping = required("pole_damping");
+    let own = reader.optional("pole_frequency");
+    let has_own = own.is_some();
+    let pole_frequency = scheduled("pole_frequency", own, reader, faults);
+    if has_own && pole_frequency.is_none() {
+        return None;
+    }
     Some(Compensator {
         name: name.into(),
         sample_time: sample_time?,
         natural_frequency: natural_frequency?,
         zero_damping: zero_damping?,
         pole_damping: pole_damping?,
+        pole_frequency,
     })
 }
 

@@ -26,11 +26,11 @@ pub fn write(model: &Model) -> String {
         write_surface(&mut out, surface);
     }
     for compensator in &model.compensators {
-        let Compensator { name, sample_time, natural_frequency, zero_damping, pole_damping } = compensator;
+        let Compensator { name, sample_time, .. } = compensator;
         let _ = writeln!(out, "\n[compensators.{name}]\nsample_time = {}", decimal(*sample_time));
-        let _ = writeln!(out, "natural_frequency = {}", scheduled_text(natural_frequency));
-        let _ = writeln!(out, "zero_damping = {}", scheduled_text(zero_damping));
-        let _ = writeln!(out, "pole_damping = {}", scheduled_text(pole_damping));
+        for (key, scheduled) in compensator.parts() {
+            let _ = writeln!(out, "{key} = {}", scheduled_text(scheduled));
+        }
     }
     out
 }
@@ -168,6 +168,7 @@ mod tests {
             natural_frequency: Scheduled::Fixed(9.5),
             zero_damping: Scheduled::Surface("s".into()),
             pole_damping: Scheduled::Sum(vec!["s".into(), "s".into()]),
+            pole_frequency: Some(Scheduled::Fixed(0.1)),
         };
         let input = |name: &str, outside| Input { name: name.into(), unit: "1".into(), range: [0.5, 1.0], outside };
         let model = Model {

@@ -49,6 +49,30 @@ zero_damping = { surface = "damping" }
 pole_damping = { sum = ["damping", "lack"] }
 "#;
 
+/// Poles with a natural frequency of their own: one tenth of the frequency surface and more, or a number.
+const MOVED: &str = r#"
+[surfaces.slower]
+unit = "rad/s"
+inputs = ["gear"]
+terms = [{ powers = [0], coefficient = 10.0 }, { powers = [1], coefficient = -3.0 }]
+
+[compensators.tip_in]
+sample_time = 0.001
+natural_frequency = { surface = "frequency" }
+zero_damping = { surface = "damping" }
+pole_damping = { sum = ["damping", "lack"] }
+pole_frequency = { surface = "slower" }
+"#;
+
+const MOVED_FIXED: &str = r#"
+[compensators.tip_in]
+sample_time = 0.004
+natural_frequency = 31.0
+zero_damping = 0.11
+pole_damping = 0.7
+pole_frequency = 9.0
+"#;
+
 const FIXED: &str = r#"
 [compensators.tip_in]
 sample_time = 0.004
@@ -67,14 +91,15 @@ fn signal(n: i64) -> Rational {
 }
 
 /// The difference equation of H with s = (2/T)(q - 1)/(q + 1) and g = w T/2, straight from multiplying out:
-/// numerator (q - 1)^2 + 2 z g (q - 1)(q + 1) + g^2 (q + 1)^2, denominator with p in place of z.
-fn difference_equation(w: &Rational, z: &Rational, p: &Rational, sample_time: f64, steps: i64) -> Vec<Rational> {
-    let g = w * exact(sample_time) / integer(2);
-    let polynomial = |damping: &Rational| {
+/// numerator (v/w)^2 ((q - 1)^2 + 2 z g (q - 1)(q + 1) + g^2 (q + 1)^2), denominator with p and v in place of z and w.
+fn difference_equation(w: &Rational, z: &Rational, v: &Rational, p: &Rational, sample_time: f64, steps: i64) -> Vec<Rational> {
+    let polynomial = |damping: &Rational, frequency: &Rational| {
+        let g = frequency * exact(sample_time) / integer(2);
         let (one, square, middle) = (integer(1), &g * &g, integer(2) * damping * &g);
         [&one + &middle + &square, integer(2) * &square - integer(2), &one - &middle + &square]
     };
-    let (b, a) = (polynomial(z), polynomial(p));
+    let (b, a) = (polynomial(z, w), polynomial(p, v));
+    let b = b.map(|coefficient| coefficient * v * v / (w * w));
     let mut y: Vec<Rational> = vec![];
     for n in 0..steps {
         let x = |back: i64| if n >= back { signal(n - back) } else { integer(0) };
@@ -89,13 +114,14 @@ fn difference_equation(w: &Rational, z: &Rational, p: &Rational, sample_time: f6
 fn without_rounding_a_step_is_the_bilinear_transform() {
     let steps = 12;
     for precision in Precision::ALL {
-        for text in [SCHEDULED, FIXED] {
+        for text in [SCHEDULED, FIXED, MOVED, MOVED_FIXED] {
             let checked = read(text);
             let tape = lower::compensator(&checked, 0, precision);
             println!("{tape}");
             println!("{} operations, {} deep", tape.operation_count(), tape.depth());
             // 10 m/s in gear 2.
-            let schedule: Vec<Rational> = if text == SCHEDULED { vec![integer(10), integer(2)] } else { vec![] };
+            let is_scheduled = text == SCHEDULED || text == MOVED;
+            let schedule: Vec<Rational> = if is_scheduled { vec![integer(10), integer(2)] } else { vec![] };
             let model = checked.model();
             let of = |name: &str| {
                 let surface = model.surface(name).unwrap();
@@ -104,12 +130,14 @@ fn without_rounding_a_step_is_the_bilinear_transform() {
                 exact::value(surface, &checked.inputs_of(surface), &at).unwrap()
             };
             let sample_time = model.compensators[0].sample_time;
-            let (w, z, p) = if text == SCHEDULED {
+            let (w, z, p) = if is_scheduled {
                 (of("frequency"), of("damping"), of("damping") + of("lack"))
             } else {
                 (exact(31.0), exact(0.11), exact(0.7))
             };
-            let expected = difference_equation(&w, &z, &p, sample_time, steps);
+            let v = if text == MOVED { of("slower") } else { w.clone() };
+            let v = if text == MOVED_FIXED { integer(9) } else { v };
+            let expected = difference_equation(&w, &z, &v, &p, sample_time, steps);
             let mut states = vec![integer(0), integer(0)];
             for (n, expected) in (0..steps).zip(expected) {
                 let point: Vec<Rational> = std::iter::once(signal(n)).chain(schedule.iter().cloned()).collect();
@@ -135,8 +163,8 @@ fn a_tape_lists_its_states_and_shares_a_surface_that_is_used_twice() {
 
 #[test]
 fn at_rest_the_result_is_the_signal_and_moving_coefficients_move_nothing() {
-    fn settled<T: rsm_core::run::Scalar + std::fmt::Debug>(of: impl Fn(f64) -> T) {
-        let tape = lower::compensator(&read(SCHEDULED), 0, T::PRECISION);
+    fn settled<T: rsm_core::run::Scalar + std::fmt::Debug>(text: &str, of: impl Fn(f64) -> T) {
+        let tape = lower::compensator(&read(text), 0, T::PRECISION);
         for level in [1.0, -0.3, 1e-30, 12345.678, 1e30] {
             let mut filter = Interpreter::<T>::new(&tape);
             // The state at rest, exactly: what a gain of exactly 1 at frequency 0 means.
@@ -149,8 +177,10 @@ fn at_rest_the_result_is_the_signal_and_moving_coefficients_move_nothing() {
             }
         }
     }
-    settled::<f64>(|value| value);
-    settled::<f32>(|value| value as f32);
+    for text in [SCHEDULED, MOVED] {
+        settled::<f64>(text, |value| value);
+        settled::<f32>(text, |value| value as f32);
+    }
 }
 
 #[test]
@@ -243,6 +273,10 @@ fn a_sound_compensator_is_certified() {
     assert!(found.pole_damping.low <= 0.5 && found.pole_damping.low > 0.5 - 1e-9, "{:?}", found.pole_damping);
     // Ranges of the summands alone would give 0.1 + 0.4 = 0.5 and 0.2 + 0.6 = 0.8; the sum reaches 0.7 + 0.1 = 0.8 at g = 1, v = -1.
     assert!(found.pole_damping.high >= 0.8 && found.pole_damping.high < 0.8 + 1e-9);
+    assert_eq!(found.pole_frequency, None);
+    let own = certificate(MOVED).pole_frequency.expect("it has a pole frequency");
+    // 10 -+ 3
+    assert!(own.low <= 7.0 && own.low > 7.0 - 1e-9 && own.high >= 13.0 && own.high < 13.0 + 1e-9, "{own:?}");
 }
 
 #[test]
@@ -278,6 +312,12 @@ fn what_breaks_a_condition_is_named_with_its_point() {
             "natural_frequency",
             "found 40, expected less than a quarter of the sample rate, 31.4159 rad/s",
         ),
+        // The poles' own frequency is asked the same: 13 rad/s in gear 1 (10 + 3).
+        (
+            "sample_time = 0.125\nnatural_frequency = 10.0\nzero_damping = 0.1\npole_damping = 0.7\npole_frequency = { surface = \"slower\" }\n",
+            "pole_frequency",
+            "found 13 at gear = 1, expected less than a quarter of the sample rate, 12.5664 rad/s",
+        ),
         // -4 g v + ... : 0.5 at most; the least of `falls` lies inside the box, at speed 25 (coded 0): -0.01.
         (
             "sample_time = 0.001\nnatural_frequency = 20.0\nzero_damping = { surface = \"falls\" }\npole_damping = 0.7\n",
@@ -291,7 +331,8 @@ fn what_breaks_a_condition_is_named_with_its_point() {
             "found -0.005 at speed = 25, expected more than 0",
         ),
     ];
-    let extra = "\n[surfaces.falls]\nunit = \"1\"\ninputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = -0.01 }, { powers = [2], coefficient = 0.3 }]\n\
+    let extra = "\n[surfaces.slower]\nunit = \"rad/s\"\ninputs = [\"gear\"]\nterms = [{ powers = [0], coefficient = 10.0 }, { powers = [1], coefficient = -3.0 }]\n\
+                 \n[surfaces.falls]\nunit = \"1\"\ninputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = -0.01 }, { powers = [2], coefficient = 0.3 }]\n\
                  \n[surfaces.held]\nunit = \"1\"\ninputs = [\"speed\"]\noutput_range = [0.005, 1.0]\nterms = [{ powers = [0], coefficient = -0.01 }, { powers = [2], coefficient = 0.3 }]\n";
     for (text, key, what) in cases {
         let found = certificate(&format!("{extra}\n[compensators.k]\n{text}")).violations;
