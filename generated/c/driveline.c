@@ -321,23 +321,84 @@ double driveline_damping_ratio(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = -0.0005603978351986625;
+    const double r18 = 0.00018890525199553518;
     const double r19 = driveline_rsm_keep(r18 * r17);
-    const double r20 = 0.0016325009117577676;
+    const double r20 = 0.0012854463719839605;
     const double r21 = r19 + r20;
-    const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = 0.00235262714280689;
-    const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = 0.0038805836928309414;
-    const double r26 = r24 + r25;
-    const double r27 = driveline_rsm_keep(r26 * r17);
-    const double r28 = 0.13206122652398702;
-    const double r29 = r27 + r28;
-    const double r30 = r22 + r29;
-    const double r31 = 0.02;
-    const double r33 = driveline_rsm_at_least(r30, r31);
-    const double r35 = driveline_rsm_at_most(r33, r10);
-    return r35;
+    const double r22 = driveline_rsm_keep(r21 * r17);
+    const double r23 = -0.0003989395904746095;
+    const double r24 = r22 + r23;
+    const double r25 = driveline_rsm_keep(r24 * r17);
+    const double r26 = 7.790826848875384e-5;
+    const double r27 = r25 + r26;
+    const double r28 = driveline_rsm_keep(r27 * r9);
+    const double r29 = -0.0022242942472713127;
+    const double r30 = driveline_rsm_keep(r29 * r17);
+    const double r31 = 0.011048738750840758;
+    const double r32 = r30 + r31;
+    const double r33 = driveline_rsm_keep(r32 * r17);
+    const double r34 = 0.01459757205747069;
+    const double r35 = r33 + r34;
+    const double r36 = driveline_rsm_keep(r35 * r17);
+    const double r37 = 0.14101793656394218;
+    const double r38 = r36 + r37;
+    const double r39 = r28 + r38;
+    const double r40 = 0.05;
+    const double r42 = driveline_rsm_at_least(r39, r40);
+    const double r44 = driveline_rsm_at_most(r42, r10);
+    return r44;
+}
+
+int driveline_damping_ratio_support(double speed, double gear)
+{
+    const double r0 = driveline_rsm_keep(speed);
+    const double r1 = driveline_rsm_keep(gear);
+    const double r2 = 0.0;
+    const double r3 = 1.0;
+    const double r4 = 26.25;
+    const double r5 = r0 - r4;
+    const double r6 = -0.042105263157894736;
+    const double r7 = driveline_rsm_keep(r5 * r6);
+    const double r8 = 0.9906500000000001;
+    const double r10 = driveline_rsm_select(r7, r8, r3, r2);
+    const double r11 = 0.042105263157894736;
+    const double r12 = driveline_rsm_keep(r5 * r11);
+    const double r13 = 0.8828800000000001;
+    const double r15 = driveline_rsm_select(r12, r13, r10, r2);
+    const double r16 = 3.0;
+    const double r17 = r1 - r16;
+    const double r18 = -0.5;
+    const double r19 = driveline_rsm_keep(r17 * r18);
+    const double r20 = 1.0001000000000002;
+    const double r22 = driveline_rsm_select(r19, r20, r15, r2);
+    const double r23 = 0.5;
+    const double r24 = driveline_rsm_keep(r17 * r23);
+    const double r26 = driveline_rsm_select(r24, r20, r22, r2);
+    const double r27 = driveline_rsm_keep(r5 * r11);
+    const double r28 = -0.3772;
+    const double r29 = driveline_rsm_keep(r17 * r28);
+    const double r30 = r27 + r29;
+    const double r31 = 0.14472000000000002;
+    const double r33 = driveline_rsm_select(r30, r31, r26, r2);
+    const double r34 = driveline_rsm_keep(r5 * r6);
+    const double r35 = 0.1016;
+    const double r36 = driveline_rsm_keep(r17 * r35);
+    const double r37 = r34 + r36;
+    const double r38 = 0.8119900000000001;
+    const double r40 = driveline_rsm_select(r37, r38, r33, r2);
+    const double r41 = driveline_rsm_keep(r5 * r6);
+    const double r42 = 0.0801;
+    const double r43 = driveline_rsm_keep(r17 * r42);
+    const double r44 = r41 + r43;
+    const double r45 = 0.8304500000000001;
+    const double r47 = driveline_rsm_select(r44, r45, r40, r2);
+    const double r48 = driveline_rsm_keep(r5 * r11);
+    const double r49 = -0.36095;
+    const double r50 = driveline_rsm_keep(r17 * r49);
+    const double r51 = r48 + r50;
+    const double r52 = 0.16098000000000004;
+    const double r54 = driveline_rsm_select(r51, r52, r47, r2);
+    return (int)r54;
 }
 
 double driveline_damping_error(double speed, double gear)
@@ -356,23 +417,85 @@ double driveline_damping_error(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = 0.0005604001309703093;
+    const double r18 = 0.0001794549081751423;
     const double r19 = driveline_rsm_keep(r18 * r17);
-    const double r20 = -0.001632498199537046;
+    const double r20 = -0.0017538578744081506;
     const double r21 = r19 + r20;
-    const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = -0.002352611765348092;
-    const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = -0.0038805983016866534;
-    const double r26 = r24 + r25;
-    const double r27 = driveline_rsm_keep(r26 * r17);
-    const double r28 = 0.3179388011410825;
-    const double r29 = r27 + r28;
-    const double r30 = r22 + r29;
-    const double r31 = 0.1;
-    const double r33 = driveline_rsm_at_least(r30, r31);
-    const double r35 = driveline_rsm_at_most(r33, r10);
-    return r35;
+    const double r22 = driveline_rsm_keep(r21 * r17);
+    const double r23 = 8.13097876464608e-6;
+    const double r24 = r22 + r23;
+    const double r25 = driveline_rsm_keep(r24 * r17);
+    const double r26 = 0.0002232081866356616;
+    const double r27 = r25 + r26;
+    const double r28 = driveline_rsm_keep(r27 * r9);
+    const double r29 = 0.0026293466158285273;
+    const double r30 = driveline_rsm_keep(r29 * r17);
+    const double r31 = -0.0115809020360853;
+    const double r32 = r30 + r31;
+    const double r33 = driveline_rsm_keep(r32 * r17);
+    const double r34 = -0.014161831811951523;
+    const double r35 = r33 + r34;
+    const double r36 = driveline_rsm_keep(r35 * r17);
+    const double r37 = 0.5095946922869903;
+    const double r38 = r36 + r37;
+    const double r39 = r28 + r38;
+    const double r40 = -0.04;
+    const double r42 = driveline_rsm_at_least(r39, r40);
+    const double r43 = 1.2;
+    const double r45 = driveline_rsm_at_most(r42, r43);
+    return r45;
+}
+
+int driveline_damping_error_support(double speed, double gear)
+{
+    const double r0 = driveline_rsm_keep(speed);
+    const double r1 = driveline_rsm_keep(gear);
+    const double r2 = 0.0;
+    const double r3 = 1.0;
+    const double r4 = 26.25;
+    const double r5 = r0 - r4;
+    const double r6 = -0.042105263157894736;
+    const double r7 = driveline_rsm_keep(r5 * r6);
+    const double r8 = 0.9906500000000001;
+    const double r10 = driveline_rsm_select(r7, r8, r3, r2);
+    const double r11 = 0.042105263157894736;
+    const double r12 = driveline_rsm_keep(r5 * r11);
+    const double r13 = 0.8828800000000001;
+    const double r15 = driveline_rsm_select(r12, r13, r10, r2);
+    const double r16 = 3.0;
+    const double r17 = r1 - r16;
+    const double r18 = -0.5;
+    const double r19 = driveline_rsm_keep(r17 * r18);
+    const double r20 = 1.0001000000000002;
+    const double r22 = driveline_rsm_select(r19, r20, r15, r2);
+    const double r23 = 0.5;
+    const double r24 = driveline_rsm_keep(r17 * r23);
+    const double r26 = driveline_rsm_select(r24, r20, r22, r2);
+    const double r27 = driveline_rsm_keep(r5 * r11);
+    const double r28 = -0.3772;
+    const double r29 = driveline_rsm_keep(r17 * r28);
+    const double r30 = r27 + r29;
+    const double r31 = 0.14472000000000002;
+    const double r33 = driveline_rsm_select(r30, r31, r26, r2);
+    const double r34 = driveline_rsm_keep(r5 * r6);
+    const double r35 = 0.1016;
+    const double r36 = driveline_rsm_keep(r17 * r35);
+    const double r37 = r34 + r36;
+    const double r38 = 0.8119900000000001;
+    const double r40 = driveline_rsm_select(r37, r38, r33, r2);
+    const double r41 = driveline_rsm_keep(r5 * r6);
+    const double r42 = 0.0801;
+    const double r43 = driveline_rsm_keep(r17 * r42);
+    const double r44 = r41 + r43;
+    const double r45 = 0.8304500000000001;
+    const double r47 = driveline_rsm_select(r44, r45, r40, r2);
+    const double r48 = driveline_rsm_keep(r5 * r11);
+    const double r49 = -0.36095;
+    const double r50 = driveline_rsm_keep(r17 * r49);
+    const double r51 = r48 + r50;
+    const double r52 = 0.16098000000000004;
+    const double r54 = driveline_rsm_select(r51, r52, r47, r2);
+    return (int)r54;
 }
 
 double driveline_shuffle_frequency(double speed, double gear)
@@ -391,24 +514,85 @@ double driveline_shuffle_frequency(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = 0.18963093740851786;
+    const double r18 = -0.017324758074010394;
     const double r19 = driveline_rsm_keep(r18 * r17);
-    const double r20 = 0.0038495467839014356;
+    const double r20 = -0.04451267805615619;
     const double r21 = r19 + r20;
-    const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = -0.7967556122082656;
-    const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = 9.359061297072513;
-    const double r26 = r24 + r25;
-    const double r27 = driveline_rsm_keep(r26 * r17);
-    const double r28 = 29.479559126560027;
-    const double r29 = r27 + r28;
-    const double r30 = r22 + r29;
-    const double r31 = 8.0;
-    const double r33 = driveline_rsm_at_least(r30, r31);
-    const double r34 = 80.0;
-    const double r36 = driveline_rsm_at_most(r33, r34);
-    return r36;
+    const double r22 = driveline_rsm_keep(r21 * r17);
+    const double r23 = -0.07305379480440813;
+    const double r24 = r22 + r23;
+    const double r25 = driveline_rsm_keep(r24 * r17);
+    const double r26 = 0.0002841430957316299;
+    const double r27 = r25 + r26;
+    const double r28 = driveline_rsm_keep(r27 * r9);
+    const double r29 = -0.5011181619205418;
+    const double r30 = driveline_rsm_keep(r29 * r17);
+    const double r31 = -0.33676575634152006;
+    const double r32 = r30 + r31;
+    const double r33 = driveline_rsm_keep(r32 * r17);
+    const double r34 = 8.251463322646769;
+    const double r35 = r33 + r34;
+    const double r36 = driveline_rsm_keep(r35 * r17);
+    const double r37 = 30.35207328601266;
+    const double r38 = r36 + r37;
+    const double r39 = r28 + r38;
+    const double r40 = 8.0;
+    const double r42 = driveline_rsm_at_least(r39, r40);
+    const double r43 = 80.0;
+    const double r45 = driveline_rsm_at_most(r42, r43);
+    return r45;
+}
+
+int driveline_shuffle_frequency_support(double speed, double gear)
+{
+    const double r0 = driveline_rsm_keep(speed);
+    const double r1 = driveline_rsm_keep(gear);
+    const double r2 = 0.0;
+    const double r3 = 1.0;
+    const double r4 = 26.25;
+    const double r5 = r0 - r4;
+    const double r6 = -0.042105263157894736;
+    const double r7 = driveline_rsm_keep(r5 * r6);
+    const double r8 = 0.9906500000000001;
+    const double r10 = driveline_rsm_select(r7, r8, r3, r2);
+    const double r11 = 0.042105263157894736;
+    const double r12 = driveline_rsm_keep(r5 * r11);
+    const double r13 = 0.8828800000000001;
+    const double r15 = driveline_rsm_select(r12, r13, r10, r2);
+    const double r16 = 3.0;
+    const double r17 = r1 - r16;
+    const double r18 = -0.5;
+    const double r19 = driveline_rsm_keep(r17 * r18);
+    const double r20 = 1.0001000000000002;
+    const double r22 = driveline_rsm_select(r19, r20, r15, r2);
+    const double r23 = 0.5;
+    const double r24 = driveline_rsm_keep(r17 * r23);
+    const double r26 = driveline_rsm_select(r24, r20, r22, r2);
+    const double r27 = driveline_rsm_keep(r5 * r11);
+    const double r28 = -0.3772;
+    const double r29 = driveline_rsm_keep(r17 * r28);
+    const double r30 = r27 + r29;
+    const double r31 = 0.14472000000000002;
+    const double r33 = driveline_rsm_select(r30, r31, r26, r2);
+    const double r34 = driveline_rsm_keep(r5 * r6);
+    const double r35 = 0.1016;
+    const double r36 = driveline_rsm_keep(r17 * r35);
+    const double r37 = r34 + r36;
+    const double r38 = 0.8119900000000001;
+    const double r40 = driveline_rsm_select(r37, r38, r33, r2);
+    const double r41 = driveline_rsm_keep(r5 * r6);
+    const double r42 = 0.0801;
+    const double r43 = driveline_rsm_keep(r17 * r42);
+    const double r44 = r41 + r43;
+    const double r45 = 0.8304500000000001;
+    const double r47 = driveline_rsm_select(r44, r45, r40, r2);
+    const double r48 = driveline_rsm_keep(r5 * r11);
+    const double r49 = -0.36095;
+    const double r50 = driveline_rsm_keep(r17 * r49);
+    const double r51 = r48 + r50;
+    const double r52 = 0.16098000000000004;
+    const double r54 = driveline_rsm_select(r51, r52, r47, r2);
+    return (int)r54;
 }
 
 void driveline_tip_in_init(driveline_tip_in_state *state)
@@ -436,88 +620,126 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r18 = driveline_rsm_at_most(r15, r16);
     const double r19 = 3.0;
     const double r20 = r18 - r19;
-    const double r21 = 0.18963093740851786;
+    const double r21 = -0.017324758074010394;
     const double r22 = driveline_rsm_keep(r21 * r20);
-    const double r23 = 0.0038495467839014356;
+    const double r23 = -0.04451267805615619;
     const double r24 = r22 + r23;
-    const double r25 = driveline_rsm_keep(r24 * r12);
-    const double r26 = -0.7967556122082656;
-    const double r27 = driveline_rsm_keep(r26 * r20);
-    const double r28 = 9.359061297072513;
-    const double r29 = r27 + r28;
-    const double r30 = driveline_rsm_keep(r29 * r20);
-    const double r31 = 29.479559126560027;
-    const double r32 = r30 + r31;
-    const double r33 = r25 + r32;
-    const double r34 = 8.0;
-    const double r36 = driveline_rsm_at_least(r33, r34);
-    const double r37 = 80.0;
-    const double r39 = driveline_rsm_at_most(r36, r37);
-    const double r40 = -0.0005603978351986625;
-    const double r41 = driveline_rsm_keep(r40 * r20);
-    const double r42 = 0.0016325009117577676;
-    const double r43 = r41 + r42;
-    const double r44 = driveline_rsm_keep(r43 * r12);
-    const double r45 = 0.00235262714280689;
-    const double r46 = driveline_rsm_keep(r45 * r20);
-    const double r47 = 0.0038805836928309414;
-    const double r48 = r46 + r47;
-    const double r49 = driveline_rsm_keep(r48 * r20);
-    const double r50 = 0.13206122652398702;
-    const double r51 = r49 + r50;
-    const double r52 = r44 + r51;
-    const double r53 = 0.02;
-    const double r55 = driveline_rsm_at_least(r52, r53);
-    const double r57 = driveline_rsm_at_most(r55, r13);
-    const double r58 = 0.0005604001309703093;
-    const double r59 = driveline_rsm_keep(r58 * r20);
-    const double r60 = -0.001632498199537046;
-    const double r61 = r59 + r60;
-    const double r62 = driveline_rsm_keep(r61 * r12);
-    const double r63 = -0.002352611765348092;
+    const double r25 = driveline_rsm_keep(r24 * r20);
+    const double r26 = -0.07305379480440813;
+    const double r27 = r25 + r26;
+    const double r28 = driveline_rsm_keep(r27 * r20);
+    const double r29 = 0.0002841430957316299;
+    const double r30 = r28 + r29;
+    const double r31 = driveline_rsm_keep(r30 * r12);
+    const double r32 = -0.5011181619205418;
+    const double r33 = driveline_rsm_keep(r32 * r20);
+    const double r34 = -0.33676575634152006;
+    const double r35 = r33 + r34;
+    const double r36 = driveline_rsm_keep(r35 * r20);
+    const double r37 = 8.251463322646769;
+    const double r38 = r36 + r37;
+    const double r39 = driveline_rsm_keep(r38 * r20);
+    const double r40 = 30.35207328601266;
+    const double r41 = r39 + r40;
+    const double r42 = r31 + r41;
+    const double r43 = 8.0;
+    const double r45 = driveline_rsm_at_least(r42, r43);
+    const double r46 = 80.0;
+    const double r48 = driveline_rsm_at_most(r45, r46);
+    const double r49 = 0.00018890525199553518;
+    const double r50 = driveline_rsm_keep(r49 * r20);
+    const double r51 = 0.0012854463719839605;
+    const double r52 = r50 + r51;
+    const double r53 = driveline_rsm_keep(r52 * r20);
+    const double r54 = -0.0003989395904746095;
+    const double r55 = r53 + r54;
+    const double r56 = driveline_rsm_keep(r55 * r20);
+    const double r57 = 7.790826848875384e-5;
+    const double r58 = r56 + r57;
+    const double r59 = driveline_rsm_keep(r58 * r12);
+    const double r60 = -0.0022242942472713127;
+    const double r61 = driveline_rsm_keep(r60 * r20);
+    const double r62 = 0.011048738750840758;
+    const double r63 = r61 + r62;
     const double r64 = driveline_rsm_keep(r63 * r20);
-    const double r65 = -0.0038805983016866534;
+    const double r65 = 0.01459757205747069;
     const double r66 = r64 + r65;
     const double r67 = driveline_rsm_keep(r66 * r20);
-    const double r68 = 0.3179388011410825;
+    const double r68 = 0.14101793656394218;
     const double r69 = r67 + r68;
-    const double r70 = r62 + r69;
-    const double r71 = 0.1;
+    const double r70 = r59 + r69;
+    const double r71 = 0.05;
     const double r73 = driveline_rsm_at_least(r70, r71);
     const double r75 = driveline_rsm_at_most(r73, r13);
-    const double r76 = r57 + r75;
-    const double r77 = 0.0005;
-    const double r78 = driveline_rsm_keep(r39 * r77);
-    const double r79 = driveline_rsm_keep(r76 + r76);
-    const double r80 = r78 + r79;
-    const double r81 = driveline_rsm_keep(r80 * r78);
-    const double r82 = r81 + r13;
-    const double r83 = r57 - r76;
-    const double r84 = r0 - r4;
-    const double r85 = driveline_rsm_keep(r84 * r78);
-    const double r86 = r3 + r85;
-    const double r87 = driveline_rsm_keep(r86 + r86);
-    const double r88 = r87 / r82;
-    const double r89 = driveline_rsm_keep(r88 * r83);
-    const double r90 = r0 + r89;
-    const double r91 = r88 - r3;
-    const double r92 = driveline_rsm_keep(r88 * r78);
-    const double r93 = r4 + r92;
-    const double r94 = r0 - r0;
-    const double r95 = r1 - r1;
+    const double r76 = 0.0001794549081751423;
+    const double r77 = driveline_rsm_keep(r76 * r20);
+    const double r78 = -0.0017538578744081506;
+    const double r79 = r77 + r78;
+    const double r80 = driveline_rsm_keep(r79 * r20);
+    const double r81 = 8.13097876464608e-6;
+    const double r82 = r80 + r81;
+    const double r83 = driveline_rsm_keep(r82 * r20);
+    const double r84 = 0.0002232081866356616;
+    const double r85 = r83 + r84;
+    const double r86 = driveline_rsm_keep(r85 * r12);
+    const double r87 = 0.0026293466158285273;
+    const double r88 = driveline_rsm_keep(r87 * r20);
+    const double r89 = -0.0115809020360853;
+    const double r90 = r88 + r89;
+    const double r91 = driveline_rsm_keep(r90 * r20);
+    const double r92 = -0.014161831811951523;
+    const double r93 = r91 + r92;
+    const double r94 = driveline_rsm_keep(r93 * r20);
+    const double r95 = 0.5095946922869903;
     const double r96 = r94 + r95;
-    const double r97 = r2 - r2;
-    const double r98 = r96 + r97;
-    const double r99 = r90 + r98;
-    const double r100 = r91 - r91;
-    const double r101 = r98 + r100;
-    const double r102 = r93 - r93;
-    const double r103 = r101 + r102;
-    const double r105 = driveline_rsm_select(r103, r13, r91, r3);
-    const double r106 = driveline_rsm_select(r103, r13, r93, r4);
-    state->s0 = r105;
-    state->s1 = r106;
-    return r99;
+    const double r97 = r86 + r96;
+    const double r98 = -0.04;
+    const double r100 = driveline_rsm_at_least(r97, r98);
+    const double r101 = 1.2;
+    const double r103 = driveline_rsm_at_most(r100, r101);
+    const double r104 = r75 + r103;
+    const double r105 = driveline_rsm_keep(r104 + r104);
+    const double r106 = 0.0055;
+    const double r107 = r106 + r105;
+    const double r108 = driveline_rsm_keep(r107 * r106);
+    const double r109 = r108 + r13;
+    const double r110 = 11.0;
+    const double r111 = r110 / r48;
+    const double r112 = driveline_rsm_keep(r75 * r111);
+    const double r113 = r112 - r104;
+    const double r114 = r0 - r4;
+    const double r115 = driveline_rsm_keep(r114 * r106);
+    const double r116 = r3 + r115;
+    const double r117 = driveline_rsm_keep(r116 + r116);
+    const double r118 = r117 / r109;
+    const double r119 = driveline_rsm_keep(r118 * r113);
+    const double r120 = r0 + r119;
+    const double r121 = driveline_rsm_keep(r111 * r111);
+    const double r122 = r121 - r13;
+    const double r123 = 0.5;
+    const double r124 = driveline_rsm_keep(r107 * r123);
+    const double r125 = driveline_rsm_keep(r118 * r124);
+    const double r126 = r114 - r125;
+    const double r127 = driveline_rsm_keep(r126 * r122);
+    const double r128 = r120 + r127;
+    const double r129 = r118 - r3;
+    const double r130 = driveline_rsm_keep(r118 * r106);
+    const double r131 = r4 + r130;
+    const double r132 = r0 - r0;
+    const double r133 = r1 - r1;
+    const double r134 = r132 + r133;
+    const double r135 = r2 - r2;
+    const double r136 = r134 + r135;
+    const double r137 = r128 + r136;
+    const double r138 = r129 - r129;
+    const double r139 = r136 + r138;
+    const double r140 = r131 - r131;
+    const double r141 = r139 + r140;
+    const double r143 = driveline_rsm_select(r141, r13, r129, r3);
+    const double r144 = driveline_rsm_select(r141, r13, r131, r4);
+    state->s0 = r143;
+    state->s1 = r144;
+    return r137;
 }
 
 #endif /* double has 64 bits */
@@ -538,23 +760,84 @@ float driveline_damping_ratio_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = -0.0005603978f;
+    const float r18 = 0.00018890525f;
     const float r19 = driveline_rsm_keep_f32(r18 * r17);
-    const float r20 = 0.0016325009f;
+    const float r20 = 0.0012854463f;
     const float r21 = r19 + r20;
-    const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = 0.0023526272f;
-    const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = 0.0038805837f;
-    const float r26 = r24 + r25;
-    const float r27 = driveline_rsm_keep_f32(r26 * r17);
-    const float r28 = 0.13206123f;
-    const float r29 = r27 + r28;
-    const float r30 = r22 + r29;
-    const float r31 = 0.020000001f;
-    const float r33 = driveline_rsm_at_least_f32(r30, r31);
-    const float r35 = driveline_rsm_at_most_f32(r33, r10);
-    return r35;
+    const float r22 = driveline_rsm_keep_f32(r21 * r17);
+    const float r23 = -0.0003989396f;
+    const float r24 = r22 + r23;
+    const float r25 = driveline_rsm_keep_f32(r24 * r17);
+    const float r26 = 7.790827e-5f;
+    const float r27 = r25 + r26;
+    const float r28 = driveline_rsm_keep_f32(r27 * r9);
+    const float r29 = -0.0022242942f;
+    const float r30 = driveline_rsm_keep_f32(r29 * r17);
+    const float r31 = 0.011048739f;
+    const float r32 = r30 + r31;
+    const float r33 = driveline_rsm_keep_f32(r32 * r17);
+    const float r34 = 0.014597572f;
+    const float r35 = r33 + r34;
+    const float r36 = driveline_rsm_keep_f32(r35 * r17);
+    const float r37 = 0.14101794f;
+    const float r38 = r36 + r37;
+    const float r39 = r28 + r38;
+    const float r40 = 0.05f;
+    const float r42 = driveline_rsm_at_least_f32(r39, r40);
+    const float r44 = driveline_rsm_at_most_f32(r42, r10);
+    return r44;
+}
+
+int driveline_damping_ratio_support_f32(float speed, float gear)
+{
+    const float r0 = driveline_rsm_keep_f32(speed);
+    const float r1 = driveline_rsm_keep_f32(gear);
+    const float r2 = 0.0f;
+    const float r3 = 1.0f;
+    const float r4 = 26.25f;
+    const float r5 = r0 - r4;
+    const float r6 = -0.042105265f;
+    const float r7 = driveline_rsm_keep_f32(r5 * r6);
+    const float r8 = 0.99065006f;
+    const float r10 = driveline_rsm_select_f32(r7, r8, r3, r2);
+    const float r11 = 0.042105265f;
+    const float r12 = driveline_rsm_keep_f32(r5 * r11);
+    const float r13 = 0.88288003f;
+    const float r15 = driveline_rsm_select_f32(r12, r13, r10, r2);
+    const float r16 = 3.0f;
+    const float r17 = r1 - r16;
+    const float r18 = -0.5f;
+    const float r19 = driveline_rsm_keep_f32(r17 * r18);
+    const float r20 = 1.0001f;
+    const float r22 = driveline_rsm_select_f32(r19, r20, r15, r2);
+    const float r23 = 0.5f;
+    const float r24 = driveline_rsm_keep_f32(r17 * r23);
+    const float r26 = driveline_rsm_select_f32(r24, r20, r22, r2);
+    const float r27 = driveline_rsm_keep_f32(r5 * r11);
+    const float r28 = -0.3772f;
+    const float r29 = driveline_rsm_keep_f32(r17 * r28);
+    const float r30 = r27 + r29;
+    const float r31 = 0.14472f;
+    const float r33 = driveline_rsm_select_f32(r30, r31, r26, r2);
+    const float r34 = driveline_rsm_keep_f32(r5 * r6);
+    const float r35 = 0.1016f;
+    const float r36 = driveline_rsm_keep_f32(r17 * r35);
+    const float r37 = r34 + r36;
+    const float r38 = 0.81199f;
+    const float r40 = driveline_rsm_select_f32(r37, r38, r33, r2);
+    const float r41 = driveline_rsm_keep_f32(r5 * r6);
+    const float r42 = 0.0801f;
+    const float r43 = driveline_rsm_keep_f32(r17 * r42);
+    const float r44 = r41 + r43;
+    const float r45 = 0.83045006f;
+    const float r47 = driveline_rsm_select_f32(r44, r45, r40, r2);
+    const float r48 = driveline_rsm_keep_f32(r5 * r11);
+    const float r49 = -0.36095f;
+    const float r50 = driveline_rsm_keep_f32(r17 * r49);
+    const float r51 = r48 + r50;
+    const float r52 = 0.16098f;
+    const float r54 = driveline_rsm_select_f32(r51, r52, r47, r2);
+    return (int)r54;
 }
 
 float driveline_damping_error_f32(float speed, float gear)
@@ -573,23 +856,85 @@ float driveline_damping_error_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = 0.00056040013f;
+    const float r18 = 0.0001794549f;
     const float r19 = driveline_rsm_keep_f32(r18 * r17);
-    const float r20 = -0.0016324982f;
+    const float r20 = -0.0017538578f;
     const float r21 = r19 + r20;
-    const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = -0.0023526119f;
-    const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = -0.0038805983f;
-    const float r26 = r24 + r25;
-    const float r27 = driveline_rsm_keep_f32(r26 * r17);
-    const float r28 = 0.3179388f;
-    const float r29 = r27 + r28;
-    const float r30 = r22 + r29;
-    const float r31 = 0.1f;
-    const float r33 = driveline_rsm_at_least_f32(r30, r31);
-    const float r35 = driveline_rsm_at_most_f32(r33, r10);
-    return r35;
+    const float r22 = driveline_rsm_keep_f32(r21 * r17);
+    const float r23 = 8.130979e-6f;
+    const float r24 = r22 + r23;
+    const float r25 = driveline_rsm_keep_f32(r24 * r17);
+    const float r26 = 0.00022320819f;
+    const float r27 = r25 + r26;
+    const float r28 = driveline_rsm_keep_f32(r27 * r9);
+    const float r29 = 0.0026293467f;
+    const float r30 = driveline_rsm_keep_f32(r29 * r17);
+    const float r31 = -0.011580902f;
+    const float r32 = r30 + r31;
+    const float r33 = driveline_rsm_keep_f32(r32 * r17);
+    const float r34 = -0.014161832f;
+    const float r35 = r33 + r34;
+    const float r36 = driveline_rsm_keep_f32(r35 * r17);
+    const float r37 = 0.5095947f;
+    const float r38 = r36 + r37;
+    const float r39 = r28 + r38;
+    const float r40 = -0.04f;
+    const float r42 = driveline_rsm_at_least_f32(r39, r40);
+    const float r43 = 1.1999999f;
+    const float r45 = driveline_rsm_at_most_f32(r42, r43);
+    return r45;
+}
+
+int driveline_damping_error_support_f32(float speed, float gear)
+{
+    const float r0 = driveline_rsm_keep_f32(speed);
+    const float r1 = driveline_rsm_keep_f32(gear);
+    const float r2 = 0.0f;
+    const float r3 = 1.0f;
+    const float r4 = 26.25f;
+    const float r5 = r0 - r4;
+    const float r6 = -0.042105265f;
+    const float r7 = driveline_rsm_keep_f32(r5 * r6);
+    const float r8 = 0.99065006f;
+    const float r10 = driveline_rsm_select_f32(r7, r8, r3, r2);
+    const float r11 = 0.042105265f;
+    const float r12 = driveline_rsm_keep_f32(r5 * r11);
+    const float r13 = 0.88288003f;
+    const float r15 = driveline_rsm_select_f32(r12, r13, r10, r2);
+    const float r16 = 3.0f;
+    const float r17 = r1 - r16;
+    const float r18 = -0.5f;
+    const float r19 = driveline_rsm_keep_f32(r17 * r18);
+    const float r20 = 1.0001f;
+    const float r22 = driveline_rsm_select_f32(r19, r20, r15, r2);
+    const float r23 = 0.5f;
+    const float r24 = driveline_rsm_keep_f32(r17 * r23);
+    const float r26 = driveline_rsm_select_f32(r24, r20, r22, r2);
+    const float r27 = driveline_rsm_keep_f32(r5 * r11);
+    const float r28 = -0.3772f;
+    const float r29 = driveline_rsm_keep_f32(r17 * r28);
+    const float r30 = r27 + r29;
+    const float r31 = 0.14472f;
+    const float r33 = driveline_rsm_select_f32(r30, r31, r26, r2);
+    const float r34 = driveline_rsm_keep_f32(r5 * r6);
+    const float r35 = 0.1016f;
+    const float r36 = driveline_rsm_keep_f32(r17 * r35);
+    const float r37 = r34 + r36;
+    const float r38 = 0.81199f;
+    const float r40 = driveline_rsm_select_f32(r37, r38, r33, r2);
+    const float r41 = driveline_rsm_keep_f32(r5 * r6);
+    const float r42 = 0.0801f;
+    const float r43 = driveline_rsm_keep_f32(r17 * r42);
+    const float r44 = r41 + r43;
+    const float r45 = 0.83045006f;
+    const float r47 = driveline_rsm_select_f32(r44, r45, r40, r2);
+    const float r48 = driveline_rsm_keep_f32(r5 * r11);
+    const float r49 = -0.36095f;
+    const float r50 = driveline_rsm_keep_f32(r17 * r49);
+    const float r51 = r48 + r50;
+    const float r52 = 0.16098f;
+    const float r54 = driveline_rsm_select_f32(r51, r52, r47, r2);
+    return (int)r54;
 }
 
 float driveline_shuffle_frequency_f32(float speed, float gear)
@@ -608,24 +953,85 @@ float driveline_shuffle_frequency_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = 0.18963094f;
+    const float r18 = -0.017324759f;
     const float r19 = driveline_rsm_keep_f32(r18 * r17);
-    const float r20 = 0.003849547f;
+    const float r20 = -0.044512678f;
     const float r21 = r19 + r20;
-    const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = -0.7967556f;
-    const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = 9.359061f;
-    const float r26 = r24 + r25;
-    const float r27 = driveline_rsm_keep_f32(r26 * r17);
-    const float r28 = 29.479559f;
-    const float r29 = r27 + r28;
-    const float r30 = r22 + r29;
-    const float r31 = 8.0f;
-    const float r33 = driveline_rsm_at_least_f32(r30, r31);
-    const float r34 = 80.0f;
-    const float r36 = driveline_rsm_at_most_f32(r33, r34);
-    return r36;
+    const float r22 = driveline_rsm_keep_f32(r21 * r17);
+    const float r23 = -0.07305379f;
+    const float r24 = r22 + r23;
+    const float r25 = driveline_rsm_keep_f32(r24 * r17);
+    const float r26 = 0.00028414308f;
+    const float r27 = r25 + r26;
+    const float r28 = driveline_rsm_keep_f32(r27 * r9);
+    const float r29 = -0.5011182f;
+    const float r30 = driveline_rsm_keep_f32(r29 * r17);
+    const float r31 = -0.33676577f;
+    const float r32 = r30 + r31;
+    const float r33 = driveline_rsm_keep_f32(r32 * r17);
+    const float r34 = 8.251463f;
+    const float r35 = r33 + r34;
+    const float r36 = driveline_rsm_keep_f32(r35 * r17);
+    const float r37 = 30.352074f;
+    const float r38 = r36 + r37;
+    const float r39 = r28 + r38;
+    const float r40 = 8.0f;
+    const float r42 = driveline_rsm_at_least_f32(r39, r40);
+    const float r43 = 80.0f;
+    const float r45 = driveline_rsm_at_most_f32(r42, r43);
+    return r45;
+}
+
+int driveline_shuffle_frequency_support_f32(float speed, float gear)
+{
+    const float r0 = driveline_rsm_keep_f32(speed);
+    const float r1 = driveline_rsm_keep_f32(gear);
+    const float r2 = 0.0f;
+    const float r3 = 1.0f;
+    const float r4 = 26.25f;
+    const float r5 = r0 - r4;
+    const float r6 = -0.042105265f;
+    const float r7 = driveline_rsm_keep_f32(r5 * r6);
+    const float r8 = 0.99065006f;
+    const float r10 = driveline_rsm_select_f32(r7, r8, r3, r2);
+    const float r11 = 0.042105265f;
+    const float r12 = driveline_rsm_keep_f32(r5 * r11);
+    const float r13 = 0.88288003f;
+    const float r15 = driveline_rsm_select_f32(r12, r13, r10, r2);
+    const float r16 = 3.0f;
+    const float r17 = r1 - r16;
+    const float r18 = -0.5f;
+    const float r19 = driveline_rsm_keep_f32(r17 * r18);
+    const float r20 = 1.0001f;
+    const float r22 = driveline_rsm_select_f32(r19, r20, r15, r2);
+    const float r23 = 0.5f;
+    const float r24 = driveline_rsm_keep_f32(r17 * r23);
+    const float r26 = driveline_rsm_select_f32(r24, r20, r22, r2);
+    const float r27 = driveline_rsm_keep_f32(r5 * r11);
+    const float r28 = -0.3772f;
+    const float r29 = driveline_rsm_keep_f32(r17 * r28);
+    const float r30 = r27 + r29;
+    const float r31 = 0.14472f;
+    const float r33 = driveline_rsm_select_f32(r30, r31, r26, r2);
+    const float r34 = driveline_rsm_keep_f32(r5 * r6);
+    const float r35 = 0.1016f;
+    const float r36 = driveline_rsm_keep_f32(r17 * r35);
+    const float r37 = r34 + r36;
+    const float r38 = 0.81199f;
+    const float r40 = driveline_rsm_select_f32(r37, r38, r33, r2);
+    const float r41 = driveline_rsm_keep_f32(r5 * r6);
+    const float r42 = 0.0801f;
+    const float r43 = driveline_rsm_keep_f32(r17 * r42);
+    const float r44 = r41 + r43;
+    const float r45 = 0.83045006f;
+    const float r47 = driveline_rsm_select_f32(r44, r45, r40, r2);
+    const float r48 = driveline_rsm_keep_f32(r5 * r11);
+    const float r49 = -0.36095f;
+    const float r50 = driveline_rsm_keep_f32(r17 * r49);
+    const float r51 = r48 + r50;
+    const float r52 = 0.16098f;
+    const float r54 = driveline_rsm_select_f32(r51, r52, r47, r2);
+    return (int)r54;
 }
 
 void driveline_tip_in_init_f32(driveline_tip_in_state_f32 *state)
@@ -653,88 +1059,126 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r18 = driveline_rsm_at_most_f32(r15, r16);
     const float r19 = 3.0f;
     const float r20 = r18 - r19;
-    const float r21 = 0.18963094f;
+    const float r21 = -0.017324759f;
     const float r22 = driveline_rsm_keep_f32(r21 * r20);
-    const float r23 = 0.003849547f;
+    const float r23 = -0.044512678f;
     const float r24 = r22 + r23;
-    const float r25 = driveline_rsm_keep_f32(r24 * r12);
-    const float r26 = -0.7967556f;
-    const float r27 = driveline_rsm_keep_f32(r26 * r20);
-    const float r28 = 9.359061f;
-    const float r29 = r27 + r28;
-    const float r30 = driveline_rsm_keep_f32(r29 * r20);
-    const float r31 = 29.479559f;
-    const float r32 = r30 + r31;
-    const float r33 = r25 + r32;
-    const float r34 = 8.0f;
-    const float r36 = driveline_rsm_at_least_f32(r33, r34);
-    const float r37 = 80.0f;
-    const float r39 = driveline_rsm_at_most_f32(r36, r37);
-    const float r40 = -0.0005603978f;
-    const float r41 = driveline_rsm_keep_f32(r40 * r20);
-    const float r42 = 0.0016325009f;
-    const float r43 = r41 + r42;
-    const float r44 = driveline_rsm_keep_f32(r43 * r12);
-    const float r45 = 0.0023526272f;
-    const float r46 = driveline_rsm_keep_f32(r45 * r20);
-    const float r47 = 0.0038805837f;
-    const float r48 = r46 + r47;
-    const float r49 = driveline_rsm_keep_f32(r48 * r20);
-    const float r50 = 0.13206123f;
-    const float r51 = r49 + r50;
-    const float r52 = r44 + r51;
-    const float r53 = 0.020000001f;
-    const float r55 = driveline_rsm_at_least_f32(r52, r53);
-    const float r57 = driveline_rsm_at_most_f32(r55, r13);
-    const float r58 = 0.00056040013f;
-    const float r59 = driveline_rsm_keep_f32(r58 * r20);
-    const float r60 = -0.0016324982f;
-    const float r61 = r59 + r60;
-    const float r62 = driveline_rsm_keep_f32(r61 * r12);
-    const float r63 = -0.0023526119f;
+    const float r25 = driveline_rsm_keep_f32(r24 * r20);
+    const float r26 = -0.07305379f;
+    const float r27 = r25 + r26;
+    const float r28 = driveline_rsm_keep_f32(r27 * r20);
+    const float r29 = 0.00028414308f;
+    const float r30 = r28 + r29;
+    const float r31 = driveline_rsm_keep_f32(r30 * r12);
+    const float r32 = -0.5011182f;
+    const float r33 = driveline_rsm_keep_f32(r32 * r20);
+    const float r34 = -0.33676577f;
+    const float r35 = r33 + r34;
+    const float r36 = driveline_rsm_keep_f32(r35 * r20);
+    const float r37 = 8.251463f;
+    const float r38 = r36 + r37;
+    const float r39 = driveline_rsm_keep_f32(r38 * r20);
+    const float r40 = 30.352074f;
+    const float r41 = r39 + r40;
+    const float r42 = r31 + r41;
+    const float r43 = 8.0f;
+    const float r45 = driveline_rsm_at_least_f32(r42, r43);
+    const float r46 = 80.0f;
+    const float r48 = driveline_rsm_at_most_f32(r45, r46);
+    const float r49 = 0.00018890525f;
+    const float r50 = driveline_rsm_keep_f32(r49 * r20);
+    const float r51 = 0.0012854463f;
+    const float r52 = r50 + r51;
+    const float r53 = driveline_rsm_keep_f32(r52 * r20);
+    const float r54 = -0.0003989396f;
+    const float r55 = r53 + r54;
+    const float r56 = driveline_rsm_keep_f32(r55 * r20);
+    const float r57 = 7.790827e-5f;
+    const float r58 = r56 + r57;
+    const float r59 = driveline_rsm_keep_f32(r58 * r12);
+    const float r60 = -0.0022242942f;
+    const float r61 = driveline_rsm_keep_f32(r60 * r20);
+    const float r62 = 0.011048739f;
+    const float r63 = r61 + r62;
     const float r64 = driveline_rsm_keep_f32(r63 * r20);
-    const float r65 = -0.0038805983f;
+    const float r65 = 0.014597572f;
     const float r66 = r64 + r65;
     const float r67 = driveline_rsm_keep_f32(r66 * r20);
-    const float r68 = 0.3179388f;
+    const float r68 = 0.14101794f;
     const float r69 = r67 + r68;
-    const float r70 = r62 + r69;
-    const float r71 = 0.1f;
+    const float r70 = r59 + r69;
+    const float r71 = 0.05f;
     const float r73 = driveline_rsm_at_least_f32(r70, r71);
     const float r75 = driveline_rsm_at_most_f32(r73, r13);
-    const float r76 = r57 + r75;
-    const float r77 = 0.0005f;
-    const float r78 = driveline_rsm_keep_f32(r39 * r77);
-    const float r79 = driveline_rsm_keep_f32(r76 + r76);
-    const float r80 = r78 + r79;
-    const float r81 = driveline_rsm_keep_f32(r80 * r78);
-    const float r82 = r81 + r13;
-    const float r83 = r57 - r76;
-    const float r84 = r0 - r4;
-    const float r85 = driveline_rsm_keep_f32(r84 * r78);
-    const float r86 = r3 + r85;
-    const float r87 = driveline_rsm_keep_f32(r86 + r86);
-    const float r88 = r87 / r82;
-    const float r89 = driveline_rsm_keep_f32(r88 * r83);
-    const float r90 = r0 + r89;
-    const float r91 = r88 - r3;
-    const float r92 = driveline_rsm_keep_f32(r88 * r78);
-    const float r93 = r4 + r92;
-    const float r94 = r0 - r0;
-    const float r95 = r1 - r1;
+    const float r76 = 0.0001794549f;
+    const float r77 = driveline_rsm_keep_f32(r76 * r20);
+    const float r78 = -0.0017538578f;
+    const float r79 = r77 + r78;
+    const float r80 = driveline_rsm_keep_f32(r79 * r20);
+    const float r81 = 8.130979e-6f;
+    const float r82 = r80 + r81;
+    const float r83 = driveline_rsm_keep_f32(r82 * r20);
+    const float r84 = 0.00022320819f;
+    const float r85 = r83 + r84;
+    const float r86 = driveline_rsm_keep_f32(r85 * r12);
+    const float r87 = 0.0026293467f;
+    const float r88 = driveline_rsm_keep_f32(r87 * r20);
+    const float r89 = -0.011580902f;
+    const float r90 = r88 + r89;
+    const float r91 = driveline_rsm_keep_f32(r90 * r20);
+    const float r92 = -0.014161832f;
+    const float r93 = r91 + r92;
+    const float r94 = driveline_rsm_keep_f32(r93 * r20);
+    const float r95 = 0.5095947f;
     const float r96 = r94 + r95;
-    const float r97 = r2 - r2;
-    const float r98 = r96 + r97;
-    const float r99 = r90 + r98;
-    const float r100 = r91 - r91;
-    const float r101 = r98 + r100;
-    const float r102 = r93 - r93;
-    const float r103 = r101 + r102;
-    const float r105 = driveline_rsm_select_f32(r103, r13, r91, r3);
-    const float r106 = driveline_rsm_select_f32(r103, r13, r93, r4);
-    state->s0 = r105;
-    state->s1 = r106;
-    return r99;
+    const float r97 = r86 + r96;
+    const float r98 = -0.04f;
+    const float r100 = driveline_rsm_at_least_f32(r97, r98);
+    const float r101 = 1.1999999f;
+    const float r103 = driveline_rsm_at_most_f32(r100, r101);
+    const float r104 = r75 + r103;
+    const float r105 = driveline_rsm_keep_f32(r104 + r104);
+    const float r106 = 0.0055f;
+    const float r107 = r106 + r105;
+    const float r108 = driveline_rsm_keep_f32(r107 * r106);
+    const float r109 = r108 + r13;
+    const float r110 = 11.0f;
+    const float r111 = r110 / r48;
+    const float r112 = driveline_rsm_keep_f32(r75 * r111);
+    const float r113 = r112 - r104;
+    const float r114 = r0 - r4;
+    const float r115 = driveline_rsm_keep_f32(r114 * r106);
+    const float r116 = r3 + r115;
+    const float r117 = driveline_rsm_keep_f32(r116 + r116);
+    const float r118 = r117 / r109;
+    const float r119 = driveline_rsm_keep_f32(r118 * r113);
+    const float r120 = r0 + r119;
+    const float r121 = driveline_rsm_keep_f32(r111 * r111);
+    const float r122 = r121 - r13;
+    const float r123 = 0.5f;
+    const float r124 = driveline_rsm_keep_f32(r107 * r123);
+    const float r125 = driveline_rsm_keep_f32(r118 * r124);
+    const float r126 = r114 - r125;
+    const float r127 = driveline_rsm_keep_f32(r126 * r122);
+    const float r128 = r120 + r127;
+    const float r129 = r118 - r3;
+    const float r130 = driveline_rsm_keep_f32(r118 * r106);
+    const float r131 = r4 + r130;
+    const float r132 = r0 - r0;
+    const float r133 = r1 - r1;
+    const float r134 = r132 + r133;
+    const float r135 = r2 - r2;
+    const float r136 = r134 + r135;
+    const float r137 = r128 + r136;
+    const float r138 = r129 - r129;
+    const float r139 = r136 + r138;
+    const float r140 = r131 - r131;
+    const float r141 = r139 + r140;
+    const float r143 = driveline_rsm_select_f32(r141, r13, r129, r3);
+    const float r144 = driveline_rsm_select_f32(r141, r13, r131, r4);
+    state->s0 = r143;
+    state->s1 = r144;
+    return r137;
 }
 
 #ifdef RSM_SELF_TEST
@@ -775,14 +1219,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc0e761dc7ebdf5ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fb17d679a7fcaa4ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc4a84b117bd223ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fc4a84b117bd223ULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc20ce030d88432ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fb118ef98e60437ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fd599fd529e3506ULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd599fd529e3506ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4021df18ad148ce4ULL, 0x3ffb4aeb991902aeULL, 0x3fb7147df66b9074ULL }, /* other bits if fused */
-            { 0x4029d5d2d6fea6a6ULL, 0x3ff9cb1e3104f274ULL, 0x3fb95cceb8282498ULL }, /* other bits if fused */
-            { 0x4023aad26a4345d3ULL, 0x40034e39a7aa07f5ULL, 0x3fb9307b98f9531cULL }, /* other bits if fused */
+            { 0x40245f618a1608f0ULL, 0x3ff4a269a6017048ULL, 0x3fba210623384ed4ULL }, /* other bits if fused */
+            { 0x4021df18ad148ce4ULL, 0x3ffb4aeb991902aeULL, 0x3fbadfba6a11f692ULL }, /* other bits if fused */
+            { 0x4048f6a4e41e633fULL, 0x3ff9804d27fbc21eULL, 0x3fcb0ef8527431baULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_ratio;
         unsigned int k;
@@ -795,14 +1239,31 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fd4591bfc41f206ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fd86d7395393e21ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fd278a83eb153cbULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd278a83eb153cbULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3ff0000000000000ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x0000000000000000ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x0000000000000000ULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x0000000000000000ULL },
+            { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
+        };
+        int (*volatile function)(double, double) = driveline_damping_ratio_support;
+        unsigned int k;
+        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+            double x[2];
+            (void)memcpy(x, points[k], sizeof x);
+            failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+    }
+    {
+        /* Bits of the arguments, then of the result. */
+        static const uint64_t points[][3] = {
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe04e998732cf50ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe552cddef36914ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fd510c93f961a7aULL }, /* other bits if fused */
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd510c93f961a7aULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4011e4d539527d28ULL, 0x400962f3f141c0acULL, 0x3fd670bb6a6cb6d8ULL }, /* other bits if fused */
-            { 0x4036981f88d5ec45ULL, 0x3ff847296d785436ULL, 0x3fd4f630d926be9eULL }, /* other bits if fused */
-            { 0x4047b42b37489925ULL, 0x400823899576fd31ULL, 0x3fd225778c422694ULL }, /* other bits if fused */
+            { 0x4048e6ec09cc6f49ULL, 0x3ff428c3df7ca110ULL, 0x3fd5f2047a4b68d4ULL }, /* other bits if fused */
+            { 0x40243d949243437eULL, 0x4006418044d17397ULL, 0x3fe051296810dffcULL }, /* other bits if fused */
+            { 0x403ff53af005089eULL, 0x401370485a1c3abbULL, 0x3fdbbd9291ee7bbeULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_error;
         unsigned int k;
@@ -815,14 +1276,31 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403d7ac4630d12daULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x40307d8e94eb8341ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x404b0e05ea6fbbb8ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x404b0e05ea6fbbb8ULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3ff0000000000000ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x0000000000000000ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x0000000000000000ULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x0000000000000000ULL },
+            { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
+        };
+        int (*volatile function)(double, double) = driveline_damping_error_support;
+        unsigned int k;
+        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+            double x[2];
+            (void)memcpy(x, points[k], sizeof x);
+            failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+    }
+    {
+        /* Bits of the arguments, then of the result. */
+        static const uint64_t points[][3] = {
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403e5a217991383aULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf1447cb3e207ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e925e4cac2ULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x403e83e925e4cac2ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4032f2ca4e668e0aULL, 0x4004a358085f4f69ULL, 0x4039f5a4668bc71eULL }, /* other bits if fused */
-            { 0x4021df18ad148ce4ULL, 0x3ffb4aeb991902aeULL, 0x4034370f99d9c556ULL }, /* other bits if fused */
-            { 0x4048f6a4e41e633fULL, 0x3ff9804d27fbc21eULL, 0x40210adbbb87bf3eULL }, /* other bits if fused */
+            { 0x4045889359664c64ULL, 0x3fffb4235672cfd0ULL, 0x4036ea4f52eb58f8ULL }, /* other bits if fused */
+            { 0x4021df18ad148ce4ULL, 0x3ffb4aeb991902aeULL, 0x403331a4803a32a4ULL }, /* other bits if fused */
+            { 0x4031ed70740eaf9eULL, 0x3ffee89e28e590e8ULL, 0x40355c067886cd78ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_shuffle_frequency;
         unsigned int k;
@@ -834,15 +1312,32 @@ int driveline_self_test(void)
     }
     {
         /* Bits of the arguments, then of the result. */
+        static const uint64_t points[][3] = {
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3ff0000000000000ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x0000000000000000ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x0000000000000000ULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x0000000000000000ULL },
+            { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
+        };
+        int (*volatile function)(double, double) = driveline_shuffle_frequency_support;
+        unsigned int k;
+        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+            double x[2];
+            (void)memcpy(x, points[k], sizeof x);
+            failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+    }
+    {
+        /* Bits of the arguments, then of the result. */
         static const uint64_t points[][4] = {
             { 0x0000000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
-            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfefccd27668d943ULL },
-            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fefceaf59467959ULL },
-            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fff2d5d168887c5ULL },
+            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b25413484e54ULL },
+            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0930ff7be1e78ULL },
+            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0adda51f5b4b4ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbff02082564af9b4ULL }, /* other bits if fused */
-            { 0xbfe61e6f8d4bf14cULL, 0x4033481d94e063d0ULL, 0x3ffb1636a81911a4ULL, 0xbfe86f522ad2b044ULL }, /* other bits if fused */
-            { 0x3fbe0748131f47d0ULL, 0x4025a81002013e06ULL, 0x4008cb68e5642bc2ULL, 0x3fa8ad277aca32ecULL }, /* other bits if fused */
+            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbfc600a0bc85703cULL }, /* other bits if fused */
+            { 0xbfbe5ac92705bb60ULL, 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0xbf98043869bec1ccULL }, /* other bits if fused */
+            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4ba36c4af5190ULL }, /* other bits if fused */
         };
         double (*volatile function)(driveline_tip_in_state *, double, double, double) = driveline_tip_in_step;
         unsigned int k;
@@ -859,14 +1354,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3e073b0fUL },
-            { 0x40200000UL, 0x3f800000UL, 0x3d8beb3dUL },
-            { 0x42480000UL, 0x40a00000UL, 0x3e254259UL },
-            { 0x42938000UL, 0x40e00000UL, 0x3e254259UL },
+            { 0x41d20000UL, 0x40400000UL, 0x3e106702UL },
+            { 0x40200000UL, 0x3f800000UL, 0x3d88c77dUL },
+            { 0x42480000UL, 0x40a00000UL, 0x3eaccfecUL },
+            { 0x42938000UL, 0x40e00000UL, 0x3eaccfecUL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x408b0cd2UL, 0x40153274UL, 0x3db140a8UL }, /* other bits if fused */
-            { 0x4122fb0cUL, 0x3fa5134dUL, 0x3db9b954UL }, /* other bits if fused */
-            { 0x402aed19UL, 0x4099221eUL, 0x3e06bf03UL }, /* other bits if fused */
+            { 0x4122fb0cUL, 0x3fa5134dUL, 0x3dd10832UL }, /* other bits if fused */
+            { 0x410ef8c5UL, 0x3fda575dUL, 0x3dd6fdd4UL }, /* other bits if fused */
+            { 0x420a70c6UL, 0x405d30ffUL, 0x3e1ae8f7UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_ratio_f32;
         unsigned int k;
@@ -879,14 +1374,31 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3ea2c8e0UL },
-            { 0x40200000UL, 0x3f800000UL, 0x3ec36b9cUL },
-            { 0x42480000UL, 0x40a00000UL, 0x3e93c542UL },
-            { 0x42938000UL, 0x40e00000UL, 0x3e93c542UL },
+            { 0x41d20000UL, 0x40400000UL, 0x3f800000UL },
+            { 0x40200000UL, 0x3f800000UL, 0x00000000UL },
+            { 0x42480000UL, 0x40a00000UL, 0x00000000UL },
+            { 0x42938000UL, 0x40e00000UL, 0x00000000UL },
+            { 0x7fc00000UL, 0x40400000UL, 0x00000000UL },
+        };
+        int (*volatile function)(float, float) = driveline_damping_ratio_support_f32;
+        unsigned int k;
+        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+            float x[2];
+            (void)memcpy(x, points[k], sizeof x);
+            failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+    }
+    {
+        /* Bits of the arguments, then of the result. */
+        static const uint32_t points[][3] = {
+            { 0x41d20000UL, 0x40400000UL, 0x3f0274ccUL },
+            { 0x40200000UL, 0x3f800000UL, 0x3f2a966eUL }, /* other bits if fused */
+            { 0x42480000UL, 0x40a00000UL, 0x3ea8864aUL },
+            { 0x42938000UL, 0x40e00000UL, 0x3ea8864aUL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x42409348UL, 0x3fa4e790UL, 0x3e859aa7UL }, /* other bits if fused */
-            { 0x4247b527UL, 0x3fcc0269UL, 0x3e85da96UL }, /* other bits if fused */
-            { 0x42111892UL, 0x3f9a3ae8UL, 0x3e94edb5UL }, /* other bits if fused */
+            { 0x42409348UL, 0x3fa4e790UL, 0x3eb7db3cUL }, /* other bits if fused */
+            { 0x402aed19UL, 0x4099221eUL, 0x3f1082dbUL }, /* other bits if fused */
+            { 0x42111892UL, 0x3f9a3ae8UL, 0x3ed5c5faUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_error_f32;
         unsigned int k;
@@ -899,14 +1411,31 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x41ebd623UL },
-            { 0x40200000UL, 0x3f800000UL, 0x4183ec74UL },
-            { 0x42480000UL, 0x40a00000UL, 0x4258702fUL },
-            { 0x42938000UL, 0x40e00000UL, 0x4258702fUL },
+            { 0x41d20000UL, 0x40400000UL, 0x3f800000UL },
+            { 0x40200000UL, 0x3f800000UL, 0x00000000UL },
+            { 0x42480000UL, 0x40a00000UL, 0x00000000UL },
+            { 0x42938000UL, 0x40e00000UL, 0x00000000UL },
+            { 0x7fc00000UL, 0x40400000UL, 0x00000000UL },
+        };
+        int (*volatile function)(float, float) = driveline_damping_error_support_f32;
+        unsigned int k;
+        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+            float x[2];
+            (void)memcpy(x, points[k], sizeof x);
+            failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+    }
+    {
+        /* Bits of the arguments, then of the result. */
+        static const uint32_t points[][3] = {
+            { 0x41d20000UL, 0x40400000UL, 0x41f2d10cUL },
+            { 0x40200000UL, 0x3f800000UL, 0x415f8a25UL },
+            { 0x42480000UL, 0x40a00000UL, 0x41f41f4aUL },
+            { 0x42938000UL, 0x40e00000UL, 0x41f41f4aUL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x410ef8c5UL, 0x3fda575dUL, 0x41a1b87eUL }, /* other bits if fused */
-            { 0x41db360aUL, 0x3face8cbUL, 0x41385c55UL }, /* other bits if fused */
-            { 0x418f6b84UL, 0x3ff744f1UL, 0x41a1d076UL }, /* other bits if fused */
+            { 0x42409348UL, 0x3fa4e790UL, 0x419c5d16UL }, /* other bits if fused */
+            { 0x4195a0a6UL, 0x3fccc7ccUL, 0x4198514aUL }, /* other bits if fused */
+            { 0x414eae97UL, 0x3fce58f2UL, 0x4196164bUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_shuffle_frequency_f32;
         unsigned int k;
@@ -918,15 +1447,32 @@ int driveline_self_test(void)
     }
     {
         /* Bits of the arguments, then of the result. */
+        static const uint32_t points[][3] = {
+            { 0x41d20000UL, 0x40400000UL, 0x3f800000UL },
+            { 0x40200000UL, 0x3f800000UL, 0x00000000UL },
+            { 0x42480000UL, 0x40a00000UL, 0x00000000UL },
+            { 0x42938000UL, 0x40e00000UL, 0x00000000UL },
+            { 0x7fc00000UL, 0x40400000UL, 0x00000000UL },
+        };
+        int (*volatile function)(float, float) = driveline_shuffle_frequency_support_f32;
+        unsigned int k;
+        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+            float x[2];
+            (void)memcpy(x, points[k], sizeof x);
+            failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+    }
+    {
+        /* Bits of the arguments, then of the result. */
         static const uint32_t points[][4] = {
             { 0x00000000UL, 0x41d20000UL, 0x40400000UL, 0x00000000UL },
-            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf7e6694UL },
-            { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3f7e757bUL },
-            { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3ff96ae9UL },
+            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d929eUL },
+            { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e049884UL }, /* other bits if fused */
+            { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e856ed0UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x41d20000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x3e6987f9UL, 0x42409348UL, 0x3fa4e790UL, 0x3e1e0020UL }, /* other bits if fused */
-            { 0xbf5730beUL, 0x402aed19UL, 0x4099221eUL, 0xbf6b8174UL }, /* other bits if fused */
-            { 0x3bb40f49UL, 0x41e1a861UL, 0x401e80f1UL, 0xbd7c38fbUL }, /* other bits if fused */
+            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe300504UL }, /* other bits if fused */
+            { 0xbdf2d649UL, 0x4096f11fUL, 0x401eb7f9UL, 0xbcc021c4UL }, /* other bits if fused */
+            { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd25d1c0UL }, /* other bits if fused */
         };
         float (*volatile function)(driveline_tip_in_state_f32 *, float, float, float) = driveline_tip_in_step_f32;
         unsigned int k;

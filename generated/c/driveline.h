@@ -19,22 +19,40 @@ extern "C" {
  * - `speed` in `m/s`: 2.5 to 50.0, clamped outside
  * - `gear` in `1`: 1.0 to 5.0, clamped outside
  *
- * The result saturates at 0.02 and 1.0.
+ * The result saturates at 0.05 and 1.0.
  * NaN in gives NaN out.
- * 22 operations, 14 deep, no branch.
+ * 28 operations, 17 deep, no branch.
  */
 double driveline_damping_ratio(double speed, double gear);
+
+/* Whether the data support `damping_ratio` here: 1 inside, 0 outside, in f64.
+ *
+ * - `speed` in `m/s`: 2.5 to 50.0
+ * - `gear` in `1`: 1.0 to 5.0
+ *
+ * 34 operations, 11 deep, no branch.
+ */
+int driveline_damping_ratio_support(double speed, double gear);
 
 /* `damping_error` in `1`, evaluated in f64.
  *
  * - `speed` in `m/s`: 2.5 to 50.0, clamped outside
  * - `gear` in `1`: 1.0 to 5.0, clamped outside
  *
- * The result saturates at 0.1 and 1.0.
+ * The result saturates at -0.04 and 1.2.
  * NaN in gives NaN out.
- * 22 operations, 14 deep, no branch.
+ * 28 operations, 17 deep, no branch.
  */
 double driveline_damping_error(double speed, double gear);
+
+/* Whether the data support `damping_error` here: 1 inside, 0 outside, in f64.
+ *
+ * - `speed` in `m/s`: 2.5 to 50.0
+ * - `gear` in `1`: 1.0 to 5.0
+ *
+ * 34 operations, 11 deep, no branch.
+ */
+int driveline_damping_error_support(double speed, double gear);
 
 /* `shuffle_frequency` in `rad/s`, evaluated in f64.
  *
@@ -43,9 +61,18 @@ double driveline_damping_error(double speed, double gear);
  *
  * The result saturates at 8.0 and 80.0.
  * NaN in gives NaN out.
- * 22 operations, 14 deep, no branch.
+ * 28 operations, 17 deep, no branch.
  */
 double driveline_shuffle_frequency(double speed, double gear);
+
+/* Whether the data support `shuffle_frequency` here: 1 inside, 0 outside, in f64.
+ *
+ * - `speed` in `m/s`: 2.5 to 50.0
+ * - `gear` in `1`: 1.0 to 5.0
+ *
+ * 34 operations, 11 deep, no branch.
+ */
+int driveline_shuffle_frequency_support(double speed, double gear);
 
 /* What the compensator `tip_in` keeps from step to step, in f64; driveline_tip_in_init puts it at rest at 0. */
 typedef struct {
@@ -62,7 +89,7 @@ void driveline_tip_in_init(driveline_tip_in_state *state);
  *
  * Where an argument is NaN or infinite the result is NaN, and the state stays as it was.
  * At rest the result is the signal, exactly, also while the other arguments move.
- * 76 operations, 26 deep, no branch.
+ * 102 operations, 29 deep, no branch.
  */
 double driveline_tip_in_step(driveline_tip_in_state *state, double input, double speed, double gear);
 
@@ -73,22 +100,40 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
  * - `speed` in `m/s`: 2.5 to 50.0, clamped outside
  * - `gear` in `1`: 1.0 to 5.0, clamped outside
  *
- * The result saturates at 0.02 and 1.0.
+ * The result saturates at 0.05 and 1.0.
  * NaN in gives NaN out.
- * 22 operations, 14 deep, no branch.
+ * 28 operations, 17 deep, no branch.
  */
 float driveline_damping_ratio_f32(float speed, float gear);
+
+/* Whether the data support `damping_ratio` here: 1 inside, 0 outside, in f32.
+ *
+ * - `speed` in `m/s`: 2.5 to 50.0
+ * - `gear` in `1`: 1.0 to 5.0
+ *
+ * 34 operations, 11 deep, no branch.
+ */
+int driveline_damping_ratio_support_f32(float speed, float gear);
 
 /* `damping_error` in `1`, evaluated in f32.
  *
  * - `speed` in `m/s`: 2.5 to 50.0, clamped outside
  * - `gear` in `1`: 1.0 to 5.0, clamped outside
  *
- * The result saturates at 0.1 and 1.0.
+ * The result saturates at -0.04 and 1.2.
  * NaN in gives NaN out.
- * 22 operations, 14 deep, no branch.
+ * 28 operations, 17 deep, no branch.
  */
 float driveline_damping_error_f32(float speed, float gear);
+
+/* Whether the data support `damping_error` here: 1 inside, 0 outside, in f32.
+ *
+ * - `speed` in `m/s`: 2.5 to 50.0
+ * - `gear` in `1`: 1.0 to 5.0
+ *
+ * 34 operations, 11 deep, no branch.
+ */
+int driveline_damping_error_support_f32(float speed, float gear);
 
 /* `shuffle_frequency` in `rad/s`, evaluated in f32.
  *
@@ -97,9 +142,18 @@ float driveline_damping_error_f32(float speed, float gear);
  *
  * The result saturates at 8.0 and 80.0.
  * NaN in gives NaN out.
- * 22 operations, 14 deep, no branch.
+ * 28 operations, 17 deep, no branch.
  */
 float driveline_shuffle_frequency_f32(float speed, float gear);
+
+/* Whether the data support `shuffle_frequency` here: 1 inside, 0 outside, in f32.
+ *
+ * - `speed` in `m/s`: 2.5 to 50.0
+ * - `gear` in `1`: 1.0 to 5.0
+ *
+ * 34 operations, 11 deep, no branch.
+ */
+int driveline_shuffle_frequency_support_f32(float speed, float gear);
 
 /* What the compensator `tip_in` keeps from step to step, in f32; driveline_tip_in_init_f32 puts it at rest at 0. */
 typedef struct {
@@ -116,7 +170,7 @@ void driveline_tip_in_init_f32(driveline_tip_in_state_f32 *state);
  *
  * Where an argument is NaN or infinite the result is NaN, and the state stays as it was.
  * At rest the result is the signal, exactly, also while the other arguments move.
- * 76 operations, 26 deep, no branch.
+ * 102 operations, 29 deep, no branch.
  */
 float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, float speed, float gear);
 

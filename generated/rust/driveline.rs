@@ -8,9 +8,9 @@
 /// - `speed` in `m/s`: 2.5 to 50.0, clamped outside
 /// - `gear` in `1`: 1.0 to 5.0, clamped outside
 ///
-/// The result saturates at 0.02 and 1.0.
+/// The result saturates at 0.05 and 1.0.
 /// NaN in gives NaN out.
-/// 22 operations, 14 deep, no branch.
+/// 28 operations, 17 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -29,23 +29,92 @@ pub fn damping_ratio(speed: f64, gear: f64) -> f64 {
     let r15: f64 = rsm_at_most_f64(r12, r13);
     let r16: f64 = 3.0;
     let r17: f64 = r15 - r16;
-    let r18: f64 = -0.0005603978351986625;
+    let r18: f64 = 0.00018890525199553518;
     let r19: f64 = r18 * r17;
-    let r20: f64 = 0.0016325009117577676;
+    let r20: f64 = 0.0012854463719839605;
     let r21: f64 = r19 + r20;
-    let r22: f64 = r21 * r9;
-    let r23: f64 = 0.00235262714280689;
-    let r24: f64 = r23 * r17;
-    let r25: f64 = 0.0038805836928309414;
-    let r26: f64 = r24 + r25;
-    let r27: f64 = r26 * r17;
-    let r28: f64 = 0.13206122652398702;
-    let r29: f64 = r27 + r28;
-    let r30: f64 = r22 + r29;
-    let r31: f64 = 0.02;
-    let r33: f64 = rsm_at_least_f64(r30, r31);
-    let r35: f64 = rsm_at_most_f64(r33, r10);
-    r35
+    let r22: f64 = r21 * r17;
+    let r23: f64 = -0.0003989395904746095;
+    let r24: f64 = r22 + r23;
+    let r25: f64 = r24 * r17;
+    let r26: f64 = 7.790826848875384e-5;
+    let r27: f64 = r25 + r26;
+    let r28: f64 = r27 * r9;
+    let r29: f64 = -0.0022242942472713127;
+    let r30: f64 = r29 * r17;
+    let r31: f64 = 0.011048738750840758;
+    let r32: f64 = r30 + r31;
+    let r33: f64 = r32 * r17;
+    let r34: f64 = 0.01459757205747069;
+    let r35: f64 = r33 + r34;
+    let r36: f64 = r35 * r17;
+    let r37: f64 = 0.14101793656394218;
+    let r38: f64 = r36 + r37;
+    let r39: f64 = r28 + r38;
+    let r40: f64 = 0.05;
+    let r42: f64 = rsm_at_least_f64(r39, r40);
+    let r44: f64 = rsm_at_most_f64(r42, r10);
+    r44
+}
+
+/// Whether the data support `damping_ratio` here: 1 inside, 0 outside, in f64.
+///
+/// - `speed` in `m/s`: 2.5 to 50.0
+/// - `gear` in `1`: 1.0 to 5.0
+///
+/// 34 operations, 11 deep, no branch.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[inline]
+#[must_use]
+pub fn damping_ratio_support(speed: f64, gear: f64) -> i32 {
+    let r0: f64 = speed;
+    let r1: f64 = gear;
+    let r2: f64 = 0.0;
+    let r3: f64 = 1.0;
+    let r4: f64 = 26.25;
+    let r5: f64 = r0 - r4;
+    let r6: f64 = -0.042105263157894736;
+    let r7: f64 = r5 * r6;
+    let r8: f64 = 0.9906500000000001;
+    let r10: f64 = rsm_select_f64(r7, r8, r3, r2);
+    let r11: f64 = 0.042105263157894736;
+    let r12: f64 = r5 * r11;
+    let r13: f64 = 0.8828800000000001;
+    let r15: f64 = rsm_select_f64(r12, r13, r10, r2);
+    let r16: f64 = 3.0;
+    let r17: f64 = r1 - r16;
+    let r18: f64 = -0.5;
+    let r19: f64 = r17 * r18;
+    let r20: f64 = 1.0001000000000002;
+    let r22: f64 = rsm_select_f64(r19, r20, r15, r2);
+    let r23: f64 = 0.5;
+    let r24: f64 = r17 * r23;
+    let r26: f64 = rsm_select_f64(r24, r20, r22, r2);
+    let r27: f64 = r5 * r11;
+    let r28: f64 = -0.3772;
+    let r29: f64 = r17 * r28;
+    let r30: f64 = r27 + r29;
+    let r31: f64 = 0.14472000000000002;
+    let r33: f64 = rsm_select_f64(r30, r31, r26, r2);
+    let r34: f64 = r5 * r6;
+    let r35: f64 = 0.1016;
+    let r36: f64 = r17 * r35;
+    let r37: f64 = r34 + r36;
+    let r38: f64 = 0.8119900000000001;
+    let r40: f64 = rsm_select_f64(r37, r38, r33, r2);
+    let r41: f64 = r5 * r6;
+    let r42: f64 = 0.0801;
+    let r43: f64 = r17 * r42;
+    let r44: f64 = r41 + r43;
+    let r45: f64 = 0.8304500000000001;
+    let r47: f64 = rsm_select_f64(r44, r45, r40, r2);
+    let r48: f64 = r5 * r11;
+    let r49: f64 = -0.36095;
+    let r50: f64 = r17 * r49;
+    let r51: f64 = r48 + r50;
+    let r52: f64 = 0.16098000000000004;
+    let r54: f64 = rsm_select_f64(r51, r52, r47, r2);
+    i32::from(r54 > 0.5)
 }
 
 /// `damping_error` in `1`, evaluated in f64.
@@ -53,9 +122,9 @@ pub fn damping_ratio(speed: f64, gear: f64) -> f64 {
 /// - `speed` in `m/s`: 2.5 to 50.0, clamped outside
 /// - `gear` in `1`: 1.0 to 5.0, clamped outside
 ///
-/// The result saturates at 0.1 and 1.0.
+/// The result saturates at -0.04 and 1.2.
 /// NaN in gives NaN out.
-/// 22 operations, 14 deep, no branch.
+/// 28 operations, 17 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -74,23 +143,93 @@ pub fn damping_error(speed: f64, gear: f64) -> f64 {
     let r15: f64 = rsm_at_most_f64(r12, r13);
     let r16: f64 = 3.0;
     let r17: f64 = r15 - r16;
-    let r18: f64 = 0.0005604001309703093;
+    let r18: f64 = 0.0001794549081751423;
     let r19: f64 = r18 * r17;
-    let r20: f64 = -0.001632498199537046;
+    let r20: f64 = -0.0017538578744081506;
     let r21: f64 = r19 + r20;
-    let r22: f64 = r21 * r9;
-    let r23: f64 = -0.002352611765348092;
-    let r24: f64 = r23 * r17;
-    let r25: f64 = -0.0038805983016866534;
-    let r26: f64 = r24 + r25;
-    let r27: f64 = r26 * r17;
-    let r28: f64 = 0.3179388011410825;
-    let r29: f64 = r27 + r28;
-    let r30: f64 = r22 + r29;
-    let r31: f64 = 0.1;
-    let r33: f64 = rsm_at_least_f64(r30, r31);
-    let r35: f64 = rsm_at_most_f64(r33, r10);
-    r35
+    let r22: f64 = r21 * r17;
+    let r23: f64 = 8.13097876464608e-6;
+    let r24: f64 = r22 + r23;
+    let r25: f64 = r24 * r17;
+    let r26: f64 = 0.0002232081866356616;
+    let r27: f64 = r25 + r26;
+    let r28: f64 = r27 * r9;
+    let r29: f64 = 0.0026293466158285273;
+    let r30: f64 = r29 * r17;
+    let r31: f64 = -0.0115809020360853;
+    let r32: f64 = r30 + r31;
+    let r33: f64 = r32 * r17;
+    let r34: f64 = -0.014161831811951523;
+    let r35: f64 = r33 + r34;
+    let r36: f64 = r35 * r17;
+    let r37: f64 = 0.5095946922869903;
+    let r38: f64 = r36 + r37;
+    let r39: f64 = r28 + r38;
+    let r40: f64 = -0.04;
+    let r42: f64 = rsm_at_least_f64(r39, r40);
+    let r43: f64 = 1.2;
+    let r45: f64 = rsm_at_most_f64(r42, r43);
+    r45
+}
+
+/// Whether the data support `damping_error` here: 1 inside, 0 outside, in f64.
+///
+/// - `speed` in `m/s`: 2.5 to 50.0
+/// - `gear` in `1`: 1.0 to 5.0
+///
+/// 34 operations, 11 deep, no branch.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[inline]
+#[must_use]
+pub fn damping_error_support(speed: f64, gear: f64) -> i32 {
+    let r0: f64 = speed;
+    let r1: f64 = gear;
+    let r2: f64 = 0.0;
+    let r3: f64 = 1.0;
+    let r4: f64 = 26.25;
+    let r5: f64 = r0 - r4;
+    let r6: f64 = -0.042105263157894736;
+    let r7: f64 = r5 * r6;
+    let r8: f64 = 0.9906500000000001;
+    let r10: f64 = rsm_select_f64(r7, r8, r3, r2);
+    let r11: f64 = 0.042105263157894736;
+    let r12: f64 = r5 * r11;
+    let r13: f64 = 0.8828800000000001;
+    let r15: f64 = rsm_select_f64(r12, r13, r10, r2);
+    let r16: f64 = 3.0;
+    let r17: f64 = r1 - r16;
+    let r18: f64 = -0.5;
+    let r19: f64 = r17 * r18;
+    let r20: f64 = 1.0001000000000002;
+    let r22: f64 = rsm_select_f64(r19, r20, r15, r2);
+    let r23: f64 = 0.5;
+    let r24: f64 = r17 * r23;
+    let r26: f64 = rsm_select_f64(r24, r20, r22, r2);
+    let r27: f64 = r5 * r11;
+    let r28: f64 = -0.3772;
+    let r29: f64 = r17 * r28;
+    let r30: f64 = r27 + r29;
+    let r31: f64 = 0.14472000000000002;
+    let r33: f64 = rsm_select_f64(r30, r31, r26, r2);
+    let r34: f64 = r5 * r6;
+    let r35: f64 = 0.1016;
+    let r36: f64 = r17 * r35;
+    let r37: f64 = r34 + r36;
+    let r38: f64 = 0.8119900000000001;
+    let r40: f64 = rsm_select_f64(r37, r38, r33, r2);
+    let r41: f64 = r5 * r6;
+    let r42: f64 = 0.0801;
+    let r43: f64 = r17 * r42;
+    let r44: f64 = r41 + r43;
+    let r45: f64 = 0.8304500000000001;
+    let r47: f64 = rsm_select_f64(r44, r45, r40, r2);
+    let r48: f64 = r5 * r11;
+    let r49: f64 = -0.36095;
+    let r50: f64 = r17 * r49;
+    let r51: f64 = r48 + r50;
+    let r52: f64 = 0.16098000000000004;
+    let r54: f64 = rsm_select_f64(r51, r52, r47, r2);
+    i32::from(r54 > 0.5)
 }
 
 /// `shuffle_frequency` in `rad/s`, evaluated in f64.
@@ -100,7 +239,7 @@ pub fn damping_error(speed: f64, gear: f64) -> f64 {
 ///
 /// The result saturates at 8.0 and 80.0.
 /// NaN in gives NaN out.
-/// 22 operations, 14 deep, no branch.
+/// 28 operations, 17 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -119,24 +258,93 @@ pub fn shuffle_frequency(speed: f64, gear: f64) -> f64 {
     let r15: f64 = rsm_at_most_f64(r12, r13);
     let r16: f64 = 3.0;
     let r17: f64 = r15 - r16;
-    let r18: f64 = 0.18963093740851786;
+    let r18: f64 = -0.017324758074010394;
     let r19: f64 = r18 * r17;
-    let r20: f64 = 0.0038495467839014356;
+    let r20: f64 = -0.04451267805615619;
     let r21: f64 = r19 + r20;
-    let r22: f64 = r21 * r9;
-    let r23: f64 = -0.7967556122082656;
-    let r24: f64 = r23 * r17;
-    let r25: f64 = 9.359061297072513;
-    let r26: f64 = r24 + r25;
-    let r27: f64 = r26 * r17;
-    let r28: f64 = 29.479559126560027;
-    let r29: f64 = r27 + r28;
-    let r30: f64 = r22 + r29;
-    let r31: f64 = 8.0;
-    let r33: f64 = rsm_at_least_f64(r30, r31);
-    let r34: f64 = 80.0;
-    let r36: f64 = rsm_at_most_f64(r33, r34);
-    r36
+    let r22: f64 = r21 * r17;
+    let r23: f64 = -0.07305379480440813;
+    let r24: f64 = r22 + r23;
+    let r25: f64 = r24 * r17;
+    let r26: f64 = 0.0002841430957316299;
+    let r27: f64 = r25 + r26;
+    let r28: f64 = r27 * r9;
+    let r29: f64 = -0.5011181619205418;
+    let r30: f64 = r29 * r17;
+    let r31: f64 = -0.33676575634152006;
+    let r32: f64 = r30 + r31;
+    let r33: f64 = r32 * r17;
+    let r34: f64 = 8.251463322646769;
+    let r35: f64 = r33 + r34;
+    let r36: f64 = r35 * r17;
+    let r37: f64 = 30.35207328601266;
+    let r38: f64 = r36 + r37;
+    let r39: f64 = r28 + r38;
+    let r40: f64 = 8.0;
+    let r42: f64 = rsm_at_least_f64(r39, r40);
+    let r43: f64 = 80.0;
+    let r45: f64 = rsm_at_most_f64(r42, r43);
+    r45
+}
+
+/// Whether the data support `shuffle_frequency` here: 1 inside, 0 outside, in f64.
+///
+/// - `speed` in `m/s`: 2.5 to 50.0
+/// - `gear` in `1`: 1.0 to 5.0
+///
+/// 34 operations, 11 deep, no branch.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[inline]
+#[must_use]
+pub fn shuffle_frequency_support(speed: f64, gear: f64) -> i32 {
+    let r0: f64 = speed;
+    let r1: f64 = gear;
+    let r2: f64 = 0.0;
+    let r3: f64 = 1.0;
+    let r4: f64 = 26.25;
+    let r5: f64 = r0 - r4;
+    let r6: f64 = -0.042105263157894736;
+    let r7: f64 = r5 * r6;
+    let r8: f64 = 0.9906500000000001;
+    let r10: f64 = rsm_select_f64(r7, r8, r3, r2);
+    let r11: f64 = 0.042105263157894736;
+    let r12: f64 = r5 * r11;
+    let r13: f64 = 0.8828800000000001;
+    let r15: f64 = rsm_select_f64(r12, r13, r10, r2);
+    let r16: f64 = 3.0;
+    let r17: f64 = r1 - r16;
+    let r18: f64 = -0.5;
+    let r19: f64 = r17 * r18;
+    let r20: f64 = 1.0001000000000002;
+    let r22: f64 = rsm_select_f64(r19, r20, r15, r2);
+    let r23: f64 = 0.5;
+    let r24: f64 = r17 * r23;
+    let r26: f64 = rsm_select_f64(r24, r20, r22, r2);
+    let r27: f64 = r5 * r11;
+    let r28: f64 = -0.3772;
+    let r29: f64 = r17 * r28;
+    let r30: f64 = r27 + r29;
+    let r31: f64 = 0.14472000000000002;
+    let r33: f64 = rsm_select_f64(r30, r31, r26, r2);
+    let r34: f64 = r5 * r6;
+    let r35: f64 = 0.1016;
+    let r36: f64 = r17 * r35;
+    let r37: f64 = r34 + r36;
+    let r38: f64 = 0.8119900000000001;
+    let r40: f64 = rsm_select_f64(r37, r38, r33, r2);
+    let r41: f64 = r5 * r6;
+    let r42: f64 = 0.0801;
+    let r43: f64 = r17 * r42;
+    let r44: f64 = r41 + r43;
+    let r45: f64 = 0.8304500000000001;
+    let r47: f64 = rsm_select_f64(r44, r45, r40, r2);
+    let r48: f64 = r5 * r11;
+    let r49: f64 = -0.36095;
+    let r50: f64 = r17 * r49;
+    let r51: f64 = r48 + r50;
+    let r52: f64 = 0.16098000000000004;
+    let r54: f64 = rsm_select_f64(r51, r52, r47, r2);
+    i32::from(r54 > 0.5)
 }
 
 /// What the compensator `tip_in` keeps from step to step, in f64.
@@ -163,7 +371,7 @@ pub fn tip_in_init() -> TipInState {
 ///
 /// Where an argument is NaN or infinite the result is NaN, and the state stays as it was.
 /// At rest the result is the signal, exactly, also while the other arguments move.
-/// 76 operations, 26 deep, no branch.
+/// 102 operations, 29 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 pub fn tip_in_step(state: &mut TipInState, input: f64, speed: f64, gear: f64) -> f64 {
@@ -184,88 +392,126 @@ pub fn tip_in_step(state: &mut TipInState, input: f64, speed: f64, gear: f64) ->
     let r18: f64 = rsm_at_most_f64(r15, r16);
     let r19: f64 = 3.0;
     let r20: f64 = r18 - r19;
-    let r21: f64 = 0.18963093740851786;
+    let r21: f64 = -0.017324758074010394;
     let r22: f64 = r21 * r20;
-    let r23: f64 = 0.0038495467839014356;
+    let r23: f64 = -0.04451267805615619;
     let r24: f64 = r22 + r23;
-    let r25: f64 = r24 * r12;
-    let r26: f64 = -0.7967556122082656;
-    let r27: f64 = r26 * r20;
-    let r28: f64 = 9.359061297072513;
-    let r29: f64 = r27 + r28;
-    let r30: f64 = r29 * r20;
-    let r31: f64 = 29.479559126560027;
-    let r32: f64 = r30 + r31;
-    let r33: f64 = r25 + r32;
-    let r34: f64 = 8.0;
-    let r36: f64 = rsm_at_least_f64(r33, r34);
-    let r37: f64 = 80.0;
-    let r39: f64 = rsm_at_most_f64(r36, r37);
-    let r40: f64 = -0.0005603978351986625;
-    let r41: f64 = r40 * r20;
-    let r42: f64 = 0.0016325009117577676;
-    let r43: f64 = r41 + r42;
-    let r44: f64 = r43 * r12;
-    let r45: f64 = 0.00235262714280689;
-    let r46: f64 = r45 * r20;
-    let r47: f64 = 0.0038805836928309414;
-    let r48: f64 = r46 + r47;
-    let r49: f64 = r48 * r20;
-    let r50: f64 = 0.13206122652398702;
-    let r51: f64 = r49 + r50;
-    let r52: f64 = r44 + r51;
-    let r53: f64 = 0.02;
-    let r55: f64 = rsm_at_least_f64(r52, r53);
-    let r57: f64 = rsm_at_most_f64(r55, r13);
-    let r58: f64 = 0.0005604001309703093;
-    let r59: f64 = r58 * r20;
-    let r60: f64 = -0.001632498199537046;
-    let r61: f64 = r59 + r60;
-    let r62: f64 = r61 * r12;
-    let r63: f64 = -0.002352611765348092;
+    let r25: f64 = r24 * r20;
+    let r26: f64 = -0.07305379480440813;
+    let r27: f64 = r25 + r26;
+    let r28: f64 = r27 * r20;
+    let r29: f64 = 0.0002841430957316299;
+    let r30: f64 = r28 + r29;
+    let r31: f64 = r30 * r12;
+    let r32: f64 = -0.5011181619205418;
+    let r33: f64 = r32 * r20;
+    let r34: f64 = -0.33676575634152006;
+    let r35: f64 = r33 + r34;
+    let r36: f64 = r35 * r20;
+    let r37: f64 = 8.251463322646769;
+    let r38: f64 = r36 + r37;
+    let r39: f64 = r38 * r20;
+    let r40: f64 = 30.35207328601266;
+    let r41: f64 = r39 + r40;
+    let r42: f64 = r31 + r41;
+    let r43: f64 = 8.0;
+    let r45: f64 = rsm_at_least_f64(r42, r43);
+    let r46: f64 = 80.0;
+    let r48: f64 = rsm_at_most_f64(r45, r46);
+    let r49: f64 = 0.00018890525199553518;
+    let r50: f64 = r49 * r20;
+    let r51: f64 = 0.0012854463719839605;
+    let r52: f64 = r50 + r51;
+    let r53: f64 = r52 * r20;
+    let r54: f64 = -0.0003989395904746095;
+    let r55: f64 = r53 + r54;
+    let r56: f64 = r55 * r20;
+    let r57: f64 = 7.790826848875384e-5;
+    let r58: f64 = r56 + r57;
+    let r59: f64 = r58 * r12;
+    let r60: f64 = -0.0022242942472713127;
+    let r61: f64 = r60 * r20;
+    let r62: f64 = 0.011048738750840758;
+    let r63: f64 = r61 + r62;
     let r64: f64 = r63 * r20;
-    let r65: f64 = -0.0038805983016866534;
+    let r65: f64 = 0.01459757205747069;
     let r66: f64 = r64 + r65;
     let r67: f64 = r66 * r20;
-    let r68: f64 = 0.3179388011410825;
+    let r68: f64 = 0.14101793656394218;
     let r69: f64 = r67 + r68;
-    let r70: f64 = r62 + r69;
-    let r71: f64 = 0.1;
+    let r70: f64 = r59 + r69;
+    let r71: f64 = 0.05;
     let r73: f64 = rsm_at_least_f64(r70, r71);
     let r75: f64 = rsm_at_most_f64(r73, r13);
-    let r76: f64 = r57 + r75;
-    let r77: f64 = 0.0005;
-    let r78: f64 = r39 * r77;
-    let r79: f64 = r76 + r76;
-    let r80: f64 = r78 + r79;
-    let r81: f64 = r80 * r78;
-    let r82: f64 = r81 + r13;
-    let r83: f64 = r57 - r76;
-    let r84: f64 = r0 - r4;
-    let r85: f64 = r84 * r78;
-    let r86: f64 = r3 + r85;
-    let r87: f64 = r86 + r86;
-    let r88: f64 = r87 / r82;
-    let r89: f64 = r88 * r83;
-    let r90: f64 = r0 + r89;
-    let r91: f64 = r88 - r3;
-    let r92: f64 = r88 * r78;
-    let r93: f64 = r4 + r92;
-    let r94: f64 = r0 - r0;
-    let r95: f64 = r1 - r1;
+    let r76: f64 = 0.0001794549081751423;
+    let r77: f64 = r76 * r20;
+    let r78: f64 = -0.0017538578744081506;
+    let r79: f64 = r77 + r78;
+    let r80: f64 = r79 * r20;
+    let r81: f64 = 8.13097876464608e-6;
+    let r82: f64 = r80 + r81;
+    let r83: f64 = r82 * r20;
+    let r84: f64 = 0.0002232081866356616;
+    let r85: f64 = r83 + r84;
+    let r86: f64 = r85 * r12;
+    let r87: f64 = 0.0026293466158285273;
+    let r88: f64 = r87 * r20;
+    let r89: f64 = -0.0115809020360853;
+    let r90: f64 = r88 + r89;
+    let r91: f64 = r90 * r20;
+    let r92: f64 = -0.014161831811951523;
+    let r93: f64 = r91 + r92;
+    let r94: f64 = r93 * r20;
+    let r95: f64 = 0.5095946922869903;
     let r96: f64 = r94 + r95;
-    let r97: f64 = r2 - r2;
-    let r98: f64 = r96 + r97;
-    let r99: f64 = r90 + r98;
-    let r100: f64 = r91 - r91;
-    let r101: f64 = r98 + r100;
-    let r102: f64 = r93 - r93;
-    let r103: f64 = r101 + r102;
-    let r105: f64 = rsm_select_f64(r103, r13, r91, r3);
-    let r106: f64 = rsm_select_f64(r103, r13, r93, r4);
-    state.s0 = r105;
-    state.s1 = r106;
-    r99
+    let r97: f64 = r86 + r96;
+    let r98: f64 = -0.04;
+    let r100: f64 = rsm_at_least_f64(r97, r98);
+    let r101: f64 = 1.2;
+    let r103: f64 = rsm_at_most_f64(r100, r101);
+    let r104: f64 = r75 + r103;
+    let r105: f64 = r104 + r104;
+    let r106: f64 = 0.0055;
+    let r107: f64 = r106 + r105;
+    let r108: f64 = r107 * r106;
+    let r109: f64 = r108 + r13;
+    let r110: f64 = 11.0;
+    let r111: f64 = r110 / r48;
+    let r112: f64 = r75 * r111;
+    let r113: f64 = r112 - r104;
+    let r114: f64 = r0 - r4;
+    let r115: f64 = r114 * r106;
+    let r116: f64 = r3 + r115;
+    let r117: f64 = r116 + r116;
+    let r118: f64 = r117 / r109;
+    let r119: f64 = r118 * r113;
+    let r120: f64 = r0 + r119;
+    let r121: f64 = r111 * r111;
+    let r122: f64 = r121 - r13;
+    let r123: f64 = 0.5;
+    let r124: f64 = r107 * r123;
+    let r125: f64 = r118 * r124;
+    let r126: f64 = r114 - r125;
+    let r127: f64 = r126 * r122;
+    let r128: f64 = r120 + r127;
+    let r129: f64 = r118 - r3;
+    let r130: f64 = r118 * r106;
+    let r131: f64 = r4 + r130;
+    let r132: f64 = r0 - r0;
+    let r133: f64 = r1 - r1;
+    let r134: f64 = r132 + r133;
+    let r135: f64 = r2 - r2;
+    let r136: f64 = r134 + r135;
+    let r137: f64 = r128 + r136;
+    let r138: f64 = r129 - r129;
+    let r139: f64 = r136 + r138;
+    let r140: f64 = r131 - r131;
+    let r141: f64 = r139 + r140;
+    let r143: f64 = rsm_select_f64(r141, r13, r129, r3);
+    let r144: f64 = rsm_select_f64(r141, r13, r131, r4);
+    state.s0 = r143;
+    state.s1 = r144;
+    r137
 }
 
 /// `damping_ratio` in `1`, evaluated in f32.
@@ -273,9 +519,9 @@ pub fn tip_in_step(state: &mut TipInState, input: f64, speed: f64, gear: f64) ->
 /// - `speed` in `m/s`: 2.5 to 50.0, clamped outside
 /// - `gear` in `1`: 1.0 to 5.0, clamped outside
 ///
-/// The result saturates at 0.02 and 1.0.
+/// The result saturates at 0.05 and 1.0.
 /// NaN in gives NaN out.
-/// 22 operations, 14 deep, no branch.
+/// 28 operations, 17 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -294,23 +540,92 @@ pub fn damping_ratio_f32(speed: f32, gear: f32) -> f32 {
     let r15: f32 = rsm_at_most_f32(r12, r13);
     let r16: f32 = 3.0;
     let r17: f32 = r15 - r16;
-    let r18: f32 = -0.0005603978;
+    let r18: f32 = 0.00018890525;
     let r19: f32 = r18 * r17;
-    let r20: f32 = 0.0016325009;
+    let r20: f32 = 0.0012854463;
     let r21: f32 = r19 + r20;
-    let r22: f32 = r21 * r9;
-    let r23: f32 = 0.0023526272;
-    let r24: f32 = r23 * r17;
-    let r25: f32 = 0.0038805837;
-    let r26: f32 = r24 + r25;
-    let r27: f32 = r26 * r17;
-    let r28: f32 = 0.13206123;
-    let r29: f32 = r27 + r28;
-    let r30: f32 = r22 + r29;
-    let r31: f32 = 0.020000001;
-    let r33: f32 = rsm_at_least_f32(r30, r31);
-    let r35: f32 = rsm_at_most_f32(r33, r10);
-    r35
+    let r22: f32 = r21 * r17;
+    let r23: f32 = -0.0003989396;
+    let r24: f32 = r22 + r23;
+    let r25: f32 = r24 * r17;
+    let r26: f32 = 7.790827e-5;
+    let r27: f32 = r25 + r26;
+    let r28: f32 = r27 * r9;
+    let r29: f32 = -0.0022242942;
+    let r30: f32 = r29 * r17;
+    let r31: f32 = 0.011048739;
+    let r32: f32 = r30 + r31;
+    let r33: f32 = r32 * r17;
+    let r34: f32 = 0.014597572;
+    let r35: f32 = r33 + r34;
+    let r36: f32 = r35 * r17;
+    let r37: f32 = 0.14101794;
+    let r38: f32 = r36 + r37;
+    let r39: f32 = r28 + r38;
+    let r40: f32 = 0.05;
+    let r42: f32 = rsm_at_least_f32(r39, r40);
+    let r44: f32 = rsm_at_most_f32(r42, r10);
+    r44
+}
+
+/// Whether the data support `damping_ratio` here: 1 inside, 0 outside, in f32.
+///
+/// - `speed` in `m/s`: 2.5 to 50.0
+/// - `gear` in `1`: 1.0 to 5.0
+///
+/// 34 operations, 11 deep, no branch.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[inline]
+#[must_use]
+pub fn damping_ratio_support_f32(speed: f32, gear: f32) -> i32 {
+    let r0: f32 = speed;
+    let r1: f32 = gear;
+    let r2: f32 = 0.0;
+    let r3: f32 = 1.0;
+    let r4: f32 = 26.25;
+    let r5: f32 = r0 - r4;
+    let r6: f32 = -0.042105265;
+    let r7: f32 = r5 * r6;
+    let r8: f32 = 0.99065006;
+    let r10: f32 = rsm_select_f32(r7, r8, r3, r2);
+    let r11: f32 = 0.042105265;
+    let r12: f32 = r5 * r11;
+    let r13: f32 = 0.88288003;
+    let r15: f32 = rsm_select_f32(r12, r13, r10, r2);
+    let r16: f32 = 3.0;
+    let r17: f32 = r1 - r16;
+    let r18: f32 = -0.5;
+    let r19: f32 = r17 * r18;
+    let r20: f32 = 1.0001;
+    let r22: f32 = rsm_select_f32(r19, r20, r15, r2);
+    let r23: f32 = 0.5;
+    let r24: f32 = r17 * r23;
+    let r26: f32 = rsm_select_f32(r24, r20, r22, r2);
+    let r27: f32 = r5 * r11;
+    let r28: f32 = -0.3772;
+    let r29: f32 = r17 * r28;
+    let r30: f32 = r27 + r29;
+    let r31: f32 = 0.14472;
+    let r33: f32 = rsm_select_f32(r30, r31, r26, r2);
+    let r34: f32 = r5 * r6;
+    let r35: f32 = 0.1016;
+    let r36: f32 = r17 * r35;
+    let r37: f32 = r34 + r36;
+    let r38: f32 = 0.81199;
+    let r40: f32 = rsm_select_f32(r37, r38, r33, r2);
+    let r41: f32 = r5 * r6;
+    let r42: f32 = 0.0801;
+    let r43: f32 = r17 * r42;
+    let r44: f32 = r41 + r43;
+    let r45: f32 = 0.83045006;
+    let r47: f32 = rsm_select_f32(r44, r45, r40, r2);
+    let r48: f32 = r5 * r11;
+    let r49: f32 = -0.36095;
+    let r50: f32 = r17 * r49;
+    let r51: f32 = r48 + r50;
+    let r52: f32 = 0.16098;
+    let r54: f32 = rsm_select_f32(r51, r52, r47, r2);
+    i32::from(r54 > 0.5)
 }
 
 /// `damping_error` in `1`, evaluated in f32.
@@ -318,9 +633,9 @@ pub fn damping_ratio_f32(speed: f32, gear: f32) -> f32 {
 /// - `speed` in `m/s`: 2.5 to 50.0, clamped outside
 /// - `gear` in `1`: 1.0 to 5.0, clamped outside
 ///
-/// The result saturates at 0.1 and 1.0.
+/// The result saturates at -0.04 and 1.2.
 /// NaN in gives NaN out.
-/// 22 operations, 14 deep, no branch.
+/// 28 operations, 17 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -339,23 +654,93 @@ pub fn damping_error_f32(speed: f32, gear: f32) -> f32 {
     let r15: f32 = rsm_at_most_f32(r12, r13);
     let r16: f32 = 3.0;
     let r17: f32 = r15 - r16;
-    let r18: f32 = 0.00056040013;
+    let r18: f32 = 0.0001794549;
     let r19: f32 = r18 * r17;
-    let r20: f32 = -0.0016324982;
+    let r20: f32 = -0.0017538578;
     let r21: f32 = r19 + r20;
-    let r22: f32 = r21 * r9;
-    let r23: f32 = -0.0023526119;
-    let r24: f32 = r23 * r17;
-    let r25: f32 = -0.0038805983;
-    let r26: f32 = r24 + r25;
-    let r27: f32 = r26 * r17;
-    let r28: f32 = 0.3179388;
-    let r29: f32 = r27 + r28;
-    let r30: f32 = r22 + r29;
-    let r31: f32 = 0.1;
-    let r33: f32 = rsm_at_least_f32(r30, r31);
-    let r35: f32 = rsm_at_most_f32(r33, r10);
-    r35
+    let r22: f32 = r21 * r17;
+    let r23: f32 = 8.130979e-6;
+    let r24: f32 = r22 + r23;
+    let r25: f32 = r24 * r17;
+    let r26: f32 = 0.00022320819;
+    let r27: f32 = r25 + r26;
+    let r28: f32 = r27 * r9;
+    let r29: f32 = 0.0026293467;
+    let r30: f32 = r29 * r17;
+    let r31: f32 = -0.011580902;
+    let r32: f32 = r30 + r31;
+    let r33: f32 = r32 * r17;
+    let r34: f32 = -0.014161832;
+    let r35: f32 = r33 + r34;
+    let r36: f32 = r35 * r17;
+    let r37: f32 = 0.5095947;
+    let r38: f32 = r36 + r37;
+    let r39: f32 = r28 + r38;
+    let r40: f32 = -0.04;
+    let r42: f32 = rsm_at_least_f32(r39, r40);
+    let r43: f32 = 1.1999999;
+    let r45: f32 = rsm_at_most_f32(r42, r43);
+    r45
+}
+
+/// Whether the data support `damping_error` here: 1 inside, 0 outside, in f32.
+///
+/// - `speed` in `m/s`: 2.5 to 50.0
+/// - `gear` in `1`: 1.0 to 5.0
+///
+/// 34 operations, 11 deep, no branch.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[inline]
+#[must_use]
+pub fn damping_error_support_f32(speed: f32, gear: f32) -> i32 {
+    let r0: f32 = speed;
+    let r1: f32 = gear;
+    let r2: f32 = 0.0;
+    let r3: f32 = 1.0;
+    let r4: f32 = 26.25;
+    let r5: f32 = r0 - r4;
+    let r6: f32 = -0.042105265;
+    let r7: f32 = r5 * r6;
+    let r8: f32 = 0.99065006;
+    let r10: f32 = rsm_select_f32(r7, r8, r3, r2);
+    let r11: f32 = 0.042105265;
+    let r12: f32 = r5 * r11;
+    let r13: f32 = 0.88288003;
+    let r15: f32 = rsm_select_f32(r12, r13, r10, r2);
+    let r16: f32 = 3.0;
+    let r17: f32 = r1 - r16;
+    let r18: f32 = -0.5;
+    let r19: f32 = r17 * r18;
+    let r20: f32 = 1.0001;
+    let r22: f32 = rsm_select_f32(r19, r20, r15, r2);
+    let r23: f32 = 0.5;
+    let r24: f32 = r17 * r23;
+    let r26: f32 = rsm_select_f32(r24, r20, r22, r2);
+    let r27: f32 = r5 * r11;
+    let r28: f32 = -0.3772;
+    let r29: f32 = r17 * r28;
+    let r30: f32 = r27 + r29;
+    let r31: f32 = 0.14472;
+    let r33: f32 = rsm_select_f32(r30, r31, r26, r2);
+    let r34: f32 = r5 * r6;
+    let r35: f32 = 0.1016;
+    let r36: f32 = r17 * r35;
+    let r37: f32 = r34 + r36;
+    let r38: f32 = 0.81199;
+    let r40: f32 = rsm_select_f32(r37, r38, r33, r2);
+    let r41: f32 = r5 * r6;
+    let r42: f32 = 0.0801;
+    let r43: f32 = r17 * r42;
+    let r44: f32 = r41 + r43;
+    let r45: f32 = 0.83045006;
+    let r47: f32 = rsm_select_f32(r44, r45, r40, r2);
+    let r48: f32 = r5 * r11;
+    let r49: f32 = -0.36095;
+    let r50: f32 = r17 * r49;
+    let r51: f32 = r48 + r50;
+    let r52: f32 = 0.16098;
+    let r54: f32 = rsm_select_f32(r51, r52, r47, r2);
+    i32::from(r54 > 0.5)
 }
 
 /// `shuffle_frequency` in `rad/s`, evaluated in f32.
@@ -365,7 +750,7 @@ pub fn damping_error_f32(speed: f32, gear: f32) -> f32 {
 ///
 /// The result saturates at 8.0 and 80.0.
 /// NaN in gives NaN out.
-/// 22 operations, 14 deep, no branch.
+/// 28 operations, 17 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -384,24 +769,93 @@ pub fn shuffle_frequency_f32(speed: f32, gear: f32) -> f32 {
     let r15: f32 = rsm_at_most_f32(r12, r13);
     let r16: f32 = 3.0;
     let r17: f32 = r15 - r16;
-    let r18: f32 = 0.18963094;
+    let r18: f32 = -0.017324759;
     let r19: f32 = r18 * r17;
-    let r20: f32 = 0.003849547;
+    let r20: f32 = -0.044512678;
     let r21: f32 = r19 + r20;
-    let r22: f32 = r21 * r9;
-    let r23: f32 = -0.7967556;
-    let r24: f32 = r23 * r17;
-    let r25: f32 = 9.359061;
-    let r26: f32 = r24 + r25;
-    let r27: f32 = r26 * r17;
-    let r28: f32 = 29.479559;
-    let r29: f32 = r27 + r28;
-    let r30: f32 = r22 + r29;
-    let r31: f32 = 8.0;
-    let r33: f32 = rsm_at_least_f32(r30, r31);
-    let r34: f32 = 80.0;
-    let r36: f32 = rsm_at_most_f32(r33, r34);
-    r36
+    let r22: f32 = r21 * r17;
+    let r23: f32 = -0.07305379;
+    let r24: f32 = r22 + r23;
+    let r25: f32 = r24 * r17;
+    let r26: f32 = 0.00028414308;
+    let r27: f32 = r25 + r26;
+    let r28: f32 = r27 * r9;
+    let r29: f32 = -0.5011182;
+    let r30: f32 = r29 * r17;
+    let r31: f32 = -0.33676577;
+    let r32: f32 = r30 + r31;
+    let r33: f32 = r32 * r17;
+    let r34: f32 = 8.251463;
+    let r35: f32 = r33 + r34;
+    let r36: f32 = r35 * r17;
+    let r37: f32 = 30.352074;
+    let r38: f32 = r36 + r37;
+    let r39: f32 = r28 + r38;
+    let r40: f32 = 8.0;
+    let r42: f32 = rsm_at_least_f32(r39, r40);
+    let r43: f32 = 80.0;
+    let r45: f32 = rsm_at_most_f32(r42, r43);
+    r45
+}
+
+/// Whether the data support `shuffle_frequency` here: 1 inside, 0 outside, in f32.
+///
+/// - `speed` in `m/s`: 2.5 to 50.0
+/// - `gear` in `1`: 1.0 to 5.0
+///
+/// 34 operations, 11 deep, no branch.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[inline]
+#[must_use]
+pub fn shuffle_frequency_support_f32(speed: f32, gear: f32) -> i32 {
+    let r0: f32 = speed;
+    let r1: f32 = gear;
+    let r2: f32 = 0.0;
+    let r3: f32 = 1.0;
+    let r4: f32 = 26.25;
+    let r5: f32 = r0 - r4;
+    let r6: f32 = -0.042105265;
+    let r7: f32 = r5 * r6;
+    let r8: f32 = 0.99065006;
+    let r10: f32 = rsm_select_f32(r7, r8, r3, r2);
+    let r11: f32 = 0.042105265;
+    let r12: f32 = r5 * r11;
+    let r13: f32 = 0.88288003;
+    let r15: f32 = rsm_select_f32(r12, r13, r10, r2);
+    let r16: f32 = 3.0;
+    let r17: f32 = r1 - r16;
+    let r18: f32 = -0.5;
+    let r19: f32 = r17 * r18;
+    let r20: f32 = 1.0001;
+    let r22: f32 = rsm_select_f32(r19, r20, r15, r2);
+    let r23: f32 = 0.5;
+    let r24: f32 = r17 * r23;
+    let r26: f32 = rsm_select_f32(r24, r20, r22, r2);
+    let r27: f32 = r5 * r11;
+    let r28: f32 = -0.3772;
+    let r29: f32 = r17 * r28;
+    let r30: f32 = r27 + r29;
+    let r31: f32 = 0.14472;
+    let r33: f32 = rsm_select_f32(r30, r31, r26, r2);
+    let r34: f32 = r5 * r6;
+    let r35: f32 = 0.1016;
+    let r36: f32 = r17 * r35;
+    let r37: f32 = r34 + r36;
+    let r38: f32 = 0.81199;
+    let r40: f32 = rsm_select_f32(r37, r38, r33, r2);
+    let r41: f32 = r5 * r6;
+    let r42: f32 = 0.0801;
+    let r43: f32 = r17 * r42;
+    let r44: f32 = r41 + r43;
+    let r45: f32 = 0.83045006;
+    let r47: f32 = rsm_select_f32(r44, r45, r40, r2);
+    let r48: f32 = r5 * r11;
+    let r49: f32 = -0.36095;
+    let r50: f32 = r17 * r49;
+    let r51: f32 = r48 + r50;
+    let r52: f32 = 0.16098;
+    let r54: f32 = rsm_select_f32(r51, r52, r47, r2);
+    i32::from(r54 > 0.5)
 }
 
 /// What the compensator `tip_in` keeps from step to step, in f32.
@@ -428,7 +882,7 @@ pub fn tip_in_init_f32() -> TipInStateF32 {
 ///
 /// Where an argument is NaN or infinite the result is NaN, and the state stays as it was.
 /// At rest the result is the signal, exactly, also while the other arguments move.
-/// 76 operations, 26 deep, no branch.
+/// 102 operations, 29 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 pub fn tip_in_step_f32(state: &mut TipInStateF32, input: f32, speed: f32, gear: f32) -> f32 {
@@ -449,88 +903,126 @@ pub fn tip_in_step_f32(state: &mut TipInStateF32, input: f32, speed: f32, gear: 
     let r18: f32 = rsm_at_most_f32(r15, r16);
     let r19: f32 = 3.0;
     let r20: f32 = r18 - r19;
-    let r21: f32 = 0.18963094;
+    let r21: f32 = -0.017324759;
     let r22: f32 = r21 * r20;
-    let r23: f32 = 0.003849547;
+    let r23: f32 = -0.044512678;
     let r24: f32 = r22 + r23;
-    let r25: f32 = r24 * r12;
-    let r26: f32 = -0.7967556;
-    let r27: f32 = r26 * r20;
-    let r28: f32 = 9.359061;
-    let r29: f32 = r27 + r28;
-    let r30: f32 = r29 * r20;
-    let r31: f32 = 29.479559;
-    let r32: f32 = r30 + r31;
-    let r33: f32 = r25 + r32;
-    let r34: f32 = 8.0;
-    let r36: f32 = rsm_at_least_f32(r33, r34);
-    let r37: f32 = 80.0;
-    let r39: f32 = rsm_at_most_f32(r36, r37);
-    let r40: f32 = -0.0005603978;
-    let r41: f32 = r40 * r20;
-    let r42: f32 = 0.0016325009;
-    let r43: f32 = r41 + r42;
-    let r44: f32 = r43 * r12;
-    let r45: f32 = 0.0023526272;
-    let r46: f32 = r45 * r20;
-    let r47: f32 = 0.0038805837;
-    let r48: f32 = r46 + r47;
-    let r49: f32 = r48 * r20;
-    let r50: f32 = 0.13206123;
-    let r51: f32 = r49 + r50;
-    let r52: f32 = r44 + r51;
-    let r53: f32 = 0.020000001;
-    let r55: f32 = rsm_at_least_f32(r52, r53);
-    let r57: f32 = rsm_at_most_f32(r55, r13);
-    let r58: f32 = 0.00056040013;
-    let r59: f32 = r58 * r20;
-    let r60: f32 = -0.0016324982;
-    let r61: f32 = r59 + r60;
-    let r62: f32 = r61 * r12;
-    let r63: f32 = -0.0023526119;
+    let r25: f32 = r24 * r20;
+    let r26: f32 = -0.07305379;
+    let r27: f32 = r25 + r26;
+    let r28: f32 = r27 * r20;
+    let r29: f32 = 0.00028414308;
+    let r30: f32 = r28 + r29;
+    let r31: f32 = r30 * r12;
+    let r32: f32 = -0.5011182;
+    let r33: f32 = r32 * r20;
+    let r34: f32 = -0.33676577;
+    let r35: f32 = r33 + r34;
+    let r36: f32 = r35 * r20;
+    let r37: f32 = 8.251463;
+    let r38: f32 = r36 + r37;
+    let r39: f32 = r38 * r20;
+    let r40: f32 = 30.352074;
+    let r41: f32 = r39 + r40;
+    let r42: f32 = r31 + r41;
+    let r43: f32 = 8.0;
+    let r45: f32 = rsm_at_least_f32(r42, r43);
+    let r46: f32 = 80.0;
+    let r48: f32 = rsm_at_most_f32(r45, r46);
+    let r49: f32 = 0.00018890525;
+    let r50: f32 = r49 * r20;
+    let r51: f32 = 0.0012854463;
+    let r52: f32 = r50 + r51;
+    let r53: f32 = r52 * r20;
+    let r54: f32 = -0.0003989396;
+    let r55: f32 = r53 + r54;
+    let r56: f32 = r55 * r20;
+    let r57: f32 = 7.790827e-5;
+    let r58: f32 = r56 + r57;
+    let r59: f32 = r58 * r12;
+    let r60: f32 = -0.0022242942;
+    let r61: f32 = r60 * r20;
+    let r62: f32 = 0.011048739;
+    let r63: f32 = r61 + r62;
     let r64: f32 = r63 * r20;
-    let r65: f32 = -0.0038805983;
+    let r65: f32 = 0.014597572;
     let r66: f32 = r64 + r65;
     let r67: f32 = r66 * r20;
-    let r68: f32 = 0.3179388;
+    let r68: f32 = 0.14101794;
     let r69: f32 = r67 + r68;
-    let r70: f32 = r62 + r69;
-    let r71: f32 = 0.1;
+    let r70: f32 = r59 + r69;
+    let r71: f32 = 0.05;
     let r73: f32 = rsm_at_least_f32(r70, r71);
     let r75: f32 = rsm_at_most_f32(r73, r13);
-    let r76: f32 = r57 + r75;
-    let r77: f32 = 0.0005;
-    let r78: f32 = r39 * r77;
-    let r79: f32 = r76 + r76;
-    let r80: f32 = r78 + r79;
-    let r81: f32 = r80 * r78;
-    let r82: f32 = r81 + r13;
-    let r83: f32 = r57 - r76;
-    let r84: f32 = r0 - r4;
-    let r85: f32 = r84 * r78;
-    let r86: f32 = r3 + r85;
-    let r87: f32 = r86 + r86;
-    let r88: f32 = r87 / r82;
-    let r89: f32 = r88 * r83;
-    let r90: f32 = r0 + r89;
-    let r91: f32 = r88 - r3;
-    let r92: f32 = r88 * r78;
-    let r93: f32 = r4 + r92;
-    let r94: f32 = r0 - r0;
-    let r95: f32 = r1 - r1;
+    let r76: f32 = 0.0001794549;
+    let r77: f32 = r76 * r20;
+    let r78: f32 = -0.0017538578;
+    let r79: f32 = r77 + r78;
+    let r80: f32 = r79 * r20;
+    let r81: f32 = 8.130979e-6;
+    let r82: f32 = r80 + r81;
+    let r83: f32 = r82 * r20;
+    let r84: f32 = 0.00022320819;
+    let r85: f32 = r83 + r84;
+    let r86: f32 = r85 * r12;
+    let r87: f32 = 0.0026293467;
+    let r88: f32 = r87 * r20;
+    let r89: f32 = -0.011580902;
+    let r90: f32 = r88 + r89;
+    let r91: f32 = r90 * r20;
+    let r92: f32 = -0.014161832;
+    let r93: f32 = r91 + r92;
+    let r94: f32 = r93 * r20;
+    let r95: f32 = 0.5095947;
     let r96: f32 = r94 + r95;
-    let r97: f32 = r2 - r2;
-    let r98: f32 = r96 + r97;
-    let r99: f32 = r90 + r98;
-    let r100: f32 = r91 - r91;
-    let r101: f32 = r98 + r100;
-    let r102: f32 = r93 - r93;
-    let r103: f32 = r101 + r102;
-    let r105: f32 = rsm_select_f32(r103, r13, r91, r3);
-    let r106: f32 = rsm_select_f32(r103, r13, r93, r4);
-    state.s0 = r105;
-    state.s1 = r106;
-    r99
+    let r97: f32 = r86 + r96;
+    let r98: f32 = -0.04;
+    let r100: f32 = rsm_at_least_f32(r97, r98);
+    let r101: f32 = 1.1999999;
+    let r103: f32 = rsm_at_most_f32(r100, r101);
+    let r104: f32 = r75 + r103;
+    let r105: f32 = r104 + r104;
+    let r106: f32 = 0.0055;
+    let r107: f32 = r106 + r105;
+    let r108: f32 = r107 * r106;
+    let r109: f32 = r108 + r13;
+    let r110: f32 = 11.0;
+    let r111: f32 = r110 / r48;
+    let r112: f32 = r75 * r111;
+    let r113: f32 = r112 - r104;
+    let r114: f32 = r0 - r4;
+    let r115: f32 = r114 * r106;
+    let r116: f32 = r3 + r115;
+    let r117: f32 = r116 + r116;
+    let r118: f32 = r117 / r109;
+    let r119: f32 = r118 * r113;
+    let r120: f32 = r0 + r119;
+    let r121: f32 = r111 * r111;
+    let r122: f32 = r121 - r13;
+    let r123: f32 = 0.5;
+    let r124: f32 = r107 * r123;
+    let r125: f32 = r118 * r124;
+    let r126: f32 = r114 - r125;
+    let r127: f32 = r126 * r122;
+    let r128: f32 = r120 + r127;
+    let r129: f32 = r118 - r3;
+    let r130: f32 = r118 * r106;
+    let r131: f32 = r4 + r130;
+    let r132: f32 = r0 - r0;
+    let r133: f32 = r1 - r1;
+    let r134: f32 = r132 + r133;
+    let r135: f32 = r2 - r2;
+    let r136: f32 = r134 + r135;
+    let r137: f32 = r128 + r136;
+    let r138: f32 = r129 - r129;
+    let r139: f32 = r136 + r138;
+    let r140: f32 = r131 - r131;
+    let r141: f32 = r139 + r140;
+    let r143: f32 = rsm_select_f32(r141, r13, r129, r3);
+    let r144: f32 = rsm_select_f32(r141, r13, r131, r4);
+    state.s0 = r143;
+    state.s1 = r144;
+    r137
 }
 
 // `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.

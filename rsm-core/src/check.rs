@@ -174,7 +174,10 @@ fn fits_ratio(precision: Precision, compensator: &Compensator) -> bool {
 }
 
 fn beyond_ratio(compensator: &Compensator, precision: &str) -> String {
-    format!("compensator `{}`: `pole_frequency`: its square over that of `natural_frequency` is {BEYOND} {precision}", compensator.name)
+    format!(
+        "compensator `{}`: `pole_frequency`: its square over that of `natural_frequency` is {BEYOND} {precision}",
+        compensator.name
+    )
 }
 
 /// What is said of a number that does not fit.

@@ -47,6 +47,8 @@ pub mod plants;
 
 pub mod simulate;
 
+pub mod track;
+
 pub mod motor;
 
 pub mod bench;

@@ -188,6 +188,34 @@ impl Simulator {
     /// # Errors
     /// [`Stopped`], when the numbers leave no way on.
     pub fn run_into(&mut self, record: &Record, outputs: &mut Outputs) -> Result<(), Stopped> {
+        self.run_with(record, None, outputs)
+    }
+
+    /// Runs with a controller in the loop: at every row it reads the outputs and says the first input, which is held to the next row; the
+    /// record gives the rows, the start and what was said before the first. For a plant whose outputs do not depend on this input at their
+    /// own instant: the driveline, where the engine's lag stands between.
+    ///
+    /// # Panics
+    /// For another plant.
+    ///
+    /// # Errors
+    /// [`Stopped`], when the numbers leave no way on.
+    pub fn run_controlled(
+        &mut self,
+        record: &Record,
+        controller: &mut Controller<'_>,
+        outputs: &mut Outputs,
+    ) -> Result<(), Stopped> {
+        assert!(self.kind == PlantKind::Driveline, "only the driveline takes a controller row by row");
+        self.run_with(record, Some(controller), outputs)
+    }
+
+    fn run_with(
+        &mut self,
+        record: &Record,
+        controller: Option<&mut Controller<'_>>,
+        outputs: &mut Outputs,
+    ) -> Result<(), Stopped> {
         let all = self.kind.outputs();
         let shown: &[Signal] = match record.drive {
             Drive::HoldsDirectCurrent => &all[1..],
@@ -209,6 +237,7 @@ impl Simulator {
             kind: self.kind,
             refinement: self.refinement,
             commands: Vec::new(),
+            controller,
         };
         match &self.equations {
             Equations::Pmac(plant) => run.along(plant, &self.start, first, outputs),
@@ -218,7 +247,10 @@ impl Simulator {
     }
 }
 
-struct Run<'a> {
+/// A controller in the loop: from a row and the outputs as they are read there to the first input.
+pub type Controller<'a> = dyn FnMut(usize, &[f64; 3]) -> f64 + 'a;
+
+struct Run<'a, 'c, 'd> {
     hooks: &'a Hooks,
     record: &'a Record,
     work: &'a mut Work,
@@ -226,9 +258,10 @@ struct Run<'a> {
     refinement: usize,
     /// What the controller said, row by row; empty without one.
     commands: Vec<f64>,
+    controller: Option<&'c mut Controller<'d>>,
 }
 
-impl Run<'_> {
+impl Run<'_, '_, '_> {
     fn along<P: Plant>(&mut self, plant: &P, start: &[f64; 3], first: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
         let record = self.record;
         let delay = self.hooks.delay() / record.period;
@@ -241,10 +274,14 @@ impl Run<'_> {
         }
         // Beyond the record every row has the first value.
         let whole = if whole < record.rows() as f64 { whole as usize } else { record.rows() };
-        if record.drive == Drive::Closed {
+        if record.drive == Drive::Closed || self.controller.is_some() {
             self.commands.reserve(record.rows());
         }
-        let before_any = if record.drive == Drive::Closed { [0.0; 3] } else { self.acting(0, 0) };
+        let before_any = match (record.drive, &self.controller) {
+            (Drive::Closed, _) => [0.0; 3],
+            (_, Some(_)) => [self.hooks.input(record.inputs[0][0]), 0.0, 0.0],
+            _ => self.acting(0, 0),
+        };
         self.work.x.fill(0.0);
         plant.start(self.hooks, start, record, &before_any, &mut self.work.x);
         let mut held = [self.work.x[0]; 3];
@@ -253,6 +290,18 @@ impl Run<'_> {
             if record.drive == Drive::Closed {
                 held = if row == 0 { held } else { [self.work.x[0], held[0], held[1]] };
                 let command = plant.command(record.inputs[0][row], &self.work.x, held, record.period);
+                self.commands.push(command);
+            }
+            if self.controller.is_some() {
+                let work = &mut *self.work;
+                plant.evaluate(self.hooks, &before_any, &work.x, &mut work.k[0], &mut work.outputs);
+                if row == 0 {
+                    self.hooks.settle(time, work.outputs, &mut work.x, &mut work.k[0]);
+                }
+                self.hooks.read(time, &work.x, &mut work.k[0], &mut work.outputs);
+            }
+            if let Some(controller) = &mut self.controller {
+                let command = controller(row, &self.work.outputs);
                 self.commands.push(command);
             }
             let late = self.acting(row, row.saturating_sub(whole + 1));
@@ -289,7 +338,10 @@ impl Run<'_> {
                 let v_d = inputs[0].get(earlier).copied().unwrap_or(0.0);
                 [self.hooks.input(v_d), self.hooks.input(inputs[1][earlier]), inputs[2][row]]
             }
-            PlantKind::Driveline => [self.hooks.input(inputs[0][earlier]), 0.0, 0.0],
+            PlantKind::Driveline => {
+                let commands = if self.controller.is_some() { &self.commands } else { &inputs[0] };
+                [self.hooks.input(commands[earlier]), 0.0, 0.0]
+            }
             PlantKind::ServoAxis => {
                 let commands = if self.record.drive == Drive::Closed { &self.commands } else { &inputs[0] };
                 [self.hooks.input(commands[earlier]), commands[row], 0.0]

@@ -161,8 +161,11 @@ fn in_words(
     for it in compensators {
         let state = if it.violations.is_empty() { "stable over the whole box" } else { "not certain to be stable" };
         output::line(&format!("{}: {state}", it.name))?;
-        let mut ranges =
-            vec![("natural frequency", it.natural_frequency), ("zero damping", it.zero_damping), ("pole damping", it.pole_damping)];
+        let mut ranges = vec![
+            ("natural frequency", it.natural_frequency),
+            ("zero damping", it.zero_damping),
+            ("pole damping", it.pole_damping),
+        ];
         ranges.extend(it.pole_frequency.map(|range| ("pole frequency", range)));
         for (name, range) in ranges {
             let unit = if name.ends_with("frequency") { " rad/s" } else { "" };

@@ -1,14 +1,21 @@
-//! `rsm experiment`: the simulated bench, by a plan.
+//! `rsm experiment`: the simulated bench and the simulated track, by a plan.
 //!
-//! In: a plan and a plant file. Out: a CSV of measured points, whole or absent. The simulation is rsm-lab's; here are files and words.
+//! In: a plan and a plant file. Out: a CSV of measured points or runs, and records of the runs, whole or absent. The simulation is rsm-lab's; here are files and words.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
+use indicatif::ProgressBar;
+use rsm_core::check::Checked;
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_fit::plan::Plan;
 use rsm_lab::bench::{self, Bench, Setting};
 use rsm_lab::plant_file::PlantFile;
+use rsm_lab::track::experiment::{self, FLAGGED_AT_MOST};
+use rsm_lab::track::measure::Measured;
+use rsm_lab::track::plan::TrackPlan;
+use rsm_lab::track::rounds;
+use rsm_lab::track::run::Compensation;
 use serde_json::json;
 
 use crate::outcome::{Answer, Outcome, Refusal};
@@ -24,6 +31,8 @@ pub struct Arguments {
 enum Experiment {
     /// The motor on a dynamometer: modulation depth and current advance at the voltage limit
     Pmac(Pmac),
+    /// The car on a track: tip-in runs, each reduced to delay, frequency and damping
+    Driveline(Driveline),
 }
 
 #[derive(Args)]
@@ -45,9 +54,35 @@ struct Pmac {
     json: bool,
 }
 
+#[derive(Args)]
+struct Driveline {
+    /// The plan: factors `gear`, `engine_speed` and, where it varies, `load`
+    #[arg(long)]
+    plan: PathBuf,
+    /// The plant file
+    #[arg(long)]
+    plant: PathBuf,
+    /// The CSV that is written, a row a run
+    #[arg(long)]
+    out: PathBuf,
+    /// The seed of the sensors' noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// A folder for the record of every run, as `rsm simulate` reads it
+    #[arg(long)]
+    records: Option<PathBuf>,
+    /// Put a compensator between pedal and throttle: a model file, and a name where it has several
+    #[arg(long, value_name = "MODEL.toml[:NAME]")]
+    compensator: Option<String>,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
 pub fn run(arguments: &Arguments) -> Outcome {
     match &arguments.experiment {
         Experiment::Pmac(arguments) => pmac(arguments),
+        Experiment::Driveline(arguments) => driveline(arguments),
     }
 }
 
@@ -74,6 +109,64 @@ fn pmac(arguments: &Pmac) -> Outcome {
         eprintln!("{}: {runs} runs, {measured} of them at the voltage limit", arguments.out.display());
     }
     Ok(Answer::Positive)
+}
+
+fn driveline(arguments: &Driveline) -> Outcome {
+    let plant = PlantFile::read(&Source::read(&arguments.plant)?)?;
+    let plan = TrackPlan::read(&Source::read(&arguments.plan)?)?;
+    let compensation = arguments.compensator.as_deref().map(compensation).transpose()?;
+    let bar = ProgressBar::new(plan.runs.len() as u64);
+    let runs = experiment::experiment(&plant, &plan, arguments.seed, compensation.as_ref(), experiment::threads());
+    bar.finish_and_clear();
+    // The simulation knows no file: its name is put in front.
+    let runs = runs.map_err(|faults| Refusal::new(format!("{}: {faults}", arguments.plant.display())))?;
+    let measured: Vec<Measured> = runs.iter().map(|(measured, _)| measured.clone()).collect();
+    let mut files = vec![(arguments.out.clone(), experiment::csv(&measured, &[]))];
+    if let Some(folder) = &arguments.records {
+        files.extend(runs.iter().map(|(it, trace)| (folder.join(format!("run-{:02}.csv", it.run.run)), trace.csv())));
+    }
+    output::write_all(&files)?;
+    let flagged: Vec<&Measured> = measured.iter().filter(|it| !it.flags.is_empty()).collect();
+    let too_many = flagged.len() as f64 > FLAGGED_AT_MOST * measured.len() as f64;
+    if arguments.json {
+        let (mean, largest) = rounds::zeta(&measured);
+        let flags: Vec<_> = flagged.iter().map(|it| json!({ "run": it.run.run, "why": it.flags })).collect();
+        output::json(&json!({
+            "plant": plant.kind.name(),
+            "runs": measured.len(),
+            "flagged": flags,
+            "damping_ratio_mean": output::finite(mean),
+            "damping_ratio_largest_residual": output::finite(largest),
+            "seed": arguments.seed,
+            "out": arguments.out.display().to_string(),
+        }))?;
+    } else {
+        eprintln!("{}: {} runs, {} flagged", arguments.out.display(), measured.len(), flagged.len());
+        for it in &flagged {
+            eprintln!("  run {}: {}", it.run.run, it.flags.join("; "));
+        }
+    }
+    // Of 25 runs two may be flagged: with more the experiment is no ground for a surface.
+    Ok(if too_many { Answer::Negative } else { Answer::Positive })
+}
+
+/// The compensator of `MODEL.toml` or `MODEL.toml:NAME`; without a name the only one.
+fn compensation(what: &str) -> Result<Compensation, Refusal> {
+    let (path, name) = match what.rsplit_once(':') {
+        Some((path, name)) if !name.is_empty() && !path.is_empty() => (path, Some(name)),
+        _ => (what, None),
+    };
+    let checked = Checked::read(&Source::read(Path::new(path))?)?;
+    let compensators = &checked.model().compensators;
+    let name = match (name, &compensators[..]) {
+        (Some(name), _) => name,
+        (None, [only]) => only.name.as_str(),
+        (None, all) => {
+            let found = all.len();
+            return Err(Refusal::new(format!("--compensator: {path} has {found} compensators, name one with {path}:NAME")));
+        }
+    };
+    Ok(Compensation::new(&checked, name)?)
 }
 
 /// The settings of a plan; what cannot be set on the bench is told row by row.

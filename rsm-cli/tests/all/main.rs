@@ -3,6 +3,7 @@
 mod command;
 mod compensator;
 mod design;
+mod driveline;
 mod motor;
 mod readme;
 mod shipped_data;

@@ -6,6 +6,7 @@ mod measured;
 mod motor;
 mod rejected;
 mod step;
+mod track;
 
 use std::path::{Path, PathBuf};
 
