@@ -38,8 +38,10 @@ const LAWS: &[Law] = &[
         outside: None,
     },
     // A target gets its evaluators at compile time, from the macro or in build.rs, and has nothing of ours at run time but them.
-    Law { package: "motor-loop", ours: &["rsm-macros"], aside: &["rsm-core"], outside: Some(&[]) },
-    Law { package: "throttle-loop", ours: &["rsm-macros"], aside: &["rsm-core"], outside: Some(&[]) },
+    Law { package: "motor-loop", ours: &["branch-free", "rsm-macros"], aside: &["rsm-core"], outside: Some(&[]) },
+    Law { package: "throttle-loop", ours: &["branch-free", "rsm-macros"], aside: &["rsm-core"], outside: Some(&[]) },
+    // Comparisons that select: it knows neither models nor motors.
+    Law { package: "branch-free", ours: &[], aside: &[], outside: Some(&[]) },
     // A periodic loop: it knows neither models nor motors.
     Law { package: "host-loop", ours: &[], aside: &[], outside: Some(&["nix"]) },
     Law {
@@ -203,7 +205,7 @@ fn fitting_does_not_know_emitters() {
 
 #[test]
 fn targets_do_without_std() {
-    for target in ["motor-loop", "throttle-loop"] {
+    for target in ["branch-free", "motor-loop", "throttle-loop"] {
         let path = cases::root().join("targets").join(target).join("src").join("lib.rs");
         let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         assert!(text.lines().any(|line| line == "#![no_std]"), "{target}: src/lib.rs has no #![no_std]");

@@ -1,0 +1,158 @@
+//! Comparisons that select without a branch, in f32: what a step around an evaluator needs beyond + - * and /.
+//!
+//! In: numbers. Out: one of them, by one comparison, with one meaning on every machine; `targets/firmware/exact.h` is the same in C. On x86-64 the
+//! two bounds are one instruction each and a select four; elsewhere the compiler is told that the comparison cannot be predicted. Never
+//! allocates, never branches, knows nothing of motors.
+//!
+//! ```
+//! use branch_free::{at_least, at_most, nothing, select};
+//!
+//! assert_eq!(at_most(at_least(-3.0, 0.0), 1.0), 0.0);
+//! assert!(at_least(f32::NAN, 0.0).is_nan());             // a NaN passes a bound
+//! assert_eq!(select(f32::NAN, 1.0, 10.0, 20.0), 20.0);    // and is less than nothing
+//! assert!(nothing(3.0) == 0.0 && nothing(f32::INFINITY).is_nan());
+//! ```
+#![no_std]
+// Denied, not forbidden: two instructions of SSE are `unsafe` functions to Rust. There is no other.
+#![deny(unsafe_code)]
+
+/// `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.
+#[allow(unsafe_code)]
+#[inline(always)]
+#[must_use]
+pub fn at_least(value: f32, bound: f32) -> f32 {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use core::arch::x86_64::{_mm_cvtss_f32, _mm_max_ss, _mm_set_ss};
+        // SAFETY: `cfg` says that the machine has SSE.
+        unsafe { _mm_cvtss_f32(_mm_max_ss(_mm_set_ss(bound), _mm_set_ss(value))) }
+    }
+    #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+    {
+        core::hint::select_unpredictable(value < bound, bound, value)
+    }
+}
+
+/// `bound` where `bound < value`, else `value`: a NaN passes, and a tie keeps `value`.
+#[allow(unsafe_code)]
+#[inline(always)]
+#[must_use]
+pub fn at_most(value: f32, bound: f32) -> f32 {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use core::arch::x86_64::{_mm_cvtss_f32, _mm_min_ss, _mm_set_ss};
+        // SAFETY: `cfg` says that the machine has SSE.
+        unsafe { _mm_cvtss_f32(_mm_min_ss(_mm_set_ss(bound), _mm_set_ss(value))) }
+    }
+    #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+    {
+        core::hint::select_unpredictable(bound < value, bound, value)
+    }
+}
+
+/// Both bounds, the lower one first: where `high < low` the answer is `high`.
+#[inline(always)]
+#[must_use]
+pub fn within(value: f32, low: f32, high: f32) -> f32 {
+    at_most(at_least(value, low), high)
+}
+
+/// `then` where `left < right`, else `otherwise`, also where either is NaN.
+#[allow(unsafe_code)]
+#[inline(always)]
+#[must_use]
+pub fn select(left: f32, right: f32, then: f32, otherwise: f32) -> f32 {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use core::arch::x86_64::{_mm_and_ps, _mm_andnot_ps, _mm_cmplt_ss, _mm_cvtss_f32, _mm_or_ps, _mm_set_ss};
+        // SAFETY: `cfg` says that the machine has SSE.
+        unsafe {
+            let mask = _mm_cmplt_ss(_mm_set_ss(left), _mm_set_ss(right));
+            let chosen = _mm_and_ps(mask, _mm_set_ss(then));
+            let other = _mm_andnot_ps(mask, _mm_set_ss(otherwise));
+            _mm_cvtss_f32(_mm_or_ps(chosen, other))
+        }
+    }
+    #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+    {
+        core::hint::select_unpredictable(left < right, then, otherwise)
+    }
+}
+
+/// `value` without its sign.
+#[inline(always)]
+#[must_use]
+pub fn magnitude(value: f32) -> f32 {
+    f32::from_bits(value.to_bits() & 0x7FFF_FFFF)
+}
+
+/// 0 for a number, NaN for a NaN or an infinity. The sum of several is 0 or NaN, and the comparison `sum < 1.0` tells which.
+// The difference of a number with itself is what is wanted here.
+#[allow(clippy::eq_op)]
+#[inline(always)]
+#[must_use]
+pub fn nothing(value: f32) -> f32 {
+    value - value
+}
+
+/// How many bad samples there were: all of them up to now, and those in a row that end now.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct BadSamples {
+    /// All of them; stays at the largest number when it gets there.
+    pub all: u32,
+    /// One after another up to now: 0 after a good one.
+    pub in_a_row: u32,
+}
+
+impl BadSamples {
+    /// Counts one sample.
+    #[inline(always)]
+    pub fn count(&mut self, good: bool) {
+        let bad = u32::from(!good);
+        self.all = add_up_to_the_largest(self.all, bad);
+        // All ones where the sample is bad: what is kept of the row.
+        self.in_a_row = add_up_to_the_largest(self.in_a_row, bad) & 0u32.wrapping_sub(bad);
+    }
+}
+
+/// `one` is 0 or 1. The sum that went past the largest number is 0: then one is taken off again.
+#[inline(always)]
+fn add_up_to_the_largest(count: u32, one: u32) -> u32 {
+    let sum = count.wrapping_add(one);
+    sum.wrapping_sub(u32::from(sum < count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HARD: [f32; 12] =
+        [0.0, -0.0, 1e-45, -1e-45, 1.0, -1.0, 3.5, f32::MAX, f32::MIN, f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
+
+    #[test]
+    fn every_pair_gives_what_the_comparison_says() {
+        for a in HARD {
+            for b in HARD {
+                assert_eq!(at_least(a, b).to_bits(), if a < b { b } else { a }.to_bits(), "{a} {b}");
+                assert_eq!(at_most(a, b).to_bits(), if b < a { b } else { a }.to_bits(), "{a} {b}");
+                assert_eq!(select(a, b, 2.0, f32::NAN).to_bits(), if a < b { 2.0 } else { f32::NAN }.to_bits(), "{a} {b}");
+            }
+            assert_eq!(nothing(a) < 1.0, a.is_finite(), "{a}");
+            assert_eq!(magnitude(a).to_bits(), a.abs().to_bits(), "{a}");
+        }
+    }
+
+    #[test]
+    fn bad_samples_are_counted_and_stay_at_the_largest_number() {
+        let mut bad = BadSamples::default();
+        for good in [true, false, false, true, false] {
+            bad.count(good);
+        }
+        assert_eq!(bad, BadSamples { all: 3, in_a_row: 1 });
+        let mut full = BadSamples { all: u32::MAX, in_a_row: u32::MAX };
+        full.count(false);
+        assert_eq!(full, BadSamples { all: u32::MAX, in_a_row: u32::MAX });
+        full.count(true);
+        assert_eq!(full, BadSamples { all: u32::MAX, in_a_row: 0 });
+    }
+}

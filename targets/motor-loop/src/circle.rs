@@ -1,0 +1,101 @@
+//! Sine, cosine and the other leg of a unit circle, which `core` does not have, from the surfaces of `generated/coefficients/circle.toml`.
+//!
+//! In: turns, or the square of one leg. Out: numbers of one circle, with the errors that the coefficient file states. No table, no loop, no branch, and
+//! the same bits in C.
+
+use branch_free::magnitude;
+
+rsm_macros::include_model!("../../generated/coefficients/circle.toml", precision = "f32");
+
+/// 1.5 * 2^23: a number added to it is rounded to a whole one, since the numbers up to 2^24 are whole there; the difference is exact. This
+/// rounds to even and holds for magnitudes up to 2^22 (Goldberg, "What every computer scientist should know", 1991, names the device).
+const WHOLE: f32 = 12_582_912.0;
+
+/// A longer leg than this leaves less than sqrt(0.1) = 0.32 for the other: the range of the surface `height` ends there. sqrt(0.9), rounded down
+/// so that its square is inside.
+pub(crate) const LONGEST_LEG: f32 = 0.948_683_2;
+
+/// Cosine and sine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Direction {
+    /// Cosine.
+    pub cos: f32,
+    /// Sine.
+    pub sin: f32,
+}
+
+impl Direction {
+    /// Of an angle in turns, up to 2^22 turns either way. The error is that of the angle, up to 2^-24 of its magnitude, times 2 pi, and 1.0e-6.
+    /// Beyond, the numbers are still in [-1, 1] but mean nothing; NaN and infinities give NaN.
+    #[inline(always)]
+    #[must_use]
+    pub fn of_turns(turns: f32) -> Self {
+        Direction { cos: cosine(turns), sin: cosine(turns - 0.25) }
+    }
+}
+
+/// With r what is left of the angle beside whole turns, in [-1/2, 1/2]: cos(2 pi r) = sin(pi/2 (1 - 4 |r|)), the argument of which is in [-1, 1].
+#[inline(always)]
+fn cosine(turns: f32) -> f32 {
+    let whole = (turns + WHOLE) - WHOLE;
+    circle::sine_f32(1.0 - 4.0 * magnitude(turns - whole))
+}
+
+/// How long the other leg of a circle of radius 1 may be, from the square of the one: never more than sqrt(1 - square), at most 5e-4 less. Above
+/// 0.9 it stays at what 0.9 gives.
+#[inline(always)]
+pub(crate) fn other_leg(square: f32) -> f32 {
+    circle::height_f32(square)
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+
+    #[test]
+    fn sine_and_cosine_hold_over_many_turns() {
+        for k in -40_000..=40_000i32 {
+            let turns = k as f32 / 7919.0;
+            let Direction { cos, sin } = Direction::of_turns(turns);
+            let (true_sin, true_cos) = (f64::from(turns) * std::f64::consts::TAU).sin_cos();
+            // The polynomial's 6.0e-7 (see the coefficient file) and some six roundings of numbers up to 1.6, 6e-8 each, and what `turns - 0.25` rounds: half a unit of 5 turns, 2.4e-7 turns.
+            let tolerance = 1.0e-6 + 2.4e-7 * std::f64::consts::TAU;
+            let error = (f64::from(sin) - true_sin).abs().max((f64::from(cos) - true_cos).abs());
+            assert!(error <= tolerance, "{turns} turns: {error:e}");
+        }
+    }
+
+    #[test]
+    fn the_quarter_turns_are_exact_enough_to_stand_on() {
+        for (turns, cos, sin) in [(0.0, 1.0, 0.0), (0.25, 0.0, 1.0), (-0.25, 0.0, -1.0), (0.5, -1.0, 0.0), (3.0, 1.0, 0.0)] {
+            let found = Direction::of_turns(turns);
+            assert!((found.cos - cos).abs() < 1.0e-6 && (found.sin - sin).abs() < 1.0e-6, "{turns}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn every_number_gives_a_direction_in_the_square_and_nothing_else_does() {
+        for turns in [0.0, -0.0, 1e-45, 4.0e6, -4.0e6, 1e7, 3e30, f32::MAX, f32::MIN] {
+            let Direction { cos, sin } = Direction::of_turns(turns);
+            assert!(cos.abs() <= 1.000_001 && sin.abs() <= 1.000_001, "{turns}: {cos} {sin}");
+        }
+        for turns in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let Direction { cos, sin } = Direction::of_turns(turns);
+            assert!(cos.is_nan() && sin.is_nan());
+        }
+    }
+
+    #[test]
+    fn the_other_leg_never_leaves_the_circle() {
+        for k in 0..=90_000u32 {
+            let square = k as f32 / 100_000.0;
+            let leg = f64::from(other_leg(square));
+            let longest = (1.0 - f64::from(square)).sqrt();
+            assert!(leg <= longest && leg > longest - 5e-4, "{square}: {leg} {longest}");
+        }
+        assert_eq!(other_leg(5.0), other_leg(0.9));
+        assert!(f64::from(LONGEST_LEG).powi(2) <= 0.9);
+    }
+}
