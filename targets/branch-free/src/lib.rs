@@ -95,6 +95,13 @@ pub fn nothing(value: f32) -> f32 {
     value - value
 }
 
+/// `then` where a sum of nothings is of numbers only, else `otherwise`.
+#[inline(always)]
+#[must_use]
+pub fn if_good(sum_of_nothings: f32, then: f32, otherwise: f32) -> f32 {
+    select(sum_of_nothings, 1.0, then, otherwise)
+}
+
 /// How many bad samples there were: all of them up to now, and those in a row that end now.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct BadSamples {

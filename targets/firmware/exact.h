@@ -1,0 +1,135 @@
+/* Arithmetic and selection in float with one meaning on every machine: the twin of targets/branch-free in C.
+ *
+ * In: numbers. Out: products that no compiler fuses into a sum, whatever its options, and selections without a branch. On machines with an FPU a
+ * bound is four instructions (Cortex-M4F) or one (x86-64). Never calls anything.
+ */
+#ifndef EXACT_H
+#define EXACT_H
+
+#include <stdint.h>
+
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__)
+#error "-ffast-math and the options that it is made of change the results; compile without them"
+#endif
+#if !defined(__GNUC__)
+#error "the barriers below are written for gcc and clang"
+#endif
+#if defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16
+#error "float is evaluated with excess precision here"
+#endif
+
+/* A product, rounded. gcc in GNU mode fuses by default and ignores the standard pragma: an empty statement on the register holds it off. */
+static inline float exact_product(float a, float b)
+{
+    float product = a * b;
+#if defined(__SSE2_MATH__)
+    __asm__("" : "+x"(product));
+#elif defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    __asm__("" : "+t"(product));
+#elif defined(__aarch64__)
+    __asm__("" : "+w"(product));
+#else
+    __asm__("" : "+m"(product));
+#endif
+    return product;
+}
+
+/* then where left < right, else otherwise, also where either is NaN. */
+static inline float exact_select(float left, float right, float then, float otherwise)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    __asm__("vcmp.f32 %1, %2\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.f32 %0, %3"
+            : "+t"(otherwise)
+            : "t"(left), "t"(right), "t"(then)
+            : "cc");
+    return otherwise;
+#else
+    uint32_t mask = (uint32_t)0 - (uint32_t)(left < right);
+    uint32_t chosen, other;
+    __asm__("" : "+r"(mask));
+    __builtin_memcpy(&chosen, &then, sizeof chosen);
+    __builtin_memcpy(&other, &otherwise, sizeof other);
+    other ^= (chosen ^ other) & mask;
+    __builtin_memcpy(&otherwise, &other, sizeof other);
+    return otherwise;
+#endif
+}
+
+/* bound where value < bound, else value: a NaN passes, and a tie keeps value. */
+static inline float exact_at_least(float value, float bound)
+{
+#if defined(__SSE2_MATH__) && !defined(__AVX__)
+    __asm__("maxss {%1, %0|%0, %1}" : "+x"(bound) : "x"(value));
+    return bound;
+#else
+    return exact_select(value, bound, bound, value);
+#endif
+}
+
+/* bound where bound < value, else value: a NaN passes, and a tie keeps value. */
+static inline float exact_at_most(float value, float bound)
+{
+#if defined(__SSE2_MATH__) && !defined(__AVX__)
+    __asm__("minss {%1, %0|%0, %1}" : "+x"(bound) : "x"(value));
+    return bound;
+#else
+    return exact_select(bound, value, bound, value);
+#endif
+}
+
+/* Both bounds, the lower one first. */
+static inline float exact_within(float value, float low, float high)
+{
+    return exact_at_most(exact_at_least(value, low), high);
+}
+
+/* value without its sign. */
+static inline float exact_magnitude(float value)
+{
+    uint32_t bits;
+    __builtin_memcpy(&bits, &value, sizeof bits);
+    bits &= 0x7FFFFFFFu;
+    __builtin_memcpy(&value, &bits, sizeof bits);
+    return value;
+}
+
+/* 0 for a number, NaN for a NaN or an infinity. */
+static inline float exact_nothing(float value)
+{
+    return value - value;
+}
+
+/* then where a sum of nothings is of numbers only, else otherwise. */
+static inline float exact_if_good(float sum_of_nothings, float then, float otherwise)
+{
+    return exact_select(sum_of_nothings, 1.0f, then, otherwise);
+}
+
+/* 1 where left < right, else 0, also where either is NaN. */
+static inline uint32_t exact_less(float left, float right)
+{
+    return (uint32_t)exact_select(left, right, 1.0f, 0.0f);
+}
+
+/* How many bad samples there were: all of them, and those in a row that end now. Both stay at the largest number when they get there. */
+typedef struct {
+    uint32_t all;
+    uint32_t in_a_row;
+} bad_samples;
+
+static inline uint32_t exact_add_up_to_the_largest(uint32_t count, uint32_t one)
+{
+    uint32_t sum = count + one;
+    /* A sum that went past the largest number is 0: its complement has no bit of it, and one is taken off again. */
+    uint32_t past = one & (uint32_t)(((~sum & (sum - 1u)) >> 31) & 1u);
+    return sum - past;
+}
+
+static inline void bad_samples_count(bad_samples *bad, uint32_t good)
+{
+    uint32_t one = good ^ 1u;
+    bad->all = exact_add_up_to_the_largest(bad->all, one);
+    bad->in_a_row = exact_add_up_to_the_largest(bad->in_a_row, one) & ((uint32_t)0 - one);
+}
+
+#endif

@@ -1,0 +1,97 @@
+/* The steps of targets/throttle-loop, operation by operation: src/step.rs and src/raw.rs say why each is as it is. */
+#include "throttle_step.h"
+
+#define FADE_PER_TICK 0.01f
+#define GEAR_PER_TICK 0.02f
+#define PLATE_TOLERANCE 0.1f
+
+void throttle_init(throttle_state *state)
+{
+    driveline_tip_in_init_f32(&state->compensator);
+    state->pedal = 0.0f;
+    state->speed_m_s = 0.0f;
+    state->gear = 1.0f;
+    state->share = 0.0f;
+    state->bad.all = 0u;
+    state->bad.in_a_row = 0u;
+}
+
+void throttle_raw_init(throttle_raw_state *state)
+{
+    throttle_init(&state->step);
+    state->throttle = 0.0f;
+    state->plate.all = 0u;
+    state->plate.in_a_row = 0u;
+}
+
+static inline float advance(throttle_state *state, const throttle_inputs *inputs)
+{
+    const float pedal_nothing = exact_nothing(inputs->pedal);
+    const float speed_nothing = exact_nothing(inputs->speed_m_s);
+    const float pedal = exact_if_good(pedal_nothing, exact_within(inputs->pedal, 0.0f, 1.0f), state->pedal);
+    const float speed = exact_if_good(speed_nothing, exact_magnitude(inputs->speed_m_s), state->speed_m_s);
+
+    const float lever = (float)inputs->gear;
+    const float not_above = exact_select(lever, (float)THROTTLE_GEARS + 0.5f, 1.0f, 0.0f);
+    const float in_gear = exact_product(exact_select(0.0f, lever, 1.0f, 0.0f), not_above);
+    const float wanted_gear = exact_select(0.0f, in_gear, lever, state->gear);
+    const float gear = state->gear + exact_within(wanted_gear - state->gear, -GEAR_PER_TICK, GEAR_PER_TICK);
+
+    const float closed = (float)(inputs->clutch ^ 1u);
+    const float known = exact_product(exact_product(exact_if_good(speed_nothing, 1.0f, 0.0f), in_gear), closed);
+    const float supported = (float)driveline_damping_ratio_support_f32(speed, gear);
+    const float share = state->share + exact_within(exact_product(known, supported) - state->share, -FADE_PER_TICK, FADE_PER_TICK);
+
+    const float compensated = driveline_tip_in_step_f32(&state->compensator, pedal, speed, gear);
+    const float throttle = exact_within(pedal + exact_product(share, compensated - pedal), 0.0f, 1.0f);
+
+    state->pedal = pedal;
+    state->speed_m_s = speed;
+    state->gear = gear;
+    state->share = share;
+    bad_samples_count(&state->bad, exact_less(pedal_nothing + speed_nothing, 1.0f) & (uint32_t)not_above);
+    return throttle;
+}
+
+float throttle_step(throttle_state *state, const throttle_inputs *inputs)
+{
+    return advance(state, inputs);
+}
+
+static inline float value(const throttle_channel *channel, uint16_t counts)
+{
+    const float number = (float)counts;
+    const float scaled = exact_product(number - channel->zero, channel->per_count);
+    const float not_low = exact_select(number, channel->lowest, __builtin_nanf(""), scaled);
+    return exact_select(channel->highest, number, __builtin_nanf(""), not_low);
+}
+
+/* All ones where bits is not 0, else 0. */
+static inline uint32_t mask_of(uint32_t bits)
+{
+    return (uint32_t)0 - ((bits | ((uint32_t)0 - bits)) >> 31);
+}
+
+static inline uint32_t gear_of(uint32_t lines)
+{
+    const uint32_t gears = lines & (THROTTLE_CLUTCH_LINE - 1u);
+    const uint32_t number = (gears & 1u) + (gears & 2u) + 3u * (gears >> 2 & 1u) + 4u * (gears >> 3 & 1u) + 5u * (gears >> 4);
+    const uint32_t several = gears & (gears - 1u);
+    return (number | mask_of(several | lines >> (THROTTLE_GEARS + 1u))) & 255u;
+}
+
+uint16_t throttle_raw_step(throttle_raw_state *state, const throttle_scaling *scaling, const throttle_counts *counts)
+{
+    throttle_inputs inputs;
+    float deviation, throttle;
+    inputs.pedal = value(&scaling->pedal, counts->pedal);
+    inputs.speed_m_s = value(&scaling->speed, counts->speed);
+    inputs.gear = gear_of(counts->lines);
+    inputs.clutch = counts->lines >> THROTTLE_GEARS & 1u;
+    deviation = exact_magnitude(value(&scaling->plate, counts->plate) - state->throttle);
+    throttle = advance(&state->step, &inputs);
+    /* Good where the deviation is at most the tolerance: a number, and the tolerance not below it. */
+    bad_samples_count(&state->plate, exact_less(exact_nothing(deviation), 1.0f) & (exact_less(PLATE_TOLERANCE, deviation) ^ 1u));
+    state->throttle = throttle;
+    return (uint16_t)((scaling->compare_closed + exact_product(scaling->compare_span, throttle)) + 0.5f);
+}

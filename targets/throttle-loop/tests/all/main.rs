@@ -1,0 +1,5 @@
+//! What a driveline engineer expects of the step.
+
+mod published;
+mod raw;
+mod step;
