@@ -2,7 +2,8 @@
 //!
 //! In: a rate, a number of ticks and a step to call once a tick. Out: a [`Report`] of how long the step took, how late the loop woke,
 //! and how many ticks were done and lost. The loop wakes at absolute times, so lateness never adds up; a tick is *lost* when its whole
-//! period has passed before it could start, and no tick is ever done twice. While it runs it allocates nothing, writes nothing and
+//! period has passed before it could start, or done late by a loop that catches up; no tick is ever done twice. [`Ring`] takes samples from one thread to another
+//! without a lock. While it runs it allocates nothing, writes nothing and
 //! calls nothing but the clock and the step. What the system refuses (priority, locked memory) is in the report with the
 //! reason; the loop runs all the same.
 //!
@@ -23,8 +24,10 @@ mod clock;
 mod periodic;
 mod realtime;
 mod report;
+mod ring;
 
 pub use clock::{Clock, SystemClock};
-pub use periodic::{Settings, run, run_with_clock};
+pub use periodic::{Late, Settings, run, run_measured, run_with_clock};
 pub use realtime::Grant;
 pub use report::{Report, Summary, percentile};
+pub use ring::{Numbered, Ring, Sequence};

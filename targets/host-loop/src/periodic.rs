@@ -1,13 +1,22 @@
 //! The loop itself.
 //!
 //! In: settings, a clock, a step. Out: a [`Report`]. Tick k belongs to the time [k T, (k + 1) T) after the start. The loop sleeps until k T,
-//! and does tick k if it wakes before the tick's time is over; else that tick and every further one whose time is over are lost, and the loop goes
-//! on with the tick whose time it is. So a late loop drops work and is on the grid again at once: it never does a tick twice and never hurries
-//! through a backlog.
+//! and does tick k if it wakes before the tick's time is over. What it does when the time is over is [`Late`]: it drops the ticks that are over and is
+//! on the grid again at once, or does them one after another until it has caught up. Either way it never does a tick twice.
 
 use crate::clock::{Clock, SystemClock};
 use crate::realtime::RealTime;
 use crate::report::{Report, Summary};
+
+/// What becomes of a tick whose time is over before it could start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Late {
+    /// It is lost: the loop goes on with the tick whose time it is. Right where a step answers to the moment.
+    #[default]
+    Drop,
+    /// It is done at once, late, and counted: none is lost. Right where every sample stands in a buffer and must be answered.
+    CatchUp,
+}
 
 /// What a loop is to do.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,6 +27,8 @@ pub struct Settings {
     pub ticks: u64,
     /// Whether to ask for locked memory and real-time priority.
     pub real_time: bool,
+    /// What becomes of late ticks.
+    pub late: Late,
 }
 
 impl Settings {
@@ -28,7 +39,14 @@ impl Settings {
         // A float-to-integer cast saturates and takes NaN to 0.
         let period_ns = ((1e9 / rate_hz).round() as u64).max(1);
         let ticks = ((seconds * 1e9 / period_ns as f64).round() as u64).max(1);
-        Settings { period_ns, ticks, real_time: true }
+        Settings { period_ns, ticks, real_time: true, late: Late::Drop }
+    }
+
+    /// The same loop, in which late ticks are done and none is lost.
+    #[must_use]
+    pub fn catching_up(mut self) -> Self {
+        self.late = Late::CatchUp;
+        self
     }
 
     /// The same loop as an ordinary process.
@@ -39,41 +57,57 @@ impl Settings {
     }
 }
 
-/// Runs `step` once a tick, with the number of the tick, on the system's clock.
+/// Runs `step` once a tick, with the number of the tick, on the system's clock. The compute time is all of it.
 pub fn run(settings: &Settings, step: impl FnMut(u64)) -> Report {
     run_with_clock(settings, &mut SystemClock, step)
+}
+
+/// As [`run`]; `step` answers how many nanoseconds of it were computing. For a step that waits for its sample.
+pub fn run_measured(settings: &Settings, mut step: impl FnMut(u64) -> u64) -> Report {
+    run_loop(settings, &mut SystemClock, |tick, _| step(tick))
+}
+
+/// As [`run`], on any clock.
+pub fn run_with_clock(settings: &Settings, clock: &mut impl Clock, mut step: impl FnMut(u64)) -> Report {
+    run_loop(settings, clock, |tick, clock| {
+        let began_ns = clock.now_ns();
+        step(tick);
+        clock.now_ns().saturating_sub(began_ns)
+    })
 }
 
 /// The first period starts so long after the call, so that the first tick is not late for the preparations: 2 ms, some hundred times what
 /// reading the clock and going to sleep takes.
 const LEAD_NS: u64 = 2_000_000;
 
-/// As [`run`], on any clock.
-pub fn run_with_clock(settings: &Settings, clock: &mut impl Clock, mut step: impl FnMut(u64)) -> Report {
-    let Settings { period_ns, ticks, real_time } = *settings;
+fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u64, &mut C) -> u64) -> Report {
+    let Settings { period_ns, ticks, real_time, late } = *settings;
     let mut compute_ns = samples(ticks);
     let mut lateness_ns = samples(ticks);
     let granted = if real_time { RealTime::ask() } else { RealTime::not_asked() };
 
     let start_ns = clock.now_ns() + LEAD_NS;
     let mut lost = 0;
+    let mut caught_up = 0;
     let mut tick = 0;
     while tick < ticks {
         clock.sleep_until_ns(start_ns + tick * period_ns);
         let woke_ns = clock.now_ns();
         let current = (woke_ns.saturating_sub(start_ns) / period_ns).max(tick);
-        if current > tick {
-            lost += current.min(ticks) - tick;
-            tick = current;
-            if tick >= ticks {
-                break;
+        match late {
+            Late::Drop => {
+                lost += current.min(ticks) - tick;
+                tick = current;
+                if tick >= ticks {
+                    break;
+                }
             }
+            Late::CatchUp => caught_up += u64::from(current > tick),
         }
-        step(tick);
-        let done_ns = clock.now_ns();
+        let computing_ns = step(tick, clock);
         // Both have room for one sample a tick, so that neither push allocates.
         lateness_ns.push(woke_ns.saturating_sub(start_ns + tick * period_ns));
-        compute_ns.push(done_ns.saturating_sub(woke_ns));
+        compute_ns.push(computing_ns);
         tick += 1;
     }
 
@@ -84,6 +118,7 @@ pub fn run_with_clock(settings: &Settings, clock: &mut impl Clock, mut step: imp
         ticks_wanted: ticks,
         ticks_done: compute_ns.len() as u64,
         ticks_lost: lost,
+        ticks_caught_up: caught_up,
         compute: Summary::of(&mut compute_ns),
         lateness: Summary::of(&mut lateness_ns),
         locked_memory,
@@ -128,7 +163,7 @@ mod tests {
     fn ten_ticks(oversleep_ns: impl FnMut(u64) -> u64) -> (Vec<u64>, Report) {
         let mut clock = Injected { now_ns: 5 * MS, oversleep_ns, sleeps: 0 };
         let mut done = Vec::new();
-        let settings = Settings { period_ns: MS, ticks: 10, real_time: false };
+        let settings = Settings { period_ns: MS, ticks: 10, real_time: false, late: Late::Drop };
         let report = run_with_clock(&settings, &mut clock, |tick| done.push(tick));
         (done, report)
     }
@@ -159,6 +194,19 @@ mod tests {
     }
 
     #[test]
+    fn a_loop_that_catches_up_does_every_tick_once_and_counts_the_late_ones() {
+        // As above, tick 3 starts 2.25 ms late; 4 and 5 follow at once, 1.25 and 0.25 ms late: 3 and 4 after their time.
+        let mut clock =
+            Injected { now_ns: 5 * MS, oversleep_ns: |sleep| if sleep == 3 { 2 * MS + MS / 4 } else { 0 }, sleeps: 0 };
+        let mut done = Vec::new();
+        let settings = Settings { period_ns: MS, ticks: 10, real_time: false, late: Late::CatchUp };
+        let report = run_with_clock(&settings, &mut clock, |tick| done.push(tick));
+        assert_eq!(done, (0..10).collect::<Vec<_>>());
+        assert_eq!((report.ticks_done, report.ticks_lost, report.ticks_caught_up), (10, 0, 2));
+        assert_eq!(report.lateness.max_ns, 2 * MS + MS / 4);
+    }
+
+    #[test]
     fn exactly_one_period_late_is_the_next_ticks_time() {
         let (done, report) = ten_ticks(|sleep| if sleep == 3 { MS } else { 0 });
         assert_eq!(done, [0, 1, 2, 4, 5, 6, 7, 8, 9]);
@@ -176,7 +224,7 @@ mod tests {
     fn a_step_longer_than_its_period_loses_the_ticks_it_covers() {
         let mut clock = Injected { now_ns: 0, oversleep_ns: |_| 0, sleeps: 0 };
         // Every step takes 2.5 periods: after tick 0 it is 2.5, so ticks 1 is over and tick 2 has begun; after it 5.0, so 3 and 4 are over.
-        let settings = Settings { period_ns: MS, ticks: 10, real_time: false };
+        let settings = Settings { period_ns: MS, ticks: 10, real_time: false, late: Late::Drop };
         let mut done = Vec::new();
         let shared = std::cell::RefCell::new(&mut clock);
         struct Shared<'a, C>(&'a std::cell::RefCell<&'a mut C>);
@@ -199,10 +247,10 @@ mod tests {
 
     #[test]
     fn settings_that_cannot_be_a_loop_become_the_nearest_that_can() {
-        assert_eq!(Settings::new(1000.0, 2.0), Settings { period_ns: MS, ticks: 2000, real_time: true });
+        assert_eq!(Settings::new(1000.0, 2.0), Settings { period_ns: MS, ticks: 2000, real_time: true, late: Late::Drop });
         assert_eq!(Settings::new(1000.0, -1.0).ticks, 1);
         assert_eq!(Settings::new(1e12, 1e-9).period_ns, 1);
-        assert_eq!(Settings::new(f64::NAN, f64::NAN), Settings { period_ns: 1, ticks: 1, real_time: true });
+        assert_eq!(Settings::new(f64::NAN, f64::NAN), Settings { period_ns: 1, ticks: 1, real_time: true, late: Late::Drop });
     }
 
     #[test]

@@ -57,7 +57,9 @@ pub struct Report {
     pub ticks_done: u64,
     /// How many were not: their whole period had passed before they could start. Done and lost add up to wanted.
     pub ticks_lost: u64,
-    /// From waking to the end of the step.
+    /// How many of the done ones started only after their period had passed, in a loop that catches up.
+    pub ticks_caught_up: u64,
+    /// What the step computed: from its call to its end, or what it says itself.
     pub compute: Summary,
     /// From the start of the tick's time to waking, of the ticks that were done.
     pub lateness: Summary,
@@ -72,11 +74,12 @@ impl Report {
     #[must_use]
     pub fn json(&self) -> String {
         format!(
-            r#"{{"period_ns":{},"ticks_wanted":{},"ticks_done":{},"ticks_lost":{},"compute":{},"lateness":{},"locked_memory":{},"priority":{}}}"#,
+            r#"{{"period_ns":{},"ticks_wanted":{},"ticks_done":{},"ticks_lost":{},"ticks_caught_up":{},"compute":{},"lateness":{},"locked_memory":{},"priority":{}}}"#,
             self.period_ns,
             self.ticks_wanted,
             self.ticks_done,
             self.ticks_lost,
+            self.ticks_caught_up,
             self.compute.json(),
             self.lateness.json(),
             json_string(&self.locked_memory.to_string()),
@@ -113,10 +116,11 @@ impl fmt::Display for Report {
         let Report { compute, lateness, .. } = self;
         writeln!(
             f,
-            "ticks     {} wanted, {} done, {} lost, period {}",
+            "ticks     {} wanted, {} done, {} lost, {} caught up, period {}",
             self.ticks_wanted,
             self.ticks_done,
             self.ticks_lost,
+            self.ticks_caught_up,
             Us(self.period_ns)
         )?;
         writeln!(
@@ -166,6 +170,7 @@ mod tests {
             ticks_wanted: 10,
             ticks_done: 9,
             ticks_lost: 1,
+            ticks_caught_up: 3,
             compute: Summary { p50_ns: 51, p99_ns: 1200, p999_ns: 1300, max_ns: 1_000_001 },
             lateness: Summary { p50_ns: 60_000, p99_ns: 90_000, p999_ns: 95_000, max_ns: 99_000 },
             locked_memory: Grant::Granted,
@@ -176,7 +181,7 @@ mod tests {
     #[test]
     fn the_report_is_five_lines() {
         let expected = "\
-ticks     10 wanted, 9 done, 1 lost, period 1000.000 us
+ticks     10 wanted, 9 done, 1 lost, 3 caught up, period 1000.000 us
 compute   p50 0.051 us, p99 1.200 us, p99.9 1.300 us, max 1000.001 us
 wake-up   late by p50 60.000 us, p99 90.000 us, max 99.000 us
 priority  no: the \"limit\"
@@ -188,7 +193,7 @@ memory    locked: yes";
     fn the_json_escapes_what_the_system_says() {
         let json = example().json();
         assert!(
-            json.starts_with(r#"{"period_ns":1000000,"ticks_wanted":10,"ticks_done":9,"ticks_lost":1,"compute":{"p50_ns":51,"#),
+            json.starts_with(r#"{"period_ns":1000000,"ticks_wanted":10,"ticks_done":9,"ticks_lost":1,"ticks_caught_up":3,"compute":{"p50_ns":51,"#),
             "{json}"
         );
         assert!(json.ends_with(r#""locked_memory":"yes","priority":"no: the \"limit\""}"#), "{json}");

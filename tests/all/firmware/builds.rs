@@ -1,0 +1,143 @@
+//! The programs of `targets/firmware`, compiled: for this host, and for a Cortex-M4F under emulation.
+//!
+//! In: a compiler line and a program. Out: what it printed, its objects, its sizes. Sources are compiled where they are; the evaluators are emitted into a
+//! scratch folder from the same coefficient files that the Rust steps include.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rsm_core::check::Checked;
+use rsm_core::compile;
+use rsm_core::source::Source;
+use rsm_tests::cases;
+use rsm_tests::compilers::{self, Compiler};
+
+/// The coefficient files of the models that the steps use.
+const MODELS: [&str; 3] =
+    ["generated/coefficients/circle.toml", "targets/motor-loop/models/motor.toml", "targets/throttle-loop/models/driveline.toml"];
+
+/// The sources of ours, and of the emitter.
+pub const OBJECTS: [&str; 6] = ["motor_step", "throttle_step", "tables", "circle", "motor", "driveline"];
+
+/// What the firmware is compiled with; contraction is as the compiler has it, which is on.
+pub const CORTEX_M4F: &str = "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -ffunction-sections";
+
+/// `targets/firmware`.
+pub fn firmware() -> PathBuf {
+    cases::root().join("targets").join("firmware")
+}
+
+fn folder(name: &str) -> PathBuf {
+    let folder = compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), name);
+    for model in MODELS {
+        let read = Source::read(&cases::root().join(model)).and_then(|source| Checked::read(&source));
+        let checked = read.unwrap_or_else(|faults| panic!("{faults}"));
+        let unit = compile::unit(&checked, &[]).unwrap_or_else(|faults| panic!("{faults}"));
+        compilers::write_c([&unit], &folder);
+    }
+    folder
+}
+
+/// The tools of the emulated board. Without them a test is left out, and says so where it cannot be overlooked; in continuous integration it fails.
+pub fn emulated() -> bool {
+    let there = |program: &str| Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success());
+    let missing: Vec<&str> =
+        [("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi"), ("qemu-system-arm", "qemu-system-arm")]
+            .into_iter()
+            .filter(|(program, _)| !there(program))
+            .map(|(_, packages)| packages)
+            .collect();
+    if missing.is_empty() {
+        return true;
+    }
+    let what = format!("NOT TESTED on a Cortex-M4F: apt-get install --no-install-recommends {}", missing.join(" "));
+    assert!(std::env::var_os("CI").is_none_or(|value| value != "true"), "{what}");
+    eprintln!("{what}");
+    false
+}
+
+/// One way of compiling, in a folder of its own, with its object files there.
+pub struct Build {
+    folder: PathBuf,
+    compiler: Compiler,
+}
+
+impl Build {
+    /// Compiles every source.
+    pub fn new(line: &str, name: &str) -> Build {
+        let build = Build { folder: folder(&format!("firmware-{name}")), compiler: Compiler::new(line) };
+        for object in OBJECTS {
+            let own = firmware().join(format!("{object}.c"));
+            let source = if own.exists() { own } else { build.folder.join(format!("{object}.c")) };
+            build.compile(&source, object);
+        }
+        build
+    }
+
+    fn compile(&self, source: &Path, object: &str) {
+        let (include, source, object) = (firmware(), source.display().to_string(), format!("{object}.o"));
+        let include = format!("-I{}", include.display());
+        self.compiler.must(&["-I.", &include, "-c", &source, "-o", &object], &self.folder);
+    }
+
+    fn link(&self, program: &str, extra: &[&str]) {
+        self.compile(&firmware().join("programs").join(format!("{program}.c")), program);
+        let mut objects: Vec<String> = OBJECTS.iter().chain(&[program]).map(|object| format!("{object}.o")).collect();
+        objects.extend(["-o".to_string(), program.to_string()]);
+        let arguments: Vec<&str> = extra.iter().copied().chain(objects.iter().map(String::as_str)).collect();
+        self.compiler.must(&arguments, &self.folder);
+    }
+
+    /// Links a program for this host and runs it: its lines.
+    pub fn on_host(&self, program: &str) -> Vec<String> {
+        self.link(program, &[]);
+        lines(&mut Command::new(self.folder.join(program)))
+    }
+
+    /// Links a program for the emulated board and runs it there: its lines.
+    pub fn on_board(&self, program: &str) -> Vec<String> {
+        let board = firmware().join("qemu");
+        self.compile(&board.join("startup.c"), "startup");
+        let script = format!("-T{}", board.join("mps2-an386.ld").display());
+        self.link(program, &["-nostartfiles", "--specs=rdimon.specs", "-Wl,--gc-sections", &script, "startup.o"]);
+        let mut qemu = Command::new("qemu-system-arm");
+        qemu.args(["-machine", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-icount", "shift=6"]);
+        qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(self.folder.join(program));
+        lines(&mut qemu)
+    }
+
+    /// An object file.
+    pub fn object(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}.o"))
+    }
+}
+
+fn lines(command: &mut Command) -> Vec<String> {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {}\n{said}", output.status);
+    String::from_utf8(output.stdout).expect("the programs print ASCII").lines().map(str::to_string).collect()
+}
+
+/// Disassembly of a Cortex-M object: the lines of each function, relocations as lines of their own.
+pub fn cortex_functions(object: &Path) -> Vec<(String, Vec<String>)> {
+    let listing = lines(Command::new("arm-none-eabi-objdump").args(["-d", "-r", "--no-show-raw-insn"]).arg(object));
+    let mut functions: Vec<(String, Vec<String>)> = vec![];
+    for line in listing {
+        if let Some(name) = line.strip_suffix(">:").and_then(|line| line.split_once(" <")) {
+            functions.push((name.1.to_string(), vec![]));
+        } else if let (Some((_, lines)), Some((_, text))) = (functions.last_mut(), line.split_once(":\t")) {
+            lines.push(text.trim().to_string());
+        } else if let (Some((_, lines)), Some((_, text))) = (functions.last_mut(), line.split_once(": R_ARM_THM_CALL\t")) {
+            lines.push(format!("-> {}", text.trim()));
+        }
+    }
+    functions
+}
+
+/// Bytes of code and constants, and of variables, of an object: `text` and `data + bss` of `size`.
+pub fn cortex_size(object: &Path) -> (u32, u32) {
+    let listing = lines(Command::new("arm-none-eabi-size").arg(object));
+    let numbers: Vec<u32> = listing[1].split_whitespace().take(3).map(|word| word.parse().expect("a number")).collect();
+    (numbers[0], numbers[1] + numbers[2])
+}
