@@ -44,10 +44,11 @@ const LAWS: &[Law] = &[
     Law { package: "branch-free", ours: &[], aside: &[], outside: Some(&[]) },
     // A periodic loop: it knows neither models nor motors.
     Law { package: "host-loop", ours: &[], aside: &[], outside: Some(&["nix"]) },
+    // On a host, so the plants that the loops run against may be there.
     Law {
         package: "host-runners",
-        ours: &["host-loop", "motor-loop", "throttle-loop"],
-        aside: &["rsm-core"],
+        ours: &["host-loop", "motor-loop", "throttle-loop", "rsm-core", "rsm-lab"],
+        aside: &[],
         outside: Some(&["stats_alloc"]),
     },
     Law {

@@ -7,12 +7,16 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A program or file whose presence tells that a package is installed, and the package.
-const NEEDED: [(&str, &str); 5] = [
+const NEEDED: [(&str, &str); 8] = [
     ("gcc", "gcc"),
     ("clang", "clang"),
     ("valgrind", "valgrind"),
     ("objdump", "binutils"),
     ("/usr/include/stdio.h", "libc6-dev"),
+    // The firmware on an emulated Cortex-M4F.
+    ("arm-none-eabi-gcc", "gcc-arm-none-eabi"),
+    ("/usr/lib/arm-none-eabi/lib/rdimon.specs", "libnewlib-arm-none-eabi"),
+    ("qemu-system-arm", "qemu-system-arm"),
 ];
 
 /// Makes sure that everything is there.

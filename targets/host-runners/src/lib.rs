@@ -1,18 +1,13 @@
-//! The steps of the target loops, run on the host in real time.
+//! The steps of the target loops, run on the host against simulated plants.
 //!
-//! In: how long and how often. Out: the report of the loop and what the step did. The demand is a simple one made here, the same in every
-//! run; there is no plant behind it, so nothing here says how well a controller controls. The libraries that run are those that a
-//! board would run.
+//! In: how long and how often. Out: the report of the loop, what became of samples between the threads, and how the plant did. The libraries that run are
+//! those that a board would run. `run` is in real time, the plant in a thread of its own; `simulate` is the same plant and task without a clock.
 
 pub mod arguments;
+pub mod car;
+pub mod exchange;
 pub mod motor;
 pub mod throttle;
-
-/// A sawtooth between 0 and 1 with a period in seconds.
-fn triangle(time_s: f64, period_s: f64) -> f64 {
-    let phase = (time_s / period_s).fract();
-    1.0 - (2.0 * phase - 1.0).abs()
-}
 
 /// Whether tick `k` is one whose sample is bad: one a second, so that the runner shows what the step does then.
 fn is_bad_sample(tick: u64, period_ns: u64) -> bool {
@@ -23,12 +18,6 @@ fn is_bad_sample(tick: u64, period_ns: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_triangle_goes_up_and_down() {
-        let at = |time_s| triangle(time_s, 4.0);
-        assert_eq!([at(0.0), at(1.0), at(2.0), at(3.0), at(4.0)], [0.0, 0.5, 1.0, 0.5, 0.0]);
-    }
 
     #[test]
     fn one_sample_a_second_is_bad() {

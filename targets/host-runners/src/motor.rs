@@ -1,88 +1,241 @@
-//! The motor's step with a run-up and a run-down under changing torque.
+//! The motor's two steps with the simulated drive behind them: in real time, and as fast as they go.
 //!
-//! In: the settings of the loop. Out: its report, and the step's last references and counts.
+//! In: the settings of the loop. Out: its report, what became of samples, and how the drive did. In real time the 1 kHz step runs in the loop's thread, and the
+//! inner step with inverter, motor and encoder in the plant's, as a drive has them on two processors: the inner one cannot wait for the outer.
 
 use host_loop::{Report, Settings};
-use motor_loop::{Inputs, Limits, Outputs, State, step};
+use motor_loop::{CurrentState, Demand, Drive, Measured, Motor, ReferenceState, References, Tuning, currents, references};
+use rsm_core::source::Source;
+use rsm_lab::motor::closed_loop::{self, ClosedLoop, Sensed, Task};
+use rsm_lab::motor::controller::{self, Controller, Known};
+use rsm_lab::motor::machine::Truth;
+use rsm_lab::plant_file::PlantFile;
 
-/// The motor of the coefficient file's remarks: 60 A, and with it 21.6 N m.
-const CURRENT_A: f32 = 60.0;
-const TORQUE_NM: f32 = 21.6;
-/// 7500 rpm, the end of the paper's run-up (figure 6).
-const TOP_SPEED_RAD_S: f64 = 785.4;
-/// Up and down again in two seconds, so that a demo of that length sees the whole range.
-const RUN_S: f64 = 2.0;
+use crate::exchange::{self, Exchange, PlantEnd};
+
+/// The trial motor of the project.
+const PLANT: &str = include_str!("../../../rsm-lab/plants/pmac.toml");
+
+/// Of the current control, over the PWM period: 1/6 leaves 75 degrees of phase margin beside its dead time of 1.5 periods.
+const BANDWIDTH_PERIODS: f64 = 1.0 / 6.0;
+
+/// From this current on the dead time is compensated in full: some times the ripple at zero crossing, a sixtieth of the limit.
+const DEAD_TIME_CURRENT_A: f32 = 1.0;
+
+/// The constants of the steps from what a controller of the simulation is told.
+#[must_use]
+pub fn drive_of(known: &Known) -> Drive {
+    let motor = Motor {
+        phase_resistance_ohm: known.resistance as f32,
+        phase_inductance_h: known.inductance as f32,
+        flux_linkage_wb: known.flux_linkage as f32,
+        pole_pairs: known.pole_pairs as f32,
+        bus_voltage_v: known.bus_voltage as f32,
+        current_limit_a: known.current_limit as f32,
+    };
+    let tuning = Tuning {
+        pwm_period_s: known.pwm_period as f32,
+        bandwidth_rad_s: (BANDWIDTH_PERIODS / known.pwm_period) as f32,
+        dead_time_s: known.dead_time as f32,
+        dead_time_current_a: DEAD_TIME_CURRENT_A,
+    };
+    Drive::new(&motor, &tuning)
+}
+
+/// Both steps as a controller of the simulation.
+#[derive(Debug, Clone)]
+pub struct Steps {
+    drive: Drive,
+    outer: ReferenceState,
+    inner: CurrentState,
+}
+
+impl Steps {
+    /// At rest, with what a controller is told.
+    #[must_use]
+    pub fn new(known: &Known) -> Self {
+        Steps { drive: drive_of(known), outer: ReferenceState::default(), inner: CurrentState::default() }
+    }
+
+    fn currents(&mut self, wanted: &References, measured: &controller::Measured) -> [f64; 3] {
+        // Reduced in double precision: a unit in the last place of a turn is then 6e-8.
+        let angle_turns = (measured.angle_rad / std::f64::consts::TAU).rem_euclid(1.0) as f32;
+        let sampled = Measured {
+            currents_a: measured.currents_a.map(|current| current as f32),
+            angle_turns,
+            speed_rad_s: measured.speed_rad_s as f32,
+            bus_voltage_v: measured.bus_voltage_v as f32,
+        };
+        currents(&mut self.inner, &self.drive, wanted, &sampled).map(f64::from)
+    }
+}
+
+fn demand_of(demand: &controller::Demand) -> Demand {
+    let controller::Demand { torque_nm, speed_rad_s, bus_voltage_v } = *demand;
+    Demand { torque_nm: torque_nm as f32, speed_rad_s: speed_rad_s as f32, bus_voltage_v: bus_voltage_v as f32 }
+}
+
+fn shown(wanted: &References) -> controller::References {
+    controller::References { i_d_a: f64::from(wanted.i_d_a), i_q_a: f64::from(wanted.i_q_a) }
+}
+
+impl Controller for Steps {
+    fn references(&mut self, demand: &controller::Demand) -> controller::References {
+        shown(&references(&mut self.outer, &self.drive, &demand_of(demand)))
+    }
+
+    fn duties(&mut self, measured: &controller::Measured) -> [f64; 3] {
+        let wanted = self.outer.last;
+        self.currents(&wanted, measured)
+    }
+}
+
+/// The plant's thread: the outer step is elsewhere, the inner one here.
+struct Remote<'e, 'r> {
+    end: &'e mut PlantEnd<'r, 3, 4>,
+    steps: Steps,
+    wanted: References,
+    period_ns: u64,
+    tick: u64,
+}
+
+impl Controller for Remote<'_, '_> {
+    fn references(&mut self, demand: &controller::Demand) -> controller::References {
+        let controller::Demand { torque_nm, speed_rad_s, bus_voltage_v } = *demand;
+        let speed = if crate::is_bad_sample(self.tick, self.period_ns) { f64::NAN } else { speed_rad_s };
+        let [i_d, i_q, r_d, r_q] = self.end.exchange([torque_nm, speed, bus_voltage_v]).map(|value| value as f32);
+        self.wanted = References { i_d_a: i_d, i_q_a: i_q, resistive_d_v: r_d, resistive_q_v: r_q };
+        self.tick += 1;
+        shown(&self.wanted)
+    }
+
+    fn duties(&mut self, measured: &controller::Measured) -> [f64; 3] {
+        let wanted = self.wanted;
+        self.steps.currents(&wanted, measured)
+    }
+}
+
+/// Up to a speed and down again, for ever: full use of the weakening region both ways.
+struct Shuttle {
+    up: bool,
+}
+
+/// 7500 rpm is 785 rad/s; turned back a little before.
+const TURN_ABOVE_RAD_S: f64 = 750.0;
+const TURN_BELOW_RAD_S: f64 = 50.0;
+/// Within both circles up to the turning speed (PLANTS.md's motor has 21.6 N m at rest).
+const TORQUE_NM: f64 = 8.0;
+
+impl Task for Shuttle {
+    fn torque_demand(&mut self, sensed: &Sensed) -> Option<f64> {
+        self.up = if self.up { sensed.speed < TURN_ABOVE_RAD_S } else { sensed.speed < TURN_BELOW_RAD_S };
+        Some(if self.up { TORQUE_NM } else { -TORQUE_NM })
+    }
+
+    fn load_torque(&mut self, _time: f64, _truth: &Truth) -> f64 {
+        0.0
+    }
+}
+
+/// How the drive did.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Figures {
+    /// Mean of |torque - demand| over the run, in N m, the moments after a change of the demand included.
+    pub torque_error_nm: f64,
+    /// The highest true speed, in rad/s.
+    pub highest_speed_rad_s: f64,
+    /// The longest true current vector, in A.
+    pub longest_current_a: f64,
+    /// The largest weakening current that was commanded, in A.
+    pub most_weakening_a: f64,
+}
+
+/// Runs the shuttle for so many milliseconds under a controller.
+fn shuttle(plant: &mut ClosedLoop, controller: &mut impl Controller, ticks: u64) -> Figures {
+    let mut task = Shuttle { up: true };
+    let mut figures = Figures::default();
+    for _ in 0..ticks {
+        let Some(row) = plant.millisecond(controller, &mut task) else { break };
+        figures.torque_error_nm += (row.torque - row.demand).abs() / ticks as f64;
+        figures.highest_speed_rad_s = figures.highest_speed_rad_s.max(row.truth.speed);
+        figures.longest_current_a = figures.longest_current_a.max(row.truth.i_d.hypot(row.truth.i_q));
+        figures.most_weakening_a = figures.most_weakening_a.max(-row.references.i_d_a);
+    }
+    figures
+}
+
+fn shipped() -> (ClosedLoop, Known) {
+    let plant = PlantFile::read(&Source::new("pmac.toml", PLANT)).expect("the shipped motor is a plant file");
+    let drive = closed_loop::Drive::default();
+    (ClosedLoop::new(&plant, &drive, 0.0, 0.0).expect("the shipped motor runs in a loop"), drive.known(&plant))
+}
 
 /// What a run gave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// Times and ticks.
+    /// Times and ticks; the compute time is that of the 1 kHz step alone.
     pub report: Report,
-    /// The references of the last tick; `None` when every tick was lost.
-    pub last: Option<Outputs>,
+    /// What became of samples.
+    pub exchange: Exchange,
     /// How many ticks had a bad sample, and held the references.
     pub bad_samples: u32,
-    /// The largest advance angle, in degrees.
-    pub largest_advance_deg: f32,
+    /// How the drive did.
+    pub figures: Figures,
 }
 
-/// The demand at a tick: a speed triangle, torque in steps of a quarter second with braking among them, one bad sample a second.
-#[must_use]
-pub fn demand(tick: u64, period_ns: u64) -> Inputs {
-    let time_s = tick as f64 * (period_ns as f64 * 1e-9);
-    let speed = crate::triangle(time_s, RUN_S) * TOP_SPEED_RAD_S;
-    let share = match (time_s * 4.0) as u64 % 4 {
-        0 => 1.0,
-        1 => 0.5,
-        2 => 0.25,
-        _ => -0.5,
-    };
-    let speed_rad_s = if crate::is_bad_sample(tick, period_ns) { f32::NAN } else { speed as f32 };
-    Inputs { torque_nm: TORQUE_NM * share, speed_rad_s, current_a: CURRENT_A * share.abs() }
-}
-
-/// Runs the loop. The compute time is that of the demand and the step.
+/// Runs the loop in real time. A tick is a millisecond for the plant, whatever the rate.
 #[must_use]
 pub fn run(settings: &Settings) -> Run {
-    // 90 degrees in 20 ms, some time constants of the d axis of the motor above (0.9 mH / 0.08 ohm = 11 ms).
-    let limits = Limits { current_a: CURRENT_A, advance_rate_deg_s: 4500.0 };
-    let mut state = State::new(limits, settings.period_ns as f32 * 1e-9);
-    let mut last = None;
-    let mut largest_advance_deg = 0.0;
-    let report = host_loop::run(settings, |tick| {
-        let outputs = step(&mut state, demand(tick, settings.period_ns));
-        if outputs.advance_deg > largest_advance_deg {
-            largest_advance_deg = outputs.advance_deg;
-        }
-        last = Some(outputs);
+    let (mut plant, known) = shipped();
+    let (ticks, period_ns) = (settings.ticks, settings.period_ns);
+    let drive = drive_of(&known);
+    let mut outer = ReferenceState::default();
+    let plant_side = |end: &mut PlantEnd<'_, 3, 4>| {
+        let mut remote = Remote { end, steps: Steps::new(&known), wanted: References::default(), period_ns, tick: 0 };
+        shuttle(&mut plant, &mut remote, ticks)
+    };
+    let (report, exchange, figures) = exchange::run(settings, [0.0; 4], plant_side, |[torque, speed, bus]| {
+        let demand = Demand { torque_nm: torque as f32, speed_rad_s: speed as f32, bus_voltage_v: bus as f32 };
+        let References { i_d_a, i_q_a, resistive_d_v, resistive_q_v } = references(&mut outer, &drive, &demand);
+        [i_d_a, i_q_a, resistive_d_v, resistive_q_v].map(f64::from)
     });
-    Run { report, last, bad_samples: state.bad_samples(), largest_advance_deg }
+    Run { report, exchange, bad_samples: outer.bad.all, figures }
+}
+
+/// The same drive and task without a clock, both steps in one thread: figures, and how many times as fast as real time it went.
+#[must_use]
+pub fn simulate(seconds: f64) -> (Figures, f64) {
+    let (mut plant, known) = shipped();
+    let mut steps = Steps::new(&known);
+    let began = std::time::Instant::now();
+    let ticks = (seconds * 1000.0).round().max(1.0) as u64;
+    let figures = shuttle(&mut plant, &mut steps, ticks);
+    (figures, ticks as f64 * 1e-3 / began.elapsed().as_secs_f64())
 }
 
 impl Run {
     /// One JSON object.
     #[must_use]
     pub fn json(&self) -> String {
-        let last = self.last.map_or("null".to_string(), |last| {
-            let Outputs { advance_deg, i_d_a, i_q_a, .. } = last;
-            format!(r#"{{"advance_deg":{advance_deg},"i_d_a":{i_d_a},"i_q_a":{i_q_a}}}"#)
-        });
+        let Figures { torque_error_nm, highest_speed_rad_s, longest_current_a, most_weakening_a } = self.figures;
         format!(
-            r#"{{"loop":"motor","report":{},"bad_samples":{},"largest_advance_deg":{},"last":{last}}}"#,
+            r#"{{"loop":"motor","report":{},"exchange":{},"bad_samples":{},"figures":{{"torque_error_nm":{torque_error_nm},"highest_speed_rad_s":{highest_speed_rad_s},"longest_current_a":{longest_current_a},"most_weakening_a":{most_weakening_a}}}}}"#,
             self.report.json(),
+            self.exchange.json(),
             self.bad_samples,
-            self.largest_advance_deg
         )
     }
 }
 
 impl std::fmt::Display for Run {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "{}", self.report)?;
-        write!(f, "step      largest advance {:.2} deg, {} bad samples held", self.largest_advance_deg, self.bad_samples)?;
-        if let Some(last) = self.last {
-            write!(f, ", last i_d {:.2} A, i_q {:.2} A", last.i_d_a, last.i_q_a)?;
-        }
-        Ok(())
+        let Figures { torque_error_nm, highest_speed_rad_s, longest_current_a, most_weakening_a } = self.figures;
+        writeln!(f, "{}\n{}", self.report, self.exchange)?;
+        write!(
+            f,
+            "drive     up to {highest_speed_rad_s:.0} rad/s, {most_weakening_a:.1} A of weakening, {longest_current_a:.1} A in all, \
+             torque off by {torque_error_nm:.3} N m in the mean, {} bad samples held",
+            self.bad_samples
+        )
     }
 }

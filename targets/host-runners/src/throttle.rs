@@ -1,84 +1,131 @@
-//! The throttle's step with a drive through the gears.
+//! The throttle's step with the simulated car behind it: in real time, and as fast as they go.
 //!
-//! In: the settings of the loop. Out: its report, and the step's last answer and counts.
+//! In: the settings of the loop. Out: its report, what became of samples, and how the car did. The step runs in the loop's thread, from A/D counts and gear
+//! lines to a compare value as on a board; the car in the plant's.
 
 use host_loop::{Report, Settings};
-use throttle_loop::{GEARS, Inputs, Outputs, State, step};
+use throttle_loop::raw::{CLUTCH_LINE, Counts, RawState, Scaling, raw_step};
 
-/// The range of the surface.
-const TOP_SPEED_MPH: f64 = 70.0;
-/// From rest to top speed and back in two seconds, so that a short run sees every gear.
-const RUN_S: f64 = 2.0;
+use crate::car::Car;
+use crate::exchange::{self, Exchange, PlantEnd};
+
+const BOARD: Scaling = Scaling::BOARD;
+
+/// The drive: pedal, gear and clutch at a tick. Tip-in and tip-out every second, in second gear and in third, half a minute long before it
+/// starts again; the clutch is open for 200 ms at a change.
+fn driver(tick: u64) -> (f64, usize, bool) {
+    let ms = tick % 8000;
+    let pedal = if ms / 1000 % 2 == 0 { 0.1 } else { 0.6 };
+    let gear = if ms < 4000 { 2 } else { 3 };
+    (pedal, gear, ms % 4000 < 200)
+}
+
+/// Counts of a value, the inverse of the table.
+fn counts_of(channel: &throttle_loop::raw::Channel, value: f64) -> f64 {
+    (f64::from(channel.zero) + value / f64::from(channel.per_count)).round().clamp(0.0, 4095.0)
+}
+
+/// How the car did.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Figures {
+    /// The largest step of the throttle between two ticks, 0 to 1.
+    pub largest_step: f64,
+    /// The largest difference between throttle and pedal.
+    pub most_compensated: f64,
+    /// The highest acceleration, in m/s^2.
+    pub highest_acceleration: f64,
+    /// The highest speed, in m/s.
+    pub highest_speed: f64,
+}
+
+/// The car under throttles that come from elsewhere.
+fn ride(ticks: u64, period_ns: u64, mut exchange: impl FnMut([f64; 4]) -> [f64; 1]) -> Figures {
+    // 8 m/s in second gear is 1950 rpm.
+    let mut car = Car::new(8.0, 2);
+    let mut figures = Figures::default();
+    let mut last = 0.0;
+    for tick in 0..ticks {
+        let (pedal, gear, clutch) = driver(tick);
+        let lines = f64::from(1u32 << (gear - 1) | if clutch { CLUTCH_LINE } else { 0 });
+        // A bad sample is a torn wire: no counts.
+        let pedal_counts = if crate::is_bad_sample(tick, period_ns) { 0.0 } else { counts_of(&BOARD.pedal, pedal) };
+        let plate_counts = counts_of(&BOARD.plate, last);
+        let [compare] = exchange([pedal_counts, plate_counts, counts_of(&BOARD.speed, car.speed()), lines]);
+        let throttle = (compare - f64::from(BOARD.compare_closed)) / f64::from(BOARD.compare_span);
+        figures.largest_step = figures.largest_step.max((throttle - last).abs());
+        figures.most_compensated = figures.most_compensated.max((throttle - pedal).abs());
+        last = throttle;
+        car.tick(throttle, gear);
+        figures.highest_acceleration = figures.highest_acceleration.max(car.acceleration());
+        figures.highest_speed = figures.highest_speed.max(car.speed());
+    }
+    figures
+}
+
+fn answer(state: &mut RawState, [pedal, plate, speed, lines]: [f64; 4]) -> [f64; 1] {
+    let counts = Counts { pedal: pedal as u16, plate: plate as u16, speed: speed as u16, lines: lines as u32 };
+    [f64::from(raw_step(state, &BOARD, &counts))]
+}
 
 /// What a run gave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// Times and ticks.
+    /// Times and ticks; the compute time is that of the step alone.
     pub report: Report,
-    /// The answer of the last tick; `None` when every tick was lost.
-    pub last: Option<Outputs>,
-    /// How many ticks had a bad sample, and held the answer.
+    /// What became of samples.
+    pub exchange: Exchange,
+    /// How many ticks had a bad sample.
     pub bad_samples: u32,
-    /// How many ticks were bypassed: neutral, or no positive damping ratio.
-    pub bypassed: u64,
-    /// The largest deficit to the target damping.
-    pub largest_deficit: f64,
+    /// How the car did.
+    pub figures: Figures,
 }
 
-/// The drive at a tick: a speed triangle, a gear for each fifth of the speed, neutral below 1 mph, one bad sample a second.
-#[must_use]
-pub fn drive(tick: u64, period_ns: u64) -> Inputs {
-    let time_s = tick as f64 * (period_ns as f64 * 1e-9);
-    let share = crate::triangle(time_s, RUN_S);
-    let speed = share * TOP_SPEED_MPH;
-    let gear = if speed < 1.0 { 0 } else { 1 + ((share * f64::from(GEARS)) as u8).min(GEARS - 1) };
-    let speed_mph = if crate::is_bad_sample(tick, period_ns) { f64::NAN } else { speed };
-    Inputs { speed_mph, gear }
-}
-
-/// Runs the loop. The compute time is that of the drive and the step.
+/// Runs the loop in real time. A tick is a millisecond for the car, whatever the rate.
 #[must_use]
 pub fn run(settings: &Settings) -> Run {
-    let mut state = State::new();
-    let mut last = None;
-    let mut bypassed = 0;
-    let mut largest_deficit = 0.0;
-    let report = host_loop::run(settings, |tick| {
-        let outputs = step(&mut state, drive(tick, settings.period_ns));
-        if outputs.damping_deficit > largest_deficit {
-            largest_deficit = outputs.damping_deficit;
-        }
-        bypassed += u64::from(outputs.bypass);
-        last = Some(outputs);
-    });
-    Run { report, last, bad_samples: state.bad_samples(), bypassed, largest_deficit }
+    let (ticks, period_ns) = (settings.ticks, settings.period_ns);
+    let mut state = RawState::default();
+    let plant = |end: &mut PlantEnd<'_, 4, 1>| ride(ticks, period_ns, |sample| end.exchange(sample));
+    let closed = [f64::from(BOARD.compare_closed)];
+    let (report, exchange, figures) = exchange::run(settings, closed, plant, |sample| answer(&mut state, sample));
+    Run { report, exchange, bad_samples: state.step.bad.all, figures }
+}
+
+/// The same car and driver without a clock, in one thread: figures, and how many times as fast as real time it went.
+#[must_use]
+pub fn simulate(seconds: f64) -> (Figures, f64) {
+    let mut state = RawState::default();
+    let mut command = [f64::from(BOARD.compare_closed)];
+    let began = std::time::Instant::now();
+    let ticks = (seconds * 1000.0).round().max(1.0) as u64;
+    // A command acts one tick after its sample, as in real time.
+    let figures = ride(ticks, 1_000_000, |sample| std::mem::replace(&mut command, answer(&mut state, sample)));
+    (figures, ticks as f64 * 1e-3 / began.elapsed().as_secs_f64())
 }
 
 impl Run {
     /// One JSON object.
     #[must_use]
     pub fn json(&self) -> String {
-        let last = self.last.map_or("null".to_string(), |last| {
-            let Outputs { damping_ratio, damping_deficit, bypass, .. } = last;
-            format!(r#"{{"damping_ratio":{damping_ratio},"damping_deficit":{damping_deficit},"bypass":{bypass}}}"#)
-        });
+        let Figures { largest_step, most_compensated, highest_acceleration, highest_speed } = self.figures;
         format!(
-            r#"{{"loop":"throttle","report":{},"bad_samples":{},"bypassed":{},"largest_deficit":{},"last":{last}}}"#,
+            r#"{{"loop":"throttle","report":{},"exchange":{},"bad_samples":{},"figures":{{"largest_step":{largest_step},"most_compensated":{most_compensated},"highest_acceleration_m_s2":{highest_acceleration},"highest_speed_m_s":{highest_speed}}}}}"#,
             self.report.json(),
+            self.exchange.json(),
             self.bad_samples,
-            self.bypassed,
-            self.largest_deficit
         )
     }
 }
 
 impl std::fmt::Display for Run {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "{}", self.report)?;
+        let Figures { largest_step, most_compensated, highest_acceleration, highest_speed } = self.figures;
+        writeln!(f, "{}\n{}", self.report, self.exchange)?;
         write!(
             f,
-            "step      largest damping deficit {:.3}, {} ticks bypassed, {} bad samples held",
-            self.largest_deficit, self.bypassed, self.bad_samples
+            "car       up to {highest_speed:.1} m/s and {highest_acceleration:.2} m/s^2, throttle up to {most_compensated:.3} off the pedal, \
+             {largest_step:.3} a tick, {} bad samples",
+            self.bad_samples
         )
     }
 }

@@ -80,8 +80,13 @@ fn tables_c() -> String {
         let numbers = [zero, per_count, lowest, highest].map(literal).join(", ");
         writeln!(text, "    .{name} = {{{numbers}}},").expect("text");
     }
-    writeln!(text, "    .compare_closed = {},\n    .compare_span = {},\n}};", literal(s.compare_closed), literal(s.compare_span))
-        .expect("text");
+    writeln!(
+        text,
+        "    .compare_closed = {},\n    .compare_span = {},\n}};",
+        literal(s.compare_closed),
+        literal(s.compare_span)
+    )
+    .expect("text");
     text
 }
 
@@ -190,12 +195,14 @@ fn the_steps_on_a_cortex_m4f_have_no_branch_and_call_evaluators_only() {
         let build = Build::new(&format!("{CORTEX_M4F} -std=gnu99 {level}"), &format!("arm-object{level}"));
         for object in ["motor_step", "throttle_step", "circle", "motor", "driveline"] {
             for (function, lines) in builds::cortex_functions(&build.object(object)) {
-                if function.contains("init") || (!function.contains("_f32") && !STEPS.iter().any(|(_, step)| *step == function)) {
+                if function.contains("init") || (!function.contains("_f32") && !STEPS.iter().any(|(_, step)| *step == function))
+                {
                     continue;
                 }
                 let branches = branches(&function, &lines);
                 assert!(branches.is_empty(), "{level}: {function}: {branches:?}\n{}", lines.join("\n"));
-                let fused: Vec<&String> = lines.iter().filter(|line| line.starts_with("vfm") || line.starts_with("vfnm")).collect();
+                let fused: Vec<&String> =
+                    lines.iter().filter(|line| line.starts_with("vfm") || line.starts_with("vfnm")).collect();
                 assert!(fused.is_empty(), "{level}: {function}: {fused:?}");
                 for call in lines.iter().filter_map(|line| line.strip_prefix("-> ")) {
                     assert!(call.contains("_f32"), "{level}: {function} calls {call}");
@@ -204,7 +211,16 @@ fn the_steps_on_a_cortex_m4f_have_no_branch_and_call_evaluators_only() {
         }
     }
     // The scan itself sees what it is to see.
-    let lines = ["vmov.f32 s0, s1", "bne.n 10 <f+0x10>", "bl 0 <g>", "it mi", "cbz r0, 4", "bic.w r0, r1", "b.n 8 <g>", "b.n 8 <f+0x8>"];
+    let lines = [
+        "vmov.f32 s0, s1",
+        "bne.n 10 <f+0x10>",
+        "bl 0 <g>",
+        "it mi",
+        "cbz r0, 4",
+        "bic.w r0, r1",
+        "b.n 8 <g>",
+        "b.n 8 <f+0x8>",
+    ];
     let lines = lines.map(String::from);
     assert_eq!(branches("f", &lines), [&lines[1], &lines[4], &lines[6]]);
 }

@@ -7,14 +7,17 @@ const MEDIAN_NS: u64 = 10_000;
 
 #[test]
 fn the_median_compute_time_is_below_a_hundredth_of_the_period() {
-    let settings = Settings::new(1000.0, 0.5);
+    let settings = Settings::new(1000.0, 0.6);
     let motor = host_runners::motor::run(&settings);
     let throttle = host_runners::throttle::run(&settings);
     println!("{motor}\n{throttle}");
-    for report in [&motor.report, &throttle.report] {
-        assert_eq!(report.ticks_done + report.ticks_lost, 500);
-        assert!(report.ticks_done > 0 && report.compute.p50_ns < MEDIAN_NS, "{report}");
+    for (report, exchange) in [(&motor.report, &motor.exchange), (&throttle.report, &throttle.exchange)] {
+        // Late ticks are caught up and samples wait in a ring: whatever the machine does, none is lost and none is done twice.
+        assert_eq!((report.ticks_done, report.ticks_lost), (600, 0));
+        assert_eq!((exchange.lost, exchange.doubled), (0, 0), "{exchange}");
+        assert!(report.compute.p50_ns < MEDIAN_NS, "{report}");
     }
+    assert_eq!((motor.bad_samples, throttle.bad_samples), (1, 1));
 }
 
 #[test]

@@ -2,3 +2,4 @@
 
 mod clock;
 mod object_code;
+mod plants;

@@ -59,10 +59,35 @@ fn library(package: &str) -> Object {
 fn no_step_can_panic() {
     for (package, module) in [("motor-loop", "motor_loop"), ("throttle-loop", "throttle_loop")] {
         let object = library(package);
-        let is_step = |name: &&String| name.contains(module) && name.contains("step");
-        assert!(object.defined.iter().find(is_step).is_some(), "{package} has no step: {object:?}");
+        assert!(object.defined.iter().any(|name| name.contains(module)), "{package} has no step: {object:?}");
         assert!(!object.may_panic(), "{package}: {object:?}");
     }
+}
+
+/// The steps are one piece of straight code, evaluators included.
+#[test]
+fn no_step_branches_or_calls() {
+    for (package, steps) in [("motor-loop", ["10references", "8currents"]), ("throttle-loop", ["4step", "8raw_step"])] {
+        library(package);
+        let listing =
+            output(Command::new("objdump").args(["-d", "--no-show-raw-insn"]).arg(temporary(&format!("{package}.o"))));
+        for step in steps {
+            // The name as it is mangled: its length, itself, then the hash.
+            let code = listing.split("\n\n").find(|code| {
+                code.lines().next().is_some_and(|line| line.ends_with(">:") && line.contains(&format!("{step}17h")))
+            });
+            let code = code.unwrap_or_else(|| panic!("{package} has no {step}"));
+            assert_eq!(transfers(code), Vec::<&str>::new(), "{package}: {step}");
+            assert!(code.lines().count() > 50, "{package}: {step} is hardly there:\n{code}");
+        }
+    }
+    assert_eq!(transfers(" 0:\tja 4\n 2:\tmaxss %xmm0,%xmm1\n 4:\tcall 8 <f>\n"), [" 0:\tja 4", " 4:\tcall 8 <f>"]);
+}
+
+/// Jumps and calls.
+fn transfers(code: &str) -> Vec<&str> {
+    let goes = |line: &&str| line.split_once(":\t").is_some_and(|(_, text)| text.starts_with('j') || text.starts_with("call"));
+    code.lines().filter(goes).collect()
 }
 
 #[test]

@@ -1,0 +1,96 @@
+//! The simulated car, a millisecond at a time, with a gear lever.
+//!
+//! In: throttle and gear. Out: speed and acceleration. The plant `driveline` of `rsm-lab` in steps of the classical Runge-Kutta method, as many a
+//! millisecond as its fastest rate wants. A change of gear puts the new gear in at the speed of the road, clutch closed.
+
+use rsm_core::source::Source;
+use rsm_lab::hooks::Hooks;
+use rsm_lab::plant_file::PlantFile;
+use rsm_lab::plants::Plant;
+use rsm_lab::plants::driveline::Driveline;
+use rsm_lab::record::Record;
+
+/// The shipped car.
+const PLANT: &str = include_str!("../../../rsm-lab/plants/driveline.toml");
+
+/// `Plant::start` wants a record; the driveline does not look into it.
+const RECORD: &str = "time[s],throttle[1],gear[1],road_speed[m/s]\n0,0,2,8\n0.001,0,2,8\n";
+
+/// A sub-step is at most this over the fastest rate, as in `rsm-lab/src/simulate.rs`.
+const STEP_RATE: f64 = 0.25;
+
+const TICK_S: f64 = 0.001;
+
+/// The car.
+pub struct Car {
+    file: PlantFile,
+    record: Record,
+    hooks: Hooks,
+    plant: Driveline,
+    gear: usize,
+    x: Vec<f64>,
+    trial: Vec<f64>,
+    k: [Vec<f64>; 4],
+    outputs: [f64; 3],
+}
+
+impl Car {
+    /// The shipped car rolling at a speed (m/s) in a gear, throttle closed.
+    #[must_use]
+    pub fn new(speed: f64, gear: usize) -> Self {
+        let file = PlantFile::read(&Source::new("driveline.toml", PLANT)).expect("the shipped car is a plant file");
+        let record = Record::read(&Source::new("start.csv", RECORD), &file).expect("the record of the start is one");
+        let hooks = Hooks::new(&file, Driveline::STATES);
+        let plant = Driveline::new(&file.effective_parameters(), gear);
+        let of = || vec![0.0; hooks.states()];
+        let (x, trial, k) = (of(), of(), [of(), of(), of(), of()]);
+        let mut car = Car { file, record, hooks, plant, gear, x, trial, k, outputs: [0.0; 3] };
+        car.start(0.0, speed);
+        car
+    }
+
+    fn start(&mut self, throttle: f64, speed: f64) {
+        self.plant.start(&self.hooks, &[0.0, speed, 0.0], &self.record, &[throttle, 0.0, 0.0], &mut self.x);
+        let Car { plant, hooks, x, k, outputs, .. } = self;
+        plant.evaluate(hooks, &[throttle, 0.0, 0.0], x, &mut k[0], outputs);
+    }
+
+    /// Road speed, in m/s.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        self.outputs[1]
+    }
+
+    /// Acceleration, in m/s^2.
+    #[must_use]
+    pub fn acceleration(&self) -> f64 {
+        self.outputs[2]
+    }
+
+    /// A millisecond.
+    pub fn tick(&mut self, throttle: f64, gear: usize) {
+        if gear != self.gear {
+            self.gear = gear;
+            self.plant = Driveline::new(&self.file.effective_parameters(), gear);
+            let speed = self.speed();
+            self.start(throttle, speed);
+        }
+        let Car { plant, hooks, x, trial, k, outputs, .. } = self;
+        let inputs = [throttle, 0.0, 0.0];
+        let steps = (TICK_S * plant.fastest_rate(hooks, x) / STEP_RATE).ceil().max(1.0);
+        let step = TICK_S / steps;
+        for _ in 0..steps as u64 {
+            plant.evaluate(hooks, &inputs, x, &mut k[0], outputs);
+            for (stage, share) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
+                for ((trial, x), rate) in trial.iter_mut().zip(&*x).zip(&k[stage - 1]) {
+                    *trial = x + share * step * rate;
+                }
+                plant.evaluate(hooks, &inputs, trial, &mut k[stage], outputs);
+            }
+            for (i, x) in x.iter_mut().enumerate() {
+                *x += step / 6.0 * (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]);
+            }
+        }
+        plant.evaluate(hooks, &inputs, x, &mut k[0], outputs);
+    }
+}
