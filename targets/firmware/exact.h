@@ -18,8 +18,11 @@
 #error "float is evaluated with excess precision here"
 #endif
 
+/* Inlined at -Os too, where gcc else makes functions of them: a step is one piece of straight code that calls its evaluators. */
+#define EXACT_INLINE __attribute__((always_inline)) static inline
+
 /* A product, rounded. gcc in GNU mode fuses by default and ignores the standard pragma: an empty statement on the register holds it off. */
-static inline float exact_product(float a, float b)
+EXACT_INLINE float exact_product(float a, float b)
 {
     float product = a * b;
 #if defined(__SSE2_MATH__)
@@ -35,7 +38,7 @@ static inline float exact_product(float a, float b)
 }
 
 /* then where left < right, else otherwise, also where either is NaN. */
-static inline float exact_select(float left, float right, float then, float otherwise)
+EXACT_INLINE float exact_select(float left, float right, float then, float otherwise)
 {
 #if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
     __asm__("vcmp.f32 %1, %2\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.f32 %0, %3"
@@ -56,7 +59,7 @@ static inline float exact_select(float left, float right, float then, float othe
 }
 
 /* bound where value < bound, else value: a NaN passes, and a tie keeps value. */
-static inline float exact_at_least(float value, float bound)
+EXACT_INLINE float exact_at_least(float value, float bound)
 {
 #if defined(__SSE2_MATH__) && !defined(__AVX__)
     __asm__("maxss {%1, %0|%0, %1}" : "+x"(bound) : "x"(value));
@@ -67,7 +70,7 @@ static inline float exact_at_least(float value, float bound)
 }
 
 /* bound where bound < value, else value: a NaN passes, and a tie keeps value. */
-static inline float exact_at_most(float value, float bound)
+EXACT_INLINE float exact_at_most(float value, float bound)
 {
 #if defined(__SSE2_MATH__) && !defined(__AVX__)
     __asm__("minss {%1, %0|%0, %1}" : "+x"(bound) : "x"(value));
@@ -78,13 +81,13 @@ static inline float exact_at_most(float value, float bound)
 }
 
 /* Both bounds, the lower one first. */
-static inline float exact_within(float value, float low, float high)
+EXACT_INLINE float exact_within(float value, float low, float high)
 {
     return exact_at_most(exact_at_least(value, low), high);
 }
 
 /* value without its sign. */
-static inline float exact_magnitude(float value)
+EXACT_INLINE float exact_magnitude(float value)
 {
     uint32_t bits;
     __builtin_memcpy(&bits, &value, sizeof bits);
@@ -94,21 +97,28 @@ static inline float exact_magnitude(float value)
 }
 
 /* 0 for a number, NaN for a NaN or an infinity. */
-static inline float exact_nothing(float value)
+EXACT_INLINE float exact_nothing(float value)
 {
     return value - value;
 }
 
 /* then where a sum of nothings is of numbers only, else otherwise. */
-static inline float exact_if_good(float sum_of_nothings, float then, float otherwise)
+EXACT_INLINE float exact_if_good(float sum_of_nothings, float then, float otherwise)
 {
     return exact_select(sum_of_nothings, 1.0f, then, otherwise);
 }
 
 /* 1 where left < right, else 0, also where either is NaN. */
-static inline uint32_t exact_less(float left, float right)
+EXACT_INLINE uint32_t exact_less(float left, float right)
 {
     return (uint32_t)exact_select(left, right, 1.0f, 0.0f);
+}
+
+/* The same bits, of which the compiler knows nothing: what it knows to be 0 or 1 it else makes a branch of. */
+EXACT_INLINE uint32_t exact_opaque(uint32_t bits)
+{
+    __asm__("" : "+r"(bits));
+    return bits;
 }
 
 /* How many bad samples there were: all of them, and those in a row that end now. Both stay at the largest number when they get there. */
@@ -117,7 +127,7 @@ typedef struct {
     uint32_t in_a_row;
 } bad_samples;
 
-static inline uint32_t exact_add_up_to_the_largest(uint32_t count, uint32_t one)
+EXACT_INLINE uint32_t exact_add_up_to_the_largest(uint32_t count, uint32_t one)
 {
     uint32_t sum = count + one;
     /* A sum that went past the largest number is 0: its complement has no bit of it, and one is taken off again. */
@@ -125,7 +135,7 @@ static inline uint32_t exact_add_up_to_the_largest(uint32_t count, uint32_t one)
     return sum - past;
 }
 
-static inline void bad_samples_count(bad_samples *bad, uint32_t good)
+EXACT_INLINE void bad_samples_count(bad_samples *bad, uint32_t good)
 {
     uint32_t one = good ^ 1u;
     bad->all = exact_add_up_to_the_largest(bad->all, one);

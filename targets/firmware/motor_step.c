@@ -13,7 +13,7 @@
 #define PER_ROOT_3 0.57735026f
 #define TWO_THIRDS 0.6666667f
 
-static inline float cosine(float turns)
+EXACT_INLINE float cosine(float turns)
 {
     float whole = (turns + WHOLE) - WHOLE;
     return circle_sine_f32(1.0f - exact_product(4.0f, exact_magnitude(turns - whole)));
@@ -35,16 +35,24 @@ void motor_references(motor_reference_state *state, const motor_drive *drive, co
 {
     const float torque = demand->torque_nm, speed = demand->speed_rad_s, bus = demand->bus_voltage_v;
     const float circle_speed = exact_product(exact_magnitude(speed), drive->nominal_bus_v / bus);
-    const float weakening = motor_weakening_current_f32(exact_magnitude(torque), circle_speed);
-    const float i_d = -exact_within(weakening, 0.0f, exact_product(LONGEST_LEG, drive->current_limit_a));
+    const float mirror = exact_select(speed, 0.0f, -1.0f, 1.0f);
+    const float forwards = exact_product(mirror, torque);
+    const float limit = drive->current_limit_a;
+    const float most_weakening = exact_product(LONGEST_LEG, limit);
+    const float at_limit_a = exact_within(motor_limit_current_f32(forwards, limit, circle_speed), 0.0f, most_weakening);
+    const float at_limit = exact_product(at_limit_a, drive->per_ampere);
+    const float most = exact_product(limit, circle_height_f32(exact_product(at_limit, at_limit)));
+    const float wanted = exact_within(exact_product(forwards, drive->amperes_per_newton_metre), -most, most);
+    const float weakening = motor_weakening_current_f32(exact_product(drive->newton_metres_per_ampere, wanted), circle_speed);
+    const float i_d = -exact_within(weakening, 0.0f, most_weakening);
     const float share = exact_product(i_d, drive->per_ampere);
-    const float most_q = exact_product(drive->current_limit_a, circle_height_f32(exact_product(share, share)));
-    const float i_q = exact_within(exact_product(torque, drive->amperes_per_newton_metre), -most_q, most_q);
+    const float most_q = exact_product(limit, circle_height_f32(exact_product(share, share)));
+    const float i_q = exact_product(mirror, exact_within(wanted, -most_q, most_q));
     const float resistive_d = exact_product(drive->resistance_ohm, i_d);
     const float resistive_q = exact_product(drive->resistance_ohm, i_q);
 
     float sum = exact_nothing(torque) + exact_nothing(speed) + exact_nothing(bus) + exact_nothing(circle_speed);
-    sum = sum + exact_nothing(resistive_d) + exact_nothing(resistive_q) + exact_nothing(most_q);
+    sum = sum + exact_nothing(resistive_d) + exact_nothing(resistive_q) + exact_nothing(most) + exact_nothing(most_q);
     state->last.i_d_a = exact_select(sum, bus, i_d, state->last.i_d_a);
     state->last.i_q_a = exact_select(sum, bus, i_q, state->last.i_q_a);
     state->last.resistive_d_v = exact_select(sum, bus, resistive_d, state->last.resistive_d_v);
@@ -52,7 +60,7 @@ void motor_references(motor_reference_state *state, const motor_drive *drive, co
     bad_samples_count(&state->bad, exact_less(sum, bus));
 }
 
-static inline float duty(const motor_drive *drive, float v, float centre, float per_bus, float current)
+EXACT_INLINE float duty(const motor_drive *drive, float v, float centre, float per_bus, float current)
 {
     const float lost = exact_product(drive->dead_time_share, exact_within(exact_product(current, drive->per_dead_time_ampere), -1.0f, 1.0f));
     return exact_within((exact_product(v - centre, per_bus) + 0.5f) + lost, 0.0f, 1.0f);
@@ -73,8 +81,8 @@ void motor_currents(motor_current_state *state, const motor_drive *drive, const 
     const float w_e = exact_product(drive->pole_pairs, speed);
     const float error_d = reference->i_d_a - i_d;
     const float error_q = reference->i_q_a - i_q;
-    const float rotation_d = -exact_product(w_e, exact_product(drive->inductance_h, i_q));
-    const float rotation_q = exact_product(w_e, exact_product(drive->inductance_h, i_d) + drive->flux_linkage_wb);
+    const float rotation_d = -exact_product(w_e, exact_product(drive->inductance_h, reference->i_q_a));
+    const float rotation_q = exact_product(w_e, exact_product(drive->inductance_h, reference->i_d_a) + drive->flux_linkage_wb);
     const float wanted_d = (exact_product(drive->gain_v_per_a, error_d) + state->integral_d_v) + (reference->resistive_d_v + rotation_d);
     const float wanted_q = (exact_product(drive->gain_v_per_a, error_q) + state->integral_q_v) + (reference->resistive_q_v + rotation_q);
 

@@ -9,6 +9,7 @@
 #include "exact.h"
 
 typedef struct {
+    float newton_metres_per_ampere;
     float amperes_per_newton_metre;
     float current_limit_a;
     float per_ampere;

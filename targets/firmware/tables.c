@@ -1,6 +1,7 @@
 #include "tables.h"
 
 const motor_drive tables_drive = {
+    .newton_metres_per_ampere = 0.35999998f,
     .amperes_per_newton_metre = 2.777778f,
     .current_limit_a = 60.0f,
     .per_ampere = 0.016666668f,

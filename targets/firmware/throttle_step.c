@@ -24,8 +24,7 @@ void throttle_raw_init(throttle_raw_state *state)
     state->plate.in_a_row = 0u;
 }
 
-/* Inlined into both steps, so that each is one piece of straight code. */
-__attribute__((always_inline)) static inline float advance(throttle_state *state, const throttle_inputs *inputs)
+EXACT_INLINE float advance(throttle_state *state, const throttle_inputs *inputs)
 {
     const float pedal_nothing = exact_nothing(inputs->pedal);
     const float speed_nothing = exact_nothing(inputs->speed_m_s);
@@ -38,7 +37,7 @@ __attribute__((always_inline)) static inline float advance(throttle_state *state
     const float wanted_gear = exact_select(0.0f, in_gear, lever, state->gear);
     const float gear = state->gear + exact_within(wanted_gear - state->gear, -GEAR_PER_TICK, GEAR_PER_TICK);
 
-    const float closed = (float)(inputs->clutch ^ 1u);
+    const float closed = (float)(exact_opaque(inputs->clutch) ^ 1u);
     const float known = exact_product(exact_product(exact_if_good(speed_nothing, 1.0f, 0.0f), in_gear), closed);
     const float supported = (float)driveline_damping_ratio_support_f32(speed, gear);
     const float share = state->share + exact_within(exact_product(known, supported) - state->share, -FADE_PER_TICK, FADE_PER_TICK);
@@ -59,7 +58,7 @@ float throttle_step(throttle_state *state, const throttle_inputs *inputs)
     return advance(state, inputs);
 }
 
-static inline float value(const throttle_channel *channel, uint16_t counts)
+EXACT_INLINE float value(const throttle_channel *channel, uint16_t counts)
 {
     const float number = (float)counts;
     const float scaled = exact_product(number - channel->zero, channel->per_count);
@@ -68,12 +67,12 @@ static inline float value(const throttle_channel *channel, uint16_t counts)
 }
 
 /* All ones where bits is not 0, else 0. */
-static inline uint32_t mask_of(uint32_t bits)
+EXACT_INLINE uint32_t mask_of(uint32_t bits)
 {
-    return (uint32_t)0 - ((bits | ((uint32_t)0 - bits)) >> 31);
+    return exact_opaque((uint32_t)0 - ((bits | ((uint32_t)0 - bits)) >> 31));
 }
 
-static inline uint32_t gear_of(uint32_t lines)
+EXACT_INLINE uint32_t gear_of(uint32_t lines)
 {
     const uint32_t gears = lines & (THROTTLE_CLUTCH_LINE - 1u);
     const uint32_t number = (gears & 1u) + (gears & 2u) + 3u * (gears >> 2 & 1u) + 4u * (gears >> 3 & 1u) + 5u * (gears >> 4);

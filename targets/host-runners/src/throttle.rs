@@ -11,11 +11,11 @@ use crate::exchange::{self, Exchange, PlantEnd};
 
 const BOARD: Scaling = Scaling::BOARD;
 
-/// The drive: pedal, gear and clutch at a tick. Tip-in and tip-out every second, in second gear and in third, half a minute long before it
-/// starts again; the clutch is open for 200 ms at a change.
+/// The drive: pedal, gear and clutch at a tick. Tip-in and tip-out every second, in second gear and in third, eight seconds before it starts
+/// again; the clutch is open for 200 ms at a change.
 fn driver(tick: u64) -> (f64, usize, bool) {
     let ms = tick % 8000;
-    let pedal = if ms / 1000 % 2 == 0 { 0.1 } else { 0.6 };
+    let pedal = if (ms / 1000).is_multiple_of(2) { 0.1 } else { 0.6 };
     let gear = if ms < 4000 { 2 } else { 3 };
     (pedal, gear, ms % 4000 < 200)
 }

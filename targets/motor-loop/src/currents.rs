@@ -77,9 +77,11 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let w_e = drive.pole_pairs * speed_rad_s;
     let error_d = references.i_d_a - i_d;
     let error_q = references.i_q_a - i_q;
-    // (17), (18): the voltages that the rotation of the frame and the magnets take.
-    let rotation_d = -(w_e * (drive.inductance_h * i_q));
-    let rotation_q = w_e * (drive.inductance_h * i_d + drive.flux_linkage_wb);
+    // (17), (18): the voltages that the rotation of the frame and the magnets take, at the wanted currents. At the measured ones a drive that is switched on at a
+    // speed whose back-EMF is beyond the bus latches: v_d then fights the very coupling by which a braking i_q would weaken the flux, and a
+    // test of that case ends at -80 A.
+    let rotation_d = -(w_e * (drive.inductance_h * references.i_q_a));
+    let rotation_q = w_e * (drive.inductance_h * references.i_d_a + drive.flux_linkage_wb);
     let wanted_d = (drive.gain_v_per_a * error_d + state.integral_d_v) + (references.resistive_d_v + rotation_d);
     let wanted_q = (drive.gain_v_per_a * error_q + state.integral_q_v) + (references.resistive_q_v + rotation_q);
 

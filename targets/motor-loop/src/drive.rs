@@ -39,7 +39,9 @@ pub struct Tuning {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Drive {
-    /// 1/k_t, k_t = 1.5 pole_pairs lambda (21).
+    /// k_t = 1.5 pole_pairs lambda (21).
+    pub newton_metres_per_ampere: f32,
+    /// 1/k_t.
     pub amperes_per_newton_metre: f32,
     /// I of (20).
     pub current_limit_a: f32,
@@ -78,6 +80,7 @@ impl Drive {
         let Tuning { pwm_period_s: period, bandwidth_rad_s: bandwidth, .. } = *tuning;
         let positive = |value: f32| if value > 0.0 && value.is_finite() { value } else { f32::NAN };
         Drive {
+            newton_metres_per_ampere: positive(1.5 * pole_pairs * lambda),
             amperes_per_newton_metre: positive(1.0 / (1.5 * pole_pairs * lambda)),
             current_limit_a: positive(motor.current_limit_a),
             per_ampere: positive(1.0 / motor.current_limit_a),

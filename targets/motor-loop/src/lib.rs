@@ -1,6 +1,6 @@
 //! The two steps of a permanent-magnet AC motor in flux weakening, in f32.
 //!
-//! - [`references`], at 1 kHz. In: torque demand, speed, bus voltage. Out: current references, from the response surface `motor`.
+//! - [`references`], at 1 kHz. In: torque demand, speed, bus voltage. Out: current references, from the response surfaces of the model `motor`.
 //! - [`currents`], once a PWM period (10 kHz or more). In: references, phase currents, angle, speed, bus voltage. Out: duties of three legs.
 //!
 //! Neither allocates, panics, loops or branches; they need nothing outside `core`, and nothing but + - * / and comparisons, so that
@@ -50,4 +50,4 @@ pub use drive::{Drive, Motor, Tuning};
 pub use references::{Demand, ReferenceState, References, references};
 
 // Single precision: the FPU of the drives that this is for (Cortex-M4F) has no other.
-rsm_macros::include_model!("models/motor.toml", precision = "f32");
+rsm_macros::include_model!("../../generated/coefficients/motor.toml", precision = "f32");

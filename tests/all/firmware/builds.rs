@@ -13,11 +13,8 @@ use rsm_tests::cases;
 use rsm_tests::compilers::{self, Compiler};
 
 /// The coefficient files of the models that the steps use.
-const MODELS: [&str; 3] = [
-    "generated/coefficients/circle.toml",
-    "targets/motor-loop/models/motor.toml",
-    "targets/throttle-loop/models/driveline.toml",
-];
+const MODELS: [&str; 3] =
+    ["generated/coefficients/circle.toml", "generated/coefficients/motor.toml", "targets/throttle-loop/models/driveline.toml"];
 
 /// The sources of ours, and of the emitter.
 pub const OBJECTS: [&str; 6] = ["motor_step", "throttle_step", "tables", "circle", "motor", "driveline"];

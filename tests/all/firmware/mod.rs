@@ -54,6 +54,7 @@ fn literal(value: f32) -> String {
 fn tables_c() -> String {
     let d = drive();
     let drive = [
+        ("newton_metres_per_ampere", d.newton_metres_per_ampere),
         ("amperes_per_newton_metre", d.amperes_per_newton_metre),
         ("current_limit_a", d.current_limit_a),
         ("per_ampere", d.per_ampere),

@@ -11,7 +11,8 @@ fn first(torque_nm: f32, speed_rad_s: f32, bus_voltage_v: f32) -> References {
 #[test]
 fn the_weakening_current_is_that_of_the_surface_and_torque_that_of_k_t() {
     let found = first(7.2, 700.0, 270.0);
-    assert_eq!(found.i_d_a, -motor::weakening_current_f32(7.2, 700.0));
+    // The torque goes through amperes and back: two roundings, 1e-6 N m of a surface of 5 A/(N m) at most.
+    assert!((found.i_d_a + motor::weakening_current_f32(7.2, 700.0)).abs() < 1e-5);
     assert!(found.i_d_a < -5.0, "at 700 rad/s there is weakening: {found:?}");
     // k_t = 1.5 * 4 * 0.06 = 0.36 N m/A; the quotient and the product are rounded once each, at 20 A to 2e-6.
     assert!((found.i_q_a - 20.0).abs() < 5e-6, "{found:?}");
@@ -21,9 +22,12 @@ fn the_weakening_current_is_that_of_the_surface_and_torque_that_of_k_t() {
 #[test]
 fn the_other_quadrants_mirror_the_first() {
     let motoring = first(7.2, 700.0, 270.0);
-    let braking = References { i_q_a: -motoring.i_q_a, resistive_q_v: -motoring.resistive_q_v, ..motoring };
-    assert_eq!(first(-7.2, 700.0, 270.0), braking);
-    assert_eq!(first(7.2, -700.0, 270.0), motoring);
+    let mirrored = References { i_q_a: -motoring.i_q_a, resistive_q_v: -motoring.resistive_q_v, ..motoring };
+    assert_eq!(first(-7.2, -700.0, 270.0), mirrored);
+    // Braking needs less weakening: the resistive drop of 20 A, 1.6 V of 156 V, helps.
+    let braking = first(-7.2, 700.0, 270.0);
+    assert_eq!(braking.i_q_a, -motoring.i_q_a);
+    assert!(braking.i_d_a > motoring.i_d_a && braking.i_d_a < 0.5 * motoring.i_d_a, "{braking:?} {motoring:?}");
 }
 
 #[test]
@@ -35,9 +39,10 @@ fn the_vector_is_never_longer_than_the_limit_and_a_large_demand_uses_it() {
                 let length = f64::from(found.i_d_a).hypot(f64::from(found.i_q_a));
                 // Three roundings of 60 A in f32, 2e-6 each.
                 assert!(length <= 60.0 + 6e-6 && found.i_d_a <= 0.0, "{torque} {speed} {bus}: {found:?}");
-                if torque.abs() >= 100.0 {
-                    // What the surface `height` gives away: 5e-4 of the radius.
-                    assert!(length > 60.0 * (1.0 - 5e-4) - 1e-5, "{torque} {speed} {bus}: {found:?}");
+                if torque.abs() >= 100.0 && bus >= 270.0 && speed <= 300.0 {
+                    // Below base speed nothing but the current limits: what the surface `height` gives away is 5e-4 of it, and 1 % is what
+                    // `limit_current` may say where there is nothing to weaken (8 A of 60).
+                    assert!(length > 60.0 * 0.99, "{torque} {speed} {bus}: {found:?}");
                 }
             }
         }
