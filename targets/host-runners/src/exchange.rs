@@ -167,7 +167,11 @@ mod tests {
     #[test]
     fn a_plant_that_ends_early_leaves_its_ticks_lost_and_hangs_nothing() {
         let settings = Settings::new(1000.0, 0.02).without_real_time();
-        let plant = |end: &mut PlantEnd<'_, 1, 1>| (0..5).for_each(|k| drop(end.exchange([f64::from(k)])));
+        let plant = |end: &mut PlantEnd<'_, 1, 1>| {
+            for k in 0..5 {
+                let _ = end.exchange([f64::from(k)]);
+            }
+        };
         let (_, exchange, ()) = run(&settings, [0.0], plant, |[k]| [k]);
         assert_eq!(exchange.lost, 15);
     }

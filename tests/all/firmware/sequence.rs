@@ -29,7 +29,7 @@ impl Run {
         if kind == 0 {
             return f32::from_bits(bits);
         }
-        low + (bits >> 8) as f32 * 5.9604644775390625e-8 * span
+        low + (bits >> 8) as f32 / 16_777_216.0 * span
     }
 
     /// FNV-1a by words.
