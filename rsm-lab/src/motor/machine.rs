@@ -52,6 +52,8 @@ pub struct Machine {
     k: [Vec<f64>; 4],
     outputs: [f64; 3],
     refinement: usize,
+    /// No effect stands between the state and what is read of it.
+    plain: bool,
 }
 
 /// The state as an oracle sees it: for traces and figures, never for a controller.
@@ -88,6 +90,7 @@ impl Machine {
             k: [of(), of(), of(), of()],
             outputs: [0.0; 3],
             refinement: 1,
+            plain: file.effects.is_empty(),
             hooks,
         };
         machine.start(speed);
@@ -133,6 +136,9 @@ impl Machine {
     /// What current and speed sensors read: i_d and i_q of the frame at the electrical angle of [`Machine::sensed_angle`], speed.
     #[must_use]
     pub fn readings(&mut self) -> [f64; 3] {
+        if self.plain {
+            return [self.x[0], self.x[1], self.x[SPEED]];
+        }
         self.plant.evaluate(&self.hooks, &[0.0; 3], &self.x, &mut self.k[0], &mut self.outputs);
         self.hooks.read(self.time, &self.x, &mut self.k[0], &mut self.outputs);
         self.outputs
