@@ -446,58 +446,6 @@ double driveline_damping_error(double speed, double gear)
     return r45;
 }
 
-int driveline_damping_error_support(double speed, double gear)
-{
-    const double r0 = driveline_rsm_keep(speed);
-    const double r1 = driveline_rsm_keep(gear);
-    const double r2 = 0.0;
-    const double r3 = 1.0;
-    const double r4 = 26.25;
-    const double r5 = r0 - r4;
-    const double r6 = -0.042105263157894736;
-    const double r7 = driveline_rsm_keep(r5 * r6);
-    const double r8 = 0.9906500000000001;
-    const double r10 = driveline_rsm_select(r7, r8, r3, r2);
-    const double r11 = 0.042105263157894736;
-    const double r12 = driveline_rsm_keep(r5 * r11);
-    const double r13 = 0.8828800000000001;
-    const double r15 = driveline_rsm_select(r12, r13, r10, r2);
-    const double r16 = 3.0;
-    const double r17 = r1 - r16;
-    const double r18 = -0.5;
-    const double r19 = driveline_rsm_keep(r17 * r18);
-    const double r20 = 1.0001000000000002;
-    const double r22 = driveline_rsm_select(r19, r20, r15, r2);
-    const double r23 = 0.5;
-    const double r24 = driveline_rsm_keep(r17 * r23);
-    const double r26 = driveline_rsm_select(r24, r20, r22, r2);
-    const double r27 = driveline_rsm_keep(r5 * r11);
-    const double r28 = -0.3772;
-    const double r29 = driveline_rsm_keep(r17 * r28);
-    const double r30 = r27 + r29;
-    const double r31 = 0.14472000000000002;
-    const double r33 = driveline_rsm_select(r30, r31, r26, r2);
-    const double r34 = driveline_rsm_keep(r5 * r6);
-    const double r35 = 0.1016;
-    const double r36 = driveline_rsm_keep(r17 * r35);
-    const double r37 = r34 + r36;
-    const double r38 = 0.8119900000000001;
-    const double r40 = driveline_rsm_select(r37, r38, r33, r2);
-    const double r41 = driveline_rsm_keep(r5 * r6);
-    const double r42 = 0.0801;
-    const double r43 = driveline_rsm_keep(r17 * r42);
-    const double r44 = r41 + r43;
-    const double r45 = 0.8304500000000001;
-    const double r47 = driveline_rsm_select(r44, r45, r40, r2);
-    const double r48 = driveline_rsm_keep(r5 * r11);
-    const double r49 = -0.36095;
-    const double r50 = driveline_rsm_keep(r17 * r49);
-    const double r51 = r48 + r50;
-    const double r52 = 0.16098000000000004;
-    const double r54 = driveline_rsm_select(r51, r52, r47, r2);
-    return (int)r54;
-}
-
 double driveline_shuffle_frequency(double speed, double gear)
 {
     const double r0 = speed;
@@ -541,58 +489,6 @@ double driveline_shuffle_frequency(double speed, double gear)
     const double r43 = 80.0;
     const double r45 = driveline_rsm_at_most(r42, r43);
     return r45;
-}
-
-int driveline_shuffle_frequency_support(double speed, double gear)
-{
-    const double r0 = driveline_rsm_keep(speed);
-    const double r1 = driveline_rsm_keep(gear);
-    const double r2 = 0.0;
-    const double r3 = 1.0;
-    const double r4 = 26.25;
-    const double r5 = r0 - r4;
-    const double r6 = -0.042105263157894736;
-    const double r7 = driveline_rsm_keep(r5 * r6);
-    const double r8 = 0.9906500000000001;
-    const double r10 = driveline_rsm_select(r7, r8, r3, r2);
-    const double r11 = 0.042105263157894736;
-    const double r12 = driveline_rsm_keep(r5 * r11);
-    const double r13 = 0.8828800000000001;
-    const double r15 = driveline_rsm_select(r12, r13, r10, r2);
-    const double r16 = 3.0;
-    const double r17 = r1 - r16;
-    const double r18 = -0.5;
-    const double r19 = driveline_rsm_keep(r17 * r18);
-    const double r20 = 1.0001000000000002;
-    const double r22 = driveline_rsm_select(r19, r20, r15, r2);
-    const double r23 = 0.5;
-    const double r24 = driveline_rsm_keep(r17 * r23);
-    const double r26 = driveline_rsm_select(r24, r20, r22, r2);
-    const double r27 = driveline_rsm_keep(r5 * r11);
-    const double r28 = -0.3772;
-    const double r29 = driveline_rsm_keep(r17 * r28);
-    const double r30 = r27 + r29;
-    const double r31 = 0.14472000000000002;
-    const double r33 = driveline_rsm_select(r30, r31, r26, r2);
-    const double r34 = driveline_rsm_keep(r5 * r6);
-    const double r35 = 0.1016;
-    const double r36 = driveline_rsm_keep(r17 * r35);
-    const double r37 = r34 + r36;
-    const double r38 = 0.8119900000000001;
-    const double r40 = driveline_rsm_select(r37, r38, r33, r2);
-    const double r41 = driveline_rsm_keep(r5 * r6);
-    const double r42 = 0.0801;
-    const double r43 = driveline_rsm_keep(r17 * r42);
-    const double r44 = r41 + r43;
-    const double r45 = 0.8304500000000001;
-    const double r47 = driveline_rsm_select(r44, r45, r40, r2);
-    const double r48 = driveline_rsm_keep(r5 * r11);
-    const double r49 = -0.36095;
-    const double r50 = driveline_rsm_keep(r17 * r49);
-    const double r51 = r48 + r50;
-    const double r52 = 0.16098000000000004;
-    const double r54 = driveline_rsm_select(r51, r52, r47, r2);
-    return (int)r54;
 }
 
 void driveline_tip_in_init(driveline_tip_in_state *state)
@@ -885,58 +781,6 @@ float driveline_damping_error_f32(float speed, float gear)
     return r45;
 }
 
-int driveline_damping_error_support_f32(float speed, float gear)
-{
-    const float r0 = driveline_rsm_keep_f32(speed);
-    const float r1 = driveline_rsm_keep_f32(gear);
-    const float r2 = 0.0f;
-    const float r3 = 1.0f;
-    const float r4 = 26.25f;
-    const float r5 = r0 - r4;
-    const float r6 = -0.042105265f;
-    const float r7 = driveline_rsm_keep_f32(r5 * r6);
-    const float r8 = 0.99065006f;
-    const float r10 = driveline_rsm_select_f32(r7, r8, r3, r2);
-    const float r11 = 0.042105265f;
-    const float r12 = driveline_rsm_keep_f32(r5 * r11);
-    const float r13 = 0.88288003f;
-    const float r15 = driveline_rsm_select_f32(r12, r13, r10, r2);
-    const float r16 = 3.0f;
-    const float r17 = r1 - r16;
-    const float r18 = -0.5f;
-    const float r19 = driveline_rsm_keep_f32(r17 * r18);
-    const float r20 = 1.0001f;
-    const float r22 = driveline_rsm_select_f32(r19, r20, r15, r2);
-    const float r23 = 0.5f;
-    const float r24 = driveline_rsm_keep_f32(r17 * r23);
-    const float r26 = driveline_rsm_select_f32(r24, r20, r22, r2);
-    const float r27 = driveline_rsm_keep_f32(r5 * r11);
-    const float r28 = -0.3772f;
-    const float r29 = driveline_rsm_keep_f32(r17 * r28);
-    const float r30 = r27 + r29;
-    const float r31 = 0.14472f;
-    const float r33 = driveline_rsm_select_f32(r30, r31, r26, r2);
-    const float r34 = driveline_rsm_keep_f32(r5 * r6);
-    const float r35 = 0.1016f;
-    const float r36 = driveline_rsm_keep_f32(r17 * r35);
-    const float r37 = r34 + r36;
-    const float r38 = 0.81199f;
-    const float r40 = driveline_rsm_select_f32(r37, r38, r33, r2);
-    const float r41 = driveline_rsm_keep_f32(r5 * r6);
-    const float r42 = 0.0801f;
-    const float r43 = driveline_rsm_keep_f32(r17 * r42);
-    const float r44 = r41 + r43;
-    const float r45 = 0.83045006f;
-    const float r47 = driveline_rsm_select_f32(r44, r45, r40, r2);
-    const float r48 = driveline_rsm_keep_f32(r5 * r11);
-    const float r49 = -0.36095f;
-    const float r50 = driveline_rsm_keep_f32(r17 * r49);
-    const float r51 = r48 + r50;
-    const float r52 = 0.16098f;
-    const float r54 = driveline_rsm_select_f32(r51, r52, r47, r2);
-    return (int)r54;
-}
-
 float driveline_shuffle_frequency_f32(float speed, float gear)
 {
     const float r0 = speed;
@@ -980,58 +824,6 @@ float driveline_shuffle_frequency_f32(float speed, float gear)
     const float r43 = 80.0f;
     const float r45 = driveline_rsm_at_most_f32(r42, r43);
     return r45;
-}
-
-int driveline_shuffle_frequency_support_f32(float speed, float gear)
-{
-    const float r0 = driveline_rsm_keep_f32(speed);
-    const float r1 = driveline_rsm_keep_f32(gear);
-    const float r2 = 0.0f;
-    const float r3 = 1.0f;
-    const float r4 = 26.25f;
-    const float r5 = r0 - r4;
-    const float r6 = -0.042105265f;
-    const float r7 = driveline_rsm_keep_f32(r5 * r6);
-    const float r8 = 0.99065006f;
-    const float r10 = driveline_rsm_select_f32(r7, r8, r3, r2);
-    const float r11 = 0.042105265f;
-    const float r12 = driveline_rsm_keep_f32(r5 * r11);
-    const float r13 = 0.88288003f;
-    const float r15 = driveline_rsm_select_f32(r12, r13, r10, r2);
-    const float r16 = 3.0f;
-    const float r17 = r1 - r16;
-    const float r18 = -0.5f;
-    const float r19 = driveline_rsm_keep_f32(r17 * r18);
-    const float r20 = 1.0001f;
-    const float r22 = driveline_rsm_select_f32(r19, r20, r15, r2);
-    const float r23 = 0.5f;
-    const float r24 = driveline_rsm_keep_f32(r17 * r23);
-    const float r26 = driveline_rsm_select_f32(r24, r20, r22, r2);
-    const float r27 = driveline_rsm_keep_f32(r5 * r11);
-    const float r28 = -0.3772f;
-    const float r29 = driveline_rsm_keep_f32(r17 * r28);
-    const float r30 = r27 + r29;
-    const float r31 = 0.14472f;
-    const float r33 = driveline_rsm_select_f32(r30, r31, r26, r2);
-    const float r34 = driveline_rsm_keep_f32(r5 * r6);
-    const float r35 = 0.1016f;
-    const float r36 = driveline_rsm_keep_f32(r17 * r35);
-    const float r37 = r34 + r36;
-    const float r38 = 0.81199f;
-    const float r40 = driveline_rsm_select_f32(r37, r38, r33, r2);
-    const float r41 = driveline_rsm_keep_f32(r5 * r6);
-    const float r42 = 0.0801f;
-    const float r43 = driveline_rsm_keep_f32(r17 * r42);
-    const float r44 = r41 + r43;
-    const float r45 = 0.83045006f;
-    const float r47 = driveline_rsm_select_f32(r44, r45, r40, r2);
-    const float r48 = driveline_rsm_keep_f32(r5 * r11);
-    const float r49 = -0.36095f;
-    const float r50 = driveline_rsm_keep_f32(r17 * r49);
-    const float r51 = r48 + r50;
-    const float r52 = 0.16098f;
-    const float r54 = driveline_rsm_select_f32(r51, r52, r47, r2);
-    return (int)r54;
 }
 
 void driveline_tip_in_init_f32(driveline_tip_in_state_f32 *state)
@@ -1276,23 +1068,6 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3ff0000000000000ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x0000000000000000ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x0000000000000000ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x0000000000000000ULL },
-            { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
-        };
-        int (*volatile function)(double, double) = driveline_damping_error_support;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
-            double x[2];
-            (void)memcpy(x, points[k], sizeof x);
-            failures += function(x[0], x[1]) != (points[k][2] != 0);
-        }
-    }
-    {
-        /* Bits of the arguments, then of the result. */
-        static const uint64_t points[][3] = {
             { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403e5a217991383aULL },
             { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf1447cb3e207ULL },
             { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e925e4cac2ULL },
@@ -1308,23 +1083,6 @@ int driveline_self_test(void)
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(x[0], x[1]), points[k][2]);
-        }
-    }
-    {
-        /* Bits of the arguments, then of the result. */
-        static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3ff0000000000000ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x0000000000000000ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x0000000000000000ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x0000000000000000ULL },
-            { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
-        };
-        int (*volatile function)(double, double) = driveline_shuffle_frequency_support;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
-            double x[2];
-            (void)memcpy(x, points[k], sizeof x);
-            failures += function(x[0], x[1]) != (points[k][2] != 0);
         }
     }
     {
@@ -1411,23 +1169,6 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3f800000UL },
-            { 0x40200000UL, 0x3f800000UL, 0x00000000UL },
-            { 0x42480000UL, 0x40a00000UL, 0x00000000UL },
-            { 0x42938000UL, 0x40e00000UL, 0x00000000UL },
-            { 0x7fc00000UL, 0x40400000UL, 0x00000000UL },
-        };
-        int (*volatile function)(float, float) = driveline_damping_error_support_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
-            float x[2];
-            (void)memcpy(x, points[k], sizeof x);
-            failures += function(x[0], x[1]) != (points[k][2] != 0);
-        }
-    }
-    {
-        /* Bits of the arguments, then of the result. */
-        static const uint32_t points[][3] = {
             { 0x41d20000UL, 0x40400000UL, 0x41f2d10cUL },
             { 0x40200000UL, 0x3f800000UL, 0x415f8a25UL },
             { 0x42480000UL, 0x40a00000UL, 0x41f41f4aUL },
@@ -1443,23 +1184,6 @@ int driveline_self_test(void)
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
-        }
-    }
-    {
-        /* Bits of the arguments, then of the result. */
-        static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3f800000UL },
-            { 0x40200000UL, 0x3f800000UL, 0x00000000UL },
-            { 0x42480000UL, 0x40a00000UL, 0x00000000UL },
-            { 0x42938000UL, 0x40e00000UL, 0x00000000UL },
-            { 0x7fc00000UL, 0x40400000UL, 0x00000000UL },
-        };
-        int (*volatile function)(float, float) = driveline_shuffle_frequency_support_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
-            float x[2];
-            (void)memcpy(x, points[k], sizeof x);
-            failures += function(x[0], x[1]) != (points[k][2] != 0);
         }
     }
     {

@@ -45,15 +45,6 @@ int driveline_damping_ratio_support(double speed, double gear);
  */
 double driveline_damping_error(double speed, double gear);
 
-/* Whether the data support `damping_error` here: 1 inside, 0 outside, in f64.
- *
- * - `speed` in `m/s`: 2.5 to 50.0
- * - `gear` in `1`: 1.0 to 5.0
- *
- * 34 operations, 11 deep, no branch.
- */
-int driveline_damping_error_support(double speed, double gear);
-
 /* `shuffle_frequency` in `rad/s`, evaluated in f64.
  *
  * - `speed` in `m/s`: 2.5 to 50.0, clamped outside
@@ -64,15 +55,6 @@ int driveline_damping_error_support(double speed, double gear);
  * 28 operations, 17 deep, no branch.
  */
 double driveline_shuffle_frequency(double speed, double gear);
-
-/* Whether the data support `shuffle_frequency` here: 1 inside, 0 outside, in f64.
- *
- * - `speed` in `m/s`: 2.5 to 50.0
- * - `gear` in `1`: 1.0 to 5.0
- *
- * 34 operations, 11 deep, no branch.
- */
-int driveline_shuffle_frequency_support(double speed, double gear);
 
 /* What the compensator `tip_in` keeps from step to step, in f64; driveline_tip_in_init puts it at rest at 0. */
 typedef struct {
@@ -126,15 +108,6 @@ int driveline_damping_ratio_support_f32(float speed, float gear);
  */
 float driveline_damping_error_f32(float speed, float gear);
 
-/* Whether the data support `damping_error` here: 1 inside, 0 outside, in f32.
- *
- * - `speed` in `m/s`: 2.5 to 50.0
- * - `gear` in `1`: 1.0 to 5.0
- *
- * 34 operations, 11 deep, no branch.
- */
-int driveline_damping_error_support_f32(float speed, float gear);
-
 /* `shuffle_frequency` in `rad/s`, evaluated in f32.
  *
  * - `speed` in `m/s`: 2.5 to 50.0, clamped outside
@@ -145,15 +118,6 @@ int driveline_damping_error_support_f32(float speed, float gear);
  * 28 operations, 17 deep, no branch.
  */
 float driveline_shuffle_frequency_f32(float speed, float gear);
-
-/* Whether the data support `shuffle_frequency` here: 1 inside, 0 outside, in f32.
- *
- * - `speed` in `m/s`: 2.5 to 50.0
- * - `gear` in `1`: 1.0 to 5.0
- *
- * 34 operations, 11 deep, no branch.
- */
-int driveline_shuffle_frequency_support_f32(float speed, float gear);
 
 /* What the compensator `tip_in` keeps from step to step, in f32; driveline_tip_in_init_f32 puts it at rest at 0. */
 typedef struct {

@@ -172,66 +172,6 @@ pub fn damping_error(speed: f64, gear: f64) -> f64 {
     r45
 }
 
-/// Whether the data support `damping_error` here: 1 inside, 0 outside, in f64.
-///
-/// - `speed` in `m/s`: 2.5 to 50.0
-/// - `gear` in `1`: 1.0 to 5.0
-///
-/// 34 operations, 11 deep, no branch.
-#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
-#[inline]
-#[must_use]
-pub fn damping_error_support(speed: f64, gear: f64) -> i32 {
-    let r0: f64 = speed;
-    let r1: f64 = gear;
-    let r2: f64 = 0.0;
-    let r3: f64 = 1.0;
-    let r4: f64 = 26.25;
-    let r5: f64 = r0 - r4;
-    let r6: f64 = -0.042105263157894736;
-    let r7: f64 = r5 * r6;
-    let r8: f64 = 0.9906500000000001;
-    let r10: f64 = rsm_select_f64(r7, r8, r3, r2);
-    let r11: f64 = 0.042105263157894736;
-    let r12: f64 = r5 * r11;
-    let r13: f64 = 0.8828800000000001;
-    let r15: f64 = rsm_select_f64(r12, r13, r10, r2);
-    let r16: f64 = 3.0;
-    let r17: f64 = r1 - r16;
-    let r18: f64 = -0.5;
-    let r19: f64 = r17 * r18;
-    let r20: f64 = 1.0001000000000002;
-    let r22: f64 = rsm_select_f64(r19, r20, r15, r2);
-    let r23: f64 = 0.5;
-    let r24: f64 = r17 * r23;
-    let r26: f64 = rsm_select_f64(r24, r20, r22, r2);
-    let r27: f64 = r5 * r11;
-    let r28: f64 = -0.3772;
-    let r29: f64 = r17 * r28;
-    let r30: f64 = r27 + r29;
-    let r31: f64 = 0.14472000000000002;
-    let r33: f64 = rsm_select_f64(r30, r31, r26, r2);
-    let r34: f64 = r5 * r6;
-    let r35: f64 = 0.1016;
-    let r36: f64 = r17 * r35;
-    let r37: f64 = r34 + r36;
-    let r38: f64 = 0.8119900000000001;
-    let r40: f64 = rsm_select_f64(r37, r38, r33, r2);
-    let r41: f64 = r5 * r6;
-    let r42: f64 = 0.0801;
-    let r43: f64 = r17 * r42;
-    let r44: f64 = r41 + r43;
-    let r45: f64 = 0.8304500000000001;
-    let r47: f64 = rsm_select_f64(r44, r45, r40, r2);
-    let r48: f64 = r5 * r11;
-    let r49: f64 = -0.36095;
-    let r50: f64 = r17 * r49;
-    let r51: f64 = r48 + r50;
-    let r52: f64 = 0.16098000000000004;
-    let r54: f64 = rsm_select_f64(r51, r52, r47, r2);
-    i32::from(r54 > 0.5)
-}
-
 /// `shuffle_frequency` in `rad/s`, evaluated in f64.
 ///
 /// - `speed` in `m/s`: 2.5 to 50.0, clamped outside
@@ -285,66 +225,6 @@ pub fn shuffle_frequency(speed: f64, gear: f64) -> f64 {
     let r43: f64 = 80.0;
     let r45: f64 = rsm_at_most_f64(r42, r43);
     r45
-}
-
-/// Whether the data support `shuffle_frequency` here: 1 inside, 0 outside, in f64.
-///
-/// - `speed` in `m/s`: 2.5 to 50.0
-/// - `gear` in `1`: 1.0 to 5.0
-///
-/// 34 operations, 11 deep, no branch.
-#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
-#[inline]
-#[must_use]
-pub fn shuffle_frequency_support(speed: f64, gear: f64) -> i32 {
-    let r0: f64 = speed;
-    let r1: f64 = gear;
-    let r2: f64 = 0.0;
-    let r3: f64 = 1.0;
-    let r4: f64 = 26.25;
-    let r5: f64 = r0 - r4;
-    let r6: f64 = -0.042105263157894736;
-    let r7: f64 = r5 * r6;
-    let r8: f64 = 0.9906500000000001;
-    let r10: f64 = rsm_select_f64(r7, r8, r3, r2);
-    let r11: f64 = 0.042105263157894736;
-    let r12: f64 = r5 * r11;
-    let r13: f64 = 0.8828800000000001;
-    let r15: f64 = rsm_select_f64(r12, r13, r10, r2);
-    let r16: f64 = 3.0;
-    let r17: f64 = r1 - r16;
-    let r18: f64 = -0.5;
-    let r19: f64 = r17 * r18;
-    let r20: f64 = 1.0001000000000002;
-    let r22: f64 = rsm_select_f64(r19, r20, r15, r2);
-    let r23: f64 = 0.5;
-    let r24: f64 = r17 * r23;
-    let r26: f64 = rsm_select_f64(r24, r20, r22, r2);
-    let r27: f64 = r5 * r11;
-    let r28: f64 = -0.3772;
-    let r29: f64 = r17 * r28;
-    let r30: f64 = r27 + r29;
-    let r31: f64 = 0.14472000000000002;
-    let r33: f64 = rsm_select_f64(r30, r31, r26, r2);
-    let r34: f64 = r5 * r6;
-    let r35: f64 = 0.1016;
-    let r36: f64 = r17 * r35;
-    let r37: f64 = r34 + r36;
-    let r38: f64 = 0.8119900000000001;
-    let r40: f64 = rsm_select_f64(r37, r38, r33, r2);
-    let r41: f64 = r5 * r6;
-    let r42: f64 = 0.0801;
-    let r43: f64 = r17 * r42;
-    let r44: f64 = r41 + r43;
-    let r45: f64 = 0.8304500000000001;
-    let r47: f64 = rsm_select_f64(r44, r45, r40, r2);
-    let r48: f64 = r5 * r11;
-    let r49: f64 = -0.36095;
-    let r50: f64 = r17 * r49;
-    let r51: f64 = r48 + r50;
-    let r52: f64 = 0.16098000000000004;
-    let r54: f64 = rsm_select_f64(r51, r52, r47, r2);
-    i32::from(r54 > 0.5)
 }
 
 /// What the compensator `tip_in` keeps from step to step, in f64.
@@ -683,66 +563,6 @@ pub fn damping_error_f32(speed: f32, gear: f32) -> f32 {
     r45
 }
 
-/// Whether the data support `damping_error` here: 1 inside, 0 outside, in f32.
-///
-/// - `speed` in `m/s`: 2.5 to 50.0
-/// - `gear` in `1`: 1.0 to 5.0
-///
-/// 34 operations, 11 deep, no branch.
-#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
-#[inline]
-#[must_use]
-pub fn damping_error_support_f32(speed: f32, gear: f32) -> i32 {
-    let r0: f32 = speed;
-    let r1: f32 = gear;
-    let r2: f32 = 0.0;
-    let r3: f32 = 1.0;
-    let r4: f32 = 26.25;
-    let r5: f32 = r0 - r4;
-    let r6: f32 = -0.042105265;
-    let r7: f32 = r5 * r6;
-    let r8: f32 = 0.99065006;
-    let r10: f32 = rsm_select_f32(r7, r8, r3, r2);
-    let r11: f32 = 0.042105265;
-    let r12: f32 = r5 * r11;
-    let r13: f32 = 0.88288003;
-    let r15: f32 = rsm_select_f32(r12, r13, r10, r2);
-    let r16: f32 = 3.0;
-    let r17: f32 = r1 - r16;
-    let r18: f32 = -0.5;
-    let r19: f32 = r17 * r18;
-    let r20: f32 = 1.0001;
-    let r22: f32 = rsm_select_f32(r19, r20, r15, r2);
-    let r23: f32 = 0.5;
-    let r24: f32 = r17 * r23;
-    let r26: f32 = rsm_select_f32(r24, r20, r22, r2);
-    let r27: f32 = r5 * r11;
-    let r28: f32 = -0.3772;
-    let r29: f32 = r17 * r28;
-    let r30: f32 = r27 + r29;
-    let r31: f32 = 0.14472;
-    let r33: f32 = rsm_select_f32(r30, r31, r26, r2);
-    let r34: f32 = r5 * r6;
-    let r35: f32 = 0.1016;
-    let r36: f32 = r17 * r35;
-    let r37: f32 = r34 + r36;
-    let r38: f32 = 0.81199;
-    let r40: f32 = rsm_select_f32(r37, r38, r33, r2);
-    let r41: f32 = r5 * r6;
-    let r42: f32 = 0.0801;
-    let r43: f32 = r17 * r42;
-    let r44: f32 = r41 + r43;
-    let r45: f32 = 0.83045006;
-    let r47: f32 = rsm_select_f32(r44, r45, r40, r2);
-    let r48: f32 = r5 * r11;
-    let r49: f32 = -0.36095;
-    let r50: f32 = r17 * r49;
-    let r51: f32 = r48 + r50;
-    let r52: f32 = 0.16098;
-    let r54: f32 = rsm_select_f32(r51, r52, r47, r2);
-    i32::from(r54 > 0.5)
-}
-
 /// `shuffle_frequency` in `rad/s`, evaluated in f32.
 ///
 /// - `speed` in `m/s`: 2.5 to 50.0, clamped outside
@@ -796,66 +616,6 @@ pub fn shuffle_frequency_f32(speed: f32, gear: f32) -> f32 {
     let r43: f32 = 80.0;
     let r45: f32 = rsm_at_most_f32(r42, r43);
     r45
-}
-
-/// Whether the data support `shuffle_frequency` here: 1 inside, 0 outside, in f32.
-///
-/// - `speed` in `m/s`: 2.5 to 50.0
-/// - `gear` in `1`: 1.0 to 5.0
-///
-/// 34 operations, 11 deep, no branch.
-#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
-#[inline]
-#[must_use]
-pub fn shuffle_frequency_support_f32(speed: f32, gear: f32) -> i32 {
-    let r0: f32 = speed;
-    let r1: f32 = gear;
-    let r2: f32 = 0.0;
-    let r3: f32 = 1.0;
-    let r4: f32 = 26.25;
-    let r5: f32 = r0 - r4;
-    let r6: f32 = -0.042105265;
-    let r7: f32 = r5 * r6;
-    let r8: f32 = 0.99065006;
-    let r10: f32 = rsm_select_f32(r7, r8, r3, r2);
-    let r11: f32 = 0.042105265;
-    let r12: f32 = r5 * r11;
-    let r13: f32 = 0.88288003;
-    let r15: f32 = rsm_select_f32(r12, r13, r10, r2);
-    let r16: f32 = 3.0;
-    let r17: f32 = r1 - r16;
-    let r18: f32 = -0.5;
-    let r19: f32 = r17 * r18;
-    let r20: f32 = 1.0001;
-    let r22: f32 = rsm_select_f32(r19, r20, r15, r2);
-    let r23: f32 = 0.5;
-    let r24: f32 = r17 * r23;
-    let r26: f32 = rsm_select_f32(r24, r20, r22, r2);
-    let r27: f32 = r5 * r11;
-    let r28: f32 = -0.3772;
-    let r29: f32 = r17 * r28;
-    let r30: f32 = r27 + r29;
-    let r31: f32 = 0.14472;
-    let r33: f32 = rsm_select_f32(r30, r31, r26, r2);
-    let r34: f32 = r5 * r6;
-    let r35: f32 = 0.1016;
-    let r36: f32 = r17 * r35;
-    let r37: f32 = r34 + r36;
-    let r38: f32 = 0.81199;
-    let r40: f32 = rsm_select_f32(r37, r38, r33, r2);
-    let r41: f32 = r5 * r6;
-    let r42: f32 = 0.0801;
-    let r43: f32 = r17 * r42;
-    let r44: f32 = r41 + r43;
-    let r45: f32 = 0.83045006;
-    let r47: f32 = rsm_select_f32(r44, r45, r40, r2);
-    let r48: f32 = r5 * r11;
-    let r49: f32 = -0.36095;
-    let r50: f32 = r17 * r49;
-    let r51: f32 = r48 + r50;
-    let r52: f32 = 0.16098;
-    let r54: f32 = rsm_select_f32(r51, r52, r47, r2);
-    i32::from(r54 > 0.5)
 }
 
 /// What the compensator `tip_in` keeps from step to step, in f32.

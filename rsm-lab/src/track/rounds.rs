@@ -45,7 +45,7 @@ const MOST_POLE_DAMPING: f64 = 1.2;
 #[must_use]
 pub fn specification(data: &str, unseen: Option<&str>) -> String {
     let unseen = unseen.map_or(String::new(), |file| format!("validate = [\"{file}\"]\n"));
-    let terms = "terms = [[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2], [0, 3], [1, 3]]\nselect = { method = \"fixed\" }\nsupport = \"data\"";
+    let terms = "terms = [[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2], [0, 3], [1, 3]]\nselect = { method = \"fixed\" }";
     format!(
         r#"# Surfaces of tip-in runs (`rsm experiment driveline`) against road speed and gear.
 format = 1
@@ -61,12 +61,14 @@ unit = "1"
 range = [1.0, 5.0]
 
 # The mode behind the engine's lag: what the zeros of the compensator cancel. A damping is positive.
+# One support stands for all three surfaces: they rest on the same rows.
 [responses.damping_ratio]
 column = "shuffle_damping"
 unit = "1"
 inputs = ["speed", "gear"]
 output_range = [0.05, 1.0]
 constraints = [{{ kind = "bounds", min = 0.0 }}]
+support = "data"
 {terms}
 
 # What the poles need beyond it. Both lower ends add up to more than 0: the poles are stable wherever the surfaces saturate.
