@@ -380,25 +380,7 @@ int driveline_damping_ratio_support(double speed, double gear)
     const double r30 = r27 + r29;
     const double r31 = 0.14472000000000002;
     const double r33 = driveline_rsm_select(r30, r31, r26, r2);
-    const double r34 = driveline_rsm_keep(r5 * r6);
-    const double r35 = 0.1016;
-    const double r36 = driveline_rsm_keep(r17 * r35);
-    const double r37 = r34 + r36;
-    const double r38 = 0.8119900000000001;
-    const double r40 = driveline_rsm_select(r37, r38, r33, r2);
-    const double r41 = driveline_rsm_keep(r5 * r6);
-    const double r42 = 0.0801;
-    const double r43 = driveline_rsm_keep(r17 * r42);
-    const double r44 = r41 + r43;
-    const double r45 = 0.8304500000000001;
-    const double r47 = driveline_rsm_select(r44, r45, r40, r2);
-    const double r48 = driveline_rsm_keep(r5 * r11);
-    const double r49 = -0.36095;
-    const double r50 = driveline_rsm_keep(r17 * r49);
-    const double r51 = r48 + r50;
-    const double r52 = 0.16098000000000004;
-    const double r54 = driveline_rsm_select(r51, r52, r47, r2);
-    return (int)r54;
+    return (int)r33;
 }
 
 double driveline_damping_error(double speed, double gear)
@@ -715,25 +697,7 @@ int driveline_damping_ratio_support_f32(float speed, float gear)
     const float r30 = r27 + r29;
     const float r31 = 0.14472f;
     const float r33 = driveline_rsm_select_f32(r30, r31, r26, r2);
-    const float r34 = driveline_rsm_keep_f32(r5 * r6);
-    const float r35 = 0.1016f;
-    const float r36 = driveline_rsm_keep_f32(r17 * r35);
-    const float r37 = r34 + r36;
-    const float r38 = 0.81199f;
-    const float r40 = driveline_rsm_select_f32(r37, r38, r33, r2);
-    const float r41 = driveline_rsm_keep_f32(r5 * r6);
-    const float r42 = 0.0801f;
-    const float r43 = driveline_rsm_keep_f32(r17 * r42);
-    const float r44 = r41 + r43;
-    const float r45 = 0.83045006f;
-    const float r47 = driveline_rsm_select_f32(r44, r45, r40, r2);
-    const float r48 = driveline_rsm_keep_f32(r5 * r11);
-    const float r49 = -0.36095f;
-    const float r50 = driveline_rsm_keep_f32(r17 * r49);
-    const float r51 = r48 + r50;
-    const float r52 = 0.16098f;
-    const float r54 = driveline_rsm_select_f32(r51, r52, r47, r2);
-    return (int)r54;
+    return (int)r33;
 }
 
 float driveline_damping_error_f32(float speed, float gear)

@@ -68,7 +68,7 @@ unit = "1"
 inputs = ["speed", "gear"]
 output_range = [0.05, 1.0]
 constraints = [{{ kind = "bounds", min = 0.0 }}]
-support = "data"
+support = {{ from = "data", faces = 5 }}
 {terms}
 
 # What the poles need beyond it. Both lower ends add up to more than 0: the poles are stable wherever the surfaces saturate.
