@@ -1,6 +1,7 @@
 //! The tests that cross crates, in one binary.
 
 mod bit_for_bit;
+mod effects;
 mod firmware;
 mod layers;
 mod lowering;

@@ -1,4 +1,4 @@
-//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`.
+//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`.
 //!
 //! In: one word. Out: the exit status, 0 when everything held, 1 when a stage failed, 2 for a word it does not know. Runs cargo and
 //! the command `rsm`, and prints what it runs. Imports no crate, not even ours, so that it builds in a second on a machine that has only cargo.
@@ -6,6 +6,7 @@
 mod bench;
 mod bless;
 mod generated;
+mod hidden_effects;
 mod packages;
 mod stage;
 mod test;
@@ -17,7 +18,11 @@ use std::process::ExitCode;
 const USAGE: &str = "\
 usage: cargo xtask test     everything that must hold, the same commands as continuous integration
        cargo xtask bless    writes anew what is generated: generated/, golden files, instruction counts
-       cargo xtask bench    times and counts the evaluators, prints one table";
+       cargo xtask bench    times and counts the evaluators, prints one table
+       cargo xtask hidden-effects [--seed N] [--family singles|nulls|pairs|outside|faults] [--case NAME] [--quick]
+                            makes records with hidden effects, runs `rsm diagnose` on them, compares with the truth
+       cargo xtask hidden-effects verify [--seed N] [--quick]
+                            compares `rsm simulate` with other code for the same plants, an effect a line";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -26,6 +31,7 @@ fn main() -> ExitCode {
         ["test"] => test::run(),
         ["bless"] => bless::run(),
         ["bench", rest @ ..] => bench::run(rest),
+        ["hidden-effects", rest @ ..] => hidden_effects::run(rest),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             true

@@ -1,0 +1,205 @@
+//! Is an answer right?
+//!
+//! In: a case and the JSON of `rsm diagnose` (DESIGN.md 5.3). Out: right or wrong with the reason, and errors of parameters. Knows the truth, and the
+//! causes that leave the same trace. A missing key is a wrong answer, never a crash.
+
+use serde_json::Value;
+
+use crate::case::{Case, Family};
+use crate::plant::{Effect, Kind};
+
+/// What is thought of an answer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judgement {
+    /// Verdict and causes, both.
+    pub right: bool,
+    /// `explained: backlash, headwind`
+    pub answer: String,
+    /// Relative errors of the parameters of causes that were named exactly, with their names.
+    pub errors: Vec<(String, f64)>,
+    /// Of those, how many truths lie in the interval given.
+    pub covered: usize,
+}
+
+/// The name of a cause in lists: KIND, parameter-error:NAME or sensor-...:OUTPUT.
+pub fn name(effect: &Effect) -> String {
+    effect.which.map_or_else(|| effect.kind.to_string(), |(_, which)| format!("{}:{which}", effect.kind))
+}
+
+/// Sets of causes that leave the trace of this one, beside itself: PLANTS.md 3, last part, and what follows from the equations.
+fn aliases(kind: Kind, effect: &Effect) -> Vec<Vec<&'static str>> {
+    let this = name(effect);
+    // A torque against the wheel, a climb and rolling resistance are one term while the car rolls forward, as it does in every case.
+    let rolling = ["brake-drag", "road-grade", "parameter-error:grade", "parameter-error:rolling_resistance_1"];
+    // The command enters by gain times force_gain alone. In open loop the plant is linear from rest, so the position's gain is the same again.
+    let pushing: &[&str] = match kind {
+        Kind::OpenAxis => &["input-gain", "parameter-error:force_gain", "sensor-gain:position"],
+        Kind::ClosedAxis => &["input-gain", "parameter-error:force_gain"],
+        _ => &[],
+    };
+    let mut sets: Vec<Vec<&'static str>> = vec![];
+    for group in [if kind == Kind::Car { &rolling[..] } else { &[] }, pushing] {
+        if group.contains(&this.as_str()) {
+            sets.extend(group.iter().filter(|other| **other != this).map(|other| vec![*other]));
+        }
+    }
+    // Two levels are their mean and half their difference, as long as the viscous part is the nominal one.
+    if effect.kind == "asymmetric-friction" && effect.values.iter().all(|(name, _)| !name.starts_with("viscous")) {
+        sets.push(vec!["constant-load", "coulomb-friction"]);
+    }
+    sets
+}
+
+/// A cause found: its name and the names that it cannot be told from.
+struct Found<'j> {
+    name: String,
+    twins: Vec<&'j str>,
+    parameters: &'j Value,
+}
+
+fn found(answer: &Value) -> Vec<Found<'_>> {
+    let causes = answer["causes"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let one = |cause| {
+        let cause: &Value = cause;
+        let kind = cause["kind"].as_str().unwrap_or("?");
+        let which = cause["parameter"].as_str().or(cause["output"].as_str());
+        let twins = cause["indistinguishable_from"].as_array().map(Vec::as_slice).unwrap_or_default();
+        Found {
+            name: which.map_or_else(|| kind.to_string(), |which| format!("{kind}:{which}")),
+            twins: twins.iter().filter_map(Value::as_str).collect(),
+            parameters: &cause["parameters"],
+        }
+    };
+    causes.iter().map(one).collect()
+}
+
+/// The longest list of twins that still says something. The longest that PLANTS.md names has three.
+const TWINS: usize = 3;
+
+/// Whether these causes are the truth: each of the truth is named, or a set of its aliases is, or a cause names it among its few twins; and nothing else is named.
+fn same(case: &Case, found: &[Found<'_>]) -> bool {
+    let mut open: Vec<&Found<'_>> = found.iter().collect();
+    for cause in &case.causes {
+        let this = name(cause);
+        let mut sets = vec![vec![this.as_str()]];
+        sets.extend(aliases(case.truth.kind, cause));
+        let named = sets.into_iter().find(|set| set.iter().all(|name| open.iter().any(|found| found.name == *name)));
+        if let Some(set) = named {
+            open.retain(|found| !set.contains(&found.name.as_str()));
+            continue;
+        }
+        let twin = open.iter().position(|found| found.twins.len() <= TWINS && found.twins.contains(&this.as_str()));
+        match twin {
+            Some(place) => {
+                open.remove(place);
+            }
+            None => return false,
+        }
+    }
+    open.is_empty()
+}
+
+/// Judges an answer. `words` is all that the command said, JSON included.
+pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
+    let verdict = answer["verdict"].as_str().unwrap_or("no verdict");
+    let found = found(answer);
+    let right = match case.family {
+        Family::Nulls => verdict == "no-discrepancy" && found.is_empty(),
+        Family::Faults => {
+            let told = case.fault.is_some_and(|fault| words.to_lowercase().contains(fault.word()));
+            verdict == "no-discrepancy" && found.is_empty() && told
+        }
+        // Causes that help may be named beside it (DESIGN.md 5.3).
+        Family::Outside => verdict == "unexplained",
+        Family::Singles | Family::Pairs => verdict == "explained" && same(case, &found),
+    };
+    let mut errors = vec![];
+    let mut covered = 0;
+    for cause in &case.causes {
+        let this = name(cause);
+        let Some(found) = found.iter().find(|found| found.name == this) else { continue };
+        for (parameter, truth) in &cause.values {
+            let given = &found.parameters[parameter];
+            let Some(value) = given["value"].as_f64() else {
+                errors.push((format!("{this}.{parameter}"), f64::INFINITY));
+                continue;
+            };
+            errors.push((format!("{this}.{parameter}"), error(cause, parameter, *truth, value, found.parameters)));
+            let (low, high) = (given["low"].as_f64(), given["high"].as_f64());
+            covered += usize::from(low.is_some_and(|low| low <= *truth) && high.is_some_and(|high| *truth <= high));
+        }
+    }
+    let names: Vec<&str> = found.iter().map(|found| found.name.as_str()).collect();
+    let answer = if names.is_empty() { verdict.to_string() } else { format!("{verdict}: {}", names.join(", ")) };
+    Judgement { right, answer, errors, covered }
+}
+
+/// The relative error; of a phase the angle in radians, of an amplitude its size (a negative one is half a turn of phase).
+fn error(cause: &Effect, parameter: &str, truth: f64, value: f64, all: &Value) -> f64 {
+    if cause.kind == "cogging-torque" {
+        let half_turn =
+            if all["amplitude"]["value"].as_f64().is_some_and(|value| value < 0.0) { std::f64::consts::PI } else { 0.0 };
+        if parameter == "phase" {
+            let apart = (value + half_turn - truth).rem_euclid(std::f64::consts::TAU);
+            return apart.min(std::f64::consts::TAU - apart);
+        }
+        return (value.abs() - truth.abs()).abs() / truth.abs();
+    }
+    (value - truth).abs() / truth.abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::{Choice, cases};
+    use serde_json::json;
+
+    fn case(name: &str) -> Case {
+        let choice = Choice { name: Some(name.to_string()), ..Choice::default() };
+        cases(7, choice).next().unwrap_or_else(|| panic!("no case {name}"))
+    }
+
+    fn judged(case: &Case, verdict: &str, causes: &Value) -> bool {
+        judge(case, &json!({ "verdict": verdict, "causes": causes }), "").right
+    }
+
+    #[test]
+    fn verdict_and_cause_count_only_together() {
+        let case = case("driveline-brake-drag");
+        let brake = json!([{ "kind": "brake-drag" }]);
+        assert!(judged(&case, "explained", &brake));
+        assert!(!judged(&case, "unexplained", &brake));
+        assert!(!judged(&case, "explained", &json!([])));
+        assert!(!judged(&case, "explained", &json!([{ "kind": "headwind" }])));
+        assert!(!judged(&case, "explained", &json!([{ "kind": "brake-drag" }, { "kind": "headwind" }])));
+        assert!(!judge(&case, &json!({}), "").right);
+    }
+
+    #[test]
+    fn what_leaves_the_same_trace_counts_and_a_list_of_everything_does_not() {
+        let case = case("driveline-brake-drag");
+        assert!(judged(&case, "explained", &json!([{ "kind": "parameter-error", "parameter": "rolling_resistance_1" }])));
+        assert!(judged(&case, "explained", &json!([{ "kind": "headwind", "indistinguishable_from": ["brake-drag"] }])));
+        let everything = ["backlash", "headwind", "tyre-slip", "brake-drag"];
+        assert!(!judged(&case, "explained", &json!([{ "kind": "clutch-slip", "indistinguishable_from": everything }])));
+    }
+
+    #[test]
+    fn errors_are_relative_to_the_truth_and_intervals_are_counted() {
+        let case = case("driveline-brake-drag");
+        let truth = case.causes[0].values[0].1;
+        let torque = json!({ "value": 1.02 * truth, "low": 0.99 * truth, "high": 1.05 * truth, "unit": "N*m" });
+        let answer =
+            json!({ "verdict": "explained", "causes": [{ "kind": "brake-drag", "parameters": { "torque": torque } }] });
+        let judgement = judge(&case, &answer, "");
+        assert!((judgement.errors[0].1 - 0.02).abs() < 1e-12 && judgement.covered == 1, "{judgement:?}");
+    }
+
+    #[test]
+    fn a_fault_of_the_data_must_be_told() {
+        let case = case("fault-stuck-driveline");
+        let answer = json!({ "verdict": "no-discrepancy", "causes": [] });
+        assert!(judge(&case, &answer, "rows 900 to 950 of acceleration are stuck").right);
+        assert!(!judge(&case, &answer, "nothing to say").right);
+    }
+}

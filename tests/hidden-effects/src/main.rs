@@ -1,0 +1,211 @@
+//! `hidden-effects`: makes records with hidden effects and judges a diagnosis by them.
+//!
+//! In: words, the command `rsm`, a folder to write to. Out: tables on standard output, progress on standard error; status 0 when every threshold was
+//! reached, 1 when not, 2 for words that it does not know. Writes nowhere but into that folder.
+
+mod report;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use std::time::Instant;
+
+use hidden_effects::case::{Case, Choice, Family, cases};
+use hidden_effects::folder::{self, Folder};
+use hidden_effects::{files, judge, verification};
+use report::{Line, Report};
+
+const USAGE: &str = "\
+usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--family singles|nulls|pairs|outside|faults] [--case NAME] [--quick]
+           makes cases, runs `rsm diagnose` on each, compares with the truth
+       hidden-effects make   --out DIR [the same]      makes the cases only
+       hidden-effects verify --rsm PROGRAM --out DIR [--seed N] [--quick]
+           compares `rsm simulate` with the plants of this package, an effect a line";
+
+/// What the words say.
+struct Words {
+    rsm: PathBuf,
+    out: PathBuf,
+    seed: u64,
+    family: Option<Family>,
+    case: Option<String>,
+    quick: bool,
+}
+
+fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Words, String> {
+    let (mut rsm, mut out, mut seed, mut family, mut case, mut quick) = (None, None, 1, None, None, false);
+    while let Some(word) = words.next() {
+        let mut value = || words.next().ok_or(format!("{word} wants a value"));
+        match word.as_str() {
+            "--rsm" => rsm = Some(PathBuf::from(value()?)),
+            "--out" => out = Some(PathBuf::from(value()?)),
+            "--seed" => seed = value()?.parse().map_err(|error| format!("--seed: {error}"))?,
+            "--family" => {
+                let name = value()?;
+                let known = Family::ALL.into_iter().find(|family| family.name() == name);
+                family = Some(
+                    known.ok_or_else(|| format!("no family {name}; there are {}", Family::ALL.map(Family::name).join(", ")))?,
+                );
+            }
+            "--case" => case = Some(value()?),
+            "--quick" => quick = true,
+            _ => return Err(format!("unknown word {word}\n{USAGE}")),
+        }
+    }
+    if needs_rsm && rsm.is_none() {
+        return Err(format!("--rsm is missing\n{USAGE}"));
+    }
+    Ok(Words { rsm: rsm.unwrap_or_default(), out: out.ok_or("--out is missing")?, seed, family, case, quick })
+}
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1);
+    let result = match arguments.next().as_deref() {
+        Some("judge") => words(arguments, true).and_then(|words| judge_all(&words)),
+        Some("make") => words(arguments, false).and_then(|words| make(&words)),
+        Some("verify") => words(arguments, true).and_then(|words| verify(&words)),
+        _ => Err(USAGE.to_string()),
+    };
+    match result {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), String> {
+    std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// The cases that the words ask for.
+fn asked(words: &Words) -> impl Iterator<Item = Case> {
+    cases(words.seed, Choice { family: words.family, name: words.case.clone(), quick: words.quick })
+}
+
+fn make(words: &Words) -> Result<bool, String> {
+    let mut made = 0;
+    for case in asked(words) {
+        folder::write_case(&case, &words.out, words.seed)?;
+        println!("{:<48} signal to noise {:.2}", case.name, case.signal_to_noise);
+        made += 1;
+    }
+    if made == 0 { Err("no such case".to_string()) } else { Ok(true) }
+}
+
+/// Outputs of `rsm simulate`, or what it said.
+fn simulate(
+    rsm: &Path,
+    kind: hidden_effects::plant::Kind,
+    plant: &Path,
+    record: &Path,
+    to: &Path,
+) -> Result<Vec<Vec<f64>>, String> {
+    let mut simulate = Command::new(rsm);
+    simulate.arg("simulate").arg(plant).arg("--record").arg(record).arg("--out").arg(to);
+    let run = simulate.output().map_err(|error| format!("{}: {error}", rsm.display()))?;
+    if !run.status.success() {
+        return Err(String::from_utf8_lossy(&run.stderr).trim().to_string());
+    }
+    let text = std::fs::read_to_string(to).map_err(|error| format!("{}: {error}", to.display()))?;
+    files::outputs(kind, &text)
+}
+
+/// The mean square that a plant file misses of the exact validation records.
+fn missed(rsm: &Path, case: &Case, folder: &Folder, plant: &Path) -> Result<f64, String> {
+    let to = folder.extended.with_file_name("simulated.csv");
+    let runs = folder.exact.iter().map(|record| simulate(rsm, case.truth.kind, plant, record, &to));
+    Ok(folder::missed(case, &runs.collect::<Result<Vec<_>, _>>()?))
+}
+
+/// The gain of the extension found over the gain of the true one; both are shares of the squared error of the nominal file that go away, in simulations
+/// from the true start against the records without noise.
+fn gain_share(rsm: &Path, case: &Case, folder: &Folder, extension: &Path) -> Result<f64, String> {
+    let nominal = missed(rsm, case, folder, &folder.nominal)?;
+    let best = 1.0 - missed(rsm, case, folder, &folder.extended)? / nominal;
+    let found = 1.0 - missed(rsm, case, folder, extension)? / nominal;
+    Ok(found / best)
+}
+
+fn diagnose(words: &Words, case: &Case, folder: &Folder) -> Result<Line, String> {
+    let out = folder.nominal.with_file_name("diagnosis");
+    let mut diagnose = Command::new(&words.rsm);
+    diagnose.arg("diagnose").arg(&folder.nominal).arg("--json").arg("--out").arg(&out);
+    folder.train.iter().for_each(|record| {
+        diagnose.arg("--record").arg(record);
+    });
+    folder.validate.iter().for_each(|record| {
+        diagnose.arg("--validate").arg(record);
+    });
+    let started = Instant::now();
+    let run = diagnose.output().map_err(|error| format!("{}: {error}", words.rsm.display()))?;
+    let seconds = started.elapsed().as_secs_f64();
+    let (output, said) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    let mut line = Line::new(case, seconds);
+    match serde_json::from_str(&output) {
+        Ok(answer) => {
+            line.judgement = judge::judge(case, &answer, &format!("{output}{said}"));
+            if !case.causes.is_empty() {
+                line.gain_share =
+                    Some(gain_share(&words.rsm, case, folder, &out.join("extended.toml")).unwrap_or_else(|message| {
+                        line.judgement.answer = format!("{} (no gain: {})", line.judgement.answer, first_line(&message));
+                        0.0
+                    }));
+            }
+        }
+        // Without an answer nothing is right; the reason stands in the table.
+        Err(error) => {
+            let said = if said.trim().is_empty() { error.to_string() } else { first_line(&said) };
+            line.judgement.answer = format!("{}: {said}", run.status);
+        }
+    }
+    Ok(line)
+}
+
+fn first_line(text: &str) -> String {
+    text.trim().lines().next().unwrap_or_default().to_string()
+}
+
+fn judge_all(words: &Words) -> Result<bool, String> {
+    let mut report = Report::default();
+    for case in asked(words) {
+        let folder = folder::write_case(&case, &words.out, words.seed)?;
+        let line = diagnose(words, &case, &folder)?;
+        println!("{line}");
+        report.lines.push(line);
+    }
+    if report.lines.is_empty() {
+        return Err("no such case".to_string());
+    }
+    println!("\n{report}");
+    Ok(report.held())
+}
+
+/// Every effect alone, against `rsm simulate`.
+fn verify(words: &Words) -> Result<bool, String> {
+    let folder = words.out.join("verify");
+    std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let (plant, record, simulated) = (folder.join("plant.toml"), folder.join("record.csv"), folder.join("simulated.csv"));
+    println!("largest difference of two simulations, and what the effect moves, in units of the sensor's noise\n");
+    println!("{:<58} {:>10} {:>8} {:>10}  where", "plant, effect", "difference", "allowed", "effect");
+    let mut held = true;
+    for check in verification::checks(words.seed, words.quick) {
+        write(&plant, &check.plant_file)?;
+        write(&record, &check.csv())?;
+        let outputs = match simulate(&words.rsm, check.kind, &plant, &record, &simulated) {
+            Ok(outputs) => outputs,
+            Err(message) => {
+                held = false;
+                println!("{:<58} {message}", check.name);
+                continue;
+            }
+        };
+        let (distance, output, row) = check.distance(&outputs);
+        let (name, allowed, visible) = (&check.name, check.allowed(), check.visible);
+        held &= distance <= allowed;
+        let mark = if distance <= allowed { "" } else { "  TOO FAR" };
+        println!("{name:<58} {distance:>10.4} {allowed:>8.1} {visible:>10.1}  {output}, row {row}{mark}");
+    }
+    Ok(held)
+}

@@ -1,0 +1,106 @@
+//! Disturbances that the catalogue does not have.
+//!
+//! In: a name, a plant, a stream of random numbers. Out: their magnitudes, large enough to leave structure that no entry of the catalogue explains; and what
+//! those that stand in the readings alone do to them. What acts in a plant stands in the plant's own file.
+
+use crate::draw::Nominal;
+use crate::plant::{Effect, Kind, Record, Truth};
+use crate::random::Random;
+
+/// All, with the plant on which they stand.
+pub const ALL: [(Kind, &str); 12] = [
+    (Kind::Motor, "phase-unbalance"),
+    (Kind::Motor, "bus-sag"),
+    (Kind::Motor, "slipping-flywheel"),
+    (Kind::Motor, "emi-bursts"),
+    (Kind::Car, "mount-resonance"),
+    (Kind::Car, "tyre-burst"),
+    (Kind::Car, "rolling-hills"),
+    (Kind::Car, "intake-resonance"),
+    (Kind::OpenAxis, "hysteresis"),
+    (Kind::ClosedAxis, "square-spring"),
+    (Kind::ClosedAxis, "breathing-friction"),
+    (Kind::ClosedAxis, "scale-error"),
+];
+
+/// A disturbance with its magnitude.
+pub fn disturbance(name: &str, nominal: &Nominal, random: &mut Random) -> Effect {
+    let of = |name| nominal.parameters.get(name);
+    match name {
+        // One winding with a bad joint: the resistance differs along two axes of the stator, a current at twice the electrical frequency.
+        "phase-unbalance" => Effect::new("phase-unbalance", &[("share", random.uniform(0.15, 0.4))]),
+        // A supply that gives way with the square of the current: 5 to 15 % at 30 A.
+        "bus-sag" => Effect::new("bus-sag", &[("per_square_ampere", random.uniform(0.05, 0.15) / 900.0)]),
+        // A second inertia held by dry friction: carried along when slow, left behind when fast.
+        "slipping-flywheel" => {
+            let values = [("inertia", of("inertia") * random.uniform(0.4, 1.2)), ("torque", random.uniform(0.4, 1.5))];
+            Effect::new("slipping-flywheel", &values)
+        }
+        // Interference on a current sensor, a fixed frequency in bursts.
+        "emi-bursts" => {
+            let values = [
+                ("amplitude", random.uniform(0.15, 0.6)),
+                ("frequency", random.uniform(300.0, 900.0)),
+                ("every", random.uniform(0.05, 0.2)),
+            ];
+            Effect::new("emi-bursts", &values)
+        }
+        // An accelerometer on a soft bracket.
+        "mount-resonance" => Effect::new(
+            "mount-resonance",
+            &[("frequency", random.uniform(5.0, 12.0)), ("damping_ratio", random.uniform(0.03, 0.1))],
+        ),
+        // From a moment on the car rolls several times harder.
+        "tyre-burst" => Effect::new("tyre-burst", &[("times", random.uniform(3.0, 6.0)), ("time", random.uniform(8.0, 20.0))]),
+        // A road that goes up and down.
+        "rolling-hills" => {
+            Effect::new("rolling-hills", &[("slope", random.uniform(0.01, 0.04)), ("wavelength", random.uniform(60.0, 200.0))])
+        }
+        // An intake that breathes better at some speeds than at others.
+        "intake-resonance" => {
+            Effect::new("intake-resonance", &[("share", random.uniform(0.08, 0.25)), ("period", random.uniform(80.0, 160.0))])
+        }
+        // Friction with memory: the force is built up over millimetres, not at once.
+        "hysteresis" => {
+            Effect::new("hysteresis", &[("force", random.uniform(8.0, 25.0)), ("length", random.uniform(0.01, 0.04))])
+        }
+        // A force with the square of the position, 10 to 40 N at 0.15 m.
+        "square-spring" => Effect::new("square-spring", &[("stiffness", random.uniform(10.0, 40.0) / 0.0225)]),
+        // Viscous friction that swells and shrinks as a lubricant is carried round.
+        "breathing-friction" => {
+            Effect::new("breathing-friction", &[("share", random.uniform(0.3, 0.7)), ("period", random.uniform(1.0, 3.0))])
+        }
+        // An interpolated encoder whose error repeats with its scale.
+        "scale-error" => Effect::on(
+            "scale-error",
+            "position",
+            &[("amplitude", random.uniform(5e-6, 3e-5)), ("period", random.uniform(1e-3, 4e-3))],
+        ),
+        _ => unreachable!("{name} is no disturbance of ours"),
+    }
+}
+
+/// Interference: (amplitude, frequency, seconds from burst to burst).
+fn interference(truth: &Truth) -> Option<(f64, f64, f64)> {
+    let of = |name| truth.effect("emi-bursts", name);
+    Some((of("amplitude")?, of("frequency")?, of("every")?))
+}
+
+/// The share of the time in which it bursts.
+const BURSTING: f64 = 0.4;
+
+/// What comes in between plant and record: interference on `i_q`.
+pub fn on_readings(truth: &Truth, record: &mut Record) {
+    let Some((amplitude, frequency, every)) = interference(truth) else { return };
+    for (row, value) in record.outputs[1].iter_mut().enumerate() {
+        let time = row as f64 * record.period;
+        if time % every < BURSTING * every {
+            *value += amplitude * (std::f64::consts::TAU * frequency * time).sin();
+        }
+    }
+}
+
+/// Root mean square of that over the noise.
+pub fn signal_on_readings(truth: &Truth, nominal: &Nominal) -> f64 {
+    interference(truth).map_or(0.0, |(amplitude, ..)| amplitude * (0.5 * BURSTING).sqrt() / nominal.noise[1])
+}
