@@ -5,6 +5,6 @@ use rsm_core::number::Precision;
 
 fn main() {
     // f32 for the step; f64 for the test that compares the two.
-    rsm_core::build_script::compile("models/driveline.toml", &[Precision::F32, Precision::F64]);
+    rsm_core::build_script::compile("../../generated/coefficients/driveline.toml", &[Precision::F32, Precision::F64]);
     rsm_core::build_script::compile("../../generated/coefficients/throttle.toml", &[Precision::F64]);
 }

@@ -14,7 +14,7 @@ use rsm_tests::compilers::{self, Compiler};
 
 /// The coefficient files of the models that the steps use.
 const MODELS: [&str; 3] =
-    ["generated/coefficients/circle.toml", "generated/coefficients/motor.toml", "targets/throttle-loop/models/driveline.toml"];
+    ["generated/coefficients/circle.toml", "generated/coefficients/motor.toml", "generated/coefficients/driveline.toml"];
 
 /// The sources of ours, and of the emitter.
 pub const OBJECTS: [&str; 6] = ["motor_step", "throttle_step", "tables", "circle", "motor", "driveline"];
@@ -129,6 +129,12 @@ pub fn cortex_functions(object: &Path) -> Vec<(String, Vec<String>)> {
         } else if let (Some((_, lines)), Some((_, text))) = (functions.last_mut(), line.split_once(":\t")) {
             lines.push(text.trim().to_string());
         } else if let (Some((_, lines)), Some((_, text))) = (functions.last_mut(), line.split_once(": R_ARM_THM_CALL\t")) {
+            lines.push(format!("-> {}", text.trim()));
+        } else if let (Some((_, lines)), Some((_, text))) = (functions.last_mut(), line.split_once(": R_ARM_THM_JUMP24\t")) {
+            // A function whose code is that of another is a jump to it; what it jumps to is held to the same.
+            if text.contains("_f32") {
+                lines.pop();
+            }
             lines.push(format!("-> {}", text.trim()));
         }
     }
