@@ -42,7 +42,7 @@ impl Check {
     ///
     /// A tenth is what a halved step may move an output by, where a simulation has a fixed step. Some effects are allowed more, because the fixed
     /// step of `rsm-lab` errs by more there; a hundredfold finer tolerance here moves no figure by 1e-4. Over a dozen seeds at full length the largest were
-    /// 21 (contact of a carriage, one seed; else below 4), 6 (a slipping clutch, which winds its spring up and amplifies any error), 4.3 (saturation
+    /// 21 (contact of a carriage, one seed; else below 4), 6 (a slipping clutch, which winds its spring up and amplifies any error), 10 (saturation
     /// at twice its current), 1.6 (dead time about zero current) and 0.4 (friction by direction, over 8 s without feedback). A wrong law moves tens to
     /// hundreds. What is above 3 is shown as too far: the figure is true.
     pub fn allowed(&self) -> f64 {
