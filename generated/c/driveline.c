@@ -321,32 +321,55 @@ double driveline_damping_ratio(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = 0.00018890525199553518;
-    const double r19 = driveline_rsm_keep(r18 * r17);
-    const double r20 = 0.0012854463719839605;
+    const double r18 = 1.5741422477076743e-8;
+    const double r19 = driveline_rsm_keep(r18 * r9);
+    const double r20 = 6.157590931070213e-7;
     const double r21 = r19 + r20;
-    const double r22 = driveline_rsm_keep(r21 * r17);
-    const double r23 = -0.0003989395904746095;
-    const double r24 = r22 + r23;
-    const double r25 = driveline_rsm_keep(r24 * r17);
-    const double r26 = 7.790826848875384e-5;
-    const double r27 = r25 + r26;
+    const double r22 = driveline_rsm_keep(r21 * r9);
+    const double r23 = -1.1375533378971936e-6;
+    const double r24 = driveline_rsm_keep(r23 * r17);
+    const double r25 = 4.9014009740456285e-6;
+    const double r26 = r24 + r25;
+    const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = -0.0022242942472713127;
+    const double r29 = 2.9614585167662038e-6;
     const double r30 = driveline_rsm_keep(r29 * r17);
-    const double r31 = 0.011048738750840758;
-    const double r32 = r30 + r31;
-    const double r33 = driveline_rsm_keep(r32 * r17);
-    const double r34 = 0.01459757205747069;
-    const double r35 = r33 + r34;
-    const double r36 = driveline_rsm_keep(r35 * r17);
-    const double r37 = 0.14101793656394218;
-    const double r38 = r36 + r37;
-    const double r39 = r28 + r38;
-    const double r40 = 0.05;
-    const double r42 = driveline_rsm_at_least(r39, r40);
-    const double r44 = driveline_rsm_at_most(r42, r10);
-    return r44;
+    const double r31 = driveline_rsm_keep(r30 * r17);
+    const double r32 = -5.424414111165222e-5;
+    const double r33 = r31 + r32;
+    const double r34 = r28 + r33;
+    const double r35 = driveline_rsm_keep(r34 * r9);
+    const double r36 = 0.00011452165008362213;
+    const double r37 = driveline_rsm_keep(r36 * r17);
+    const double r38 = -0.00016359638290637627;
+    const double r39 = r37 + r38;
+    const double r40 = driveline_rsm_keep(r39 * r17);
+    const double r41 = driveline_rsm_keep(r40 * r17);
+    const double r42 = 0.0005709885313717184;
+    const double r43 = r41 + r42;
+    const double r44 = driveline_rsm_keep(r43 * r17);
+    const double r45 = -0.0001571977680980176;
+    const double r46 = r44 + r45;
+    const double r47 = r35 + r46;
+    const double r48 = driveline_rsm_keep(r47 * r9);
+    const double r49 = 0.0021847585225676413;
+    const double r50 = driveline_rsm_keep(r49 * r17);
+    const double r51 = -0.004398865025523553;
+    const double r52 = r50 + r51;
+    const double r53 = driveline_rsm_keep(r52 * r17);
+    const double r54 = -0.005005535224891003;
+    const double r55 = r53 + r54;
+    const double r56 = driveline_rsm_keep(r55 * r17);
+    const double r57 = 0.023074352232145115;
+    const double r58 = r56 + r57;
+    const double r59 = driveline_rsm_keep(r58 * r17);
+    const double r60 = 0.14472920012025592;
+    const double r61 = r59 + r60;
+    const double r62 = r48 + r61;
+    const double r63 = 0.05;
+    const double r65 = driveline_rsm_at_least(r62, r63);
+    const double r67 = driveline_rsm_at_most(r65, r10);
+    return r67;
 }
 
 int driveline_damping_ratio_support(double speed, double gear)
@@ -399,33 +422,56 @@ double driveline_damping_error(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = 0.0001794549081751423;
-    const double r19 = driveline_rsm_keep(r18 * r17);
-    const double r20 = -0.0017538578744081506;
+    const double r18 = -4.034085106356121e-8;
+    const double r19 = driveline_rsm_keep(r18 * r9);
+    const double r20 = -4.513569572257867e-7;
     const double r21 = r19 + r20;
-    const double r22 = driveline_rsm_keep(r21 * r17);
-    const double r23 = 8.13097876464608e-6;
-    const double r24 = r22 + r23;
-    const double r25 = driveline_rsm_keep(r24 * r17);
-    const double r26 = 0.0002232081866356616;
-    const double r27 = r25 + r26;
+    const double r22 = driveline_rsm_keep(r21 * r9);
+    const double r23 = -1.9820846986281916e-7;
+    const double r24 = driveline_rsm_keep(r23 * r17);
+    const double r25 = 9.762526402275331e-6;
+    const double r26 = r24 + r25;
+    const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = 0.0026293466158285273;
+    const double r29 = 5.792727135027134e-6;
     const double r30 = driveline_rsm_keep(r29 * r17);
-    const double r31 = -0.0115809020360853;
-    const double r32 = r30 + r31;
-    const double r33 = driveline_rsm_keep(r32 * r17);
-    const double r34 = -0.014161831811951523;
-    const double r35 = r33 + r34;
-    const double r36 = driveline_rsm_keep(r35 * r17);
-    const double r37 = 0.5095946922869903;
-    const double r38 = r36 + r37;
-    const double r39 = r28 + r38;
-    const double r40 = -0.04;
-    const double r42 = driveline_rsm_at_least(r39, r40);
-    const double r43 = 1.2;
-    const double r45 = driveline_rsm_at_most(r42, r43);
-    return r45;
+    const double r31 = driveline_rsm_keep(r30 * r17);
+    const double r32 = 1.9063252662994246e-5;
+    const double r33 = r31 + r32;
+    const double r34 = r28 + r33;
+    const double r35 = driveline_rsm_keep(r34 * r9);
+    const double r36 = -5.773552825954581e-5;
+    const double r37 = driveline_rsm_keep(r36 * r17);
+    const double r38 = 5.508176005472729e-5;
+    const double r39 = r37 + r38;
+    const double r40 = driveline_rsm_keep(r39 * r17);
+    const double r41 = driveline_rsm_keep(r40 * r17);
+    const double r42 = -0.000365522642378537;
+    const double r43 = r41 + r42;
+    const double r44 = driveline_rsm_keep(r43 * r17);
+    const double r45 = -0.0013598258060344196;
+    const double r46 = r44 + r45;
+    const double r47 = r35 + r46;
+    const double r48 = driveline_rsm_keep(r47 * r9);
+    const double r49 = 0.0014037556869629295;
+    const double r50 = driveline_rsm_keep(r49 * r17);
+    const double r51 = -0.003073400189856439;
+    const double r52 = r50 + r51;
+    const double r53 = driveline_rsm_keep(r52 * r17);
+    const double r54 = 0.0012724370461712788;
+    const double r55 = r53 + r54;
+    const double r56 = driveline_rsm_keep(r55 * r17);
+    const double r57 = -0.015670420406392743;
+    const double r58 = r56 + r57;
+    const double r59 = driveline_rsm_keep(r58 * r17);
+    const double r60 = 0.5058154745741494;
+    const double r61 = r59 + r60;
+    const double r62 = r48 + r61;
+    const double r63 = -0.04;
+    const double r65 = driveline_rsm_at_least(r62, r63);
+    const double r66 = 1.2;
+    const double r68 = driveline_rsm_at_most(r65, r66);
+    return r68;
 }
 
 double driveline_shuffle_frequency(double speed, double gear)
@@ -524,100 +570,146 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r45 = driveline_rsm_at_least(r42, r43);
     const double r46 = 80.0;
     const double r48 = driveline_rsm_at_most(r45, r46);
-    const double r49 = 0.00018890525199553518;
-    const double r50 = driveline_rsm_keep(r49 * r20);
-    const double r51 = 0.0012854463719839605;
+    const double r49 = 1.5741422477076743e-8;
+    const double r50 = driveline_rsm_keep(r49 * r12);
+    const double r51 = 6.157590931070213e-7;
     const double r52 = r50 + r51;
-    const double r53 = driveline_rsm_keep(r52 * r20);
-    const double r54 = -0.0003989395904746095;
-    const double r55 = r53 + r54;
-    const double r56 = driveline_rsm_keep(r55 * r20);
-    const double r57 = 7.790826848875384e-5;
-    const double r58 = r56 + r57;
+    const double r53 = driveline_rsm_keep(r52 * r12);
+    const double r54 = -1.1375533378971936e-6;
+    const double r55 = driveline_rsm_keep(r54 * r20);
+    const double r56 = 4.9014009740456285e-6;
+    const double r57 = r55 + r56;
+    const double r58 = r53 + r57;
     const double r59 = driveline_rsm_keep(r58 * r12);
-    const double r60 = -0.0022242942472713127;
+    const double r60 = 2.9614585167662038e-6;
     const double r61 = driveline_rsm_keep(r60 * r20);
-    const double r62 = 0.011048738750840758;
-    const double r63 = r61 + r62;
-    const double r64 = driveline_rsm_keep(r63 * r20);
-    const double r65 = 0.01459757205747069;
-    const double r66 = r64 + r65;
-    const double r67 = driveline_rsm_keep(r66 * r20);
-    const double r68 = 0.14101793656394218;
-    const double r69 = r67 + r68;
-    const double r70 = r59 + r69;
-    const double r71 = 0.05;
-    const double r73 = driveline_rsm_at_least(r70, r71);
-    const double r75 = driveline_rsm_at_most(r73, r13);
-    const double r76 = 0.0001794549081751423;
-    const double r77 = driveline_rsm_keep(r76 * r20);
-    const double r78 = -0.0017538578744081506;
-    const double r79 = r77 + r78;
-    const double r80 = driveline_rsm_keep(r79 * r20);
-    const double r81 = 8.13097876464608e-6;
-    const double r82 = r80 + r81;
-    const double r83 = driveline_rsm_keep(r82 * r20);
-    const double r84 = 0.0002232081866356616;
-    const double r85 = r83 + r84;
-    const double r86 = driveline_rsm_keep(r85 * r12);
-    const double r87 = 0.0026293466158285273;
-    const double r88 = driveline_rsm_keep(r87 * r20);
-    const double r89 = -0.0115809020360853;
-    const double r90 = r88 + r89;
-    const double r91 = driveline_rsm_keep(r90 * r20);
-    const double r92 = -0.014161831811951523;
-    const double r93 = r91 + r92;
-    const double r94 = driveline_rsm_keep(r93 * r20);
-    const double r95 = 0.5095946922869903;
-    const double r96 = r94 + r95;
-    const double r97 = r86 + r96;
-    const double r98 = -0.04;
-    const double r100 = driveline_rsm_at_least(r97, r98);
-    const double r101 = 1.2;
-    const double r103 = driveline_rsm_at_most(r100, r101);
-    const double r104 = r75 + r103;
-    const double r105 = driveline_rsm_keep(r104 + r104);
-    const double r106 = 0.0055;
-    const double r107 = r106 + r105;
-    const double r108 = driveline_rsm_keep(r107 * r106);
-    const double r109 = r108 + r13;
-    const double r110 = 11.0;
-    const double r111 = r110 / r48;
-    const double r112 = driveline_rsm_keep(r75 * r111);
-    const double r113 = r112 - r104;
-    const double r114 = r0 - r4;
-    const double r115 = driveline_rsm_keep(r114 * r106);
-    const double r116 = r3 + r115;
-    const double r117 = driveline_rsm_keep(r116 + r116);
-    const double r118 = r117 / r109;
-    const double r119 = driveline_rsm_keep(r118 * r113);
-    const double r120 = r0 + r119;
-    const double r121 = driveline_rsm_keep(r111 * r111);
-    const double r122 = r121 - r13;
-    const double r123 = 0.5;
-    const double r124 = driveline_rsm_keep(r107 * r123);
-    const double r125 = driveline_rsm_keep(r118 * r124);
-    const double r126 = r114 - r125;
-    const double r127 = driveline_rsm_keep(r126 * r122);
-    const double r128 = r120 + r127;
-    const double r129 = r118 - r3;
-    const double r130 = driveline_rsm_keep(r118 * r106);
-    const double r131 = r4 + r130;
-    const double r132 = r0 - r0;
-    const double r133 = r1 - r1;
-    const double r134 = r132 + r133;
-    const double r135 = r2 - r2;
+    const double r62 = driveline_rsm_keep(r61 * r20);
+    const double r63 = -5.424414111165222e-5;
+    const double r64 = r62 + r63;
+    const double r65 = r59 + r64;
+    const double r66 = driveline_rsm_keep(r65 * r12);
+    const double r67 = 0.00011452165008362213;
+    const double r68 = driveline_rsm_keep(r67 * r20);
+    const double r69 = -0.00016359638290637627;
+    const double r70 = r68 + r69;
+    const double r71 = driveline_rsm_keep(r70 * r20);
+    const double r72 = driveline_rsm_keep(r71 * r20);
+    const double r73 = 0.0005709885313717184;
+    const double r74 = r72 + r73;
+    const double r75 = driveline_rsm_keep(r74 * r20);
+    const double r76 = -0.0001571977680980176;
+    const double r77 = r75 + r76;
+    const double r78 = r66 + r77;
+    const double r79 = driveline_rsm_keep(r78 * r12);
+    const double r80 = 0.0021847585225676413;
+    const double r81 = driveline_rsm_keep(r80 * r20);
+    const double r82 = -0.004398865025523553;
+    const double r83 = r81 + r82;
+    const double r84 = driveline_rsm_keep(r83 * r20);
+    const double r85 = -0.005005535224891003;
+    const double r86 = r84 + r85;
+    const double r87 = driveline_rsm_keep(r86 * r20);
+    const double r88 = 0.023074352232145115;
+    const double r89 = r87 + r88;
+    const double r90 = driveline_rsm_keep(r89 * r20);
+    const double r91 = 0.14472920012025592;
+    const double r92 = r90 + r91;
+    const double r93 = r79 + r92;
+    const double r94 = 0.05;
+    const double r96 = driveline_rsm_at_least(r93, r94);
+    const double r98 = driveline_rsm_at_most(r96, r13);
+    const double r99 = -4.034085106356121e-8;
+    const double r100 = driveline_rsm_keep(r99 * r12);
+    const double r101 = -4.513569572257867e-7;
+    const double r102 = r100 + r101;
+    const double r103 = driveline_rsm_keep(r102 * r12);
+    const double r104 = -1.9820846986281916e-7;
+    const double r105 = driveline_rsm_keep(r104 * r20);
+    const double r106 = 9.762526402275331e-6;
+    const double r107 = r105 + r106;
+    const double r108 = r103 + r107;
+    const double r109 = driveline_rsm_keep(r108 * r12);
+    const double r110 = 5.792727135027134e-6;
+    const double r111 = driveline_rsm_keep(r110 * r20);
+    const double r112 = driveline_rsm_keep(r111 * r20);
+    const double r113 = 1.9063252662994246e-5;
+    const double r114 = r112 + r113;
+    const double r115 = r109 + r114;
+    const double r116 = driveline_rsm_keep(r115 * r12);
+    const double r117 = -5.773552825954581e-5;
+    const double r118 = driveline_rsm_keep(r117 * r20);
+    const double r119 = 5.508176005472729e-5;
+    const double r120 = r118 + r119;
+    const double r121 = driveline_rsm_keep(r120 * r20);
+    const double r122 = driveline_rsm_keep(r121 * r20);
+    const double r123 = -0.000365522642378537;
+    const double r124 = r122 + r123;
+    const double r125 = driveline_rsm_keep(r124 * r20);
+    const double r126 = -0.0013598258060344196;
+    const double r127 = r125 + r126;
+    const double r128 = r116 + r127;
+    const double r129 = driveline_rsm_keep(r128 * r12);
+    const double r130 = 0.0014037556869629295;
+    const double r131 = driveline_rsm_keep(r130 * r20);
+    const double r132 = -0.003073400189856439;
+    const double r133 = r131 + r132;
+    const double r134 = driveline_rsm_keep(r133 * r20);
+    const double r135 = 0.0012724370461712788;
     const double r136 = r134 + r135;
-    const double r137 = r128 + r136;
-    const double r138 = r129 - r129;
-    const double r139 = r136 + r138;
-    const double r140 = r131 - r131;
-    const double r141 = r139 + r140;
-    const double r143 = driveline_rsm_select(r141, r13, r129, r3);
-    const double r144 = driveline_rsm_select(r141, r13, r131, r4);
-    state->s0 = r143;
-    state->s1 = r144;
-    return r137;
+    const double r137 = driveline_rsm_keep(r136 * r20);
+    const double r138 = -0.015670420406392743;
+    const double r139 = r137 + r138;
+    const double r140 = driveline_rsm_keep(r139 * r20);
+    const double r141 = 0.5058154745741494;
+    const double r142 = r140 + r141;
+    const double r143 = r129 + r142;
+    const double r144 = -0.04;
+    const double r146 = driveline_rsm_at_least(r143, r144);
+    const double r147 = 1.2;
+    const double r149 = driveline_rsm_at_most(r146, r147);
+    const double r150 = r98 + r149;
+    const double r151 = driveline_rsm_keep(r150 + r150);
+    const double r152 = 0.0055;
+    const double r153 = r152 + r151;
+    const double r154 = driveline_rsm_keep(r153 * r152);
+    const double r155 = r154 + r13;
+    const double r156 = 11.0;
+    const double r157 = r156 / r48;
+    const double r158 = driveline_rsm_keep(r98 * r157);
+    const double r159 = r158 - r150;
+    const double r160 = r0 - r4;
+    const double r161 = driveline_rsm_keep(r160 * r152);
+    const double r162 = r3 + r161;
+    const double r163 = driveline_rsm_keep(r162 + r162);
+    const double r164 = r163 / r155;
+    const double r165 = driveline_rsm_keep(r164 * r159);
+    const double r166 = r0 + r165;
+    const double r167 = driveline_rsm_keep(r157 * r157);
+    const double r168 = r167 - r13;
+    const double r169 = 0.5;
+    const double r170 = driveline_rsm_keep(r153 * r169);
+    const double r171 = driveline_rsm_keep(r164 * r170);
+    const double r172 = r160 - r171;
+    const double r173 = driveline_rsm_keep(r172 * r168);
+    const double r174 = r166 + r173;
+    const double r175 = r164 - r3;
+    const double r176 = driveline_rsm_keep(r164 * r152);
+    const double r177 = r4 + r176;
+    const double r178 = r0 - r0;
+    const double r179 = r1 - r1;
+    const double r180 = r178 + r179;
+    const double r181 = r2 - r2;
+    const double r182 = r180 + r181;
+    const double r183 = r174 + r182;
+    const double r184 = r175 - r175;
+    const double r185 = r182 + r184;
+    const double r186 = r177 - r177;
+    const double r187 = r185 + r186;
+    const double r189 = driveline_rsm_select(r187, r13, r175, r3);
+    const double r190 = driveline_rsm_select(r187, r13, r177, r4);
+    state->s0 = r189;
+    state->s1 = r190;
+    return r183;
 }
 
 #endif /* double has 64 bits */
@@ -638,32 +730,55 @@ float driveline_damping_ratio_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = 0.00018890525f;
-    const float r19 = driveline_rsm_keep_f32(r18 * r17);
-    const float r20 = 0.0012854463f;
+    const float r18 = 1.5741422e-8f;
+    const float r19 = driveline_rsm_keep_f32(r18 * r9);
+    const float r20 = 6.157591e-7f;
     const float r21 = r19 + r20;
-    const float r22 = driveline_rsm_keep_f32(r21 * r17);
-    const float r23 = -0.0003989396f;
-    const float r24 = r22 + r23;
-    const float r25 = driveline_rsm_keep_f32(r24 * r17);
-    const float r26 = 7.790827e-5f;
-    const float r27 = r25 + r26;
+    const float r22 = driveline_rsm_keep_f32(r21 * r9);
+    const float r23 = -1.1375533e-6f;
+    const float r24 = driveline_rsm_keep_f32(r23 * r17);
+    const float r25 = 4.901401e-6f;
+    const float r26 = r24 + r25;
+    const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = -0.0022242942f;
+    const float r29 = 2.9614584e-6f;
     const float r30 = driveline_rsm_keep_f32(r29 * r17);
-    const float r31 = 0.011048739f;
-    const float r32 = r30 + r31;
-    const float r33 = driveline_rsm_keep_f32(r32 * r17);
-    const float r34 = 0.014597572f;
-    const float r35 = r33 + r34;
-    const float r36 = driveline_rsm_keep_f32(r35 * r17);
-    const float r37 = 0.14101794f;
-    const float r38 = r36 + r37;
-    const float r39 = r28 + r38;
-    const float r40 = 0.05f;
-    const float r42 = driveline_rsm_at_least_f32(r39, r40);
-    const float r44 = driveline_rsm_at_most_f32(r42, r10);
-    return r44;
+    const float r31 = driveline_rsm_keep_f32(r30 * r17);
+    const float r32 = -5.424414e-5f;
+    const float r33 = r31 + r32;
+    const float r34 = r28 + r33;
+    const float r35 = driveline_rsm_keep_f32(r34 * r9);
+    const float r36 = 0.00011452165f;
+    const float r37 = driveline_rsm_keep_f32(r36 * r17);
+    const float r38 = -0.00016359639f;
+    const float r39 = r37 + r38;
+    const float r40 = driveline_rsm_keep_f32(r39 * r17);
+    const float r41 = driveline_rsm_keep_f32(r40 * r17);
+    const float r42 = 0.0005709885f;
+    const float r43 = r41 + r42;
+    const float r44 = driveline_rsm_keep_f32(r43 * r17);
+    const float r45 = -0.00015719776f;
+    const float r46 = r44 + r45;
+    const float r47 = r35 + r46;
+    const float r48 = driveline_rsm_keep_f32(r47 * r9);
+    const float r49 = 0.0021847584f;
+    const float r50 = driveline_rsm_keep_f32(r49 * r17);
+    const float r51 = -0.004398865f;
+    const float r52 = r50 + r51;
+    const float r53 = driveline_rsm_keep_f32(r52 * r17);
+    const float r54 = -0.005005535f;
+    const float r55 = r53 + r54;
+    const float r56 = driveline_rsm_keep_f32(r55 * r17);
+    const float r57 = 0.023074353f;
+    const float r58 = r56 + r57;
+    const float r59 = driveline_rsm_keep_f32(r58 * r17);
+    const float r60 = 0.1447292f;
+    const float r61 = r59 + r60;
+    const float r62 = r48 + r61;
+    const float r63 = 0.05f;
+    const float r65 = driveline_rsm_at_least_f32(r62, r63);
+    const float r67 = driveline_rsm_at_most_f32(r65, r10);
+    return r67;
 }
 
 int driveline_damping_ratio_support_f32(float speed, float gear)
@@ -716,33 +831,56 @@ float driveline_damping_error_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = 0.0001794549f;
-    const float r19 = driveline_rsm_keep_f32(r18 * r17);
-    const float r20 = -0.0017538578f;
+    const float r18 = -4.034085e-8f;
+    const float r19 = driveline_rsm_keep_f32(r18 * r9);
+    const float r20 = -4.5135695e-7f;
     const float r21 = r19 + r20;
-    const float r22 = driveline_rsm_keep_f32(r21 * r17);
-    const float r23 = 8.130979e-6f;
-    const float r24 = r22 + r23;
-    const float r25 = driveline_rsm_keep_f32(r24 * r17);
-    const float r26 = 0.00022320819f;
-    const float r27 = r25 + r26;
+    const float r22 = driveline_rsm_keep_f32(r21 * r9);
+    const float r23 = -1.9820847e-7f;
+    const float r24 = driveline_rsm_keep_f32(r23 * r17);
+    const float r25 = 9.762526e-6f;
+    const float r26 = r24 + r25;
+    const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = 0.0026293467f;
+    const float r29 = 5.7927273e-6f;
     const float r30 = driveline_rsm_keep_f32(r29 * r17);
-    const float r31 = -0.011580902f;
-    const float r32 = r30 + r31;
-    const float r33 = driveline_rsm_keep_f32(r32 * r17);
-    const float r34 = -0.014161832f;
-    const float r35 = r33 + r34;
-    const float r36 = driveline_rsm_keep_f32(r35 * r17);
-    const float r37 = 0.5095947f;
-    const float r38 = r36 + r37;
-    const float r39 = r28 + r38;
-    const float r40 = -0.04f;
-    const float r42 = driveline_rsm_at_least_f32(r39, r40);
-    const float r43 = 1.1999999f;
-    const float r45 = driveline_rsm_at_most_f32(r42, r43);
-    return r45;
+    const float r31 = driveline_rsm_keep_f32(r30 * r17);
+    const float r32 = 1.9063253e-5f;
+    const float r33 = r31 + r32;
+    const float r34 = r28 + r33;
+    const float r35 = driveline_rsm_keep_f32(r34 * r9);
+    const float r36 = -5.7735528e-5f;
+    const float r37 = driveline_rsm_keep_f32(r36 * r17);
+    const float r38 = 5.508176e-5f;
+    const float r39 = r37 + r38;
+    const float r40 = driveline_rsm_keep_f32(r39 * r17);
+    const float r41 = driveline_rsm_keep_f32(r40 * r17);
+    const float r42 = -0.00036552263f;
+    const float r43 = r41 + r42;
+    const float r44 = driveline_rsm_keep_f32(r43 * r17);
+    const float r45 = -0.0013598258f;
+    const float r46 = r44 + r45;
+    const float r47 = r35 + r46;
+    const float r48 = driveline_rsm_keep_f32(r47 * r9);
+    const float r49 = 0.0014037557f;
+    const float r50 = driveline_rsm_keep_f32(r49 * r17);
+    const float r51 = -0.0030734001f;
+    const float r52 = r50 + r51;
+    const float r53 = driveline_rsm_keep_f32(r52 * r17);
+    const float r54 = 0.001272437f;
+    const float r55 = r53 + r54;
+    const float r56 = driveline_rsm_keep_f32(r55 * r17);
+    const float r57 = -0.01567042f;
+    const float r58 = r56 + r57;
+    const float r59 = driveline_rsm_keep_f32(r58 * r17);
+    const float r60 = 0.50581545f;
+    const float r61 = r59 + r60;
+    const float r62 = r48 + r61;
+    const float r63 = -0.04f;
+    const float r65 = driveline_rsm_at_least_f32(r62, r63);
+    const float r66 = 1.1999999f;
+    const float r68 = driveline_rsm_at_most_f32(r65, r66);
+    return r68;
 }
 
 float driveline_shuffle_frequency_f32(float speed, float gear)
@@ -841,100 +979,146 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r45 = driveline_rsm_at_least_f32(r42, r43);
     const float r46 = 80.0f;
     const float r48 = driveline_rsm_at_most_f32(r45, r46);
-    const float r49 = 0.00018890525f;
-    const float r50 = driveline_rsm_keep_f32(r49 * r20);
-    const float r51 = 0.0012854463f;
+    const float r49 = 1.5741422e-8f;
+    const float r50 = driveline_rsm_keep_f32(r49 * r12);
+    const float r51 = 6.157591e-7f;
     const float r52 = r50 + r51;
-    const float r53 = driveline_rsm_keep_f32(r52 * r20);
-    const float r54 = -0.0003989396f;
-    const float r55 = r53 + r54;
-    const float r56 = driveline_rsm_keep_f32(r55 * r20);
-    const float r57 = 7.790827e-5f;
-    const float r58 = r56 + r57;
+    const float r53 = driveline_rsm_keep_f32(r52 * r12);
+    const float r54 = -1.1375533e-6f;
+    const float r55 = driveline_rsm_keep_f32(r54 * r20);
+    const float r56 = 4.901401e-6f;
+    const float r57 = r55 + r56;
+    const float r58 = r53 + r57;
     const float r59 = driveline_rsm_keep_f32(r58 * r12);
-    const float r60 = -0.0022242942f;
+    const float r60 = 2.9614584e-6f;
     const float r61 = driveline_rsm_keep_f32(r60 * r20);
-    const float r62 = 0.011048739f;
-    const float r63 = r61 + r62;
-    const float r64 = driveline_rsm_keep_f32(r63 * r20);
-    const float r65 = 0.014597572f;
-    const float r66 = r64 + r65;
-    const float r67 = driveline_rsm_keep_f32(r66 * r20);
-    const float r68 = 0.14101794f;
-    const float r69 = r67 + r68;
-    const float r70 = r59 + r69;
-    const float r71 = 0.05f;
-    const float r73 = driveline_rsm_at_least_f32(r70, r71);
-    const float r75 = driveline_rsm_at_most_f32(r73, r13);
-    const float r76 = 0.0001794549f;
-    const float r77 = driveline_rsm_keep_f32(r76 * r20);
-    const float r78 = -0.0017538578f;
-    const float r79 = r77 + r78;
-    const float r80 = driveline_rsm_keep_f32(r79 * r20);
-    const float r81 = 8.130979e-6f;
-    const float r82 = r80 + r81;
-    const float r83 = driveline_rsm_keep_f32(r82 * r20);
-    const float r84 = 0.00022320819f;
-    const float r85 = r83 + r84;
-    const float r86 = driveline_rsm_keep_f32(r85 * r12);
-    const float r87 = 0.0026293467f;
-    const float r88 = driveline_rsm_keep_f32(r87 * r20);
-    const float r89 = -0.011580902f;
-    const float r90 = r88 + r89;
-    const float r91 = driveline_rsm_keep_f32(r90 * r20);
-    const float r92 = -0.014161832f;
-    const float r93 = r91 + r92;
-    const float r94 = driveline_rsm_keep_f32(r93 * r20);
-    const float r95 = 0.5095947f;
-    const float r96 = r94 + r95;
-    const float r97 = r86 + r96;
-    const float r98 = -0.04f;
-    const float r100 = driveline_rsm_at_least_f32(r97, r98);
-    const float r101 = 1.1999999f;
-    const float r103 = driveline_rsm_at_most_f32(r100, r101);
-    const float r104 = r75 + r103;
-    const float r105 = driveline_rsm_keep_f32(r104 + r104);
-    const float r106 = 0.0055f;
-    const float r107 = r106 + r105;
-    const float r108 = driveline_rsm_keep_f32(r107 * r106);
-    const float r109 = r108 + r13;
-    const float r110 = 11.0f;
-    const float r111 = r110 / r48;
-    const float r112 = driveline_rsm_keep_f32(r75 * r111);
-    const float r113 = r112 - r104;
-    const float r114 = r0 - r4;
-    const float r115 = driveline_rsm_keep_f32(r114 * r106);
-    const float r116 = r3 + r115;
-    const float r117 = driveline_rsm_keep_f32(r116 + r116);
-    const float r118 = r117 / r109;
-    const float r119 = driveline_rsm_keep_f32(r118 * r113);
-    const float r120 = r0 + r119;
-    const float r121 = driveline_rsm_keep_f32(r111 * r111);
-    const float r122 = r121 - r13;
-    const float r123 = 0.5f;
-    const float r124 = driveline_rsm_keep_f32(r107 * r123);
-    const float r125 = driveline_rsm_keep_f32(r118 * r124);
-    const float r126 = r114 - r125;
-    const float r127 = driveline_rsm_keep_f32(r126 * r122);
-    const float r128 = r120 + r127;
-    const float r129 = r118 - r3;
-    const float r130 = driveline_rsm_keep_f32(r118 * r106);
-    const float r131 = r4 + r130;
-    const float r132 = r0 - r0;
-    const float r133 = r1 - r1;
-    const float r134 = r132 + r133;
-    const float r135 = r2 - r2;
+    const float r62 = driveline_rsm_keep_f32(r61 * r20);
+    const float r63 = -5.424414e-5f;
+    const float r64 = r62 + r63;
+    const float r65 = r59 + r64;
+    const float r66 = driveline_rsm_keep_f32(r65 * r12);
+    const float r67 = 0.00011452165f;
+    const float r68 = driveline_rsm_keep_f32(r67 * r20);
+    const float r69 = -0.00016359639f;
+    const float r70 = r68 + r69;
+    const float r71 = driveline_rsm_keep_f32(r70 * r20);
+    const float r72 = driveline_rsm_keep_f32(r71 * r20);
+    const float r73 = 0.0005709885f;
+    const float r74 = r72 + r73;
+    const float r75 = driveline_rsm_keep_f32(r74 * r20);
+    const float r76 = -0.00015719776f;
+    const float r77 = r75 + r76;
+    const float r78 = r66 + r77;
+    const float r79 = driveline_rsm_keep_f32(r78 * r12);
+    const float r80 = 0.0021847584f;
+    const float r81 = driveline_rsm_keep_f32(r80 * r20);
+    const float r82 = -0.004398865f;
+    const float r83 = r81 + r82;
+    const float r84 = driveline_rsm_keep_f32(r83 * r20);
+    const float r85 = -0.005005535f;
+    const float r86 = r84 + r85;
+    const float r87 = driveline_rsm_keep_f32(r86 * r20);
+    const float r88 = 0.023074353f;
+    const float r89 = r87 + r88;
+    const float r90 = driveline_rsm_keep_f32(r89 * r20);
+    const float r91 = 0.1447292f;
+    const float r92 = r90 + r91;
+    const float r93 = r79 + r92;
+    const float r94 = 0.05f;
+    const float r96 = driveline_rsm_at_least_f32(r93, r94);
+    const float r98 = driveline_rsm_at_most_f32(r96, r13);
+    const float r99 = -4.034085e-8f;
+    const float r100 = driveline_rsm_keep_f32(r99 * r12);
+    const float r101 = -4.5135695e-7f;
+    const float r102 = r100 + r101;
+    const float r103 = driveline_rsm_keep_f32(r102 * r12);
+    const float r104 = -1.9820847e-7f;
+    const float r105 = driveline_rsm_keep_f32(r104 * r20);
+    const float r106 = 9.762526e-6f;
+    const float r107 = r105 + r106;
+    const float r108 = r103 + r107;
+    const float r109 = driveline_rsm_keep_f32(r108 * r12);
+    const float r110 = 5.7927273e-6f;
+    const float r111 = driveline_rsm_keep_f32(r110 * r20);
+    const float r112 = driveline_rsm_keep_f32(r111 * r20);
+    const float r113 = 1.9063253e-5f;
+    const float r114 = r112 + r113;
+    const float r115 = r109 + r114;
+    const float r116 = driveline_rsm_keep_f32(r115 * r12);
+    const float r117 = -5.7735528e-5f;
+    const float r118 = driveline_rsm_keep_f32(r117 * r20);
+    const float r119 = 5.508176e-5f;
+    const float r120 = r118 + r119;
+    const float r121 = driveline_rsm_keep_f32(r120 * r20);
+    const float r122 = driveline_rsm_keep_f32(r121 * r20);
+    const float r123 = -0.00036552263f;
+    const float r124 = r122 + r123;
+    const float r125 = driveline_rsm_keep_f32(r124 * r20);
+    const float r126 = -0.0013598258f;
+    const float r127 = r125 + r126;
+    const float r128 = r116 + r127;
+    const float r129 = driveline_rsm_keep_f32(r128 * r12);
+    const float r130 = 0.0014037557f;
+    const float r131 = driveline_rsm_keep_f32(r130 * r20);
+    const float r132 = -0.0030734001f;
+    const float r133 = r131 + r132;
+    const float r134 = driveline_rsm_keep_f32(r133 * r20);
+    const float r135 = 0.001272437f;
     const float r136 = r134 + r135;
-    const float r137 = r128 + r136;
-    const float r138 = r129 - r129;
-    const float r139 = r136 + r138;
-    const float r140 = r131 - r131;
-    const float r141 = r139 + r140;
-    const float r143 = driveline_rsm_select_f32(r141, r13, r129, r3);
-    const float r144 = driveline_rsm_select_f32(r141, r13, r131, r4);
-    state->s0 = r143;
-    state->s1 = r144;
-    return r137;
+    const float r137 = driveline_rsm_keep_f32(r136 * r20);
+    const float r138 = -0.01567042f;
+    const float r139 = r137 + r138;
+    const float r140 = driveline_rsm_keep_f32(r139 * r20);
+    const float r141 = 0.50581545f;
+    const float r142 = r140 + r141;
+    const float r143 = r129 + r142;
+    const float r144 = -0.04f;
+    const float r146 = driveline_rsm_at_least_f32(r143, r144);
+    const float r147 = 1.1999999f;
+    const float r149 = driveline_rsm_at_most_f32(r146, r147);
+    const float r150 = r98 + r149;
+    const float r151 = driveline_rsm_keep_f32(r150 + r150);
+    const float r152 = 0.0055f;
+    const float r153 = r152 + r151;
+    const float r154 = driveline_rsm_keep_f32(r153 * r152);
+    const float r155 = r154 + r13;
+    const float r156 = 11.0f;
+    const float r157 = r156 / r48;
+    const float r158 = driveline_rsm_keep_f32(r98 * r157);
+    const float r159 = r158 - r150;
+    const float r160 = r0 - r4;
+    const float r161 = driveline_rsm_keep_f32(r160 * r152);
+    const float r162 = r3 + r161;
+    const float r163 = driveline_rsm_keep_f32(r162 + r162);
+    const float r164 = r163 / r155;
+    const float r165 = driveline_rsm_keep_f32(r164 * r159);
+    const float r166 = r0 + r165;
+    const float r167 = driveline_rsm_keep_f32(r157 * r157);
+    const float r168 = r167 - r13;
+    const float r169 = 0.5f;
+    const float r170 = driveline_rsm_keep_f32(r153 * r169);
+    const float r171 = driveline_rsm_keep_f32(r164 * r170);
+    const float r172 = r160 - r171;
+    const float r173 = driveline_rsm_keep_f32(r172 * r168);
+    const float r174 = r166 + r173;
+    const float r175 = r164 - r3;
+    const float r176 = driveline_rsm_keep_f32(r164 * r152);
+    const float r177 = r4 + r176;
+    const float r178 = r0 - r0;
+    const float r179 = r1 - r1;
+    const float r180 = r178 + r179;
+    const float r181 = r2 - r2;
+    const float r182 = r180 + r181;
+    const float r183 = r174 + r182;
+    const float r184 = r175 - r175;
+    const float r185 = r182 + r184;
+    const float r186 = r177 - r177;
+    const float r187 = r185 + r186;
+    const float r189 = driveline_rsm_select_f32(r187, r13, r175, r3);
+    const float r190 = driveline_rsm_select_f32(r187, r13, r177, r4);
+    state->s0 = r189;
+    state->s1 = r190;
+    return r183;
 }
 
 #ifdef RSM_SELF_TEST
@@ -975,14 +1159,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc20ce030d88432ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fb118ef98e60437ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fd599fd529e3506ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd599fd529e3506ULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc2867c86a57874ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fafad3d1ef87132ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fe10adbba8d0e7eULL }, /* other bits if fused */
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fe10adbba8d0e7eULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x40245f618a1608f0ULL, 0x3ff4a269a6017048ULL, 0x3fba210623384ed4ULL }, /* other bits if fused */
-            { 0x4021df18ad148ce4ULL, 0x3ffb4aeb991902aeULL, 0x3fbadfba6a11f692ULL }, /* other bits if fused */
-            { 0x4048f6a4e41e633fULL, 0x3ff9804d27fbc21eULL, 0x3fcb0ef8527431baULL }, /* other bits if fused */
+            { 0x4011619a3a88ec9dULL, 0x4002a64e82c377f0ULL, 0x3fbdd45cbbc42a17ULL }, /* other bits if fused */
+            { 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0x3fbf0347646bbfb6ULL }, /* other bits if fused */
+            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fdaaba25b3a1b76ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_ratio;
         unsigned int k;
@@ -1012,14 +1196,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe04e998732cf50ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe552cddef36914ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fd510c93f961a7aULL }, /* other bits if fused */
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd510c93f961a7aULL }, /* other bits if fused */
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe02fa3ef236a04ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe5f05582259c9eULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fbdfe378aa72088ULL }, /* other bits if fused */
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fbdfe378aa72088ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4048e6ec09cc6f49ULL, 0x3ff428c3df7ca110ULL, 0x3fd5f2047a4b68d4ULL }, /* other bits if fused */
-            { 0x40243d949243437eULL, 0x4006418044d17397ULL, 0x3fe051296810dffcULL }, /* other bits if fused */
-            { 0x403ff53af005089eULL, 0x401370485a1c3abbULL, 0x3fdbbd9291ee7bbeULL }, /* other bits if fused */
+            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fd63d81d6e8faecULL }, /* other bits if fused */
+            { 0x4046847b336de671ULL, 0x400a51d6e43da6c3ULL, 0x3fd93ed7997dd0c7ULL }, /* other bits if fused */
+            { 0x40166e1c2350b3ceULL, 0x400ae8083a2b5aebULL, 0x3fe0bfb86d1b1b01ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_error;
         unsigned int k;
@@ -1053,13 +1237,13 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][4] = {
             { 0x0000000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
-            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b25413484e54ULL },
-            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0930ff7be1e78ULL },
-            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0adda51f5b4b4ULL }, /* other bits if fused */
+            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b131ee106bc6ULL }, /* other bits if fused */
+            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0798a43064ab8ULL }, /* other bits if fused */
+            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0c83405a36404ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbfc600a0bc85703cULL }, /* other bits if fused */
-            { 0xbfbe5ac92705bb60ULL, 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0xbf98043869bec1ccULL }, /* other bits if fused */
-            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4ba36c4af5190ULL }, /* other bits if fused */
+            { 0xbfbe5ac92705bb60ULL, 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0xbf99bd0984c91848ULL }, /* other bits if fused */
+            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4b9605e55ad80ULL }, /* other bits if fused */
+            { 0xbfe04bdca98d3030ULL, 0x4032f2ca4e668e0aULL, 0x4004a358085f4f69ULL, 0xbfb655b0c8e3d018ULL }, /* other bits if fused */
         };
         double (*volatile function)(driveline_tip_in_state *, double, double, double) = driveline_tip_in_step;
         unsigned int k;
@@ -1076,14 +1260,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3e106702UL },
-            { 0x40200000UL, 0x3f800000UL, 0x3d88c77dUL },
-            { 0x42480000UL, 0x40a00000UL, 0x3eaccfecUL },
-            { 0x42938000UL, 0x40e00000UL, 0x3eaccfecUL },
+            { 0x41d20000UL, 0x40400000UL, 0x3e1433e4UL },
+            { 0x40200000UL, 0x3f800000UL, 0x3d7d69eaUL },
+            { 0x42480000UL, 0x40a00000UL, 0x3f0856deUL },
+            { 0x42938000UL, 0x40e00000UL, 0x3f0856deUL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x4122fb0cUL, 0x3fa5134dUL, 0x3dd10832UL }, /* other bits if fused */
-            { 0x410ef8c5UL, 0x3fda575dUL, 0x3dd6fdd4UL }, /* other bits if fused */
-            { 0x420a70c6UL, 0x405d30ffUL, 0x3e1ae8f7UL }, /* other bits if fused */
+            { 0x408b0cd2UL, 0x40153274UL, 0x3deea2e4UL }, /* other bits if fused */
+            { 0x4122fb0cUL, 0x3fa5134dUL, 0x3dd65c15UL }, /* other bits if fused */
+            { 0x422c449bUL, 0x3ffda11bUL, 0x3e4d2bc6UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_ratio_f32;
         unsigned int k;
@@ -1113,14 +1297,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3f0274ccUL },
-            { 0x40200000UL, 0x3f800000UL, 0x3f2a966eUL }, /* other bits if fused */
-            { 0x42480000UL, 0x40a00000UL, 0x3ea8864aUL },
-            { 0x42938000UL, 0x40e00000UL, 0x3ea8864aUL },
+            { 0x41d20000UL, 0x40400000UL, 0x3f017d1fUL },
+            { 0x40200000UL, 0x3f800000UL, 0x3f2f82acUL },
+            { 0x42480000UL, 0x40a00000UL, 0x3deff1b4UL }, /* other bits if fused */
+            { 0x42938000UL, 0x40e00000UL, 0x3deff1b4UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x42409348UL, 0x3fa4e790UL, 0x3eb7db3cUL }, /* other bits if fused */
-            { 0x402aed19UL, 0x4099221eUL, 0x3f1082dbUL }, /* other bits if fused */
-            { 0x42111892UL, 0x3f9a3ae8UL, 0x3ed5c5faUL }, /* other bits if fused */
+            { 0x40b370e1UL, 0x40574042UL, 0x3f05fdc2UL }, /* other bits if fused */
+            { 0x4247b527UL, 0x3fcc0269UL, 0x3e652458UL }, /* other bits if fused */
+            { 0x41c40c79UL, 0x3f900ac8UL, 0x3f1492ddUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_error_f32;
         unsigned int k;
@@ -1154,13 +1338,13 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][4] = {
             { 0x00000000UL, 0x41d20000UL, 0x40400000UL, 0x00000000UL },
-            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d929eUL },
-            { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e049884UL }, /* other bits if fused */
-            { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e856ed0UL }, /* other bits if fused */
+            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d898dUL },
+            { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e03cc50UL }, /* other bits if fused */
+            { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e8641a4UL },
             { 0x7fc00000UL, 0x41d20000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe300504UL }, /* other bits if fused */
-            { 0xbdf2d649UL, 0x4096f11fUL, 0x401eb7f9UL, 0xbcc021c4UL }, /* other bits if fused */
-            { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd25d1c0UL }, /* other bits if fused */
+            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe300de4UL }, /* other bits if fused */
+            { 0xbdf2d649UL, 0x4096f11fUL, 0x401eb7f9UL, 0xbcc0f674UL }, /* other bits if fused */
+            { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd257fd0UL }, /* other bits if fused */
         };
         float (*volatile function)(driveline_tip_in_state_f32 *, float, float, float) = driveline_tip_in_step_f32;
         unsigned int k;

@@ -112,6 +112,33 @@ static inline double motor_rsm_choose(unsigned int flag, double then, double oth
 }
 #endif
 
+/* then where left < right, else otherwise, also where either is NaN. */
+static inline double motor_rsm_select(double left, double right, double then, double otherwise)
+{
+#if defined(RSM_SSE) && defined(__AVX__)
+    double mask, result;
+    __asm__("vcmpltsd {%2, %1, %0|%0, %1, %2}" : "=x"(mask) : "x"(left), "x"(right));
+    __asm__("vblendvpd {%3, %2, %1, %0|%0, %1, %2, %3}" : "=x"(result) : "x"(otherwise), "x"(then), "x"(mask));
+    return result;
+#elif defined(RSM_SSE)
+    __asm__("cmpltsd {%1, %0|%0, %1}" : "+x"(left) : "x"(right));
+    __asm__("andpd {%1, %0|%0, %1}" : "+x"(then) : "x"(left));
+    __asm__("andnpd {%1, %0|%0, %1}" : "+x"(left) : "x"(otherwise));
+    __asm__("orpd {%1, %0|%0, %1}" : "+x"(then) : "x"(left));
+    return then;
+#elif defined(RSM_AARCH64)
+    double result;
+    __asm__("fcmp %d1, %d2\n\tfcsel %d0, %d3, %d4, mi" : "=w"(result) : "w"(left), "w"(right), "w"(then), "w"(otherwise) : "cc");
+    return result;
+#elif defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 8)
+    __asm__("vcmp.f64 %P1, %P2\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.f64 %P0, %P3"
+            : "+w"(otherwise) : "w"(left), "w"(right), "w"(then) : "cc");
+    return otherwise;
+#else
+    return motor_rsm_choose((unsigned int)(left < right), then, otherwise);
+#endif
+}
+
 /* bound where value < bound, else value: a NaN passes, and a tie keeps value. */
 static inline double motor_rsm_at_least(double value, double bound)
 {
@@ -205,6 +232,33 @@ static inline float motor_rsm_choose_f32(unsigned int flag, float then, float ot
 }
 #endif
 
+/* then where left < right, else otherwise, also where either is NaN. */
+static inline float motor_rsm_select_f32(float left, float right, float then, float otherwise)
+{
+#if defined(RSM_SSE) && defined(__AVX__)
+    float mask, result;
+    __asm__("vcmpltss {%2, %1, %0|%0, %1, %2}" : "=x"(mask) : "x"(left), "x"(right));
+    __asm__("vblendvps {%3, %2, %1, %0|%0, %1, %2, %3}" : "=x"(result) : "x"(otherwise), "x"(then), "x"(mask));
+    return result;
+#elif defined(RSM_SSE)
+    __asm__("cmpltss {%1, %0|%0, %1}" : "+x"(left) : "x"(right));
+    __asm__("andps {%1, %0|%0, %1}" : "+x"(then) : "x"(left));
+    __asm__("andnps {%1, %0|%0, %1}" : "+x"(left) : "x"(otherwise));
+    __asm__("orps {%1, %0|%0, %1}" : "+x"(then) : "x"(left));
+    return then;
+#elif defined(RSM_AARCH64)
+    float result;
+    __asm__("fcmp %s1, %s2\n\tfcsel %s0, %s3, %s4, mi" : "=w"(result) : "w"(left), "w"(right), "w"(then), "w"(otherwise) : "cc");
+    return result;
+#elif defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    __asm__("vcmp.f32 %1, %2\n\tvmrs APSR_nzcv, fpscr\n\tit mi\n\tvmovmi.f32 %0, %3"
+            : "+t"(otherwise) : "t"(left), "t"(right), "t"(then) : "cc");
+    return otherwise;
+#else
+    return motor_rsm_choose_f32((unsigned int)(left < right), then, otherwise);
+#endif
+}
+
 /* bound where value < bound, else value: a NaN passes, and a tie keeps value. */
 static inline float motor_rsm_at_least_f32(float value, float bound)
 {
@@ -293,6 +347,57 @@ double motor_weakening_current(double torque, double speed)
     const double r42 = 60.0;
     const double r44 = motor_rsm_at_most(r41, r42);
     return r44;
+}
+
+int motor_weakening_current_support(double torque, double speed)
+{
+    const double r0 = torque;
+    const double r1 = motor_rsm_keep(speed);
+    const double r2 = 0.0;
+    const double r3 = 1.0;
+    const double r4 = -0.046296296296296294;
+    const double r5 = motor_rsm_keep(r0 * r4);
+    const double r6 = 0.9852000000000001;
+    const double r8 = motor_rsm_select(r5, r6, r3, r2);
+    const double r9 = 0.046296296296296294;
+    const double r10 = motor_rsm_keep(r0 * r9);
+    const double r11 = 1.0001000000000002;
+    const double r13 = motor_rsm_select(r10, r11, r8, r2);
+    const double r14 = 620.0;
+    const double r15 = r1 - r14;
+    const double r16 = -0.005555555555555556;
+    const double r17 = motor_rsm_keep(r15 * r16);
+    const double r18 = 0.9580000000000001;
+    const double r20 = motor_rsm_select(r17, r18, r13, r2);
+    const double r21 = 0.005555555555555556;
+    const double r22 = motor_rsm_keep(r15 * r21);
+    const double r23 = 1.1310000000000002;
+    const double r25 = motor_rsm_select(r22, r23, r20, r2);
+    const double r26 = -0.009027777777777777;
+    const double r27 = motor_rsm_keep(r0 * r26);
+    const double r28 = motor_rsm_keep(r15 * r16);
+    const double r29 = r27 + r28;
+    const double r30 = 0.7630000000000001;
+    const double r32 = motor_rsm_select(r29, r30, r25, r2);
+    const double r33 = motor_rsm_keep(r0 * r9);
+    const double r34 = 0.0009077777777777777;
+    const double r35 = motor_rsm_keep(r15 * r34);
+    const double r36 = r33 + r35;
+    const double r37 = 0.8750000000000001;
+    const double r39 = motor_rsm_select(r36, r37, r32, r2);
+    const double r40 = motor_rsm_keep(r0 * r4);
+    const double r41 = 0.00084;
+    const double r42 = motor_rsm_keep(r15 * r41);
+    const double r43 = r40 + r42;
+    const double r44 = 0.9065000000000001;
+    const double r46 = motor_rsm_select(r43, r44, r39, r2);
+    const double r47 = 0.009037037037037038;
+    const double r48 = motor_rsm_keep(r0 * r47);
+    const double r49 = motor_rsm_keep(r15 * r21);
+    const double r50 = r48 + r49;
+    const double r51 = 1.0634000000000001;
+    const double r53 = motor_rsm_select(r50, r51, r46, r2);
+    return (int)r53;
 }
 
 double motor_limit_current(double torque, double current, double speed)
@@ -388,6 +493,57 @@ float motor_weakening_current_f32(float torque, float speed)
     const float r42 = 60.0f;
     const float r44 = motor_rsm_at_most_f32(r41, r42);
     return r44;
+}
+
+int motor_weakening_current_support_f32(float torque, float speed)
+{
+    const float r0 = torque;
+    const float r1 = motor_rsm_keep_f32(speed);
+    const float r2 = 0.0f;
+    const float r3 = 1.0f;
+    const float r4 = -0.046296295f;
+    const float r5 = motor_rsm_keep_f32(r0 * r4);
+    const float r6 = 0.98520005f;
+    const float r8 = motor_rsm_select_f32(r5, r6, r3, r2);
+    const float r9 = 0.046296295f;
+    const float r10 = motor_rsm_keep_f32(r0 * r9);
+    const float r11 = 1.0001f;
+    const float r13 = motor_rsm_select_f32(r10, r11, r8, r2);
+    const float r14 = 620.0f;
+    const float r15 = r1 - r14;
+    const float r16 = -0.0055555557f;
+    const float r17 = motor_rsm_keep_f32(r15 * r16);
+    const float r18 = 0.958f;
+    const float r20 = motor_rsm_select_f32(r17, r18, r13, r2);
+    const float r21 = 0.0055555557f;
+    const float r22 = motor_rsm_keep_f32(r15 * r21);
+    const float r23 = 1.131f;
+    const float r25 = motor_rsm_select_f32(r22, r23, r20, r2);
+    const float r26 = -0.009027778f;
+    const float r27 = motor_rsm_keep_f32(r0 * r26);
+    const float r28 = motor_rsm_keep_f32(r15 * r16);
+    const float r29 = r27 + r28;
+    const float r30 = 0.763f;
+    const float r32 = motor_rsm_select_f32(r29, r30, r25, r2);
+    const float r33 = motor_rsm_keep_f32(r0 * r9);
+    const float r34 = 0.00090777775f;
+    const float r35 = motor_rsm_keep_f32(r15 * r34);
+    const float r36 = r33 + r35;
+    const float r37 = 0.87500006f;
+    const float r39 = motor_rsm_select_f32(r36, r37, r32, r2);
+    const float r40 = motor_rsm_keep_f32(r0 * r4);
+    const float r41 = 0.00084f;
+    const float r42 = motor_rsm_keep_f32(r15 * r41);
+    const float r43 = r40 + r42;
+    const float r44 = 0.90650004f;
+    const float r46 = motor_rsm_select_f32(r43, r44, r39, r2);
+    const float r47 = 0.009037037f;
+    const float r48 = motor_rsm_keep_f32(r0 * r47);
+    const float r49 = motor_rsm_keep_f32(r15 * r21);
+    const float r50 = r48 + r49;
+    const float r51 = 1.0634f;
+    const float r53 = motor_rsm_select_f32(r50, r51, r46, r2);
+    return (int)r53;
 }
 
 float motor_limit_current_f32(float torque, float current, float speed)
@@ -496,6 +652,23 @@ int motor_self_test(void)
     }
     {
         /* Bits of the arguments, then of the result. */
+        static const uint64_t points[][3] = {
+            { 0x0000000000000000ULL, 0x4083600000000000ULL, 0x3ff0000000000000ULL },
+            { 0xc03599999999999aULL, 0x407b800000000000ULL, 0x0000000000000000ULL },
+            { 0x403599999999999aULL, 0x4089000000000000ULL, 0x0000000000000000ULL },
+            { 0x404599999999999aULL, 0x408ea00000000000ULL, 0x0000000000000000ULL },
+            { 0x7ff8000000000000ULL, 0x4083600000000000ULL, 0x0000000000000000ULL },
+        };
+        int (*volatile function)(double, double) = motor_weakening_current_support;
+        unsigned int k;
+        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+            double x[2];
+            (void)memcpy(x, points[k], sizeof x);
+            failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+    }
+    {
+        /* Bits of the arguments, then of the result. */
         static const uint64_t points[][4] = {
             { 0x0000000000000000ULL, 0x4040800000000000ULL, 0x4083600000000000ULL, 0x4021264a06960889ULL },
             { 0xc03599999999999aULL, 0x4018000000000000ULL, 0x407b800000000000ULL, 0x0000000000000000ULL },
@@ -534,6 +707,23 @@ int motor_self_test(void)
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
+        }
+    }
+    {
+        /* Bits of the arguments, then of the result. */
+        static const uint32_t points[][3] = {
+            { 0x00000000UL, 0x441b0000UL, 0x3f800000UL },
+            { 0xc1accccdUL, 0x43dc0000UL, 0x00000000UL },
+            { 0x41accccdUL, 0x44480000UL, 0x00000000UL },
+            { 0x422ccccdUL, 0x44750000UL, 0x00000000UL },
+            { 0x7fc00000UL, 0x441b0000UL, 0x00000000UL },
+        };
+        int (*volatile function)(float, float) = motor_weakening_current_support_f32;
+        unsigned int k;
+        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+            float x[2];
+            (void)memcpy(x, points[k], sizeof x);
+            failures += function(x[0], x[1]) != (points[k][2] != 0);
         }
     }
     {

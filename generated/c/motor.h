@@ -25,6 +25,15 @@ extern "C" {
  */
 double motor_weakening_current(double torque, double speed);
 
+/* Whether the data support `weakening_current` here: 1 inside, 0 outside, in f64.
+ *
+ * - `torque` in `N*m`: -21.6 to 21.6
+ * - `speed` in `rad/s`: 440.0 to 800.0
+ *
+ * 33 operations, 10 deep, no branch.
+ */
+int motor_weakening_current_support(double torque, double speed);
+
 /* `limit_current` in `A`, evaluated in f64.
  *
  * - `torque` in `N*m`: -21.6 to 21.6, clamped outside
@@ -49,6 +58,15 @@ double motor_limit_current(double torque, double current, double speed);
  * 28 operations, 18 deep, no branch.
  */
 float motor_weakening_current_f32(float torque, float speed);
+
+/* Whether the data support `weakening_current` here: 1 inside, 0 outside, in f32.
+ *
+ * - `torque` in `N*m`: -21.6 to 21.6
+ * - `speed` in `rad/s`: 440.0 to 800.0
+ *
+ * 33 operations, 10 deep, no branch.
+ */
+int motor_weakening_current_support_f32(float torque, float speed);
 
 /* `limit_current` in `A`, evaluated in f32.
  *

@@ -10,7 +10,7 @@
 ///
 /// The result saturates at 0.05 and 1.0.
 /// NaN in gives NaN out.
-/// 28 operations, 17 deep, no branch.
+/// 44 operations, 19 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -29,32 +29,55 @@ pub fn damping_ratio(speed: f64, gear: f64) -> f64 {
     let r15: f64 = rsm_at_most_f64(r12, r13);
     let r16: f64 = 3.0;
     let r17: f64 = r15 - r16;
-    let r18: f64 = 0.00018890525199553518;
-    let r19: f64 = r18 * r17;
-    let r20: f64 = 0.0012854463719839605;
+    let r18: f64 = 1.5741422477076743e-8;
+    let r19: f64 = r18 * r9;
+    let r20: f64 = 6.157590931070213e-7;
     let r21: f64 = r19 + r20;
-    let r22: f64 = r21 * r17;
-    let r23: f64 = -0.0003989395904746095;
-    let r24: f64 = r22 + r23;
-    let r25: f64 = r24 * r17;
-    let r26: f64 = 7.790826848875384e-5;
-    let r27: f64 = r25 + r26;
+    let r22: f64 = r21 * r9;
+    let r23: f64 = -1.1375533378971936e-6;
+    let r24: f64 = r23 * r17;
+    let r25: f64 = 4.9014009740456285e-6;
+    let r26: f64 = r24 + r25;
+    let r27: f64 = r22 + r26;
     let r28: f64 = r27 * r9;
-    let r29: f64 = -0.0022242942472713127;
+    let r29: f64 = 2.9614585167662038e-6;
     let r30: f64 = r29 * r17;
-    let r31: f64 = 0.011048738750840758;
-    let r32: f64 = r30 + r31;
-    let r33: f64 = r32 * r17;
-    let r34: f64 = 0.01459757205747069;
-    let r35: f64 = r33 + r34;
-    let r36: f64 = r35 * r17;
-    let r37: f64 = 0.14101793656394218;
-    let r38: f64 = r36 + r37;
-    let r39: f64 = r28 + r38;
-    let r40: f64 = 0.05;
-    let r42: f64 = rsm_at_least_f64(r39, r40);
-    let r44: f64 = rsm_at_most_f64(r42, r10);
-    r44
+    let r31: f64 = r30 * r17;
+    let r32: f64 = -5.424414111165222e-5;
+    let r33: f64 = r31 + r32;
+    let r34: f64 = r28 + r33;
+    let r35: f64 = r34 * r9;
+    let r36: f64 = 0.00011452165008362213;
+    let r37: f64 = r36 * r17;
+    let r38: f64 = -0.00016359638290637627;
+    let r39: f64 = r37 + r38;
+    let r40: f64 = r39 * r17;
+    let r41: f64 = r40 * r17;
+    let r42: f64 = 0.0005709885313717184;
+    let r43: f64 = r41 + r42;
+    let r44: f64 = r43 * r17;
+    let r45: f64 = -0.0001571977680980176;
+    let r46: f64 = r44 + r45;
+    let r47: f64 = r35 + r46;
+    let r48: f64 = r47 * r9;
+    let r49: f64 = 0.0021847585225676413;
+    let r50: f64 = r49 * r17;
+    let r51: f64 = -0.004398865025523553;
+    let r52: f64 = r50 + r51;
+    let r53: f64 = r52 * r17;
+    let r54: f64 = -0.005005535224891003;
+    let r55: f64 = r53 + r54;
+    let r56: f64 = r55 * r17;
+    let r57: f64 = 0.023074352232145115;
+    let r58: f64 = r56 + r57;
+    let r59: f64 = r58 * r17;
+    let r60: f64 = 0.14472920012025592;
+    let r61: f64 = r59 + r60;
+    let r62: f64 = r48 + r61;
+    let r63: f64 = 0.05;
+    let r65: f64 = rsm_at_least_f64(r62, r63);
+    let r67: f64 = rsm_at_most_f64(r65, r10);
+    r67
 }
 
 /// Whether the data support `damping_ratio` here: 1 inside, 0 outside, in f64.
@@ -106,7 +129,7 @@ pub fn damping_ratio_support(speed: f64, gear: f64) -> i32 {
 ///
 /// The result saturates at -0.04 and 1.2.
 /// NaN in gives NaN out.
-/// 28 operations, 17 deep, no branch.
+/// 44 operations, 19 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -125,33 +148,56 @@ pub fn damping_error(speed: f64, gear: f64) -> f64 {
     let r15: f64 = rsm_at_most_f64(r12, r13);
     let r16: f64 = 3.0;
     let r17: f64 = r15 - r16;
-    let r18: f64 = 0.0001794549081751423;
-    let r19: f64 = r18 * r17;
-    let r20: f64 = -0.0017538578744081506;
+    let r18: f64 = -4.034085106356121e-8;
+    let r19: f64 = r18 * r9;
+    let r20: f64 = -4.513569572257867e-7;
     let r21: f64 = r19 + r20;
-    let r22: f64 = r21 * r17;
-    let r23: f64 = 8.13097876464608e-6;
-    let r24: f64 = r22 + r23;
-    let r25: f64 = r24 * r17;
-    let r26: f64 = 0.0002232081866356616;
-    let r27: f64 = r25 + r26;
+    let r22: f64 = r21 * r9;
+    let r23: f64 = -1.9820846986281916e-7;
+    let r24: f64 = r23 * r17;
+    let r25: f64 = 9.762526402275331e-6;
+    let r26: f64 = r24 + r25;
+    let r27: f64 = r22 + r26;
     let r28: f64 = r27 * r9;
-    let r29: f64 = 0.0026293466158285273;
+    let r29: f64 = 5.792727135027134e-6;
     let r30: f64 = r29 * r17;
-    let r31: f64 = -0.0115809020360853;
-    let r32: f64 = r30 + r31;
-    let r33: f64 = r32 * r17;
-    let r34: f64 = -0.014161831811951523;
-    let r35: f64 = r33 + r34;
-    let r36: f64 = r35 * r17;
-    let r37: f64 = 0.5095946922869903;
-    let r38: f64 = r36 + r37;
-    let r39: f64 = r28 + r38;
-    let r40: f64 = -0.04;
-    let r42: f64 = rsm_at_least_f64(r39, r40);
-    let r43: f64 = 1.2;
-    let r45: f64 = rsm_at_most_f64(r42, r43);
-    r45
+    let r31: f64 = r30 * r17;
+    let r32: f64 = 1.9063252662994246e-5;
+    let r33: f64 = r31 + r32;
+    let r34: f64 = r28 + r33;
+    let r35: f64 = r34 * r9;
+    let r36: f64 = -5.773552825954581e-5;
+    let r37: f64 = r36 * r17;
+    let r38: f64 = 5.508176005472729e-5;
+    let r39: f64 = r37 + r38;
+    let r40: f64 = r39 * r17;
+    let r41: f64 = r40 * r17;
+    let r42: f64 = -0.000365522642378537;
+    let r43: f64 = r41 + r42;
+    let r44: f64 = r43 * r17;
+    let r45: f64 = -0.0013598258060344196;
+    let r46: f64 = r44 + r45;
+    let r47: f64 = r35 + r46;
+    let r48: f64 = r47 * r9;
+    let r49: f64 = 0.0014037556869629295;
+    let r50: f64 = r49 * r17;
+    let r51: f64 = -0.003073400189856439;
+    let r52: f64 = r50 + r51;
+    let r53: f64 = r52 * r17;
+    let r54: f64 = 0.0012724370461712788;
+    let r55: f64 = r53 + r54;
+    let r56: f64 = r55 * r17;
+    let r57: f64 = -0.015670420406392743;
+    let r58: f64 = r56 + r57;
+    let r59: f64 = r58 * r17;
+    let r60: f64 = 0.5058154745741494;
+    let r61: f64 = r59 + r60;
+    let r62: f64 = r48 + r61;
+    let r63: f64 = -0.04;
+    let r65: f64 = rsm_at_least_f64(r62, r63);
+    let r66: f64 = 1.2;
+    let r68: f64 = rsm_at_most_f64(r65, r66);
+    r68
 }
 
 /// `shuffle_frequency` in `rad/s`, evaluated in f64.
@@ -233,7 +279,7 @@ pub fn tip_in_init() -> TipInState {
 ///
 /// Where an argument is NaN or infinite the result is NaN, and the state stays as it was.
 /// At rest the result is the signal, exactly, also while the other arguments move.
-/// 102 operations, 29 deep, no branch.
+/// 134 operations, 31 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 pub fn tip_in_step(state: &mut TipInState, input: f64, speed: f64, gear: f64) -> f64 {
@@ -280,100 +326,146 @@ pub fn tip_in_step(state: &mut TipInState, input: f64, speed: f64, gear: f64) ->
     let r45: f64 = rsm_at_least_f64(r42, r43);
     let r46: f64 = 80.0;
     let r48: f64 = rsm_at_most_f64(r45, r46);
-    let r49: f64 = 0.00018890525199553518;
-    let r50: f64 = r49 * r20;
-    let r51: f64 = 0.0012854463719839605;
+    let r49: f64 = 1.5741422477076743e-8;
+    let r50: f64 = r49 * r12;
+    let r51: f64 = 6.157590931070213e-7;
     let r52: f64 = r50 + r51;
-    let r53: f64 = r52 * r20;
-    let r54: f64 = -0.0003989395904746095;
-    let r55: f64 = r53 + r54;
-    let r56: f64 = r55 * r20;
-    let r57: f64 = 7.790826848875384e-5;
-    let r58: f64 = r56 + r57;
+    let r53: f64 = r52 * r12;
+    let r54: f64 = -1.1375533378971936e-6;
+    let r55: f64 = r54 * r20;
+    let r56: f64 = 4.9014009740456285e-6;
+    let r57: f64 = r55 + r56;
+    let r58: f64 = r53 + r57;
     let r59: f64 = r58 * r12;
-    let r60: f64 = -0.0022242942472713127;
+    let r60: f64 = 2.9614585167662038e-6;
     let r61: f64 = r60 * r20;
-    let r62: f64 = 0.011048738750840758;
-    let r63: f64 = r61 + r62;
-    let r64: f64 = r63 * r20;
-    let r65: f64 = 0.01459757205747069;
-    let r66: f64 = r64 + r65;
-    let r67: f64 = r66 * r20;
-    let r68: f64 = 0.14101793656394218;
-    let r69: f64 = r67 + r68;
-    let r70: f64 = r59 + r69;
-    let r71: f64 = 0.05;
-    let r73: f64 = rsm_at_least_f64(r70, r71);
-    let r75: f64 = rsm_at_most_f64(r73, r13);
-    let r76: f64 = 0.0001794549081751423;
-    let r77: f64 = r76 * r20;
-    let r78: f64 = -0.0017538578744081506;
-    let r79: f64 = r77 + r78;
-    let r80: f64 = r79 * r20;
-    let r81: f64 = 8.13097876464608e-6;
-    let r82: f64 = r80 + r81;
-    let r83: f64 = r82 * r20;
-    let r84: f64 = 0.0002232081866356616;
-    let r85: f64 = r83 + r84;
-    let r86: f64 = r85 * r12;
-    let r87: f64 = 0.0026293466158285273;
-    let r88: f64 = r87 * r20;
-    let r89: f64 = -0.0115809020360853;
-    let r90: f64 = r88 + r89;
-    let r91: f64 = r90 * r20;
-    let r92: f64 = -0.014161831811951523;
-    let r93: f64 = r91 + r92;
-    let r94: f64 = r93 * r20;
-    let r95: f64 = 0.5095946922869903;
-    let r96: f64 = r94 + r95;
-    let r97: f64 = r86 + r96;
-    let r98: f64 = -0.04;
-    let r100: f64 = rsm_at_least_f64(r97, r98);
-    let r101: f64 = 1.2;
-    let r103: f64 = rsm_at_most_f64(r100, r101);
-    let r104: f64 = r75 + r103;
-    let r105: f64 = r104 + r104;
-    let r106: f64 = 0.0055;
-    let r107: f64 = r106 + r105;
-    let r108: f64 = r107 * r106;
-    let r109: f64 = r108 + r13;
-    let r110: f64 = 11.0;
-    let r111: f64 = r110 / r48;
-    let r112: f64 = r75 * r111;
-    let r113: f64 = r112 - r104;
-    let r114: f64 = r0 - r4;
-    let r115: f64 = r114 * r106;
-    let r116: f64 = r3 + r115;
-    let r117: f64 = r116 + r116;
-    let r118: f64 = r117 / r109;
-    let r119: f64 = r118 * r113;
-    let r120: f64 = r0 + r119;
-    let r121: f64 = r111 * r111;
-    let r122: f64 = r121 - r13;
-    let r123: f64 = 0.5;
-    let r124: f64 = r107 * r123;
-    let r125: f64 = r118 * r124;
-    let r126: f64 = r114 - r125;
-    let r127: f64 = r126 * r122;
-    let r128: f64 = r120 + r127;
-    let r129: f64 = r118 - r3;
-    let r130: f64 = r118 * r106;
-    let r131: f64 = r4 + r130;
-    let r132: f64 = r0 - r0;
-    let r133: f64 = r1 - r1;
-    let r134: f64 = r132 + r133;
-    let r135: f64 = r2 - r2;
+    let r62: f64 = r61 * r20;
+    let r63: f64 = -5.424414111165222e-5;
+    let r64: f64 = r62 + r63;
+    let r65: f64 = r59 + r64;
+    let r66: f64 = r65 * r12;
+    let r67: f64 = 0.00011452165008362213;
+    let r68: f64 = r67 * r20;
+    let r69: f64 = -0.00016359638290637627;
+    let r70: f64 = r68 + r69;
+    let r71: f64 = r70 * r20;
+    let r72: f64 = r71 * r20;
+    let r73: f64 = 0.0005709885313717184;
+    let r74: f64 = r72 + r73;
+    let r75: f64 = r74 * r20;
+    let r76: f64 = -0.0001571977680980176;
+    let r77: f64 = r75 + r76;
+    let r78: f64 = r66 + r77;
+    let r79: f64 = r78 * r12;
+    let r80: f64 = 0.0021847585225676413;
+    let r81: f64 = r80 * r20;
+    let r82: f64 = -0.004398865025523553;
+    let r83: f64 = r81 + r82;
+    let r84: f64 = r83 * r20;
+    let r85: f64 = -0.005005535224891003;
+    let r86: f64 = r84 + r85;
+    let r87: f64 = r86 * r20;
+    let r88: f64 = 0.023074352232145115;
+    let r89: f64 = r87 + r88;
+    let r90: f64 = r89 * r20;
+    let r91: f64 = 0.14472920012025592;
+    let r92: f64 = r90 + r91;
+    let r93: f64 = r79 + r92;
+    let r94: f64 = 0.05;
+    let r96: f64 = rsm_at_least_f64(r93, r94);
+    let r98: f64 = rsm_at_most_f64(r96, r13);
+    let r99: f64 = -4.034085106356121e-8;
+    let r100: f64 = r99 * r12;
+    let r101: f64 = -4.513569572257867e-7;
+    let r102: f64 = r100 + r101;
+    let r103: f64 = r102 * r12;
+    let r104: f64 = -1.9820846986281916e-7;
+    let r105: f64 = r104 * r20;
+    let r106: f64 = 9.762526402275331e-6;
+    let r107: f64 = r105 + r106;
+    let r108: f64 = r103 + r107;
+    let r109: f64 = r108 * r12;
+    let r110: f64 = 5.792727135027134e-6;
+    let r111: f64 = r110 * r20;
+    let r112: f64 = r111 * r20;
+    let r113: f64 = 1.9063252662994246e-5;
+    let r114: f64 = r112 + r113;
+    let r115: f64 = r109 + r114;
+    let r116: f64 = r115 * r12;
+    let r117: f64 = -5.773552825954581e-5;
+    let r118: f64 = r117 * r20;
+    let r119: f64 = 5.508176005472729e-5;
+    let r120: f64 = r118 + r119;
+    let r121: f64 = r120 * r20;
+    let r122: f64 = r121 * r20;
+    let r123: f64 = -0.000365522642378537;
+    let r124: f64 = r122 + r123;
+    let r125: f64 = r124 * r20;
+    let r126: f64 = -0.0013598258060344196;
+    let r127: f64 = r125 + r126;
+    let r128: f64 = r116 + r127;
+    let r129: f64 = r128 * r12;
+    let r130: f64 = 0.0014037556869629295;
+    let r131: f64 = r130 * r20;
+    let r132: f64 = -0.003073400189856439;
+    let r133: f64 = r131 + r132;
+    let r134: f64 = r133 * r20;
+    let r135: f64 = 0.0012724370461712788;
     let r136: f64 = r134 + r135;
-    let r137: f64 = r128 + r136;
-    let r138: f64 = r129 - r129;
-    let r139: f64 = r136 + r138;
-    let r140: f64 = r131 - r131;
-    let r141: f64 = r139 + r140;
-    let r143: f64 = rsm_select_f64(r141, r13, r129, r3);
-    let r144: f64 = rsm_select_f64(r141, r13, r131, r4);
-    state.s0 = r143;
-    state.s1 = r144;
-    r137
+    let r137: f64 = r136 * r20;
+    let r138: f64 = -0.015670420406392743;
+    let r139: f64 = r137 + r138;
+    let r140: f64 = r139 * r20;
+    let r141: f64 = 0.5058154745741494;
+    let r142: f64 = r140 + r141;
+    let r143: f64 = r129 + r142;
+    let r144: f64 = -0.04;
+    let r146: f64 = rsm_at_least_f64(r143, r144);
+    let r147: f64 = 1.2;
+    let r149: f64 = rsm_at_most_f64(r146, r147);
+    let r150: f64 = r98 + r149;
+    let r151: f64 = r150 + r150;
+    let r152: f64 = 0.0055;
+    let r153: f64 = r152 + r151;
+    let r154: f64 = r153 * r152;
+    let r155: f64 = r154 + r13;
+    let r156: f64 = 11.0;
+    let r157: f64 = r156 / r48;
+    let r158: f64 = r98 * r157;
+    let r159: f64 = r158 - r150;
+    let r160: f64 = r0 - r4;
+    let r161: f64 = r160 * r152;
+    let r162: f64 = r3 + r161;
+    let r163: f64 = r162 + r162;
+    let r164: f64 = r163 / r155;
+    let r165: f64 = r164 * r159;
+    let r166: f64 = r0 + r165;
+    let r167: f64 = r157 * r157;
+    let r168: f64 = r167 - r13;
+    let r169: f64 = 0.5;
+    let r170: f64 = r153 * r169;
+    let r171: f64 = r164 * r170;
+    let r172: f64 = r160 - r171;
+    let r173: f64 = r172 * r168;
+    let r174: f64 = r166 + r173;
+    let r175: f64 = r164 - r3;
+    let r176: f64 = r164 * r152;
+    let r177: f64 = r4 + r176;
+    let r178: f64 = r0 - r0;
+    let r179: f64 = r1 - r1;
+    let r180: f64 = r178 + r179;
+    let r181: f64 = r2 - r2;
+    let r182: f64 = r180 + r181;
+    let r183: f64 = r174 + r182;
+    let r184: f64 = r175 - r175;
+    let r185: f64 = r182 + r184;
+    let r186: f64 = r177 - r177;
+    let r187: f64 = r185 + r186;
+    let r189: f64 = rsm_select_f64(r187, r13, r175, r3);
+    let r190: f64 = rsm_select_f64(r187, r13, r177, r4);
+    state.s0 = r189;
+    state.s1 = r190;
+    r183
 }
 
 /// `damping_ratio` in `1`, evaluated in f32.
@@ -383,7 +475,7 @@ pub fn tip_in_step(state: &mut TipInState, input: f64, speed: f64, gear: f64) ->
 ///
 /// The result saturates at 0.05 and 1.0.
 /// NaN in gives NaN out.
-/// 28 operations, 17 deep, no branch.
+/// 44 operations, 19 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -402,32 +494,55 @@ pub fn damping_ratio_f32(speed: f32, gear: f32) -> f32 {
     let r15: f32 = rsm_at_most_f32(r12, r13);
     let r16: f32 = 3.0;
     let r17: f32 = r15 - r16;
-    let r18: f32 = 0.00018890525;
-    let r19: f32 = r18 * r17;
-    let r20: f32 = 0.0012854463;
+    let r18: f32 = 1.5741422e-8;
+    let r19: f32 = r18 * r9;
+    let r20: f32 = 6.157591e-7;
     let r21: f32 = r19 + r20;
-    let r22: f32 = r21 * r17;
-    let r23: f32 = -0.0003989396;
-    let r24: f32 = r22 + r23;
-    let r25: f32 = r24 * r17;
-    let r26: f32 = 7.790827e-5;
-    let r27: f32 = r25 + r26;
+    let r22: f32 = r21 * r9;
+    let r23: f32 = -1.1375533e-6;
+    let r24: f32 = r23 * r17;
+    let r25: f32 = 4.901401e-6;
+    let r26: f32 = r24 + r25;
+    let r27: f32 = r22 + r26;
     let r28: f32 = r27 * r9;
-    let r29: f32 = -0.0022242942;
+    let r29: f32 = 2.9614584e-6;
     let r30: f32 = r29 * r17;
-    let r31: f32 = 0.011048739;
-    let r32: f32 = r30 + r31;
-    let r33: f32 = r32 * r17;
-    let r34: f32 = 0.014597572;
-    let r35: f32 = r33 + r34;
-    let r36: f32 = r35 * r17;
-    let r37: f32 = 0.14101794;
-    let r38: f32 = r36 + r37;
-    let r39: f32 = r28 + r38;
-    let r40: f32 = 0.05;
-    let r42: f32 = rsm_at_least_f32(r39, r40);
-    let r44: f32 = rsm_at_most_f32(r42, r10);
-    r44
+    let r31: f32 = r30 * r17;
+    let r32: f32 = -5.424414e-5;
+    let r33: f32 = r31 + r32;
+    let r34: f32 = r28 + r33;
+    let r35: f32 = r34 * r9;
+    let r36: f32 = 0.00011452165;
+    let r37: f32 = r36 * r17;
+    let r38: f32 = -0.00016359639;
+    let r39: f32 = r37 + r38;
+    let r40: f32 = r39 * r17;
+    let r41: f32 = r40 * r17;
+    let r42: f32 = 0.0005709885;
+    let r43: f32 = r41 + r42;
+    let r44: f32 = r43 * r17;
+    let r45: f32 = -0.00015719776;
+    let r46: f32 = r44 + r45;
+    let r47: f32 = r35 + r46;
+    let r48: f32 = r47 * r9;
+    let r49: f32 = 0.0021847584;
+    let r50: f32 = r49 * r17;
+    let r51: f32 = -0.004398865;
+    let r52: f32 = r50 + r51;
+    let r53: f32 = r52 * r17;
+    let r54: f32 = -0.005005535;
+    let r55: f32 = r53 + r54;
+    let r56: f32 = r55 * r17;
+    let r57: f32 = 0.023074353;
+    let r58: f32 = r56 + r57;
+    let r59: f32 = r58 * r17;
+    let r60: f32 = 0.1447292;
+    let r61: f32 = r59 + r60;
+    let r62: f32 = r48 + r61;
+    let r63: f32 = 0.05;
+    let r65: f32 = rsm_at_least_f32(r62, r63);
+    let r67: f32 = rsm_at_most_f32(r65, r10);
+    r67
 }
 
 /// Whether the data support `damping_ratio` here: 1 inside, 0 outside, in f32.
@@ -479,7 +594,7 @@ pub fn damping_ratio_support_f32(speed: f32, gear: f32) -> i32 {
 ///
 /// The result saturates at -0.04 and 1.2.
 /// NaN in gives NaN out.
-/// 28 operations, 17 deep, no branch.
+/// 44 operations, 19 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -498,33 +613,56 @@ pub fn damping_error_f32(speed: f32, gear: f32) -> f32 {
     let r15: f32 = rsm_at_most_f32(r12, r13);
     let r16: f32 = 3.0;
     let r17: f32 = r15 - r16;
-    let r18: f32 = 0.0001794549;
-    let r19: f32 = r18 * r17;
-    let r20: f32 = -0.0017538578;
+    let r18: f32 = -4.034085e-8;
+    let r19: f32 = r18 * r9;
+    let r20: f32 = -4.5135695e-7;
     let r21: f32 = r19 + r20;
-    let r22: f32 = r21 * r17;
-    let r23: f32 = 8.130979e-6;
-    let r24: f32 = r22 + r23;
-    let r25: f32 = r24 * r17;
-    let r26: f32 = 0.00022320819;
-    let r27: f32 = r25 + r26;
+    let r22: f32 = r21 * r9;
+    let r23: f32 = -1.9820847e-7;
+    let r24: f32 = r23 * r17;
+    let r25: f32 = 9.762526e-6;
+    let r26: f32 = r24 + r25;
+    let r27: f32 = r22 + r26;
     let r28: f32 = r27 * r9;
-    let r29: f32 = 0.0026293467;
+    let r29: f32 = 5.7927273e-6;
     let r30: f32 = r29 * r17;
-    let r31: f32 = -0.011580902;
-    let r32: f32 = r30 + r31;
-    let r33: f32 = r32 * r17;
-    let r34: f32 = -0.014161832;
-    let r35: f32 = r33 + r34;
-    let r36: f32 = r35 * r17;
-    let r37: f32 = 0.5095947;
-    let r38: f32 = r36 + r37;
-    let r39: f32 = r28 + r38;
-    let r40: f32 = -0.04;
-    let r42: f32 = rsm_at_least_f32(r39, r40);
-    let r43: f32 = 1.1999999;
-    let r45: f32 = rsm_at_most_f32(r42, r43);
-    r45
+    let r31: f32 = r30 * r17;
+    let r32: f32 = 1.9063253e-5;
+    let r33: f32 = r31 + r32;
+    let r34: f32 = r28 + r33;
+    let r35: f32 = r34 * r9;
+    let r36: f32 = -5.7735528e-5;
+    let r37: f32 = r36 * r17;
+    let r38: f32 = 5.508176e-5;
+    let r39: f32 = r37 + r38;
+    let r40: f32 = r39 * r17;
+    let r41: f32 = r40 * r17;
+    let r42: f32 = -0.00036552263;
+    let r43: f32 = r41 + r42;
+    let r44: f32 = r43 * r17;
+    let r45: f32 = -0.0013598258;
+    let r46: f32 = r44 + r45;
+    let r47: f32 = r35 + r46;
+    let r48: f32 = r47 * r9;
+    let r49: f32 = 0.0014037557;
+    let r50: f32 = r49 * r17;
+    let r51: f32 = -0.0030734001;
+    let r52: f32 = r50 + r51;
+    let r53: f32 = r52 * r17;
+    let r54: f32 = 0.001272437;
+    let r55: f32 = r53 + r54;
+    let r56: f32 = r55 * r17;
+    let r57: f32 = -0.01567042;
+    let r58: f32 = r56 + r57;
+    let r59: f32 = r58 * r17;
+    let r60: f32 = 0.50581545;
+    let r61: f32 = r59 + r60;
+    let r62: f32 = r48 + r61;
+    let r63: f32 = -0.04;
+    let r65: f32 = rsm_at_least_f32(r62, r63);
+    let r66: f32 = 1.1999999;
+    let r68: f32 = rsm_at_most_f32(r65, r66);
+    r68
 }
 
 /// `shuffle_frequency` in `rad/s`, evaluated in f32.
@@ -606,7 +744,7 @@ pub fn tip_in_init_f32() -> TipInStateF32 {
 ///
 /// Where an argument is NaN or infinite the result is NaN, and the state stays as it was.
 /// At rest the result is the signal, exactly, also while the other arguments move.
-/// 102 operations, 29 deep, no branch.
+/// 134 operations, 31 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 pub fn tip_in_step_f32(state: &mut TipInStateF32, input: f32, speed: f32, gear: f32) -> f32 {
@@ -653,100 +791,146 @@ pub fn tip_in_step_f32(state: &mut TipInStateF32, input: f32, speed: f32, gear: 
     let r45: f32 = rsm_at_least_f32(r42, r43);
     let r46: f32 = 80.0;
     let r48: f32 = rsm_at_most_f32(r45, r46);
-    let r49: f32 = 0.00018890525;
-    let r50: f32 = r49 * r20;
-    let r51: f32 = 0.0012854463;
+    let r49: f32 = 1.5741422e-8;
+    let r50: f32 = r49 * r12;
+    let r51: f32 = 6.157591e-7;
     let r52: f32 = r50 + r51;
-    let r53: f32 = r52 * r20;
-    let r54: f32 = -0.0003989396;
-    let r55: f32 = r53 + r54;
-    let r56: f32 = r55 * r20;
-    let r57: f32 = 7.790827e-5;
-    let r58: f32 = r56 + r57;
+    let r53: f32 = r52 * r12;
+    let r54: f32 = -1.1375533e-6;
+    let r55: f32 = r54 * r20;
+    let r56: f32 = 4.901401e-6;
+    let r57: f32 = r55 + r56;
+    let r58: f32 = r53 + r57;
     let r59: f32 = r58 * r12;
-    let r60: f32 = -0.0022242942;
+    let r60: f32 = 2.9614584e-6;
     let r61: f32 = r60 * r20;
-    let r62: f32 = 0.011048739;
-    let r63: f32 = r61 + r62;
-    let r64: f32 = r63 * r20;
-    let r65: f32 = 0.014597572;
-    let r66: f32 = r64 + r65;
-    let r67: f32 = r66 * r20;
-    let r68: f32 = 0.14101794;
-    let r69: f32 = r67 + r68;
-    let r70: f32 = r59 + r69;
-    let r71: f32 = 0.05;
-    let r73: f32 = rsm_at_least_f32(r70, r71);
-    let r75: f32 = rsm_at_most_f32(r73, r13);
-    let r76: f32 = 0.0001794549;
-    let r77: f32 = r76 * r20;
-    let r78: f32 = -0.0017538578;
-    let r79: f32 = r77 + r78;
-    let r80: f32 = r79 * r20;
-    let r81: f32 = 8.130979e-6;
-    let r82: f32 = r80 + r81;
-    let r83: f32 = r82 * r20;
-    let r84: f32 = 0.00022320819;
-    let r85: f32 = r83 + r84;
-    let r86: f32 = r85 * r12;
-    let r87: f32 = 0.0026293467;
-    let r88: f32 = r87 * r20;
-    let r89: f32 = -0.011580902;
-    let r90: f32 = r88 + r89;
-    let r91: f32 = r90 * r20;
-    let r92: f32 = -0.014161832;
-    let r93: f32 = r91 + r92;
-    let r94: f32 = r93 * r20;
-    let r95: f32 = 0.5095947;
-    let r96: f32 = r94 + r95;
-    let r97: f32 = r86 + r96;
-    let r98: f32 = -0.04;
-    let r100: f32 = rsm_at_least_f32(r97, r98);
-    let r101: f32 = 1.1999999;
-    let r103: f32 = rsm_at_most_f32(r100, r101);
-    let r104: f32 = r75 + r103;
-    let r105: f32 = r104 + r104;
-    let r106: f32 = 0.0055;
-    let r107: f32 = r106 + r105;
-    let r108: f32 = r107 * r106;
-    let r109: f32 = r108 + r13;
-    let r110: f32 = 11.0;
-    let r111: f32 = r110 / r48;
-    let r112: f32 = r75 * r111;
-    let r113: f32 = r112 - r104;
-    let r114: f32 = r0 - r4;
-    let r115: f32 = r114 * r106;
-    let r116: f32 = r3 + r115;
-    let r117: f32 = r116 + r116;
-    let r118: f32 = r117 / r109;
-    let r119: f32 = r118 * r113;
-    let r120: f32 = r0 + r119;
-    let r121: f32 = r111 * r111;
-    let r122: f32 = r121 - r13;
-    let r123: f32 = 0.5;
-    let r124: f32 = r107 * r123;
-    let r125: f32 = r118 * r124;
-    let r126: f32 = r114 - r125;
-    let r127: f32 = r126 * r122;
-    let r128: f32 = r120 + r127;
-    let r129: f32 = r118 - r3;
-    let r130: f32 = r118 * r106;
-    let r131: f32 = r4 + r130;
-    let r132: f32 = r0 - r0;
-    let r133: f32 = r1 - r1;
-    let r134: f32 = r132 + r133;
-    let r135: f32 = r2 - r2;
+    let r62: f32 = r61 * r20;
+    let r63: f32 = -5.424414e-5;
+    let r64: f32 = r62 + r63;
+    let r65: f32 = r59 + r64;
+    let r66: f32 = r65 * r12;
+    let r67: f32 = 0.00011452165;
+    let r68: f32 = r67 * r20;
+    let r69: f32 = -0.00016359639;
+    let r70: f32 = r68 + r69;
+    let r71: f32 = r70 * r20;
+    let r72: f32 = r71 * r20;
+    let r73: f32 = 0.0005709885;
+    let r74: f32 = r72 + r73;
+    let r75: f32 = r74 * r20;
+    let r76: f32 = -0.00015719776;
+    let r77: f32 = r75 + r76;
+    let r78: f32 = r66 + r77;
+    let r79: f32 = r78 * r12;
+    let r80: f32 = 0.0021847584;
+    let r81: f32 = r80 * r20;
+    let r82: f32 = -0.004398865;
+    let r83: f32 = r81 + r82;
+    let r84: f32 = r83 * r20;
+    let r85: f32 = -0.005005535;
+    let r86: f32 = r84 + r85;
+    let r87: f32 = r86 * r20;
+    let r88: f32 = 0.023074353;
+    let r89: f32 = r87 + r88;
+    let r90: f32 = r89 * r20;
+    let r91: f32 = 0.1447292;
+    let r92: f32 = r90 + r91;
+    let r93: f32 = r79 + r92;
+    let r94: f32 = 0.05;
+    let r96: f32 = rsm_at_least_f32(r93, r94);
+    let r98: f32 = rsm_at_most_f32(r96, r13);
+    let r99: f32 = -4.034085e-8;
+    let r100: f32 = r99 * r12;
+    let r101: f32 = -4.5135695e-7;
+    let r102: f32 = r100 + r101;
+    let r103: f32 = r102 * r12;
+    let r104: f32 = -1.9820847e-7;
+    let r105: f32 = r104 * r20;
+    let r106: f32 = 9.762526e-6;
+    let r107: f32 = r105 + r106;
+    let r108: f32 = r103 + r107;
+    let r109: f32 = r108 * r12;
+    let r110: f32 = 5.7927273e-6;
+    let r111: f32 = r110 * r20;
+    let r112: f32 = r111 * r20;
+    let r113: f32 = 1.9063253e-5;
+    let r114: f32 = r112 + r113;
+    let r115: f32 = r109 + r114;
+    let r116: f32 = r115 * r12;
+    let r117: f32 = -5.7735528e-5;
+    let r118: f32 = r117 * r20;
+    let r119: f32 = 5.508176e-5;
+    let r120: f32 = r118 + r119;
+    let r121: f32 = r120 * r20;
+    let r122: f32 = r121 * r20;
+    let r123: f32 = -0.00036552263;
+    let r124: f32 = r122 + r123;
+    let r125: f32 = r124 * r20;
+    let r126: f32 = -0.0013598258;
+    let r127: f32 = r125 + r126;
+    let r128: f32 = r116 + r127;
+    let r129: f32 = r128 * r12;
+    let r130: f32 = 0.0014037557;
+    let r131: f32 = r130 * r20;
+    let r132: f32 = -0.0030734001;
+    let r133: f32 = r131 + r132;
+    let r134: f32 = r133 * r20;
+    let r135: f32 = 0.001272437;
     let r136: f32 = r134 + r135;
-    let r137: f32 = r128 + r136;
-    let r138: f32 = r129 - r129;
-    let r139: f32 = r136 + r138;
-    let r140: f32 = r131 - r131;
-    let r141: f32 = r139 + r140;
-    let r143: f32 = rsm_select_f32(r141, r13, r129, r3);
-    let r144: f32 = rsm_select_f32(r141, r13, r131, r4);
-    state.s0 = r143;
-    state.s1 = r144;
-    r137
+    let r137: f32 = r136 * r20;
+    let r138: f32 = -0.01567042;
+    let r139: f32 = r137 + r138;
+    let r140: f32 = r139 * r20;
+    let r141: f32 = 0.50581545;
+    let r142: f32 = r140 + r141;
+    let r143: f32 = r129 + r142;
+    let r144: f32 = -0.04;
+    let r146: f32 = rsm_at_least_f32(r143, r144);
+    let r147: f32 = 1.1999999;
+    let r149: f32 = rsm_at_most_f32(r146, r147);
+    let r150: f32 = r98 + r149;
+    let r151: f32 = r150 + r150;
+    let r152: f32 = 0.0055;
+    let r153: f32 = r152 + r151;
+    let r154: f32 = r153 * r152;
+    let r155: f32 = r154 + r13;
+    let r156: f32 = 11.0;
+    let r157: f32 = r156 / r48;
+    let r158: f32 = r98 * r157;
+    let r159: f32 = r158 - r150;
+    let r160: f32 = r0 - r4;
+    let r161: f32 = r160 * r152;
+    let r162: f32 = r3 + r161;
+    let r163: f32 = r162 + r162;
+    let r164: f32 = r163 / r155;
+    let r165: f32 = r164 * r159;
+    let r166: f32 = r0 + r165;
+    let r167: f32 = r157 * r157;
+    let r168: f32 = r167 - r13;
+    let r169: f32 = 0.5;
+    let r170: f32 = r153 * r169;
+    let r171: f32 = r164 * r170;
+    let r172: f32 = r160 - r171;
+    let r173: f32 = r172 * r168;
+    let r174: f32 = r166 + r173;
+    let r175: f32 = r164 - r3;
+    let r176: f32 = r164 * r152;
+    let r177: f32 = r4 + r176;
+    let r178: f32 = r0 - r0;
+    let r179: f32 = r1 - r1;
+    let r180: f32 = r178 + r179;
+    let r181: f32 = r2 - r2;
+    let r182: f32 = r180 + r181;
+    let r183: f32 = r174 + r182;
+    let r184: f32 = r175 - r175;
+    let r185: f32 = r182 + r184;
+    let r186: f32 = r177 - r177;
+    let r187: f32 = r185 + r186;
+    let r189: f32 = rsm_select_f32(r187, r13, r175, r3);
+    let r190: f32 = rsm_select_f32(r187, r13, r177, r4);
+    state.s0 = r189;
+    state.s1 = r190;
+    r183
 }
 
 // `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.

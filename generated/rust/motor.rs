@@ -57,6 +57,65 @@ pub fn weakening_current(torque: f64, speed: f64) -> f64 {
     r44
 }
 
+/// Whether the data support `weakening_current` here: 1 inside, 0 outside, in f64.
+///
+/// - `torque` in `N*m`: -21.6 to 21.6
+/// - `speed` in `rad/s`: 440.0 to 800.0
+///
+/// 33 operations, 10 deep, no branch.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[inline]
+#[must_use]
+pub fn weakening_current_support(torque: f64, speed: f64) -> i32 {
+    let r0: f64 = torque;
+    let r1: f64 = speed;
+    let r2: f64 = 0.0;
+    let r3: f64 = 1.0;
+    let r4: f64 = -0.046296296296296294;
+    let r5: f64 = r0 * r4;
+    let r6: f64 = 0.9852000000000001;
+    let r8: f64 = rsm_select_f64(r5, r6, r3, r2);
+    let r9: f64 = 0.046296296296296294;
+    let r10: f64 = r0 * r9;
+    let r11: f64 = 1.0001000000000002;
+    let r13: f64 = rsm_select_f64(r10, r11, r8, r2);
+    let r14: f64 = 620.0;
+    let r15: f64 = r1 - r14;
+    let r16: f64 = -0.005555555555555556;
+    let r17: f64 = r15 * r16;
+    let r18: f64 = 0.9580000000000001;
+    let r20: f64 = rsm_select_f64(r17, r18, r13, r2);
+    let r21: f64 = 0.005555555555555556;
+    let r22: f64 = r15 * r21;
+    let r23: f64 = 1.1310000000000002;
+    let r25: f64 = rsm_select_f64(r22, r23, r20, r2);
+    let r26: f64 = -0.009027777777777777;
+    let r27: f64 = r0 * r26;
+    let r28: f64 = r15 * r16;
+    let r29: f64 = r27 + r28;
+    let r30: f64 = 0.7630000000000001;
+    let r32: f64 = rsm_select_f64(r29, r30, r25, r2);
+    let r33: f64 = r0 * r9;
+    let r34: f64 = 0.0009077777777777777;
+    let r35: f64 = r15 * r34;
+    let r36: f64 = r33 + r35;
+    let r37: f64 = 0.8750000000000001;
+    let r39: f64 = rsm_select_f64(r36, r37, r32, r2);
+    let r40: f64 = r0 * r4;
+    let r41: f64 = 0.00084;
+    let r42: f64 = r15 * r41;
+    let r43: f64 = r40 + r42;
+    let r44: f64 = 0.9065000000000001;
+    let r46: f64 = rsm_select_f64(r43, r44, r39, r2);
+    let r47: f64 = 0.009037037037037038;
+    let r48: f64 = r0 * r47;
+    let r49: f64 = r15 * r21;
+    let r50: f64 = r48 + r49;
+    let r51: f64 = 1.0634000000000001;
+    let r53: f64 = rsm_select_f64(r50, r51, r46, r2);
+    i32::from(r53 > 0.5)
+}
+
 /// `limit_current` in `A`, evaluated in f64.
 ///
 /// - `torque` in `N*m`: -21.6 to 21.6, clamped outside
@@ -171,6 +230,65 @@ pub fn weakening_current_f32(torque: f32, speed: f32) -> f32 {
     r44
 }
 
+/// Whether the data support `weakening_current` here: 1 inside, 0 outside, in f32.
+///
+/// - `torque` in `N*m`: -21.6 to 21.6
+/// - `speed` in `rad/s`: 440.0 to 800.0
+///
+/// 33 operations, 10 deep, no branch.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[inline]
+#[must_use]
+pub fn weakening_current_support_f32(torque: f32, speed: f32) -> i32 {
+    let r0: f32 = torque;
+    let r1: f32 = speed;
+    let r2: f32 = 0.0;
+    let r3: f32 = 1.0;
+    let r4: f32 = -0.046296295;
+    let r5: f32 = r0 * r4;
+    let r6: f32 = 0.98520005;
+    let r8: f32 = rsm_select_f32(r5, r6, r3, r2);
+    let r9: f32 = 0.046296295;
+    let r10: f32 = r0 * r9;
+    let r11: f32 = 1.0001;
+    let r13: f32 = rsm_select_f32(r10, r11, r8, r2);
+    let r14: f32 = 620.0;
+    let r15: f32 = r1 - r14;
+    let r16: f32 = -0.0055555557;
+    let r17: f32 = r15 * r16;
+    let r18: f32 = 0.958;
+    let r20: f32 = rsm_select_f32(r17, r18, r13, r2);
+    let r21: f32 = 0.0055555557;
+    let r22: f32 = r15 * r21;
+    let r23: f32 = 1.131;
+    let r25: f32 = rsm_select_f32(r22, r23, r20, r2);
+    let r26: f32 = -0.009027778;
+    let r27: f32 = r0 * r26;
+    let r28: f32 = r15 * r16;
+    let r29: f32 = r27 + r28;
+    let r30: f32 = 0.763;
+    let r32: f32 = rsm_select_f32(r29, r30, r25, r2);
+    let r33: f32 = r0 * r9;
+    let r34: f32 = 0.00090777775;
+    let r35: f32 = r15 * r34;
+    let r36: f32 = r33 + r35;
+    let r37: f32 = 0.87500006;
+    let r39: f32 = rsm_select_f32(r36, r37, r32, r2);
+    let r40: f32 = r0 * r4;
+    let r41: f32 = 0.00084;
+    let r42: f32 = r15 * r41;
+    let r43: f32 = r40 + r42;
+    let r44: f32 = 0.90650004;
+    let r46: f32 = rsm_select_f32(r43, r44, r39, r2);
+    let r47: f32 = 0.009037037;
+    let r48: f32 = r0 * r47;
+    let r49: f32 = r15 * r21;
+    let r50: f32 = r48 + r49;
+    let r51: f32 = 1.0634;
+    let r53: f32 = rsm_select_f32(r50, r51, r46, r2);
+    i32::from(r53 > 0.5)
+}
+
 /// `limit_current` in `A`, evaluated in f32.
 ///
 /// - `torque` in `N*m`: -21.6 to 21.6, clamped outside
@@ -265,6 +383,29 @@ fn rsm_at_most_f64(value: f64, bound: f64) -> f64 {
     }
 }
 
+// `then` where `left < right`, else `otherwise`, also where either is NaN.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[allow(unsafe_code, unused_unsafe)]
+#[inline(always)]
+fn rsm_select_f64(left: f64, right: f64, then: f64, otherwise: f64) -> f64 {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use ::core::arch::x86_64::{_mm_and_pd, _mm_andnot_pd, _mm_cmplt_sd, _mm_or_pd};
+        use ::core::arch::x86_64::{_mm_cvtsd_f64, _mm_set_sd};
+        // SAFETY: `cfg` says that the machine has SSE2.
+        unsafe {
+            let mask = _mm_cmplt_sd(_mm_set_sd(left), _mm_set_sd(right));
+            let chosen = _mm_and_pd(mask, _mm_set_sd(then));
+            let other = _mm_andnot_pd(mask, _mm_set_sd(otherwise));
+            _mm_cvtsd_f64(_mm_or_pd(chosen, other))
+        }
+    }
+    #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+    {
+        ::core::hint::select_unpredictable(left < right, then, otherwise)
+    }
+}
+
 // `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[allow(unsafe_code, unused_unsafe)]
@@ -296,5 +437,28 @@ fn rsm_at_most_f32(value: f32, bound: f32) -> f32 {
     #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
     {
         ::core::hint::select_unpredictable(bound < value, bound, value)
+    }
+}
+
+// `then` where `left < right`, else `otherwise`, also where either is NaN.
+#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
+#[allow(unsafe_code, unused_unsafe)]
+#[inline(always)]
+fn rsm_select_f32(left: f32, right: f32, then: f32, otherwise: f32) -> f32 {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use ::core::arch::x86_64::{_mm_and_ps, _mm_andnot_ps, _mm_cmplt_ss, _mm_or_ps};
+        use ::core::arch::x86_64::{_mm_cvtss_f32, _mm_set_ss};
+        // SAFETY: `cfg` says that the machine has SSE2.
+        unsafe {
+            let mask = _mm_cmplt_ss(_mm_set_ss(left), _mm_set_ss(right));
+            let chosen = _mm_and_ps(mask, _mm_set_ss(then));
+            let other = _mm_andnot_ps(mask, _mm_set_ss(otherwise));
+            _mm_cvtss_f32(_mm_or_ps(chosen, other))
+        }
+    }
+    #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+    {
+        ::core::hint::select_unpredictable(left < right, then, otherwise)
     }
 }

@@ -39,7 +39,8 @@ void motor_references(motor_reference_state *state, const motor_drive *drive, co
     const float forwards = exact_product(mirror, torque);
     const float limit = drive->current_limit_a;
     const float most_weakening = exact_product(LONGEST_LEG, limit);
-    const float at_limit_a = exact_within(motor_limit_current_f32(forwards, limit, circle_speed), 0.0f, most_weakening);
+    const float last_nm = exact_product(drive->newton_metres_per_ampere, exact_product(mirror, state->last.i_q_a));
+    const float at_limit_a = exact_within(motor_limit_current_f32(last_nm, limit, circle_speed), 0.0f, most_weakening);
     const float at_limit = exact_product(at_limit_a, drive->per_ampere);
     const float most = exact_product(limit, circle_height_f32(exact_product(at_limit, at_limit)));
     const float wanted = exact_within(exact_product(forwards, drive->amperes_per_newton_metre), -most, most);

@@ -170,7 +170,7 @@ fn compensation(what: &str) -> Result<Compensation, Refusal> {
 }
 
 /// The settings of a plan; what cannot be set on the bench is told row by row.
-fn settings(plan: &Plan) -> Result<Vec<Setting>, Faults> {
+pub fn settings(plan: &Plan) -> Result<Vec<Setting>, Faults> {
     let mut faults = Collector::new();
     let mut of = |name: &str, unit: &str| plan.settings(name, unit).map_err(|fault| faults.push(fault)).unwrap_or_default();
     let (depths, advances) = (of("depth", "%"), of("advance", "deg"));

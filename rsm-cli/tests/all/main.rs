@@ -4,6 +4,6 @@ mod command;
 mod compensator;
 mod design;
 mod driveline;
+mod made_up_runs;
 mod motor;
 mod readme;
-mod shipped_data;

@@ -60,8 +60,10 @@ pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) ->
     let forwards = mirror * torque_nm;
     let limit = drive.current_limit_a;
     let most_weakening = LONGEST_LEG * limit;
-    // What weakening a vector as long as the limit needs leaves this much for torque.
-    let at_limit = within(motor::limit_current_f32(forwards, limit, circle_speed), 0.0, most_weakening) * drive.per_ampere;
+    // What weakening a vector as long as the limit needs leaves this much for torque. The torque moves it by the resistive drop only, so that of the last
+    // tick does: the demand may be far beyond what there is, and would ask for too much weakening.
+    let last_nm = drive.newton_metres_per_ampere * (mirror * state.last.i_q_a);
+    let at_limit = within(motor::limit_current_f32(last_nm, limit, circle_speed), 0.0, most_weakening) * drive.per_ampere;
     let most = limit * other_leg(at_limit * at_limit);
     let wanted = within(forwards * drive.amperes_per_newton_metre, -most, most);
     let weakening = motor::weakening_current_f32(drive.newton_metres_per_ampere * wanted, circle_speed);

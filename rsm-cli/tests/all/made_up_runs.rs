@@ -1,4 +1,4 @@
-//! Makes the data that `rsm demo` ships, and proves that what is checked in is what is made. `RSM_BLESS=1` writes it.
+//! Makes the data that the tests of the command fit, and proves that what is checked in is what is made. `RSM_BLESS=1` writes it.
 //!
 //! An ideal surface permanent-magnet motor (17), (18) in steady state at its voltage limit (20), with the parameters of the trial in which the
 //! ladder of coordinates was measured: 0.08 ohm, 0.9 mH, 0.06 Wb, 4 pole pairs, 270 V. A dynamometer sets torque and speed in random order; the
@@ -92,8 +92,8 @@ fn files() -> [(&'static str, String); 2] {
 }
 
 #[test]
-fn the_shipped_data_are_what_is_made_here() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("demo");
+fn the_runs_are_what_is_made_here() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/weakening");
     for (name, text) in files() {
         let path = folder.join(name);
         if std::env::var_os("RSM_BLESS").is_some() {

@@ -1,0 +1,87 @@
+//! The part of the chain that both cases share: a fitted model is certified, emitted, compiled by the machine's compilers and compared.
+//!
+//! In: a model. Out: its files in a folder, what was found as JSON, and whether all of it is good.
+
+use std::path::Path;
+
+use rsm_core::check::Checked;
+use rsm_core::model::Model;
+use rsm_core::{certificate, compile, emit, model_file};
+use rsm_fit::fit::Outcome as Fitted;
+use serde_json::{Map, Value, json};
+
+use super::{Teller, twins};
+use crate::outcome::Refusal;
+use crate::output;
+
+/// Tells what a fit found.
+pub fn tell_fit(tell: &Teller, fitted: &Fitted) -> Result<(), Refusal> {
+    for response in &fitted.responses {
+        let refused = || Refusal::new(format!("{} could not be fitted: {}", response.name, response.verdict));
+        let statistics = response.statistics.as_ref().ok_or_else(refused)?;
+        let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
+        let unseen = statistics.validation.as_ref().map_or(f64::NAN, |validation| validation.mean_abs_error);
+        tell.say(&format!(
+            "fit      {}: {} terms from {} rows; mean error on unseen rows {unseen:.4} {unit}",
+            response.name,
+            statistics.terms.len(),
+            statistics.rows,
+        ))?;
+    }
+    Ok(())
+}
+
+/// Certifies, emits, compiles, compares.
+pub fn compiled(tell: &Teller, folder: &Path, model: &Model, results: &mut Map<String, Value>) -> Result<bool, Refusal> {
+    let checked = Checked::from_model(model)?;
+    let mut good = true;
+    let mut certified = Map::new();
+    for certificate in &certificate::surfaces(&checked, &compile::held(&checked, &[])?)? {
+        let tapes = &certificate.tapes;
+        let errors: Vec<String> = tapes.iter().map(|tape| format!("{} {:.1e}", tape.precision.name(), tape.error)).collect();
+        let (low, high) = (certificate.range.low, certificate.range.high);
+        tell.say(&format!(
+            "check    {}: always within [{low:.3}, {high:.3}], rounding error at most {}",
+            certificate.name,
+            errors.join(", ")
+        ))?;
+        good &= tapes.iter().all(|tape| tape.error.is_finite());
+        let errors: Map<String, Value> =
+            tapes.iter().map(|tape| (tape.precision.name().into(), json!(output::finite(tape.error)))).collect();
+        certified.insert(certificate.name.clone(), json!({ "range": [low, high], "error": errors }));
+    }
+    results.insert("check".into(), Value::Object(certified));
+
+    // Refuses a compensator that is not certain to be stable.
+    let unit = compile::unit(&checked, &[])?;
+    for compensator in &model.compensators {
+        tell.say(&format!("check    {}: stable over the whole box", compensator.name))?;
+    }
+    let (c, rust) = (emit::c::emit(&unit), emit::rust::emit(&unit));
+    let (name, emitted) = (&model.name, folder.join("emitted"));
+    output::write_all(&[
+        (folder.join(format!("{name}.toml")), model_file::write(model)),
+        (emitted.join(format!("{name}.h")), c.header),
+        (emitted.join(format!("{name}.c")), c.source),
+        (emitted.join(format!("{name}.rs")), rust),
+    ])?;
+    tell.say(&format!("emit     {} functions in C and Rust", unit.functions.len()))?;
+
+    let mut compared = Map::new();
+    for verdict in twins::compare(&unit, &emitted)? {
+        match verdict {
+            Ok(twins::Verdict { compiler, compared: count, different }) => {
+                tell.say(&format!(
+                    "compare  {compiler}: {different} of {count} results differ from the interpreter in any bit"
+                ))?;
+                good &= different == 0;
+                compared.insert(compiler, json!({ "compared": count, "different": different }));
+            }
+            // A machine without one of the compilers shows less, and says so.
+            Err(reason) => tell.say(&format!("compare  left out: {}", reason.trim_end()))?,
+        }
+    }
+    good &= !compared.is_empty();
+    results.insert("compare".into(), Value::Object(compared));
+    Ok(good)
+}

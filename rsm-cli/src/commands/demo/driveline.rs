@@ -1,0 +1,203 @@
+//! Case 2 of the demo: a driveline's shuffle, from tip-in runs to the compensated car.
+//!
+//! plan -> track -> estimator -> fit -> compensator -> rounds, for the car without lash and the car with it; then check, emit and compare bits of the latter.
+
+use std::path::Path;
+
+use rsm_core::check::Checked;
+use rsm_core::lower;
+use rsm_core::model::Input;
+use rsm_core::number::Precision;
+use rsm_core::run::Interpreter;
+use rsm_core::source::Source;
+use rsm_lab::plant_file::PlantFile;
+use rsm_lab::track::experiment::threads;
+use rsm_lab::track::figures::{self, Car, Figures, Study};
+use rsm_lab::track::plan::TrackPlan;
+use rsm_lab::track::run::{COAST_ROWS, PERIOD, Trace};
+use serde_json::{Map, Value, json};
+
+use super::paper::Paper;
+use super::{Section, Teller, chain};
+use crate::outcome::Refusal;
+use crate::plot::{self, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
+use crate::{output, report};
+
+/// The shipped car.
+const PLANT: &str = include_str!("../../../../rsm-lab/plants/driveline.toml");
+
+/// Of the noise, of the run order, of the unseen set. The same as that of the shipped data.
+const SEED: u64 = 1;
+
+/// The gear and the engine speed (rad/s) whose runs are drawn: second gear, 3000 rpm.
+const SHOWN: (usize, f64) = (2, 3000.0 * std::f64::consts::PI / 30.0);
+
+/// Runs the case.
+pub fn run(tell: &Teller, folder: &Path, paper: &mut Paper) -> Result<Section, Refusal> {
+    let mut results = Map::new();
+    let plant = PlantFile::read(&Source::new("driveline.toml", PLANT))?;
+    output::write_all(&[
+        (folder.join("plant.toml"), PLANT.to_string()),
+        (folder.join("plan.csv"), TrackPlan::experiment(SEED).csv()),
+    ])?;
+    tell.say("track    25 tip-in runs, five speeds in each gear, without lash and with 3 degrees of it; rounds of the compensator ...")?;
+    let found = figures::figures(&plant, &Study { folder, seed: SEED, threads: threads() })?;
+    let Figures { without_lash, with_lash, left } = &found;
+    for (name, car) in [("without lash", without_lash), ("with lash", with_lash)] {
+        tell.say(&format!(
+            "track    {name}: damping surface off by {:.2} % on unseen runs; compensated damping ratio {:.3}, largest residual {:.3}; overshoot {:.2} of before \
+             at worst, rise time {:.2} times; {} rounds",
+            car.damping_residual_percent,
+            car.zeta_mean,
+            car.zeta_max_residual,
+            car.overshoot_ratio_worst,
+            car.rise_time_ratio[0],
+            car.tuned.rounds.len()
+        ))?;
+    }
+    paper.note("damping_residual_percent", with_lash.damping_residual_percent);
+    paper.note("zeta_mean", without_lash.zeta_mean);
+    paper.note("zeta_max_residual", without_lash.zeta_max_residual);
+    paper.note("zeta_mean_lash", with_lash.zeta_mean);
+    paper.note("zeta_max_residual_lash", with_lash.zeta_max_residual);
+    paper.note("overshoot_ratio_worst_lash", with_lash.overshoot_ratio_worst);
+    paper.note("rise_time_ratio", with_lash.rise_time_ratio[0]);
+
+    chain::tell_fit(tell, &with_lash.surfaces)?;
+    let model = with_lash.tuned.model();
+    let good = chain::compiled(tell, folder, model, &mut results)?;
+    output::write_all(&[(folder.join("fit.html"), report::fit(&with_lash.surfaces)?)])?;
+    results.insert("without_lash".into(), of_car(without_lash));
+    results.insert("with_lash".into(), of_car(with_lash));
+    let left_json = left.iter().map(|it| {
+        json!({ "without": it.what, "zeta_mean": it.zeta_mean, "zeta_max_residual": it.zeta_max_residual, "overshoot_max": it.overshoot_max })
+    });
+    results.insert("left".into(), left_json.collect());
+    Ok(Section { good, html: html(&found, &Checked::from_model(model)?)?, json: Value::Object(results) })
+}
+
+fn of_car(car: &Car) -> Value {
+    let rounds = car.tuned.rounds.iter().map(|round| {
+        json!({
+            "zeta_mean": round.zeta_mean,
+            "zeta_max_residual": round.zeta_max_residual,
+            "overshoot_ratio_worst": round.overshoot_ratio_worst,
+        })
+    });
+    let flagged = car.flagged.iter().map(|(run, reason)| json!({ "run": run, "reason": reason }));
+    json!({
+        "damping_residual_percent": car.damping_residual_percent,
+        "zeta_mean": car.zeta_mean,
+        "zeta_max_residual": car.zeta_max_residual,
+        "overshoot_ratio_worst": car.overshoot_ratio_worst,
+        "overshoot_runs": car.overshoot_runs,
+        "overshoot_elsewhere": car.overshoot_elsewhere,
+        "fall_back_ratio_mean_and_largest": car.fall_back_ratio,
+        "rise_time_ratio_mean_and_largest": car.rise_time_ratio,
+        "rounds": rounds.collect::<Vec<_>>(),
+        "best_round": car.tuned.best + 1,
+        "flagged": flagged.collect::<Vec<_>>(),
+    })
+}
+
+/// Acceleration over the time since the step.
+fn acceleration(trace: &Trace) -> Vec<(f64, f64)> {
+    let step = COAST_ROWS as f64 * PERIOD;
+    // A tenth of a second before the step shows where the run comes from.
+    trace.time.iter().zip(&trace.acceleration).map(|(time, a)| (time - step, *a)).filter(|(time, _)| *time > -0.1).collect()
+}
+
+/// Damping ratio of the response over road speed, a series a gear and a state.
+fn over_speed(car: &Car, compensated: bool) -> Vec<(f64, f64)> {
+    let runs = if compensated { &car.compensated } else { &car.uncompensated };
+    runs.iter().map(|(measured, _)| (measured.road_speed, measured.response.shape.damping_ratio)).collect()
+}
+
+/// The section of the report.
+fn html(found: &Figures, checked: &Checked) -> Result<String, Refusal> {
+    let Figures { without_lash, with_lash, left } = found;
+    let (gear, engine_speed) = SHOWN;
+    let missing = || Refusal::new("the plan lost the run that is shown");
+    let mut plots = String::new();
+    for (name, car) in [("without lash", without_lash), ("with 3 degrees of lash", with_lash)] {
+        let before = figures::nearest(&car.uncompensated, gear, engine_speed).ok_or_else(missing)?;
+        let after = figures::nearest(&car.compensated, gear, engine_speed).ok_or_else(missing)?;
+        let series = [
+            Series::new("as it is", GREY, Mark::Line, acceleration(&before.1)),
+            Series::new("compensated", ORANGE, Mark::Line, acceleration(&after.1)),
+        ];
+        let title = format!("Tip-in in gear {gear}, {name}");
+        plots += &plot::curves(&Words { title: &title, x: "time since the step [s]", y: "acceleration [m/s2]" }, &series)?;
+    }
+    plots += &surface(checked, with_lash)?;
+    for (name, car) in [("without lash", without_lash), ("with 3 degrees of lash", with_lash)] {
+        let last = car.compensated.iter().map(|(measured, _)| measured.road_speed).fold(0.0, f64::max);
+        let series = [
+            Series::new("target", BLUE, Mark::Line, vec![(0.0, 0.7), (last, 0.7)]),
+            Series::new("as it is", GREY, Mark::Cross, over_speed(car, false)),
+            Series::new("compensated", ORANGE, Mark::Circle, over_speed(car, true)),
+        ];
+        let title = format!("Figure 7: damping ratio of the response, {name}");
+        plots += &plot::curves(&Words { title: &title, x: "road speed [m/s]", y: "damping ratio" }, &series)?;
+    }
+    let mut rounds = "<table>\n<tr><th>car</th><th>round</th><th>mean damping ratio</th><th>largest residual</th><th>worst overshoot, of before</th></tr>\n".to_string();
+    for (name, car) in [("without lash", without_lash), ("with lash", with_lash)] {
+        for (k, round) in car.tuned.rounds.iter().enumerate() {
+            let best = if k == car.tuned.best { " (kept)" } else { "" };
+            rounds += &format!(
+                "<tr><td>{name}</td><td>{}{best}</td><td>{:.3}</td><td>{:.3}</td><td>{:.2}</td></tr>\n",
+                k + 1,
+                round.zeta_mean,
+                round.zeta_max_residual,
+                round.overshoot_ratio_worst
+            );
+        }
+    }
+    rounds += "</table>\n";
+    let mut rest =
+        "<table>\n<tr><th>taken away</th><th>mean damping ratio</th><th>largest residual</th><th>largest overshoot</th></tr>\n"
+            .to_string();
+    for it in left {
+        rest += &format!(
+            "<tr><td>{}</td><td>{:.3}</td><td>{:.3}</td><td>{:.1} %</td></tr>\n",
+            it.what,
+            it.zeta_mean,
+            it.zeta_max_residual,
+            100.0 * it.overshoot_max
+        );
+    }
+    rest += "</table>\n";
+    let flagged = |car: &Car| match car.flagged.as_slice() {
+        [] => "none".to_string(),
+        runs => runs.iter().map(|(run, reason)| format!("run {run} ({reason})")).collect::<Vec<_>>().join(", "),
+    };
+    Ok(format!(
+        "<h2>Case 2: a driveline under a drive-by-wire throttle</h2>\n\
+         <p>25 tip-in runs, each reduced by one fixed estimator; surfaces of damping ratio, damping error and shuffle frequency over speed and gear \
+         (<a href=\"driveline/fit.html\">report of the fit</a>); the compensator that they schedule, tuned in rounds and then driven again with fresh noise. Flagged runs: \
+         {} without lash, {} with it; all runs count.</p>\n<div class=\"plots\">\n{plots}</div>\n\
+         <p>Rounds of the pole damping.</p>\n{rounds}\
+         <p>What is left of the target with lash: the same compensator on a car from which one thing is taken away.</p>\n{rest}",
+        flagged(without_lash),
+        flagged(with_lash)
+    ))
+}
+
+/// The damping surface where the runs support it.
+fn surface(checked: &Checked, car: &Car) -> Result<String, Refusal> {
+    let lost = || Refusal::new("the driveline's model lost its surface `damping_ratio` of speed and gear");
+    let index = checked.model().surfaces.iter().position(|surface| surface.name == "damping_ratio").ok_or_else(lost)?;
+    let inputs: [Input; 2] = checked.inputs_of(&checked.model().surfaces[index]).try_into().map_err(|_| lost())?;
+    let [speed, gear] = inputs.map(|input| (input.range[0], input.range[1]));
+    let tape = lower::surface(checked, index, Precision::F64);
+    let mut interpreter = Interpreter::<f64>::new(&tape);
+    let support = lower::support(checked, index, Precision::F64);
+    let mut supported = support.as_ref().map(Interpreter::<f64>::new);
+    let mut value = |speed: f64, gear: f64| {
+        let inside = supported.as_mut().is_none_or(|supported| supported.eval(&[speed, gear]) == 1.0);
+        inside.then(|| interpreter.eval(&[speed, gear]))
+    };
+    let runs = car.tuned.uncompensated.iter().map(|measured| (measured.road_speed, measured.run.gear as f64)).collect();
+    let words = Words { title: "Figure 5: damping ratio of the driveline, with lash", x: "road speed [m/s]", y: "gear" };
+    plot::map(&words, "", speed, gear, &mut value, &[Series::new("runs", PINK, Mark::Circle, runs)])
+}

@@ -1,0 +1,224 @@
+//! The figures of the original work, and ours beside them.
+//!
+//! In: numbers that the demo measured. Out: one JSON object, and one table for the report. The bounds stand here and nowhere else; times are
+//! told and judged, but a busy machine's time is no reason to fail.
+
+use serde_json::{Map, Value, json};
+
+use crate::output;
+use crate::page::{escaped, figure};
+
+/// What a figure has to keep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bound {
+    /// Told only: there is nothing to keep.
+    Told,
+    Equal(f64),
+    AtMost(f64),
+    Below(f64),
+    AtLeast(f64),
+    /// Within a distance of a value.
+    Near(f64, f64),
+}
+
+impl Bound {
+    fn met(self, value: f64) -> Option<bool> {
+        match self {
+            Bound::Told => None,
+            Bound::Equal(wanted) => Some(value == wanted),
+            Bound::AtMost(most) => Some(value <= most),
+            Bound::Below(limit) => Some(value < limit),
+            Bound::AtLeast(least) => Some(value >= least),
+            Bound::Near(middle, distance) => Some((value - middle).abs() <= distance),
+        }
+    }
+
+    fn words(self) -> String {
+        match self {
+            Bound::Told => "stated".to_string(),
+            Bound::Equal(wanted) => format!("{wanted}"),
+            Bound::AtMost(most) => format!("at most {most}"),
+            Bound::Below(limit) => format!("below {limit}"),
+            Bound::AtLeast(least) => format!("at least {least}"),
+            Bound::Near(middle, distance) => format!("{middle} &plusmn; {distance}"),
+        }
+    }
+}
+
+/// One line of the table.
+struct Line {
+    key: &'static str,
+    words: &'static str,
+    paper: &'static str,
+    bound: Bound,
+    /// Depends on how fast the machine is and what else it does.
+    is_time: bool,
+}
+
+const fn line(key: &'static str, words: &'static str, paper: &'static str, bound: Bound) -> Line {
+    Line { key, words, paper, bound, is_time: false }
+}
+
+const fn time(key: &'static str, words: &'static str, paper: &'static str, bound: Bound) -> Line {
+    Line { key, words, paper, bound, is_time: true }
+}
+
+/// In the order of the report. The paper's figures: PAPER.md, cases 1 and 2.
+const LINES: [Line; 21] = [
+    line("points_measured", "points of the split plan, in random order", "90", Bound::Equal(90.0)),
+    line("points_full", "points of the full plan", "180", Bound::Equal(180.0)),
+    line(
+        "angle_error_mean_deg",
+        "mean difference of the advance angle from the full controller's, weakening region, unseen profiles, deg",
+        "&lt; 1",
+        Bound::Below(0.5),
+    ),
+    line("angle_error_p99_deg", "the same, 99th percentile, deg", "", Bound::Below(3.0)),
+    line(
+        "angle_error_mean_deg_second_order",
+        "the same, mean, second order in torque and speed as the paper has it, deg",
+        "&lt; 1 on its motor",
+        Bound::Told,
+    ),
+    line(
+        "runup_torque_rms_percent",
+        "run-up with a coarse encoder: r.m.s. difference of torque, % of peak",
+        "not visible",
+        Bound::Below(1.0),
+    ),
+    line("runup_time_percent", "run-up with a coarse encoder: difference of time, %", "not visible", Bound::Below(0.5)),
+    time("evaluator_ns", "evaluator of the surface, dependent chain, ns", "", Bound::AtMost(12.0)),
+    time("ratio_solve", "circle-diagram solve over evaluator, time", "", Bound::Told),
+    time("ratio_step", "full controller's 1 kHz step over surface controller's, time", "", Bound::Told),
+    time(
+        "ratio_simulation",
+        "simulation with the full controller over simulation with the surface, time",
+        "&gt; 50 against Simulink",
+        Bound::Told,
+    ),
+    time("realtime_factor", "simulated over elapsed time, averaged inverter", "&gt; 10", Bound::AtLeast(100.0)),
+    line(
+        "damping_residual_percent",
+        "damping surface: mean absolute residual on unseen runs over mean damping ratio, %",
+        "1.65",
+        Bound::Below(1.65),
+    ),
+    line("zeta_mean", "damping ratio of the compensated car without lash, mean over the map", "", Bound::Near(0.70, 0.02)),
+    line("zeta_max_residual", "the same, largest residual from 0.70", "", Bound::Below(0.07)),
+    line(
+        "zeta_mean_lash",
+        "damping ratio of the compensated car with 3 degrees of lash, mean over the map",
+        "0.68",
+        Bound::Told,
+    ),
+    line("zeta_max_residual_lash", "the same, largest residual from 0.70", "0.07", Bound::Told),
+    line(
+        "overshoot_ratio_worst_lash",
+        "overshoot compensated over uncompensated, worst run, with lash",
+        "",
+        Bound::AtMost(0.5),
+    ),
+    line(
+        "rise_time_ratio",
+        "rise time to 90 % of the acceleration, compensated over uncompensated, mean, with lash",
+        "\"a small amount\"",
+        Bound::Told,
+    ),
+    time("ticks", "ticks of the 1 kHz loop that ran", "", Bound::Told),
+    time("ticks_lost", "ticks lost or doubled", "none", Bound::Equal(0.0)),
+];
+
+/// Measured figures by key.
+#[derive(Debug, Default)]
+pub struct Paper {
+    values: Vec<(&'static str, f64)>,
+}
+
+impl Paper {
+    /// Notes a figure.
+    ///
+    /// # Panics
+    /// When the key is none of the table's, or was noted before.
+    pub fn note(&mut self, key: &'static str, value: f64) {
+        assert!(LINES.iter().any(|line| line.key == key), "`{key}` is no key of the table");
+        assert!(self.value(key).is_none(), "`{key}` is noted twice");
+        self.values.push((key, value));
+    }
+
+    fn value(&self, key: &str) -> Option<f64> {
+        self.values.iter().find(|(noted, _)| *noted == key).map(|(_, value)| *value)
+    }
+
+    /// Every key of the table; null where nothing was measured.
+    pub fn json(&self) -> Value {
+        let all = LINES.iter().map(|line| (line.key.to_string(), json!(self.value(line.key).and_then(output::finite))));
+        Value::Object(all.collect::<Map<_, _>>())
+    }
+
+    /// What is not kept, or was not measured. Times are not among them.
+    pub fn missed(&self) -> Vec<String> {
+        let missed = LINES.iter().filter(|line| !line.is_time).filter_map(|line| match self.value(line.key) {
+            None => Some(format!("{}: not measured", line.key)),
+            Some(value) if line.bound.met(value) == Some(false) => {
+                Some(format!("{} = {}, expected {}", line.key, figure(Some(value)), line.bound.words()))
+            }
+            Some(_) => None,
+        });
+        missed.collect()
+    }
+
+    /// The table of the report.
+    pub fn table(&self) -> String {
+        let mut text = "<table>\n<tr><th>figure</th><th>paper</th><th>to keep</th><th>measured</th></tr>\n".to_string();
+        for line in &LINES {
+            let value = self.value(line.key);
+            let met = value.and_then(|value| line.bound.met(value));
+            let class = if met == Some(false) { " class=\"missed\"" } else { "" };
+            text += &format!(
+                "<tr{class}><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                escaped(line.words),
+                line.paper,
+                line.bound.words(),
+                value.map_or("not measured".to_string(), short)
+            );
+        }
+        text + "</table>\n"
+    }
+}
+
+fn short(value: f64) -> String {
+    if value.fract() == 0.0 && value.abs() < 1e6 { format!("{value}") } else { figure(Some(value)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_key_is_in_the_json_and_what_was_not_measured_is_null() {
+        let mut paper = Paper::default();
+        paper.note("zeta_mean", 0.69);
+        paper.note("ticks_lost", f64::NAN);
+        let json = paper.json();
+        assert_eq!(json.as_object().unwrap().len(), LINES.len());
+        assert_eq!(json["zeta_mean"], 0.69);
+        assert!(json["ticks_lost"].is_null() && json["points_full"].is_null());
+    }
+
+    #[test]
+    fn a_missed_figure_is_named_and_a_missed_time_is_not() {
+        let mut paper = Paper::default();
+        paper.note("zeta_mean", 0.60);
+        paper.note("evaluator_ns", 1e9);
+        let missed = paper.missed();
+        assert!(missed.iter().any(|what| what.starts_with("zeta_mean = 0.60000, expected 0.7")), "{missed:?}");
+        assert!(!missed.iter().any(|what| what.contains("evaluator_ns")));
+        assert!(paper.table().matches("class=\"missed\"").count() == 2);
+    }
+
+    #[test]
+    #[should_panic(expected = "no key of the table")]
+    fn a_figure_with_an_unknown_key_is_a_fault_of_ours() {
+        Paper::default().note("zeta", 0.7);
+    }
+}
