@@ -25,3 +25,5 @@ pub mod experiment;
 pub mod rounds;
 
 pub mod figures;
+
+pub mod gearbox;

@@ -6,7 +6,8 @@ use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::Record;
 use rsm_lab::simulate::Simulator;
 use rsm_lab::track::experiment::{csv, experiment};
-use rsm_lab::track::figures::{LASH, with_lash};
+use rsm_lab::track::figures::{LASH, Study, with_lash};
+use rsm_lab::track::gearbox::{OTHER_RATIOS, loaded, prediction};
 use rsm_lab::track::measure::{Measured, measure};
 use rsm_lab::track::plan::{RPM, TipIn, TrackPlan};
 use rsm_lab::track::rounds::{COMPENSATOR, Poles, Settings, tune, zeta};
@@ -148,4 +149,46 @@ fn the_ratio_predicts_another_gearbox() {
     // zeta is nearly straight in 1/ratio (both go with the square root of 1/J_1 at these ratios): the bend is below 1 %.
     assert!((predicted / middle.damping_ratio - 1.0).abs() < 0.02, "{predicted} {}", middle.damping_ratio);
     assert!(low.natural_frequency > middle.natural_frequency && middle.natural_frequency > high.natural_frequency);
+}
+
+fn in_folder<A>(name: &str, work: impl FnOnce(&Study<'_>) -> A) -> A {
+    let folder = std::env::temp_dir().join(format!("rsm-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let answer = work(&Study { folder: &folder, seed: SEED, threads: 2 });
+    std::fs::remove_dir_all(&folder).unwrap();
+    answer
+}
+
+#[test]
+fn surfaces_against_the_ratio_predict_a_gearbox_that_no_fit_saw() {
+    let found = in_folder("ratio", |study| prediction(&car(), OTHER_RATIOS, study)).unwrap_or_else(|faults| panic!("{faults}"));
+    // The full experiment leaves 1.6 % of the damping and 0.7 % of the frequency, which is the noise of single runs in the high gears (3 % and 1 %, over
+    // the mean of all runs): with another seed a fifth more or less. Twice of it would be a surface of the wrong shape.
+    for residual in [found.unseen, found.other] {
+        assert!(residual.damping_percent < 2.5 && residual.frequency_percent < 1.3, "{residual:?}");
+        assert_eq!(residual.outside, 0);
+    }
+    // On its own car the gear number does as well (1.5 %); on the other it is a guess: 9 % of both.
+    let (own, guess) = (found.by_gear_unseen, found.by_gear_other);
+    assert!(own.damping_percent < 2.5 && own.frequency_percent < 1.3, "{own:?}");
+    assert!(guess.damping_percent > 3.0 * found.other.damping_percent, "{guess:?}");
+    assert!(guess.frequency_percent > 5.0 * found.other.frequency_percent, "{guess:?}");
+    // Damping is positive without being told so: the constraint is proven, and none of its points is active.
+    let of_damping = found.outcome.responses[0].statistics.as_ref().unwrap();
+    assert_eq!(of_damping.constraints.as_ref().map(|it| it.active), Some(false));
+}
+
+#[test]
+fn surfaces_with_the_load_hold_at_loads_between() {
+    let found = in_folder("load", |study| loaded(&car(), study)).unwrap_or_else(|faults| panic!("{faults}"));
+    // 1.1 % and 0.65 %, the noise of single runs; twice of it would be a surface of the wrong shape.
+    let left = found.unseen;
+    assert!(left.damping_percent < 2.2 && left.frequency_percent < 1.3 && left.outside == 0, "{left:?}");
+    // By hand, first gear: J_1 = 29.0, J_2 = 160.7 at the wheel, which 320 kg make 193.5. w goes with the root of 1/J_1 + 1/J_2: -1.3 %. In the higher
+    // gears J_1 is so small that nothing moves. The slope of a surface of 75 runs is known to some tenths of a percent.
+    let [low, high] = found.frequency_moved_percent;
+    assert!((-1.9..-0.9).contains(&low) && high.abs() < 1.0, "{low} {high}");
+    // The damping moves as little: with the root of 1/J, and by the noise of fifth gear.
+    let [low, high] = found.damping_moved_percent;
+    assert!(low > -5.0 && high < 3.0 && low < high, "{low} {high}");
 }
