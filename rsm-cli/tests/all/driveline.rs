@@ -220,7 +220,7 @@ fn the_shipped_runs_predict_a_car_with_another_gearbox() {
     let predicted = residuals(Against::Ratio, "other.csv", "driveline_ratio.toml");
     let guessed = residuals(Against::Gear, "other.csv", "driveline_gear.toml");
     // With 3 degrees of lash 2.4 % of the damping and 0.4 % of the frequency are left, on both cars: what the lash makes of the last run (fifth gear, 4500 rpm)
-    // is half of it. The numbers are those of one seed; half as much again is for another library's last bits.
+    // alone is a fifth of it. The numbers are those of one seed; half as much again is for another library's last bits.
     for [damping, frequency] in [own, predicted] {
         assert!(damping < 3.6 && frequency < 0.7, "{own:?} {predicted:?}");
     }

@@ -75,8 +75,8 @@ pub fn specification(against: Against, data: &str, unseen: Option<&str>) -> Stri
         Against::RatioAndLoad => ("\n[inputs.load]\nunit = \"kg\"\nrange = [0.0, 320.0]\n", "\"speed\", \"ratio\", \"load\""),
     };
     let with_load = against == Against::RatioAndLoad;
-    // With three inputs the directions are given: -1, 0 and 1.
-    let support = if with_load { "\"data\"" } else { "{ from = \"data\", faces = 5 }" };
+    // Four sides of the box and the two lines of the engine; with three inputs the directions are given: -1, 0 and 1.
+    let support = if with_load { "\"data\"" } else { "{ from = \"data\", faces = 6 }" };
     let power = |speed: u32, ratio: u32, load: u32| {
         if with_load { format!("[{speed}, {ratio}, {load}]") } else { format!("[{speed}, {ratio}]") }
     };
