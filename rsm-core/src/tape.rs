@@ -142,13 +142,19 @@ impl Tape {
     /// The length of the longest chain of dependent operations up to the result or a next state, constants, inputs and states not counted.
     #[must_use]
     pub fn depth(&self) -> usize {
-        let mut depth = vec![0usize; self.ops.len()];
-        for (reg, op) in self.iter() {
-            let deepest = op.operands().iter().map(|operand| depth[operand.0 as usize]).max();
-            depth[reg.0 as usize] = deepest.map_or(0, |below| below + 1);
-        }
+        let depth = depths(&self.ops);
         self.results().map(|reg| depth[reg.0 as usize]).max().unwrap_or_default()
     }
+}
+
+/// The length of the longest chain of dependent operations up to each register.
+fn depths(ops: &[Op]) -> Vec<usize> {
+    let mut depths: Vec<usize> = Vec::with_capacity(ops.len());
+    for op in ops {
+        let deepest = op.operands().iter().map(|operand| depths[operand.0 as usize]).max();
+        depths.push(deepest.map_or(0, |below| below + 1));
+    }
+    depths
 }
 
 impl Op {
@@ -226,6 +232,12 @@ impl TapeBuilder {
     #[must_use]
     pub fn precision(&self) -> Precision {
         self.precision
+    }
+
+    /// The length of the longest chain of dependent operations up to a register, counted as [`Tape::depth`] counts.
+    #[must_use]
+    pub fn depth_of(&self, reg: Reg) -> usize {
+        depths(&self.ops[..=reg.0 as usize])[reg.0 as usize]
     }
 
     /// Appends an operation, or finds it where the tape shares.

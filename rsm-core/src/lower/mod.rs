@@ -5,7 +5,8 @@
 //! it changes bits, see CHANGELOG "Generated bits change".
 //!
 //! ```text
-//! argument -> clamp -> variable v, with x = v * scale -> nested Horner in v, scales folded into the coefficients
+//! argument -> clamp -> variable v, with x = v * scale -> nested sums over powers of v, each level in one of
+//!             two forms, scales folded into the coefficients
 //!          -> sign of odd inputs -> output_range
 //! ```
 //!
@@ -13,6 +14,10 @@
 
 mod compensator;
 mod horner;
+mod nest;
+mod polynomial;
+mod powers;
+mod scheme;
 mod variables;
 
 use crate::check::Checked;
@@ -41,8 +46,8 @@ pub fn surface(checked: &Checked, index: usize, precision: Precision) -> Tape {
 /// The value of a surface, saturated, on any tape. `arguments`: the registers of its inputs, in its order.
 fn value(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], arguments: Vec<Reg>) -> Reg {
     let mut variables = Variables::new(surface, inputs, arguments);
-    let terms = horner::terms(surface);
-    let polynomial = horner::lower(tape, &mut variables, surface, &terms);
+    let terms = polynomial::terms(surface);
+    let polynomial = polynomial::lower(tape, &mut variables, surface, &terms);
     let guarded = pass_nan_of_unused_inputs(tape, &mut variables, inputs, polynomial);
     let signed = give_sign_of_odd_inputs(tape, &variables, surface, inputs, guarded);
     match surface.output_range {

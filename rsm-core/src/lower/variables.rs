@@ -124,6 +124,19 @@ impl<'a> Variables<'a> {
         lowered
     }
 
+    /// Whether a factor is finite whatever its argument is, NaN apart.
+    pub(super) fn is_bounded(&self, factor: usize) -> bool {
+        self.clamps && is_clamped(&self.inputs[self.factors[factor].input])
+    }
+
+    /// The largest |x| of a factor in its range: every x is monotone on it, or, a magnitude, largest at its ends.
+    pub(super) fn magnitude(&self, factor: usize) -> Rational {
+        let factor = &self.factors[factor];
+        let ends = self.inputs[factor.input].range.map(|end| factor.value(exact(end)));
+        let [low, high] = ends.map(|x| if x < integer(0) { -x } else { x });
+        if low < high { high } else { low }
+    }
+
     fn half(&self, input: usize) -> Rational {
         let [low, high] = self.inputs[input].range;
         (exact(high) - exact(low)) / integer(2)

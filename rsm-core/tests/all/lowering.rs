@@ -9,6 +9,7 @@ use rsm_core::lower;
 use rsm_core::number::{Precision, Rational, exact};
 use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
+use rsm_core::tape::{Op, Tape};
 
 fn published(name: &str) -> Checked {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated/coefficients").join(name);
@@ -64,5 +65,55 @@ fn certified_bounds_hold_and_are_not_vain() {
             // Worst-case bounds of a dozen operations are known to lie within a small factor of what is met; 20 is generous.
             assert!(certified.error < 20.0 * worst, "{:e} says nothing about {worst:e}", certified.error);
         }
+    }
+}
+
+fn two_inputs(outside: &str) -> Checked {
+    let terms: Vec<String> =
+        [([0, 0], 0.3), ([1, 0], -3.0), ([2, 0], 25.0), ([4, 0], 11.6), ([0, 1], 19.2), ([2, 1], 9.7), ([4, 1], 8.3)]
+            .iter()
+            .map(|(powers, coefficient)| format!("{{ powers = {powers:?}, coefficient = {coefficient:?} }}"))
+            .collect();
+    let text = format!(
+        "format = 1\nmodel = \"m\"\n[inputs.x]\nunit = \"1\"\nrange = [-2.0, 2.0]\noutside = \"{outside}\"\n\
+         [inputs.y]\nunit = \"1\"\nrange = [-2.0, 2.0]\noutside = \"{outside}\"\n\
+         [surfaces.s]\nunit = \"1\"\ninputs = [\"x\", \"y\"]\nterms = [{}]\n",
+        terms.join(", ")
+    );
+    Checked::read(&Source::new("m.toml", text)).unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+fn squares(tape: &Tape) -> usize {
+    tape.ops.iter().filter(|op| matches!(op, Op::Multiply(a, b) if a == b)).count()
+}
+
+#[test]
+fn powers_are_shared_where_that_makes_the_chain_shorter() {
+    let checked = published("motor.toml");
+    for precision in Precision::ALL {
+        let tape = lower::surface(&checked, 0, precision);
+        println!("{tape}");
+        // x^2 and x^4 = (x^2)^2, each once. Four operations of clamps, then six of the polynomial, then four of the saturation; nested Horner
+        // throughout has 18.
+        assert_eq!((squares(&tape), tape.depth()), (2, 14), "{tape}");
+    }
+}
+
+#[test]
+fn an_infinity_that_extrapolates_stays_one() {
+    let at_infinity = |outside: &str| {
+        let tape = lower::surface(&two_inputs(outside), 0, Precision::F64);
+        (squares(&tape), Interpreter::<f64>::new(&tape).eval(&[f64::INFINITY, 0.5]))
+    };
+    // -3 x and 25 x^2 are infinities of both signs: a sum of powers would be NaN.
+    assert_eq!(at_infinity("extrapolate"), (0, f64::INFINITY));
+    let (shared, clamped) = at_infinity("clamp");
+    assert!(shared == 2 && clamped.is_finite(), "{shared} {clamped}");
+}
+
+#[test]
+fn second_order_in_two_inputs_is_nested_horner() {
+    for name in ["pmac.toml", "throttle.toml"] {
+        assert_eq!(squares(&lower::surface(&published(name), 0, Precision::F64)), 0);
     }
 }

@@ -1,0 +1,166 @@
+//! The nest of sums that a polynomial of several variables is, and where it is written.
+//!
+//! In: terms, a scheme (which variable is outermost, which form each level has). Out: values on a tape, or their count and readiness alone: both
+//! come from the same walk, so a scheme is judged by what it would write. Never chooses a scheme; see `scheme.rs`.
+//!
+//! A value is ready when the longest chain of operations behind it is done; constants and arguments are ready at 0, as `Tape::depth` counts.
+
+use std::collections::BTreeMap;
+
+use crate::number::Rational;
+use crate::tape::{Op, Reg, TapeBuilder};
+
+use super::scheme::{Form, Level};
+use super::{horner, powers};
+
+/// A term whose coefficient may carry the scales of its variables.
+pub(super) struct Leaf<'a> {
+    pub(super) powers: &'a [u32],
+    pub(super) coefficient: Rational,
+}
+
+/// Where values are written.
+pub(super) trait Sheet {
+    /// A value on it.
+    type Value: Copy;
+    fn constant(&mut self, value: &Rational) -> Self::Value;
+    fn add(&mut self, a: Self::Value, b: Self::Value) -> Self::Value;
+    fn multiply(&mut self, a: Self::Value, b: Self::Value) -> Self::Value;
+    /// How many operations stand between the arguments and a value, along the longest chain.
+    fn ready(&self, value: Self::Value) -> usize;
+}
+
+/// A tape. Its values know when they are ready.
+pub(super) struct Written<'t>(pub(super) &'t mut TapeBuilder);
+
+impl Written<'_> {
+    fn push(&mut self, op: Op, [a, b]: [(Reg, usize); 2]) -> (Reg, usize) {
+        (self.0.push(op), a.1.max(b.1) + 1)
+    }
+}
+
+impl Sheet for Written<'_> {
+    type Value = (Reg, usize);
+
+    fn constant(&mut self, value: &Rational) -> Self::Value {
+        (self.0.constant(value.clone()), 0)
+    }
+
+    fn add(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
+        self.push(Op::Add(a.0, b.0), [a, b])
+    }
+
+    fn multiply(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
+        self.push(Op::Multiply(a.0, b.0), [a, b])
+    }
+
+    fn ready(&self, value: Self::Value) -> usize {
+        value.1
+    }
+}
+
+/// Nothing is written: operations are counted, and a value is no more than when it is ready.
+#[derive(Default)]
+pub(super) struct Counted {
+    pub(super) operations: usize,
+}
+
+impl Sheet for Counted {
+    type Value = usize;
+
+    fn constant(&mut self, _: &Rational) -> usize {
+        0
+    }
+
+    fn add(&mut self, a: usize, b: usize) -> usize {
+        self.operations += 1;
+        a.max(b) + 1
+    }
+
+    fn multiply(&mut self, a: usize, b: usize) -> usize {
+        self.add(a, b)
+    }
+
+    fn ready(&self, value: usize) -> usize {
+        value
+    }
+}
+
+/// A polynomial being written, level by level.
+pub(super) struct Nest<'s, S: Sheet> {
+    pub(super) sheet: &'s mut S,
+    /// The powers of each factor that are there already; its first power stands there from the beginning where a term has the factor.
+    powers: Vec<BTreeMap<u32, S::Value>>,
+}
+
+impl<'s, S: Sheet> Nest<'s, S> {
+    /// `variables`: the value of each factor that a term has.
+    pub(super) fn new(sheet: &'s mut S, variables: &[Option<S::Value>]) -> Self {
+        let powers = variables.iter().map(|variable| variable.iter().map(|value| (1, *value)).collect()).collect();
+        Nest { sheet, powers }
+    }
+
+    /// The sum of some terms, nested as the levels say, the first outermost.
+    pub(super) fn value(&mut self, leaves: &[&Leaf<'_>], levels: &[Level]) -> S::Value {
+        let Some((level, inner)) = levels.split_first() else {
+            // Check refuses two terms of the same powers, so one leaf is left.
+            return self.sheet.constant(&leaves[0].coefficient);
+        };
+        match level.form {
+            Form::Horner => {
+                let addends = horner::addends(self, leaves, level.factor, inner);
+                addends.into_iter().reduce(|sum, addend| self.sheet.add(sum, addend)).expect("there is at least one term")
+            }
+            Form::Powers => {
+                let addends = powers::addends(self, leaves, level.factor, inner);
+                powers::sum(self.sheet, addends)
+            }
+        }
+    }
+
+    /// The same, its last sum not yet taken: it may be taken together with others.
+    pub(super) fn addends(&mut self, leaves: &[&Leaf<'_>], levels: &[Level]) -> Vec<S::Value> {
+        match levels.split_first() {
+            Some((Level { factor, form: Form::Horner }, inner)) => horner::addends(self, leaves, *factor, inner),
+            Some((Level { factor, form: Form::Powers }, inner)) => powers::addends(self, leaves, *factor, inner),
+            None => vec![self.value(leaves, levels)],
+        }
+    }
+
+    /// The variable of a factor itself.
+    pub(super) fn variable(&self, factor: usize) -> S::Value {
+        self.powers[factor][&1]
+    }
+
+    /// A power of a factor: the one that is there, or the product of two that are (of several such pairs the one that is ready first), or
+    /// of its two halves.
+    pub(super) fn power(&mut self, factor: usize, exponent: u32) -> S::Value {
+        let known = &self.powers[factor];
+        if let Some(value) = known.get(&exponent) {
+            return *value;
+        }
+        let pairs = known.iter().filter_map(|(one, a)| {
+            let b = known.get(&exponent.checked_sub(*one)?)?;
+            (2 * one >= exponent).then_some([*a, *b])
+        });
+        let sheet = &*self.sheet;
+        let pair = pairs.min_by_key(|[a, b]| sheet.ready(*a).max(sheet.ready(*b)));
+        let [a, b] = pair.unwrap_or_else(|| {
+            let half = exponent / 2;
+            [self.power(factor, exponent - half), self.power(factor, half)]
+        });
+        let value = self.sheet.multiply(a, b);
+        self.powers[factor].insert(exponent, value);
+        value
+    }
+}
+
+/// The terms with one power of a factor.
+pub(super) fn with_power<'l, 'a>(leaves: &[&'l Leaf<'a>], factor: usize, exponent: u32) -> Vec<&'l Leaf<'a>> {
+    leaves.iter().filter(|leaf| leaf.powers[factor] == exponent).copied().collect()
+}
+
+/// The highest power of a factor among some terms.
+pub(super) fn degree(leaves: &[&Leaf<'_>], factor: usize) -> u32 {
+    leaves.iter().map(|leaf| leaf.powers[factor]).max().unwrap_or(0)
+}
