@@ -258,21 +258,22 @@ double circle_sine(double quarter_turns)
     const double r3 = circle_rsm_at_least(r0, r1);
     const double r4 = 1.0;
     const double r6 = circle_rsm_at_most(r3, r4);
-    const double r7 = -0.004332881653897759;
+    const double r7 = circle_rsm_keep(r6 * r6);
     const double r8 = circle_rsm_keep(r7 * r6);
-    const double r9 = circle_rsm_keep(r8 * r6);
-    const double r10 = 0.07943397083919976;
-    const double r11 = r9 + r10;
-    const double r12 = circle_rsm_keep(r11 * r6);
-    const double r13 = circle_rsm_keep(r12 * r6);
-    const double r14 = -0.6458926627270271;
-    const double r15 = r13 + r14;
-    const double r16 = circle_rsm_keep(r15 * r6);
-    const double r17 = circle_rsm_keep(r16 * r6);
-    const double r18 = 1.5707909877369937;
-    const double r19 = r17 + r18;
-    const double r20 = circle_rsm_keep(r19 * r6);
-    return r20;
+    const double r9 = circle_rsm_keep(r8 * r7);
+    const double r10 = circle_rsm_keep(r9 * r7);
+    const double r11 = -0.004332881653897759;
+    const double r12 = circle_rsm_keep(r11 * r10);
+    const double r13 = 0.07943397083919976;
+    const double r14 = circle_rsm_keep(r13 * r9);
+    const double r15 = -0.6458926627270271;
+    const double r16 = circle_rsm_keep(r15 * r8);
+    const double r17 = 1.5707909877369937;
+    const double r18 = circle_rsm_keep(r17 * r6);
+    const double r19 = r18 + r16;
+    const double r20 = r14 + r19;
+    const double r21 = r12 + r20;
+    return r21;
 }
 
 double circle_height(double square)
@@ -318,21 +319,22 @@ float circle_sine_f32(float quarter_turns)
     const float r3 = circle_rsm_at_least_f32(r0, r1);
     const float r4 = 1.0f;
     const float r6 = circle_rsm_at_most_f32(r3, r4);
-    const float r7 = -0.004332882f;
+    const float r7 = circle_rsm_keep_f32(r6 * r6);
     const float r8 = circle_rsm_keep_f32(r7 * r6);
-    const float r9 = circle_rsm_keep_f32(r8 * r6);
-    const float r10 = 0.07943397f;
-    const float r11 = r9 + r10;
-    const float r12 = circle_rsm_keep_f32(r11 * r6);
-    const float r13 = circle_rsm_keep_f32(r12 * r6);
-    const float r14 = -0.6458927f;
-    const float r15 = r13 + r14;
-    const float r16 = circle_rsm_keep_f32(r15 * r6);
-    const float r17 = circle_rsm_keep_f32(r16 * r6);
-    const float r18 = 1.570791f;
-    const float r19 = r17 + r18;
-    const float r20 = circle_rsm_keep_f32(r19 * r6);
-    return r20;
+    const float r9 = circle_rsm_keep_f32(r8 * r7);
+    const float r10 = circle_rsm_keep_f32(r9 * r7);
+    const float r11 = -0.004332882f;
+    const float r12 = circle_rsm_keep_f32(r11 * r10);
+    const float r13 = 0.07943397f;
+    const float r14 = circle_rsm_keep_f32(r13 * r9);
+    const float r15 = -0.6458927f;
+    const float r16 = circle_rsm_keep_f32(r15 * r8);
+    const float r17 = 1.570791f;
+    const float r18 = circle_rsm_keep_f32(r17 * r6);
+    const float r19 = r18 + r16;
+    const float r20 = r14 + r19;
+    const float r21 = r12 + r20;
+    return r21;
 }
 
 float circle_height_f32(float square)
@@ -408,13 +410,13 @@ int circle_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][2] = {
             { 0x0000000000000000ULL, 0x0000000000000000ULL },
-            { 0xbff0000000000000ULL, 0xbfeffffec57f9c5cULL },
-            { 0x3ff0000000000000ULL, 0x3feffffec57f9c5cULL },
-            { 0x4000000000000000ULL, 0x3feffffec57f9c5cULL },
+            { 0xbff0000000000000ULL, 0xbfeffffec57f9c5bULL },
+            { 0x3ff0000000000000ULL, 0x3feffffec57f9c5bULL },
+            { 0x4000000000000000ULL, 0x3feffffec57f9c5bULL },
             { 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0xbfd45603885eb2dcULL, 0xbfdea24127777372ULL }, /* other bits if fused */
-            { 0xbfefaea11e74ce14ULL, 0xbfefff005f1a21d3ULL }, /* other bits if fused */
-            { 0xbfeae617b5d866c6ULL, 0xbfef008202fc28f8ULL }, /* other bits if fused */
+            { 0xbfe9fd320803b28aULL, 0xbfee9df8b69e9049ULL }, /* other bits if fused */
+            { 0x3fdf0db3e9f302acULL, 0x3fe61882b07aaff8ULL }, /* other bits if fused */
+            { 0x3fecb3d2e01f344eULL, 0x3fef94ea5d07f2edULL }, /* other bits if fused */
         };
         double (*volatile function)(double) = circle_sine;
         unsigned int k;
@@ -454,9 +456,9 @@ int circle_self_test(void)
             { 0x3f800000UL, 0x3f7ffff6UL },
             { 0x40000000UL, 0x3f7ffff6UL },
             { 0x7fc00000UL, 0x7fc00000UL },
-            { 0xbeab3630UL, 0xbf005ed9UL }, /* other bits if fused */
-            { 0xbf5e810dUL, 0xbf7a9cb1UL }, /* other bits if fused */
-            { 0xbf08bb0fUL, 0xbf3e73d8UL }, /* other bits if fused */
+            { 0xbf2d265eUL, 0xbf5fa07fUL }, /* other bits if fused */
+            { 0xbf3aa12aUL, 0xbf69282cUL }, /* other bits if fused */
+            { 0xbf333834UL, 0xbf641c8dUL }, /* other bits if fused */
         };
         float (*volatile function)(float) = circle_sine_f32;
         unsigned int k;

@@ -319,34 +319,35 @@ double motor_weakening_current(double torque, double speed)
     const double r13 = motor_rsm_at_most(r10, r11);
     const double r14 = 620.0;
     const double r15 = r13 - r14;
-    const double r16 = 2.1245873181220413e-7;
-    const double r17 = motor_rsm_keep(r16 * r15);
-    const double r18 = 5.3426337551171476e-5;
-    const double r19 = r17 + r18;
-    const double r20 = motor_rsm_keep(r19 * r7);
-    const double r21 = motor_rsm_keep(r20 * r7);
-    const double r22 = 0.0001157355970572858;
-    const double r23 = motor_rsm_keep(r22 * r15);
-    const double r24 = 0.053747822795491604;
-    const double r25 = r23 + r24;
-    const double r26 = r21 + r25;
-    const double r27 = motor_rsm_keep(r26 * r7);
+    const double r16 = motor_rsm_keep(r7 * r7);
+    const double r17 = motor_rsm_keep(r16 * r16);
+    const double r18 = 2.1245873181220413e-7;
+    const double r19 = motor_rsm_keep(r18 * r15);
+    const double r20 = 5.3426337551171476e-5;
+    const double r21 = r19 + r20;
+    const double r22 = motor_rsm_keep(r21 * r17);
+    const double r23 = 0.0001157355970572858;
+    const double r24 = motor_rsm_keep(r23 * r15);
+    const double r25 = 0.053747822795491604;
+    const double r26 = r24 + r25;
+    const double r27 = motor_rsm_keep(r26 * r16);
     const double r28 = 0.1394197760505352;
-    const double r29 = r27 + r28;
-    const double r30 = motor_rsm_keep(r29 * r7);
-    const double r31 = -0.00013567241385405304;
-    const double r32 = motor_rsm_keep(r31 * r15);
-    const double r33 = 0.10671698977383876;
-    const double r34 = r32 + r33;
-    const double r35 = motor_rsm_keep(r34 * r15);
-    const double r36 = 0.2975902314518374;
-    const double r37 = r35 + r36;
-    const double r38 = r30 + r37;
-    const double r39 = 0.0;
-    const double r41 = motor_rsm_at_least(r38, r39);
-    const double r42 = 60.0;
-    const double r44 = motor_rsm_at_most(r41, r42);
-    return r44;
+    const double r29 = motor_rsm_keep(r28 * r7);
+    const double r30 = -0.00013567241385405304;
+    const double r31 = motor_rsm_keep(r30 * r15);
+    const double r32 = 0.10671698977383876;
+    const double r33 = r31 + r32;
+    const double r34 = motor_rsm_keep(r33 * r15);
+    const double r35 = 0.2975902314518374;
+    const double r36 = r35 + r29;
+    const double r37 = r36 + r22;
+    const double r38 = r27 + r34;
+    const double r39 = r37 + r38;
+    const double r40 = 0.0;
+    const double r42 = motor_rsm_at_least(r39, r40);
+    const double r43 = 60.0;
+    const double r45 = motor_rsm_at_most(r42, r43);
+    return r45;
 }
 
 int motor_weakening_current_support(double torque, double speed)
@@ -465,34 +466,35 @@ float motor_weakening_current_f32(float torque, float speed)
     const float r13 = motor_rsm_at_most_f32(r10, r11);
     const float r14 = 620.0f;
     const float r15 = r13 - r14;
-    const float r16 = 2.1245873e-7f;
-    const float r17 = motor_rsm_keep_f32(r16 * r15);
-    const float r18 = 5.3426338e-5f;
-    const float r19 = r17 + r18;
-    const float r20 = motor_rsm_keep_f32(r19 * r7);
-    const float r21 = motor_rsm_keep_f32(r20 * r7);
-    const float r22 = 0.000115735595f;
-    const float r23 = motor_rsm_keep_f32(r22 * r15);
-    const float r24 = 0.05374782f;
-    const float r25 = r23 + r24;
-    const float r26 = r21 + r25;
-    const float r27 = motor_rsm_keep_f32(r26 * r7);
+    const float r16 = motor_rsm_keep_f32(r7 * r7);
+    const float r17 = motor_rsm_keep_f32(r16 * r16);
+    const float r18 = 2.1245873e-7f;
+    const float r19 = motor_rsm_keep_f32(r18 * r15);
+    const float r20 = 5.3426338e-5f;
+    const float r21 = r19 + r20;
+    const float r22 = motor_rsm_keep_f32(r21 * r17);
+    const float r23 = 0.000115735595f;
+    const float r24 = motor_rsm_keep_f32(r23 * r15);
+    const float r25 = 0.05374782f;
+    const float r26 = r24 + r25;
+    const float r27 = motor_rsm_keep_f32(r26 * r16);
     const float r28 = 0.13941978f;
-    const float r29 = r27 + r28;
-    const float r30 = motor_rsm_keep_f32(r29 * r7);
-    const float r31 = -0.00013567241f;
-    const float r32 = motor_rsm_keep_f32(r31 * r15);
-    const float r33 = 0.10671699f;
-    const float r34 = r32 + r33;
-    const float r35 = motor_rsm_keep_f32(r34 * r15);
-    const float r36 = 0.29759023f;
-    const float r37 = r35 + r36;
-    const float r38 = r30 + r37;
-    const float r39 = 0.0f;
-    const float r41 = motor_rsm_at_least_f32(r38, r39);
-    const float r42 = 60.0f;
-    const float r44 = motor_rsm_at_most_f32(r41, r42);
-    return r44;
+    const float r29 = motor_rsm_keep_f32(r28 * r7);
+    const float r30 = -0.00013567241f;
+    const float r31 = motor_rsm_keep_f32(r30 * r15);
+    const float r32 = 0.10671699f;
+    const float r33 = r31 + r32;
+    const float r34 = motor_rsm_keep_f32(r33 * r15);
+    const float r35 = 0.29759023f;
+    const float r36 = r35 + r29;
+    const float r37 = r36 + r22;
+    const float r38 = r27 + r34;
+    const float r39 = r37 + r38;
+    const float r40 = 0.0f;
+    const float r42 = motor_rsm_at_least_f32(r39, r40);
+    const float r43 = 60.0f;
+    const float r45 = motor_rsm_at_most_f32(r42, r43);
+    return r45;
 }
 
 int motor_weakening_current_support_f32(float torque, float speed)
@@ -638,9 +640,9 @@ int motor_self_test(void)
             { 0x403599999999999aULL, 0x4089000000000000ULL, 0x404e000000000000ULL },
             { 0x404599999999999aULL, 0x408ea00000000000ULL, 0x404e000000000000ULL },
             { 0x7ff8000000000000ULL, 0x4083600000000000ULL, 0x7ff8000000000000ULL },
-            { 0xc03395711a85e2aeULL, 0x4081e995b32a4ebbULL, 0x403135216d56c8a3ULL }, /* other bits if fused */
-            { 0x402e96d7e7fd0b1dULL, 0x408082aa36322e88ULL, 0x400ba71291f112bcULL }, /* other bits if fused */
-            { 0x4033e96fb6c5df58ULL, 0x407d1f2d1723e20bULL, 0x3fed133882ddffa0ULL }, /* other bits if fused */
+            { 0x4033e96fb6c5df58ULL, 0x407d1f2d1723e20bULL, 0x3fed133882ddff90ULL }, /* other bits if fused */
+            { 0x401b7e94d8de45bcULL, 0x4087a87e260f45b1ULL, 0x4030ce9f15c33eedULL }, /* other bits if fused */
+            { 0xc03312925cc1c758ULL, 0x40811fd2c21864b6ULL, 0x4025a025c24052a8ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = motor_weakening_current;
         unsigned int k;
@@ -697,9 +699,9 @@ int motor_self_test(void)
             { 0x41accccdUL, 0x44480000UL, 0x42700000UL },
             { 0x422ccccdUL, 0x44750000UL, 0x42700000UL },
             { 0x7fc00000UL, 0x441b0000UL, 0x7fc00000UL },
-            { 0xc19f5fb6UL, 0x440bf3bdUL, 0x417928bcUL }, /* other bits if fused */
-            { 0x4174b6bfUL, 0x44041552UL, 0x405d38a4UL }, /* other bits if fused */
-            { 0x419f4b7eUL, 0x43e8f969UL, 0x3f689a20UL }, /* other bits if fused */
+            { 0x4174b6bfUL, 0x44041552UL, 0x405d38a0UL }, /* other bits if fused */
+            { 0x41ac44a8UL, 0x43f6b8d9UL, 0x413753c6UL }, /* other bits if fused */
+            { 0xc16ee24eUL, 0x440dcc02UL, 0x409d5b43UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = motor_weakening_current_f32;
         unsigned int k;

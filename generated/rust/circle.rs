@@ -8,7 +8,7 @@
 /// - `quarter_turns` in `1`: -1.0 to 1.0, clamped outside
 ///
 /// NaN in gives NaN out.
-/// 14 operations, 14 deep, no branch.
+/// 15 operations, 10 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -18,21 +18,22 @@ pub fn sine(quarter_turns: f64) -> f64 {
     let r3: f64 = rsm_at_least_f64(r0, r1);
     let r4: f64 = 1.0;
     let r6: f64 = rsm_at_most_f64(r3, r4);
-    let r7: f64 = -0.004332881653897759;
+    let r7: f64 = r6 * r6;
     let r8: f64 = r7 * r6;
-    let r9: f64 = r8 * r6;
-    let r10: f64 = 0.07943397083919976;
-    let r11: f64 = r9 + r10;
-    let r12: f64 = r11 * r6;
-    let r13: f64 = r12 * r6;
-    let r14: f64 = -0.6458926627270271;
-    let r15: f64 = r13 + r14;
-    let r16: f64 = r15 * r6;
-    let r17: f64 = r16 * r6;
-    let r18: f64 = 1.5707909877369937;
-    let r19: f64 = r17 + r18;
-    let r20: f64 = r19 * r6;
-    r20
+    let r9: f64 = r8 * r7;
+    let r10: f64 = r9 * r7;
+    let r11: f64 = -0.004332881653897759;
+    let r12: f64 = r11 * r10;
+    let r13: f64 = 0.07943397083919976;
+    let r14: f64 = r13 * r9;
+    let r15: f64 = -0.6458926627270271;
+    let r16: f64 = r15 * r8;
+    let r17: f64 = 1.5707909877369937;
+    let r18: f64 = r17 * r6;
+    let r19: f64 = r18 + r16;
+    let r20: f64 = r14 + r19;
+    let r21: f64 = r12 + r20;
+    r21
 }
 
 /// `height` in `1`, evaluated in f64.
@@ -82,7 +83,7 @@ pub fn height(square: f64) -> f64 {
 /// - `quarter_turns` in `1`: -1.0 to 1.0, clamped outside
 ///
 /// NaN in gives NaN out.
-/// 14 operations, 14 deep, no branch.
+/// 15 operations, 10 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -92,21 +93,22 @@ pub fn sine_f32(quarter_turns: f32) -> f32 {
     let r3: f32 = rsm_at_least_f32(r0, r1);
     let r4: f32 = 1.0;
     let r6: f32 = rsm_at_most_f32(r3, r4);
-    let r7: f32 = -0.004332882;
+    let r7: f32 = r6 * r6;
     let r8: f32 = r7 * r6;
-    let r9: f32 = r8 * r6;
-    let r10: f32 = 0.07943397;
-    let r11: f32 = r9 + r10;
-    let r12: f32 = r11 * r6;
-    let r13: f32 = r12 * r6;
-    let r14: f32 = -0.6458927;
-    let r15: f32 = r13 + r14;
-    let r16: f32 = r15 * r6;
-    let r17: f32 = r16 * r6;
-    let r18: f32 = 1.570791;
-    let r19: f32 = r17 + r18;
-    let r20: f32 = r19 * r6;
-    r20
+    let r9: f32 = r8 * r7;
+    let r10: f32 = r9 * r7;
+    let r11: f32 = -0.004332882;
+    let r12: f32 = r11 * r10;
+    let r13: f32 = 0.07943397;
+    let r14: f32 = r13 * r9;
+    let r15: f32 = -0.6458927;
+    let r16: f32 = r15 * r8;
+    let r17: f32 = 1.570791;
+    let r18: f32 = r17 * r6;
+    let r19: f32 = r18 + r16;
+    let r20: f32 = r14 + r19;
+    let r21: f32 = r12 + r20;
+    r21
 }
 
 /// `height` in `1`, evaluated in f32.

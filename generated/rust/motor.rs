@@ -10,7 +10,7 @@
 ///
 /// The result saturates at 0.0 and 60.0.
 /// NaN in gives NaN out.
-/// 28 operations, 18 deep, no branch.
+/// 29 operations, 14 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -27,34 +27,35 @@ pub fn weakening_current(torque: f64, speed: f64) -> f64 {
     let r13: f64 = rsm_at_most_f64(r10, r11);
     let r14: f64 = 620.0;
     let r15: f64 = r13 - r14;
-    let r16: f64 = 2.1245873181220413e-7;
-    let r17: f64 = r16 * r15;
-    let r18: f64 = 5.3426337551171476e-5;
-    let r19: f64 = r17 + r18;
-    let r20: f64 = r19 * r7;
-    let r21: f64 = r20 * r7;
-    let r22: f64 = 0.0001157355970572858;
-    let r23: f64 = r22 * r15;
-    let r24: f64 = 0.053747822795491604;
-    let r25: f64 = r23 + r24;
-    let r26: f64 = r21 + r25;
-    let r27: f64 = r26 * r7;
+    let r16: f64 = r7 * r7;
+    let r17: f64 = r16 * r16;
+    let r18: f64 = 2.1245873181220413e-7;
+    let r19: f64 = r18 * r15;
+    let r20: f64 = 5.3426337551171476e-5;
+    let r21: f64 = r19 + r20;
+    let r22: f64 = r21 * r17;
+    let r23: f64 = 0.0001157355970572858;
+    let r24: f64 = r23 * r15;
+    let r25: f64 = 0.053747822795491604;
+    let r26: f64 = r24 + r25;
+    let r27: f64 = r26 * r16;
     let r28: f64 = 0.1394197760505352;
-    let r29: f64 = r27 + r28;
-    let r30: f64 = r29 * r7;
-    let r31: f64 = -0.00013567241385405304;
-    let r32: f64 = r31 * r15;
-    let r33: f64 = 0.10671698977383876;
-    let r34: f64 = r32 + r33;
-    let r35: f64 = r34 * r15;
-    let r36: f64 = 0.2975902314518374;
-    let r37: f64 = r35 + r36;
-    let r38: f64 = r30 + r37;
-    let r39: f64 = 0.0;
-    let r41: f64 = rsm_at_least_f64(r38, r39);
-    let r42: f64 = 60.0;
-    let r44: f64 = rsm_at_most_f64(r41, r42);
-    r44
+    let r29: f64 = r28 * r7;
+    let r30: f64 = -0.00013567241385405304;
+    let r31: f64 = r30 * r15;
+    let r32: f64 = 0.10671698977383876;
+    let r33: f64 = r31 + r32;
+    let r34: f64 = r33 * r15;
+    let r35: f64 = 0.2975902314518374;
+    let r36: f64 = r35 + r29;
+    let r37: f64 = r36 + r22;
+    let r38: f64 = r27 + r34;
+    let r39: f64 = r37 + r38;
+    let r40: f64 = 0.0;
+    let r42: f64 = rsm_at_least_f64(r39, r40);
+    let r43: f64 = 60.0;
+    let r45: f64 = rsm_at_most_f64(r42, r43);
+    r45
 }
 
 /// Whether the data support `weakening_current` here: 1 inside, 0 outside, in f64.
@@ -183,7 +184,7 @@ pub fn limit_current(torque: f64, current: f64, speed: f64) -> f64 {
 ///
 /// The result saturates at 0.0 and 60.0.
 /// NaN in gives NaN out.
-/// 28 operations, 18 deep, no branch.
+/// 29 operations, 14 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -200,34 +201,35 @@ pub fn weakening_current_f32(torque: f32, speed: f32) -> f32 {
     let r13: f32 = rsm_at_most_f32(r10, r11);
     let r14: f32 = 620.0;
     let r15: f32 = r13 - r14;
-    let r16: f32 = 2.1245873e-7;
-    let r17: f32 = r16 * r15;
-    let r18: f32 = 5.3426338e-5;
-    let r19: f32 = r17 + r18;
-    let r20: f32 = r19 * r7;
-    let r21: f32 = r20 * r7;
-    let r22: f32 = 0.000115735595;
-    let r23: f32 = r22 * r15;
-    let r24: f32 = 0.05374782;
-    let r25: f32 = r23 + r24;
-    let r26: f32 = r21 + r25;
-    let r27: f32 = r26 * r7;
+    let r16: f32 = r7 * r7;
+    let r17: f32 = r16 * r16;
+    let r18: f32 = 2.1245873e-7;
+    let r19: f32 = r18 * r15;
+    let r20: f32 = 5.3426338e-5;
+    let r21: f32 = r19 + r20;
+    let r22: f32 = r21 * r17;
+    let r23: f32 = 0.000115735595;
+    let r24: f32 = r23 * r15;
+    let r25: f32 = 0.05374782;
+    let r26: f32 = r24 + r25;
+    let r27: f32 = r26 * r16;
     let r28: f32 = 0.13941978;
-    let r29: f32 = r27 + r28;
-    let r30: f32 = r29 * r7;
-    let r31: f32 = -0.00013567241;
-    let r32: f32 = r31 * r15;
-    let r33: f32 = 0.10671699;
-    let r34: f32 = r32 + r33;
-    let r35: f32 = r34 * r15;
-    let r36: f32 = 0.29759023;
-    let r37: f32 = r35 + r36;
-    let r38: f32 = r30 + r37;
-    let r39: f32 = 0.0;
-    let r41: f32 = rsm_at_least_f32(r38, r39);
-    let r42: f32 = 60.0;
-    let r44: f32 = rsm_at_most_f32(r41, r42);
-    r44
+    let r29: f32 = r28 * r7;
+    let r30: f32 = -0.00013567241;
+    let r31: f32 = r30 * r15;
+    let r32: f32 = 0.10671699;
+    let r33: f32 = r31 + r32;
+    let r34: f32 = r33 * r15;
+    let r35: f32 = 0.29759023;
+    let r36: f32 = r35 + r29;
+    let r37: f32 = r36 + r22;
+    let r38: f32 = r27 + r34;
+    let r39: f32 = r37 + r38;
+    let r40: f32 = 0.0;
+    let r42: f32 = rsm_at_least_f32(r39, r40);
+    let r43: f32 = 60.0;
+    let r45: f32 = rsm_at_most_f32(r42, r43);
+    r45
 }
 
 /// Whether the data support `weakening_current` here: 1 inside, 0 outside, in f32.
