@@ -403,7 +403,13 @@ int driveline_damping_ratio_support(double speed, double gear)
     const double r30 = r27 + r29;
     const double r31 = 0.14472000000000002;
     const double r33 = driveline_rsm_select(r30, r31, r26, r2);
-    return (int)r33;
+    const double r34 = driveline_rsm_keep(r5 * r6);
+    const double r35 = 0.1016;
+    const double r36 = driveline_rsm_keep(r17 * r35);
+    const double r37 = r34 + r36;
+    const double r38 = 0.8119900000000001;
+    const double r40 = driveline_rsm_select(r37, r38, r33, r2);
+    return (int)r40;
 }
 
 double driveline_damping_error(double speed, double gear)
@@ -812,7 +818,13 @@ int driveline_damping_ratio_support_f32(float speed, float gear)
     const float r30 = r27 + r29;
     const float r31 = 0.14472f;
     const float r33 = driveline_rsm_select_f32(r30, r31, r26, r2);
-    return (int)r33;
+    const float r34 = driveline_rsm_keep_f32(r5 * r6);
+    const float r35 = 0.1016f;
+    const float r36 = driveline_rsm_keep_f32(r17 * r35);
+    const float r37 = r34 + r36;
+    const float r38 = 0.81199f;
+    const float r40 = driveline_rsm_select_f32(r37, r38, r33, r2);
+    return (int)r40;
 }
 
 float driveline_damping_error_f32(float speed, float gear)

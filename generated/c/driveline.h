@@ -30,7 +30,7 @@ double driveline_damping_ratio(double speed, double gear);
  * - `speed` in `m/s`: 2.5 to 50.0
  * - `gear` in `1`: 1.0 to 5.0
  *
- * 19 operations, 8 deep, no branch.
+ * 24 operations, 9 deep, no branch.
  */
 int driveline_damping_ratio_support(double speed, double gear);
 
@@ -93,7 +93,7 @@ float driveline_damping_ratio_f32(float speed, float gear);
  * - `speed` in `m/s`: 2.5 to 50.0
  * - `gear` in `1`: 1.0 to 5.0
  *
- * 19 operations, 8 deep, no branch.
+ * 24 operations, 9 deep, no branch.
  */
 int driveline_damping_ratio_support_f32(float speed, float gear);
 

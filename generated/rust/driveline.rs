@@ -85,7 +85,7 @@ pub fn damping_ratio(speed: f64, gear: f64) -> f64 {
 /// - `speed` in `m/s`: 2.5 to 50.0
 /// - `gear` in `1`: 1.0 to 5.0
 ///
-/// 19 operations, 8 deep, no branch.
+/// 24 operations, 9 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -119,7 +119,13 @@ pub fn damping_ratio_support(speed: f64, gear: f64) -> i32 {
     let r30: f64 = r27 + r29;
     let r31: f64 = 0.14472000000000002;
     let r33: f64 = rsm_select_f64(r30, r31, r26, r2);
-    i32::from(r33 > 0.5)
+    let r34: f64 = r5 * r6;
+    let r35: f64 = 0.1016;
+    let r36: f64 = r17 * r35;
+    let r37: f64 = r34 + r36;
+    let r38: f64 = 0.8119900000000001;
+    let r40: f64 = rsm_select_f64(r37, r38, r33, r2);
+    i32::from(r40 > 0.5)
 }
 
 /// `damping_error` in `1`, evaluated in f64.
@@ -550,7 +556,7 @@ pub fn damping_ratio_f32(speed: f32, gear: f32) -> f32 {
 /// - `speed` in `m/s`: 2.5 to 50.0
 /// - `gear` in `1`: 1.0 to 5.0
 ///
-/// 19 operations, 8 deep, no branch.
+/// 24 operations, 9 deep, no branch.
 #[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
 #[inline]
 #[must_use]
@@ -584,7 +590,13 @@ pub fn damping_ratio_support_f32(speed: f32, gear: f32) -> i32 {
     let r30: f32 = r27 + r29;
     let r31: f32 = 0.14472;
     let r33: f32 = rsm_select_f32(r30, r31, r26, r2);
-    i32::from(r33 > 0.5)
+    let r34: f32 = r5 * r6;
+    let r35: f32 = 0.1016;
+    let r36: f32 = r17 * r35;
+    let r37: f32 = r34 + r36;
+    let r38: f32 = 0.81199;
+    let r40: f32 = rsm_select_f32(r37, r38, r33, r2);
+    i32::from(r40 > 0.5)
 }
 
 /// `damping_error` in `1`, evaluated in f32.

@@ -69,14 +69,14 @@ unit = "1"
 range = [1.0, 5.0]
 
 # The mode behind the engine's lag: what the zeros of the compensator cancel. A damping is positive.
-# One support stands for all three surfaces: they rest on the same rows.
+# One support stands for all three surfaces, since they rest on the same rows: the box and the two lines of the engine's speed.
 [responses.damping_ratio]
 column = "shuffle_damping"
 unit = "1"
 inputs = ["speed", "gear"]
 output_range = [0.05, 1.0]
 constraints = [{{ kind = "bounds", min = 0.0 }}]
-support = {{ from = "data", faces = 5 }}
+support = {{ from = "data", faces = 6 }}
 {terms}
 
 # What the poles need beyond it. Both lower ends add up to more than 0: the poles are stable wherever the surfaces saturate.
