@@ -185,7 +185,7 @@ fn surfaces_with_the_load_hold_at_loads_between() {
     let left = found.unseen;
     assert!(left.damping_percent < 2.2 && left.frequency_percent < 1.3 && left.outside == 0, "{left:?}");
     // By hand, first gear: J_1 = 29.0, J_2 = 160.7 at the wheel, which 320 kg make 193.5. w goes with the root of 1/J_1 + 1/J_2: -1.3 %. In the higher
-    // gears J_1 is so small that nothing moves. The slope of a surface of 75 runs is known to some tenths of a percent.
+    // gears J_1 is smaller and less moves. The slope of a surface of 75 runs is known to some tenths of a percent.
     let [low, high] = found.frequency_moved_percent;
     assert!((-1.9..-0.9).contains(&low) && high.abs() < 1.0, "{low} {high}");
     // The damping moves as little: with the root of 1/J, and by the noise of fifth gear.
