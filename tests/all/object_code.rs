@@ -169,8 +169,8 @@ fn barrier_costs_no_instruction_in_the_checked_in_functions() {
             // A support test is one long row of independent products and comparisons: allocators of registers see other temporaries with the barrier, and copy
             // one or two more (gcc 69 against 67, clang 40 against 39).
             let copies = 2 * usize::from(symbol.contains("_support"));
-            // As over all random models below: a step of 166 instructions has 167.
-            let signs = if line.starts_with("clang") { free / 50 } else { 0 };
+            // As over all random models below, or one: 35 against 34, 167 against 166.
+            let signs = if line.starts_with("clang") { 1 + free / 50 } else { 0 };
             let free = free + copies + signs;
             assert!(kept <= free, "{line}: {symbol} has {kept} instructions with the barrier, {free} without");
         }
