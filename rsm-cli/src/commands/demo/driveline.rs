@@ -13,6 +13,7 @@ use rsm_core::source::Source;
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::track::experiment::threads;
 use rsm_lab::track::figures::{self, Car, Figures, Study};
+use rsm_lab::track::gearbox::{self, OTHER_RATIOS, Prediction, Residual};
 use rsm_lab::track::plan::TrackPlan;
 use rsm_lab::track::run::{COAST_ROWS, PERIOD, Trace};
 use serde_json::{Map, Value, json};
@@ -33,7 +34,7 @@ const SEED: u64 = 1;
 const SHOWN: (usize, f64) = (2, 3000.0 * std::f64::consts::PI / 30.0);
 
 /// Runs the case.
-pub fn run(tell: &Teller, folder: &Path, paper: &mut Paper) -> Result<Section, Refusal> {
+pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Result<Section, Refusal> {
     let mut results = Map::new();
     let plant = PlantFile::read(&Source::new("driveline.toml", PLANT))?;
     output::write_all(&[
@@ -41,7 +42,8 @@ pub fn run(tell: &Teller, folder: &Path, paper: &mut Paper) -> Result<Section, R
         (folder.join("plan.csv"), TrackPlan::experiment(SEED).csv()),
     ])?;
     tell.say("track    25 tip-in runs, five speeds in each gear, without lash and with 3 degrees of it; rounds of the compensator ...")?;
-    let found = figures::figures(&plant, &Study { folder, seed: SEED, threads: threads() })?;
+    let study = Study { folder, seed: SEED, threads: threads() };
+    let found = figures::figures(&plant, &study)?;
     let Figures { without_lash, with_lash, left } = &found;
     for (name, car) in [("without lash", without_lash), ("with lash", with_lash)] {
         tell.say(&format!(
@@ -73,7 +75,43 @@ pub fn run(tell: &Teller, folder: &Path, paper: &mut Paper) -> Result<Section, R
         json!({ "without": it.what, "zeta_mean": it.zeta_mean, "zeta_max_residual": it.zeta_max_residual, "overshoot_max": it.overshoot_max })
     });
     results.insert("left".into(), left_json.collect());
-    Ok(Section { good, html: html(&found, &Checked::from_model(model)?)?, json: Value::Object(results) })
+    let mut text = html(&found, &Checked::from_model(model)?)?;
+    if full {
+        text += &other_cars(tell, &plant, &study, &mut results)?;
+    }
+    Ok(Section { good, html: text, json: Value::Object(results) })
+}
+
+/// What surfaces against the gear ratio say of a gearbox that was never run, and surfaces with the load of other loads.
+fn other_cars(
+    tell: &Teller,
+    plant: &PlantFile,
+    study: &Study<'_>,
+    results: &mut Map<String, Value>,
+) -> Result<String, Refusal> {
+    let Prediction { unseen, other, by_gear_other, .. } = gearbox::prediction(plant, OTHER_RATIOS, study)?;
+    let loaded = gearbox::loaded(plant, study)?;
+    let lines = [
+        ("against the gear ratio, unseen runs", &unseen),
+        ("against the gear ratio, a gearbox that was never run", &other),
+        ("against the gear number, a gearbox that was never run", &by_gear_other),
+        ("with the load as third factor, unseen loads", &loaded.unseen),
+    ];
+    let mut table =
+        "<table>\n<tr><th>surfaces</th><th>damping, mean residual</th><th>frequency, mean residual</th></tr>\n".to_string();
+    let mut found = Map::new();
+    for (name, residual) in lines {
+        let Residual { damping_percent, frequency_percent, .. } = residual;
+        tell.say(&format!("surfaces {name}: damping off by {damping_percent:.2} %, frequency by {frequency_percent:.2} %"))?;
+        table += &format!("<tr><td>{name}</td><td>{damping_percent:.2} %</td><td>{frequency_percent:.2} %</td></tr>\n");
+        found.insert(name.into(), json!({ "damping_percent": damping_percent, "frequency_percent": frequency_percent }));
+    }
+    results.insert("other_cars".into(), Value::Object(found));
+    let [least, most] = loaded.damping_moved_percent;
+    Ok(format!(
+        "<p>The car without lash: other gearboxes and loads.</p>\n{table}</table>\n\
+         <p>The greatest load moves the damping by {least:.1} to {most:.1} %.</p>\n"
+    ))
 }
 
 fn of_car(car: &Car) -> Value {

@@ -30,7 +30,7 @@ pub struct Arguments {
     /// The folder for everything that the demo makes
     #[arg(long, default_value = "rsm-demo")]
     out: PathBuf,
-    /// A minute of the real-time loop, all 180 points of the bench, longer profiles
+    /// A minute of the real-time loop, all 180 points of the bench, longer profiles, other gearboxes and loads
     #[arg(long)]
     full: bool,
     /// Seconds of the real-time loop (2; with --full 60)
@@ -75,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let tell = Teller { json: arguments.json };
     let mut paper = Paper::default();
     let motor = motor::run(&tell, &arguments.out.join("motor"), arguments.full, &mut paper)?;
-    let driveline = driveline::run(&tell, &arguments.out.join("driveline"), &mut paper)?;
+    let driveline = driveline::run(&tell, &arguments.out.join("driveline"), arguments.full, &mut paper)?;
 
     tell.say(&format!("loop     {seconds} s of the motor's 1 kHz loop against the simulated motor ..."))?;
     let run = host_runners::motor::run(&host_loop::Settings::new(1000.0, seconds));
