@@ -13,6 +13,7 @@ pub fn page(title: &str, body: &str) -> String {
          .missed {{ background: #fbe3d6; }}\n\
          figure {{ margin: 0; max-width: 480px; }}\n\
          figcaption {{ font-size: 13px; text-align: center; }}\n\
+         pre {{ white-space: pre-wrap; }}\n\
          .plots {{ display: flex; flex-wrap: wrap; gap: 1em; }}\n</style>\n</head>\n<body>\n{body}\
          </body>\n</html>\n",
         escaped(title)
