@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{check, demo, design, emit, eval, experiment, fit, simulate};
+use commands::{check, demo, design, diagnose, emit, eval, experiment, fit, simulate};
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
 #[derive(Parser)]
@@ -40,6 +40,8 @@ enum Command {
     Emit(emit::Arguments),
     /// Run a plant, with its effects, along a record
     Simulate(simulate::Arguments),
+    /// What a plant's simulation gets wrong, and why: causes, extended plant, gain
+    Diagnose(diagnose::Arguments),
     /// The whole chain on shipped data: fit, check, emit, compile, compare bits, run the motor loop
     Demo(demo::Arguments),
 }
@@ -53,6 +55,7 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Emit(arguments) => emit::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
     };
     outcome::exit(result)

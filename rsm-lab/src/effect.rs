@@ -113,6 +113,66 @@ pub struct Description {
     pub sentence: &'static str,
     /// Makes the effect.
     pub build: fn(&Arguments) -> Box<dyn Effect>,
+    /// Where a search for its numbers may begin.
+    pub guesses: fn(&Survey) -> Vec<Guess>,
+}
+
+/// What records and nominal plant say of sizes: the scales of first guesses.
+#[derive(Debug, Clone)]
+pub struct Survey {
+    /// The plant.
+    pub plant: PlantKind,
+    /// Its nominal parameters.
+    pub parameters: Parameters,
+    /// Sample period, in s.
+    pub period: f64,
+    /// Length of the longest record, in s.
+    pub duration: f64,
+    /// Largest first input (length of the voltage vector; throttle; command).
+    pub input: f64,
+    /// Effort at the first body that the inputs can cause: torque of the motor, force of the drive, torque at the wheel.
+    pub effort: f64,
+    /// Typical speed of the first body.
+    pub speed: f64,
+    /// Largest output that is read in these records, for each output of the plant.
+    pub largest: [f64; 3],
+    /// Spread (standard deviation about the mean) of each output.
+    pub spread: [f64; 3],
+    /// Noise of each output.
+    pub noise: [f64; 3],
+    /// Wave lengths over the position at which what is left of the effort repeats, the strongest first; of an axis.
+    pub pitches: Vec<f64>,
+    /// The smallest step between readings of each output, where they are multiples of one.
+    pub quantum: [Option<f64>; 3],
+    /// The named output, of an effect on one.
+    pub output: usize,
+    /// The nominal value of the named parameter, of an effect on one.
+    pub nominal: f64,
+}
+
+/// Numbers of an effect at which a search begins, in the order of [`Description::arguments_on`]; NaN leaves an optional one out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Guess {
+    /// The numbers.
+    pub values: Vec<f64>,
+    /// The number that scales the effect, and its value without effect: near it the effect grows in proportion.
+    pub neutral: Option<(usize, f64)>,
+    /// The number that is a phase: a quarter of a turn further the effect is another one.
+    pub phase: Option<usize>,
+}
+
+impl Guess {
+    /// Of an effect that its first number scales from a value without effect.
+    #[must_use]
+    pub fn scaled(values: Vec<f64>, without: f64) -> Self {
+        Guess { values, neutral: Some((0, without)), phase: None }
+    }
+
+    /// Of an effect that no number scales.
+    #[must_use]
+    pub fn at(values: Vec<f64>) -> Self {
+        Guess { values, neutral: None, phase: None }
+    }
 }
 
 impl Description {

@@ -52,3 +52,5 @@ pub mod track;
 pub mod motor;
 
 pub mod bench;
+
+pub mod diagnosis;

@@ -3,6 +3,7 @@
 pub mod check;
 pub mod demo;
 pub mod design;
+pub mod diagnose;
 pub mod emit;
 pub mod eval;
 pub mod experiment;

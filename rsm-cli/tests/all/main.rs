@@ -3,6 +3,7 @@
 mod command;
 mod compensator;
 mod design;
+mod diagnose;
 mod driveline;
 mod made_up_runs;
 mod motor;

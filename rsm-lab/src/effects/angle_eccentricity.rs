@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("amplitude", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
     sentence: "The encoder errs by {amplitude} rad once a turn.",
     build,
+    guesses,
 };
 
 struct AngleEccentricity {
@@ -29,6 +30,11 @@ struct AngleEccentricity {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(AngleEccentricity { amplitude: arguments.number("amplitude") })
+}
+
+fn guesses(_survey: &Survey) -> Vec<Guess> {
+    // Three degrees.
+    vec![Guess::scaled(vec![0.05], 0.0)]
 }
 
 impl Effect for AngleEccentricity {

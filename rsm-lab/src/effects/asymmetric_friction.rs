@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Motion, Scale, Subject, sign_width, smooth_sign};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -26,6 +26,7 @@ pub const DESCRIPTION: Description = Description {
     ],
     sentence: "Friction is {forward} forward and {backward} backward.",
     build,
+    guesses,
 };
 
 struct AsymmetricFriction {
@@ -40,6 +41,18 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
         viscous: [arguments.optional("viscous_forward"), arguments.optional("viscous_backward")],
         width: sign_width(arguments.plant),
     })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A twentieth of what the drive can do, in either direction and in both; then with viscous parts of its own.
+    let level = 0.05 * survey.effort;
+    let viscous = survey.parameters.number("viscous_friction");
+    let none = f64::NAN;
+    let mut guesses: Vec<Guess> =
+        [[level, 0.0], [0.0, level], [level, level]].iter().map(|it| Guess::at(vec![it[0], it[1], none, none])).collect();
+    guesses.push(Guess::at(vec![level, level, 1.2 * viscous, 0.8 * viscous]));
+    guesses.push(Guess::at(vec![level, level, 0.8 * viscous, 1.2 * viscous]));
+    guesses
 }
 
 impl Effect for AsymmetricFriction {

@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Carried, Description, Effect, Joint, Motion, Scale, Start, Subject, Twist};
+use crate::effect::{
+    Argument, Arguments, Carried, Description, Effect, Guess, Joint, Motion, Scale, Start, Subject, Survey, Twist,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -26,6 +28,7 @@ pub const DESCRIPTION: Description = Description {
     ],
     sentence: "There is a free play of {gap} in the drive.",
     build,
+    guesses,
 };
 
 struct Backlash {
@@ -56,6 +59,24 @@ impl Backlash {
             Carried { effort: 0.0, piece: 0 }
         }
     }
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // On the driveshaft one and four degrees. On the axis shares of the travel from a hundredth of a per cent, behind contacts of two stiffnesses.
+    if survey.plant == PlantKind::Driveline {
+        return vec![Guess::at(vec![0.0175]), Guess::at(vec![0.07])];
+    }
+    let mass = survey.parameters.number("mass");
+    let mut guesses = Vec::new();
+    for gap in [1e-4, 7e-4, 5e-3] {
+        for (ratio, share) in [(0.33, 0.012), (0.67, 0.012), (0.33, 0.05), (0.67, 0.05)] {
+            let rate = std::f64::consts::TAU * share / survey.period;
+            let reduced = mass * ratio * (1.0 - ratio);
+            let gap = gap * survey.largest[0];
+            guesses.push(Guess::at(vec![gap, ratio, rate * rate * reduced, 2.0 * 0.2 * rate * reduced]));
+        }
+    }
+    guesses
 }
 
 impl Effect for Backlash {

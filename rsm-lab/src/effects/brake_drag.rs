@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Motion, ROTOR_SIGN_WIDTH, Scale, Subject, smooth_sign};
+use crate::effect::{
+    Argument, Arguments, Description, Effect, Guess, Motion, ROTOR_SIGN_WIDTH, Scale, Subject, Survey, smooth_sign,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +23,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("torque", "N*m", Bound::NotNegative)],
     sentence: "A brake drags with {torque} N m.",
     build,
+    guesses,
 };
 
 struct BrakeDrag {
@@ -29,6 +32,11 @@ struct BrakeDrag {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(BrakeDrag { torque: arguments.number("torque") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A twentieth of what the engine can do at the wheel.
+    vec![Guess::scaled(vec![0.05 * survey.effort], 0.0)]
 }
 
 impl Effect for BrakeDrag {

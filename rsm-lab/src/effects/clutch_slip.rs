@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Joint, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Joint, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("capacity", "N*m", Bound::Positive)],
     sentence: "The clutch slips above {capacity} N m.",
     build,
+    guesses,
 };
 
 struct ClutchSlip {
@@ -29,6 +30,12 @@ struct ClutchSlip {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(ClutchSlip { capacity: arguments.number("capacity") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // Shares of what the engine can do.
+    let ratio = survey.parameters.gear_ratios[1] * survey.parameters.number("final_drive_ratio");
+    [0.95, 0.8, 0.65, 0.5].iter().map(|share| Guess::at(vec![share * survey.effort / ratio])).collect()
 }
 
 impl Effect for ClutchSlip {

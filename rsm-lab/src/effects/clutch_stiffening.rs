@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Carried, Description, Effect, Joint, Subject, Twist};
+use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Joint, Subject, Survey, Twist};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("cubic_stiffness", "N*m/rad^3", Bound::NotNegative)],
     sentence: "The clutch stiffens with {cubic_stiffness} N m/rad^3.",
     build,
+    guesses,
 };
 
 struct ClutchStiffening {
@@ -29,6 +30,14 @@ struct ClutchStiffening {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(ClutchStiffening { cubic: arguments.number("cubic_stiffness") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A tenth more torque at the twist of the usual torque of the engine.
+    let stiffness = survey.parameters.number("clutch_stiffness");
+    let ratio = survey.parameters.gear_ratios[1] * survey.parameters.number("final_drive_ratio");
+    let twist = survey.effort / ratio / stiffness;
+    vec![Guess::scaled(vec![0.1 * stiffness / (twist * twist)], 0.0)]
 }
 
 impl Effect for ClutchStiffening {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Motion, Scale, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -26,6 +26,7 @@ pub const DESCRIPTION: Description = Description {
     ],
     sentence: "A cogging torque of amplitude {amplitude} acts on the motor.",
     build,
+    guesses,
 };
 
 struct CoggingTorque {
@@ -43,6 +44,15 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
         },
         phase: arguments.number("phase"),
     })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A fiftieth of what the drive can do, at every order that teeth and poles of small motors make; on an axis at the wave lengths that are seen.
+    let at = |wave: f64| Guess { values: vec![0.02 * survey.effort, wave, 0.0], neutral: Some((0, 0.0)), phase: Some(2) };
+    match survey.plant {
+        PlantKind::ServoAxis => survey.pitches.iter().map(|pitch| at(*pitch)).collect(),
+        _ => (1..=24).chain([28, 30, 32, 36, 42, 48, 54, 60, 72]).map(|cycles| at(f64::from(cycles))).collect(),
+    }
 }
 
 impl Effect for CoggingTorque {

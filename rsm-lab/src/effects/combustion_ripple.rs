@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("amplitude", "1", Bound::NotNegative)],
     sentence: "The engine torque ripples by {amplitude} three times a turn.",
     build,
+    guesses,
 };
 
 struct CombustionRipple {
@@ -29,6 +30,11 @@ struct CombustionRipple {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(CombustionRipple { amplitude: arguments.number("amplitude") })
+}
+
+fn guesses(_survey: &Survey) -> Vec<Guess> {
+    // A tenth.
+    vec![Guess::scaled(vec![0.1], 0.0)]
 }
 
 impl Effect for CombustionRipple {

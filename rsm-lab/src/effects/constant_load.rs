@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -24,6 +24,7 @@ pub const DESCRIPTION: Description = Description {
     ],
     sentence: "A constant load of {torque}{force} is missing from the record.",
     build,
+    guesses,
 };
 
 struct ConstantLoad {
@@ -32,6 +33,11 @@ struct ConstantLoad {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(ConstantLoad { load: arguments.either("torque", "force") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A twentieth of what the drive can do.
+    vec![Guess::scaled(vec![0.05 * survey.effort], 0.0)]
 }
 
 impl Effect for ConstantLoad {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Motion, Scale, Subject, sign_width, smooth_sign};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -24,6 +24,7 @@ pub const DESCRIPTION: Description = Description {
     ],
     sentence: "A dry friction of {torque}{force} is missing from the model.",
     build,
+    guesses,
 };
 
 struct CoulombFriction {
@@ -33,6 +34,11 @@ struct CoulombFriction {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(CoulombFriction { level: arguments.either("torque", "force"), width: sign_width(arguments.plant) })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A twentieth of what the drive can do.
+    vec![Guess::scaled(vec![0.05 * survey.effort], 0.0)]
 }
 
 impl Effect for CoulombFriction {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("wind", "m/s", Bound::Any)],
     sentence: "There is a headwind of {wind} m/s.",
     build,
+    guesses,
 };
 
 struct Headwind {
@@ -29,6 +30,11 @@ struct Headwind {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(Headwind { wind: arguments.number("wind") })
+}
+
+fn guesses(_survey: &Survey) -> Vec<Guess> {
+    // A breeze.
+    vec![Guess::scaled(vec![3.0], 0.0)]
 }
 
 impl Effect for Headwind {

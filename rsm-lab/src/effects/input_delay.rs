@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("delay", "s", Bound::NotNegative)],
     sentence: "The input acts {delay} s later than recorded.",
     build,
+    guesses,
 };
 
 struct InputDelay {
@@ -29,6 +30,11 @@ struct InputDelay {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(InputDelay { delay: arguments.number("delay") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // Half a period, and some periods: further away the phases of fast motion come round again.
+    [0.5, 3.0, 10.0].iter().map(|periods| Guess::scaled(vec![periods * survey.period], 0.0)).collect()
 }
 
 impl Effect for InputDelay {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("gain", "1", Bound::Any)],
     sentence: "The input acts {gain} times as strong as recorded.",
     build,
+    guesses,
 };
 
 struct InputGain {
@@ -29,6 +30,11 @@ struct InputGain {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(InputGain { gain: arguments.number("gain") })
+}
+
+fn guesses(_survey: &Survey) -> Vec<Guess> {
+    // Five per cent.
+    vec![Guess::scaled(vec![1.05], 1.0)]
 }
 
 impl Effect for InputGain {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("voltage_loss", "V", Bound::NotNegative)],
     sentence: "The inverter loses {voltage_loss} V against the current.",
     build,
+    guesses,
 };
 
 /// Width of the crossing of zero, in A.
@@ -32,6 +33,11 @@ struct InverterDeadTime {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(InverterDeadTime { loss: arguments.number("voltage_loss") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A fiftieth of the largest voltage.
+    vec![Guess::scaled(vec![0.02 * survey.input], 0.0)]
 }
 
 impl Effect for InverterDeadTime {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Currents, Description, Effect, Machine, Subject};
+use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("saturation_current", "A", Bound::Positive)],
     sentence: "The inductance halves at a current of {saturation_current} A.",
     build,
+    guesses,
 };
 
 struct MagneticSaturation {
@@ -29,6 +30,12 @@ struct MagneticSaturation {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(MagneticSaturation { current: arguments.number("saturation_current") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // At the largest current, and well above it.
+    let current = survey.largest[0].hypot(survey.largest[1]);
+    vec![Guess::at(vec![3.0 * current]), Guess::at(vec![current])]
 }
 
 impl Effect for MagneticSaturation {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::plant_file::Parameters;
 use crate::schema::Bound;
@@ -22,6 +22,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("value", "", Bound::Any)],
     sentence: "The parameter {parameter} is {value}, not what the plant file says.",
     build,
+    guesses,
 };
 
 struct ParameterError {
@@ -31,6 +32,12 @@ struct ParameterError {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(ParameterError { name: arguments.subject.clone().unwrap_or_default(), value: arguments.number("value") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // Five per cent: far above what finite differences need, small enough to be in proportion. A parameter at 0 moves by a hundredth of its unit.
+    let value = if survey.nominal == 0.0 { 0.01 } else { 1.05 * survey.nominal };
+    vec![Guess::scaled(vec![value], survey.nominal)]
 }
 
 impl Effect for ParameterError {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Currents, Description, Effect, Machine, Scale, Subject};
+use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Scale, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -24,6 +24,7 @@ pub const DESCRIPTION: Description = Description {
     ],
     sentence: "The winding heats up: {thermal_resistance} K/W with a time constant of {thermal_time_constant} s.",
     build,
+    guesses,
 };
 
 /// Per kelvin.
@@ -39,6 +40,14 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
         thermal_resistance: arguments.number("thermal_resistance"),
         time_constant: arguments.number("thermal_time_constant"),
     })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // Twenty kelvin at a third of the largest current, reached early, midway or never.
+    let current = survey.largest[0].hypot(survey.largest[1]) / 3.0;
+    let loss = 1.5 * survey.parameters.number("phase_resistance") * current * current;
+    let shares = [0.03, 0.2, 1.0];
+    shares.iter().map(|share| Guess::scaled(vec![20.0 / loss, share * survey.duration], 0.0)).collect()
 }
 
 impl Effect for ResistanceHeating {

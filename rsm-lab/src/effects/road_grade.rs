@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::plant_file::Parameters;
 use crate::schema::Bound;
@@ -22,6 +22,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("grade", "rad", Bound::Between(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2))],
     sentence: "The road has a grade of {grade} rad.",
     build,
+    guesses,
 };
 
 struct RoadGrade {
@@ -30,6 +31,12 @@ struct RoadGrade {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(RoadGrade { grade: arguments.number("grade") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // Two per cent more than the plant file says.
+    let nominal = survey.parameters.number("grade");
+    vec![Guess::scaled(vec![nominal + 0.02], nominal)]
 }
 
 impl Effect for RoadGrade {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("bias", "", Bound::Any)],
     sentence: "The sensor of {output} reads {bias} too much.",
     build,
+    guesses,
 };
 
 struct SensorBias {
@@ -30,6 +31,11 @@ struct SensorBias {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(SensorBias { output: arguments.output(), bias: arguments.number("bias") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A twentieth of the spread of the readings.
+    vec![Guess::scaled(vec![0.05 * survey.spread[survey.output]], 0.0)]
 }
 
 impl Effect for SensorBias {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("rate", "", Bound::Any)],
     sentence: "The sensor of {output} drifts by {rate} per second.",
     build,
+    guesses,
 };
 
 struct SensorDrift {
@@ -30,6 +31,11 @@ struct SensorDrift {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(SensorDrift { output: arguments.output(), rate: arguments.number("rate") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A twentieth of the spread of the readings, over the record.
+    vec![Guess::scaled(vec![0.05 * survey.spread[survey.output] / survey.duration], 0.0)]
 }
 
 impl Effect for SensorDrift {

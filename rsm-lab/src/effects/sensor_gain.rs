@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("gain", "", Bound::Positive)],
     sentence: "The sensor of {output} reads {gain} times the truth.",
     build,
+    guesses,
 };
 
 struct SensorGain {
@@ -30,6 +31,11 @@ struct SensorGain {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(SensorGain { output: arguments.output(), gain: arguments.number("gain") })
+}
+
+fn guesses(_survey: &Survey) -> Vec<Guess> {
+    // Five per cent.
+    vec![Guess::scaled(vec![1.05], 1.0)]
 }
 
 impl Effect for SensorGain {

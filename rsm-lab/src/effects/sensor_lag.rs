@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Scale, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Scale, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("time_constant", "s", Bound::Positive)],
     sentence: "The sensor of {output} lags with a time constant of {time_constant} s.",
     build,
+    guesses,
 };
 
 struct SensorLag {
@@ -30,6 +31,11 @@ struct SensorLag {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(SensorLag { output: arguments.output(), time_constant: arguments.number("time_constant") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // One, four and fifteen periods.
+    [1.0, 4.0, 15.0].iter().map(|periods| Guess::at(vec![periods * survey.period])).collect()
 }
 
 impl Effect for SensorLag {

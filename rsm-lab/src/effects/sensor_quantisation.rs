@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("step", "", Bound::Positive)],
     sentence: "The sensor of {output} rounds to multiples of {step}.",
     build,
+    guesses,
 };
 
 struct SensorQuantisation {
@@ -30,6 +31,15 @@ struct SensorQuantisation {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(SensorQuantisation { output: arguments.output(), step: arguments.number("step") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // The step of the readings where they are multiples of one; else steps about the noise, which hides what is finer.
+    let noise = survey.noise[survey.output];
+    match survey.quantum[survey.output] {
+        Some(step) => vec![Guess::at(vec![step])],
+        None => [2.0, 3.0, 4.5, 7.0, 10.0, 15.0].iter().map(|share| Guess::at(vec![share * noise])).collect(),
+    }
 }
 
 impl Effect for SensorQuantisation {

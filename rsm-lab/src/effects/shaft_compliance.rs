@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Carried, Description, Effect, Motion, Scale, Start, Subject};
+use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Motion, Scale, Start, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -25,6 +25,7 @@ pub const DESCRIPTION: Description = Description {
     ],
     sentence: "The load hangs on a spring of {stiffness}, with {inertia_ratio} of the inertia behind it.",
     build,
+    guesses,
 };
 
 struct ShaftCompliance {
@@ -39,6 +40,20 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
         stiffness: arguments.number("stiffness"),
         damping: arguments.number("damping"),
     })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // Resonances from a hundredth of the sample rate to a fifth, lightly damped, with a third and with two thirds of the inertia behind the spring.
+    let inertia = survey.parameters.optional("inertia").unwrap_or_else(|| survey.parameters.number("mass"));
+    let mut guesses = Vec::new();
+    for share in [0.01, 0.025, 0.06, 0.2] {
+        for ratio in [0.33, 0.67] {
+            let rate = std::f64::consts::TAU * share / survey.period;
+            let reduced = inertia * ratio * (1.0 - ratio);
+            guesses.push(Guess::at(vec![ratio, rate * rate * reduced, 2.0 * 0.05 * rate * reduced]));
+        }
+    }
+    guesses
 }
 
 impl Effect for ShaftCompliance {

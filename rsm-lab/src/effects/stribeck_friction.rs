@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Motion, Scale, Subject, sign_width, smooth_sign};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -25,6 +25,7 @@ pub const DESCRIPTION: Description = Description {
     ],
     sentence: "Friction of {coulomb} rises to {static} below a speed of {stribeck_velocity}.",
     build,
+    guesses,
 };
 
 struct StribeckFriction {
@@ -41,6 +42,11 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
         velocity: arguments.number("stribeck_velocity"),
         width: sign_width(arguments.plant),
     })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // The rise within a fifth and within a twentieth of the usual speed.
+    [0.2, 0.05].iter().map(|share| Guess::at(vec![0.03 * survey.effort, 0.06 * survey.effort, share * survey.speed])).collect()
 }
 
 impl Effect for StribeckFriction {

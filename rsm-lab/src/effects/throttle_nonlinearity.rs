@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("exponent", "1", Bound::Positive)],
     sentence: "The throttle acts with the power {exponent}.",
     build,
+    guesses,
 };
 
 struct ThrottleNonlinearity {
@@ -29,6 +30,11 @@ struct ThrottleNonlinearity {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(ThrottleNonlinearity { exponent: arguments.number("exponent") })
+}
+
+fn guesses(_survey: &Survey) -> Vec<Guess> {
+    // A tenth either way from a straight line.
+    vec![Guess::scaled(vec![1.1], 1.0)]
 }
 
 impl Effect for ThrottleNonlinearity {

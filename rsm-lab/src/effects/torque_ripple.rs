@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Currents, Description, Effect, Machine, Subject};
+use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("amplitude", "1", Bound::NotNegative)],
     sentence: "The flux linkage ripples by {amplitude} six times an electrical turn.",
     build,
+    guesses,
 };
 
 struct TorqueRipple {
@@ -29,6 +30,11 @@ struct TorqueRipple {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(TorqueRipple { amplitude: arguments.number("amplitude") })
+}
+
+fn guesses(_survey: &Survey) -> Vec<Guess> {
+    // Five per cent.
+    vec![Guess::scaled(vec![0.05], 0.0)]
 }
 
 impl Effect for TorqueRipple {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Contact, Description, Effect, Scale, Start, Subject};
+use crate::effect::{Argument, Arguments, Contact, Description, Effect, Guess, Scale, Start, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("slip_stiffness", "N", Bound::Positive)],
     sentence: "The tyres slip: {slip_stiffness} N for a slip of 1.",
     build,
+    guesses,
 };
 
 /// Below this speed the slip is taken over it, in m/s.
@@ -32,6 +33,12 @@ struct TyreSlip {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(TyreSlip { stiffness: arguments.number("slip_stiffness") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // Twenty and five times the weight for a slip of 1: usual tyres lie between.
+    let weight = 9.80665 * survey.parameters.number("mass");
+    vec![Guess::at(vec![20.0 * weight]), Guess::at(vec![5.0 * weight])]
 }
 
 impl Effect for TyreSlip {

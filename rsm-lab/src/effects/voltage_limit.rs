@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("limit", "V", Bound::Positive)],
     sentence: "The bus allows {limit} V only.",
     build,
+    guesses,
 };
 
 struct VoltageLimit {
@@ -29,6 +30,11 @@ struct VoltageLimit {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(VoltageLimit { limit: arguments.number("limit") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // Shares of the largest voltage: above it nothing would change.
+    [0.95, 0.85, 0.7, 0.5].iter().map(|share| Guess::at(vec![share * survey.input])).collect()
 }
 
 impl Effect for VoltageLimit {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Motion, Subject};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Motion, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     arguments: &[Argument::new("coefficient", "N*m*s^2/rad^2", Bound::NotNegative)],
     sentence: "Windage of {coefficient} N m per (rad/s)^2 is missing from the model.",
     build,
+    guesses,
 };
 
 struct Windage {
@@ -29,6 +30,11 @@ struct Windage {
 
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(Windage { coefficient: arguments.number("coefficient") })
+}
+
+fn guesses(survey: &Survey) -> Vec<Guess> {
+    // A twentieth of what the drive can do, at the usual speed.
+    vec![Guess::scaled(vec![0.05 * survey.effort / (survey.speed * survey.speed)], 0.0)]
 }
 
 impl Effect for Windage {

@@ -2,6 +2,7 @@
 
 mod catalogue;
 mod cross_check;
+mod diagnosis;
 mod measured;
 mod motor;
 mod rejected;

@@ -1,0 +1,188 @@
+//! `rsm diagnose`: what a simulation gets wrong, the cause, the extended plant, the gain.
+//!
+//! In: a plant file, training and validation records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml and report.html, whole or absent. Every
+//! verdict is an answer: exit status 0. A surface against new data (`--data`) is refused by name.
+
+mod report;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use rsm_core::source::Source;
+use rsm_lab::diagnosis::{self, Diagnosis, Options};
+use rsm_lab::effect::Subject;
+use rsm_lab::kind::PlantKind;
+use rsm_lab::plant_file::PlantFile;
+use rsm_lab::record::Record;
+use serde_json::{Map, Value, json};
+
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The nominal plant file
+    plant: PathBuf,
+    /// A record from which causes are estimated; may be repeated
+    #[arg(long)]
+    record: Vec<PathBuf>,
+    /// A record on which they are judged; may be repeated
+    #[arg(long)]
+    validate: Vec<PathBuf>,
+    /// New data for a model file (not in this version)
+    #[arg(long)]
+    data: Vec<PathBuf>,
+    /// The folder for diagnosis.json, extended.toml and report.html
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    if !arguments.data.is_empty() {
+        return Err(Refusal::new("--data: this version diagnoses plants from --record, not surfaces from --data"));
+    }
+    if arguments.record.is_empty() {
+        return Err(Refusal::new("--record: found none, a diagnosis needs at least one record to estimate from"));
+    }
+    let plant = PlantFile::read(&Source::read(&arguments.plant)?)?;
+    if !plant.effects.is_empty() {
+        return Err(Refusal::new(format!(
+            "{}: found {} [[effects]], a diagnosis begins with a nominal plant: take them out, or write what they say as parameters",
+            arguments.plant.display(),
+            plant.effects.len()
+        )));
+    }
+    let read = |paths: &[PathBuf]| -> Result<Vec<Record>, Refusal> {
+        paths.iter().map(|path| Ok(Record::read(&Source::read(path)?, &plant)?)).collect()
+    };
+    let training = read(&arguments.record)?;
+    let validation = read(&arguments.validate)?;
+    let began = Instant::now();
+    let bar = ProgressBar::new_spinner();
+    bar.set_style(
+        ProgressStyle::with_template("{elapsed} {spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
+    );
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
+    let progress = |words: &str| bar.set_message(words.to_string());
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let found = diagnosis::diagnose(&plant, &training, &validation, &Options { threads, progress: &progress });
+    bar.finish_and_clear();
+    let found = found.map_err(|why| Refusal::new(format!("{}: {why}", arguments.plant.display())))?;
+    let value = value(plant.kind, &found);
+    if let Some(folder) = &arguments.out {
+        let text = serde_json::to_string_pretty(&value)
+            .map_err(|error| Refusal::new(format!("diagnosis.json cannot be written as JSON: {error}")))?;
+        let page = report::html(plant.kind, &found, validation.first().or(training.first()))?;
+        let files = [
+            (
+                folder.join("diagnosis.json"),
+                text + "
+",
+            ),
+            (folder.join("extended.toml"), found.plant.write()),
+            (folder.join("report.html"), page),
+        ];
+        output::write_all(&files)?;
+    }
+    if arguments.json {
+        output::json(&value)?;
+    }
+    words(&found, plant.kind, began.elapsed().as_secs_f64());
+    Ok(Answer::Positive)
+}
+
+/// The verdict and its causes on standard error.
+fn words(found: &Diagnosis, kind: PlantKind, seconds: f64) {
+    for finding in &found.findings {
+        eprintln!(
+            "{}: rows {} to {}: {} {}, left out",
+            finding.record,
+            finding.rows.0 + 1,
+            finding.rows.1 + 1,
+            finding.channel,
+            finding.what
+        );
+    }
+    eprintln!("{} ({seconds:.1} s)", found.verdict.name());
+    if let Some(limit) = found.stopped {
+        eprintln!("  The search stopped {limit}: what it found may not be all, or not be right.");
+    }
+    for cause in &found.causes {
+        eprintln!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
+        if !cause.indistinguishable_from.is_empty() {
+            eprintln!("    In these records this is not to be told from {}.", cause.indistinguishable_from.join(", "));
+        }
+    }
+    for (before, after) in found.nominal.iter().zip(&found.extended) {
+        let name = kind.outputs()[before.output].name;
+        eprintln!("  {name}: {:.2} times the noise before, {:.2} after", before.noise_ratio, after.noise_ratio);
+    }
+}
+
+/// DESIGN.md 5.3.
+pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
+    let causes: Vec<Value> = found
+        .causes
+        .iter()
+        .map(|cause| {
+            let mut one = Map::new();
+            one.insert("kind".to_string(), json!(cause.kind));
+            let parameters: Map<String, Value> = cause
+                .parameters
+                .iter()
+                .map(|it| {
+                    let number = output::finite;
+                    let value =
+                        json!({ "value": number(it.value), "low": number(it.low), "high": number(it.high), "unit": it.unit });
+                    (it.name.to_string(), value)
+                })
+                .collect();
+            one.insert("parameters".to_string(), Value::Object(parameters));
+            match cause.of {
+                Subject::Parameter => one.insert("parameter".to_string(), json!(cause.subject)),
+                Subject::Output => one.insert("output".to_string(), json!(cause.subject)),
+                Subject::None => None,
+            };
+            one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
+            one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
+            Value::Object(one)
+        })
+        .collect();
+    let errors = |list: &[diagnosis::validation::Error]| -> Value {
+        let each = list.iter().map(|it| {
+            let value = json!({ "rmse": output::finite(it.rmse), "noise_ratio": output::finite(it.noise_ratio) });
+            (kind.outputs()[it.output].name.to_string(), value)
+        });
+        json!({ "validate": each.collect::<Map<String, Value>>() })
+    };
+    let regions: Vec<Value> = found
+        .regions
+        .iter()
+        .map(|it| json!({ "output": kind.outputs()[it.output].name, "region": it.region, "share_of_error": it.share_of_error }))
+        .collect();
+    let ranking: Vec<Value> =
+        found.ranking.iter().take(12).map(|(label, gain)| json!({ "cause": label, "predicted_gain": gain })).collect();
+    json!({
+        "verdict": found.verdict.name(),
+        "causes": causes,
+        "nominal": errors(&found.nominal),
+        "extended": errors(&found.extended),
+        "gain": output::finite(found.gain),
+        "where": regions,
+        "noise": found.noise.iter().map(|(k, sd, correlation)| {
+            (kind.outputs()[*k].name.to_string(), json!({ "sd": sd, "correlation": correlation }))
+        }).collect::<Map<String, Value>>(),
+        "data": found.findings.iter().map(|it| json!({
+            "record": it.record, "channel": it.channel, "what": it.what, "rows": [it.rows.0, it.rows.1],
+        })).collect::<Vec<Value>>(),
+        "threshold": found.threshold,
+        "stopped": found.stopped.map(|limit| limit.to_string()),
+        "structure_left": found.left.excess,
+        "ranking": ranking,
+    })
+}

@@ -1,0 +1,265 @@
+//! The kernel: free-run simulations of a model along all records, on all cores, and whitened residuals.
+//!
+//! In: a model and prepared records. Out: residuals of length one where they are noise, and their derivatives with respect to unknowns.
+//! The same bits whatever the number of threads: each simulation is one job with a place of its own.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::model::{Model, Place};
+use super::noise::Floor;
+use crate::record::{Drive, Record};
+use crate::simulate::{Outputs, Simulator};
+
+/// A record with the rows that count.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    /// The record.
+    pub record: Record,
+    /// The outputs that it holds and that the simulation shows, by their place in the plant.
+    pub outputs: Vec<usize>,
+    /// For each of `outputs`, which rows count.
+    pub used: Vec<Vec<bool>>,
+}
+
+impl Prepared {
+    /// All rows of a record count.
+    #[must_use]
+    pub fn new(record: Record, outputs_of_plant: usize) -> Self {
+        let shown = |output: usize| match record.drive {
+            Drive::HoldsDirectCurrent => output > 0,
+            // An axis in open loop has its command as an input.
+            Drive::Open if outputs_of_plant == 2 => output == 0,
+            _ => true,
+        };
+        let outputs: Vec<usize> = (0..outputs_of_plant).filter(|k| shown(*k) && record.measured[*k].is_some()).collect();
+        let used = vec![vec![true; record.rows()]; outputs.len()];
+        Prepared { record, outputs, used }
+    }
+
+    /// The measured values of the k-th of its outputs.
+    #[must_use]
+    pub fn measured(&self, k: usize) -> &[f64] {
+        self.record.measured[self.outputs[k]].as_deref().unwrap_or(&[])
+    }
+
+    /// The first rows of it.
+    #[must_use]
+    pub fn shortened(&self, rows: usize) -> Self {
+        let rows = rows.min(self.record.rows());
+        let cut = |values: &Vec<f64>| values[..rows.min(values.len())].to_vec();
+        let mut record = self.record.clone();
+        record.time = cut(&record.time);
+        record.inputs = record.inputs.iter().map(cut).collect();
+        record.measured = record.measured.iter().map(|values| values.as_ref().map(cut)).collect();
+        Prepared { record, outputs: self.outputs.clone(), used: self.used.iter().map(|used| used[..rows].to_vec()).collect() }
+    }
+}
+
+/// Simulated outputs of one record, in the order of [`Prepared::outputs`].
+pub type Simulated = Vec<Vec<f64>>;
+
+/// A derivative of the whitened simulation; it is 0 outside its records.
+#[derive(Debug, Clone)]
+pub struct Column {
+    /// Its first place in the stack of all residuals.
+    pub first: usize,
+    /// Values from there.
+    pub values: Vec<f64>,
+}
+
+impl Column {
+    /// The inner product with a whole stack.
+    #[must_use]
+    pub fn with(&self, stack: &[f64]) -> f64 {
+        dot(&self.values, &stack[self.first..self.first + self.values.len()])
+    }
+
+    /// The inner product of two columns.
+    #[must_use]
+    pub fn and(&self, other: &Column) -> f64 {
+        let first = self.first.max(other.first);
+        let end = (self.first + self.values.len()).min(other.first + other.values.len());
+        if first >= end {
+            return 0.0;
+        }
+        dot(&self.values[first - self.first..end - self.first], &other.values[first - other.first..end - other.first])
+    }
+}
+
+/// Inner product in eight partial sums: the order is fixed, and the machine may keep them side by side.
+#[must_use]
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a8.zip(b8) {
+        for k in 0..8 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+/// Records and the noise of their outputs.
+#[derive(Debug, Clone)]
+pub struct Kernel {
+    /// The records.
+    pub records: Vec<Prepared>,
+    /// Noise of each output of the plant.
+    pub floors: [Floor; 3],
+    /// How many simulations run side by side.
+    pub threads: usize,
+}
+
+impl Kernel {
+    /// Runs jobs on all threads; `None` where the numbers left no way on.
+    #[must_use]
+    pub fn simulate(&self, jobs: &[(usize, &Model)]) -> Vec<Option<Simulated>> {
+        let next = AtomicUsize::new(0);
+        let places: Vec<Mutex<Option<Simulated>>> = jobs.iter().map(|_| Mutex::new(None)).collect();
+        let work = || {
+            let mut outputs = Outputs::default();
+            loop {
+                let job = next.fetch_add(1, Ordering::Relaxed);
+                let Some((record, model)) = jobs.get(job) else { break };
+                let done = self.one(*record, model, &mut outputs);
+                if let Ok(mut place) = places[job].lock() {
+                    *place = done;
+                }
+            }
+        };
+        let threads = self.threads.min(jobs.len()).max(1);
+        if threads == 1 {
+            work();
+        } else {
+            std::thread::scope(|scope| {
+                for _ in 0..threads {
+                    scope.spawn(work);
+                }
+            });
+        }
+        places.into_iter().map(|place| place.into_inner().ok().flatten()).collect()
+    }
+
+    fn one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<Simulated> {
+        let prepared = &self.records[record];
+        let file = model.for_record(record, &prepared.record);
+        Simulator::new(&file, &prepared.record).ok()?.run_into(&prepared.record, outputs).ok()?;
+        // The outputs of a run are those of the drive; a record may hold fewer.
+        let names = file.kind.outputs();
+        let values: Option<Vec<Vec<f64>>> =
+            prepared.outputs.iter().map(|output| outputs.of(names[*output].name).map(<[f64]>::to_vec)).collect();
+        values.filter(|values| values.iter().flatten().all(|value| value.is_finite()))
+    }
+
+    /// One model along all records.
+    #[must_use]
+    pub fn run(&self, model: &Model) -> Option<Vec<Simulated>> {
+        let jobs: Vec<(usize, &Model)> = (0..self.records.len()).map(|record| (record, model)).collect();
+        self.simulate(&jobs).into_iter().collect()
+    }
+
+    /// Several models along all records.
+    #[must_use]
+    pub fn run_all(&self, models: &[Model]) -> Vec<Option<Vec<Simulated>>> {
+        let count = self.records.len();
+        let jobs: Vec<(usize, &Model)> =
+            models.iter().flat_map(|model| (0..count).map(move |record| (record, model))).collect();
+        let mut done = self.simulate(&jobs).into_iter();
+        models.iter().map(|_| done.by_ref().take(count).collect::<Vec<_>>().into_iter().collect()).collect()
+    }
+
+    /// Measured less simulated, whitened, all records one after another.
+    #[must_use]
+    pub fn residual(&self, simulated: &[Simulated]) -> Vec<f64> {
+        let mut stack = Vec::with_capacity(self.rows());
+        let mut difference = Vec::new();
+        for (prepared, simulated) in self.records.iter().zip(simulated) {
+            for (k, values) in simulated.iter().enumerate() {
+                difference.clear();
+                difference.extend(prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - value));
+                self.floors[prepared.outputs[k]].whiten(&difference, &prepared.used[k], &mut stack);
+            }
+        }
+        stack
+    }
+
+    /// The whitened change of a record's simulation, over a step.
+    #[must_use]
+    pub fn change(&self, record: usize, from: &Simulated, to: &Simulated, step: f64) -> Vec<f64> {
+        let prepared = &self.records[record];
+        let mut stack = Vec::new();
+        let mut difference = Vec::new();
+        for (k, (from, to)) in from.iter().zip(to).enumerate() {
+            difference.clear();
+            difference.extend(from.iter().zip(to).map(|(from, to)| (to - from) / step));
+            self.floors[prepared.outputs[k]].whiten(&difference, &prepared.used[k], &mut stack);
+        }
+        stack
+    }
+
+    /// The whitened change of all records.
+    #[must_use]
+    pub fn changes(&self, from: &[Simulated], to: &[Simulated], step: f64) -> Vec<f64> {
+        (0..self.records.len()).flat_map(|record| self.change(record, &from[record], &to[record], step)).collect()
+    }
+
+    /// Length of the stack.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.records.iter().map(Self::length).sum()
+    }
+
+    /// Values of a record in the stack.
+    #[must_use]
+    pub fn length(prepared: &Prepared) -> usize {
+        prepared.outputs.len() * prepared.record.rows()
+    }
+
+    /// First place of a record in the stack.
+    #[must_use]
+    pub fn first(&self, record: usize) -> usize {
+        self.records[..record].iter().map(Self::length).sum()
+    }
+
+    /// Derivatives of the whitened simulation with respect to the chosen unknowns, on the scale of their search: forward differences.
+    #[must_use]
+    pub fn derivatives(&self, model: &Model, simulated: &[Simulated], chosen: &[usize]) -> Option<Vec<Column>> {
+        let mut moved = Vec::new();
+        for &k in chosen {
+            let unknown = &model.unknowns[k];
+            let at = unknown.inward(model.value(k));
+            // A thousandth of a step: the truncation is far below the noise, and so is the rounding of the simulation over it.
+            let mut step = 1e-3 * unknown.scale;
+            if unknown.outward(at + step) >= unknown.high {
+                step = -step;
+            }
+            let mut other = model.clone();
+            other.set(k, unknown.outward(at + step));
+            moved.push((k, step, other));
+        }
+        let mut jobs: Vec<(usize, &Model)> = Vec::new();
+        for (k, _, other) in &moved {
+            match model.unknowns[*k].place {
+                Place::Start { record, .. } => jobs.push((record, other)),
+                _ => jobs.extend((0..self.records.len()).map(|record| (record, other))),
+            }
+        }
+        let mut done = self.simulate(&jobs).into_iter();
+        let mut columns = Vec::new();
+        for (k, step, _) in &moved {
+            columns.push(match model.unknowns[*k].place {
+                Place::Start { record, .. } => {
+                    let to = done.next()??;
+                    Column { first: self.first(record), values: self.change(record, &simulated[record], &to, *step) }
+                }
+                _ => {
+                    let to: Option<Vec<Simulated>> = done.by_ref().take(self.records.len()).collect();
+                    Column { first: 0, values: self.changes(simulated, &to?, *step) }
+                }
+            });
+        }
+        Some(columns)
+    }
+}

@@ -1,0 +1,206 @@
+//! Levenberg-Marquardt over all unknowns at once (K. Levenberg, 1944; D. W. Marquardt, 1963), with bounds and Gaussian priors.
+//!
+//! In: a kernel and a model. Out: the fitted model with residual, derivatives and cost. An unknown at a bound that the gradient presses outwards
+//! is fixed for that step. Never changes which unknowns there are.
+
+use super::kernel::{Column, Kernel, Simulated};
+use super::model::{Model, Place};
+use super::normal::Normal;
+
+/// A step that promises less than this, in units of squared residuals whose noise is one, is not worth its simulations.
+const ENOUGH: f64 = 0.3;
+
+/// Relative to the cost, for records far above their noise.
+const ENOUGH_SHARE: f64 = 1e-6;
+
+/// A fitted model.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The model.
+    pub model: Model,
+    /// Its simulation along all records.
+    pub simulated: Vec<Simulated>,
+    /// The whitened residual.
+    pub residual: Vec<f64>,
+    /// Squared residual and priors.
+    pub cost: f64,
+    /// The unknowns that are free to move: not pressed against a bound.
+    pub free: Vec<usize>,
+    /// Derivatives for `free`.
+    pub columns: Vec<Column>,
+}
+
+impl Fit {
+    /// Inner products of the derivatives, with the priors' curvature.
+    #[must_use]
+    pub fn matrix(&self) -> Vec<f64> {
+        gram(&self.model, &self.free, &self.columns)
+    }
+
+    /// The gradient's negative: what the residual and the priors ask of each free unknown.
+    #[must_use]
+    pub fn pull(&self) -> Vec<f64> {
+        pull(&self.model, &self.free, &self.columns, &self.residual)
+    }
+}
+
+/// Squared residual and priors of a model.
+#[must_use]
+pub fn cost(model: &Model, residual: &[f64]) -> f64 {
+    let mut cost = super::kernel::dot(residual, residual);
+    for (k, unknown) in model.unknowns.iter().enumerate() {
+        if let Some((centre, sd)) = unknown.prior {
+            let off = (model.value(k) - centre) / sd;
+            cost += off * off;
+        }
+    }
+    cost
+}
+
+fn gram(model: &Model, free: &[usize], columns: &[Column]) -> Vec<f64> {
+    let n = free.len();
+    let mut matrix = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..=i {
+            let product = columns[i].and(&columns[j]);
+            (matrix[i * n + j], matrix[j * n + i]) = (product, product);
+        }
+        if let Some((_, sd)) = model.unknowns[free[i]].prior {
+            matrix[i * n + i] += 1.0 / (sd * sd);
+        }
+    }
+    matrix
+}
+
+fn pull(model: &Model, free: &[usize], columns: &[Column], residual: &[f64]) -> Vec<f64> {
+    let each = free.iter().zip(columns);
+    each.map(|(&k, column)| {
+        let prior = model.unknowns[k].prior.map_or(0.0, |(centre, sd)| (centre - model.value(k)) / (sd * sd));
+        column.with(residual) + prior
+    })
+    .collect()
+}
+
+/// A fit where the model stands: simulation and derivatives, no step.
+#[must_use]
+pub fn here(kernel: &Kernel, model: Model) -> Option<Fit> {
+    fit(kernel, model, 0)
+}
+
+/// Fits all unknowns, in at most so many steps.
+#[must_use]
+pub fn fit(kernel: &Kernel, model: Model, steps: usize) -> Option<Fit> {
+    let mut model = model;
+    let mut simulated = kernel.run(&model)?;
+    let mut residual = kernel.residual(&simulated);
+    let mut cost_now = cost(&model, &residual);
+    let mut damping = 1e-3;
+    let all: Vec<usize> = (0..model.unknowns.len()).collect();
+    let mut step = 0;
+    loop {
+        let mut columns = kernel.derivatives(&model, &simulated, &all)?;
+        let asked = pull(&model, &all, &columns, &residual);
+        let pinned: Vec<bool> = all.iter().map(|&k| pressed(&model, k, asked[k])).collect();
+        let free: Vec<usize> = all.iter().copied().filter(|k| !pinned[*k]).collect();
+        let mut k = 0;
+        columns.retain(|_| {
+            k += 1;
+            !pinned[k - 1]
+        });
+        let done =
+            |model, simulated, residual, cost, free, columns| Some(Fit { model, simulated, residual, cost, free, columns });
+        if step == steps {
+            return done(model, simulated, residual, cost_now, free, columns);
+        }
+        step += 1;
+        let matrix = gram(&model, &free, &columns);
+        let right = pull(&model, &free, &columns, &residual);
+        let mut moved = false;
+        // Five dampings are a factor of ten thousand: what no damping improves is at its best.
+        for _ in 0..5 {
+            let change = within_bounds(&model, &free, &matrix, &right, damping);
+            let promised: f64 = change.iter().zip(&right).map(|(change, right)| change * right).sum();
+            if promised < ENOUGH.max(ENOUGH_SHARE * cost_now) {
+                break;
+            }
+            let mut trial = model.clone();
+            for (&k, change) in free.iter().zip(&change) {
+                let unknown = &model.unknowns[k];
+                trial.set(k, unknown.outward(unknown.inward(model.value(k)) + change));
+            }
+            let better = kernel.run(&trial).map(|simulated| {
+                let residual = kernel.residual(&simulated);
+                (cost(&trial, &residual), simulated, residual)
+            });
+            match better {
+                Some((trial_cost, trial_simulated, trial_residual)) if trial_cost < cost_now => {
+                    let gained = cost_now - trial_cost;
+                    (model, simulated, residual, cost_now) = (trial, trial_simulated, trial_residual, trial_cost);
+                    damping = (damping / 10.0).max(1e-9);
+                    moved = gained > ENOUGH.max(ENOUGH_SHARE * cost_now);
+                    break;
+                }
+                _ => damping = (damping * 10.0).max(1e-6),
+            }
+        }
+        if !moved {
+            // One more round for the derivatives at the end.
+            step = steps;
+        }
+    }
+}
+
+/// The damped step; an unknown that it would carry beyond a bound goes to the bound, and the others are solved again for that.
+fn within_bounds(model: &Model, free: &[usize], matrix: &[f64], right: &[f64], damping: f64) -> Vec<f64> {
+    let n = free.len();
+    let mut fixed: Vec<Option<f64>> = vec![None; n];
+    loop {
+        let moving: Vec<usize> = (0..n).filter(|i| fixed[*i].is_none()).collect();
+        let m = moving.len();
+        let mut small = vec![0.0; m * m];
+        let mut asked = vec![0.0; m];
+        for (a, &i) in moving.iter().enumerate() {
+            asked[a] = right[i] - (0..n).map(|j| fixed[j].map_or(0.0, |step| matrix[i * n + j] * step)).sum::<f64>();
+            for (b, &j) in moving.iter().enumerate() {
+                small[a * m + b] = matrix[i * n + j];
+            }
+        }
+        let solved = Normal::new(&small, m, damping).solve(&asked);
+        let mut beyond = false;
+        for (&i, step) in moving.iter().zip(&solved) {
+            let unknown = &model.unknowns[free[i]];
+            let at = unknown.inward(model.value(free[i]));
+            // A logarithm may not jump by more than a factor of e^2 in a step.
+            let limit = if unknown.logarithmic { 2.0 } else { f64::INFINITY };
+            let wanted = at + step.clamp(-limit, limit);
+            let (low, high) = (unknown.inward(unknown.low), unknown.inward(unknown.high));
+            if wanted < low || wanted > high {
+                fixed[i] = Some(wanted.clamp(low, high) - at);
+                beyond = true;
+            }
+        }
+        if !beyond {
+            let mut steps = vec![0.0; n];
+            for (&i, step) in moving.iter().zip(&solved) {
+                let limit = if model.unknowns[free[i]].logarithmic { 2.0 } else { f64::INFINITY };
+                steps[i] = step.clamp(-limit, limit);
+            }
+            for (i, step) in fixed.iter().enumerate() {
+                steps[i] = step.unwrap_or(steps[i]);
+            }
+            return steps;
+        }
+    }
+}
+
+/// Whether an unknown stands at a bound and is asked to go beyond.
+fn pressed(model: &Model, k: usize, pull: f64) -> bool {
+    let unknown = &model.unknowns[k];
+    if matches!(unknown.place, Place::Start { .. }) {
+        return false;
+    }
+    let value = model.value(k);
+    let near = 1e-9 * unknown.scale;
+    (value <= unknown.low + near && pull < 0.0 && unknown.low.is_finite())
+        || (value >= unknown.high - near && pull > 0.0 && unknown.high.is_finite())
+}

@@ -1,0 +1,212 @@
+//! Diagnosis of a plant: what its simulation gets wrong, which cause of the catalogue explains it, and what that gains.
+//!
+//! ```text
+//!   records --checks--> rows that count --noise--> floor --levenberg--> calibrated plant
+//!      --screen--> ranked hypotheses --profile--> best numbers --selection--> causes --validation--> gain
+//! ```
+//!
+//! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Sees the records and the nominal plant alone: nobody may look
+//! into the plant that made a record. Never prints, never writes.
+
+pub mod checks;
+pub mod hypotheses;
+pub mod kernel;
+pub mod levenberg;
+pub mod model;
+pub mod noise;
+pub mod normal;
+pub mod profile;
+pub mod regions;
+pub mod screen;
+pub mod selection;
+pub mod survey;
+pub mod validation;
+pub mod verdict;
+pub mod whiteness;
+
+use checks::Finding;
+use kernel::{Kernel, Prepared};
+use levenberg::Fit;
+use model::Model;
+use noise::Floor;
+use selection::{Effort, Search};
+
+use crate::kind::PlantKind;
+use crate::plant_file::PlantFile;
+use crate::record::Record;
+pub use verdict::{Cause, Diagnosis, Interval, Verdict};
+
+/// How a diagnosis runs.
+pub struct Options<'a> {
+    /// Simulations side by side; the answer does not depend on it.
+    pub threads: usize,
+    /// Told what happens.
+    pub progress: &'a (dyn Fn(&str) + Sync),
+}
+
+/// Why there is no diagnosis: a numerical outcome.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Refused {
+    /// No training record holds an output.
+    NoOutputs,
+    /// The nominal plant cannot be simulated along the records.
+    CannotSimulate,
+}
+
+impl std::fmt::Display for Refused {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Refused::NoOutputs => {
+                write!(f, "no training record holds an output of the plant: there is nothing to compare with")
+            }
+            Refused::CannotSimulate => {
+                write!(f, "the nominal plant cannot be simulated along the records: are their inputs those of this plant?")
+            }
+        }
+    }
+}
+
+impl std::error::Error for Refused {}
+
+/// Diagnoses a plant.
+///
+/// # Errors
+/// [`Refused`], when there is nothing to compare.
+pub fn diagnose(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    let outputs = file.kind.outputs().len();
+    let mut findings: Vec<Finding> = Vec::new();
+    let mut prepare = |records: &[Record]| -> Vec<Prepared> {
+        let mut list = Vec::new();
+        for record in records {
+            let mut prepared = Prepared::new(record.clone(), outputs);
+            findings.extend(checks::check(&mut prepared, file));
+            list.push(prepared);
+        }
+        list
+    };
+    let white = [Floor::white(1.0); 3];
+    let mut kernel = Kernel { records: prepare(training), floors: white, threads: options.threads };
+    let mut unseen = Kernel { records: prepare(validation), floors: white, threads: options.threads };
+    if kernel.records.iter().all(|it| it.outputs.is_empty()) {
+        return Err(Refused::NoOutputs);
+    }
+    (options.progress)("calibrating within tolerances");
+    let (nominal, calibrated) = calibrated(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
+    unseen.floors = kernel.floors;
+
+    let survey = survey::survey(&kernel, &calibrated);
+    // Readings that are multiples of a coarse step say so themselves. A simulation that rounds has no derivatives: fits see the rounding as white noise, and the
+    // effect joins the plant at the end.
+    let rounded: Vec<(usize, f64)> = (0..outputs)
+        .filter_map(|k| survey.quantum[k].map(|step| (k, step)))
+        .filter(|(k, step)| *step > kernel.floors[*k].sd)
+        .collect();
+    let at_least = |mut floors: [Floor; 3]| {
+        for (k, step) in &rounded {
+            // The error of rounding is uniform over a step: its standard deviation is step/sqrt(12).
+            if floors[*k].sd < step / 12.0_f64.sqrt() {
+                floors[*k] = Floor::white(step / 12.0_f64.sqrt());
+            }
+        }
+        floors
+    };
+    let mut calibrated = calibrated;
+    if !rounded.is_empty() {
+        kernel.floors = at_least(kernel.floors);
+        unseen.floors = kernel.floors;
+        calibrated = levenberg::fit(&kernel, calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
+    }
+    let mut present: Vec<usize> = kernel.records.iter().flat_map(|it| it.outputs.clone()).collect();
+    present.sort_unstable();
+    present.dedup();
+    let mut hypotheses = hypotheses::all(file.kind, &survey, &present);
+    let names = file.kind.outputs();
+    hypotheses.retain(|it| {
+        it.description.kind != "sensor-quantisation" || !rounded.iter().any(|(k, _)| it.subject == Some(names[*k].name))
+    });
+    let effort = match file.kind {
+        // A row of a driveline costs as much as a hundred of an axis: fewer hypotheses are fitted.
+        PlantKind::Driveline => Effort { profiled: 6, profile_steps: 3, fitted: 3, fit_steps: 6, causes: 3 },
+        _ => Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4 },
+    };
+    let mut selection = None;
+    let mut start = calibrated;
+    // The noise floor of the first round may hold structure: once causes are known, it is estimated again, and the search is repeated where it moved.
+    for round in 0..2 {
+        let search = Search {
+            kernel: &kernel,
+            unseen: &unseen,
+            nominal: &nominal,
+            hypotheses: &hypotheses,
+            effort,
+            progress: options.progress,
+        };
+        let found = search.run(start.clone());
+        let floors = at_least(floors(&kernel, &found.fit, file));
+        let moved = floors.iter().zip(&kernel.floors).any(|(new, old)| (new.sd / old.sd - 1.0).abs() > 0.1);
+        let again = round == 0 && moved && !found.causes.is_empty();
+        selection = Some(found);
+        if !again {
+            break;
+        }
+        kernel.floors = floors;
+        unseen.floors = floors;
+        match levenberg::fit(&kernel, start.model.clone(), 4) {
+            Some(fit) => start = fit,
+            None => break,
+        }
+    }
+    let selection = selection.ok_or(Refused::CannotSimulate)?;
+    Ok(verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded))
+}
+
+/// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.
+fn calibrated(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> {
+    let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
+    let records: Vec<&Record> = records.iter().collect();
+    let bare = PlantFile { effects: Vec::new(), ..file.clone() };
+    let mut nominal = Model::nominal(&bare, &records, [1.0; 3]);
+    nominal.file.effects = file.effects.clone();
+    let simulated = kernel.run(&nominal)?;
+    kernel.floors = estimate(kernel, &simulated, file);
+    nominal = Model::nominal(file, &records, kernel.floors.map(|floor| floor.sd));
+    let fit = levenberg::fit(kernel, nominal.clone(), 8)?;
+    kernel.floors = floors(kernel, &fit, file);
+    let fit = levenberg::fit(kernel, fit.model, 8)?;
+    Some((nominal, fit))
+}
+
+fn floors(kernel: &Kernel, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
+    estimate(kernel, &fit.simulated, file)
+}
+
+/// The noise of each output from what a simulation leaves.
+fn estimate(kernel: &Kernel, simulated: &[kernel::Simulated], file: &PlantFile) -> [Floor; 3] {
+    let mut floors = kernel.floors;
+    for (output, floor) in floors.iter_mut().enumerate() {
+        let mut residuals: Vec<(Vec<f64>, &[bool])> = Vec::new();
+        let mut largest = 0.0_f64;
+        for (prepared, simulated) in kernel.records.iter().zip(simulated) {
+            let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
+            let difference = prepared.measured(k).iter().zip(&simulated[k]).map(|(a, b)| a - b).collect();
+            largest = prepared.measured(k).iter().fold(largest, |most, value| most.max(value.abs()));
+            residuals.push((difference, &prepared.used[k]));
+        }
+        let lists: Vec<(&[f64], &[bool])> = residuals.iter().map(|(values, used)| (values.as_slice(), *used)).collect();
+        let name = file.kind.outputs().get(output).map_or("", |signal| signal.name);
+        let stated = file.noise.iter().find(|(found, _)| *found == name).map(|(_, sd)| *sd).filter(|sd| *sd > 0.0);
+        // Records too short for a spectrum: what the file says, or a thousandth of the largest reading.
+        let estimate = Floor::estimate(&lists);
+        *floor = estimate.or(stated.map(Floor::white)).unwrap_or(Floor::white(1e-3 * largest.max(f64::MIN_POSITIVE)));
+        // Below the digits of a simulation there is no noise to be told from it.
+        if floor.sd.is_nan() || floor.sd < 1e-9 * largest || floor.sd == 0.0 {
+            *floor = Floor::white(1e-9 * largest.max(1e-300));
+        }
+    }
+    floors
+}

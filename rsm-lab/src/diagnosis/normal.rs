@@ -1,0 +1,95 @@
+//! Small systems of normal equations.
+//!
+//! In: inner products of a few columns. Out: solutions and the diagonal of the inverse. Columns are scaled to length one first; a column without
+//! length gets the solution 0. Never sees more than some tens of columns, and never a data row.
+
+/// Added to the unit diagonal. Columns that are equal to nine digits are one column: finite differences hold no more.
+const RIDGE: f64 = 1e-9;
+
+/// A factorised symmetric matrix.
+#[derive(Debug, Clone)]
+pub struct Normal {
+    size: usize,
+    scale: Vec<f64>,
+    /// Lower triangle of the Cholesky factor, row by row.
+    factor: Vec<f64>,
+}
+
+impl Normal {
+    /// Factorises a symmetric positive semidefinite matrix, row by row, with `damping` times its diagonal added.
+    #[must_use]
+    pub fn new(matrix: &[f64], size: usize, damping: f64) -> Self {
+        let scale: Vec<f64> = (0..size)
+            .map(|i| {
+                let length = matrix[i * size + i].max(0.0).sqrt();
+                if length > 0.0 && length.is_finite() { length } else { 1.0 }
+            })
+            .collect();
+        let mut factor = vec![0.0; size * size];
+        for i in 0..size {
+            for j in 0..=i {
+                let mut sum = matrix[i * size + j] / (scale[i] * scale[j]);
+                if i == j {
+                    // A column without length: its row is that of the unit matrix.
+                    sum = if sum > 0.0 { sum + damping + RIDGE } else { 1.0 };
+                }
+                for k in 0..j {
+                    sum -= factor[i * size + k] * factor[j * size + k];
+                }
+                factor[i * size + j] = if i == j { sum.max(RIDGE).sqrt() } else { sum / factor[j * size + j] };
+            }
+        }
+        Normal { size, scale, factor }
+    }
+
+    /// The solution for a right-hand side.
+    #[must_use]
+    pub fn solve(&self, right: &[f64]) -> Vec<f64> {
+        let n = self.size;
+        let mut x: Vec<f64> = right.iter().zip(&self.scale).map(|(value, scale)| value / scale).collect();
+        for i in 0..n {
+            for k in 0..i {
+                x[i] -= self.factor[i * n + k] * x[k];
+            }
+            x[i] /= self.factor[i * n + i];
+        }
+        for i in (0..n).rev() {
+            for k in i + 1..n {
+                x[i] -= self.factor[k * n + i] * x[k];
+            }
+            x[i] /= self.factor[i * n + i];
+        }
+        x.iter().zip(&self.scale).map(|(value, scale)| value / scale).collect()
+    }
+
+    /// The i-th entry of the diagonal of the inverse: the variance of an unknown where the noise is one.
+    #[must_use]
+    pub fn variance(&self, i: usize) -> f64 {
+        let mut right = vec![0.0; self.size];
+        right[i] = 1.0;
+        self.solve(&right)[i]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_equations_by_hand() {
+        // 4 x + 2 y = 10, 2 x + 3 y = 11: x = 1, y = 3. The inverse is [3 -2; -2 4]/8.
+        let normal = Normal::new(&[4.0, 2.0, 2.0, 3.0], 2, 0.0);
+        let x = normal.solve(&[10.0, 11.0]);
+        // The ridge moves the ninth digit.
+        assert!((x[0] - 1.0).abs() < 1e-7 && (x[1] - 3.0).abs() < 1e-7, "{x:?}");
+        assert!((normal.variance(0) - 0.375).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_column_without_length_gets_nothing() {
+        let x = Normal::new(&[4.0, 0.0, 0.0, 0.0], 2, 0.0).solve(&[8.0, 5.0]);
+        assert!((x[0] - 2.0).abs() < 1e-7 && x[1] == 5.0, "{x:?}");
+        let x = Normal::new(&[4.0, 0.0, 0.0, 0.0], 2, 0.0).solve(&[8.0, 0.0]);
+        assert_eq!(x[1], 0.0);
+    }
+}

@@ -1,0 +1,101 @@
+//! A hypothesis fitted by its own numbers, with everything that is free anyway moving along in first order.
+//!
+//! In: a fitted model, a hypothesis, numbers to begin with. Out: the numbers at the best and the squared residual there. One simulation a number and step:
+//! cheap enough for every hypothesis that the screen lets through. Never moves a start or a calibration for good.
+
+use super::hypotheses::Hypothesis;
+use super::kernel::{Kernel, dot};
+use super::levenberg::Fit;
+use super::model::{Model, Place};
+use super::normal::Normal;
+use super::screen::Nuisance;
+use crate::plant_file::Entry;
+
+/// A hypothesis with its best numbers.
+#[derive(Debug, Clone)]
+pub struct Profiled {
+    /// Which hypothesis.
+    pub hypothesis: usize,
+    /// Its entry.
+    pub entry: Entry,
+    /// Squared residual that is left, in first order of what is free.
+    pub cost: f64,
+}
+
+/// Improves the numbers in at most so many steps. `None` where it cannot be simulated.
+#[must_use]
+pub fn profile(
+    kernel: &Kernel,
+    fit: &Fit,
+    nominal: &Model,
+    hypotheses: &[Hypothesis],
+    which: usize,
+    values: &[f64],
+    steps: usize,
+) -> Option<Profiled> {
+    let nuisance = Nuisance::new(fit);
+    let place = fit.model.file.effects.len();
+    let mut model = fit.model.plus(nominal, hypotheses[which].entry(fit.model.file.kind, values));
+    let own: Vec<usize> = (0..model.unknowns.len())
+        .filter(|&k| matches!(model.unknowns[k].place, Place::Effect { entry, .. } if entry == place))
+        .collect();
+    // Numbers of a guess may lie beyond what physics allows.
+    for &k in &own {
+        let unknown = &model.unknowns[k];
+        let value = model.value(k).max(unknown.low).min(unknown.high);
+        model.set(k, value);
+    }
+    if !model.is_possible() {
+        return None;
+    }
+    let mut simulated = kernel.run(&model)?;
+    let mut residual = kernel.residual(&simulated);
+    let mut cost = nuisance.left(&residual);
+    let mut damping = 1e-3;
+    for _ in 0..steps {
+        let columns = kernel.derivatives(&model, &simulated, &own)?;
+        let n = own.len();
+        if n == 0 {
+            break;
+        }
+        let products: Vec<Vec<f64>> = columns.iter().map(|column| nuisance.products(&column.values)).collect();
+        let mut matrix = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..n {
+                matrix[i * n + j] = nuisance.between(columns[i].and(&columns[j]), &products[i], &products[j]);
+            }
+        }
+        let left = nuisance.products(&residual);
+        let pull: Vec<f64> =
+            (0..n).map(|i| nuisance.between(dot(&columns[i].values, &residual), &products[i], &left)).collect();
+        let before = cost;
+        for _ in 0..4 {
+            let change = Normal::new(&matrix, n, damping).solve(&pull);
+            let mut trial = model.clone();
+            for (&k, change) in own.iter().zip(&change) {
+                let unknown = &model.unknowns[k];
+                let limit = if unknown.logarithmic { 1.5 } else { f64::INFINITY };
+                let at = unknown.inward(model.value(k)) + change.clamp(-limit, limit);
+                trial.set(k, unknown.outward(at));
+            }
+            let better = if trial.is_possible() { kernel.run(&trial) } else { None };
+            let better = better.map(|simulated| {
+                let residual = kernel.residual(&simulated);
+                (nuisance.left(&residual), simulated, residual)
+            });
+            match better {
+                Some((trial_cost, trial_simulated, trial_residual)) if trial_cost < cost => {
+                    (model, simulated, residual, cost) = (trial, trial_simulated, trial_residual, trial_cost);
+                    damping = (damping / 10.0).max(1e-9);
+                    break;
+                }
+                _ => damping = (damping * 10.0).max(1e-6),
+            }
+        }
+        // A per mille of what is left is less than what full fits decide later.
+        if before - cost < 1.0_f64.max(1e-3 * cost) {
+            break;
+        }
+    }
+    Some(Profiled { hypothesis: which, entry: model.file.effects[place].clone(), cost })
+}

@@ -1,0 +1,64 @@
+//! Judges a model on records that no fit has seen.
+//!
+//! In: a model, validation records. Out: errors of each output, their starts being the only unknowns. Never moves a number of the plant.
+
+use super::kernel::Kernel;
+use super::levenberg;
+use super::model::{Model, Place};
+use crate::record::Record;
+
+/// Steps for the starts: a linear problem but for large errors.
+const STEPS: usize = 3;
+
+/// The model on other records, their starts as they fit best; its residual comes with it.
+#[must_use]
+pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
+    let mut other = model.clone();
+    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+    other.take_starts(&records, kernel.floors.map(|floor| floor.sd));
+    other.unknowns.retain(|unknown| matches!(unknown.place, Place::Start { .. }));
+    levenberg::fit(kernel, other, STEPS)
+}
+
+/// The whitened squared residual; 0 without records.
+#[must_use]
+pub fn squared_residual(kernel: &Kernel, model: &Model) -> Option<f64> {
+    if kernel.records.is_empty() {
+        return Some(0.0);
+    }
+    on(kernel, model).map(|fit| fit.cost)
+}
+
+/// The error of an output.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Error {
+    /// The output, by its place in the plant.
+    pub output: usize,
+    /// Root of the mean squared error.
+    pub rmse: f64,
+    /// The same over the noise.
+    pub noise_ratio: f64,
+}
+
+/// Errors of a fit, by output.
+#[must_use]
+pub fn errors(kernel: &Kernel, fit: &levenberg::Fit) -> Vec<Error> {
+    let mut sums = [(0.0, 0usize); 3];
+    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+        for (k, values) in simulated.iter().enumerate() {
+            for ((measured, value), used) in prepared.measured(k).iter().zip(values).zip(&prepared.used[k]) {
+                if *used {
+                    let sum = &mut sums[prepared.outputs[k]];
+                    sum.0 += (measured - value) * (measured - value);
+                    sum.1 += 1;
+                }
+            }
+        }
+    }
+    let each = sums.iter().enumerate().filter(|(_, (_, count))| *count > 0);
+    each.map(|(output, (sum, count))| {
+        let rmse = (sum / *count as f64).sqrt();
+        Error { output, rmse, noise_ratio: rmse / kernel.floors[output].sd }
+    })
+    .collect()
+}

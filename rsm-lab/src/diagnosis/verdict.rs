@@ -1,0 +1,321 @@
+//! From causes to a verdict: intervals, confidence, rivals, where the nominal plant is wrong, what the extension gains.
+//!
+//! In: a selection and the records. Out: a [`Diagnosis`], all its figures from the fits. Never fits a cause.
+
+use super::checks::Finding;
+use super::kernel::Kernel;
+use super::levenberg::{self, Fit};
+use super::model::{Model, Place};
+use super::normal::Normal;
+use super::regions::{self, Region};
+use super::selection::{Believed, Limit, Selection, generalises};
+use super::validation::{self, Error};
+use super::whiteness::{self, Left};
+use crate::effect::{Arguments, Subject};
+use crate::kind::PlantKind;
+use crate::plant_file::{Entry, PlantFile};
+
+/// Structure is left when the residual has this share of the noise's energy beyond noise: an r.m.s. error 2 % above the floor.
+const STRUCTURE: f64 = 0.04;
+
+/// And when it is this share of what the calibrated plant got wrong: a cause that is right leaves the digits of its formula, not more.
+const OF_THE_WHOLE: f64 = 0.002;
+
+/// Half as much energy again as the noise has is structure whatever it began with.
+const PLAIN: f64 = 0.5;
+
+/// Rivals are alike when they do worse by less than this share of the gain: between integrators and smoothings, formulas of one cause differ that much.
+const ALIKE: f64 = 1e-5;
+
+/// Rounding is not white where the motion is slow: so much of its energy comes back as structure.
+const OF_ROUNDING: f64 = 0.3;
+
+/// The answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The calibrated nominal plant leaves noise.
+    NoDiscrepancy,
+    /// The causes leave noise.
+    Explained,
+    /// Structure is left that no entry of the catalogue explains, or the search met its limit of work.
+    Unexplained,
+}
+
+impl Verdict {
+    /// As files say it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::NoDiscrepancy => "no-discrepancy",
+            Verdict::Explained => "explained",
+            Verdict::Unexplained => "unexplained",
+        }
+    }
+}
+
+/// A number with its 95 % interval.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Interval {
+    /// Its name.
+    pub name: &'static str,
+    /// The value.
+    pub value: f64,
+    /// The lower end.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
+    /// The unit.
+    pub unit: String,
+}
+
+/// A cause.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cause {
+    /// The kind of the catalogue.
+    pub kind: &'static str,
+    /// The named parameter or output.
+    pub subject: Option<String>,
+    /// Which of the two it is.
+    pub of: Subject,
+    /// Its numbers.
+    pub parameters: Vec<Interval>,
+    /// Share of the evidence among it and its rivals.
+    pub confidence: f64,
+    /// Causes that leave the same trace in these records.
+    pub indistinguishable_from: Vec<String>,
+    /// How much worse the fit is without it, in squared standard deviations of the noise.
+    pub gain: f64,
+    /// Its rivals and how much worse they do, in the same unit.
+    pub rivals: Vec<(String, f64)>,
+    /// A sentence of plain words.
+    pub sentence: String,
+}
+
+/// A diagnosis.
+#[derive(Debug, Clone)]
+pub struct Diagnosis {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Causes, the strongest first.
+    pub causes: Vec<Cause>,
+    /// Errors of the nominal plant on validation records (on training records where there are none).
+    pub nominal: Vec<Error>,
+    /// Errors of the extended plant there.
+    pub extended: Vec<Error>,
+    /// Share of the validation error above the noise floor that the extension removes.
+    pub gain: f64,
+    /// Where the nominal plant is wrong.
+    pub regions: Vec<Region>,
+    /// The plant file with the causes filled in.
+    pub plant: PlantFile,
+    /// What is wrong with the data.
+    pub findings: Vec<Finding>,
+    /// Noise of each output that the records hold: place, standard deviation, correlation from row to row.
+    pub noise: Vec<(usize, f64, f64)>,
+    /// What a cause had to gain.
+    pub threshold: f64,
+    /// What the screen of the calibrated plant predicted.
+    pub ranking: Vec<(String, f64)>,
+    /// The limit of work at which the search stopped, if it did.
+    pub stopped: Option<Limit>,
+    /// What is left at the end.
+    pub left: Left,
+    /// The strongest rival's model that leaves the same trace, of the first cause that has one.
+    pub rival: Option<(String, PlantFile)>,
+    /// Simulated outputs of nominal and extended plant on the first validation record, by output.
+    pub before_after: Vec<(usize, Vec<f64>, Vec<f64>)>,
+}
+
+/// Everything that there is to say.
+#[must_use]
+pub fn conclude(
+    file: &PlantFile,
+    kernel: &Kernel,
+    unseen: &Kernel,
+    nominal: &Model,
+    selection: Selection,
+    findings: Vec<Finding>,
+    rounded: &[(usize, f64)],
+) -> Diagnosis {
+    let Selection { calibrated, fit, causes: believed, threshold, ranking, stopped } = selection;
+    let judged = if unseen.records.is_empty() { kernel } else { unseen };
+    let before = validation::on(judged, nominal);
+    let after = validation::on(judged, &fit.model);
+    let (nominal_errors, extended_errors) = (
+        before.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
+        after.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
+    );
+    let left = whiteness::look(kernel, &fit);
+    let wrong = (calibrated.cost - calibrated.residual.len() as f64).max(0.0);
+    let beyond = left.excess * fit.residual.len() as f64;
+    let least = if rounded.is_empty() { STRUCTURE } else { OF_ROUNDING };
+    let structure = left.excess > PLAIN || (left.excess > least && beyond > OF_THE_WHOLE * wrong);
+    let mut rival = None;
+    let mut causes: Vec<Cause> = Vec::new();
+    for (place, one) in believed.iter().enumerate() {
+        let same = threshold.max(ALIKE * one.gain);
+        let one = &Believed {
+            rivals: one.rivals.iter().filter(|it| !generalises(&it.0, &one.label)).cloned().collect(),
+            ..one.clone()
+        };
+        let alike: Vec<String> = one.rivals.iter().filter(|it| it.1 < same).map(|it| it.0.clone()).collect();
+        if let (None, Some(first)) = (&rival, alike.first()) {
+            rival = one.rival_models.iter().find(|it| it.0 == *first).map(|it| (first.clone(), it.1.file.clone()));
+        }
+        causes.push(cause(&fit, place, one, alike, threshold));
+    }
+    for (output, step) in rounded {
+        causes.push(rounding(file.kind, *output, *step, fit.residual.len() as f64));
+    }
+    causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let verdict = match (structure || stopped.is_some(), causes.is_empty()) {
+        (true, _) => Verdict::Unexplained,
+        (false, true) => Verdict::NoDiscrepancy,
+        (false, false) => Verdict::Explained,
+    };
+    let before_after = match (&before, &after) {
+        (Some(before), Some(after)) => judged.records.first().map_or_else(Vec::new, |prepared| {
+            let each = prepared.outputs.iter().enumerate();
+            each.map(|(k, output)| (*output, before.simulated[0][k].clone(), after.simulated[0][k].clone())).collect()
+        }),
+        _ => Vec::new(),
+    };
+    let mut plant = fit.model.file.clone();
+    plant.initial = file.initial.clone();
+    for (output, step) in rounded {
+        plant.effects.extend(rounding_entry(file.kind, *output, *step));
+    }
+    let mut present: Vec<usize> = kernel.records.iter().flat_map(|it| it.outputs.clone()).collect();
+    present.sort_unstable();
+    present.dedup();
+    Diagnosis {
+        verdict,
+        causes,
+        gain: gain(&nominal_errors, &extended_errors),
+        nominal: nominal_errors,
+        extended: extended_errors,
+        regions: before.as_ref().map_or_else(Vec::new, |fit| regions::regions(judged, fit)),
+        plant,
+        findings,
+        noise: present.iter().map(|k| (*k, kernel.floors[*k].sd, kernel.floors[*k].correlation)).collect(),
+        threshold,
+        ranking,
+        stopped,
+        left,
+        rival,
+        before_after,
+    }
+}
+
+/// Share of the squared error above the noise that is gone, pooled over outputs in units of their noise.
+fn gain(before: &[Error], after: &[Error]) -> f64 {
+    let above = |errors: &[Error]| errors.iter().map(|it| (it.noise_ratio * it.noise_ratio - 1.0).max(0.0)).sum::<f64>();
+    let all = above(before);
+    // Without an error above the noise there is nothing to gain; 1e-3 of the noise's energy is its scatter over 10^6 rows.
+    if all < 1e-3 { 0.0 } else { (1.0 - above(after) / all).max(-1.0) }
+}
+
+fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, threshold: f64) -> Cause {
+    let entry = &fit.model.file.effects[place];
+    let normal = Normal::new(&fit.matrix(), fit.free.len(), 0.0);
+    // Where structure is left, the residual says how much less sure the numbers are.
+    let spread = (levenberg::cost(&fit.model, &fit.residual) / fit.residual.len().max(1) as f64).max(1.0).sqrt();
+    let plant = entry.arguments.plant;
+    let subject = entry.arguments.subject.clone();
+    let parameters = entry.arguments.numbers.iter().map(|(name, value)| {
+        let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry: place, number: name });
+        let free = unknown.and_then(|unknown| fit.free.iter().position(|k| *k == unknown));
+        let (low, high) = match (unknown, free) {
+            (Some(unknown), Some(free)) => {
+                // 1.96 standard deviations are 95 % of a normal distribution.
+                let reach = 1.96 * spread * normal.variance(free).max(0.0).sqrt();
+                let unknown = &fit.model.unknowns[unknown];
+                let at = unknown.inward(*value);
+                (unknown.outward(at - reach), unknown.outward(at + reach))
+            }
+            _ => (*value, *value),
+        };
+        Interval { name, value: *value, low, high, unit: unit(plant, entry.description, subject.as_deref(), name) }
+    });
+    let parameters: Vec<Interval> = parameters.collect();
+    let mut sentence = entry.description.sentence.to_string();
+    for it in &parameters {
+        sentence = sentence.replace(&format!("{{{}}}", it.name), &plain(it));
+    }
+    let name = subject.clone().unwrap_or_default();
+    sentence = sentence.replace("{parameter}", &name).replace("{output}", &name);
+    while let (Some(open), Some(close)) = (sentence.find('{'), sentence.find('}')) {
+        if open > close {
+            break;
+        }
+        sentence.replace_range(open..=close, "");
+    }
+    // A rival that does worse by the threshold has a tenth of the evidence left: thresholds are where chance ends.
+    let evidence = |behind: f64| (-behind.max(0.0) / threshold * std::f64::consts::LN_10).exp();
+    let rivals: f64 = believed.rivals.iter().map(|it| evidence(it.1)).sum();
+    Cause {
+        kind: entry.description.kind,
+        subject,
+        of: entry.description.subject,
+        parameters,
+        confidence: (1.0 - evidence(believed.gain)) / (1.0 + rivals),
+        indistinguishable_from: alike,
+        gain: believed.gain,
+        rivals: believed.rivals.clone(),
+        sentence,
+    }
+}
+
+/// Rounding as an entry of a file.
+fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Option<Entry> {
+    let description = crate::effects::of("sensor-quantisation")?;
+    let subject = Some(kind.outputs()[output].name.to_string());
+    Some(Entry { description, arguments: Arguments { plant: kind, subject, numbers: vec![("step", step)] } })
+}
+
+/// Rounding as a cause: the readings are multiples of the step, and no other cause makes them so.
+fn rounding(kind: PlantKind, output: usize, step: f64, rows: f64) -> Cause {
+    let signal = kind.outputs()[output];
+    Cause {
+        kind: "sensor-quantisation",
+        subject: Some(signal.name.to_string()),
+        of: Subject::Output,
+        parameters: vec![Interval { name: "step", value: step, low: step, high: step, unit: signal.unit.to_string() }],
+        // A hundredth is left for a file whose digits were cut.
+        confidence: 0.99,
+        indistinguishable_from: Vec::new(),
+        // All rows are multiples of the step: about one squared standard deviation a row.
+        gain: rows,
+        rivals: Vec::new(),
+        sentence: format!("The sensor of {} rounds to multiples of {step}.", signal.name),
+    }
+}
+
+fn plain(it: &Interval) -> String {
+    let digits = format!("{:.3e}", it.value);
+    let value: f64 = digits.parse().unwrap_or(it.value);
+    format!("{value}")
+}
+
+fn unit(plant: PlantKind, description: &crate::effect::Description, subject: Option<&str>, name: &str) -> String {
+    let stated = description.arguments_on(plant).find(|it| it.name == name).map_or("", |it| it.unit);
+    if !stated.is_empty() {
+        return stated.to_string();
+    }
+    let of_output = |name: &str| plant.output(name).map_or("1", |k| plant.outputs()[k].unit);
+    let rotor = plant == PlantKind::Pmac;
+    match (description.kind, name) {
+        ("parameter-error", _) => {
+            let parameters = crate::schema::parameters(plant);
+            parameters.iter().find(|it| Some(it.name) == subject).map_or("1", |it| it.unit).to_string()
+        }
+        ("sensor-gain", _) => "1".to_string(),
+        ("sensor-drift", _) => format!("{}/s", of_output(subject.unwrap_or(""))),
+        ("sensor-bias" | "sensor-quantisation", _) => of_output(subject.unwrap_or("")).to_string(),
+        ("backlash", "gap") => if plant == PlantKind::Driveline { "rad" } else { "m" }.to_string(),
+        (_, "stiffness") => if rotor { "N*m/rad" } else { "N/m" }.to_string(),
+        (_, "damping" | "viscous_forward" | "viscous_backward") => if rotor { "N*m*s/rad" } else { "N*s/m" }.to_string(),
+        (_, "stribeck_velocity") => if rotor { "rad/s" } else { "m/s" }.to_string(),
+        _ => if rotor { "N*m" } else { "N" }.to_string(),
+    }
+}
