@@ -5,20 +5,28 @@
 use crate::stage::Run;
 use crate::workspace::{cargo, root, scratch};
 
+/// A few cases a plant, with the programs that the tests before it have built.
+pub(crate) fn quick() -> std::process::Command {
+    judge("debug", "judge", &["--quick"])
+}
+
 /// Builds the command and the judge, then judges, or verifies when that is the first word.
 pub(crate) fn run(words: &[&str]) -> bool {
     let (mode, rest) = match words {
         ["verify", rest @ ..] => ("verify", rest),
         rest => ("judge", rest),
     };
-    let cases = scratch("hidden-effects");
-    let release = std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| root().join("target"), |target| root().join(target))
-        .join("release");
-    let mut judge = std::process::Command::new(release.join("hidden-effects"));
-    judge.arg(mode).arg("--rsm").arg(release.join("rsm")).arg("--out").arg(cases).args(rest);
+    let judge = judge("release", mode, rest);
     Run::new()
         .command("build", cargo(&["build", "--release", "--quiet", "-p", "rsm-cli", "-p", "hidden-effects"]))
         .command(mode, judge)
         .finish()
+}
+
+fn judge(profile: &str, mode: &str, rest: &[&str]) -> std::process::Command {
+    let programs =
+        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |target| root().join(target)).join(profile);
+    let mut judge = std::process::Command::new(programs.join("hidden-effects"));
+    judge.arg(mode).arg("--rsm").arg(programs.join("rsm")).arg("--out").arg(scratch("hidden-effects")).args(rest);
+    judge
 }

@@ -5,7 +5,7 @@
 
 use crate::stage::Run;
 use crate::workspace::cargo;
-use crate::{generated, packages};
+use crate::{generated, hidden_effects, packages};
 
 /// The libraries that must build without `std`, and the bare-metal machine to try first: a Cortex-M4F, what a motor drive has.
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
@@ -18,6 +18,8 @@ pub(crate) fn run() -> bool {
         .command("format", cargo(&["fmt", "--all", "--check"]))
         .command("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
         .command("test", cargo(&["test", "--workspace", "--no-fail-fast"]))
+        // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
+        .command("hidden effects", hidden_effects::quick())
         // The tests that are ignored above because they are slow at opt 0, with the others at opt 3.
         .command("long matrix", cargo(&["test", "--release", "-p", "rsm-tests", "--no-fail-fast", "--", "--include-ignored"]))
         .command("docs", {
