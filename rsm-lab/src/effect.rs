@@ -111,6 +111,8 @@ pub struct Description {
     pub arguments: &'static [Argument],
     /// What the report says; `{name}` stands for an argument.
     pub sentence: &'static str,
+    /// What an engineer measures or looks at to be sure, in a sentence.
+    pub check: &'static str,
     /// Makes the effect.
     pub build: fn(&Arguments) -> Box<dyn Effect>,
     /// Where a search for its numbers may begin.

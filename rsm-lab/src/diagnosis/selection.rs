@@ -73,6 +73,8 @@ pub struct Believed {
     pub rivals: Vec<(String, f64)>,
     /// The rivals as models, for the next experiment.
     pub rival_models: Vec<(String, Model)>,
+    /// The plant without it, everything else fitted again: what the evidence compares with.
+    pub without: Model,
 }
 
 /// The outcome.
@@ -88,6 +90,8 @@ pub struct Selection {
     pub threshold: f64,
     /// What the screen of the calibrated plant predicted, by hypothesis: the best first.
     pub ranking: Vec<(String, f64)>,
+    /// What the last screen predicted, after the causes that had been added by then.
+    pub remaining: Vec<(String, f64)>,
     /// The limit of work at which the search stopped before it was through.
     pub stopped: Option<Limit>,
 }
@@ -217,12 +221,13 @@ impl Search<'_> {
             screened = screen(self.kernel, &fit, self.nominal, self.hypotheses);
             screened.iter_mut().for_each(Screened::slim);
         }
+        let remaining = self.ranking(&screened);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
         let stopped = path.stopped();
         if let Some(limit) = stopped {
             (self.progress)(&format!("the search stopped {limit}"));
         }
-        Selection { calibrated, fit, causes, threshold, ranking, stopped }
+        Selection { calibrated, fit, causes, threshold, ranking, remaining, stopped }
     }
 
     fn ranking(&self, screened: &[Screened]) -> Vec<(String, f64)> {
@@ -390,6 +395,7 @@ impl Search<'_> {
                     gain: base.cost - fit.cost,
                     rival_models: rivals.iter().map(|it| (it.0.clone(), it.2.clone())).collect(),
                     rivals: rivals.into_iter().map(|it| (it.0, it.1)).collect(),
+                    without: base.model,
                 });
             }
             return (fit, causes);

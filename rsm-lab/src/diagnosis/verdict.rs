@@ -116,6 +116,8 @@ pub struct Diagnosis {
     pub threshold: f64,
     /// What the screen of the calibrated plant predicted.
     pub ranking: Vec<(String, f64)>,
+    /// What the last screen predicted, with the causes in the plant.
+    pub remaining: Vec<(String, f64)>,
     /// The limit of work at which the search stopped, if it did.
     pub stopped: Option<Limit>,
     /// What is left at the end.
@@ -137,7 +139,7 @@ pub fn conclude(
     findings: Vec<Finding>,
     rounded: &[(usize, f64)],
 ) -> Diagnosis {
-    let Selection { calibrated, fit, causes: believed, threshold, ranking, stopped } = selection;
+    let Selection { calibrated, fit, causes: believed, threshold, ranking, remaining, stopped } = selection;
     let judged = if unseen.records.is_empty() { kernel } else { unseen };
     let before = validation::on(judged, nominal);
     let after = validation::on(judged, &fit.model);
@@ -200,6 +202,7 @@ pub fn conclude(
         noise: present.iter().map(|k| (*k, kernel.floors[*k].sd, kernel.floors[*k].correlation)).collect(),
         threshold,
         ranking,
+        remaining,
         stopped,
         left,
         rival,

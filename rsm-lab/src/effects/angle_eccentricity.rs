@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("amplitude", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
     sentence: "The encoder errs by {amplitude} rad once a turn.",
+    check: "Check the concentricity of the encoder and its disc; the error must repeat once a mechanical turn at any speed and current.",
     build,
     guesses,
 };

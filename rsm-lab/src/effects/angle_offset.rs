@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("angle", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
     sentence: "The recorded frame is turned by {angle} rad.",
+    check: "Align the encoder again: turn the rotor from outside with open terminals, the back-EMF must stand on the q axis alone.",
     build,
     guesses,
 };

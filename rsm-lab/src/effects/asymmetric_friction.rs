@@ -25,6 +25,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("viscous_backward", "", Bound::NotNegative).optional(),
     ],
     sentence: "Friction is {forward} forward and {backward} backward.",
+    check: "Drive slowly at the same speed both ways and compare the efforts, level by level; look at seals, guides and anything that wears on one side.",
     build,
     guesses,
 };

@@ -27,6 +27,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("damping", "N*s/m", Bound::NotNegative).on(PlantKind::ServoAxis),
     ],
     sentence: "There is a free play of {gap} in the drive.",
+    check: "Hold the drive and move the load by hand, or reverse it under a small torque, and measure the free play between the two.",
     build,
     guesses,
 };

@@ -22,6 +22,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("torque", "N*m", Bound::NotNegative)],
     sentence: "A brake drags with {torque} N m.",
+    check: "Jack the wheels up and turn them by hand, or measure the temperature of the brakes after driving without braking.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("capacity", "N*m", Bound::Positive)],
     sentence: "The clutch slips above {capacity} N m.",
+    check: "Compare engine speed with road speed times the gear ratio under full load; where they part, inspect lining and clamp load.",
     build,
     guesses,
 };

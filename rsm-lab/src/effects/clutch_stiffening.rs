@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("cubic_stiffness", "N*m/rad^3", Bound::NotNegative)],
     sentence: "The clutch stiffens with {cubic_stiffness} N m/rad^3.",
+    check: "Measure the clutch's torque against its twist on a bench, beyond the first stage of its springs.",
     build,
     guesses,
 };

@@ -25,6 +25,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("phase", "rad", Bound::Any),
     ],
     sentence: "A cogging torque of amplitude {amplitude} acts on the motor.",
+    check: "Turn the unpowered motor slowly through a few turns (the axis over a few pitches) with a force gauge: the wave must be there without current.",
     build,
     guesses,
 };

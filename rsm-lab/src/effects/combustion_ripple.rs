@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("amplitude", "1", Bound::NotNegative)],
     sentence: "The engine torque ripples by {amplitude} three times a turn.",
+    check: "Compare with a motored engine: the ripple must vanish with fuel cut off.",
     build,
     guesses,
 };

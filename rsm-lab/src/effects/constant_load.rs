@@ -23,6 +23,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("force", "N", Bound::Any).on(PlantKind::ServoAxis),
     ],
     sentence: "A constant load of {torque}{force} is missing from the record.",
+    check: "Hold the drive at rest in several positions and read the effort; look for gravity, springs, hoses and unrecorded loads.",
     build,
     guesses,
 };

@@ -23,6 +23,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("force", "N", Bound::NotNegative).on(PlantKind::ServoAxis),
     ],
     sentence: "A dry friction of {torque}{force} is missing from the model.",
+    check: "Drive slowly both ways at constant speed: the effort must jump by twice this level at the reversal.",
     build,
     guesses,
 };

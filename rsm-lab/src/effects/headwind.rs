@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("wind", "m/s", Bound::Any)],
     sentence: "There is a headwind of {wind} m/s.",
+    check: "Drive the same road both ways; what changes sign is wind.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("delay", "s", Bound::NotNegative)],
     sentence: "The input acts {delay} s later than recorded.",
+    check: "Apply one step of the input and count the samples to the first answer; look for filters, buses and time stamps.",
     build,
     guesses,
 };

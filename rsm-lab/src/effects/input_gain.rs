@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("gain", "1", Bound::Any)],
     sentence: "The input acts {gain} times as strong as recorded.",
+    check: "Measure the input where it acts (terminal voltage, plate angle, force at rest) against what the record says.",
     build,
     guesses,
 };

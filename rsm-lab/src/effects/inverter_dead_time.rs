@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("voltage_loss", "V", Bound::NotNegative)],
     sentence: "The inverter loses {voltage_loss} V against the current.",
+    check: "Measure terminal voltage against command at standstill at small currents: the loss must stay as the current shrinks.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("saturation_current", "A", Bound::Positive)],
     sentence: "The inductance halves at a current of {saturation_current} A.",
+    check: "Measure the inductance at small and at large current at standstill, by a small step on top of each.",
     build,
     guesses,
 };

@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::Parameter,
     arguments: &[Argument::new("value", "", Bound::Any)],
     sentence: "The parameter {parameter} is {value}, not what the plant file says.",
+    check: "Measure the parameter by itself, or look up where its value in the plant file comes from.",
     build,
     guesses,
 };

@@ -23,6 +23,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("thermal_time_constant", "s", Bound::Positive),
     ],
     sentence: "The winding heats up: {thermal_resistance} K/W with a time constant of {thermal_time_constant} s.",
+    check: "Measure the winding's resistance cold, and again directly after the record.",
     build,
     guesses,
 };

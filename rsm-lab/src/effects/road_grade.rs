@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("grade", "rad", Bound::Between(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2))],
     sentence: "The road has a grade of {grade} rad.",
+    check: "Measure the slope, or drive the same road both ways; the scale and a coast-down tell it from drag.",
     build,
     guesses,
 };

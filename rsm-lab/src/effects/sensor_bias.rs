@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::Output,
     arguments: &[Argument::new("bias", "", Bound::Any)],
     sentence: "The sensor of {output} reads {bias} too much.",
+    check: "Read the sensor at a known rest, before and after a record.",
     build,
     guesses,
 };

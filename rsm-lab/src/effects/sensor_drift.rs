@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::Output,
     arguments: &[Argument::new("rate", "", Bound::Any)],
     sentence: "The sensor of {output} drifts by {rate} per second.",
+    check: "Read the sensor at a known rest at the beginning and at the end of a long record.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::Output,
     arguments: &[Argument::new("gain", "", Bound::Positive)],
     sentence: "The sensor of {output} reads {gain} times the truth.",
+    check: "Compare the sensor with a second one, or with a known distance, speed or current.",
     build,
     guesses,
 };

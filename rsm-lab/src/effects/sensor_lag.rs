@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::Output,
     arguments: &[Argument::new("time_constant", "s", Bound::Positive)],
     sentence: "The sensor of {output} lags with a time constant of {time_constant} s.",
+    check: "Compare the sensor with a faster one on one step; look for a filter in its electronics or in the log.",
     build,
     guesses,
 };

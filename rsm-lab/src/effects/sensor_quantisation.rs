@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::Output,
     arguments: &[Argument::new("step", "", Bound::Positive)],
     sentence: "The sensor of {output} rounds to multiples of {step}.",
+    check: "Look up the resolution of the sensor and of the log, and take a finer one where control needs it.",
     build,
     guesses,
 };

@@ -24,6 +24,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("damping", "", Bound::NotNegative),
     ],
     sentence: "The load hangs on a spring of {stiffness}, with {inertia_ratio} of the inertia behind it.",
+    check: "Clamp the load and twist the drive, or excite the drive by a sweep and look for a resonance above an antiresonance.",
     build,
     guesses,
 };

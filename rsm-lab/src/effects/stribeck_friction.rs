@@ -24,6 +24,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("stribeck_velocity", "", Bound::Positive),
     ],
     sentence: "Friction of {coulomb} rises to {static} below a speed of {stribeck_velocity}.",
+    check: "Drive at several constant speeds around the Stribeck velocity: the effort must fall as the speed rises.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("exponent", "1", Bound::Positive)],
     sentence: "The throttle acts with the power {exponent}.",
+    check: "Measure torque or air mass at several throttle openings at one engine speed.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("amplitude", "1", Bound::NotNegative)],
     sentence: "The flux linkage ripples by {amplitude} six times an electrical turn.",
+    check: "Turn the motor from outside with open terminals and look at its back-EMF: the sixth order must be there.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("slip_stiffness", "N", Bound::Positive)],
     sentence: "The tyres slip: {slip_stiffness} N for a slip of 1.",
+    check: "Compare wheel speed with ground speed (GPS) while accelerating and while coasting.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("limit", "V", Bound::Positive)],
     sentence: "The bus allows {limit} V only.",
+    check: "Record the bus voltage under load; compare it with the value from which the limit was computed.",
     build,
     guesses,
 };

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     subject: Subject::None,
     arguments: &[Argument::new("coefficient", "N*m*s^2/rad^2", Bound::NotNegative)],
     sentence: "Windage of {coefficient} N m per (rad/s)^2 is missing from the model.",
+    check: "Coast down from high speed without current: the deceleration must grow with the square of the speed.",
     build,
     guesses,
 };

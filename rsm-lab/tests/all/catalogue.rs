@@ -74,6 +74,11 @@ fn every_header_has_its_six_lines() {
             let known = description.arguments.iter().any(|it| it.name == name) || ["parameter", "output"].contains(&name);
             assert!(known, "{}: `{name}` is no argument", description.kind);
         }
+        // What to check is one's own, a whole sentence without places to fill in.
+        let check = description.check;
+        assert!(check.ends_with('.') && !check.contains('{'), "{}: {check}", description.kind);
+        let same = effects::ALL.iter().filter(|it| it.check == check).count();
+        assert_eq!(same, 1, "{}: another effect is checked in the same words", description.kind);
     }
 }
 
