@@ -54,3 +54,5 @@ pub mod motor;
 pub mod bench;
 
 pub mod diagnosis;
+
+pub mod inverse;

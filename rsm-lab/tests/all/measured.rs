@@ -3,6 +3,9 @@
 use std::path::Path;
 
 use rsm_core::source::Source;
+use rsm_fit::table::{Table, Wanted};
+use rsm_lab::inverse::{Friction, Motion};
+use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::{Drive, Record};
 
 use super::{effect, path, plant, run};
@@ -22,6 +25,32 @@ fn every_shipped_plant_runs_along_its_record() {
     }
 }
 
+/// The measured axis under our column names; `None`, said loudly, without the data.
+///
+/// Its pulses are volts that the experimenters added to what the controller said. The controller says velocity_gain * position_gain volts for a metre of the reference,
+/// so that a pulse is a change of the reference; the recorded voltage already holds it.
+fn emps(name: &str, file: &PlantFile) -> Option<Record> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/emps");
+    if !folder.is_dir() {
+        assert!(std::env::var_os("CI").is_none(), "../shared/data/emps is missing, and in CI these tests must run");
+        eprintln!("SKIPPED: ../shared/data/emps is missing; this test has shown NOTHING");
+        return None;
+    }
+    let columns = "\n[columns]\ntime = { column = \"t_s\", unit = \"s\" }\nreference = { column = \"q_ref_m\", unit = \"m\" }\n\
+                   position = { column = \"q_m\", unit = \"m\" }\ncommand = { column = \"u_V\", unit = \"V\" }\n";
+    let renamed = plant("servo-axis", columns);
+    let source = Source::read(&folder.join(name)).unwrap();
+    let mut record = Record::read(&source, &renamed).unwrap();
+    assert_eq!((record.drive, record.rows()), (Drive::Closed, 24841));
+    let pulse = Wanted { numbers: vec!["pulse".to_string()], ..Wanted::default() };
+    if let Ok(table) = Table::read(&source, &pulse) {
+        let gain = file.parameters.number("position_gain") * file.parameters.number("velocity_gain");
+        let volts = &table.column("pulse").unwrap().values;
+        record.inputs[0].iter_mut().zip(volts).for_each(|(reference, volts)| *reference += volts / gain);
+    }
+    Some(record)
+}
+
 /// Root mean square of a difference, over that of the first.
 fn relative(measured: &[f64], simulated: &[f64]) -> f64 {
     let error: f64 = measured.iter().zip(simulated).map(|(a, b)| (a - b) * (a - b)).sum();
@@ -30,26 +59,54 @@ fn relative(measured: &[f64], simulated: &[f64]) -> f64 {
 
 #[test]
 fn the_measured_axis_is_followed_better_with_its_friction() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/emps");
-    if !folder.is_dir() {
-        assert!(std::env::var_os("CI").is_none(), "../shared/data/emps is missing, and in CI these tests must run");
-        eprintln!("SKIPPED: ../shared/data/emps is missing; this test has shown NOTHING");
-        return;
-    }
-    let columns = "\n[columns]\ntime = { column = \"t_s\", unit = \"s\" }\nreference = { column = \"q_ref_m\", unit = \"m\" }\n\
-                   position = { column = \"q_m\", unit = \"m\" }\ncommand = { column = \"u_V\", unit = \"V\" }\n";
     // Published: Fc = 20.3935 N, offset -3.1648 N.
     let friction = effect("coulomb-friction", "force = 20.3935") + &effect("constant-load", "force = -3.1648");
-    let mut errors = Vec::new();
-    for more in ["", friction.as_str()] {
-        let file = plant("servo-axis", &format!("{columns}{more}"));
-        let source = Source::read(&folder.join("emps_train.csv")).unwrap();
-        let record = Record::read(&source, &file).unwrap();
-        assert_eq!((record.drive, record.rows()), (Drive::Closed, 24841));
-        let outputs = run(&file, &record);
-        errors.push(relative(record.measured[1].as_ref().unwrap(), outputs.of("command").unwrap()));
+    for (name, allowed) in [("emps_train.csv", 0.055), ("emps_test_pulses.csv", 0.062)] {
+        let mut errors = Vec::new();
+        for more in ["", friction.as_str()] {
+            let file = plant("servo-axis", more);
+            let Some(record) = emps(name, &file) else { return };
+            let outputs = run(&file, &record);
+            errors.push(relative(record.measured[1].as_ref().unwrap(), outputs.of("command").unwrap()));
+        }
+        println!(
+            "{name}: relative error of the command {:.4} nominal, {:.4} with the published friction",
+            errors[0], errors[1]
+        );
+        // Measured 0.0503 and 0.0564, a tenth above: the authors report 4.1 and 6.0 % by their own filtered comparison of forces; an unfiltered closed loop has
+        // the measured noise on top. With the pulses as newtons in place of volts, or left out, it is 0.37.
+        assert!(errors[1] < allowed && errors[1] < 0.5 * errors[0], "{errors:?}");
     }
-    println!("EMPS: relative error of the command {:.4} nominal, {:.4} with the published friction", errors[0], errors[1]);
-    // The authors report 4.1 % by their own filtered comparison of forces; an unfiltered closed loop has the measured noise on top.
-    assert!(errors[1] < 0.1 && errors[1] < 0.5 * errors[0], "{errors:?}");
+}
+
+/// Published: mass, viscous friction, dry friction and offset from the training record; then mass, and viscous and dry friction forward and backward.
+const PUBLISHED: [&[f64]; 2] = [&[95.1089, 203.5034, 20.3935, -3.1648], &[95.154, 166.7061, 20.1440, 240.4236, 20.6277]];
+
+#[test]
+fn the_inverse_model_of_the_measured_axis_has_the_published_errors_step_by_step() {
+    let file = plant("servo-axis", "");
+    let (Some(training), Some(pulses)) = (emps("emps_train.csv", &file), emps("emps_test_pulses.csv", &file)) else { return };
+    let gain = file.parameters.number("force_gain");
+    let [training, pulses] = [training, pulses].map(|record| Motion::of(&record, file.kind).unwrap());
+    // Per cent on the pulse record, which no regression has seen: 5.98 is published, the others are known to a tenth.
+    let steps = [(Friction::Viscous, 17.9), (Friction::Coulomb, 8.2), (Friction::Offset, 6.0), (Friction::Asymmetric, 5.4)];
+    let mut fits = Vec::new();
+    for (friction, expected) in steps {
+        let fit = training.regression(friction, gain);
+        let unseen = 100.0 * pulses.relative_error(friction, &fit.coefficients, gain);
+        println!(
+            "EMPS {friction:?}: {:.2} % on the training record, {unseen:.2} % under the pulses",
+            100.0 * fit.relative_error
+        );
+        // How a decimation treats the ends of a record is worth a few hundredths, and nobody has published theirs.
+        assert!((unseen - expected).abs() < 0.1, "{friction:?}: {unseen}");
+        fits.push(fit);
+    }
+    for (fit, published, error) in [(&fits[2], PUBLISHED[0], 4.0834), (&fits[3], PUBLISHED[1], 3.1117)] {
+        // The same ends: the axis accelerates from rest in the first rows. They move the friction by 0.5 %, the offset by 0.6 % and the error by 0.15 points.
+        assert!((100.0 * fit.relative_error - error).abs() < 0.2, "{}", fit.relative_error);
+        for (found, published) in fit.coefficients.iter().zip(published) {
+            assert!((found / published - 1.0).abs() < 0.01, "{found} {published}");
+        }
+    }
 }
