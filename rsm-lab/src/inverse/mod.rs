@@ -118,7 +118,7 @@ impl Motion {
     /// The force on mass and friction, by least squares.
     #[must_use]
     pub fn regression(&self, friction: Friction, force_gain: f64) -> Regression {
-        let (columns, force) = (self.columns(friction), decimated(self.force(force_gain)));
+        let (columns, force) = (self.columns(friction), decimated(&self.force(force_gain)));
         let n = columns.len();
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let matrix: Vec<f64> = columns.iter().flat_map(|a| columns.iter().map(move |b| product(a, b))).collect();
@@ -131,7 +131,7 @@ impl Motion {
     /// The relative error of the force with coefficients from elsewhere: another record, a publication.
     #[must_use]
     pub fn relative_error(&self, friction: Friction, coefficients: &[f64], force_gain: f64) -> f64 {
-        let mut left = decimated(self.force(force_gain));
+        let mut left = decimated(&self.force(force_gain));
         let whole = length(&left);
         for (column, coefficient) in self.columns(friction).iter().zip(coefficients) {
             left.iter_mut().zip(column).for_each(|(left, value)| *left -= coefficient * value);
@@ -158,7 +158,7 @@ impl Motion {
             axis.evaluate(&hooks, &[command, command, 0.0], &x, &mut dx, &mut outputs);
             left.push(mass * (dx[1] - self.acceleration[k]));
         }
-        Some(length(&decimated(left)) / length(&decimated(self.force(gain))))
+        Some(length(&decimated(&left)) / length(&decimated(&self.force(gain))))
     }
 
     fn force(&self, force_gain: f64) -> Vec<f64> {
@@ -169,12 +169,12 @@ impl Motion {
     fn columns(&self, friction: Friction) -> Vec<Vec<f64>> {
         let rows: Vec<Vec<f64>> = self.acceleration.iter().zip(&self.speed).map(|(a, v)| friction.row(*a, *v)).collect();
         let width = rows.first().map_or(0, Vec::len);
-        (0..width).map(|k| decimated(rows.iter().map(|row| row[k]).collect())).collect()
+        (0..width).map(|k| decimated(&rows.iter().map(|row| row[k]).collect::<Vec<f64>>())).collect()
     }
 }
 
-fn decimated(values: Vec<f64>) -> Vec<f64> {
-    LowPass::chebyshev(4, 0.05, 0.8 / EVERY as f64).both_ways(&values).into_iter().step_by(EVERY).collect()
+fn decimated(values: &[f64]) -> Vec<f64> {
+    LowPass::chebyshev(4, 0.05, 0.8 / EVERY as f64).both_ways(values).into_iter().step_by(EVERY).collect()
 }
 
 fn length(values: &[f64]) -> f64 {
