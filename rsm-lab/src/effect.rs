@@ -146,6 +146,8 @@ pub struct Survey {
     pub pitches: Vec<f64>,
     /// The smallest step between readings of each output, where they are multiples of one.
     pub quantum: [Option<f64>; 3],
+    /// The gears in which records run, first gear first; all false elsewhere.
+    pub gears: [bool; 5],
     /// The named output, of an effect on one.
     pub output: usize,
     /// The nominal value of the named parameter, of an effect on one.

@@ -32,10 +32,13 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// A parameter that may be left out.
+    /// A parameter that may be left out; `gear_ratios[3]` is the ratio of third gear.
     #[must_use]
     pub fn optional(&self, name: &str) -> Option<f64> {
-        self.values[schema::index(self.kind, name)?]
+        match schema::index(self.kind, name) {
+            Some(index) => self.values[index],
+            None => schema::gear(self.kind, name).map(|gear| self.gear_ratios[gear]),
+        }
     }
 
     /// A parameter that the plant requires.
@@ -51,6 +54,8 @@ impl Parameters {
     pub fn set(&mut self, name: &str, value: f64) {
         if let Some(index) = schema::index(self.kind, name) {
             self.values[index] = Some(value);
+        } else if let Some(gear) = schema::gear(self.kind, name) {
+            self.gear_ratios[gear] = value;
         }
     }
 }

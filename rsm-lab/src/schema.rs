@@ -117,6 +117,15 @@ const SERVO_AXIS: &[Nominal] = &[
     optional("velocity_gain", "V*s/m", Positive),
 ];
 
+/// The entries of a driveline's array `gear_ratios`, numbered as the column `gear` of a record numbers them: from 1.
+const GEAR_RATIOS: &[Nominal] = &[
+    of("gear_ratios[1]", "1", Positive),
+    of("gear_ratios[2]", "1", Positive),
+    of("gear_ratios[3]", "1", Positive),
+    of("gear_ratios[4]", "1", Positive),
+    of("gear_ratios[5]", "1", Positive),
+];
+
 /// The numbers of a plant, in the order of PLANTS.md. The gear ratios and the choice of the velocity stand beside them.
 #[must_use]
 pub fn parameters(kind: PlantKind) -> &'static [Nominal] {
@@ -125,6 +134,23 @@ pub fn parameters(kind: PlantKind) -> &'static [Nominal] {
         PlantKind::Driveline => DRIVELINE,
         PlantKind::ServoAxis => SERVO_AXIS,
     }
+}
+
+/// The entries of the array of gear ratios, first gear first; none on a plant without gears.
+#[must_use]
+pub fn gear_ratios(kind: PlantKind) -> &'static [Nominal] {
+    if kind == PlantKind::Driveline { GEAR_RATIOS } else { &[] }
+}
+
+/// Everything that a `parameter-error` may name: the numbers of a plant, and its gear ratios one by one.
+pub fn named(kind: PlantKind) -> impl Iterator<Item = &'static Nominal> {
+    parameters(kind).iter().chain(gear_ratios(kind))
+}
+
+/// The place of a gear ratio in its array, from 0, by the name that a `parameter-error` gives it.
+#[must_use]
+pub fn gear(kind: PlantKind, name: &str) -> Option<usize> {
+    gear_ratios(kind).iter().position(|nominal| nominal.name == name)
 }
 
 /// The place of a parameter among [`parameters`].

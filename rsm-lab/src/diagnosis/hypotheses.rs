@@ -52,9 +52,11 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
         match description.subject {
             Subject::None => add(None, survey),
             Subject::Parameter => {
-                for nominal in schema::parameters(kind) {
+                for nominal in schema::named(kind) {
                     let Some(value) = survey.parameters.optional(nominal.name) else { continue };
-                    if !KNOWN.contains(&nominal.name) {
+                    // The ratio of a gear in which no record runs leaves no trace.
+                    let runs = schema::gear(kind, nominal.name).is_none_or(|gear| survey.gears[gear]);
+                    if runs && !KNOWN.contains(&nominal.name) {
                         add(Some(nominal.name), &Survey { nominal: value, ..survey.clone() });
                     }
                 }
@@ -102,7 +104,7 @@ fn bound_of(entry: &Entry, name: &str) -> Bound {
     let plant = entry.arguments.plant;
     if entry.description.subject == Subject::Parameter {
         let subject = entry.arguments.subject.as_deref().unwrap_or("");
-        return schema::index(plant, subject).map_or(Bound::Any, |index| schema::parameters(plant)[index].bound);
+        return schema::named(plant).find(|nominal| nominal.name == subject).map_or(Bound::Any, |nominal| nominal.bound);
     }
     entry.description.arguments_on(plant).find(|argument| argument.name == name).map_or(Bound::Any, |argument| argument.bound)
 }

@@ -34,6 +34,7 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
     let mut input = 0.0_f64;
     let mut effort = 0.0_f64;
     let mut speed = 0.0_f64;
+    let mut gears = [false; 5];
     for output in 0..kind.outputs().len() {
         let lists: Vec<&[f64]> = kernel
             .records
@@ -68,6 +69,9 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
             let torque = parameters.number("torque_0")
                 + 250.0 * parameters.number("torque_1")
                 + 62_500.0 * parameters.number("torque_2");
+            for prepared in &kernel.records {
+                gears[prepared.record.gear - 1] = true;
+            }
             effort = torque.abs() * parameters.gear_ratios[1] * parameters.number("final_drive_ratio");
             speed = largest[1] / parameters.number("wheel_radius");
         }
@@ -108,6 +112,7 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
         noise: kernel.floors.map(|floor| floor.sd),
         pitches: if kind == PlantKind::ServoAxis { pitches(kernel, fit) } else { Vec::new() },
         quantum,
+        gears,
         output: 0,
         nominal: 0.0,
         parameters,

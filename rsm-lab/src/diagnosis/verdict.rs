@@ -309,8 +309,8 @@ fn unit(plant: PlantKind, description: &crate::effect::Description, subject: Opt
     let rotor = plant == PlantKind::Pmac;
     match (description.kind, name) {
         ("parameter-error", _) => {
-            let parameters = crate::schema::parameters(plant);
-            parameters.iter().find(|it| Some(it.name) == subject).map_or("1", |it| it.unit).to_string()
+            let mut parameters = crate::schema::named(plant);
+            parameters.find(|it| Some(it.name) == subject).map_or("1", |it| it.unit).to_string()
         }
         ("sensor-gain", _) => "1".to_string(),
         ("sensor-drift", _) => format!("{}/s", of_output(subject.unwrap_or(""))),

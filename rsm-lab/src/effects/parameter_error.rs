@@ -1,6 +1,6 @@
 //! A nominal parameter has another value.
 //!
-//! Formula      p becomes value
+//! Formula      p becomes value; gear_ratios[3] is the ratio of third gear
 //! Source       the definition of a wrong data sheet; PLANTS.md, section 3
 //! Acts on      the parameters, before the simulation
 //! Looks like   whatever the parameter stands for; grade is `road-grade`
@@ -60,5 +60,17 @@ mod tests {
         let file = PlantFile::read(&Source::new("axis.toml", text)).unwrap();
         assert_eq!(file.parameters.number("mass"), 2.0);
         assert_eq!(file.effective_parameters().number("mass"), 3.0);
+    }
+
+    #[test]
+    fn one_gear_may_be_wrong_and_the_others_stay() {
+        let entry = "\n[[effects]]\nkind = \"parameter-error\"\nparameters = { parameter = \"gear_ratios[3]\", value = 1.5 }\n";
+        let text = include_str!("../../plants/driveline.toml").to_string() + entry;
+        let file = PlantFile::read(&Source::new("car.toml", text)).unwrap();
+        let mut expected = file.parameters.gear_ratios;
+        expected[2] = 1.5;
+        assert_eq!(file.effective_parameters().gear_ratios, expected);
+        assert!(file.write().contains(entry.trim_start()));
+        assert!(PlantFile::read(&Source::new("again.toml", file.write())).is_ok());
     }
 }

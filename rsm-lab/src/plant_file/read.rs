@@ -213,7 +213,7 @@ fn arguments(
     let mut table = TableReader::of(source, value, format!("effect `{}`", description.kind), faults)?;
     let (key, names): (&'static str, Vec<&'static str>) = match description.subject {
         Subject::None => ("", Vec::new()),
-        Subject::Parameter => ("parameter", schema::parameters(kind).iter().map(|nominal| nominal.name).collect()),
+        Subject::Parameter => ("parameter", schema::named(kind).map(|nominal| nominal.name).collect()),
         Subject::Output => ("output", kind.outputs().iter().map(|signal| signal.name).collect()),
     };
     let mut complete = true;
@@ -233,7 +233,7 @@ fn arguments(
         // A parameter in error keeps the sign that the physics fixes.
         let bound = match (description.subject, subject) {
             (Subject::Parameter, Some(name)) => {
-                schema::index(kind, name).map_or(argument.bound, |index| schema::parameters(kind)[index].bound)
+                schema::named(kind).find(|nominal| nominal.name == name).map_or(argument.bound, |nominal| nominal.bound)
             }
             _ => argument.bound,
         };
