@@ -37,6 +37,19 @@ impl Fit {
         gram(&self.model, &self.free, &self.columns)
     }
 
+    /// The derivative for an unknown of another model, where it is one of this fit as well.
+    fn column_of(&self, model: &Model, unknown: usize) -> Option<Column> {
+        let place = model.unknowns[unknown].place;
+        if let Place::Effect { entry, .. } = place {
+            let (ours, other) = (self.model.file.effects.get(entry)?, &model.file.effects[entry]);
+            if ours.description.kind != other.description.kind || ours.arguments.subject != other.arguments.subject {
+                return None;
+            }
+        }
+        let column = self.free.iter().position(|&k| self.model.unknowns[k].place == place)?;
+        Some(self.columns[column].clone())
+    }
+
     /// The gradient's negative: what the residual and the priors ask of each free unknown.
     #[must_use]
     pub fn pull(&self) -> Vec<f64> {
@@ -90,34 +103,37 @@ pub fn here(kernel: &Kernel, model: Model) -> Option<Fit> {
 /// Fits all unknowns, in at most so many steps.
 #[must_use]
 pub fn fit(kernel: &Kernel, model: Model, steps: usize) -> Option<Fit> {
+    onward(kernel, model, steps, None)
+}
+
+/// Fits all unknowns, beginning with the derivatives that an earlier fit to the same records has of the same unknowns.
+///
+/// Derivatives are what a fit costs: one simulation an unknown. They change little from step to step, so a step corrects them along its own direction by
+/// what it saw (C. G. Broyden, 1965), and they are taken anew where a step disappoints, and once before the end: what counts as the best was there for derivatives
+/// of its own.
+#[must_use]
+pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>) -> Option<Fit> {
     let mut model = model;
     let mut simulated = kernel.run(&model)?;
     let mut residual = kernel.residual(&simulated);
     let mut cost_now = cost(&model, &residual);
     let mut damping = 1e-3;
     let all: Vec<usize> = (0..model.unknowns.len()).collect();
+    let known: Vec<Option<Column>> = all.iter().map(|&k| earlier.and_then(|fit| fit.column_of(&model, k))).collect();
+    let missing: Vec<usize> = all.iter().copied().filter(|k| known[*k].is_none()).collect();
+    let mut exact = missing.len() == all.len();
+    let mut fresh = kernel.derivatives(&model, &simulated, &missing)?.into_iter();
+    let mut columns: Vec<Column> = known.into_iter().map(|column| column.or_else(|| fresh.next())).collect::<Option<_>>()?;
     let mut step = 0;
     loop {
-        let mut columns = kernel.derivatives(&model, &simulated, &all)?;
         let asked = pull(&model, &all, &columns, &residual);
-        let pinned: Vec<bool> = all.iter().map(|&k| pressed(&model, k, asked[k])).collect();
-        let free: Vec<usize> = all.iter().copied().filter(|k| !pinned[*k]).collect();
-        let mut k = 0;
-        columns.retain(|_| {
-            k += 1;
-            !pinned[k - 1]
-        });
-        let done =
-            |model, simulated, residual, cost, free, columns| Some(Fit { model, simulated, residual, cost, free, columns });
-        if step == steps {
-            return done(model, simulated, residual, cost_now, free, columns);
-        }
-        step += 1;
-        let matrix = gram(&model, &free, &columns);
-        let right = pull(&model, &free, &columns, &residual);
+        let free: Vec<usize> = all.iter().copied().filter(|&k| !pressed(&model, k, asked[k])).collect();
+        let of_free: Vec<Column> = free.iter().map(|&k| columns[k].clone()).collect();
+        let matrix = gram(&model, &free, &of_free);
+        let right = pull(&model, &free, &of_free, &residual);
         let mut moved = false;
-        // Five dampings are a factor of ten thousand: what no damping improves is at its best.
-        for _ in 0..5 {
+        // Five dampings are a factor of ten thousand: what no damping improves is at its best. Corrected derivatives get two: better ones are to be had.
+        for _ in 0..if step == steps { 0 } else if exact { 5 } else { 2 } {
             let change = within_bounds(&model, &free, &matrix, &right, damping);
             let promised: f64 = change.iter().zip(&right).map(|(change, right)| change * right).sum();
             if promised < ENOUGH.max(ENOUGH_SHARE * cost_now) {
@@ -135,17 +151,56 @@ pub fn fit(kernel: &Kernel, model: Model, steps: usize) -> Option<Fit> {
             match better {
                 Some((trial_cost, trial_simulated, trial_residual)) if trial_cost < cost_now => {
                     let gained = cost_now - trial_cost;
+                    let seen = kernel.changes(&simulated, &trial_simulated, 1.0);
+                    correct(&mut columns, &model, &trial, seen);
                     (model, simulated, residual, cost_now) = (trial, trial_simulated, trial_residual, trial_cost);
                     damping = (damping / 10.0).max(1e-9);
-                    moved = gained > ENOUGH.max(ENOUGH_SHARE * cost_now);
+                    // Half of what was promised: the derivatives point elsewhere.
+                    moved = gained > ENOUGH.max(ENOUGH_SHARE * cost_now) && gained > 0.5 * promised;
+                    exact = exact && gained <= ENOUGH.max(ENOUGH_SHARE * cost_now);
+                    step += 1;
                     break;
                 }
                 _ => damping = (damping * 10.0).max(1e-6),
             }
         }
-        if !moved {
-            // One more round for the derivatives at the end.
-            step = steps;
+        if moved && step < steps {
+            continue;
+        }
+        if exact {
+            let columns = of_free;
+            return Some(Fit { model, simulated, residual, cost: cost_now, free, columns });
+        }
+        columns = kernel.derivatives(&model, &simulated, &all)?;
+        exact = true;
+    }
+}
+
+/// Corrects derivatives by what a step changed in truth, along that step alone. Those of starts stay: they are those of one record and hardly change.
+fn correct(columns: &mut [Column], from: &Model, to: &Model, seen: Vec<f64>) {
+    let mut missed = seen;
+    let mut steps = Vec::new();
+    for (k, (unknown, column)) in from.unknowns.iter().zip(columns.iter()).enumerate() {
+        let step = unknown.inward(to.value(k)) - unknown.inward(from.value(k));
+        if step != 0.0 {
+            for (missed, value) in missed[column.first..].iter_mut().zip(&column.values) {
+                *missed -= step * value;
+            }
+        }
+        let of_one_record = matches!(unknown.place, Place::Start { .. });
+        // Each unknown takes its share of the correction in units of its own scale.
+        steps.push(if of_one_record { 0.0 } else { step / unknown.scale });
+    }
+    let length: f64 = steps.iter().map(|step| step * step).sum();
+    if length == 0.0 {
+        return;
+    }
+    for ((column, step), unknown) in columns.iter_mut().zip(&steps).zip(&from.unknowns) {
+        let share = step / (length * unknown.scale);
+        if share != 0.0 {
+            for (value, missed) in column.values.iter_mut().zip(&missed) {
+                *value += share * missed;
+            }
         }
     }
 }

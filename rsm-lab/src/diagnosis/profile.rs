@@ -11,6 +11,12 @@ use super::normal::Normal;
 use super::screen::Nuisance;
 use crate::plant_file::Entry;
 
+/// A step that gains less, in units of squared residuals whose noise is one, ends the search.
+const ENOUGH: f64 = 1.0;
+
+/// A per mille of what is left is less than what full fits decide later.
+const ENOUGH_SHARE: f64 = 1e-3;
+
 /// A hypothesis with its best numbers.
 #[derive(Debug, Clone)]
 pub struct Profiled {
@@ -71,6 +77,10 @@ pub fn profile(
         let before = cost;
         for _ in 0..4 {
             let change = Normal::new(&matrix, n, damping).solve(&pull);
+            let promised: f64 = change.iter().zip(&pull).map(|(change, pull)| change * pull).sum();
+            if promised < ENOUGH.max(ENOUGH_SHARE * cost) {
+                break;
+            }
             let mut trial = model.clone();
             for (&k, change) in own.iter().zip(&change) {
                 let unknown = &model.unknowns[k];
@@ -92,8 +102,7 @@ pub fn profile(
                 _ => damping = (damping * 10.0).max(1e-6),
             }
         }
-        // A per mille of what is left is less than what full fits decide later.
-        if before - cost < 1.0_f64.max(1e-3 * cost) {
+        if before - cost < ENOUGH.max(ENOUGH_SHARE * cost) {
             break;
         }
     }

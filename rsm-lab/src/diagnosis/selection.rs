@@ -287,7 +287,7 @@ impl Search<'_> {
 
     fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
         let model = merged(&fit.model, self.nominal, entry);
-        let fit = levenberg::fit(self.kernel, model, self.effort.fit_steps)?;
+        let fit = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?;
         let place = fit.model.file.effects.len() - 1;
         let entry = &fit.model.file.effects[place];
         if within_tolerance(self.nominal, entry) {
@@ -323,7 +323,7 @@ impl Search<'_> {
             // The last one has just paid.
             for place in 0..count.saturating_sub(1) {
                 let without = fit.model.minus(self.nominal, place);
-                if let Some(other) = levenberg::fit(self.kernel, without, self.effort.fit_steps)
+                if let Some(other) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit))
                     && other.cost - fit.cost < threshold
                 {
                     fit = other;
@@ -360,7 +360,7 @@ impl Search<'_> {
                 } else {
                     (self.progress)(&format!("asking what else could stand for {name}"));
                     let without = fit.model.minus(self.nominal, place);
-                    let Some(base) = levenberg::fit(self.kernel, without, self.effort.fit_steps) else { continue };
+                    let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else { continue };
                     if base.cost - fit.cost < threshold && drops < self.effort.causes {
                         // It paid while the others were not at their best.
                         fit = base;
