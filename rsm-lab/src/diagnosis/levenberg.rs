@@ -133,7 +133,12 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
         let right = pull(&model, &free, &of_free, &residual);
         let mut moved = false;
         // Five dampings are a factor of ten thousand: what no damping improves is at its best. Corrected derivatives get two: better ones are to be had.
-        for _ in 0..if step == steps { 0 } else if exact { 5 } else { 2 } {
+        let tries = match (step == steps, exact) {
+            (true, _) => 0,
+            (false, true) => 5,
+            (false, false) => 2,
+        };
+        for _ in 0..tries {
             let change = within_bounds(&model, &free, &matrix, &right, damping);
             let promised: f64 = change.iter().zip(&right).map(|(change, right)| change * right).sum();
             if promised < ENOUGH.max(ENOUGH_SHARE * cost_now) {
@@ -258,4 +263,76 @@ fn pressed(model: &Model, k: usize, pull: f64) -> bool {
     let near = 1e-9 * unknown.scale;
     (value <= unknown.low + near && pull < 0.0 && unknown.low.is_finite())
         || (value >= unknown.high - near && pull > 0.0 && unknown.high.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Prepared;
+    use super::super::noise::{Floor, Random};
+    use super::*;
+    use crate::plant_file::PlantFile;
+    use crate::record::Record;
+    use crate::simulate::Simulator;
+    use rsm_core::source::Source;
+
+    /// An axis with dry friction, its record with noise, and the same axis without friction, all of it free.
+    fn axis() -> (Kernel, Model) {
+        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\ncommand_limit = 10\n\
+                    [tolerance]\nmass = 0.1\nviscous_friction = 0.5\n";
+        let friction = "[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = FORCE }\n";
+        let file = |force: &str| {
+            PlantFile::read(&Source::new("axis.toml", text.to_string() + &friction.replace("FORCE", force))).unwrap()
+        };
+        let mut csv = "time[s],command[V],position[m]\n".to_string();
+        for k in 0..600 {
+            csv += &format!("{},{},0\n", k as f64 / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
+        }
+        let truth = file("1.2");
+        let mut record = Record::read(&Source::new("r.csv", csv), &truth).unwrap();
+        let mut random = Random::new(5);
+        let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
+        let noisy = simulated.of("position").unwrap().iter().map(|value| value + 1e-5 * random.normal());
+        record.measured[0] = Some(noisy.collect());
+        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(1e-5); 3], threads: 1 };
+        let nominal = Model::nominal(&file("0.1"), &[&record], [1e-5; 3]);
+        let entries = nominal.file.effects.clone();
+        (kernel, nominal.with_effects(&nominal, entries))
+    }
+
+    #[test]
+    fn corrected_derivatives_lead_to_the_same_best_as_fresh_ones() {
+        let (kernel, model) = axis();
+        let whole = fit(&kernel, model.clone(), 20).unwrap();
+        // White noise over 600 rows: four standard deviations, 4 sqrt(2 * 600).
+        assert!((whole.cost - 600.0).abs() < 139.0, "{}", whole.cost);
+        // Derivatives from where the search begins, far from its end.
+        let elsewhere = here(&kernel, model.clone()).unwrap();
+        let onward = onward(&kernel, model, 20, Some(&elsewhere)).unwrap();
+        // What ends a fit promises less than this.
+        assert!((onward.cost - whole.cost).abs() < ENOUGH, "{} {}", onward.cost, whole.cost);
+    }
+
+    #[test]
+    fn a_correction_makes_the_derivatives_tell_the_step_that_was_seen() {
+        let (kernel, model) = axis();
+        let mut fit = here(&kernel, model.clone()).unwrap();
+        let mut to = model.clone();
+        for (k, share) in [(0, 0.7), (1, -1.3), (2, 2.0)] {
+            let unknown = &model.unknowns[k];
+            to.set(k, unknown.outward(unknown.inward(model.value(k)) + share * unknown.scale));
+        }
+        let simulated = kernel.run(&to).unwrap();
+        let seen = kernel.changes(&fit.simulated, &simulated, 1.0);
+        correct(&mut fit.columns, &model, &to, seen.clone());
+        for (row, seen) in seen.iter().enumerate() {
+            let told: f64 = (0..model.unknowns.len())
+                .map(|k| {
+                    let step = model.unknowns[k].inward(to.value(k)) - model.unknowns[k].inward(model.value(k));
+                    step * fit.columns[k].values[row]
+                })
+                .sum();
+            // Rounding of sums of numbers up to some thousands.
+            assert!((told - seen).abs() < 1e-9 * (1.0 + seen.abs()), "row {row}: {told} {seen}");
+        }
+    }
 }

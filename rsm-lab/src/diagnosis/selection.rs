@@ -360,7 +360,9 @@ impl Search<'_> {
                 } else {
                     (self.progress)(&format!("asking what else could stand for {name}"));
                     let without = fit.model.minus(self.nominal, place);
-                    let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else { continue };
+                    let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else {
+                        continue;
+                    };
                     if base.cost - fit.cost < threshold && drops < self.effort.causes {
                         // It paid while the others were not at their best.
                         fit = base;
