@@ -166,7 +166,7 @@ pub fn diagnose(
 }
 
 /// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.
-fn calibrated(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> {
+pub fn calibrated(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> {
     let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
@@ -181,7 +181,8 @@ fn calibrated(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> {
     Some((nominal, fit))
 }
 
-fn floors(kernel: &Kernel, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
+/// The noise of each output from what a fit leaves.
+pub fn floors(kernel: &Kernel, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
     estimate(kernel, &fit.simulated, file)
 }
 

@@ -1,10 +1,12 @@
 //! The noise floor of an output, estimated from what is left of its records.
 //!
-//! In: residuals of an output. Out: a first-order autoregressive model of its noise (white where that will do), which whitens residuals.
+//! In: residuals of an output. Out: a first-order autoregressive model of its noise (white where that will do), which whitens residuals, with the standard
+//! error of its correlation.
 //!
-//! The spectrum is the median over half-overlapping Hann segments (P. D. Welch, 1967) of the residual's second differences, divided by their transfer:
-//! slow structure neither leaks into the upper band nor, where it comes and goes, moves a median. The model is fitted to the band above
-//! `LOWEST` alone (P. Whittle, 1953) and continued downwards: what stands above it at low frequencies is structure, not noise.
+//! Two estimates. That of the upper band holds whatever slow structure the residual has: its spectrum is the median over half-overlapping Hann segments
+//! (P. D. Welch, 1967) of second differences, divided by their transfer, and the model is fitted above `LOWEST` alone (P. Whittle, 1953) and continued
+//! downwards. That of the whole record is ten times as sharp for slow noise, and wrong where there is structure. It is taken only where it passes two tests:
+//! the upper band does not refuse it, and what it whitens is white in every octave. So what stands above the noise at low frequencies stays structure.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,8 +19,14 @@ const LOWEST: f64 = 0.1;
 /// Correlations that are tried: beyond 0.97 the noise is slower than its band shows.
 const MOST_CORRELATED: i32 = 97;
 
-/// Correlations smaller than this are within the scatter of the estimate on a thousand rows: white.
-const WHITE: f64 = 0.04;
+/// A correlation within so many standard errors of 0 is none: the two-sided 95 % point of a normal distribution.
+const WHITE: f64 = 1.96;
+
+/// The variance of a median over the variance of a mean, for exponential powers: 1/ln(2)^2.
+const OF_MEDIAN: f64 = 2.08;
+
+/// The 99 % point of chi squared with two degrees of freedom, -2 ln 0.01: correlation and level.
+const REFUSED: f64 = 9.21;
 
 /// The noise of an output.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,13 +35,15 @@ pub struct Floor {
     pub sd: f64,
     /// Correlation from row to row.
     pub correlation: f64,
+    /// Standard error of the correlation; 0 where it is not an estimate.
+    pub error: f64,
 }
 
 impl Floor {
     /// White noise.
     #[must_use]
     pub fn white(sd: f64) -> Self {
-        Floor { sd, correlation: 0.0 }
+        Floor { sd, correlation: 0.0, error: 0.0 }
     }
 
     /// Standard deviation of what is new in a row.
@@ -61,33 +71,170 @@ impl Floor {
         }
     }
 
+    /// How much the logarithm of the power at a frequency moves with the correlation; `share` of the sample rate.
+    #[must_use]
+    pub fn slope(&self, share: f64) -> f64 {
+        let cos = (TAU * share).cos();
+        (2.0 * cos - 2.0 * self.correlation) / shape(self.correlation, cos)
+    }
+
     /// The floor of residuals, one list a record. `None` where there are too few rows.
     #[must_use]
     pub fn estimate(residuals: &[(&[f64], &[bool])]) -> Option<Floor> {
         let spectrum = spectrum(residuals)?;
+        let rows = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum::<usize>() as f64;
+        let band = Band::upper(&spectrum, rows);
+        let upper = band.best()?;
+        let accepted = |whole: &Floor| !band.refuses(whole) && is_white(whole, residuals);
+        Some(whole(residuals, rows).filter(accepted).unwrap_or(upper))
+    }
+}
+
+/// The power of a first-order process falls with this; the cosine is that of the frequency.
+fn shape(correlation: f64, cos: f64) -> f64 {
+    1.0 - 2.0 * correlation * cos + correlation * correlation
+}
+
+/// Lines of a spectrum above `LOWEST`.
+struct Band<'a> {
+    powers: &'a [f64],
+    first: usize,
+    /// How many independent powers stand behind all of them together.
+    lines: f64,
+}
+
+impl<'a> Band<'a> {
+    fn upper(spectrum: &'a [f64], rows: f64) -> Self {
         let first = (LOWEST * SEGMENT as f64).ceil() as usize;
-        let band = &spectrum[first..];
-        // Whittle: the mean of ln S + I/S, with the best level for each correlation.
-        let mut best = (f64::INFINITY, 0.0, 0.0);
-        for percent in -50..=MOST_CORRELATED {
-            let rho = f64::from(percent) / 100.0;
-            let shape = |k: usize| {
-                let w = TAU * (first + k) as f64 / SEGMENT as f64;
-                1.0 - 2.0 * rho * w.cos() + rho * rho
-            };
-            let level = band.iter().enumerate().map(|(k, power)| power * shape(k)).sum::<f64>() / band.len() as f64;
-            let slope = (0..band.len()).map(|k| shape(k).ln()).sum::<f64>() / band.len() as f64;
-            let cost = level.ln() - slope;
-            if cost < best.0 {
-                best = (cost, rho, level);
+        // Half a line a row over the whole band, of which a median uses the information of one in `OF_MEDIAN`.
+        Band { powers: &spectrum[first..], first, lines: 0.5 * rows * (1.0 - 2.0 * LOWEST) / OF_MEDIAN }
+    }
+
+    fn cosines(&self) -> impl Iterator<Item = f64> {
+        let first = self.first;
+        (0..self.powers.len()).map(move |k| (TAU * (first + k) as f64 / SEGMENT as f64).cos())
+    }
+
+    /// The level (power of what is new in a row) that suits a correlation best, and Whittle's mean of ln S + I/S there.
+    fn at(&self, correlation: f64) -> (f64, f64) {
+        let n = self.powers.len() as f64;
+        let level = self.powers.iter().zip(self.cosines()).map(|(power, cos)| power * shape(correlation, cos)).sum::<f64>() / n;
+        (level, level.ln() + 1.0 - self.cosines().map(|cos| shape(correlation, cos).ln()).sum::<f64>() / n)
+    }
+
+    fn best(&self) -> Option<Floor> {
+        let grid = (-50..=MOST_CORRELATED).map(|percent| f64::from(percent) / 100.0);
+        let rho = grid.min_by(|a, b| self.at(*a).1.total_cmp(&self.at(*b).1))?;
+        // Fisher's information about the correlation where the level is free: lines times the variance of the slope.
+        let floor = Floor { sd: 1.0, correlation: rho, error: 0.0 };
+        let slopes: Vec<f64> = (0..self.powers.len()).map(|k| floor.slope((self.first + k) as f64 / SEGMENT as f64)).collect();
+        let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
+        let variance = slopes.iter().map(|slope| (slope - mean) * (slope - mean)).sum::<f64>() / slopes.len() as f64;
+        let error = (self.lines * variance).sqrt().recip();
+        if rho.abs() < WHITE * error {
+            return positive(self.at(0.0).0).map(|level| Floor { sd: level.sqrt(), correlation: 0.0, error });
+        }
+        positive(self.at(rho).0).map(|level| Floor { sd: (level / (1.0 - rho * rho)).sqrt(), correlation: rho, error })
+    }
+
+    /// The likelihood ratio against the best of this band, at 1 %.
+    fn refuses(&self, floor: &Floor) -> bool {
+        let level = floor.innovation() * floor.innovation();
+        let (own, cost) = self.at(floor.correlation);
+        let cost = cost - own.ln() - 1.0 + level.ln() + own / level;
+        let grid = (-50..=MOST_CORRELATED).map(|percent| self.at(f64::from(percent) / 100.0).1);
+        let least = grid.fold(f64::INFINITY, f64::min);
+        // Of NaN, too.
+        !(2.0 * self.lines * (cost - least) < REFUSED)
+    }
+}
+
+/// The estimate of all frequencies: neighbours' products over squares.
+fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<Floor> {
+    let (mut squares, mut before, mut products, mut count) = (0.0, 0.0, 0.0, 0.0);
+    for (values, used) in residuals {
+        for row in 1..values.len() {
+            if used[row] && used[row - 1] {
+                squares += values[row] * values[row];
+                before += values[row - 1] * values[row - 1];
+                products += values[row] * values[row - 1];
+                count += 1.0;
             }
         }
-        let (_, rho, level) = best;
-        if rho.abs() < WHITE {
-            let level = band.iter().sum::<f64>() / band.len() as f64;
-            return positive(level).map(|level| Floor::white(level.sqrt()));
-        }
-        positive(level).map(|level| Floor { sd: (level / (1.0 - rho * rho)).sqrt(), correlation: rho })
+    }
+    let sd = positive(0.5 * (squares + before) / count)?.sqrt();
+    let rho = products / (squares * before).sqrt();
+    // M. S. Bartlett, 1946.
+    let error = ((1.0 - rho * rho) / rows).sqrt();
+    let correlation = if rho.abs() < WHITE * error { 0.0 } else { rho };
+    (correlation.abs() < 0.01 * f64::from(MOST_CORRELATED)).then_some(Floor { sd, correlation, error })
+}
+
+/// Whether a floor leaves no octave with more than noise, at 1 % for all octaves together.
+fn is_white(floor: &Floor, residuals: &[(&[f64], &[bool])]) -> bool {
+    let mut sums = [Octave::default(); OCTAVES];
+    for (values, used) in residuals {
+        let mut white = Vec::with_capacity(values.len());
+        floor.whiten(values, used, &mut white);
+        octaves(&white, used, &mut sums);
+    }
+    let bands = sums.iter().filter(|octave| octave.lines >= LEAST_LINES);
+    // A normal variable passes 3.02 once in 800 cases: 1 % for eight octaves.
+    bands.enumerate().all(|(k, octave)| octave.deviation(floor, k) < 3.02)
+}
+
+/// Octaves below the Nyquist frequency; the last holds everything below.
+pub const OCTAVES: usize = 8;
+
+/// Fewer lines are no band.
+pub const LEAST_LINES: f64 = 2.0;
+
+/// The power of whitened values in an octave.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Octave {
+    /// Sum of the powers of its lines; a line of white noise has the power 1 on average.
+    pub power: f64,
+    /// Independent lines.
+    pub lines: f64,
+}
+
+impl Octave {
+    /// Energy over that of noise.
+    #[must_use]
+    pub fn ratio(&self) -> f64 {
+        self.power / self.lines.max(f64::MIN_POSITIVE)
+    }
+
+    /// How far its power is above that of noise, in standard deviations: the power of noise is chi squared with two degrees of freedom a line, made normal by
+    /// its cube root (E. B. Wilson, M. M. Hilferty, 1931), and the floor that whitened it has an error of its own.
+    #[must_use]
+    pub fn deviation(&self, floor: &Floor, octave: usize) -> f64 {
+        let third = 1.0 / (9.0 * self.lines);
+        let normal = (self.ratio().cbrt() - 1.0 + third) / third.sqrt();
+        let error = floor.error * floor.slope(centre(octave));
+        normal / (1.0 + self.lines * error * error).sqrt()
+    }
+}
+
+/// The middle of an octave as a share of the sample rate.
+fn centre(octave: usize) -> f64 {
+    0.375 * 0.5_f64.powi(octave as i32)
+}
+
+/// Adds the powers of whitened values; rows that are not `used` are 0 there.
+pub fn octaves(white: &[f64], used: &[bool], sums: &mut [Octave; OCTAVES]) {
+    let rows = used.iter().filter(|used| **used).count().max(1) as f64;
+    let size = white.len().next_power_of_two();
+    let (mut re, mut im) = (white.to_vec(), vec![0.0; size]);
+    re.resize(size, 0.0);
+    transform(&mut re, &mut im);
+    // Lines of a padded transform are not independent: they count as much as the rows.
+    let weight = rows / size as f64;
+    for line in 1..size / 2 {
+        let octave = ((size / 2) as f64 / line as f64).log2().floor() as usize;
+        let sum = &mut sums[octave.min(OCTAVES - 1)];
+        sum.power += weight * (re[line] * re[line] + im[line] * im[line]) / rows;
+        sum.lines += weight;
     }
 }
 
@@ -215,7 +362,8 @@ mod tests {
 
     #[test]
     fn noise_is_found_under_slow_structure_a_hundred_times_as_large() {
-        // Over sixty seeds the correlation scatters by 0.013, 0.026 and 0.043, the standard deviation by 1.3, 2.2 and 6 %: three of each, on the grid of 0.01.
+        // Here the whole record is refused, and the upper band speaks. Over sixty seeds its correlation scatters by 0.013, 0.026 and 0.043, the standard deviation
+        // by 1.3, 2.2 and 6 %: three of each, on the grid of 0.01.
         for (correlation, off, share) in [(0.0, 0.05, 0.04), (0.3, 0.08, 0.07), (0.6, 0.13, 0.18)] {
             let mut values = noise(correlation, 0.3, 8000);
             for (k, value) in values.iter_mut().enumerate() {
@@ -228,10 +376,66 @@ mod tests {
     }
 
     #[test]
+    fn noise_alone_is_estimated_from_the_whole_record() {
+        for correlation in [0.0, 0.3, 0.6, 0.9] {
+            let values = noise(correlation, 0.3, 8000);
+            let floor = Floor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
+            // Bartlett's error, and that of a variance of a first-order process, halved for its root; three of each.
+            let error = ((1.0 - correlation * correlation) / 8000.0_f64).sqrt();
+            let of_sd = 0.5 * (2.0 / 8000.0 * (1.0 + correlation * correlation) / (1.0 - correlation * correlation)).sqrt();
+            assert!((floor.correlation - correlation).abs() < 3.0 * error, "{correlation}: {floor:?}");
+            assert!((floor.sd / 0.3 - 1.0).abs() < 3.0 * of_sd, "{correlation}: {floor:?}");
+            assert!((floor.error / error - 1.0).abs() < 0.1, "{correlation}: {floor:?}");
+        }
+    }
+
+    #[test]
+    fn slow_structure_as_large_as_the_noise_is_not_taken_for_noise() {
+        // A wave of 800 rows, and a drift that wanders: as a first-order process they would be a correlation near 1.
+        let mut wander = noise(0.999, 0.3, 8000).into_iter();
+        for correlation in [0.0, 0.6] {
+            let mut values = noise(correlation, 0.3, 8000);
+            for (k, value) in values.iter_mut().enumerate() {
+                *value += if correlation > 0.0 { wander.next().unwrap() } else { 0.4 * (TAU * k as f64 / 800.0).sin() };
+            }
+            let floor = Floor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
+            // Four of the upper band's errors (0.013 and 0.043): the wandering moves its lowest lines, too.
+            let off = if correlation > 0.0 { 0.17 } else { 0.05 };
+            assert!((floor.correlation - correlation).abs() < off, "{correlation}: {floor:?}");
+            let mut sums = [Octave::default(); OCTAVES];
+            let mut white = Vec::new();
+            floor.whiten(&values, &vec![true; 8000], &mut white);
+            octaves(&white, &vec![true; 8000], &mut sums);
+            // What is left of it is found: 5 standard deviations are no chance.
+            assert!(sums.iter().enumerate().any(|(k, octave)| octave.deviation(&floor, k) > 5.0), "{correlation}: {floor:?}");
+        }
+    }
+
+    #[test]
+    fn octaves_of_noise_deviate_as_a_normal_variable_does() {
+        let floor = Floor::white(1.0);
+        let mut random = Random::new(11);
+        let (mut sum, mut squares, mut beyond) = (0.0, 0.0, 0);
+        for _ in 0..200 {
+            let white: Vec<f64> = (0..1000).map(|_| random.normal()).collect();
+            let mut sums = [Octave::default(); OCTAVES];
+            octaves(&white, &vec![true; 1000], &mut sums);
+            for (k, octave) in sums.iter().enumerate() {
+                let deviation = octave.deviation(&floor, k);
+                (sum, squares) = (sum + deviation, squares + deviation * deviation);
+                beyond += usize::from(deviation > 1.645);
+            }
+        }
+        // 1600 values: three standard errors of a mean (0.075) and of a variance (0.106); 80 of them beyond the 95 % point, with three times sqrt(76).
+        assert!((sum / 1600.0).abs() < 0.075 && (squares / 1600.0 - 1.0).abs() < 0.106, "{sum} {squares}");
+        assert!((54..=106).contains(&beyond), "{beyond}");
+    }
+
+    #[test]
     fn whitened_noise_is_white() {
         let values = noise(0.8, 2.0, 8000);
         let mut white = Vec::new();
-        Floor { sd: 2.0, correlation: 0.8 }.whiten(&values, &vec![true; 8000], &mut white);
+        Floor { sd: 2.0, correlation: 0.8, error: 0.0 }.whiten(&values, &vec![true; 8000], &mut white);
         let power = white.iter().map(|w| w * w).sum::<f64>() / 8000.0;
         let next = white.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / 8000.0;
         // Four standard deviations of a mean over 8000 rows: 4 sqrt(2/8000), 4/sqrt(8000).
