@@ -144,8 +144,8 @@ impl<'a> Band<'a> {
         let cost = cost - own.ln() - 1.0 + level.ln() + own / level;
         let grid = (-50..=MOST_CORRELATED).map(|percent| self.at(f64::from(percent) / 100.0).1);
         let least = grid.fold(f64::INFINITY, f64::min);
-        // Of NaN, too.
-        !(2.0 * self.lines * (cost - least) < REFUSED)
+        let ratio = 2.0 * self.lines * (cost - least);
+        ratio.is_nan() || ratio >= REFUSED
     }
 }
 

@@ -148,11 +148,12 @@ pub fn conclude(
     // What is unsure in the numbers of the plant shows on unseen records: about a unit of energy a number, in proportion to their rows.
     let moving = fit.model.unknowns.iter().filter(|it| !matches!(it.place, Place::Start { .. })).count() as f64;
     let unsure = moving * unseen.rows() as f64 / kernel.rows().max(1) as f64;
-    let left_unseen = after.as_ref().filter(|_| !unseen.records.is_empty()).map(|fit| whiteness::look_beyond(unseen, fit, unsure));
+    let left_unseen =
+        after.as_ref().filter(|_| !unseen.records.is_empty()).map(|fit| whiteness::look_beyond(unseen, fit, unsure));
     // What the calibrated plant gets wrong, a row.
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
-    let rounding = if rounded.is_empty() { 0.0 } else { OF_ROUNDING };
-    let structure = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess)) > rounding.max(OF_THE_WHOLE * wrong);
+    let of_rounding = if rounded.is_empty() { 0.0 } else { OF_ROUNDING };
+    let structure = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess)) > of_rounding.max(OF_THE_WHOLE * wrong);
     let mut rival = None;
     let mut causes: Vec<Cause> = Vec::new();
     for (place, one) in believed.iter().enumerate() {
