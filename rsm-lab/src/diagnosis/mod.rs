@@ -9,6 +9,7 @@
 //! into the plant that made a record. Never prints, never writes.
 
 pub mod checks;
+pub mod finish;
 pub mod hypotheses;
 pub mod kernel;
 pub mod levenberg;
@@ -161,7 +162,9 @@ pub fn diagnose(
             None => break,
         }
     }
-    let selection = selection.ok_or(Refused::CannotSimulate)?;
+    let mut selection = selection.ok_or(Refused::CannotSimulate)?;
+    selection.fit = finish::finish(&mut kernel, selection.fit, |kernel, fit| at_least(floors(kernel, fit, file)));
+    unseen.floors = kernel.floors;
     Ok(verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded))
 }
 

@@ -20,6 +20,14 @@ pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
     levenberg::fit(kernel, other, STEPS)
 }
 
+/// The same, with starts from an earlier fit on these records. The phase of what turns fast depends on them so much that first readings may lead astray.
+#[must_use]
+pub fn from_starts_of(kernel: &Kernel, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
+    let unknowns = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
+    let other = Model { file: model.file.clone(), starts: earlier.model.starts.clone(), unknowns: unknowns.cloned().collect() };
+    levenberg::fit(kernel, other, STEPS)
+}
+
 /// The whitened squared residual; 0 without records.
 #[must_use]
 pub fn squared_residual(kernel: &Kernel, model: &Model) -> Option<f64> {

@@ -139,7 +139,11 @@ pub fn conclude(
     let Selection { calibrated, fit, causes: believed, threshold, ranking, remaining, stopped } = selection;
     let judged = if unseen.records.is_empty() { kernel } else { unseen };
     let before = validation::on(judged, nominal);
-    let after = validation::on(judged, &fit.model);
+    // From the calibrated plant's starts or from first readings, whichever suits.
+    let plain = validation::on(judged, &fit.model);
+    let guided = validation::on(judged, &calibrated.model);
+    let guided = guided.and_then(|calibrated| validation::from_starts_of(judged, &fit.model, &calibrated));
+    let after = plain.into_iter().chain(guided).min_by(|a, b| a.cost.total_cmp(&b.cost));
     let (nominal_errors, extended_errors) = (
         before.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
         after.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
