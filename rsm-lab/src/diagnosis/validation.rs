@@ -2,13 +2,20 @@
 //!
 //! In: a model, validation records. Out: errors of each output, their starts being the only unknowns. Never moves a number of the plant.
 
-use super::kernel::Kernel;
+use super::kernel::{Kernel, Prepared};
 use super::levenberg;
 use super::model::{Model, Place};
 use crate::record::Record;
 
 /// Steps for the starts: a linear problem but for large errors.
 const STEPS: usize = 3;
+
+/// A start is fitted to this share of its record first, then to twice as much, and so on: a speed that is off by the noise of one reading is, over a whole
+/// record, turns of whatever repeats with the angle, and the nearest best is then a wrong one.
+const FIRST_SHARE: usize = 16;
+
+/// Rows with fewer of which a beginning says nothing about a start that the whole does not.
+const LEAST_ROWS: usize = 30;
 
 /// The model on other records, their starts as they fit best; its residual comes with it.
 #[must_use]
@@ -17,6 +24,15 @@ pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
     let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
     other.take_starts(&records, kernel.floors.map(|floor| floor.sd));
     other.unknowns.retain(|unknown| matches!(unknown.place, Place::Start { .. }));
+    let mut share = FIRST_SHARE;
+    while share > 1 {
+        let cut = |it: &Prepared| it.shortened(it.record.rows() / share);
+        if kernel.records.iter().all(|it| it.record.rows() / share >= LEAST_ROWS) {
+            let records: Vec<Prepared> = kernel.records.iter().map(cut).collect();
+            other = levenberg::fit(&Kernel { records, ..*kernel }, other, STEPS)?.model;
+        }
+        share /= 2;
+    }
     levenberg::fit(kernel, other, STEPS)
 }
 
