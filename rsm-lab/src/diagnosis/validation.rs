@@ -86,3 +86,38 @@ pub fn errors(kernel: &Kernel, fit: &levenberg::Fit) -> Vec<Error> {
     })
     .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::noise::{Floor, Random};
+    use super::*;
+    use crate::plant_file::PlantFile;
+    use crate::simulate::Simulator;
+    use rsm_core::source::Source;
+
+    #[test]
+    fn a_start_is_found_where_its_error_turns_the_phase_of_a_ripple() {
+        let text = include_str!("../../plants/driveline.toml").to_string()
+            + "\n[[effects]]\nkind = \"combustion-ripple\"\nparameters = { amplitude = 0.8 }\n";
+        let file = PlantFile::read(&Source::new("car.toml", text)).unwrap();
+        let mut csv = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
+        for k in 0..1500 {
+            csv += &format!("{},{},3,0,{},0\n", f64::from(k) / 100.0, if k % 400 < 150 { 0.5 } else { 0.05 }, 12.0);
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
+        let sds = [0.1, 0.02, 0.05];
+        let mut random = Random::new(4);
+        for (k, name) in ["engine_speed", "road_speed", "acceleration"].iter().enumerate() {
+            let noisy = simulated.of(name).unwrap().iter().map(|value| value + sds[k] * random.normal());
+            record.measured[k] = Some(noisy.collect());
+        }
+        // Two standard deviations off, the first reading is two radians of the ripple off at the end.
+        record.measured[1].as_mut().unwrap()[0] = 12.04;
+        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 3)], floors: sds.map(Floor::white), threads: 1 };
+        let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
+        // White noise in 4500 readings: four standard deviations, 4 sqrt(2 * 4500), and the four squared ones of the first.
+        let left = squared_residual(&kernel, &model).unwrap();
+        assert!((left - 4500.0).abs() < 384.0, "{left}");
+    }
+}
