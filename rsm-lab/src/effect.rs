@@ -243,7 +243,20 @@ pub struct Twist {
     pub damping: f64,
 }
 
-/// The law of a joint: what it carries, and which of its pieces is at work. The integrator looks closer where the piece changes.
+/// A body that is split at a joint of an effect.
+#[derive(Debug, Clone, Copy)]
+pub struct Split {
+    /// The near side.
+    pub near: Motion,
+    /// Inertia or mass of the whole body.
+    pub inertia: f64,
+    /// What holds the far side back.
+    pub load: f64,
+    /// The piece of the law that is held, if one is.
+    pub held: Option<u32>,
+}
+
+/// The law of a joint: what it carries, and to which of its pieces (0 to 3) the state belongs. The integrator places the instants at which the piece changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Carried {
     /// Torque or force.
@@ -272,17 +285,68 @@ pub struct Start {
     pub road_speed: f64,
 }
 
-/// What decides how fast an effect's own dynamics are.
+/// What decides how fast an effect's own dynamics are, at an instant and in the span that follows.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
     /// Inertia or mass of the whole body.
     pub inertia: f64,
     /// Inertia or mass that is left at the drive.
     pub drive_inertia: f64,
-    /// Wheel inertia and radius of a driveline; 1 elsewhere.
+    /// The least speed of the first body in the span, without its sign, at the rate at which it changes now.
+    pub slowest: f64,
+    /// Of a motor.
+    pub windings: Windings,
+    /// Of a driveline.
+    pub vehicle: Vehicle,
+}
+
+/// What decides how fast a motor's effects are; zeros, and an inductance of 1, elsewhere.
+#[derive(Debug, Clone, Copy)]
+pub struct Windings {
+    /// Nominal inductance, in H.
+    pub inductance: f64,
+    /// Decay of a current, r/L, and swing of current against speed, at the nominal inductance, in 1/s.
+    pub decay: f64,
+    /// See `decay`.
+    pub swing: f64,
+    /// Least and largest length of the current vector in the span, at the rate at which it changes now, in A.
+    pub current: (f64, f64),
+    /// How fast the current vector moves, in A/s.
+    pub change: f64,
+}
+
+/// What decides how fast a driveline's effects are; ones, and zeros for speeds and twists, elsewhere.
+#[derive(Debug, Clone, Copy)]
+pub struct Vehicle {
+    /// Wheel inertia and radius.
     pub wheel: (f64, f64),
-    /// Speed of the vehicle, in m/s; 0 elsewhere.
-    pub vehicle_speed: f64,
+    /// Speed of the vehicle, in m/s.
+    pub speed: f64,
+    /// Speed of the crank, in rad/s.
+    pub crank_speed: f64,
+    /// Sum of the inverse inertias on both sides of the clutch, at the engine, in 1/(kg m^2).
+    pub clutch_mobility: f64,
+    /// Stiffness of the clutch; its largest twist in the span, in rad: what there is, or what the engine can ask for; its rate, in rad/s, without sign.
+    pub clutch: (f64, f64, f64),
+    /// The swing of each joint on its spring, clutch and driveshaft, in rad/s.
+    pub swing: (f64, f64),
+}
+
+impl Scale {
+    /// Of bodies alone.
+    #[must_use]
+    pub fn of(inertia: f64, drive_inertia: f64, slowest: f64) -> Self {
+        let windings = Windings { inductance: 1.0, decay: 0.0, swing: 0.0, current: (0.0, 0.0), change: 0.0 };
+        let vehicle = Vehicle {
+            wheel: (1.0, 1.0),
+            speed: 0.0,
+            crank_speed: 0.0,
+            clutch_mobility: 1.0,
+            clutch: (1.0, 0.0, 0.0),
+            swing: (1.0, 1.0),
+        };
+        Scale { inertia, drive_inertia, slowest, windings, vehicle }
+    }
 }
 
 /// The hooks. Every one has a default that changes nothing.
@@ -315,6 +379,17 @@ pub trait Effect: Send + Sync {
     /// The fastest rate, in 1/s, that it brings into the equations.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         0.0
+    }
+
+    /// What of that rate a linear part of the equations leaves, in 1/s: all of it, unless the effect is linear or nearly so. Where its law has pieces, the
+    /// rate at which they may change.
+    fn nonlinear_rate(&self, scale: &Scale) -> f64 {
+        self.fastest_rate(scale)
+    }
+
+    /// Whether one of its laws has pieces.
+    fn has_pieces(&self) -> bool {
+        false
     }
 
     /// Frame: how far the frame of the record is turned against the true one, in rad.
@@ -356,18 +431,18 @@ pub trait Effect: Send + Sync {
     }
 
     /// The law of that joint: the effort that holds the near body back; moves the far one.
-    fn passes(&self, near: &Motion, inertia: f64, load: f64, own: &[f64], rates: &mut [f64]) -> Carried {
-        Carried { effort: load, piece: 0 }
+    fn passes(&self, body: &Split, own: &[f64], rates: &mut [f64]) -> Carried {
+        Carried { effort: body.load, piece: 0 }
     }
 
-    /// Law of a joint of the plant.
-    fn joint(&self, twist: &Twist, effort: f64) -> Carried {
+    /// Law of a joint of the plant. Where a piece is held, the law follows it beyond its end.
+    fn joint(&self, twist: &Twist, effort: f64, held: Option<u32>) -> Carried {
         Carried { effort, piece: 0 }
     }
 
     /// Law of a joint: what it can carry at most, after every [`Effect::joint`].
-    fn joint_limit(&self, joint: Joint, effort: f64) -> f64 {
-        effort
+    fn joint_limit(&self, joint: Joint, effort: f64, held: Option<u32>) -> Carried {
+        Carried { effort, piece: 0 }
     }
 
     /// Law of a joint: its free play, in rad.
@@ -415,6 +490,13 @@ pub trait Effect: Send + Sync {
 #[must_use]
 pub fn smooth_sign(x: f64, scale: f64) -> f64 {
     (x / scale).tanh()
+}
+
+/// Its slope, 1/x_s at 0.
+#[must_use]
+pub fn smooth_sign_slope(x: f64, scale: f64) -> f64 {
+    let sign = smooth_sign(x, scale);
+    (1.0 - sign * sign) / scale
 }
 
 /// Width of the smooth sign on a rotor, in rad/s (PLANTS.md, section 3).

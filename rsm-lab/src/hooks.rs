@@ -3,7 +3,7 @@
 //! In: effects, built. Out: what the plant gets at each of its fixed places. Holds which of the plant's states belong to which effect;
 //! the plant's own come first. Never allocates once it is built.
 
-use crate::effect::{Carried, Contact, Currents, Effect, Joint, Machine, Motion, Scale, Start, Twist};
+use crate::effect::{Carried, Contact, Currents, Effect, Joint, Machine, Motion, Scale, Split, Start, Twist};
 use crate::plant_file::PlantFile;
 
 struct Active {
@@ -13,6 +13,17 @@ struct Active {
     end: usize,
     /// The share of inertia that it puts behind a joint.
     split: Option<f64>,
+    /// Where its piece stands among those of all: two bits from here.
+    shift: u32,
+}
+
+/// Bits of an effect's piece.
+const PIECE: u32 = 3;
+
+impl Active {
+    fn held(&self, pieces: Option<u32>) -> Option<u32> {
+        pieces.map(|pieces| pieces >> self.shift & PIECE)
+    }
 }
 
 /// The effects of one simulation.
@@ -20,6 +31,7 @@ pub struct Hooks {
     active: Vec<Active>,
     states: usize,
     memory: bool,
+    pieces: bool,
 }
 
 impl Hooks {
@@ -28,15 +40,22 @@ impl Hooks {
     pub fn new(file: &PlantFile, own_states: usize) -> Self {
         let mut states = own_states;
         let mut memory = false;
+        let mut shift = 0;
         let mut active = Vec::new();
         for entry in &file.effects {
             let effect = (entry.description.build)(&entry.arguments);
             let first = states;
             states += effect.states();
             memory |= effect.reads_with_memory();
-            active.push(Active { first, end: states, split: effect.split(), effect });
+            let own = shift;
+            if effect.has_pieces() {
+                shift += PIECE.count_ones();
+                // Sixteen joints with free play on one plant: the reader allows an effect of a kind as often as the file has it.
+                assert!(shift < u32::BITS, "the pieces of so many joints have no room");
+            }
+            active.push(Active { first, end: states, split: effect.split(), shift: own, effect });
         }
-        Hooks { active, states, memory }
+        Hooks { active, states, memory, pieces: shift > 0 }
     }
 
     /// States of plant and effects.
@@ -49,6 +68,12 @@ impl Hooks {
     #[must_use]
     pub fn reads_with_memory(&self) -> bool {
         self.memory
+    }
+
+    /// Whether a law has pieces.
+    #[must_use]
+    pub fn have_pieces(&self) -> bool {
+        self.pieces
     }
 
     /// The first input as it acts.
@@ -86,6 +111,18 @@ impl Hooks {
         self.active.iter().map(|it| it.effect.fastest_rate(scale)).fold(0.0, f64::max)
     }
 
+    /// The fastest rate of what a linear part leaves of them, in 1/s.
+    #[must_use]
+    pub fn nonlinear_rate(&self, scale: &Scale) -> f64 {
+        self.active.iter().map(|it| it.effect.nonlinear_rate(scale)).fold(0.0, f64::max)
+    }
+
+    /// The sum of their rates, in 1/s.
+    #[must_use]
+    pub fn sum_of_rates(&self, scale: &Scale) -> f64 {
+        self.active.iter().map(|it| it.effect.fastest_rate(scale)).sum()
+    }
+
     /// How far the frame of the record is turned.
     #[must_use]
     pub fn frame_angle(&self, theta: f64) -> f64 {
@@ -119,33 +156,39 @@ impl Hooks {
     }
 
     /// What of a load reaches the first body. Bodies that are split off stand in a row, in the order of the file, the load on the last.
-    pub fn load(&self, body: &Motion, inertia: f64, load: f64, x: &[f64], dx: &mut [f64]) -> Carried {
-        let mut reaction = self.active.iter().fold(load, |load, it| load + it.effect.load());
-        let mut piece = 0;
+    pub fn load(&self, body: &Split, x: &[f64], dx: &mut [f64]) -> Carried {
+        let mut reaction = self.active.iter().fold(body.load, |load, it| load + it.effect.load());
+        let mut pieces = 0;
         for k in (0..self.active.len()).rev() {
             let it = &self.active[k];
             if it.split.is_none() {
                 continue;
             }
             let before = self.active[..k].iter().rfind(|other| other.split.is_some());
-            let near = before.map_or(*body, |other| other.effect.far_motion(&x[other.first..other.end]));
-            let carried = it.effect.passes(&near, inertia, reaction, &x[it.first..it.end], &mut dx[it.first..it.end]);
+            let near = before.map_or(body.near, |other| other.effect.far_motion(&x[other.first..other.end]));
+            let split = Split { near, inertia: body.inertia, load: reaction, held: it.held(body.held) };
+            let carried = it.effect.passes(&split, &x[it.first..it.end], &mut dx[it.first..it.end]);
             reaction = carried.effort;
-            piece = piece * 4 + carried.piece;
+            pieces |= carried.piece << it.shift;
         }
-        Carried { effort: reaction, piece }
+        Carried { effort: reaction, piece: pieces }
     }
 
     /// The law of a joint.
     #[must_use]
-    pub fn joint(&self, twist: &Twist) -> Carried {
+    pub fn joint(&self, twist: &Twist, held: Option<u32>) -> Carried {
         let linear = twist.stiffness * twist.angle + twist.damping * twist.rate;
         let mut carried = Carried { effort: linear, piece: 0 };
+        let after = |it: &Active, before: Carried, next: Carried| Carried {
+            effort: next.effort,
+            piece: before.piece | next.piece << it.shift,
+        };
         for it in &self.active {
-            let next = it.effect.joint(twist, carried.effort);
-            carried = Carried { effort: next.effort, piece: carried.piece * 4 + next.piece };
+            carried = after(it, carried, it.effect.joint(twist, carried.effort, it.held(held)));
         }
-        carried.effort = self.active.iter().fold(carried.effort, |effort, it| it.effect.joint_limit(twist.joint, effort));
+        for it in &self.active {
+            carried = after(it, carried, it.effect.joint_limit(twist.joint, carried.effort, it.held(held)));
+        }
         carried
     }
 

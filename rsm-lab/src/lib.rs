@@ -45,6 +45,8 @@ pub mod hooks;
 
 pub mod plants;
 
+mod integrate;
+
 pub mod simulate;
 
 pub mod track;

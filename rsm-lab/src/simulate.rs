@@ -1,14 +1,14 @@
 //! Runs a plant with its effects along a record.
 //!
-//! In: a plant file and a record. Out: every output at every row. Runge-Kutta of fourth order with a whole number of equal sub-steps in a
-//! period, chosen from the fastest rate of plant and effects; a sub-step in which a joint opens or closes is done again in smaller ones.
-//! The same files give the same bits on one machine. Never allocates while it runs, but for the outputs of a first run.
+//! In: a plant file and a record. Out: every output at every row. What stands between two rows is `integrate`'s.
+//! The same files give the same bits on one machine. Never allocates in a row, but for the outputs and for a linear part where one is taken.
 
 use std::fmt;
 
 use rsm_core::source::{Fault, Faults};
 
 use crate::hooks::Hooks;
+use crate::integrate::{self, MOST_STEPS, Span, System, Work};
 use crate::kind::{PlantKind, Signal};
 use crate::plant_file::PlantFile;
 use crate::plants::Plant;
@@ -16,16 +16,6 @@ use crate::plants::driveline::Driveline;
 use crate::plants::pmac::Pmac;
 use crate::plants::servo_axis::ServoAxis;
 use crate::record::{Drive, Record};
-
-/// A sub-step is at most this over the fastest rate. The error of fourth order in one time constant is then 0.25^4/120, 3e-5 of
-/// what moves that fast; stability alone would allow 2.78.
-const STEP_RATE: f64 = 0.25;
-
-/// A sub-step in which a joint opens or closes is done again in so many: the jump of a damper is placed to 1/32 of a sub-step.
-const CLOSER: usize = 32;
-
-/// More sub-steps in a period are not a simulation that anybody waits for: a stiffness or an inertia is wrong by orders.
-const MOST_STEPS: f64 = 50_000.0;
 
 /// The delay is whole periods when it is so near, in periods: decimals of periods and delays do not meet exactly.
 const WHOLE: f64 = 1e-9;
@@ -103,16 +93,6 @@ pub struct Simulator {
     work: Work,
 }
 
-/// Everything that the inner loop writes.
-#[derive(Default)]
-struct Work {
-    x: Vec<f64>,
-    before: Vec<f64>,
-    trial: Vec<f64>,
-    k: [Vec<f64>; 4],
-    outputs: [f64; 3],
-}
-
 impl Simulator {
     /// The plant of a file for a record.
     ///
@@ -155,9 +135,7 @@ impl Simulator {
             };
             start[output] = hooks.truth(output, reading, record.time[0]);
         }
-        let states = hooks.states();
-        let of = || vec![0.0; states];
-        let work = Work { x: of(), before: of(), trial: of(), k: [of(), of(), of(), of()], outputs: [0.0; 3] };
+        let work = Work::new(hooks.states());
         Ok(Simulator { equations, kind: file.kind, hooks, start, refinement: 1, work })
     }
 
@@ -282,7 +260,7 @@ impl Run<'_, '_, '_> {
             (_, Some(_)) => [self.hooks.input(record.inputs[0][0]), 0.0, 0.0],
             _ => self.acting(0, 0),
         };
-        self.work.x.fill(0.0);
+        self.work.restart();
         plant.start(self.hooks, start, record, &before_any, &mut self.work.x);
         let mut held = [self.work.x[0]; 3];
         for row in 0..record.rows() {
@@ -294,7 +272,7 @@ impl Run<'_, '_, '_> {
             }
             if self.controller.is_some() {
                 let work = &mut *self.work;
-                plant.evaluate(self.hooks, &before_any, &work.x, &mut work.k[0], &mut work.outputs);
+                plant.evaluate(self.hooks, None, &before_any, &work.x, &mut work.k[0], &mut work.outputs);
                 if row == 0 {
                     self.hooks.settle(time, work.outputs, &mut work.x, &mut work.k[0]);
                 }
@@ -308,10 +286,11 @@ impl Run<'_, '_, '_> {
             let now = self.acting(row, row.saturating_sub(whole));
             let at_row = if part > 0.0 { late } else { now };
             let work = &mut *self.work;
-            plant.evaluate(self.hooks, &at_row, &work.x, &mut work.k[0], &mut work.outputs);
+            let pieces = plant.evaluate(self.hooks, None, &at_row, &work.x, &mut work.k[0], &mut work.outputs);
             if row == 0 {
                 self.hooks.settle(time, work.outputs, &mut work.x, &mut work.k[0]);
             }
+            // Also the rates of states that follow a reading: the integration begins with them.
             self.hooks.read(time, &work.x, &mut work.k[0], &mut work.outputs);
             for (values, value) in outputs.values.iter_mut().zip(&work.outputs[first..]) {
                 values.push(*value);
@@ -319,10 +298,19 @@ impl Run<'_, '_, '_> {
             if row + 1 == record.rows() {
                 break;
             }
+            let mut stretch = |inputs: [f64; 3], pieces: Option<u32>, start: f64, length: f64| {
+                let system = System { plant, hooks: self.hooks, inputs };
+                let pieces = pieces.unwrap_or_else(|| system.rates_here(None, start, self.work));
+                integrate::hold(&system, self.work, pieces, Span { start, length }, self.refinement)
+                    .map_err(|rate| Stopped::TooFast { row, rate })
+            };
+            let period = record.period;
             if part > 0.0 {
-                self.hold(plant, &late, row, time, part * record.period)?;
+                stretch(late, Some(pieces), time, part * period)?;
+                stretch(now, None, time + part * period, (1.0 - part) * period)?;
+            } else {
+                stretch(now, Some(pieces), time, period)?;
             }
-            self.hold(plant, &now, row, time + part * record.period, (1.0 - part) * record.period)?;
             if self.work.x.iter().any(|value| !value.is_finite()) {
                 return Err(Stopped::NotFinite { row });
             }
@@ -346,63 +334,6 @@ impl Run<'_, '_, '_> {
                 let commands = if self.record.drive == Drive::Closed { &self.commands } else { &inputs[0] };
                 [self.hooks.input(commands[earlier]), commands[row], 0.0]
             }
-        }
-    }
-
-    /// Integrates over a span in which the inputs are held.
-    fn hold<P: Plant>(&mut self, plant: &P, inputs: &[f64; 3], row: usize, start: f64, span: f64) -> Result<(), Stopped> {
-        let rate = plant.fastest_rate(self.hooks, &self.work.x);
-        let steps = (span * rate / STEP_RATE).ceil().max(1.0);
-        if steps > MOST_STEPS || steps.is_nan() {
-            return Err(Stopped::TooFast { row, rate });
-        }
-        let steps = steps as usize * self.refinement;
-        let step = span / steps as f64;
-        let mut piece = self.rates(plant, inputs, start, 0);
-        for k in 0..steps {
-            let time = start + k as f64 * step;
-            self.work.before.copy_from_slice(&self.work.x);
-            self.advance(plant, inputs, time, step);
-            let next = self.rates(plant, inputs, time + step, 0);
-            if next == piece {
-                continue;
-            }
-            piece = next;
-            self.work.x.copy_from_slice(&self.work.before);
-            let closer = step / CLOSER as f64;
-            for part in 0..CLOSER {
-                let time = time + part as f64 * closer;
-                self.rates(plant, inputs, time, 0);
-                self.advance(plant, inputs, time, closer);
-            }
-            self.rates(plant, inputs, time + step, 0);
-        }
-        Ok(())
-    }
-
-    /// The rates at the state, into the k-th place.
-    fn rates<P: Plant>(&mut self, plant: &P, inputs: &[f64; 3], time: f64, k: usize) -> u32 {
-        let Work { x, trial, k: rates, outputs, .. } = &mut *self.work;
-        let at = if k == 0 { x } else { trial };
-        let piece = plant.evaluate(self.hooks, inputs, at, &mut rates[k], outputs);
-        if self.hooks.reads_with_memory() {
-            self.hooks.read(time, at, &mut rates[k], outputs);
-        }
-        piece
-    }
-
-    /// One step of the classical method; the rates at its start are in place.
-    fn advance<P: Plant>(&mut self, plant: &P, inputs: &[f64; 3], time: f64, step: f64) {
-        for (k, share) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
-            let Work { x, trial, k: rates, .. } = &mut *self.work;
-            for ((trial, x), rate) in trial.iter_mut().zip(x.iter()).zip(&rates[k - 1]) {
-                *trial = x + share * step * rate;
-            }
-            self.rates(plant, inputs, time + share * step, k);
-        }
-        let Work { x, k: [a, b, c, d], .. } = &mut *self.work;
-        for (i, x) in x.iter_mut().enumerate() {
-            *x += step / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]);
         }
     }
 }

@@ -10,7 +10,7 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Carried, Description, Effect, Guess, Joint, Motion, Scale, Start, Subject, Survey, Twist,
+    Argument, Arguments, Carried, Description, Effect, Guess, Joint, Motion, Scale, Split, Start, Subject, Survey, Twist,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -51,14 +51,15 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 impl Backlash {
-    fn contact(&self, twist: f64, rate: f64, stiffness: f64, damping: f64) -> Carried {
-        if twist > self.half_gap {
-            Carried { effort: stiffness * (twist - self.half_gap) + damping * rate, piece: 1 }
-        } else if twist < -self.half_gap {
-            Carried { effort: stiffness * (twist + self.half_gap) + damping * rate, piece: 2 }
-        } else {
-            Carried { effort: 0.0, piece: 0 }
-        }
+    /// Open (0), in contact forward (1) or backward (2).
+    fn contact(&self, twist: f64, rate: f64, stiffness: f64, damping: f64, held: Option<u32>) -> Carried {
+        let piece = if twist > self.half_gap { 1 } else { 2 * u32::from(twist < -self.half_gap) };
+        let effort = match held.unwrap_or(piece) {
+            0 => 0.0,
+            1 => stiffness * (twist - self.half_gap) + damping * rate,
+            _ => stiffness * (twist + self.half_gap) + damping * rate,
+        };
+        Carried { effort, piece }
     }
 }
 
@@ -85,12 +86,12 @@ impl Effect for Backlash {
         if joint == Joint::Driveshaft { 2.0 * self.half_gap } else { 0.0 }
     }
 
-    fn joint(&self, twist: &Twist, effort: f64) -> Carried {
+    fn joint(&self, twist: &Twist, effort: f64, held: Option<u32>) -> Carried {
         if twist.joint != Joint::Driveshaft || self.on_axis {
             return Carried { effort, piece: 0 };
         }
         let linear = twist.stiffness * twist.angle + twist.damping * twist.rate;
-        let Carried { effort: contact, piece } = self.contact(twist.angle, twist.rate, twist.stiffness, twist.damping);
+        let Carried { effort: contact, piece } = self.contact(twist.angle, twist.rate, twist.stiffness, twist.damping, held);
         // What other effects added to the linear law stays.
         Carried { effort: effort - linear + contact, piece }
     }
@@ -114,20 +115,31 @@ impl Effect for Backlash {
         Motion { position: own[0], speed: own[1], viscous_friction: 0.0 }
     }
 
-    fn passes(&self, near: &Motion, inertia: f64, load: f64, own: &[f64], rates: &mut [f64]) -> Carried {
-        let Carried { effort, piece } = self.contact(near.position - own[0], near.speed - own[1], self.stiffness, self.damping);
+    fn passes(&self, body: &Split, own: &[f64], rates: &mut [f64]) -> Carried {
+        let (twist, rate) = (body.near.position - own[0], body.near.speed - own[1]);
+        let Carried { effort, piece } = self.contact(twist, rate, self.stiffness, self.damping, body.held);
         rates[0] = own[1];
-        rates[1] = (effort - load) / (self.ratio * inertia);
+        rates[1] = (effort - body.load) / (self.ratio * body.inertia);
         Carried { effort, piece }
     }
 
-    // The swing of the two bodies on the spring, and the damper against the lighter one.
+    fn has_pieces(&self) -> bool {
+        true
+    }
+
+    // Between its pieces it is linear. A contact opens within half a swing of the shaft on its spring; a quarter of its rate is then three looks and more at it.
+    fn nonlinear_rate(&self, scale: &Scale) -> f64 {
+        if self.on_axis { self.fastest_rate(scale) } else { 0.25 * scale.vehicle.swing.1 }
+    }
+
+    // The swing of the two bodies on the spring, and the damper against the lighter one; twice, because every contact strikes them to their full speed, where
+    // other motions of a spring are small: fourth order leaves a sixteenth.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         if !self.on_axis {
             return 0.0;
         }
         let mobility = 1.0 / scale.drive_inertia + 1.0 / (self.ratio * scale.inertia);
-        (self.stiffness * mobility).sqrt().max(self.damping * mobility)
+        2.0 * (self.stiffness * mobility).sqrt().max(self.damping * mobility)
     }
 }
 
@@ -145,7 +157,7 @@ mod tests {
         // Linear 1000 * 0.02 + 10 * 1 = 30 inside; at 0.035: 1000 * 0.01 + 10 = 20 outside.
         for (angle, linear, expected) in [(0.02, 30.0, 0.0), (0.035, 45.0, 20.0), (-0.035, -25.0, 0.0)] {
             let twist = Twist { joint: Joint::Driveshaft, angle, rate: 1.0, stiffness: 1000.0, damping: 10.0 };
-            assert!((play.joint(&twist, linear).effort - expected).abs() < 1e-12);
+            assert!((play.joint(&twist, linear, None).effort - expected).abs() < 1e-12);
         }
         assert_eq!([play.slack(Joint::Driveshaft), play.slack(Joint::Clutch)], [0.05, 0.0]);
     }

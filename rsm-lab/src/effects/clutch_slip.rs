@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Joint, Subject, Survey};
+use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Joint, Scale, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -40,8 +40,29 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for ClutchSlip {
-    fn joint_limit(&self, joint: Joint, effort: f64) -> f64 {
-        if joint == Joint::Clutch && effort.abs() > self.capacity { self.capacity.copysign(effort) } else { effort }
+    fn has_pieces(&self) -> bool {
+        true
+    }
+
+    // A torque above the capacity is seen where it lasts a sixth of a swing of the clutch on its spring. While the discs slide fast, the spring's torque passes from one
+    // limit to the other in 2 capacity/(stiffness rate): half of that is a step.
+    fn nonlinear_rate(&self, scale: &Scale) -> f64 {
+        let (stiffness, _, rate) = scale.vehicle.clutch;
+        (0.25 * scale.vehicle.swing.0).max(0.25 * stiffness * rate / self.capacity)
+    }
+
+    /// The springs carry (0), or the discs slip forward (1) or backward (2).
+    fn joint_limit(&self, joint: Joint, effort: f64, held: Option<u32>) -> Carried {
+        if joint != Joint::Clutch {
+            return Carried { effort, piece: 0 };
+        }
+        let piece = if effort > self.capacity { 1 } else { 2 * u32::from(effort < -self.capacity) };
+        let effort = match held.unwrap_or(piece) {
+            0 => effort,
+            1 => self.capacity,
+            _ => -self.capacity,
+        };
+        Carried { effort, piece }
     }
 }
 
@@ -56,8 +77,15 @@ mod tests {
     #[test]
     fn the_clutch_carries_its_capacity_and_no_more() {
         let slip = made(&[("capacity", 200.0)]);
-        assert_eq!(slip.joint_limit(Joint::Clutch, -250.0), -200.0);
-        assert_eq!(slip.joint_limit(Joint::Clutch, 150.0), 150.0);
-        assert_eq!(slip.joint_limit(Joint::Driveshaft, 2500.0), 2500.0);
+        let carried = |joint, effort, held| {
+            let found = slip.joint_limit(joint, effort, held);
+            (found.effort, found.piece)
+        };
+        assert_eq!(carried(Joint::Clutch, -250.0, None), (-200.0, 2));
+        assert_eq!(carried(Joint::Clutch, 150.0, None), (150.0, 0));
+        assert_eq!(carried(Joint::Driveshaft, 2500.0, None), (2500.0, 0));
+        // A law that is held goes on beyond its end, and says where it is.
+        assert_eq!(carried(Joint::Clutch, 250.0, Some(0)), (250.0, 1));
+        assert_eq!(carried(Joint::Clutch, 150.0, Some(1)), (200.0, 0));
     }
 }

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Joint, Subject, Survey, Twist};
+use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Joint, Scale, Subject, Survey, Twist};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -42,11 +42,17 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for ClutchStiffening {
-    fn joint(&self, twist: &Twist, effort: f64) -> Carried {
+    fn joint(&self, twist: &Twist, effort: f64, _held: Option<u32>) -> Carried {
         if twist.joint != Joint::Clutch {
             return Carried { effort, piece: 0 };
         }
         Carried { effort: effort + self.cubic * twist.angle * twist.angle * twist.angle, piece: 0 }
+    }
+
+    // The swing on the slope of the cube, 3 k_3 phi^2, alone.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        let twist = scale.vehicle.clutch.1;
+        (3.0 * self.cubic * twist * twist * scale.vehicle.clutch_mobility).sqrt()
     }
 }
 
@@ -62,6 +68,6 @@ mod tests {
     fn the_torque_gains_the_cube_of_the_twist() {
         let twist = Twist { joint: Joint::Clutch, angle: 0.5, rate: 0.0, stiffness: 1000.0, damping: 0.0 };
         // 1000 * 0.5 + 80 * 0.125 = 510.
-        assert_eq!(made(&[("cubic_stiffness", 80.0)]).joint(&twist, 500.0).effort, 510.0);
+        assert_eq!(made(&[("cubic_stiffness", 80.0)]).joint(&twist, 500.0, None).effort, 510.0);
     }
 }

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Description, Effect, Guess, Scale, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -39,6 +39,11 @@ fn guesses(_survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for CombustionRipple {
+    // Three ripples a turn of the crank.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        3.0 * scale.vehicle.crank_speed.abs()
+    }
+
     fn engine_torque(&self, torque: f64, crank_angle: f64) -> f64 {
         torque * (1.0 + self.amplitude * (3.0 * crank_angle).sin())
     }

@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign};
+use crate::effect::{
+    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_slope,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -47,9 +49,9 @@ impl Effect for CoulombFriction {
         -self.level * smooth_sign(motion.speed, self.width)
     }
 
-    // Its slope at rest, T_c/w_s, over the inertia.
+    // Its steepest slope in the span, T_c/w_s at rest, over the inertia.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
-        self.level / (self.width * scale.drive_inertia)
+        self.level * smooth_sign_slope(scale.slowest, self.width) / scale.drive_inertia
     }
 }
 

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Subject, Survey};
+use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Scale, Subject, Survey, Windings};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -42,6 +42,16 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 impl Effect for MagneticSaturation {
     fn machine(&self, at: &Currents, _own: &[f64], _rates: &mut [f64], machine: &mut Machine) {
         machine.inductance /= 1.0 + (at.i_d * at.i_d + at.i_q * at.i_q) / (self.current * self.current);
+    }
+
+    // Decay and swing on the smallest inductance of the span, and the slope of 1/L at the voltage that moves the current: with u = di/dt (1 + q)^-1 L,
+    // d/di of u (1 + q)/L is di/dt 2 i/(i_sat^2 + i^2), at most di/dt over i_sat.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        let Windings { decay, swing, current: (least, most), change, .. } = scale.windings;
+        let more = 1.0 + (most / self.current) * (most / self.current);
+        let i = self.current.max(least).min(most);
+        let slope = 2.0 * i / (self.current * self.current + i * i);
+        (decay * more).max(swing * more.sqrt()) + change * slope
     }
 }
 

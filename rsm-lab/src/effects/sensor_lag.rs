@@ -52,6 +52,10 @@ impl Effect for SensorLag {
         1.0 / self.time_constant
     }
 
+    fn nonlinear_rate(&self, _scale: &Scale) -> f64 {
+        0.0
+    }
+
     fn reads_with_memory(&self) -> bool {
         true
     }

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Motion, Scale, Start, Subject, Survey};
+use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Motion, Scale, Split, Start, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -75,11 +75,15 @@ impl Effect for ShaftCompliance {
         Motion { position: own[0], speed: own[1], viscous_friction: 0.0 }
     }
 
-    fn passes(&self, near: &Motion, inertia: f64, load: f64, own: &[f64], rates: &mut [f64]) -> Carried {
-        let effort = self.stiffness * (near.position - own[0]) + self.damping * (near.speed - own[1]);
+    fn passes(&self, body: &Split, own: &[f64], rates: &mut [f64]) -> Carried {
+        let effort = self.stiffness * (body.near.position - own[0]) + self.damping * (body.near.speed - own[1]);
         rates[0] = own[1];
-        rates[1] = (effort - load) / (self.ratio * inertia);
+        rates[1] = (effort - body.load) / (self.ratio * body.inertia);
         Carried { effort, piece: 0 }
+    }
+
+    fn nonlinear_rate(&self, _scale: &Scale) -> f64 {
+        0.0
     }
 
     // The swing of the two bodies on the spring, and the damper against the lighter one.
@@ -103,7 +107,8 @@ mod tests {
         let mut rates = [0.0; 2];
         // Twist 0.25 rad, rate 1 rad/s: 10 + 2 = 12 N m; less 4 N m of load on 0.25 * 8 kg m^2: 4 rad/s^2.
         let near = Motion { position: 0.5, speed: 3.0, viscous_friction: 0.0 };
-        assert_eq!(shaft.passes(&near, 8.0, 4.0, &[0.25, 2.0], &mut rates).effort, 12.0);
+        let body = Split { near, inertia: 8.0, load: 4.0, held: None };
+        assert_eq!(shaft.passes(&body, &[0.25, 2.0], &mut rates).effort, 12.0);
         assert_eq!(rates, [2.0, 4.0]);
     }
 }

@@ -62,10 +62,16 @@ impl Effect for TyreSlip {
         Some(force)
     }
 
+    // Linear but for the speed under it, which changes slowly: a linear part is a tenth off at most before it is taken again, and the speed in the
+    // denominator moves as little within a span.
+    fn nonlinear_rate(&self, scale: &Scale) -> f64 {
+        0.1 * self.fastest_rate(scale)
+    }
+
     // Fastest at rest, where the slip is taken over 1 m/s.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
-        let (inertia, radius) = scale.wheel;
-        let gain = self.stiffness / scale.vehicle_speed.abs().max(SLOWEST);
+        let (inertia, radius) = scale.vehicle.wheel;
+        let gain = self.stiffness / scale.vehicle.speed.abs().max(SLOWEST);
         gain * (radius * radius / inertia + 1.0 / scale.inertia)
     }
 }

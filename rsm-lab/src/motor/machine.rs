@@ -94,7 +94,7 @@ impl Machine {
             hooks,
         };
         machine.start(speed);
-        let rate = machine.plant.fastest_rate(&machine.hooks, &machine.x);
+        let rate = machine.plant.rates(&machine.hooks, &machine.x, &machine.k[0], 0.0).fastest;
         if rate < FASTEST {
             Ok(machine)
         } else {
@@ -116,7 +116,7 @@ impl Machine {
             measured: Vec::new(),
         };
         self.plant.start(&self.hooks, &[0.0, 0.0, speed], &record, &[0.0; 3], &mut self.x);
-        self.plant.evaluate(&self.hooks, &[0.0; 3], &self.x, &mut self.k[0], &mut self.outputs);
+        self.plant.evaluate(&self.hooks, None, &[0.0; 3], &self.x, &mut self.k[0], &mut self.outputs);
         self.hooks.settle(0.0, self.outputs, &mut self.x, &mut self.k[0]);
     }
 
@@ -139,7 +139,7 @@ impl Machine {
         if self.plain {
             return [self.x[0], self.x[1], self.x[SPEED]];
         }
-        self.plant.evaluate(&self.hooks, &[0.0; 3], &self.x, &mut self.k[0], &mut self.outputs);
+        self.plant.evaluate(&self.hooks, None, &[0.0; 3], &self.x, &mut self.k[0], &mut self.outputs);
         self.hooks.read(self.time, &self.x, &mut self.k[0], &mut self.outputs);
         self.outputs
     }
@@ -160,7 +160,11 @@ impl Machine {
             return;
         }
         let voltage = voltage.map(|v| self.hooks.input(v));
-        let rate = self.plant.fastest_rate(&self.hooks, &self.x);
+        // An effect may ask how fast the state moves now.
+        if !self.plain {
+            self.rates(voltage, load_torque, self.time, 0);
+        }
+        let rate = self.plant.rates(&self.hooks, &self.x, &self.k[0], span).fastest;
         let steps = (span * rate / STEP_RATE).ceil().max(1.0) as usize * self.refinement;
         let step = span / steps as f64;
         for _ in 0..steps {
@@ -182,7 +186,7 @@ impl Machine {
     fn rates(&mut self, voltage: [f64; 2], load_torque: f64, time: f64, k: usize) {
         let x = if k == 0 { &self.x } else { &self.trial };
         let [v_d, v_q] = Angle::new(self.electrical(x[ANGLE])).to_rotor(voltage);
-        self.plant.evaluate(&self.hooks, &[v_d, v_q, load_torque], x, &mut self.k[k], &mut self.outputs);
+        self.plant.evaluate(&self.hooks, None, &[v_d, v_q, load_torque], x, &mut self.k[k], &mut self.outputs);
         if self.hooks.reads_with_memory() {
             self.hooks.read(time, x, &mut self.k[k], &mut self.outputs);
         }

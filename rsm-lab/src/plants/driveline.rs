@@ -3,8 +3,8 @@
 //! In: throttle, in one gear. Out: engine speed, road speed, acceleration. Without a hook that says otherwise the wheel rolls without
 //! slip, and wheel and vehicle are one inertia J_w + m r^2.
 
-use super::Plant;
-use crate::effect::{Contact, Joint, Motion, Scale, Start, Twist};
+use super::{Plant, Rates};
+use crate::effect::{Contact, Joint, Motion, Scale, Start, Twist, Vehicle};
 use crate::hooks::Hooks;
 use crate::plant_file::Parameters;
 use crate::record::Record;
@@ -105,23 +105,33 @@ impl Plant for Driveline {
         hooks.start(&Start { motion, road_speed: outputs[1] }, x);
     }
 
-    fn evaluate(&self, hooks: &Hooks, inputs: &[f64; 3], x: &[f64], dx: &mut [f64], outputs: &mut [f64; 3]) -> u32 {
+    fn evaluate(
+        &self,
+        hooks: &Hooks,
+        held: Option<u32>,
+        inputs: &[f64; 3],
+        x: &[f64],
+        dx: &mut [f64],
+        outputs: &mut [f64; 3],
+    ) -> u32 {
         let (engine, shaft, wheel) = (x[ENGINE_SPEED], x[SHAFT_SPEED], x[WHEEL_SPEED]);
         dx[TORQUE] = (self.commanded(inputs[0], engine) - x[TORQUE]) / self.torque_lag;
-        let clutch = hooks.joint(&Twist {
+        let clutch = Twist {
             joint: Joint::Clutch,
             angle: x[ENGINE_ANGLE] - self.gear_ratio * x[SHAFT_ANGLE],
             rate: engine - self.gear_ratio * shaft,
             stiffness: self.clutch.0,
             damping: self.clutch.1,
-        });
-        let driveshaft = hooks.joint(&Twist {
+        };
+        let clutch = hooks.joint(&clutch, held);
+        let driveshaft = Twist {
             joint: Joint::Driveshaft,
             angle: x[SHAFT_ANGLE] / self.final_ratio - x[WHEEL_ANGLE],
             rate: shaft / self.final_ratio - wheel,
             stiffness: self.driveshaft.0,
             damping: self.driveshaft.1,
-        });
+        };
+        let driveshaft = hooks.joint(&driveshaft, held);
         dx[ENGINE_ANGLE] = engine;
         let torque = hooks.engine_torque(x[TORQUE], x[ENGINE_ANGLE]);
         dx[ENGINE_SPEED] = (torque - self.engine_drag(engine) - clutch.effort) / self.engine_inertia;
@@ -147,21 +157,43 @@ impl Plant for Driveline {
             self.radius * dx[WHEEL_SPEED]
         };
         *outputs = [engine, speed, acceleration];
-        clutch.piece * 16 + driveshaft.piece
+        clutch.piece | driveshaft.piece
     }
 
-    fn fastest_rate(&self, hooks: &Hooks, x: &[f64]) -> f64 {
+    fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates {
         // A damper's own mode decays at once and is not seen: a quarter of its rate leaves a sub-step of one of its time constants,
         // where fourth order is stable up to 2.78. What it leaves is measured by the test of half the step.
         let joint =
             |(stiffness, damping): (f64, f64), mobility: f64| (stiffness * mobility).sqrt().max(damping * mobility / 4.0);
-        let clutch = joint(self.clutch, 1.0 / self.engine_inertia + self.gear_ratio * self.gear_ratio / self.shaft_inertia);
-        let shaft = 1.0 / (self.final_ratio * self.final_ratio * self.shaft_inertia) + 1.0 / self.wheel_inertia;
-        let vehicle_speed = hooks.vehicle_speed(x).unwrap_or(self.radius * x[WHEEL_SPEED]);
-        let scale =
-            Scale { inertia: self.mass, drive_inertia: self.mass, wheel: (self.wheel_inertia, self.radius), vehicle_speed };
-        let dynamics = clutch.max(joint(self.driveshaft, shaft)).max(1.0 / self.torque_lag);
-        // Three ripples a turn of the crank is the fastest that an engine of the catalogue shows.
-        dynamics.max(3.0 * x[ENGINE_SPEED].abs()).max(hooks.fastest_rate(&scale))
+        let clutch_mobility = 1.0 / self.engine_inertia + self.gear_ratio * self.gear_ratio / self.shaft_inertia;
+        let shaft_mobility = 1.0 / (self.final_ratio * self.final_ratio * self.shaft_inertia) + 1.0 / self.wheel_inertia;
+        let engine = x[ENGINE_SPEED];
+        // What the lag lets through of full load in the span, beyond what there is.
+        let torque = x[TORQUE].abs() + span / self.torque_lag * self.commanded(1.0, engine).abs();
+        let twist = (x[ENGINE_ANGLE] - self.gear_ratio * x[SHAFT_ANGLE]).abs().max(torque / self.clutch.0);
+        let scale = Scale {
+            vehicle: Vehicle {
+                wheel: (self.wheel_inertia, self.radius),
+                speed: hooks.vehicle_speed(x).unwrap_or(self.radius * x[WHEEL_SPEED]),
+                crank_speed: engine,
+                clutch_mobility,
+                clutch: (self.clutch.0, twist, (engine - self.gear_ratio * x[SHAFT_SPEED]).abs()),
+                swing: ((self.clutch.0 * clutch_mobility).sqrt(), (self.driveshaft.0 * shaft_mobility).sqrt()),
+            },
+            ..Scale::of(self.mass, self.mass, (x[WHEEL_SPEED].abs() - span * dx[WHEEL_SPEED].abs()).max(0.0))
+        };
+        let dynamics =
+            joint(self.clutch, clutch_mobility).max(joint(self.driveshaft, shaft_mobility)).max(1.0 / self.torque_lag);
+        // The torque map closes a loop through lag and engine; the throttle scales it and is at most 1. Drag is slower by orders.
+        let slope = (self.torque[1] + 2.0 * self.torque[2] * engine).abs();
+        let map = (slope / (self.torque_lag * self.engine_inertia)).sqrt();
+        let effects = hooks.fastest_rate(&scale);
+        let dampers = (self.clutch.1 * clutch_mobility).max(self.driveshaft.1 * shaft_mobility);
+        Rates {
+            fastest: dynamics.max(effects),
+            struck: dynamics.max(dampers).max(effects),
+            nonlinear: map.max(hooks.nonlinear_rate(&scale)),
+            varying: hooks.sum_of_rates(&scale),
+        }
     }
 }

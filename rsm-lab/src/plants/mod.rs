@@ -9,6 +9,19 @@ pub mod servo_axis;
 use crate::hooks::Hooks;
 use crate::record::Record;
 
+/// How fast a plant with its effects moves at a state, in 1/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rates {
+    /// The fastest of what is seen: a mode that a damper kills at once may move faster, as long as the classical method is stable on it.
+    pub fastest: f64,
+    /// The fastest of all, which a sudden change of law excites.
+    pub struck: f64,
+    /// The fastest of what a linear part, taken at a state before, leaves.
+    pub nonlinear: f64,
+    /// The sum of what varies from state to state: when it has moved, a linear part is stale.
+    pub varying: f64,
+}
+
 /// The equations of a plant.
 pub trait Plant {
     /// How many states it has without effects.
@@ -17,11 +30,20 @@ pub trait Plant {
     /// The states at the start from the true outputs of the first row.
     fn start(&self, hooks: &Hooks, outputs: &[f64; 3], record: &Record, inputs: &[f64; 3], x: &mut [f64]);
 
-    /// Rates and true outputs. The answer names the pieces of the laws of joints that are at work.
-    fn evaluate(&self, hooks: &Hooks, inputs: &[f64; 3], x: &[f64], dx: &mut [f64], outputs: &mut [f64; 3]) -> u32;
+    /// Rates and true outputs. The answer names the pieces of the laws of joints to which the state belongs. Where pieces are held, the laws follow those
+    /// all the same.
+    fn evaluate(
+        &self,
+        hooks: &Hooks,
+        held: Option<u32>,
+        inputs: &[f64; 3],
+        x: &[f64],
+        dx: &mut [f64],
+        outputs: &mut [f64; 3],
+    ) -> u32;
 
-    /// The fastest rate of the plant at a state, in 1/s, its effects included.
-    fn fastest_rate(&self, hooks: &Hooks, x: &[f64]) -> f64;
+    /// How fast it moves at a state with these rates of its states, and during the span (s) that follows.
+    fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates;
 
     /// The command of a controller that is part of the plant, from its measured output (this row and the two before).
     fn command(&self, _reference: f64, _x: &[f64], _positions: [f64; 3], _period: f64) -> f64 {

@@ -4,8 +4,8 @@
 //! direct quantities means a drive that holds i_d = 0 in its own frame: then the state is its i_q alone. Voltages are taken as applied:
 //! the limits (20) bind whoever makes the record, not this file.
 
-use super::Plant;
-use crate::effect::{Currents, Machine, Motion, Scale, Start};
+use super::{Plant, Rates};
+use crate::effect::{Currents, Machine, Motion, Scale, Split, Start, Windings};
 use crate::hooks::Hooks;
 use crate::plant_file::Parameters;
 use crate::record::Record;
@@ -59,7 +59,15 @@ impl Plant for Pmac {
         hooks.start(&Start { motion: self.motion(x), road_speed: 0.0 }, x);
     }
 
-    fn evaluate(&self, hooks: &Hooks, inputs: &[f64; 3], x: &[f64], dx: &mut [f64], outputs: &mut [f64; 3]) -> u32 {
+    fn evaluate(
+        &self,
+        hooks: &Hooks,
+        held: Option<u32>,
+        inputs: &[f64; 3],
+        x: &[f64],
+        dx: &mut [f64],
+        outputs: &mut [f64; 3],
+    ) -> u32 {
         let (speed, theta) = (x[2], x[3]);
         let delta = hooks.frame_angle(theta);
         let (sin, cos) = if delta == 0.0 { (0.0, 1.0) } else { delta.sin_cos() };
@@ -89,17 +97,29 @@ impl Plant for Pmac {
         // (21)
         let torque = 1.5 * self.pole_pairs * lambda * i_q;
         let motion = self.motion(x);
-        let load = hooks.load(&motion, self.inertia, inputs[2], x, dx);
+        let load = hooks.load(&Split { near: motion, inertia: self.inertia, load: inputs[2], held }, x, dx);
         dx[2] = (torque - self.viscous_friction * speed + hooks.effort(&motion) - load.effort) / self.drive_inertia;
         dx[3] = speed;
         load.piece
     }
 
-    fn fastest_rate(&self, hooks: &Hooks, x: &[f64]) -> f64 {
+    fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates {
+        let (length, change) = (x[0].hypot(x[1]), dx[0].hypot(dx[1]));
+        // The point of the straight way that is nearest to no current.
+        let along = -(x[0] * dx[0] + x[1] * dx[1]);
+        let nearest = if along > 0.0 { (along / (change * change)).min(span) } else { 0.0 };
+        let least = (x[0] + nearest * dx[0]).hypot(x[1] + nearest * dx[1]);
+        let current = (least, length + span * change);
+        let slowest = (x[2].abs() - span * dx[2].abs()).max(0.0);
         let own = self.resistance / self.inductance + self.viscous_friction / self.drive_inertia;
         let swing = (1.5 / (self.inductance * self.drive_inertia)).sqrt() * self.pole_pairs * self.flux_linkage;
+        let scale = Scale {
+            windings: Windings { inductance: self.inductance, decay: own, swing, current, change },
+            ..Scale::of(self.inertia, self.drive_inertia, slowest)
+        };
         let turning = self.pole_pairs * x[2].abs();
-        let scale = Scale { inertia: self.inertia, drive_inertia: self.drive_inertia, wheel: (1.0, 1.0), vehicle_speed: 0.0 };
-        own.max(swing).max(turning).max(hooks.fastest_rate(&scale))
+        let fastest = own.max(swing).max(turning).max(hooks.fastest_rate(&scale));
+        // Speed times current is of the same size as what is linear.
+        Rates { fastest, struck: fastest, nonlinear: fastest, varying: fastest }
     }
 }

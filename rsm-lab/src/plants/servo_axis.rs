@@ -3,8 +3,8 @@
 //! In: the command, or in closed loop the reference. Out: the position, and in closed loop the command. The controller stands in the
 //! drive: it sees the true position, is computed at the instants of the record and held.
 
-use super::Plant;
-use crate::effect::{Motion, Scale, Start};
+use super::{Plant, Rates};
+use crate::effect::{Motion, Scale, Split, Start};
 use crate::hooks::Hooks;
 use crate::plant_file::{Parameters, VelocityFrom};
 use crate::record::Record;
@@ -49,9 +49,17 @@ impl Plant for ServoAxis {
         hooks.start(&Start { motion: self.motion(x), road_speed: 0.0 }, x);
     }
 
-    fn evaluate(&self, hooks: &Hooks, inputs: &[f64; 3], x: &[f64], dx: &mut [f64], outputs: &mut [f64; 3]) -> u32 {
+    fn evaluate(
+        &self,
+        hooks: &Hooks,
+        held: Option<u32>,
+        inputs: &[f64; 3],
+        x: &[f64],
+        dx: &mut [f64],
+        outputs: &mut [f64; 3],
+    ) -> u32 {
         let motion = self.motion(x);
-        let load = hooks.load(&motion, self.mass, 0.0, x, dx);
+        let load = hooks.load(&Split { near: motion, inertia: self.mass, load: 0.0, held }, x, dx);
         let force = self.force_gain * inputs[0] - self.viscous_friction * x[1] + hooks.effort(&motion) - load.effort;
         dx[0] = x[1];
         dx[1] = force / self.drive_mass;
@@ -60,9 +68,10 @@ impl Plant for ServoAxis {
         load.piece
     }
 
-    fn fastest_rate(&self, hooks: &Hooks, _x: &[f64]) -> f64 {
-        let scale = Scale { inertia: self.mass, drive_inertia: self.drive_mass, wheel: (1.0, 1.0), vehicle_speed: 0.0 };
-        (self.viscous_friction / self.drive_mass).max(hooks.fastest_rate(&scale))
+    fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates {
+        let scale = Scale::of(self.mass, self.drive_mass, (x[1].abs() - span * dx[1].abs()).max(0.0));
+        let fastest = (self.viscous_friction / self.drive_mass).max(hooks.fastest_rate(&scale));
+        Rates { fastest, struck: fastest, nonlinear: hooks.nonlinear_rate(&scale), varying: hooks.sum_of_rates(&scale) }
     }
 
     fn command(&self, reference: f64, x: &[f64], positions: [f64; 3], period: f64) -> f64 {

@@ -52,7 +52,7 @@ impl Car {
     fn start(&mut self, throttle: f64, speed: f64) {
         self.plant.start(&self.hooks, &[0.0, speed, 0.0], &self.record, &[throttle, 0.0, 0.0], &mut self.x);
         let Car { plant, hooks, x, k, outputs, .. } = self;
-        plant.evaluate(hooks, &[throttle, 0.0, 0.0], x, &mut k[0], outputs);
+        plant.evaluate(hooks, None, &[throttle, 0.0, 0.0], x, &mut k[0], outputs);
     }
 
     /// Road speed, in m/s.
@@ -77,20 +77,20 @@ impl Car {
         }
         let Car { plant, hooks, x, trial, k, outputs, .. } = self;
         let inputs = [throttle, 0.0, 0.0];
-        let steps = (TICK_S * plant.fastest_rate(hooks, x) / STEP_RATE).ceil().max(1.0);
+        let steps = (TICK_S * plant.rates(hooks, x, &k[0], TICK_S).fastest / STEP_RATE).ceil().max(1.0);
         let step = TICK_S / steps;
         for _ in 0..steps as u64 {
-            plant.evaluate(hooks, &inputs, x, &mut k[0], outputs);
+            plant.evaluate(hooks, None, &inputs, x, &mut k[0], outputs);
             for (stage, share) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
                 for ((trial, x), rate) in trial.iter_mut().zip(&*x).zip(&k[stage - 1]) {
                     *trial = x + share * step * rate;
                 }
-                plant.evaluate(hooks, &inputs, trial, &mut k[stage], outputs);
+                plant.evaluate(hooks, None, &inputs, trial, &mut k[stage], outputs);
             }
             for (i, x) in x.iter_mut().enumerate() {
                 *x += step / 6.0 * (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]);
             }
         }
-        plant.evaluate(hooks, &inputs, x, &mut k[0], outputs);
+        plant.evaluate(hooks, None, &inputs, x, &mut k[0], outputs);
     }
 }

@@ -40,16 +40,10 @@ impl Check {
 
     /// The largest distance that two right simulations may have, in units of noise.
     ///
-    /// A tenth is what a halved step may move an output by, where a simulation has a fixed step. Some effects are allowed more, because the fixed
-    /// step of `rsm-lab` errs by more there; a hundredfold finer tolerance here moves no figure by 1e-4. Over a dozen seeds at full length the largest were
-    /// 21 (contact of a carriage, one seed; else below 4), 6 (a slipping clutch, which winds its spring up and amplifies any error), 10 (saturation
-    /// at twice its current), 1.6 (dead time about zero current) and 0.4 (friction by direction, over 8 s without feedback). A wrong law moves tens to
-    /// hundreds. What is above 3 is shown as too far: the figure is true.
+    /// A tenth is what a halved step may move an output by, where a simulation has a fixed step. No diagnosis sees
+    /// it: a hundred rows as far apart are one squared standard deviation, where a cause has to gain tens. A hundredfold finer tolerance here moves no figure by 1e-4.
     pub fn allowed(&self) -> f64 {
-        let is = |kind: &str| self.name.ends_with(kind);
-        let carriage = is("backlash") && self.kind != Kind::Car;
-        let others = ["inverter-dead-time", "magnetic-saturation", "clutch-slip", "asymmetric-friction", "stribeck-friction"];
-        if carriage || others.iter().any(|kind| is(kind)) { 3.0 } else { 0.1 }
+        0.1
     }
 
     /// The largest distance of other outputs from the record, in units of noise, with the output and the row.
