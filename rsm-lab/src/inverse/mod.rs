@@ -155,7 +155,7 @@ impl Motion {
         for k in 0..self.speed.len() {
             let x = [self.position[k], self.speed[k]];
             let command = hooks.input(self.command[k]);
-            axis.evaluate(&hooks, &[command, command, 0.0], &x, &mut dx, &mut outputs);
+            axis.evaluate(&hooks, None, &[command, command, 0.0], &x, &mut dx, &mut outputs);
             left.push(mass * (dx[1] - self.acceleration[k]));
         }
         Some(length(&decimated(&left)) / length(&decimated(&self.force(gain))))
