@@ -32,7 +32,6 @@ use model::Model;
 use noise::Floor;
 use selection::{Effort, Search};
 
-use crate::kind::PlantKind;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 pub use verdict::{Cause, Diagnosis, Interval, Verdict};
@@ -130,11 +129,7 @@ pub fn diagnose(
     hypotheses.retain(|it| {
         it.description.kind != "sensor-quantisation" || !rounded.iter().any(|(k, _)| it.subject == Some(names[*k].name))
     });
-    let effort = match file.kind {
-        // A row of a driveline costs as much as a hundred of an axis: fewer hypotheses are fitted.
-        PlantKind::Driveline => Effort { profiled: 6, profile_steps: 3, fitted: 3, fit_steps: 6, causes: 3 },
-        _ => Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4 },
-    };
+    let effort = Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4 };
     let mut selection = None;
     let mut start = calibrated;
     // The noise floor of the first round may hold structure: once causes are known, it is estimated again, and the search is repeated where it moved.
