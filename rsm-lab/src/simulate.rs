@@ -35,6 +35,11 @@ pub enum Stopped {
         /// Its fastest rate, in 1/s.
         rate: f64,
     },
+    /// The run took more steps up to this row than it was allowed: see [`Simulator::at_most`].
+    TooLong {
+        /// The row.
+        row: usize,
+    },
 }
 
 impl fmt::Display for Stopped {
@@ -53,6 +58,9 @@ impl fmt::Display for Stopped {
                  a stiffness or an inertia is out of proportion",
                 row + 1
             ),
+            Stopped::TooLong { row } => {
+                write!(f, "the simulation took more sub-steps up to row {} of the record than it was allowed", row + 1)
+            }
         }
     }
 }
@@ -90,6 +98,8 @@ pub struct Simulator {
     hooks: Hooks,
     start: [f64; 3],
     refinement: usize,
+    /// Sub-steps a row that a run may take on average.
+    allowed: usize,
     work: Work,
 }
 
@@ -136,13 +146,20 @@ impl Simulator {
             start[output] = hooks.truth(output, reading, record.time[0]);
         }
         let work = Work::new(hooks.states());
-        Ok(Simulator { equations, kind: file.kind, hooks, start, refinement: 1, work })
+        Ok(Simulator { equations, kind: file.kind, hooks, start, refinement: 1, allowed: usize::MAX, work })
     }
 
     /// Divides every sub-step by a whole number: how far the outputs then move shows what the step leaves.
     #[must_use]
     pub fn refined(mut self, factor: usize) -> Self {
         self.refinement = factor.max(1);
+        self
+    }
+
+    /// Gives a run up that takes more than so many sub-steps a row, on average over its record.
+    #[must_use]
+    pub fn at_most(mut self, steps_a_row: usize) -> Self {
+        self.allowed = steps_a_row;
         self
     }
 
@@ -214,6 +231,7 @@ impl Simulator {
             work: &mut self.work,
             kind: self.kind,
             refinement: self.refinement,
+            left: self.allowed.saturating_mul(record.rows()),
             commands: Vec::new(),
             controller,
         };
@@ -234,6 +252,8 @@ struct Run<'a, 'c, 'd> {
     work: &'a mut Work,
     kind: PlantKind,
     refinement: usize,
+    /// Sub-steps that the run may still take.
+    left: usize,
     /// What the controller said, row by row; empty without one.
     commands: Vec<f64>,
     controller: Option<&'c mut Controller<'d>>,
@@ -301,8 +321,10 @@ impl Run<'_, '_, '_> {
             let mut stretch = |inputs: [f64; 3], pieces: Option<u32>, start: f64, length: f64| {
                 let system = System { plant, hooks: self.hooks, inputs };
                 let pieces = pieces.unwrap_or_else(|| system.rates_here(None, start, self.work));
-                integrate::hold(&system, self.work, pieces, Span { start, length }, self.refinement)
-                    .map_err(|rate| Stopped::TooFast { row, rate })
+                let taken = integrate::hold(&system, self.work, pieces, Span { start, length }, self.refinement)
+                    .map_err(|rate| Stopped::TooFast { row, rate })?;
+                self.left = self.left.checked_sub(taken).ok_or(Stopped::TooLong { row })?;
+                Ok(())
             };
             let period = record.period;
             if part > 0.0 {

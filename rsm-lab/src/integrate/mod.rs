@@ -93,11 +93,17 @@ pub struct Span {
 }
 
 /// Integrates over a span, from a state with its rates in place, found in `pieces`, in steps `refinement` times as fine as the rates ask. The rates at the end
-/// are not computed: the next span has other inputs.
+/// are not computed: the next span has other inputs. Answers how many steps that took, one of the exponential method counting as one.
 ///
 /// # Errors
 /// The fastest rate, where it asks for more than [`MOST_STEPS`].
-pub fn hold<P: Plant>(system: &System<'_, P>, work: &mut Work, pieces: u32, span: Span, refinement: usize) -> Result<(), f64> {
+pub fn hold<P: Plant>(
+    system: &System<'_, P>,
+    work: &mut Work,
+    pieces: u32,
+    span: Span,
+    refinement: usize,
+) -> Result<usize, f64> {
     let rates = system.plant.rates(system.hooks, &work.x, &work.k[0], span.length);
     let steps = |rate: f64| (span.length * rate / STEP_RATE).ceil().max(1.0);
     // A change of law also excites modes that dampers kill at once.
@@ -111,7 +117,7 @@ pub fn hold<P: Plant>(system: &System<'_, P>, work: &mut Work, pieces: u32, span
         let deepest = if system.hooks.have_pieces() { level(small) } else { 0 };
         let levels = Levels { first: level(large), deepest };
         exponential::over(system, work, &rates, pieces, (span.start, span.length), levels);
-        return Ok(());
+        return Ok(1 << levels.first);
     }
     let steps = small as usize * refinement;
     let step = span.length / steps as f64;
@@ -120,7 +126,7 @@ pub fn hold<P: Plant>(system: &System<'_, P>, work: &mut Work, pieces: u32, span
         for k in 0..steps {
             pieces = explicit::across(system, work, pieces, span.start + k as f64 * step, step);
         }
-        return Ok(());
+        return Ok(steps);
     }
     for k in 0..steps {
         let time = span.start + k as f64 * step;
@@ -129,5 +135,5 @@ pub fn hold<P: Plant>(system: &System<'_, P>, work: &mut Work, pieces: u32, span
         }
         explicit::advance(system, work, None, time, step);
     }
-    Ok(())
+    Ok(steps)
 }
