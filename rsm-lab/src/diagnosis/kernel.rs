@@ -16,9 +16,9 @@ use crate::simulate::{Outputs, Simulator};
 /// it is gone, and what the difference leaves out of a curved law is as small: fits converge by a factor of thirty a step in place of a thousand.
 const DIFFERENCE: f64 = 0.03;
 
-/// Sub-steps a row, on average over a record, beyond which a model is none to try: at four a radian it makes twenty turns between two rows. A clutch that
+/// Sub-steps a row, on average over a record, beyond which a model is none to try: at four a radian it makes ten turns between two rows. A clutch that
 /// stiffens and slips at once winds up without end, for example.
-const MOST_STEPS_A_ROW: usize = 500;
+const MOST_STEPS_A_ROW: usize = 250;
 
 /// A record with the rows that count.
 #[derive(Debug, Clone)]

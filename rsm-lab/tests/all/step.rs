@@ -2,7 +2,7 @@
 
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::Record;
-use rsm_lab::simulate::{Outputs, Simulator};
+use rsm_lab::simulate::{Outputs, Simulator, Stopped};
 
 use super::{axis_record, car_record, effect, motor_record, plant, record, run};
 
@@ -54,6 +54,19 @@ fn of_the_axis() {
     holds("axis", &plant("servo-axis", ""), &axis_record());
     holds("axis with friction", &plant("servo-axis", &friction), &axis_record());
     holds("axis with friction and play", &plant("servo-axis", &(friction + &play)), &axis_record());
+}
+
+#[test]
+fn a_run_that_takes_more_steps_than_it_may_is_given_up() {
+    // A clutch that stiffens while it slips winds up: its springs swing ever faster.
+    let stiffening = effect("clutch-stiffening", "cubic_stiffness = 20000.0");
+    let car = plant("driveline", &(stiffening + &effect("clutch-slip", "capacity = 60.0")));
+    let record = record(&car_record(), &car);
+    let given = |steps: usize| Simulator::new(&car, &record).unwrap().at_most(steps).run(&record).map(|_| ());
+    let short = given(2);
+    // The clutch slips from the tip-in at row 250 on.
+    assert!(matches!(short, Err(Stopped::TooLong { row }) if row > 250), "{short:?}");
+    assert_eq!(given(usize::MAX), Ok(()));
 }
 
 #[test]
