@@ -3,12 +3,15 @@
 //! ```text
 //!   records --checks--> rows that count --noise--> floor --levenberg--> calibrated plant
 //!      --screen--> ranked hypotheses --profile--> best numbers --selection--> causes --validation--> gain
+//!      --excitations--> records that could be made --experiment--> the one that tells causes apart
 //! ```
 //!
 //! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Sees the records and the nominal plant alone: nobody may look
 //! into the plant that made a record. Never prints, never writes.
 
 pub mod checks;
+pub mod excitations;
+pub mod experiment;
 pub mod finish;
 pub mod hypotheses;
 pub mod kernel;
@@ -160,7 +163,10 @@ pub fn diagnose(
     let mut selection = selection.ok_or(Refused::CannotSimulate)?;
     selection.fit = finish::finish(&mut kernel, selection.fit, |kernel, fit| at_least(floors(kernel, fit, file)));
     unseen.floors = kernel.floors;
-    Ok(verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded))
+    let fit = selection.fit.clone();
+    let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
+    found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
+    Ok(found)
 }
 
 /// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.

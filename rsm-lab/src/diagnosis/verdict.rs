@@ -3,6 +3,7 @@
 //! In: a selection and the records. Out: a [`Diagnosis`], all its figures from the fits. Never fits a cause.
 
 use super::checks::Finding;
+use super::experiment::NextExperiment;
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
@@ -86,6 +87,19 @@ pub struct Cause {
     pub sentence: String,
 }
 
+/// A rival that the records do not tell from a cause.
+#[derive(Debug, Clone)]
+pub struct Alias {
+    /// The cause that is believed.
+    pub cause: String,
+    /// The rival.
+    pub rival: String,
+    /// The plant with the rival in place of the cause, fitted to the same records.
+    pub model: Model,
+    /// By how much one of them has to do worse before it is refused, in squared standard deviations of the noise.
+    pub limit: f64,
+}
+
 /// A diagnosis.
 #[derive(Debug, Clone)]
 pub struct Diagnosis {
@@ -119,8 +133,10 @@ pub struct Diagnosis {
     pub left: Left,
     /// And on validation records, where there are any.
     pub left_unseen: Option<Left>,
-    /// The strongest rival's model that leaves the same trace, of the first cause that has one.
-    pub rival: Option<(String, PlantFile)>,
+    /// Rivals that leave the same trace, the strongest of the strongest cause first.
+    pub aliases: Vec<Alias>,
+    /// The record that would tell them apart, or look where an error has no cause.
+    pub next: Option<NextExperiment>,
     /// Simulated outputs of nominal and extended plant on the first validation record, by output.
     pub before_after: Vec<(usize, Vec<f64>, Vec<f64>)>,
 }
@@ -158,7 +174,7 @@ pub fn conclude(
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
     let of_rounding = if rounded.is_empty() { 0.0 } else { OF_ROUNDING };
     let structure = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess)) > of_rounding.max(OF_THE_WHOLE * wrong);
-    let mut rival = None;
+    let mut aliases: Vec<(f64, Alias)> = Vec::new();
     let mut causes: Vec<Cause> = Vec::new();
     for (place, one) in believed.iter().enumerate() {
         let same = threshold.max(ALIKE * one.gain);
@@ -167,8 +183,11 @@ pub fn conclude(
             ..one.clone()
         };
         let alike: Vec<String> = one.rivals.iter().filter(|it| it.1 < same).map(|it| it.0.clone()).collect();
-        if let (None, Some(first)) = (&rival, alike.first()) {
-            rival = one.rival_models.iter().find(|it| it.0 == *first).map(|it| (first.clone(), it.1.file.clone()));
+        for rival in &alike {
+            if let Some((_, model)) = one.rival_models.iter().find(|it| it.0 == *rival) {
+                let (cause, rival, model) = (one.label.clone(), rival.clone(), model.clone());
+                aliases.push((one.gain, Alias { cause, rival, model, limit: same }));
+            }
         }
         causes.push(cause(&fit, place, one, alike, threshold));
     }
@@ -176,6 +195,7 @@ pub fn conclude(
         causes.push(rounding(file.kind, *output, *step, fit.residual.len() as f64));
     }
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
     let verdict = match (structure || stopped.is_some(), causes.is_empty()) {
         (true, _) => Verdict::Unexplained,
         (false, true) => Verdict::NoDiscrepancy,
@@ -212,7 +232,8 @@ pub fn conclude(
         stopped,
         left,
         left_unseen,
-        rival,
+        aliases: aliases.into_iter().map(|it| it.1).collect(),
+        next: None,
         before_after,
     }
 }
