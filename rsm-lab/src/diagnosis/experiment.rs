@@ -118,10 +118,23 @@ fn separates(kernel: &Kernel, fit: &Fit, aliases: &[Alias], limits: &Limits) -> 
         best.push(apart);
     }
     let Some(place) = first else {
-        return (!best.is_empty()).then_some(NextExperiment::Alike { apart: best, tried: library.len() });
+        return (!best.is_empty()).then_some(NextExperiment::Alike { apart: by_name(best), tried: library.len() });
     };
     let apart = rivals.iter().filter_map(|(alias, rival)| rows[place].apart(fit, rival, alias)).collect();
-    Some(NextExperiment::Separates { excitation: rows[place].excitation.clone(), apart })
+    Some(NextExperiment::Separates { excitation: rows[place].excitation.clone(), apart: by_name(apart) })
+}
+
+/// One line a pair of names: a rival with and without its optional numbers is two plants, of which the nearer counts.
+fn by_name(apart: Vec<Apart>) -> Vec<Apart> {
+    let mut list: Vec<Apart> = Vec::new();
+    for it in apart {
+        match list.iter_mut().find(|there| there.cause == it.cause && there.rival == it.rival) {
+            Some(there) if it.squared < there.squared => *there = it,
+            Some(_) => {}
+            None => list.push(it),
+        }
+    }
+    list
 }
 
 /// An excitation with the believed plant's outputs along it.
@@ -134,11 +147,8 @@ impl<'a> Trial<'a> {
     fn new(present: &Kernel, fit: &Fit, excitation: &'a Excitation) -> Option<Self> {
         let mut prepared = Prepared::new(excitation.record.clone(), fit.model.file.kind.outputs().len());
         // A new record holds what the present ones hold.
-        let held: Vec<bool> = prepared
-            .outputs
-            .iter()
-            .map(|output| present.records.iter().any(|it| it.outputs.contains(output)))
-            .collect();
+        let held: Vec<bool> =
+            prepared.outputs.iter().map(|output| present.records.iter().any(|it| it.outputs.contains(output))).collect();
         let mut k = 0;
         prepared.used.retain(|_| {
             k += 1;
@@ -149,8 +159,10 @@ impl<'a> Trial<'a> {
             k += 1;
             held[k - 1]
         });
-        (!prepared.outputs.is_empty())
-            .then_some(Trial { excitation, kernel: Kernel { records: vec![prepared], floors: present.floors, threads: present.threads } })
+        (!prepared.outputs.is_empty()).then_some(Trial {
+            excitation,
+            kernel: Kernel { records: vec![prepared], floors: present.floors, threads: present.threads },
+        })
     }
 
     fn record(&self) -> &Record {
@@ -194,9 +206,8 @@ impl<'a> Trial<'a> {
     /// information from the present ones, priors included.
     fn remains(&self, adapts: &Fit, its: &[Simulated], truth: &[Simulated]) -> Option<f64> {
         let model = self.model(adapts);
-        let starts: Vec<usize> = (0..model.unknowns.len())
-            .filter(|k| matches!(model.unknowns[*k].place, Place::Start { .. }))
-            .collect();
+        let starts: Vec<usize> =
+            (0..model.unknowns.len()).filter(|k| matches!(model.unknowns[*k].place, Place::Start { .. })).collect();
         // The new record's model has the same unknowns of the plant, in the same order, and starts of its own behind them.
         let here = |k: usize| adapts.model.unknowns[..k].iter().filter(|it| !matches!(it.place, Place::Start { .. })).count();
         let of_plant: Vec<Option<usize>> = adapts
@@ -208,8 +219,7 @@ impl<'a> Trial<'a> {
         let columns = self.kernel.derivatives(&model, its, &chosen)?;
         let difference = self.kernel.changes(its, truth, 1.0);
         let mut columns = columns.into_iter();
-        let mut all: Vec<Option<Column>> =
-            of_plant.iter().map(|it| if it.is_some() { columns.next() } else { None }).collect();
+        let mut all: Vec<Option<Column>> = of_plant.iter().map(|it| if it.is_some() { columns.next() } else { None }).collect();
         all.extend(columns.map(Some));
         let (known, n) = (adapts.free.len(), all.len());
         let present = adapts.matrix();
@@ -233,11 +243,8 @@ impl<'a> Trial<'a> {
 /// The record with the largest expected error, by what the present residual is at each operating point.
 fn looks(kernel: &Kernel, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
     let kind = fit.model.file.kind;
-    let points: Vec<Vec<[f64; 2]>> = kernel
-        .records
-        .iter()
-        .map(|it| operating(kind, &it.record, &it.outputs, fit_of(fit, kernel, it)))
-        .collect();
+    let points: Vec<Vec<[f64; 2]>> =
+        kernel.records.iter().map(|it| operating(kind, &it.record, &it.outputs, fit_of(fit, kernel, it))).collect();
     let edges: Vec<Vec<f64>> = (0..2)
         .map(|axis| {
             let mut all: Vec<f64> = points.iter().flatten().map(|point| point[axis]).collect();

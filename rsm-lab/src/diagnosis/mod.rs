@@ -37,7 +37,7 @@ use selection::{Effort, Search};
 
 use crate::plant_file::PlantFile;
 use crate::record::Record;
-pub use verdict::{Cause, Diagnosis, Interval, Verdict};
+pub use verdict::{Alias, Cause, Diagnosis, Interval, Verdict};
 
 /// How a diagnosis runs.
 pub struct Options<'a> {

@@ -5,6 +5,7 @@ mod cross_check;
 mod diagnosis;
 mod measured;
 mod motor;
+mod next_experiment;
 mod rejected;
 mod step;
 mod track;

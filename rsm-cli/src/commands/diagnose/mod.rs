@@ -1,8 +1,10 @@
 //! `rsm diagnose`: what a simulation gets wrong, the cause, the extended plant, the gain.
 //!
-//! In: a plant file, training and validation records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml and report.html, whole or absent. Every
+//! In: a plant file, training and validation records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html and, where causes
+//! are not to be told apart, next_experiment.csv, whole or absent. Every
 //! verdict is an answer: exit status 0. A surface against new data (`--data`) is refused by name.
 
+mod next;
 mod report;
 
 use std::path::PathBuf;
@@ -78,15 +80,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let text = serde_json::to_string_pretty(&value)
             .map_err(|error| Refusal::new(format!("diagnosis.json cannot be written as JSON: {error}")))?;
         let page = report::html(plant.kind, &found, validation.first().or(training.first()))?;
-        let files = [
-            (
-                folder.join("diagnosis.json"),
-                text + "
-",
-            ),
+        let mut files = vec![
+            (folder.join("diagnosis.json"), text + "\n"),
             (folder.join("extended.toml"), found.plant.write()),
             (folder.join("report.html"), page),
         ];
+        files.extend(next::csv(&found).map(|csv| (folder.join(next::FILE), csv)));
         output::write_all(&files)?;
     }
     if arguments.json {
@@ -117,6 +116,9 @@ fn words(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         if !cause.indistinguishable_from.is_empty() {
             eprintln!("    In these records this is not to be told from {}.", cause.indistinguishable_from.join(", "));
         }
+    }
+    if let Some(sentence) = next::sentence(found) {
+        eprintln!("  {sentence}");
     }
     for (before, after) in found.nominal.iter().zip(&found.extended) {
         let name = kind.outputs()[before.output].name;
@@ -184,5 +186,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "stopped": found.stopped.map(|limit| limit.to_string()),
         "structure_left": found.left.excess,
         "ranking": ranking,
+        "next_experiment": next::sentence(found),
+        "experiment": next::value(found),
     })
 }

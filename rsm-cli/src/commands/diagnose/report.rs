@@ -16,6 +16,9 @@ use crate::plot::{BLUE, GREY, Mark, ORANGE, Series, Words, curves};
 pub fn html(kind: PlantKind, found: &Diagnosis, shown: Option<&Record>) -> Result<String, Refusal> {
     let mut body = format!("<h1>Diagnosis of a {}: {}</h1>\n<p>{}</p>\n", kind.name(), found.verdict.name(), verdict(found));
     causes(&mut body, found);
+    if let Some(sentence) = super::next::sentence(found) {
+        let _ = write!(body, "<h2>What to measure next</h2>\n<p>{}</p>\n", escaped(&sentence));
+    }
     errors(&mut body, kind, found);
     regions(&mut body, kind, found);
     if let Some(record) = shown {

@@ -109,9 +109,7 @@ impl Limits {
             PlantKind::Pmac => {
                 let most = file.parameters.number("current_limit");
                 let i_q = outputs.of("i_q").unwrap_or(&[]);
-                let short = |(k, q): (usize, &f64)| {
-                    outputs.of("i_d").map_or(0.0, |i_d| i_d[k]).hypot(*q) <= most
-                };
+                let short = |(k, q): (usize, &f64)| outputs.of("i_d").map_or(0.0, |i_d| i_d[k]).hypot(*q) <= most;
                 // A motor that turns one way turns the other.
                 let top = self.top();
                 i_q.iter().enumerate().all(short) && within(2, [-top, top])
@@ -149,7 +147,7 @@ fn rates(path: &[f64], period: f64) -> (f64, f64) {
 /// Makes a record of a given amplitude, or says that there is none.
 type Maker<'a> = dyn Fn(f64) -> Option<Record> + 'a;
 
-/// A record of inputs, `time` from 0; its outputs are to be predicted.
+/// A record of inputs, `time` from 0, that starts at rest; its outputs are to be predicted.
 fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: usize) -> Record {
     Record {
         file: name.to_string(),
@@ -159,7 +157,7 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: 
         inputs,
         gear,
         angle: None,
-        measured: vec![None; 3],
+        measured: vec![Some(vec![0.0]); 3],
     }
 }
 
@@ -175,7 +173,13 @@ pub fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
 }
 
 /// The largest amplitude that every plant survives.
-fn fitting(believed: &[&PlantFile], limits: &Limits, name: String, words: &'static str, make: &Maker<'_>) -> Option<Excitation> {
+fn fitting(
+    believed: &[&PlantFile],
+    limits: &Limits,
+    name: String,
+    words: &'static str,
+    make: &Maker<'_>,
+) -> Option<Excitation> {
     AMPLITUDES.iter().find_map(|amplitude| {
         let record = predicted(believed, limits, make(*amplitude)?)?;
         Some(Excitation { name: name.clone(), words, record })

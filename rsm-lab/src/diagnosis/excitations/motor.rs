@@ -178,6 +178,11 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         &turning("speed-steps", vec![0.25, -0.25, 0.6, -0.6, 0.95, -0.95, 0.1, -0.1], 0.5),
     );
     add(
+        "high-speed",
+        "steady turning near the highest speed that was seen",
+        &turning("high-speed", vec![0.97, 0.8, 0.97, 0.9], 0.5),
+    );
+    add(
         "hard-accelerations",
         "reversals at high current, without rest",
         &turning("hard-accelerations", vec![0.8, -0.8, 0.8, -0.8, 0.8, -0.8], 1.0),

@@ -1,0 +1,102 @@
+//! The next experiment in words, as JSON and as a file.
+//!
+//! In: a diagnosis. Out: a sentence, an object, next_experiment.csv. Chooses nothing: the record comes from rsm-lab.
+
+use rsm_lab::diagnosis::Diagnosis;
+use rsm_lab::diagnosis::excitations::{self, Excitation};
+use rsm_lab::diagnosis::experiment::{Apart, NextExperiment};
+use serde_json::{Value, json};
+
+use crate::output;
+
+/// The name of the file.
+pub const FILE: &str = "next_experiment.csv";
+
+/// The record that is to be made, if there is one.
+fn excitation(found: &Diagnosis) -> Option<&Excitation> {
+    match found.next.as_ref()? {
+        NextExperiment::Separates { excitation, .. } | NextExperiment::Looks { excitation, .. } => Some(excitation),
+        NextExperiment::Alike { .. } => None,
+    }
+}
+
+/// The text of the file, if there is a record.
+pub fn csv(found: &Diagnosis) -> Option<String> {
+    excitation(found).map(|it| excitations::csv(&found.plant, it))
+}
+
+/// What to do next: which record, what for, and by how many times the noise.
+pub fn sentence(found: &Diagnosis) -> Option<String> {
+    Some(match found.next.as_ref()? {
+        NextExperiment::Separates { excitation, apart } => {
+            let record = record(excitation);
+            let (told, not): (Vec<&Apart>, Vec<&Apart>) = apart.iter().partition(|it| it.enough);
+            let told: Vec<String> = told
+                .iter()
+                .map(|it| format!("{} from {} ({:.2} times the noise)", it.cause, it.rival, it.times_noise))
+                .collect();
+            let mut text = format!(
+                "Make the record \"{}\" ({}; {record}, in {FILE}): it would tell {}.",
+                excitation.name,
+                excitation.words,
+                told.join(", and ")
+            );
+            if !not.is_empty() {
+                let pairs: Vec<String> = not.iter().map(|it| format!("{} from {}", it.cause, it.rival)).collect();
+                text += &format!(" It would not tell {}.", pairs.join(", nor "));
+            }
+            text
+        }
+        NextExperiment::Alike { apart, tried } => {
+            let pairs: Vec<String> = apart
+                .iter()
+                .map(|it| format!("{} from {} (at most {:.2} times the noise)", it.cause, it.rival, it.times_noise))
+                .collect();
+            format!(
+                "No record of the library ({tried} were tried) tells {}: another plant has to be measured, one with a known change of what the two do differently \
+                 (another mass, load or inertia, the same road in the other direction), or the quantity itself.",
+                pairs.join(", nor ")
+            )
+        }
+        NextExperiment::Looks { excitation, expected, present } => format!(
+            "Make the record \"{}\" ({}; {}, in {FILE}): it spends most of its time where the error without a cause is. The squared error expected in it beyond the noise is {:.2} \
+             of the noise's own, {:.2} in the present records.",
+            excitation.name,
+            excitation.words,
+            record(excitation),
+            expected,
+            present
+        ),
+    })
+}
+
+fn record(excitation: &Excitation) -> String {
+    let record = &excitation.record;
+    format!("{} rows of {} s", record.rows(), record.period)
+}
+
+/// The same for programs; null where there is nothing to do.
+pub fn value(found: &Diagnosis) -> Value {
+    let pairs = |apart: &[Apart]| -> Vec<Value> {
+        let each = apart.iter().map(|it| {
+            json!({
+                "cause": it.cause,
+                "rival": it.rival,
+                "times_noise": output::finite(it.times_noise),
+                "squared_difference": output::finite(it.squared),
+                "told_apart": it.enough,
+            })
+        });
+        each.collect()
+    };
+    match &found.next {
+        None => Value::Null,
+        Some(NextExperiment::Separates { excitation, apart }) => {
+            json!({ "record": excitation.name, "file": FILE, "pairs": pairs(apart) })
+        }
+        Some(NextExperiment::Alike { apart, tried }) => json!({ "record": null, "tried": tried, "pairs": pairs(apart) }),
+        Some(NextExperiment::Looks { excitation, expected, present }) => {
+            json!({ "record": excitation.name, "file": FILE, "expected_error": expected, "present_error": present })
+        }
+    }
+}
