@@ -35,3 +35,5 @@ pub mod closed_loop;
 pub mod tasks;
 
 pub mod figures;
+
+pub mod limit_points;

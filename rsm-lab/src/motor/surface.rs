@@ -32,13 +32,19 @@ impl Surfaces {
     /// # Errors
     /// No surface `weakening_current` of torque and speed; a `limit_current` that is not of torque, current and speed.
     pub fn new(model: &Checked) -> Result<Self, Faults> {
-        let weakening = find(model, "weakening_current", &["torque", "speed"])?;
-        let Some(weakening) = weakening else {
-            let what = format!("model `{}`: there is no surface `weakening_current`", model.model().name);
-            return Err(Faults::one(Fault::whole_file("model", what)));
-        };
-        Ok(Surfaces { weakening, limit: find(model, "limit_current", &["torque", "current", "speed"])? })
+        Ok(Surfaces {
+            weakening: weakening_tape(model)?,
+            limit: find(model, "limit_current", &["torque", "current", "speed"])?,
+        })
     }
+}
+
+/// The tape of the surface `weakening_current`.
+pub(super) fn weakening_tape(model: &Checked) -> Result<Tape, Faults> {
+    find(model, "weakening_current", &["torque", "speed"])?.ok_or_else(|| {
+        let what = format!("model `{}`: there is no surface `weakening_current`", model.model().name);
+        Faults::one(Fault::whole_file("model", what))
+    })
 }
 
 /// The tape of a surface, if there is one of this name; it must have these inputs.

@@ -107,7 +107,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let (fast, steep) = (limits.speed, limits.acceleration);
     let mut list = Vec::new();
     let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-        list.extend(fitting(believed, limits, name.to_string(), words, make));
+        list.extend(fitting(believed, limits, name, words, make));
     };
     // Places one after another at a speed, with rests, until the record is full.
     let places = |places: &[f64], speed: f64, rest: f64, a: f64| {

@@ -65,7 +65,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     gears.extend([1, 3, 5].into_iter().filter(|gear| !limits.gears.contains(gear)));
     for gear in gears {
         let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-            list.extend(fitting(believed, limits, format!("{name}, gear {gear}"), words, make));
+            list.extend(fitting(believed, limits, &format!("{name}, gear {gear}"), words, make));
         };
         add("tip-in and tip-out", "the pedal from closed to open and back, between the engine speeds that were seen", &|a| {
             let mut pressed = true;

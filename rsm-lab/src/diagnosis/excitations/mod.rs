@@ -173,16 +173,10 @@ pub fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
 }
 
 /// The largest amplitude that every plant survives.
-fn fitting(
-    believed: &[&PlantFile],
-    limits: &Limits,
-    name: String,
-    words: &'static str,
-    make: &Maker<'_>,
-) -> Option<Excitation> {
+fn fitting(believed: &[&PlantFile], limits: &Limits, name: &str, words: &'static str, make: &Maker<'_>) -> Option<Excitation> {
     AMPLITUDES.iter().find_map(|amplitude| {
         let record = predicted(believed, limits, make(*amplitude)?)?;
-        Some(Excitation { name: name.clone(), words, record })
+        Some(Excitation { name: name.to_string(), words, record })
     })
 }
 

@@ -162,7 +162,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let none = Path::from(0.0);
     let mut list = Vec::new();
     let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-        list.extend(fitting(believed, limits, name.to_string(), words, make));
+        list.extend(fitting(believed, limits, name, words, make));
     };
     let turning = |name: &'static str, speeds: Vec<f64>, share: f64| {
         let motor = &motor;
