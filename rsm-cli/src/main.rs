@@ -4,11 +4,13 @@
 //! done; 1: done, and the answer is negative; 2: bad usage or bad input.
 
 mod commands;
+mod evaluators;
 mod outcome;
 mod output;
 mod page;
 mod plot;
 mod report;
+mod weakening;
 
 use std::process::ExitCode;
 

@@ -79,6 +79,14 @@ pub fn with_progress(specification: &Specification) -> Result<Fitted, Refusal> {
     result.map_err(|refused| Refusal::new(refused.to_string()))
 }
 
+/// Refuses a fit in which a response has no surface.
+pub fn require_all(fitted: &Fitted) -> Result<(), Refusal> {
+    match fitted.responses.iter().find(|response| response.statistics.is_none()) {
+        Some(response) => Err(Refusal::new(format!("{} could not be fitted: {}", response.name, response.verdict))),
+        None => Ok(()),
+    }
+}
+
 /// A few lines a response.
 pub fn in_words(fitted: &Fitted) -> String {
     let mut text = String::new();

@@ -71,3 +71,26 @@ fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
     let again = rsm(&["simulate", "found/extended.toml", "--record", "noisy.csv", "--out", "again.csv"], here.path());
     assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
 }
+
+#[test]
+fn a_refit_without_a_designed_experiment_is_refused_before_any_work() {
+    let here = folder();
+    // The records do not exist: nobody has looked for them when the refusal comes.
+    let axis =
+        rsm(&["diagnose", &shipped("servo-axis.toml"), "--record", "none.csv", "--refit", "--out", "found"], here.path());
+    assert_eq!((axis.status.code(), axis.stdout.len()), (Some(2), 0));
+    let said = text(&axis.stderr);
+    assert!(
+        said.contains("--refit: found the plant \"servo-axis\"") && said.contains("no experiment is designed for an axis"),
+        "{said}"
+    );
+    let (motor, car) = (shipped("pmac.toml"), shipped("driveline.toml"));
+    let other = rsm(&["diagnose", &motor, "--record", "none.csv", "--refit", "--truth", &car, "--out", "found"], here.path());
+    assert_eq!(other.status.code(), Some(2));
+    assert!(text(&other.stderr).contains("--truth: found the plant \"driveline\", expected \"pmac\""));
+    // Evaluators need a place.
+    let nowhere = rsm(&["diagnose", &motor, "--record", "none.csv", "--refit"], here.path());
+    assert_eq!(nowhere.status.code(), Some(2));
+    assert!(text(&nowhere.stderr).contains("--out"));
+    assert!(!here.path().join("found").exists());
+}

@@ -6,19 +6,19 @@ use std::path::Path;
 
 use rsm_core::check::Checked;
 use rsm_core::model::Model;
-use rsm_core::{certificate, compile, emit, model_file};
+use rsm_core::{certificate, compile};
 use rsm_fit::fit::Outcome as Fitted;
 use serde_json::{Map, Value, json};
 
 use super::{Teller, twins};
+use crate::commands::fit;
 use crate::outcome::Refusal;
-use crate::output;
+use crate::{evaluators, output};
 
 /// Tells what a fit found.
 pub fn tell_fit(tell: &Teller, fitted: &Fitted) -> Result<(), Refusal> {
-    for response in &fitted.responses {
-        let refused = || Refusal::new(format!("{} could not be fitted: {}", response.name, response.verdict));
-        let statistics = response.statistics.as_ref().ok_or_else(refused)?;
+    fit::require_all(fitted)?;
+    for (response, statistics) in fitted.responses.iter().filter_map(|it| Some((it, it.statistics.as_ref()?))) {
         let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
         let unseen = statistics.validation.as_ref().map_or(f64::NAN, |validation| validation.mean_abs_error);
         tell.say(&format!(
@@ -53,22 +53,15 @@ pub fn compiled(tell: &Teller, folder: &Path, model: &Model, results: &mut Map<S
     results.insert("check".into(), Value::Object(certified));
 
     // Refuses a compensator that is not certain to be stable.
-    let unit = compile::unit(&checked, &[])?;
+    let (unit, files) = evaluators::files(&checked, folder)?;
     for compensator in &model.compensators {
         tell.say(&format!("check    {}: stable over the whole box", compensator.name))?;
     }
-    let (c, rust) = (emit::c::emit(&unit), emit::rust::emit(&unit));
-    let (name, emitted) = (&model.name, folder.join("emitted"));
-    output::write_all(&[
-        (folder.join(format!("{name}.toml")), model_file::write(model)),
-        (emitted.join(format!("{name}.h")), c.header),
-        (emitted.join(format!("{name}.c")), c.source),
-        (emitted.join(format!("{name}.rs")), rust),
-    ])?;
+    output::write_all(&files)?;
     tell.say(&format!("emit     {} functions in C and Rust", unit.functions.len()))?;
 
     let mut compared = Map::new();
-    for verdict in twins::compare(&unit, &emitted)? {
+    for verdict in twins::compare(&unit, &folder.join("emitted"))? {
         match verdict {
             Ok(twins::Verdict { compiler, compared: count, different }) => {
                 tell.say(&format!(

@@ -12,7 +12,6 @@ use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
 use rsm_fit::fit::Outcome as Fitted;
-use rsm_fit::plan::{DesignSpecification, Plan};
 use rsm_fit::spec::Specification;
 use rsm_lab::bench::{self, Bench};
 use rsm_lab::motor::closed_loop::{Drive, Row, Trace};
@@ -24,23 +23,16 @@ use serde_json::{Map, Value, json};
 
 use super::paper::Paper;
 use super::{Section, Teller, chain, speed};
-use crate::commands::{experiment, fit};
+use crate::commands::fit;
 use crate::outcome::Refusal;
 use crate::page::escaped;
 use crate::plot::{self, GREY, Mark, ORANGE, PINK, Series, Words};
+use crate::weakening::{self, FIT, PLANS, SEEDS};
 use crate::{output, report};
 
-/// What is shipped: the plant, the plans, what is fitted.
+/// What is shipped: the plant, and the study of forms.
 const PLANT: &str = include_str!("../../../../rsm-lab/plants/pmac.toml");
-const PLANS: [(&str, &str); 2] = [
-    ("dyno-90", include_str!("../../../demo/motor/dyno-90.toml")),
-    ("dyno-180", include_str!("../../../demo/motor/dyno-180.toml")),
-];
-const FIT: &str = include_str!("../../../demo/motor/fit.toml");
 const STUDY: &str = include_str!("../../../demo/motor/study.toml");
-
-/// Seeds of the bench's noise: the runs that are fitted, and the unseen ones. The same as those of the shipped data.
-const SEEDS: [u64; 2] = [1, 2];
 
 /// Seeds of the random profiles, which no experiment has.
 const PROFILES: std::ops::Range<u64> = 100..104;
@@ -81,14 +73,12 @@ fn measure_and_fit(
     full: bool,
     paper: &mut Paper,
 ) -> Result<(Points, Fitted), Refusal> {
-    let mut files: Vec<(std::path::PathBuf, String)> =
-        vec![(folder.join("pmac.toml"), PLANT.to_string()), (folder.join("fit.toml"), FIT.to_string())];
+    let mut files = vec![(folder.join("pmac.toml"), PLANT.to_string())];
     let mut plans = Vec::new();
     for (name, text) in PLANS {
-        let specification = DesignSpecification::from_source(Source::new(format!("{name}.toml"), text))?;
-        let plan = Plan::make(&specification)?;
+        let (plan, settings) = weakening::plan(name, text)?;
         files.push((folder.join(format!("{name}.csv")), plan.csv()));
-        plans.push(experiment::settings(&plan)?);
+        plans.push(settings);
     }
     paper.note("points_measured", plans[0].len() as f64);
     paper.note("points_full", plans[1].len() as f64);
@@ -98,29 +88,20 @@ fn measure_and_fit(
         plans[1].len()
     ))?;
     let bench = Bench::default();
-    let mut points = Points::new();
-    for (name, seed) in ["dyno.csv", "dyno-unseen.csv"].iter().zip(SEEDS) {
-        let outcomes = bench.run(plant, &plans[0], seed)?;
-        files.push((folder.join(name), bench::csv(&outcomes)));
-        if seed == SEEDS[0] {
-            points = outcomes
-                .iter()
-                .filter_map(|outcome| match outcome {
-                    bench::Outcome::AtLimit(point) => Some([point.torque, point.speed, -point.i_d]),
-                    bench::Outcome::BelowLimit(_) => None,
-                })
-                .collect();
-            let (run, at) = (outcomes.len(), points.len());
-            tell.say(&format!(
-                "bench    {run} runs to steady state, {at} of them at the voltage limit; a second set is kept unseen"
-            ))?;
-        }
-    }
+    let weakening::Measured { outcomes: [outcomes, _], fitted } = weakening::measure(plant, &bench, &plans[0], FIT, folder)?;
+    let points: Points = outcomes
+        .iter()
+        .filter_map(|outcome| match outcome {
+            bench::Outcome::AtLimit(point) => Some([point.torque, point.speed, -point.i_d]),
+            bench::Outcome::BelowLimit(_) => None,
+        })
+        .collect();
+    let (run, at) = (outcomes.len(), points.len());
+    tell.say(&format!("bench    {run} runs to steady state, {at} of them at the voltage limit; a second set is kept unseen"))?;
     if full {
         files.push((folder.join("dyno-180-data.csv"), bench::csv(&bench.run(plant, &plans[1], SEEDS[0])?)));
     }
     output::write_all(&files)?;
-    let fitted = fit::with_progress(&Specification::read(&folder.join("fit.toml"))?)?;
     chain::tell_fit(tell, &fitted)?;
     Ok((points, fitted))
 }

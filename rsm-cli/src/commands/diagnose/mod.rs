@@ -1,10 +1,11 @@
 //! `rsm diagnose`: what a simulation gets wrong, the cause, the extended plant, the gain.
 //!
 //! In: a plant file, training and validation records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html and, where causes
-//! are not to be told apart, next_experiment.csv, whole or absent. Every
+//! are not to be told apart, next_experiment.csv, and with `--refit` the folder refit, whole or absent. Every
 //! verdict is an answer: exit status 0. A surface against new data (`--data`) is refused by name.
 
 mod next;
+mod refit;
 mod report;
 
 use std::path::PathBuf;
@@ -39,6 +40,12 @@ pub struct Arguments {
     /// The folder for diagnosis.json, extended.toml and report.html
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Repeat the designed experiment on the extended plant: new surfaces and evaluators in OUT/refit, and what the controller gains
+    #[arg(long, requires = "out")]
+    refit: bool,
+    /// With --refit: the true plant of a simulated study, which judges the surfaces (without it the extended plant does)
+    #[arg(long, requires = "refit")]
+    truth: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -59,6 +66,10 @@ pub fn run(arguments: &Arguments) -> Outcome {
             plant.effects.len()
         )));
     }
+    let truth = arguments.truth.as_ref().map(|path| Ok::<_, Refusal>(PlantFile::read(&Source::read(path)?)?)).transpose()?;
+    if arguments.refit {
+        refit::refuse(&plant, truth.as_ref())?;
+    }
     let read = |paths: &[PathBuf]| -> Result<Vec<Record>, Refusal> {
         paths.iter().map(|path| Ok(Record::read(&Source::read(path)?, &plant)?)).collect()
     };
@@ -73,25 +84,61 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let progress = |words: &str| bar.set_message(words.to_string());
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let found = diagnosis::diagnose(&plant, &training, &validation, &Options { threads, progress: &progress });
-    bar.finish_and_clear();
     let found = found.map_err(|why| Refusal::new(format!("{}: {why}", arguments.plant.display())))?;
-    let value = value(plant.kind, &found);
+    let refitted = match (&arguments.out, arguments.refit) {
+        (Some(folder), true) => {
+            let records: Vec<Record> = training.iter().chain(&validation).cloned().collect();
+            let folder = folder.join("refit");
+            Some(refit::refit(&refit::Request {
+                nominal: &plant,
+                extended: &found.plant,
+                truth: truth.as_ref(),
+                records: &records,
+                folder: &folder,
+                progress: &progress,
+            }))
+        }
+        _ => None,
+    };
+    bar.finish_and_clear();
+    let mut value = value(plant.kind, &found);
+    let mut page_words: &[String] = &[];
+    if let Some(refitted) = &refitted {
+        let what = match refitted {
+            Ok(refitted) => refitted.value.clone(),
+            // The diagnosis stands all the same.
+            Err(why) => json!({ "failed": why.to_string() }),
+        };
+        value["refit"] = what;
+        page_words = refitted.as_ref().map_or(&[], |refitted| &refitted.words);
+    }
     if let Some(folder) = &arguments.out {
         let text = serde_json::to_string_pretty(&value)
             .map_err(|error| Refusal::new(format!("diagnosis.json cannot be written as JSON: {error}")))?;
-        let page = report::html(plant.kind, &found, validation.first().or(training.first()))?;
+        let page = report::html(plant.kind, &found, validation.first().or(training.first()), page_words)?;
         let mut files = vec![
             (folder.join("diagnosis.json"), text + "\n"),
             (folder.join("extended.toml"), found.plant.write()),
             (folder.join("report.html"), page),
         ];
         files.extend(next::csv(&found).map(|csv| (folder.join(next::FILE), csv)));
+        if let Some(Ok(refitted)) = &refitted {
+            files.extend(refitted.files.iter().cloned());
+        }
         output::write_all(&files)?;
     }
     if arguments.json {
         output::json(&value)?;
     }
     words(&found, plant.kind, began.elapsed().as_secs_f64());
+    match refitted {
+        Some(Ok(refitted)) => refitted.words.iter().for_each(|line| eprintln!("  {line}")),
+        Some(Err(why)) => {
+            eprintln!("  The extended plant could not be refitted: {why}");
+            return Ok(Answer::Negative);
+        }
+        None => {}
+    }
     Ok(Answer::Positive)
 }
 

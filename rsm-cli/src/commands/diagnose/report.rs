@@ -12,12 +12,19 @@ use crate::outcome::Refusal;
 use crate::page::{escaped, figure, page};
 use crate::plot::{BLUE, GREY, Mark, ORANGE, Series, Words, curves};
 
-/// The whole page. `shown` is the record of [`Diagnosis::before_after`].
-pub fn html(kind: PlantKind, found: &Diagnosis, shown: Option<&Record>) -> Result<String, Refusal> {
+/// The whole page. `shown` is the record of [`Diagnosis::before_after`], `refitted` what a refit has to say.
+pub fn html(kind: PlantKind, found: &Diagnosis, shown: Option<&Record>, refitted: &[String]) -> Result<String, Refusal> {
     let mut body = format!("<h1>Diagnosis of a {}: {}</h1>\n<p>{}</p>\n", kind.name(), found.verdict.name(), verdict(found));
     causes(&mut body, found);
     if let Some(sentence) = super::next::sentence(found) {
         let _ = write!(body, "<h2>What to measure next</h2>\n<p>{}</p>\n", escaped(&sentence));
+    }
+    if !refitted.is_empty() {
+        let lines: String = refitted.iter().map(|line| format!("<p>{}</p>\n", escaped(line))).collect();
+        let _ = write!(
+            body,
+            "<h2>The controller, refitted</h2>\n{lines}<p>Its surfaces and evaluators stand in the folder <code>refit</code>.</p>\n"
+        );
     }
     errors(&mut body, kind, found);
     regions(&mut body, kind, found);

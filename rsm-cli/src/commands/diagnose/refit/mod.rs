@@ -1,0 +1,114 @@
+//! `rsm diagnose --refit`: the designed experiment again, on the extended plant; its surfaces, its evaluators, and what the controller gains by them.
+//!
+//! ```text
+//!   nominal plant  --experiment--> data --fit--> surfaces of before --.
+//!   extended plant --experiment--> data --fit--> surfaces of after  --+--judged on--> the true plant where it is given, else the extended one; and the records
+//!                                                                     '--emitted (C, Rust)
+//! ```
+//!
+//! In: a diagnosis, the nominal plant, records, and for simulated studies the true plant. Out: files for DIR/refit, the key `refit`, words. The true plant judges, and no surface sees it.
+
+mod driveline;
+mod motor;
+
+use std::path::{Path, PathBuf};
+
+use rsm_lab::effect::Subject;
+use rsm_lab::kind::PlantKind;
+use rsm_lab::plant_file::PlantFile;
+use rsm_lab::record::Record;
+use serde_json::Value;
+
+use crate::outcome::Refusal;
+
+/// What is asked for.
+pub struct Request<'a> {
+    /// The plant file of the diagnosis.
+    pub nominal: &'a PlantFile,
+    /// The plant that it ended with.
+    pub extended: &'a PlantFile,
+    /// The true plant, if it is known.
+    pub truth: Option<&'a PlantFile>,
+    /// All records.
+    pub records: &'a [Record],
+    /// Where the files will stand.
+    pub folder: &'a Path,
+    /// Told what happens.
+    pub progress: &'a dyn Fn(&str),
+}
+
+/// What came of it.
+pub struct Refitted {
+    /// Files, relative to nothing: their places.
+    pub files: Vec<(PathBuf, String)>,
+    /// The key `refit`.
+    pub value: Value,
+    /// Lines for standard error and for the report.
+    pub words: Vec<String>,
+}
+
+/// Whether there is a designed experiment for the plant; asked before any work.
+pub fn refuse(nominal: &PlantFile, truth: Option<&PlantFile>) -> Result<(), Refusal> {
+    let found = nominal.kind.name();
+    if nominal.kind == PlantKind::ServoAxis {
+        return Err(Refusal::new(format!(
+            "--refit: found the plant \"{found}\", expected \"pmac\" (the bench) or \"driveline\" (the track): no experiment is designed for an axis"
+        )));
+    }
+    match truth {
+        Some(truth) if truth.kind != nominal.kind => {
+            Err(Refusal::new(format!("--truth: found the plant \"{}\", expected \"{found}\"", truth.kind.name())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Does it.
+pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
+    match request.nominal.kind {
+        PlantKind::Driveline => driveline::refit(request),
+        _ => motor::refit(request),
+    }
+}
+
+/// A plant as an experiment can take it: errors of parameters become the parameters, which is what a drive is told after a diagnosis; effects that an experiment cannot have are
+/// left out, and named.
+fn usable(plant: &PlantFile, never: &[&str]) -> (PlantFile, Vec<String>) {
+    let mut usable = plant.clone();
+    usable.initial.clear();
+    usable.effects.clear();
+    let mut left_out = Vec::new();
+    for entry in &plant.effects {
+        let kind = entry.description.kind;
+        match (entry.description.subject, entry.arguments.subject.as_deref(), entry.arguments.optional("value")) {
+            (Subject::Parameter, Some(name), Some(value)) => usable.parameters.set(name, value),
+            _ if never.contains(&kind) => left_out.push(kind.to_string()),
+            _ => usable.effects.push(entry.clone()),
+        }
+    }
+    (usable, left_out)
+}
+
+/// A temporary folder for data that a fit reads.
+fn workshop() -> Result<tempfile::TempDir, Refusal> {
+    tempfile::tempdir().map_err(|error| Refusal::new(format!("--refit: no temporary folder: {error}")))
+}
+
+/// The files of a folder with their names in another.
+fn collected(from: &Path, to: &Path) -> Result<Vec<(PathBuf, String)>, Refusal> {
+    let failed = |error: std::io::Error| Refusal::new(format!("{}: cannot be read: {error}", from.display()));
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(from).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if let (true, Some(name)) = (path.is_file(), path.file_name()) {
+            files.push((to.join(name), std::fs::read_to_string(&path).map_err(failed)?));
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// The share of an error that is gone.
+fn gain(before: f64, after: f64) -> f64 {
+    if before > 0.0 { 1.0 - after / before } else { 0.0 }
+}

@@ -1,0 +1,123 @@
+//! The motor's surfaces, from a plant to a fitted model: what the demo shows and `rsm diagnose --refit` repeats.
+//!
+//! In: a plant file, settings of the bench, a specification, a folder. Out: what the bench measured and the fit of it; the data and the specification are left in the folder.
+
+use std::path::Path;
+
+use rsm_core::source::Source;
+use rsm_fit::fit::Outcome as Fitted;
+use rsm_fit::plan::{DesignSpecification, Plan};
+use rsm_fit::spec::Specification;
+use rsm_lab::bench::{self, Bench, Setting};
+use rsm_lab::motor::closed_loop::Drive;
+use rsm_lab::plant_file::PlantFile;
+
+use crate::commands::{experiment, fit};
+use crate::outcome::Refusal;
+use crate::output;
+
+/// The shipped plans: half of the map of modulation depth and current advance, and the whole.
+pub const PLANS: [(&str, &str); 2] =
+    [("dyno-90", include_str!("../demo/motor/dyno-90.toml")), ("dyno-180", include_str!("../demo/motor/dyno-180.toml"))];
+
+/// The shipped specification.
+pub const FIT: &str = include_str!("../demo/motor/fit.toml");
+
+/// Seeds of the bench's noise: the runs that are fitted, and the unseen ones. The same as those of the shipped data.
+pub const SEEDS: [u64; 2] = [1, 2];
+
+/// The lowest speed of the surfaces over the base speed at full torque: 440 rad/s of 447.5 in the shipped specification.
+const BELOW_BASE: f64 = 440.0 / 447.5;
+
+/// The highest over the lowest: 800 rad/s of 440 there.
+const SPAN: f64 = 800.0 / 440.0;
+
+/// What the bench measured and what was fitted to it.
+pub struct Measured {
+    /// The runs that are fitted, then the unseen ones.
+    pub outcomes: [Vec<bench::Outcome>; 2],
+    /// The fit.
+    pub fitted: Fitted,
+}
+
+/// A shipped plan and its settings.
+pub fn plan(name: &str, text: &str) -> Result<(Plan, Vec<Setting>), Refusal> {
+    let specification = DesignSpecification::from_source(Source::new(format!("{name}.toml"), text))?;
+    let plan = Plan::make(&specification)?;
+    let settings = experiment::settings(&plan)?;
+    Ok((plan, settings))
+}
+
+/// Runs the settings twice on the bench and fits; `fit.toml`, `dyno.csv` and `dyno-unseen.csv` are written into the folder.
+pub fn measure(
+    plant: &PlantFile,
+    bench: &Bench,
+    settings: &[Setting],
+    specification: &str,
+    folder: &Path,
+) -> Result<Measured, Refusal> {
+    let [first, unseen] = SEEDS.map(|seed| bench.run(plant, settings, seed));
+    let outcomes = [first?, unseen?];
+    output::write_all(&[
+        (folder.join("fit.toml"), specification.to_string()),
+        (folder.join("dyno.csv"), bench::csv(&outcomes[0])),
+        (folder.join("dyno-unseen.csv"), bench::csv(&outcomes[1])),
+    ])?;
+    let fitted = fit::with_progress(&Specification::read(&folder.join("fit.toml"))?)?;
+    fit::require_all(&fitted)?;
+    Ok(Measured { outcomes, fitted })
+}
+
+/// Bench and specification for a motor: the shipped ones, their ranges in proportion to its torque, current and base speed. For the shipped motor they are the shipped ones.
+pub fn for_motor(plant: &PlantFile) -> (Bench, String) {
+    let known = Drive::default().known(plant);
+    let current = known.current_limit;
+    let torque = known.torque_constant() * current;
+    // (r I + w_e lambda)^2 + (w_e L I)^2 = V^2: all current in the q axis at the limit of what references may need.
+    let (r, l, flux) = (known.resistance * current, known.inductance * current, known.flux_linkage);
+    let voltage = known.reference_voltage(known.bus_voltage);
+    let square = flux * flux + l * l;
+    let base = (((r * flux).powi(2) - square * (r * r - voltage * voltage)).sqrt() - r * flux) / square / known.pole_pairs;
+    let low = rounded(BELOW_BASE * base);
+    let high = rounded(SPAN * low);
+    let text = FIT
+        .replace("range = [-21.6, 21.6]", &format!("range = [{:?}, {:?}]", -rounded(torque), rounded(torque)))
+        .replace("# 60 A", "")
+        .replace("range = [6.0, 60.0]", &format!("range = [{:?}, {:?}]", rounded(0.1 * current), rounded(current)))
+        .replace("range = [440.0, 800.0]", &format!("range = [{low:?}, {high:?}]"))
+        .replace("output_range = [0.0, 60.0]", &format!("output_range = [0.0, {:?}]", rounded(current)));
+    let shipped = Bench::default();
+    // The bench turns as far beyond the surfaces as the shipped one does beyond 800 rad/s.
+    (Bench { top_speed: shipped.top_speed / 800.0 * high, ..shipped }, text)
+}
+
+/// To three digits: a number that a reader of the file can remember.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_motor_has_the_shipped_ranges() {
+        let text = include_str!("../../rsm-lab/plants/pmac.toml");
+        let plant = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
+        let (bench, specification) = for_motor(&plant);
+        assert_eq!(bench, Bench::default());
+        assert_eq!(specification, FIT.replace("# 60 A", ""));
+        // Half the flux, no resistance: the base speed is V/(p sqrt(lambda^2 + (L I)^2)) = 148.09/(4 sqrt(0.03^2 + 0.054^2)) = 599.3 rad/s; of it 440/447.5.
+        let text = text
+            .replace("flux_linkage = 0.06", "flux_linkage = 0.03")
+            .replace("phase_resistance = 0.08", "phase_resistance = 0.0");
+        let plant = PlantFile::read(&Source::new("other.toml", text)).unwrap();
+        let (bench, specification) = for_motor(&plant);
+        assert!(
+            specification.contains("range = [589.0, 1070.0]") && specification.contains("range = [-10.8, 10.8]"),
+            "{specification}"
+        );
+        // 850/800 of 1070 rad/s.
+        assert!((bench.top_speed - 1136.875).abs() < 1e-9);
+    }
+}
