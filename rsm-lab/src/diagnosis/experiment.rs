@@ -269,7 +269,22 @@ fn looks(kernel: &Kernel, fit: &Fit, limits: &Limits) -> Option<NextExperiment> 
             }
         }
     }
-    let beyond = sums.map(|(sum, count)| if count > 0.0 { (sum / count - 1.0).max(0.0) } else { 0.0 });
+    // Where no row was yet, a cell has the mean of what its row and its column of cells have.
+    let of = |cells: &mut dyn Iterator<Item = usize>| {
+        let (sum, count) = cells.fold((0.0, 0.0), |sum, k| (sum.0 + sums[k].0, sum.1 + sums[k].1));
+        if count > 0.0 { Some((sum / count - 1.0).max(0.0)) } else { None }
+    };
+    let beyond: Vec<f64> = (0..CELLS * CELLS)
+        .map(|k| {
+            let (first, second) = (k / CELLS, k % CELLS);
+            let beside = || {
+                let row = of(&mut (0..CELLS).map(|it| CELLS * first + it)).unwrap_or(0.0);
+                let column = of(&mut (0..CELLS).map(|it| CELLS * it + second)).unwrap_or(0.0);
+                0.5 * (row + column)
+            };
+            of(&mut std::iter::once(k)).unwrap_or_else(beside)
+        })
+        .collect();
     let expected = |points: &[[f64; 2]]| points.iter().map(|it| beyond[cell(it)]).sum::<f64>() / points.len().max(1) as f64;
     let all: Vec<[f64; 2]> = points.concat();
     let present = expected(&all);

@@ -142,10 +142,10 @@ fn another_gear_tells_a_dragging_brake_from_friction_of_the_engine() {
 fn an_error_without_a_cause_is_looked_for_where_it_is() {
     let file = plant("pmac", "");
     let mut records = vec![forward(&file, 1)];
-    // Three times the noise on i_d beyond 100 rad/s, and nowhere else.
+    // Three times the noise on i_d beyond 75 rad/s, and nowhere else.
     let speed = records[0].measured[2].clone().unwrap();
     for (value, speed) in records[0].measured[0].as_mut().unwrap().iter_mut().zip(&speed) {
-        *value += if *speed > 100.0 { 0.6 } else { 0.0 };
+        *value += if *speed > 75.0 { 0.6 } else { 0.0 };
     }
     let (kernel, fit) = fitted(&file, &records);
     let Some(NextExperiment::Looks { excitation, expected, present }) = next(&kernel, &fit, &[], Verdict::Unexplained, &|_| {})
@@ -155,7 +155,7 @@ fn an_error_without_a_cause_is_looked_for_where_it_is() {
     assert!(expected > present, "{expected} {present}");
     let fast = |it: &Excitation| {
         let speed = it.record.measured[2].as_ref().unwrap();
-        speed.iter().filter(|value| **value > 100.0).count() as f64 / speed.len() as f64
+        speed.iter().filter(|value| **value > 75.0).count() as f64 / speed.len() as f64
     };
     let limits = Limits::of(&kernel, &fit).unwrap();
     let library = excitations::library(&[&file], &limits);
