@@ -180,7 +180,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     add(
         "high-speed",
         "steady turning near the highest speed that was seen",
-        &turning("high-speed", vec![0.97, 0.8, 0.97, 0.9], 0.5),
+        &turning("high-speed", vec![0.97, 0.93, 0.97, 0.9], 0.5),
     );
     add(
         "hard-accelerations",
