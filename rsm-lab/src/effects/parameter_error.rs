@@ -1,6 +1,6 @@
 //! A nominal parameter has another value.
 //!
-//! Formula      p becomes value; gear_ratios[3] is the ratio of third gear
+//! Formula      p becomes value; `gear_ratios[3]` is the ratio of third gear
 //! Source       the definition of a wrong data sheet; PLANTS.md, section 3
 //! Acts on      the parameters, before the simulation
 //! Looks like   whatever the parameter stands for; grade is `road-grade`
