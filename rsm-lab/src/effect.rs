@@ -365,6 +365,11 @@ pub trait Effect: Send + Sync {
         0.0
     }
 
+    /// Whether it acts between rows: false where it has no hooks but those of parameters, inputs, starts, rates and readings. The others are then not called.
+    fn acts_between_rows(&self) -> bool {
+        true
+    }
+
     /// Extra states: how many.
     fn states(&self) -> usize {
         0

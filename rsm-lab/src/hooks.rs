@@ -29,6 +29,8 @@ impl Active {
 /// The effects of one simulation.
 pub struct Hooks {
     active: Vec<Active>,
+    /// Those that act between rows: the inner loop calls no other.
+    inner: Vec<usize>,
     states: usize,
     memory: bool,
     pieces: bool,
@@ -55,7 +57,12 @@ impl Hooks {
             }
             active.push(Active { first, end: states, split: effect.split(), shift: own, effect });
         }
-        Hooks { active, states, memory, pieces: shift > 0 }
+        let inner = (0..active.len()).filter(|k| active[*k].effect.acts_between_rows()).collect();
+        Hooks { active, inner, states, memory, pieces: shift > 0 }
+    }
+
+    fn inner(&self) -> impl DoubleEndedIterator<Item = &Active> {
+        self.inner.iter().map(|k| &self.active[*k])
     }
 
     /// States of plant and effects.
@@ -126,19 +133,19 @@ impl Hooks {
     /// How far the frame of the record is turned.
     #[must_use]
     pub fn frame_angle(&self, theta: f64) -> f64 {
-        self.active.iter().map(|it| it.effect.frame_angle(theta)).sum()
+        self.inner().map(|it| it.effect.frame_angle(theta)).sum()
     }
 
     /// The voltage at the windings: first what the bus allows, then what the switches leave.
     #[must_use]
     pub fn voltage(&self, voltage: [f64; 2], current: [f64; 2]) -> [f64; 2] {
-        let allowed = self.active.iter().fold(voltage, |voltage, it| it.effect.voltage_limit(voltage));
-        self.active.iter().fold(allowed, |voltage, it| it.effect.voltage_loss(voltage, current))
+        let allowed = self.inner().fold(voltage, |voltage, it| it.effect.voltage_limit(voltage));
+        self.inner().fold(allowed, |voltage, it| it.effect.voltage_loss(voltage, current))
     }
 
     /// What of a motor depends on its state.
     pub fn machine(&self, at: &Currents, x: &[f64], dx: &mut [f64], machine: &mut Machine) {
-        for it in &self.active {
+        for it in self.inner() {
             it.effect.machine(at, &x[it.first..it.end], &mut dx[it.first..it.end], machine);
         }
     }
@@ -146,18 +153,18 @@ impl Hooks {
     /// Effort on the first body.
     #[must_use]
     pub fn effort(&self, motion: &Motion) -> f64 {
-        self.active.iter().map(|it| it.effect.effort(motion)).sum()
+        self.inner().map(|it| it.effect.effort(motion)).sum()
     }
 
     /// The share of inertia that is left at the drive.
     #[must_use]
     pub fn drive_share(&self) -> f64 {
-        1.0 - self.active.iter().filter_map(|it| it.split).sum::<f64>()
+        1.0 - self.inner().filter_map(|it| it.split).sum::<f64>()
     }
 
     /// What of a load reaches the first body. Bodies that are split off stand in a row, in the order of the file, the load on the last.
     pub fn load(&self, body: &Split, x: &[f64], dx: &mut [f64]) -> Carried {
-        let mut reaction = self.active.iter().fold(body.load, |load, it| load + it.effect.load());
+        let mut reaction = self.inner().fold(body.load, |load, it| load + it.effect.load());
         let mut pieces = 0;
         for k in (0..self.active.len()).rev() {
             let it = &self.active[k];
@@ -183,10 +190,10 @@ impl Hooks {
             effort: next.effort,
             piece: before.piece | next.piece << it.shift,
         };
-        for it in &self.active {
+        for it in self.inner() {
             carried = after(it, carried, it.effect.joint(twist, carried.effort, it.held(held)));
         }
-        for it in &self.active {
+        for it in self.inner() {
             carried = after(it, carried, it.effect.joint_limit(twist.joint, carried.effort, it.held(held)));
         }
         carried
@@ -195,30 +202,30 @@ impl Hooks {
     /// Free play of a joint.
     #[must_use]
     pub fn slack(&self, joint: Joint) -> f64 {
-        self.active.iter().map(|it| it.effect.slack(joint)).sum()
+        self.inner().map(|it| it.effect.slack(joint)).sum()
     }
 
     /// Effort of an engine.
     #[must_use]
     pub fn engine_torque(&self, torque: f64, crank_angle: f64) -> f64 {
-        self.active.iter().fold(torque, |torque, it| it.effect.engine_torque(torque, crank_angle))
+        self.inner().fold(torque, |torque, it| it.effect.engine_torque(torque, crank_angle))
     }
 
     /// Speed of the air.
     #[must_use]
     pub fn air_speed(&self, speed: f64) -> f64 {
-        self.active.iter().fold(speed, |speed, it| it.effect.air_speed(speed))
+        self.inner().fold(speed, |speed, it| it.effect.air_speed(speed))
     }
 
     /// The speed of a vehicle that does not follow its wheel.
     #[must_use]
     pub fn vehicle_speed(&self, x: &[f64]) -> Option<f64> {
-        self.active.iter().find_map(|it| it.effect.vehicle_speed(&x[it.first..it.end]))
+        self.inner().find_map(|it| it.effect.vehicle_speed(&x[it.first..it.end]))
     }
 
     /// The force between wheel and road, where it is not rigid.
     pub fn traction(&self, contact: &Contact, x: &[f64], dx: &mut [f64]) -> Option<f64> {
-        self.active.iter().find_map(|it| it.effect.traction(contact, &x[it.first..it.end], &mut dx[it.first..it.end]))
+        self.inner().find_map(|it| it.effect.traction(contact, &x[it.first..it.end], &mut dx[it.first..it.end]))
     }
 
     /// True outputs to readings.

@@ -49,10 +49,10 @@ impl Effect for ClutchStiffening {
         Carried { effort: effort + self.cubic * twist.angle * twist.angle * twist.angle, piece: 0 }
     }
 
-    // The swing on the slope of the cube, 3 k_3 phi^2, alone.
+    // The swing on the slope of the cube, 3 k_3 phi^2, alone; half of it, because the damper has died the swing away before a step's error shows.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let twist = scale.vehicle.clutch.1;
-        (3.0 * self.cubic * twist * twist * scale.vehicle.clutch_mobility).sqrt()
+        0.5 * (3.0 * self.cubic * twist * twist * scale.vehicle.clutch_mobility).sqrt()
     }
 }
 

@@ -39,6 +39,10 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for InputDelay {
+    fn acts_between_rows(&self) -> bool {
+        false
+    }
+
     fn delay(&self) -> f64 {
         self.delay
     }

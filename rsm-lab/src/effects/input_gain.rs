@@ -39,6 +39,10 @@ fn guesses(_survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for InputGain {
+    fn acts_between_rows(&self) -> bool {
+        false
+    }
+
     fn input(&self, value: f64) -> f64 {
         self.gain * value
     }

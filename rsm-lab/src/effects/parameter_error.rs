@@ -42,6 +42,10 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for ParameterError {
+    fn acts_between_rows(&self) -> bool {
+        false
+    }
+
     fn parameters(&self, parameters: &mut Parameters) {
         parameters.set(&self.name, self.value);
     }

@@ -40,6 +40,10 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for SensorLag {
+    fn acts_between_rows(&self) -> bool {
+        false
+    }
+
     fn states(&self) -> usize {
         1
     }

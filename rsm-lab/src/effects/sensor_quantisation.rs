@@ -44,6 +44,10 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for SensorQuantisation {
+    fn acts_between_rows(&self) -> bool {
+        false
+    }
+
     fn reads(&self, output: usize, value: f64, _time: f64, _own: &[f64], _rates: &mut [f64]) -> f64 {
         if output == self.output { self.step * (value / self.step).round() } else { value }
     }

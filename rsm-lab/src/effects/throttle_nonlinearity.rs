@@ -39,6 +39,10 @@ fn guesses(_survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for ThrottleNonlinearity {
+    fn acts_between_rows(&self) -> bool {
+        false
+    }
+
     // A recorded throttle may be below zero by its noise: closed is closed.
     fn input(&self, value: f64) -> f64 {
         value.max(0.0).powf(self.exponent)

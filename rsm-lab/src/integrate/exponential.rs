@@ -129,18 +129,18 @@ impl<P: Plant, const N: usize> Walk<'_, '_, P, N> {
         let count = 1usize << self.levels.first;
         for k in 0..count {
             let time = self.start + self.span * (k as f64 / count as f64);
-            pieces = self.step(pieces, time, self.levels.first);
+            pieces = self.step(pieces, time, self.levels.first, k + 1 == count);
         }
         pieces
     }
 
     /// One step of span/2^level, or two of its halves where pieces change.
-    fn step(&mut self, pieces: u32, time: f64, level: usize) -> u32 {
+    fn step(&mut self, pieces: u32, time: f64, level: usize, end: bool) -> u32 {
         let h = self.span * 0.5_f64.powi(level as i32);
         let place = self.part(pieces, time);
         self.work.before.copy_from_slice(&self.work.x);
         self.work.first.copy_from_slice(&self.work.k[0]);
-        if self.tried(place, pieces, time, level) {
+        if self.tried(place, pieces, time, level, end) {
             return pieces;
         }
         self.work.x.copy_from_slice(&self.work.before);
@@ -148,8 +148,8 @@ impl<P: Plant, const N: usize> Walk<'_, '_, P, N> {
         if level >= self.levels.deepest {
             return explicit::across(self.system, self.work, pieces, time, h);
         }
-        let pieces = self.step(pieces, time, level + 1);
-        self.step(pieces, time + 0.5 * h, level + 1)
+        let pieces = self.step(pieces, time, level + 1, false);
+        self.step(pieces, time + 0.5 * h, level + 1, end)
     }
 
     /// The linear part under these pieces.
@@ -176,8 +176,9 @@ impl<P: Plant, const N: usize> Walk<'_, '_, P, N> {
         }
     }
 
-    /// Takes the step; false where its middle or its end belongs to other pieces.
-    fn tried(&mut self, place: usize, pieces: u32, time: f64, level: usize) -> bool {
+    /// Takes the step; false where its middle or its end belongs to other pieces. At the `end` of a span the rates are not needed, nor computed where laws have
+    /// no pieces.
+    fn tried(&mut self, place: usize, pieces: u32, time: f64, level: usize, end: bool) -> bool {
         let Part { a, steps, .. } = &self.list[place];
         let (Step { whole, middle, last }, half) = (&steps[level], &steps[level + 1].whole);
         let h = self.span * 0.5_f64.powi(level as i32);
@@ -210,6 +211,10 @@ impl<P: Plant, const N: usize> Walk<'_, '_, P, N> {
         let moved = plus(&plus(&straight, &middle.times(&plus(&d_a, &d_b, 1.0)), 1.0), &last.times(&d_c), 1.0);
         for (x, moved) in x.iter_mut().zip(&moved) {
             *x += moved;
+        }
+        // The rates at the end of the span are those of other inputs.
+        if end && !system.hooks.have_pieces() {
+            return true;
         }
         let found = system.rates(Some(pieces), time + h, x, here, outputs);
         a_keeps && b_keeps && found == pieces
