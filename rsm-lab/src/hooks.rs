@@ -29,7 +29,7 @@ impl Active {
 /// The effects of one simulation.
 pub struct Hooks {
     active: Vec<Active>,
-    /// Those that act between rows: the inner loop calls no other.
+    /// Those that act between rows: the inner loop calls no other. Its hooks look first whether there are any: a plant without is run thousands of times.
     inner: Vec<usize>,
     states: usize,
     memory: bool,
@@ -132,19 +132,31 @@ impl Hooks {
 
     /// How far the frame of the record is turned.
     #[must_use]
+    #[inline]
     pub fn frame_angle(&self, theta: f64) -> f64 {
+        if self.inner.is_empty() {
+            return 0.0;
+        }
         self.inner().map(|it| it.effect.frame_angle(theta)).sum()
     }
 
     /// The voltage at the windings: first what the bus allows, then what the switches leave.
     #[must_use]
+    #[inline]
     pub fn voltage(&self, voltage: [f64; 2], current: [f64; 2]) -> [f64; 2] {
+        if self.inner.is_empty() {
+            return voltage;
+        }
         let allowed = self.inner().fold(voltage, |voltage, it| it.effect.voltage_limit(voltage));
         self.inner().fold(allowed, |voltage, it| it.effect.voltage_loss(voltage, current))
     }
 
     /// What of a motor depends on its state.
+    #[inline]
     pub fn machine(&self, at: &Currents, x: &[f64], dx: &mut [f64], machine: &mut Machine) {
+        if self.inner.is_empty() {
+            return;
+        }
         for it in self.inner() {
             it.effect.machine(at, &x[it.first..it.end], &mut dx[it.first..it.end], machine);
         }
@@ -152,7 +164,11 @@ impl Hooks {
 
     /// Effort on the first body.
     #[must_use]
+    #[inline]
     pub fn effort(&self, motion: &Motion) -> f64 {
+        if self.inner.is_empty() {
+            return 0.0;
+        }
         self.inner().map(|it| it.effect.effort(motion)).sum()
     }
 
@@ -163,7 +179,11 @@ impl Hooks {
     }
 
     /// What of a load reaches the first body. Bodies that are split off stand in a row, in the order of the file, the load on the last.
+    #[inline]
     pub fn load(&self, body: &Split, x: &[f64], dx: &mut [f64]) -> Carried {
+        if self.inner.is_empty() {
+            return Carried { effort: body.load, piece: 0 };
+        }
         let mut reaction = self.inner().fold(body.load, |load, it| load + it.effect.load());
         let mut pieces = 0;
         for k in (0..self.active.len()).rev() {
@@ -183,8 +203,12 @@ impl Hooks {
 
     /// The law of a joint.
     #[must_use]
+    #[inline]
     pub fn joint(&self, twist: &Twist, held: Option<u32>) -> Carried {
         let linear = twist.stiffness * twist.angle + twist.damping * twist.rate;
+        if self.inner.is_empty() {
+            return Carried { effort: linear, piece: 0 };
+        }
         let mut carried = Carried { effort: linear, piece: 0 };
         let after = |it: &Active, before: Carried, next: Carried| Carried {
             effort: next.effort,
@@ -207,24 +231,40 @@ impl Hooks {
 
     /// Effort of an engine.
     #[must_use]
+    #[inline]
     pub fn engine_torque(&self, torque: f64, crank_angle: f64) -> f64 {
+        if self.inner.is_empty() {
+            return torque;
+        }
         self.inner().fold(torque, |torque, it| it.effect.engine_torque(torque, crank_angle))
     }
 
     /// Speed of the air.
     #[must_use]
+    #[inline]
     pub fn air_speed(&self, speed: f64) -> f64 {
+        if self.inner.is_empty() {
+            return speed;
+        }
         self.inner().fold(speed, |speed, it| it.effect.air_speed(speed))
     }
 
     /// The speed of a vehicle that does not follow its wheel.
     #[must_use]
+    #[inline]
     pub fn vehicle_speed(&self, x: &[f64]) -> Option<f64> {
+        if self.inner.is_empty() {
+            return None;
+        }
         self.inner().find_map(|it| it.effect.vehicle_speed(&x[it.first..it.end]))
     }
 
     /// The force between wheel and road, where it is not rigid.
+    #[inline]
     pub fn traction(&self, contact: &Contact, x: &[f64], dx: &mut [f64]) -> Option<f64> {
+        if self.inner.is_empty() {
+            return None;
+        }
         self.inner().find_map(|it| it.effect.traction(contact, &x[it.first..it.end], &mut dx[it.first..it.end]))
     }
 
