@@ -59,7 +59,7 @@ const LAWS: &[Law] = &[
     },
     // Judges what rsm-lab says by records that rsm-lab did not make: with one import of ours, an error could stand on both sides.
     Law { package: "hidden-effects", ours: &[], aside: &[], outside: Some(&["serde_json"]) },
-    Law { package: "rsm-bench", ours: &["rsm-core", "rsm-macros"], aside: &[], outside: None },
+    Law { package: "rsm-bench", ours: &["rsm-core", "rsm-macros", "rsm-lab"], aside: &[], outside: None },
     Law { package: "xtask", ours: &[], aside: &[], outside: Some(&[]) },
 ];
 

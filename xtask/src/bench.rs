@@ -1,17 +1,24 @@
-//! `cargo xtask bench`: times the evaluators with criterion, counts their instructions, prints one table.
+//! `cargo xtask bench`: times the evaluators with criterion, counts their instructions, prints one table; then one of simulations and diagnoses.
 //!
-//! In: further words for criterion (a filter, `--quick`). Out: the table of the package rsm-bench, which holds all that is measured.
+//! In: further words for criterion (a filter, `--quick`), or `simulation` for the second table alone (`--quick` leaves out the diagnoses). Out: the tables of the
+//! package rsm-bench, which holds all that is measured.
 
 use crate::stage::Run;
 use crate::workspace::cargo;
 
-/// Times, then prints the table.
+/// Times, then prints the tables.
 pub(crate) fn run(words: &[&str]) -> bool {
+    let mut simulation = cargo(&["run", "--quiet", "--release", "-p", "rsm-bench", "--bin", "simulation-table", "--"]);
+    simulation.args(words.iter().filter(|word| **word == "--quick"));
+    if words.first() == Some(&"simulation") {
+        return Run::new().command("simulation", simulation).finish();
+    }
     let mut time = cargo(&["bench", "-p", "rsm-bench", "--bench", "evaluators", "--"]);
     // A tenth of criterion's usual times: 120 cases in a minute and a half. The medians repeat to some per cent on a quiet machine, enough for a table of ratios.
     time.args(["--quiet", "--noplot", "--warm-up-time", "0.1", "--measurement-time", "0.4", "--sample-size", "20"]).args(words);
     Run::new()
         .command("times", time)
         .command("table", cargo(&["run", "--quiet", "--release", "-p", "rsm-bench", "--bin", "bench-table"]))
+        .command("simulation", simulation)
         .finish()
 }
