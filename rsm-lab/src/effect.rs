@@ -309,6 +309,8 @@ pub struct Windings {
     pub decay: f64,
     /// See `decay`.
     pub swing: f64,
+    /// Electrical speed, in rad/s, without sign.
+    pub turning: f64,
     /// Least and largest length of the current vector in the span, at the rate at which it changes now, in A.
     pub current: (f64, f64),
     /// How fast the current vector moves, in A/s.
@@ -336,7 +338,7 @@ impl Scale {
     /// Of bodies alone.
     #[must_use]
     pub fn of(inertia: f64, drive_inertia: f64, slowest: f64) -> Self {
-        let windings = Windings { inductance: 1.0, decay: 0.0, swing: 0.0, current: (0.0, 0.0), change: 0.0 };
+        let windings = Windings { inductance: 1.0, decay: 0.0, swing: 0.0, turning: 0.0, current: (0.0, 0.0), change: 0.0 };
         let vehicle = Vehicle {
             wheel: (1.0, 1.0),
             speed: 0.0,

@@ -48,7 +48,7 @@ impl Effect for ClutchSlip {
     // limit to the other in 2 capacity/(stiffness rate): half of that is a step.
     fn nonlinear_rate(&self, scale: &Scale) -> f64 {
         let (stiffness, _, rate) = scale.vehicle.clutch;
-        (0.25 * scale.vehicle.swing.0).max(0.25 * stiffness * rate / self.capacity)
+        0.25 * scale.vehicle.swing.0.max(stiffness * rate / self.capacity)
     }
 
     /// The springs carry (0), or the discs slip forward (1) or backward (2).

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Subject, Survey};
+use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Scale, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -39,6 +39,12 @@ fn guesses(_survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for TorqueRipple {
+    // Six ripples an electrical turn, of which a quarter: the ripple drives and does not answer, so that a step is a quadrature, and Simpson's rule over a
+    // radian of it errs by 1/2880.
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        0.25 * 6.0 * scale.windings.turning
+    }
+
     fn machine(&self, at: &Currents, _own: &[f64], _rates: &mut [f64], machine: &mut Machine) {
         machine.flux_linkage *= 1.0 + self.amplitude * (6.0 * at.theta_e).cos();
     }

@@ -115,11 +115,11 @@ impl Plant for Pmac {
         let slowest = (x[2].abs() - span * dx[2].abs()).max(0.0);
         let own = self.resistance / self.inductance + self.viscous_friction / self.drive_inertia;
         let swing = (1.5 / (self.inductance * self.drive_inertia)).sqrt() * self.pole_pairs * self.flux_linkage;
+        let turning = self.pole_pairs * x[2].abs();
         let scale = Scale {
-            windings: Windings { inductance: self.inductance, decay: own, swing, current, change },
+            windings: Windings { inductance: self.inductance, decay: own, swing, turning, current, change },
             ..Scale::of(self.inertia, self.drive_inertia, slowest)
         };
-        let turning = self.pole_pairs * x[2].abs();
         let fastest = own.max(swing).max(turning).max(hooks.fastest_rate(&scale));
         // Speed times current is of the same size as what is linear.
         Rates { fastest, struck: fastest, nonlinear: fastest, varying: fastest }
