@@ -11,6 +11,12 @@ pub fn page(title: &str, body: &str) -> String {
          th, td {{ border: 1px solid #ccc; padding: 0.2em 0.7em; text-align: left; font-variant-numeric: tabular-nums; }}\n\
          th {{ background: #f3f3f3; font-weight: 600; }}\n\
          .missed {{ background: #fbe3d6; }}\n\
+         .verdict {{ border-left: 6px solid #0072b2; background: #f3f7fa; padding: 0.6em 1em; font-size: 17px; }}\n\
+         .verdict.unexplained {{ border-color: #d55e00; background: #fdf4ee; }}\n\
+         .bar {{ display: inline-block; height: 0.75em; vertical-align: middle; }}\n\
+         td.bars {{ min-width: 220px; white-space: nowrap; }}\n\
+         td.number {{ text-align: right; white-space: nowrap; }}\n\
+         .note {{ color: #666; font-size: 13px; }}\n\
          figure {{ margin: 0; max-width: 480px; }}\n\
          figcaption {{ font-size: 13px; text-align: center; }}\n\
          pre {{ white-space: pre-wrap; }}\n\
@@ -23,6 +29,11 @@ pub fn page(title: &str, body: &str) -> String {
 /// Text as HTML shows it.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// A bar of a share of 200 pixels, in a colour of CSS.
+pub fn bar(share: f64, colour: &str) -> String {
+    format!("<span class=\"bar\" style=\"width:{:.0}px;background:{colour}\"></span>", 200.0 * share.clamp(0.0, 1.0))
 }
 
 /// A number with five significant digits.

@@ -87,6 +87,33 @@ pub fn curves(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
     Ok(figure(&svg, series))
 }
 
+/// Curves over two axes of decades. Points that are not above 0 are left out.
+pub fn decades(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
+    let logarithms: Vec<Series> = series
+        .iter()
+        .map(|each| {
+            let above = each.points.iter().filter(|point| point.0 > 0.0 && point.1 > 0.0 && finite(point));
+            Series {
+                name: each.name.clone(),
+                colour: each.colour,
+                mark: each.mark,
+                points: above.map(|point| (point.0.log10(), point.1.log10())).collect(),
+            }
+        })
+        .collect();
+    let shown = |axis: fn(&(f64, f64)) -> f64| logarithms.iter().flat_map(move |each| each.points.iter().map(axis));
+    let (x, y) = (span(shown(|point| point.0), 0.02), span(shown(|point| point.1), 0.06));
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, PLOT).into_drawing_area();
+        area.fill(&WHITE).map_err(failed)?;
+        let mut chart = axes_with(&area, words, x, y, power_of_ten)?;
+        draw(&mut chart, &logarithms)?;
+        area.present().map_err(failed)?;
+    }
+    Ok(figure(&svg, series))
+}
+
 /// A surface over a rectangle of the plane, `None` where it is not to be shown, with marks on top.
 pub fn map(
     words: &Words<'_>,
@@ -138,6 +165,17 @@ fn axes<'a, 'b>(
     words: &Words<'_>,
     x: (f64, f64),
     y: (f64, f64),
+) -> Result<Chart<'a, 'b>, Refusal> {
+    axes_with(area, words, x, y, label)
+}
+
+/// Axes whose ticks have words of their own, from the value and the span.
+fn axes_with<'a, 'b>(
+    area: &'a DrawingArea<Backend<'b>, plotters::coord::Shift>,
+    words: &Words<'_>,
+    x: (f64, f64),
+    y: (f64, f64),
+    label: fn(f64, (f64, f64)) -> String,
 ) -> Result<Chart<'a, 'b>, Refusal> {
     let mut chart = ChartBuilder::on(area)
         .caption(words.title, ("sans-serif", 15).into_font())
@@ -243,8 +281,27 @@ fn span(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
 fn label(value: f64, (low, high): (f64, f64)) -> String {
     let decimals = (2.0 - (high - low).abs().log10()).ceil().clamp(0.0, 9.0) as usize;
     let text = format!("{value:.decimals$}");
+    // Beyond four decimals a number is wider than its place beside the axis.
+    if decimals > 4 {
+        let shown: f64 = text.parse().unwrap_or(value);
+        return if shown == 0.0 { "0".to_string() } else { format!("{shown:e}") };
+    }
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     if text == "-0" { "0".to_string() } else { text.to_string() }
+}
+
+/// A tick on a logarithmic axis: whole decades as numbers; where there are fewer than two of them, what lies between as well.
+fn power_of_ten(value: f64, (low, high): (f64, f64)) -> String {
+    let is_whole = (value - value.round()).abs() < 1e-6;
+    if !is_whole && high - low >= 2.0 {
+        return String::new();
+    }
+    let number = 10.0_f64.powf(value);
+    if !(1e-3..1e5).contains(&number) {
+        return format!("{number:.0e}");
+    }
+    let decimals = (1.0 - value.floor()).clamp(0.0, 4.0) as usize;
+    format!("{number:.*}", if is_whole { decimals.saturating_sub(1) } else { decimals })
 }
 
 /// A curve of many points by the extremes of equal pieces: peaks stay.
@@ -322,6 +379,20 @@ mod tests {
         assert_eq!(label(0.25, (0.0, 1.0)), "0.25");
         assert_eq!(label(1500.0, (0.0, 7500.0)), "1500");
         assert_eq!(label(-0.0, (-1.0, 1.0)), "0");
+        assert_eq!([-0.00005, 0.0, 0.0001].map(|value| label(value, (-1e-4, 1.2e-4))), ["-5e-5", "0", "1e-4"]);
+    }
+
+    #[test]
+    fn decades_are_named_and_what_is_not_above_zero_is_left_out() {
+        assert_eq!(
+            [-2.0, -1.0, 0.0, 2.0, 6.0].map(|value| power_of_ten(value, (-3.0, 7.0))),
+            ["0.01", "0.1", "1", "100", "1e6"]
+        );
+        assert_eq!(power_of_ten(0.5, (-3.0, 7.0)), "");
+        assert_eq!(power_of_ten(0.5, (0.0, 1.0)), "3.2");
+        let series = [Series::new("a", BLUE, Mark::Line, vec![(1.0, 1.0), (0.0, 1.0), (10.0, -1.0), (100.0, 50.0)])];
+        let text = decades(&Words { title: "t", x: "x", y: "y" }, &series).unwrap();
+        assert!(text.contains("<svg") && !text.contains("NaN") && !text.contains("inf"));
     }
 
     #[test]

@@ -28,12 +28,37 @@ fn a_diagnosis_without_a_record_of_a_surface_or_of_an_extended_plant_is_refused(
 #[test]
 fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
     let here = folder();
-    // What the shipped plant does along its shipped record, noise from a linear congruence: nothing is wrong with it.
-    let simulated =
-        rsm(&["simulate", &shipped("pmac.toml"), "--record", &shipped("pmac.csv"), "--out", "clean.csv"], here.path());
-    assert_eq!(simulated.status.code(), Some(0));
-    let clean = std::fs::read_to_string(here.path().join("clean.csv")).unwrap();
-    let mut state = 1_u64;
+    // What the shipped plant does along its shipped record, with noise: nothing is wrong with it.
+    std::fs::write(here.path().join("noisy.csv"), noisy(here.path(), &shipped("pmac.toml"), 1)).unwrap();
+    let output = rsm(&["diagnose", &shipped("pmac.toml"), "--record", "noisy.csv", "--json", "--out", "found"], here.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let value = json(&output);
+    for key in ["verdict", "causes", "nominal", "extended", "gain", "where"] {
+        assert!(keys(&value).contains(&key), "{key}");
+    }
+    assert_eq!(value["verdict"], "no-discrepancy");
+    assert_eq!(value["causes"].as_array().unwrap().len(), 0);
+    let written = std::fs::read_to_string(here.path().join("found/diagnosis.json")).unwrap();
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&written).unwrap(), value);
+    let page = std::fs::read_to_string(here.path().join("found/report.html")).unwrap();
+    assert!(page.contains("Nothing is wrong with the simulation that these records show"), "{page}");
+    // The worst output's figure stands in the verdict; without unseen records the page says so; there is nothing to say of causes, and no place of an error.
+    let ratio = |key: &str| value["extended"]["validate"][key]["noise_ratio"].as_f64().unwrap();
+    let worst = ["i_d", "i_q", "speed"].map(ratio).into_iter().fold(0.0, f64::max);
+    assert!(page.contains(&format!("is {worst:.2} times its noise")) && page.contains("No record was kept unseen"), "{worst}");
+    assert!(!page.contains("<h2>Causes") && page.contains("Nowhere: in every region"));
+    assert_eq!((&value["where"], &value["left"]), (&serde_json::json!([]), &serde_json::json!([])));
+    assert!(value["correction"].is_null() && !here.path().join("found/correction.toml").exists());
+    let again = rsm(&["simulate", "found/extended.toml", "--record", "noisy.csv", "--out", "again.csv"], here.path());
+    assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
+}
+
+/// The shipped motor's record as a plant file simulates it, with noise from a linear congruence.
+fn noisy(here: &std::path::Path, plant: &str, seed: u64) -> String {
+    let simulated = rsm(&["simulate", plant, "--record", &shipped("pmac.csv"), "--out", "clean.csv"], here);
+    assert_eq!(simulated.status.code(), Some(0), "{}", text(&simulated.stderr));
+    let clean = std::fs::read_to_string(here.join("clean.csv")).unwrap();
+    let mut state = seed;
     let mut noise = || {
         // Twelve uniform numbers less six have variance one. Constants: D. E. Knuth's MMIX.
         (0..12)
@@ -56,20 +81,69 @@ fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
         }
         noisy.push('\n');
     }
-    std::fs::write(here.path().join("noisy.csv"), noisy).unwrap();
-    let output = rsm(&["diagnose", &shipped("pmac.toml"), "--record", "noisy.csv", "--json", "--out", "found"], here.path());
+    noisy
+}
+
+#[test]
+fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_json() {
+    let here = folder();
+    let with_friction = std::fs::read_to_string(shipped("pmac.toml")).unwrap()
+        + "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { torque = 0.3 }\n";
+    std::fs::write(here.path().join("true.toml"), with_friction).unwrap();
+    let train = noisy(here.path(), "true.toml", 1);
+    // A spike of a hundred standard deviations in data row 78 (line 79, after the header).
+    let spiked: Vec<String> = train
+        .lines()
+        .enumerate()
+        .map(|(k, line)| {
+            let (rest, speed) = line.rsplit_once(',').unwrap();
+            if k == 78 { format!("{rest},{}", speed.parse::<f64>().unwrap() + 30.0) } else { line.to_string() }
+        })
+        .collect();
+    std::fs::write(here.path().join("train.csv"), spiked.join("\n") + "\n").unwrap();
+    std::fs::write(here.path().join("unseen.csv"), noisy(here.path(), "true.toml", 2)).unwrap();
+    let plant = shipped("pmac.toml");
+    let output = rsm(
+        &["diagnose", &plant, "--record", "train.csv", "--validate", "unseen.csv", "--json", "--out", "found"],
+        here.path(),
+    );
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let value = json(&output);
-    for key in ["verdict", "causes", "nominal", "extended", "gain", "where"] {
-        assert!(keys(&value).contains(&key), "{key}");
+    assert_eq!((value["verdict"].as_str(), value["causes"][0]["kind"].as_str()), (Some("explained"), Some("coulomb-friction")));
+    let page = std::fs::read_to_string(here.path().join("found/report.html")).unwrap();
+
+    let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("the page does not say: {words}"));
+    assert!(at("What is wrong with the data") < at("<td>speed</td><td>jump</td><td>78 to 78</td>"));
+    assert!(at("78 to 78") < at("<h2>Causes") && at("<h2>Causes") < at("<h2>Before and after, on 1 unseen record</h2>"));
+    at(&format!("On 1 unseen record {:.1} % of the error beyond the noise is gone", 100.0 * value["gain"].as_f64().unwrap()));
+    // Every sentence of the evidence stands in both, and the cause is what lowers the error of the speed.
+    let evidence = &value["causes"][0]["evidence"];
+    let sentences: Vec<&str> = evidence["for"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+    assert!(sentences.iter().any(|it| it.starts_with("On unseen records it lowers the error") && it.contains("speed from ")));
+    assert!(sentences.iter().any(|it| it.contains("torque = 0.")), "{sentences:?}");
+    for sentence in sentences.iter().chain([&evidence["check"].as_str().unwrap()]) {
+        at(&sentence.replace('&', "&amp;").replace('"', "&quot;"));
     }
-    assert_eq!(value["verdict"], "no-discrepancy");
-    assert_eq!(value["causes"].as_array().unwrap().len(), 0);
-    let written = std::fs::read_to_string(here.path().join("found/diagnosis.json")).unwrap();
-    assert_eq!(serde_json::from_str::<serde_json::Value>(&written).unwrap(), value);
-    assert!(std::fs::read_to_string(here.path().join("found/report.html")).unwrap().contains("<svg"));
-    let again = rsm(&["simulate", "found/extended.toml", "--record", "noisy.csv", "--out", "again.csv"], here.path());
-    assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
+    // The torque in the table of parameters has the five digits of the JSON's.
+    let torque = value["causes"][0]["parameters"]["torque"]["value"].as_f64().unwrap();
+    at(&format!(
+        "<td>coulomb-friction</td><td>torque</td><td>N*m</td><td class=\"number\">absent</td><td class=\"number\">{torque:.5}</td>"
+    ));
+    // Shares of whole outputs are shares of one whole, and regions carry units.
+    let places = value["where"].as_array().unwrap();
+    let whole: f64 = places.iter().filter(|it| it["of"] == "output").map(|it| it["share_of_error"].as_f64().unwrap()).sum();
+    assert!((whole - 1.0).abs() < 1e-9, "{places:?}");
+    assert!(places.iter().any(|it| it["region"].as_str().unwrap().contains("rad/s")), "{places:?}");
+    for it in places {
+        at(&format!("<td>{}</td><td>{}</td>", it["output"].as_str().unwrap(), it["region"].as_str().unwrap()));
+    }
+    // Curves: whole, worst stretch, left over time, by frequency, of three outputs.
+    assert!(page.matches("<svg").count() >= 12);
+    // Nothing is fetched, nothing runs.
+    assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("<script") && !page.contains("url("));
+    // Standard error is short.
+    let words = text(&output.stderr);
+    assert!(words.lines().count() < 12 && words.contains("To be sure: Drive slowly both ways"), "{words}");
 }
 
 #[test]

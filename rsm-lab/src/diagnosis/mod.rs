@@ -10,6 +10,7 @@
 //! into the plant that made a record. Never prints, never writes.
 
 pub mod checks;
+pub mod correction;
 pub mod excitations;
 pub mod experiment;
 pub mod finish;
@@ -19,10 +20,14 @@ pub mod levenberg;
 pub mod model;
 pub mod noise;
 pub mod normal;
+pub mod orders;
+pub mod portrait;
 pub mod profile;
+pub mod quantities;
 pub mod regions;
 pub mod screen;
 pub mod selection;
+pub mod spectrum;
 pub mod survey;
 pub mod validation;
 pub mod verdict;

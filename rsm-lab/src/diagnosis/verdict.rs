@@ -8,7 +8,7 @@ use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::normal::Normal;
-use super::regions::{self, Region};
+use super::portrait::{self, Compared, Portrait, Witness};
 use super::selection::{Believed, Limit, Selection, generalises};
 use super::validation::{self, Error};
 use super::whiteness::{self, Left};
@@ -85,6 +85,10 @@ pub struct Cause {
     pub rivals: Vec<(String, f64)>,
     /// A sentence of plain words.
     pub sentence: String,
+    /// What to measure or look at to be sure.
+    pub check: &'static str,
+    /// What it does on the records that judge; of the strongest causes.
+    pub witness: Option<Witness>,
 }
 
 /// A rival that the records do not tell from a cause.
@@ -113,8 +117,6 @@ pub struct Diagnosis {
     pub extended: Vec<Error>,
     /// Share of the validation error above the noise floor that the extension removes.
     pub gain: f64,
-    /// Where the nominal plant is wrong.
-    pub regions: Vec<Region>,
     /// The plant file with the causes filled in.
     pub plant: PlantFile,
     /// What is wrong with the data.
@@ -137,8 +139,8 @@ pub struct Diagnosis {
     pub aliases: Vec<Alias>,
     /// The record that would tell them apart, or look where an error has no cause.
     pub next: Option<NextExperiment>,
-    /// Simulated outputs of nominal and extended plant on the first validation record, by output.
-    pub before_after: Vec<(usize, Vec<f64>, Vec<f64>)>,
+    /// What a report shows beside all this.
+    pub portrait: Portrait,
 }
 
 /// Everything that there is to say.
@@ -174,6 +176,15 @@ pub fn conclude(
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
     let of_rounding = if rounded.is_empty() { 0.0 } else { OF_ROUNDING };
     let structure = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess)) > of_rounding.max(OF_THE_WHOLE * wrong);
+    let calibrated_there = validation::on(judged, &calibrated.model);
+    let compared = match (&before, &calibrated_there, &after) {
+        (Some(nominal_there), Some(before), Some(after)) => {
+            Some(Compared { kernel, unseen, nominal, fit: &fit, nominal_there, before, after, structure })
+        }
+        _ => None,
+    };
+    let portrait = compared.as_ref().map(portrait::portrait).unwrap_or_default();
+    let witnesses = compared.as_ref().map_or_else(Vec::new, |it| portrait::witnesses(it, &believed));
     let mut aliases: Vec<(f64, Alias)> = Vec::new();
     let mut causes: Vec<Cause> = Vec::new();
     for (place, one) in believed.iter().enumerate() {
@@ -189,7 +200,7 @@ pub fn conclude(
                 aliases.push((one.gain, Alias { cause, rival, model, limit: same }));
             }
         }
-        causes.push(cause(&fit, place, one, alike, threshold));
+        causes.push(cause(&fit, place, one, alike, threshold, witnesses.get(place).cloned().flatten()));
     }
     for (output, step) in rounded {
         causes.push(rounding(file.kind, *output, *step, fit.residual.len() as f64));
@@ -200,13 +211,6 @@ pub fn conclude(
         (true, _) => Verdict::Unexplained,
         (false, true) => Verdict::NoDiscrepancy,
         (false, false) => Verdict::Explained,
-    };
-    let before_after = match (&before, &after) {
-        (Some(before), Some(after)) => judged.records.first().map_or_else(Vec::new, |prepared| {
-            let each = prepared.outputs.iter().enumerate();
-            each.map(|(k, output)| (*output, before.simulated[0][k].clone(), after.simulated[0][k].clone())).collect()
-        }),
-        _ => Vec::new(),
     };
     let mut plant = fit.model.file.clone();
     plant.initial = file.initial.clone();
@@ -222,7 +226,6 @@ pub fn conclude(
         gain: gain(&nominal_errors, &extended_errors),
         nominal: nominal_errors,
         extended: extended_errors,
-        regions: before.as_ref().map_or_else(Vec::new, |fit| regions::regions(judged, fit)),
         plant,
         findings,
         noise: present.iter().map(|k| (*k, kernel.floors[*k].sd, kernel.floors[*k].correlation)).collect(),
@@ -234,7 +237,7 @@ pub fn conclude(
         left_unseen,
         aliases: aliases.into_iter().map(|it| it.1).collect(),
         next: None,
-        before_after,
+        portrait,
     }
 }
 
@@ -246,7 +249,7 @@ fn gain(before: &[Error], after: &[Error]) -> f64 {
     if all < 1e-3 { 0.0 } else { (1.0 - above(after) / all).max(-1.0) }
 }
 
-fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, threshold: f64) -> Cause {
+fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, threshold: f64, witness: Option<Witness>) -> Cause {
     let entry = &fit.model.file.effects[place];
     let normal = Normal::new(&fit.matrix(), fit.free.len(), 0.0);
     // Where structure is left, the residual says how much less sure the numbers are.
@@ -294,6 +297,8 @@ fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, thres
         gain: believed.gain,
         rivals: believed.rivals.clone(),
         sentence,
+        check: entry.description.check,
+        witness,
     }
 }
 
@@ -319,6 +324,8 @@ fn rounding(kind: PlantKind, output: usize, step: f64, rows: f64) -> Cause {
         gain: rows,
         rivals: Vec::new(),
         sentence: format!("The sensor of {} rounds to multiples of {step}.", signal.name),
+        check: crate::effects::of("sensor-quantisation").map_or("", |description| description.check),
+        witness: None,
     }
 }
 

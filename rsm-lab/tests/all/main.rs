@@ -1,6 +1,7 @@
 //! The tests of the plants, one binary.
 
 mod catalogue;
+mod correction;
 mod cross_check;
 mod diagnosis;
 mod measured;

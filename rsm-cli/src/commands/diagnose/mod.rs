@@ -1,12 +1,15 @@
 //! `rsm diagnose`: what a simulation gets wrong, the cause, the extended plant, the gain.
 //!
-//! In: a plant file, training and validation records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html and, where causes
-//! are not to be told apart, next_experiment.csv, and with `--refit` the folder refit, whole or absent. Every
+//! In: a plant file, training and validation records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html, correction.toml where
+//! a black box gains, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or absent. Every
 //! verdict is an answer: exit status 0. A surface against new data (`--data`) is refused by name.
 
+mod evidence;
 mod next;
+mod portrait;
 mod refit;
 mod report;
+mod words;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -115,13 +118,14 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if let Some(folder) = &arguments.out {
         let text = serde_json::to_string_pretty(&value)
             .map_err(|error| Refusal::new(format!("diagnosis.json cannot be written as JSON: {error}")))?;
-        let page = report::html(plant.kind, &found, validation.first().or(training.first()), page_words)?;
+        let page = report::html(plant.kind, &found, page_words)?;
         let mut files = vec![
             (folder.join("diagnosis.json"), text + "\n"),
             (folder.join("extended.toml"), found.plant.write()),
             (folder.join("report.html"), page),
         ];
         files.extend(next::csv(&found).map(|csv| (folder.join(next::FILE), csv)));
+        files.extend(portrait::correction_file(&found).map(|text| (folder.join(portrait::CORRECTION), text)));
         if let Some(Ok(refitted)) = &refitted {
             files.extend(refitted.files.iter().cloned());
         }
@@ -130,7 +134,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if arguments.json {
         output::json(&value)?;
     }
-    words(&found, plant.kind, began.elapsed().as_secs_f64());
+    words::tell(&found, plant.kind, began.elapsed().as_secs_f64());
     match refitted {
         Some(Ok(refitted)) => refitted.words.iter().for_each(|line| eprintln!("  {line}")),
         Some(Err(why)) => {
@@ -140,37 +144,6 @@ pub fn run(arguments: &Arguments) -> Outcome {
         None => {}
     }
     Ok(Answer::Positive)
-}
-
-/// The verdict and its causes on standard error.
-fn words(found: &Diagnosis, kind: PlantKind, seconds: f64) {
-    for finding in &found.findings {
-        eprintln!(
-            "{}: rows {} to {}: {} {}, left out",
-            finding.record,
-            finding.rows.0 + 1,
-            finding.rows.1 + 1,
-            finding.channel,
-            finding.what
-        );
-    }
-    eprintln!("{} ({seconds:.1} s)", found.verdict.name());
-    if let Some(limit) = found.stopped {
-        eprintln!("  The search stopped {limit}: what it found may not be all, or not be right.");
-    }
-    for cause in &found.causes {
-        eprintln!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
-        if !cause.indistinguishable_from.is_empty() {
-            eprintln!("    In these records this is not to be told from {}.", cause.indistinguishable_from.join(", "));
-        }
-    }
-    if let Some(sentence) = next::sentence(found) {
-        eprintln!("  {sentence}");
-    }
-    for (before, after) in found.nominal.iter().zip(&found.extended) {
-        let name = kind.outputs()[before.output].name;
-        eprintln!("  {name}: {:.2} times the noise before, {:.2} after", before.noise_ratio, after.noise_ratio);
-    }
 }
 
 /// DESIGN.md 5.3.
@@ -199,6 +172,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             };
             one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
             one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
+            one.insert("evidence".to_string(), portrait::evidence(kind, found, cause));
             Value::Object(one)
         })
         .collect();
@@ -209,11 +183,6 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         });
         json!({ "validate": each.collect::<Map<String, Value>>() })
     };
-    let regions: Vec<Value> = found
-        .regions
-        .iter()
-        .map(|it| json!({ "output": kind.outputs()[it.output].name, "region": it.region, "share_of_error": it.share_of_error }))
-        .collect();
     let ranking: Vec<Value> =
         found.ranking.iter().take(12).map(|(label, gain)| json!({ "cause": label, "predicted_gain": gain })).collect();
     json!({
@@ -222,7 +191,10 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "nominal": errors(&found.nominal),
         "extended": errors(&found.extended),
         "gain": output::finite(found.gain),
-        "where": regions,
+        "where": portrait::regions(kind, &found.portrait.before),
+        "left": portrait::regions(kind, &found.portrait.after),
+        "correction": portrait::correction(kind, found),
+        "calibration": portrait::calibration(found),
         "noise": found.noise.iter().map(|(k, sd, correlation)| {
             (kind.outputs()[*k].name.to_string(), json!({ "sd": sd, "correlation": correlation }))
         }).collect::<Map<String, Value>>(),

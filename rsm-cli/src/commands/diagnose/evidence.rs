@@ -1,0 +1,195 @@
+//! What speaks for a cause and what against it, in plain sentences with numbers; and why other hypotheses were not believed.
+//!
+//! In: a diagnosis. Out: sentences. Decides nothing: every number is the diagnosis's own.
+
+use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
+use rsm_lab::kind::PlantKind;
+
+use super::words;
+use crate::page::figure;
+
+/// An interval whose half is this share of its value or more is told as wide.
+const WIDE: f64 = 0.3;
+
+/// A parameter that used this much of its two standard deviations of tolerance is told as pressed.
+const PRESSED: f64 = 1.8;
+
+/// Sentences for and against a cause.
+pub struct Evidence {
+    pub supports: Vec<String>,
+    pub speaks_against: Vec<String>,
+}
+
+/// The name of a cause in lists (DESIGN.md 5.3).
+pub fn label(cause: &Cause) -> String {
+    cause.subject.as_ref().map_or(cause.kind.to_string(), |subject| format!("{}:{subject}", cause.kind))
+}
+
+/// What speaks for and against a cause.
+pub fn of(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Evidence {
+    let mut it = Evidence { supports: Vec::new(), speaks_against: Vec::new() };
+    errors(kind, found, cause, &mut it);
+    rivals(cause, &mut it);
+    numbers(cause, &mut it);
+    constants(found, &mut it);
+    if found.verdict == Verdict::Unexplained {
+        let words = format!(
+            "Structure is left that nothing in the catalogue explains ({:.2} times the noise with it): the numbers of this cause may hold some of it.",
+            words::times(found)
+        );
+        it.speaks_against.push(words);
+    }
+    it
+}
+
+fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) {
+    if let ("sensor-quantisation", Some(step)) = (cause.kind, cause.parameters.first()) {
+        let words = format!(
+            "Its readings are multiples of {} {}: nothing but rounding makes them so.",
+            figure(Some(step.value)),
+            step.unit
+        );
+        it.supports.push(words);
+    }
+    let Some(witness) = &cause.witness else { return };
+    let records = if found.portrait.unseen { "unseen records" } else { "the records of the fit" };
+    let mut outputs = witness.outputs.clone();
+    outputs.sort_by(|a, b| (b.1 - b.2).total_cmp(&(a.1 - a.2)));
+    // Below a hundredth of the noise a difference is not worth a word.
+    let moved: Vec<String> = outputs
+        .iter()
+        .filter(|(_, without, with)| without - with > 0.01)
+        .map(|(k, without, with)| format!("{} from {without:.2} to {with:.2}", kind.outputs()[*k].name))
+        .collect();
+    if !moved.is_empty() {
+        it.supports.push(format!("On {records} it lowers the error, in multiples of the noise: {}.", moved.join(", ")));
+    }
+    let worse: Vec<String> = outputs
+        .iter()
+        .filter(|(_, without, with)| with - without > 0.01)
+        .map(|(k, without, with)| format!("{} from {without:.2} to {with:.2}", kind.outputs()[*k].name))
+        .collect();
+    if !worse.is_empty() {
+        it.speaks_against.push(format!("On {records} it raises the error, in multiples of the noise: {}.", worse.join(", ")));
+    }
+    let better = witness.records.iter().filter(|(_, without, with)| with < without).count();
+    let all = witness.records.len();
+    let judged = if found.portrait.unseen { "unseen record" } else { "record of the fit" };
+    let plural = if all == 1 { "" } else { "s" };
+    if better == all {
+        let each = if all == 1 { "The only".to_string() } else { format!("Every one of the {all}") };
+        it.supports.push(format!("{each} {judged}{plural} is simulated better with it than without."));
+    } else {
+        let names: Vec<&str> =
+            witness.records.iter().filter(|(_, without, with)| with >= without).map(|(name, _, _)| name.as_str()).collect();
+        it.speaks_against.push(format!("{} of {all} {judged}{plural} gain nothing by it: {}.", all - better, names.join(", ")));
+    }
+    if let Some(place) = witness.places.first() {
+        it.supports.push(format!("Without it {}.", words::place(kind, place)));
+    }
+    if !found.portrait.unseen {
+        it.speaks_against.push("No record was kept unseen: the gain is that of a fit.".to_string());
+    }
+}
+
+fn rivals(cause: &Cause, it: &mut Evidence) {
+    if !cause.indistinguishable_from.is_empty() {
+        let names = cause.indistinguishable_from.join(", ");
+        it.speaks_against
+            .push(format!("In these records the same as {names}: a simulation with it in its place fits as well."));
+    }
+    let behind = cause.rivals.iter().find(|(name, _)| !cause.indistinguishable_from.contains(name));
+    match behind {
+        Some((name, behind)) => it.supports.push(format!(
+            "The best of the others, {name}, put in its place with everything fitted again, reaches {:.0} % of what this cause gains.",
+            // A rival that was fitted badly may do worse than nothing.
+            100.0 * (1.0 - behind / cause.gain).max(0.0)
+        )),
+        None if cause.indistinguishable_from.is_empty() && cause.witness.is_some() => {
+            it.supports.push("No other entry of the catalogue promised enough to be fitted in its place.".to_string());
+        }
+        None => {}
+    }
+    // What half of the evidence would be is a coin.
+    if cause.confidence < 0.5 {
+        it.speaks_against
+            .push(format!("Its rivals together have more of the evidence than it has: confidence {:.2}.", cause.confidence));
+    }
+}
+
+fn numbers(cause: &Cause, it: &mut Evidence) {
+    for number in &cause.parameters {
+        let half = 0.5 * (number.high - number.low);
+        if half <= 0.0 || !half.is_finite() || number.value == 0.0 {
+            continue;
+        }
+        let share = half / number.value.abs();
+        let unit = if number.unit == "1" { String::new() } else { format!(" {}", number.unit) };
+        let words = format!("{} = {}{unit}, give or take {} % (95 %)", number.name, figure(Some(number.value)), percent(share));
+        // A phase has no size to compare with.
+        if number.name == "phase" {
+            continue;
+        } else if share < WIDE {
+            it.supports.push(format!("Its number is well known: {words}."));
+        } else {
+            it.speaks_against.push(format!("Its number is poorly known: {words}."));
+        }
+    }
+}
+
+fn constants(found: &Diagnosis, it: &mut Evidence) {
+    let most = found.portrait.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()));
+    let Some(most) = most else { return };
+    let words = format!("{} moved most, by {:.1} standard deviations of its tolerance", most.name, most.sds.abs());
+    if most.sds.abs() < PRESSED {
+        it.supports.push(format!("Known constants stay within what the plant file allows: {words}."));
+    } else {
+        it.speaks_against.push(format!("A known constant is pressed to the edge of what the plant file allows: {words}."));
+    }
+}
+
+fn percent(share: f64) -> String {
+    let value = 100.0 * share;
+    if value < 0.095 {
+        "less than 0.1".to_string()
+    } else if value < 9.5 {
+        format!("{value:.1}")
+    } else {
+        format!("{value:.0}")
+    }
+}
+
+/// A hypothesis that was not believed.
+pub struct Rejected {
+    pub label: String,
+    /// What the screen of the calibrated plant promised.
+    pub promised: f64,
+    /// What the last screen promised, with the causes in the plant.
+    pub remaining: Option<f64>,
+    pub why: String,
+}
+
+/// Why the others were not believed, those that promised most first.
+pub fn rejected(found: &Diagnosis) -> Vec<Rejected> {
+    let causes: Vec<String> = found.causes.iter().map(label).collect();
+    let mut list = Vec::new();
+    for (name, promised) in found.ranking.iter().filter(|(name, _)| !causes.contains(name)) {
+        let remaining = found.remaining.iter().find(|(label, _)| label == name).map(|(_, gain)| *gain);
+        let as_rival = found.causes.iter().find_map(|cause| {
+            let rival = cause.rivals.iter().find(|(rival, _)| rival == name)?;
+            Some((label(cause), rival.1, cause.indistinguishable_from.contains(name)))
+        });
+        let least = format!("{:.0}", found.threshold);
+        let why = match (as_rival, remaining) {
+            (Some((cause, _, true)), _) => format!("not told from {cause} in these records"),
+            (Some((cause, behind, false)), _) => format!("fitted in place of {cause}: falls short by {}", figure(Some(behind))),
+            (None, _) if *promised < found.threshold => format!("promises less than the {least} that chance and worth ask"),
+            (None, Some(left)) if !causes.is_empty() && left < found.threshold => {
+                format!("what it promised is explained by the causes: {} is left for it", figure(Some(left)))
+            }
+            _ => format!("a promise in first order that no full fit kept: less than {least}, or no gain on unseen records"),
+        };
+        list.push(Rejected { label: name.clone(), promised: *promised, remaining, why });
+    }
+    list
+}

@@ -1,0 +1,74 @@
+//! What DESIGN.md 5.3 leaves room for: evidence, calibration, what is left and its correction, as JSON.
+//!
+//! In: a diagnosis. Out: values of diagnosis.json, and correction.toml. Decides nothing.
+
+use rsm_lab::diagnosis::correction::Offer;
+use rsm_lab::diagnosis::regions::Region;
+use rsm_lab::diagnosis::{Cause, Diagnosis};
+use rsm_lab::kind::PlantKind;
+use serde_json::{Map, Value, json};
+
+use super::evidence;
+use crate::output::finite;
+
+/// The name of the model file beside diagnosis.json.
+pub const CORRECTION: &str = "correction.toml";
+
+/// Lines of `where` and `left`.
+const LINES: usize = 16;
+
+/// Regions as a list.
+pub fn regions(kind: PlantKind, regions: &[Region]) -> Value {
+    let each = regions.iter().take(LINES).map(|it| {
+        json!({
+            "output": kind.outputs()[it.output].name, "region": it.region, "of": it.quantity,
+            "share_of_error": finite(it.share_of_error), "share_of_output": finite(it.share_of_output), "share_of_rows": finite(it.share_of_rows),
+        })
+    });
+    Value::Array(each.collect())
+}
+
+/// What speaks for and against a cause, and what to do about it.
+pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
+    let it = evidence::of(kind, found, cause);
+    json!({ "for": it.supports, "against": it.speaks_against, "check": cause.check })
+}
+
+/// Parameters that moved within their tolerances.
+pub fn calibration(found: &Diagnosis) -> Value {
+    let each = found.portrait.calibration.iter().map(|it| {
+        let value =
+            json!({ "nominal": it.nominal, "value": finite(it.value), "unit": it.unit, "standard_deviations": finite(it.sds) });
+        (it.name.to_string(), value)
+    });
+    Value::Object(each.collect::<Map<String, Value>>())
+}
+
+/// The correction: null where none was tried; without a file where none gains.
+pub fn correction(kind: PlantKind, found: &Diagnosis) -> Value {
+    match &found.portrait.correction {
+        None => Value::Null,
+        Some(Offer::Nothing { gain }) => json!({ "file": null, "gain": finite(*gain) }),
+        Some(Offer::Gains(it)) => {
+            let outputs = it.outputs.iter().map(|one| {
+                let value = json!({
+                    "surface": one.surface, "terms": one.terms,
+                    "noise_ratio": { "without": finite(one.before), "with": finite(one.after) },
+                });
+                (kind.outputs()[one.output].name.to_string(), value)
+            });
+            json!({
+                "file": CORRECTION, "gain": finite(it.gain), "gain_low": finite(it.low), "unseen": it.unseen,
+                "outputs": outputs.collect::<Map<String, Value>>(),
+            })
+        }
+    }
+}
+
+/// correction.toml, where there is one.
+pub fn correction_file(found: &Diagnosis) -> Option<String> {
+    match &found.portrait.correction {
+        Some(Offer::Gains(it)) => Some(rsm_core::model_file::write(&it.model)),
+        _ => None,
+    }
+}

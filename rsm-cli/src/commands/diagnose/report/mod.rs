@@ -1,0 +1,298 @@
+//! The page of a diagnosis, for an engineer who has read nothing else.
+//!
+//! In: a diagnosis. Out: one self-contained HTML page: the verdict, what is wrong with the data, the causes with their evidence, the extended parameters, where
+//! the plant is wrong, curves before and after, what is left. Decides nothing: every figure comes from the diagnosis.
+
+mod curves;
+mod where_wrong;
+
+use std::fmt::Write as _;
+
+use rsm_lab::diagnosis::correction::Offer;
+use rsm_lab::diagnosis::portrait::Portrait;
+use rsm_lab::diagnosis::{Diagnosis, Verdict};
+use rsm_lab::kind::PlantKind;
+
+use super::evidence::{self, label};
+use super::next;
+use super::words;
+use crate::outcome::Refusal;
+use crate::page::{escaped, figure, page};
+
+/// Causes whose evidence is told in full.
+const CLOSELY: usize = 3;
+
+/// Lines of the ranking.
+const RANKED: usize = 12;
+
+/// The whole page. `refitted` is what a refit has to say.
+pub fn html(kind: PlantKind, found: &Diagnosis, refitted: &[String]) -> Result<String, Refusal> {
+    let title = format!("Diagnosis of a {}: {}", kind.name(), found.verdict.name());
+    let mut body = format!("<h1>{title}</h1>\n");
+    let class = if found.verdict == Verdict::Unexplained { "verdict unexplained" } else { "verdict" };
+    let _ = writeln!(body, "<p class=\"{class}\">{}</p>", escaped(&words::verdict(kind, found)));
+    data(&mut body, found);
+    causes(&mut body, kind, found);
+    if found.verdict == Verdict::Unexplained {
+        left(&mut body, kind, found);
+    }
+    next_record(&mut body, found);
+    parameters(&mut body, found);
+    refit(&mut body, refitted);
+    errors(&mut body, kind, found);
+    where_wrong::section(&mut body, kind, found);
+    curves::section(&mut body, kind, found)?;
+    ranking(&mut body, found);
+    Ok(page(&title, &body))
+}
+
+/// What was compared, and what is wrong with it.
+fn data(body: &mut String, found: &Diagnosis) {
+    let list = |records: &[(String, usize)]| -> String {
+        let each: Vec<String> = records.iter().map(|(name, rows)| format!("{} ({rows} rows)", escaped(name))).collect();
+        each.join(", ")
+    };
+    let [training, unseen] = &found.portrait.records;
+    body.push_str("<h2>What was compared</h2>\n<p>The simulation of the plant file, free running, against ");
+    if unseen.is_empty() {
+        let _ = write!(body, "{}. No record was kept unseen: every figure below is one of the fit.", list(training));
+    } else {
+        let _ = write!(
+            body,
+            "{}, from which causes and numbers were found, and {}, which no fit has seen and which judge.",
+            list(training),
+            list(unseen)
+        );
+    }
+    body.push_str("</p>\n");
+    if found.findings.is_empty() {
+        body.push_str("<p>The data are in order: no channel hangs, is clipped or jumps, no row stands twice.</p>\n");
+        return;
+    }
+    body.push_str("<p><b>What is wrong with the data.</b> These rows are left out of every figure below; mend the measurement first.</p>\n<table><tr><th>record</th><th>channel</th><th>what</th><th>data rows</th></tr>\n");
+    for it in &found.findings {
+        let _ = writeln!(
+            body,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{} to {}</td></tr>",
+            escaped(&it.record),
+            escaped(&it.channel),
+            it.what,
+            it.rows.0 + 1,
+            it.rows.1 + 1
+        );
+    }
+    body.push_str("</table>\n");
+}
+
+fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
+    if found.causes.is_empty() {
+        return;
+    }
+    body.push_str("<h2>Causes, the strongest first</h2>\n");
+    for (number, cause) in found.causes.iter().enumerate() {
+        let _ = write!(
+            body,
+            "<h3>{}. {}</h3>\n<p>{} Confidence {:.2}.",
+            number + 1,
+            escaped(&label(cause)),
+            escaped(&cause.sentence),
+            cause.confidence
+        );
+        if !cause.indistinguishable_from.is_empty() {
+            let names = cause.indistinguishable_from.join(", ");
+            let _ = write!(body, " <b>In these records it is the same as {}: one of them is enough.</b>", escaped(&names));
+        }
+        body.push_str("</p>\n");
+        if number < CLOSELY {
+            let evidence = evidence::of(kind, found, cause);
+            list(body, "For it", &evidence.supports);
+            list(body, "Against it", &evidence.speaks_against);
+            if evidence.speaks_against.is_empty() {
+                body.push_str("<p>Against it nothing was found in these records.</p>\n");
+            }
+        }
+        let _ = writeln!(body, "<p><b>To be sure:</b> {}</p>", escaped(cause.check));
+    }
+}
+
+/// The record that would tell causes apart.
+fn next_record(body: &mut String, found: &Diagnosis) {
+    if let Some(sentence) = next::sentence(found) {
+        let _ = write!(body, "<h2>What to measure next</h2>\n<p>{}</p>\n", escaped(&sentence));
+    }
+}
+
+fn refit(body: &mut String, lines: &[String]) {
+    if lines.is_empty() {
+        return;
+    }
+    body.push_str("<h2>The controller, refitted</h2>\n");
+    for line in lines {
+        let _ = writeln!(body, "<p>{}</p>", escaped(line));
+    }
+    body.push_str("<p>Its surfaces and evaluators stand in the folder <code>refit</code>.</p>\n");
+}
+
+fn list(body: &mut String, title: &str, sentences: &[String]) {
+    if sentences.is_empty() {
+        return;
+    }
+    let _ = writeln!(body, "<p><b>{title}</b></p>\n<ul>");
+    for sentence in sentences {
+        let _ = writeln!(body, "<li>{}</li>", escaped(sentence));
+    }
+    body.push_str("</ul>\n");
+}
+
+/// What nothing explains, and the black box over it.
+fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
+    body.push_str("<h2>What nothing in the catalogue explains</h2>\n");
+    if let Some(limit) = found.stopped {
+        let _ = writeln!(body, "<p>The search stopped {limit}: what it found may not be all, or not be right.</p>");
+    }
+    let portrait = &found.portrait;
+    if portrait.after.is_empty() {
+        body.push_str("<p>What is left is spread too thin to have a place.</p>\n");
+    } else {
+        body.push_str("<p>What the extended plant still gets wrong beyond the noise lies here:</p>\n");
+        where_wrong::table(body, kind, &portrait.after);
+    }
+    match &portrait.correction {
+        None => {}
+        Some(Offer::Nothing { gain }) => {
+            let _ = writeln!(
+                body,
+                "<p>A black-box response surface of what is left, over what is simulated and what drives it, gains nothing on {} ({:.0} % of the error beyond \
+                 noise): what is left does not hang on these quantities alone. No correction is offered.</p>",
+                words::judging(portrait),
+                100.0 * gain
+            );
+        }
+        Some(Offer::Gains(correction)) => {
+            let _ = writeln!(
+                body,
+                "<p><b>A black-box correction</b> stands in correction.toml: it is no explanation, and holds only where the records went. Added to what the \
+                 extended plant simulates, it removes {:.0} % of the error beyond noise that is left on {} (at least {:.0} %, one-sided 95 %).</p>",
+                100.0 * correction.gain,
+                words::judging(portrait),
+                100.0 * correction.low
+            );
+            body.push_str(
+                "<table><tr><th>output</th><th>surface</th><th>over</th><th>terms</th><th>error over noise without</th><th>with</th></tr>\n",
+            );
+            for it in &correction.outputs {
+                let _ = writeln!(
+                    body,
+                    "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{:.2}</td>\
+                     <td class=\"number\">{:.2}</td></tr>",
+                    kind.outputs()[it.output].name,
+                    it.surface,
+                    escaped(&it.inputs.join(", ")),
+                    it.terms.len(),
+                    it.before,
+                    it.after
+                );
+            }
+            body.push_str("</table>\n");
+        }
+    }
+}
+
+/// The numbers of the extended plant: those of causes with intervals, calibrated ones with their tolerance.
+fn parameters(body: &mut String, found: &Diagnosis) {
+    let portrait: &Portrait = &found.portrait;
+    if found.causes.is_empty() && portrait.calibration.is_empty() {
+        return;
+    }
+    body.push_str(
+        "<h2>Parameters of the extended plant</h2>\n<p>extended.toml holds them; <code>rsm simulate</code> runs it.</p>\n\
+         <table><tr><th>of</th><th>parameter</th><th>unit</th><th>plant file</th><th>now</th><th>95 % interval, or move within tolerance</th></tr>\n",
+    );
+    let mut row = |of: &str, name: &str, unit: &str, was: &str, is: f64, note: &str| {
+        let _ = writeln!(
+            body,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"number\">{was}</td><td class=\"number\">{}</td><td>{note}</td></tr>",
+            escaped(of),
+            escaped(name),
+            escaped(unit),
+            figure(Some(is))
+        );
+    };
+    let number = |value: f64| figure(Some(value));
+    for cause in &found.causes {
+        for it in &cause.parameters {
+            let interval = format!("{} to {}", number(it.low), number(it.high));
+            let note = if it.high > it.low { interval } else { "not estimated".to_string() };
+            row(&label(cause), it.name, &it.unit, &words::before(found, cause), it.value, &note);
+        }
+    }
+    for it in &portrait.calibration {
+        let note = format!("{:+.1} standard deviations of its tolerance (2 are allowed)", it.sds);
+        row("calibration", it.name, it.unit, &number(it.nominal), it.value, &note);
+    }
+    body.push_str("</table>\n");
+}
+
+fn errors(body: &mut String, kind: PlantKind, found: &Diagnosis) {
+    let _ = write!(
+        body,
+        "<h2>Errors and noise</h2>\n<p>Root mean square errors on {}. The noise is estimated from the records themselves: what is left at high frequencies, \
+         continued downwards. 1.00 times the noise is as good as a simulation can be.</p>\n\
+         <table><tr><th>output</th><th>noise</th><th>from row to row</th><th>nominal</th><th>over noise</th><th>extended</th><th>over noise</th></tr>\n",
+        words::judging(&found.portrait)
+    );
+    for (before, after) in found.nominal.iter().zip(&found.extended) {
+        let signal = kind.outputs()[before.output];
+        let noise = found.noise.iter().find(|(k, _, _)| *k == before.output);
+        let (sd, correlation) = noise.map_or((None, String::new()), |(_, sd, correlation)| {
+            let words = if *correlation == 0.0 { "white".to_string() } else { format!("correlation {correlation:.2}") };
+            (Some(*sd), words)
+        });
+        let _ = writeln!(
+            body,
+            "<tr><td>{} [{}]</td><td class=\"number\">{}</td><td>{correlation}</td><td class=\"number\">{}</td><td class=\"number\">{:.2}</td>\
+             <td class=\"number\">{}</td><td class=\"number\">{:.2}</td></tr>",
+            signal.name,
+            escaped(signal.unit),
+            figure(sd),
+            figure(Some(before.rmse)),
+            before.noise_ratio,
+            figure(Some(after.rmse)),
+            after.noise_ratio
+        );
+    }
+    body.push_str("</table>\n");
+}
+
+fn ranking(body: &mut String, found: &Diagnosis) {
+    let rejected = evidence::rejected(found);
+    if rejected.is_empty() {
+        return;
+    }
+    let _ = write!(
+        body,
+        "<h2>What was not believed, and why</h2>\n<p>Gains are squared errors in units of the noise; {:.0} is what chance and worth ask of a cause. The first \
+         column is what the catalogue's screen promised in first order.</p>\n\
+         <table><tr><th>hypothesis</th><th>promised</th><th>with the causes in</th><th>why not</th></tr>\n",
+        found.threshold
+    );
+    for it in rejected.iter().take(RANKED) {
+        let _ = writeln!(
+            body,
+            "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td>{}</td></tr>",
+            escaped(&it.label),
+            rounded(Some(it.promised)),
+            rounded(it.remaining),
+            escaped(&it.why)
+        );
+    }
+    body.push_str("</table>\n");
+    if rejected.len() > RANKED {
+        let _ = writeln!(body, "<p class=\"note\">{} more promised less.</p>", rejected.len() - RANKED);
+    }
+}
+
+/// Gains are counts of thousands: one decimal says too much already.
+fn rounded(value: Option<f64>) -> String {
+    value.map_or(String::new(), |value| format!("{value:.0}"))
+}

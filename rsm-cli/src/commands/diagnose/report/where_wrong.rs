@@ -1,0 +1,100 @@
+//! Where the plant is wrong: the telling regions, and the error by region before and after.
+//!
+//! In: a diagnosis. Out: tables with bars. Decides nothing.
+
+use std::fmt::Write as _;
+
+use rsm_lab::diagnosis::Diagnosis;
+use rsm_lab::diagnosis::regions::{Region, Slice};
+use rsm_lab::kind::PlantKind;
+
+use crate::page::{bar, escaped};
+
+/// Lines of the first table.
+const LINES: usize = 16;
+
+/// The colours of the curves (plot.rs), for bars.
+const BEFORE: &str = "#d55e00";
+const AFTER: &str = "#0072b2";
+
+/// The section.
+pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
+    let portrait = &found.portrait;
+    body.push_str("<h2>Where the plant is wrong, calibrated within its tolerances</h2>\n");
+    if portrait.before.is_empty() {
+        body.push_str("<p>Nowhere: in every region that was looked at, the error is that of the noise.</p>\n");
+        return;
+    }
+    body.push_str(
+        "<p>Shares of the squared error beyond the noise, all outputs together in units of their noise. Regions overlap: their shares do not sum to one.</p>\n",
+    );
+    table(body, kind, &portrait.before);
+    let quantities = quantities(found);
+    if quantities.is_empty() {
+        return;
+    }
+    let _ = writeln!(
+        body,
+        "<h3>Error by region, before and after</h3>\n<p>Root mean square error over the noise; <span style=\"color:{BEFORE}\">calibrated</span>, \
+         <span style=\"color:{AFTER}\">extended</span>; the grey line stands for the noise.</p>"
+    );
+    for (output, quantity) in quantities {
+        let slices: Vec<&Slice> = portrait.slices.iter().filter(|it| it.output == output && it.quantity == quantity).collect();
+        let most = slices.iter().map(|it| it.before.max(it.after).sqrt()).fold(1.0, f64::max);
+        let _ = writeln!(
+            body,
+            "<table><tr><th>{} by {quantity}</th><th>rows</th><th>calibrated</th><th>extended</th><th></th></tr>",
+            kind.outputs()[output].name
+        );
+        for it in slices {
+            let (before, after) = (it.before.sqrt(), it.after.sqrt());
+            let noise = 200.0 / most;
+            let _ = writeln!(
+                body,
+                "<tr><td>{}</td><td class=\"number\">{:.0} %</td><td class=\"number\">{before:.2}</td><td class=\"number\">{after:.2}</td>\
+                 <td class=\"bars\" style=\"background:linear-gradient(#999,#999) calc(0.7em + {noise:.0}px) 0/1px 100% no-repeat\">{}<br>{}</td></tr>",
+                escaped(&it.region),
+                100.0 * it.share_of_rows,
+                bar(before / most, BEFORE),
+                bar(after / most, AFTER)
+            );
+        }
+        body.push_str("</table>\n");
+    }
+}
+
+/// Regions with their shares.
+pub fn table(body: &mut String, kind: PlantKind, regions: &[Region]) {
+    body.push_str("<table><tr><th>output</th><th>where</th><th>of all error</th><th>of its output's</th><th>of the rows</th><th></th></tr>\n");
+    for it in regions.iter().take(LINES) {
+        // Lines and octaves of a spectrum have no rows.
+        let rows = match it.quantity {
+            "frequency" | "line" | "order" => String::new(),
+            _ => format!("{:.0} %", 100.0 * it.share_of_rows),
+        };
+        let _ = writeln!(
+            body,
+            "<tr><td>{}</td><td>{}</td><td class=\"number\">{:.0} %</td><td class=\"number\">{:.0} %</td>\
+             <td class=\"number\">{rows}</td><td class=\"bars\">{}</td></tr>",
+            kind.outputs()[it.output].name,
+            escaped(&it.region),
+            100.0 * it.share_of_error,
+            100.0 * it.share_of_output,
+            bar(it.share_of_error, BEFORE)
+        );
+    }
+    body.push_str("</table>\n");
+}
+
+/// Outputs and quantities that have a telling region, in the order of their telling.
+fn quantities(found: &Diagnosis) -> Vec<(usize, &'static str)> {
+    let mut list = Vec::new();
+    for it in &found.portrait.before {
+        let is_class = found.portrait.slices.iter().any(|slice| slice.output == it.output && slice.quantity == it.quantity);
+        let one = (it.output, it.quantity);
+        if is_class && it.quantity != "output" && !list.contains(&one) && list.len() < 6 {
+            list.push(one);
+        }
+    }
+    list
+}

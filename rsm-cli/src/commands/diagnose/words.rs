@@ -1,0 +1,148 @@
+//! The verdict in a sentence, for the page and for standard error.
+//!
+//! In: a diagnosis. Out: sentences with its numbers. Decides nothing.
+
+use rsm_lab::diagnosis::correction::Offer;
+use rsm_lab::diagnosis::portrait::Portrait;
+use rsm_lab::diagnosis::regions::{Region, telling};
+use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
+use rsm_lab::effect::Subject;
+use rsm_lab::kind::PlantKind;
+
+use super::evidence::label;
+use super::next;
+use crate::page::figure;
+
+/// The records that judge, in words.
+pub fn judging(portrait: &Portrait) -> String {
+    let count = if portrait.unseen { portrait.records[1].len() } else { portrait.records[0].len() };
+    let plural = if count == 1 { "" } else { "s" };
+    if portrait.unseen { format!("{count} unseen record{plural}") } else { format!("the {count} record{plural} of the fit") }
+}
+
+/// The verdict with its numbers.
+pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
+    let judging = judging(&found.portrait);
+    let worst = |errors: &[rsm_lab::diagnosis::validation::Error]| {
+        let worst = errors.iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio));
+        worst.map_or((String::new(), 0.0), |it| (kind.outputs()[it.output].name.to_string(), it.noise_ratio))
+    };
+    let ((before, most), (after, least)) = (worst(&found.nominal), worst(&found.extended));
+    let names = and(&found.causes.iter().map(label).collect::<Vec<_>>());
+    let gain = format!(
+        "On {judging} {:.1} % of the error beyond the noise is gone: the worst output was {before}, {most:.2} times its noise, and is {after} now, {least:.2} times.",
+        100.0 * found.gain
+    );
+    match found.verdict {
+        Verdict::NoDiscrepancy => {
+            let moved = found.portrait.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()));
+            let moved = moved.map_or(String::new(), |it| {
+                format!(
+                    " What moved most within its tolerance is {}, by {:.1} standard deviations of it.",
+                    it.name,
+                    it.sds.abs()
+                )
+            });
+            format!(
+                "Nothing is wrong with the simulation that these records show: with its parameters inside their tolerances it leaves noise. On {judging} the worst \
+                 output, {after}, is {least:.2} times its noise.{moved}"
+            )
+        }
+        Verdict::Explained => {
+            let explain = if found.causes.len() == 1 { "explains" } else { "explain" };
+            format!("{names} {explain} what the simulation gets wrong; noise is left. {gain}")
+        }
+        Verdict::Unexplained => {
+            let looks = telling(&found.portrait.after, 1);
+            let looks = looks.first().map_or(String::new(), |it| format!(" Most telling: {}.", place(kind, it)));
+            let stopped = found.stopped.map_or(String::new(), |limit| format!(" The search stopped {limit}."));
+            let helps = if found.causes.is_empty() {
+                "No cause of the catalogue helps.".to_string()
+            } else {
+                let (help, does) = if found.causes.len() == 1 { ("helps", "does") } else { ("help", "do") };
+                format!("{names} {help} and {does} not explain it all. {gain}")
+            };
+            format!(
+                "The simulation gets something wrong that the catalogue does not explain: what is left is {:.2} times the noise.{looks}{stopped} {helps}",
+                times(found)
+            )
+        }
+    }
+}
+
+/// A region with its output and share.
+pub fn place(kind: PlantKind, region: &Region) -> String {
+    let rows = match region.quantity {
+        "frequency" | "line" | "order" => String::new(),
+        _ => format!(", which is {:.0} % of the rows", 100.0 * region.share_of_rows),
+    };
+    format!(
+        "{:.0} % of the error of {} lies in: {}{rows}",
+        100.0 * region.share_of_output,
+        kind.outputs()[region.output].name,
+        region.region
+    )
+}
+
+/// What is left over the noise, as root mean squares.
+pub fn times(found: &Diagnosis) -> f64 {
+    let unseen = found.left_unseen.as_ref().map_or(0.0, |it| it.excess);
+    (1.0 + found.left.excess.max(unseen).max(0.0)).sqrt()
+}
+
+/// What the plant file said of what a cause changes.
+pub fn before(found: &Diagnosis, cause: &Cause) -> String {
+    let subject = cause.subject.as_deref().filter(|_| cause.of == Subject::Parameter);
+    let value = subject.and_then(|name| found.plant.parameters.optional(name));
+    value.map_or("absent".to_string(), |value| figure(Some(value)))
+}
+
+/// a, b and c.
+fn and(names: &[String]) -> String {
+    match names {
+        [] => "Nothing".to_string(),
+        [one] => one.clone(),
+        [rest @ .., last] => format!("{} and {last}", rest.join(", ")),
+    }
+}
+
+/// What standard error tells.
+pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
+    for it in &found.findings {
+        let rows = (it.rows.0 + 1, it.rows.1 + 1);
+        eprintln!("{}: data rows {} to {}: {} {}, left out", it.record, rows.0, rows.1, it.channel, it.what);
+    }
+    eprintln!("{} ({seconds:.1} s). {}", found.verdict.name(), verdict(kind, found));
+    for cause in &found.causes {
+        eprintln!("  {}: {} Confidence {:.2}.", label(cause), cause.sentence, cause.confidence);
+        if !cause.indistinguishable_from.is_empty() {
+            eprintln!("    In these records the same as {}.", cause.indistinguishable_from.join(", "));
+        }
+        eprintln!("    To be sure: {}", cause.check);
+    }
+    if let Some(sentence) = next::sentence(found) {
+        eprintln!("  {sentence}");
+    }
+    match &found.portrait.correction {
+        Some(Offer::Gains(it)) => eprintln!(
+            "  A black-box correction (correction.toml) removes {:.0} % of what is left on {}.",
+            100.0 * it.gain,
+            judging(&found.portrait)
+        ),
+        Some(Offer::Nothing { .. }) => {
+            eprintln!("  A black-box correction of what is left gains nothing on {}.", judging(&found.portrait));
+        }
+        None => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_joined_as_in_a_sentence() {
+        let names = |list: &[&str]| and(&list.iter().map(ToString::to_string).collect::<Vec<_>>());
+        assert_eq!([names(&["a"]), names(&["a", "b"]), names(&["a", "b", "c"])], ["a", "a and b", "a, b and c"]);
+    }
+}
