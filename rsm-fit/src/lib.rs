@@ -87,3 +87,5 @@ pub mod fit;
 pub mod recursive;
 
 pub mod plan;
+
+pub mod diagnosis;

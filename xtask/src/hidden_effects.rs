@@ -14,6 +14,7 @@ pub(crate) fn quick() -> std::process::Command {
 pub(crate) fn run(words: &[&str]) -> bool {
     let (mode, rest) = match words {
         ["verify", rest @ ..] => ("verify", rest),
+        ["surfaces", rest @ ..] => ("surfaces", rest),
         rest => ("judge", rest),
     };
     let judge = judge("release", mode, rest);

@@ -22,7 +22,9 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
        cargo xtask hidden-effects [--seed N] [--family singles|nulls|pairs|outside|faults] [--case NAME] [--quick]
                             makes records with hidden effects, runs `rsm diagnose` on them, compares with the truth
        cargo xtask hidden-effects verify [--seed N] [--quick]
-                            compares `rsm simulate` with other code for the same plants, an effect a line";
+                            compares `rsm simulate` with other code for the same plants, an effect a line
+       cargo xtask hidden-effects surfaces [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside] [--case NAME]
+                            surfaces against new data with something hidden in them";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -16,7 +16,7 @@ fn a_diagnosis_without_a_record_of_a_surface_or_of_an_extended_plant_is_refused(
     assert!(text(&without.stderr).contains("--record: found none"));
     let surface = rsm(&["diagnose", &plant, "--data", &record], here.path());
     assert_eq!(surface.status.code(), Some(2));
-    assert!(text(&surface.stderr).contains("not surfaces from --data"));
+    assert!(text(&surface.stderr).contains("is a plant file, whose records are given with --record"));
     let effects =
         std::fs::read_to_string(&plant).unwrap() + "\n[[effects]]\nkind = \"windage\"\nparameters = { coefficient = 1e-6 }\n";
     std::fs::write(here.path().join("extended.toml"), effects).unwrap();

@@ -4,6 +4,7 @@ mod command;
 mod compensator;
 mod design;
 mod diagnose;
+mod diagnose_surface;
 mod driveline;
 mod made_up_runs;
 mod motor;

@@ -10,5 +10,6 @@ mod recursive;
 mod rejected;
 mod splits;
 mod support;
+mod surface_diagnosis;
 mod textbook;
 mod weights;

@@ -20,4 +20,5 @@ pub mod motor;
 pub mod outside;
 pub mod plant;
 pub mod random;
+pub mod surfaces;
 pub mod verification;

@@ -4,6 +4,7 @@
 //! reached, 1 when not, 2 for words that it does not know. Writes nowhere but into that folder.
 
 mod report;
+mod surface_table;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -19,7 +20,9 @@ usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--family single
            makes cases, runs `rsm diagnose` on each, compares with the truth
        hidden-effects make   --out DIR [the same]      makes the cases only
        hidden-effects verify --rsm PROGRAM --out DIR [--seed N] [--quick]
-           compares `rsm simulate` with the plants of this package, an effect a line";
+           compares `rsm simulate` with the plants of this package, an effect a line
+       hidden-effects surfaces --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside] [--case NAME]
+           surfaces against new data with something hidden in them, as many seeds from the first on";
 
 /// What the words say.
 struct Words {
@@ -63,6 +66,7 @@ fn main() -> ExitCode {
         Some("judge") => words(arguments, true).and_then(|words| judge_all(&words)),
         Some("make") => words(arguments, false).and_then(|words| make(&words)),
         Some("verify") => words(arguments, true).and_then(|words| verify(&words)),
+        Some("surfaces") => surface_table::run(arguments),
         _ => Err(USAGE.to_string()),
     };
     match result {

@@ -2,13 +2,15 @@
 //!
 //! In: a plant file, training and validation records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html, correction.toml where
 //! a black box gains, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or absent. Every
-//! verdict is an answer: exit status 0. A surface against new data (`--data`) is refused by name.
+//! verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
 
 mod evidence;
 mod next;
 mod portrait;
 mod refit;
 mod report;
+mod surface;
+mod surface_report;
 mod words;
 
 use std::path::PathBuf;
@@ -16,7 +18,8 @@ use std::time::Instant;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use rsm_core::source::Source;
+use rsm_core::source::{Collector, Source};
+use rsm_core::toml_reader;
 use rsm_lab::diagnosis::{self, Diagnosis, Options};
 use rsm_lab::effect::Subject;
 use rsm_lab::kind::PlantKind;
@@ -29,7 +32,8 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The nominal plant file
+    /// The nominal plant file, or a model file (then with --data)
+    #[arg(value_name = "PLANT.toml|MODEL.toml")]
     plant: PathBuf,
     /// A record from which causes are estimated; may be repeated
     #[arg(long)]
@@ -37,7 +41,7 @@ pub struct Arguments {
     /// A record on which they are judged; may be repeated
     #[arg(long)]
     validate: Vec<PathBuf>,
-    /// New data for a model file (not in this version)
+    /// New data for a model file; may be repeated
     #[arg(long)]
     data: Vec<PathBuf>,
     /// The folder for diagnosis.json, extended.toml and report.html
@@ -55,13 +59,20 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    if !arguments.data.is_empty() {
-        return Err(Refusal::new("--data: this version diagnoses plants from --record, not surfaces from --data"));
+    let source = Source::read(&arguments.plant)?;
+    if is_model(&source, arguments)? {
+        return surface::run(&surface::Task {
+            model: &source,
+            data: &arguments.data,
+            validate: &arguments.validate,
+            out: arguments.out.as_deref(),
+            json: arguments.json,
+        });
     }
     if arguments.record.is_empty() {
         return Err(Refusal::new("--record: found none, a diagnosis needs at least one record to estimate from"));
     }
-    let plant = PlantFile::read(&Source::read(&arguments.plant)?)?;
+    let plant = PlantFile::read(&source)?;
     if !plant.effects.is_empty() {
         return Err(Refusal::new(format!(
             "{}: found {} [[effects]], a diagnosis begins with a nominal plant: take them out, or write what they say as parameters",
@@ -144,6 +155,33 @@ pub fn run(arguments: &Arguments) -> Outcome {
         None => {}
     }
     Ok(Answer::Positive)
+}
+
+/// Whether the file is a model: it has the key `model`, as a plant file has `plant`. Flags that belong to the other kind are refused.
+fn is_model(source: &Source, arguments: &Arguments) -> Result<bool, Refusal> {
+    let mut faults = Collector::new();
+    let document = toml_reader::parse(source, &mut faults);
+    let has = document.as_ref().map(|table| ["model", "plant"].map(|key| table.get_ref().contains_key(key)));
+    let [model, plant] = faults.finish(has)?;
+    match (model, plant) {
+        (true, false) if !arguments.record.is_empty() => {
+            Err(Refusal::new(format!("--record: {} is a model file, whose new data are given with --data", source.name())))
+        }
+        (true, false) if arguments.data.is_empty() => Err(Refusal::new(format!(
+            "--data: found none, and {} is a model file: give the new data to compare",
+            source.name()
+        ))),
+        (false, true) if !arguments.data.is_empty() => {
+            Err(Refusal::new(format!("--data: {} is a plant file, whose records are given with --record", source.name())))
+        }
+        (true, false) => Ok(true),
+        (false, true) => Ok(false),
+        (true, true) => Err(Refusal::new(format!("{}: found both `model` and `plant`, expected one of them", source.name()))),
+        (false, false) => Err(Refusal::new(format!(
+            "{}: found neither `model` (a model file) nor `plant` (a plant file) among its keys",
+            source.name()
+        ))),
+    }
 }
 
 /// DESIGN.md 5.3.

@@ -1,0 +1,199 @@
+//! `rsm diagnose MODEL.toml --data`: a fitted surface against new data.
+//!
+//! In: a model file, new data, unseen rows. Out: one JSON object, and with `--out` diagnosis.json, extended.toml (a model file) and report.html, whole or absent. Every verdict is an answer:
+//! exit status 0.
+
+use std::path::{Path, PathBuf};
+
+use rsm_core::check::Checked;
+use rsm_core::model::Model;
+use rsm_core::model_file;
+use rsm_core::source::Source;
+use rsm_fit::diagnosis::causes::{Cause, OutlyingRun};
+use rsm_fit::diagnosis::data::NewData;
+use rsm_fit::diagnosis::unseen::Errors;
+use rsm_fit::diagnosis::{self, Diagnosis, ResponseDiagnosis};
+use serde_json::{Map, Value, json};
+
+use super::surface_report;
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+/// What the command line says of a surface.
+pub struct Task<'a> {
+    /// The model file.
+    pub model: &'a Source,
+    /// New data.
+    pub data: &'a [PathBuf],
+    /// Unseen rows.
+    pub validate: &'a [PathBuf],
+    /// The folder for the files.
+    pub out: Option<&'a Path>,
+    /// Whether to print JSON.
+    pub json: bool,
+}
+
+pub fn run(task: &Task<'_>) -> Outcome {
+    let checked = Checked::read(task.model)?;
+    let model = checked.model();
+    let read = |paths: &[PathBuf], only: Option<&[usize]>| -> Result<NewData, Refusal> {
+        let sources = paths.iter().map(|path| Source::read(path)).collect::<Result<Vec<_>, _>>()?;
+        NewData::read(model, &sources, only).map_err(|refused| Refusal::new(refused.to_string()))
+    };
+    let data = read(task.data, None)?;
+    let compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| data.responses[*index].is_some()).collect();
+    let unseen = if task.validate.is_empty() { None } else { Some(read(task.validate, Some(&compared))?) };
+    let found = diagnosis::diagnose(&checked, &data, unseen.as_ref(), &mut |name| eprintln!("{name} ..."))
+        .map_err(|why| Refusal::new(format!("{}: {why}", task.model.name())))?;
+    let value = value(model, &data, &found);
+    if let Some(folder) = task.out {
+        let text = serde_json::to_string_pretty(&value)
+            .map_err(|error| Refusal::new(format!("diagnosis.json cannot be written as JSON: {error}")))?;
+        let page = surface_report::html(model, &data, &found)?;
+        let files = [
+            (folder.join("diagnosis.json"), text + "\n"),
+            (folder.join("extended.toml"), model_file::write(&found.extended)),
+            (folder.join("report.html"), page),
+        ];
+        output::write_all(&files)?;
+    }
+    if task.json {
+        output::json(&value)?;
+    }
+    words(model, &data, &found);
+    Ok(Answer::Positive)
+}
+
+/// Verdict and causes on standard error.
+fn words(model: &Model, data: &NewData, found: &Diagnosis) {
+    for (column, why) in &data.ignored {
+        eprintln!("column `{column}` takes no part: {why}");
+    }
+    eprintln!("{}", found.verdict.name());
+    for response in &found.responses {
+        let surface = &model.surfaces[response.surface];
+        let unit = &surface.unit;
+        eprintln!("{}: {}, {} rows compared", surface.name, response.verdict.name(), response.rows);
+        if !response.outside.is_empty() {
+            let places: Vec<String> = response.outside.iter().take(5).map(|row| data.place_of(*row)).collect();
+            let more = if response.outside.len() > 5 { " ..." } else { "" };
+            eprintln!(
+                "  {} rows are outside the ranges or the support, and take no part: {}{more}",
+                response.outside.len(),
+                places.join(", ")
+            );
+        }
+        for cause in &response.causes {
+            eprintln!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
+            if !cause.indistinguishable_from.is_empty() {
+                eprintln!("    In these data this is not to be told from {}.", cause.indistinguishable_from.join(", "));
+            }
+        }
+        for note in &response.notes {
+            eprintln!("  Note: {note}.");
+        }
+        eprintln!(
+            "  noise {:.4} {unit} (from {}); on unseen rows ({}): {:.2} times the noise before, {:.2} after",
+            response.floor.sd,
+            response.floor.from,
+            response.judged_on,
+            response.nominal.noise_ratio,
+            response.extended.noise_ratio
+        );
+    }
+}
+
+/// DESIGN.md 5.3, as far as it goes for surfaces; every cause has its `response`.
+pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
+    let name = |response: &ResponseDiagnosis| model.surfaces[response.surface].name.clone();
+    let mut all: Vec<(&ResponseDiagnosis, &Cause)> =
+        found.responses.iter().flat_map(|response| response.causes.iter().map(move |cause| (response, cause))).collect();
+    all.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+    let causes: Vec<Value> = all.iter().map(|(response, cause)| cause_value(&name(response), data, cause)).collect();
+    let errors = |of: fn(&ResponseDiagnosis) -> &Errors| -> Value {
+        let each = found.responses.iter().map(|response| {
+            let errors = of(response);
+            let value = json!({ "rmse": output::finite(errors.rmse), "noise_ratio": output::finite(errors.noise_ratio) });
+            (name(response), value)
+        });
+        json!({ "validate": each.collect::<Map<String, Value>>() })
+    };
+    let regions = found.responses.iter().flat_map(|response| {
+        let output = name(response);
+        response.regions.iter().map(move |it| {
+            json!({ "output": output, "region": it.region, "share_of_error": it.share_of_error, "share_of_rows": it.share_of_rows })
+        })
+    });
+    let responses = found.responses.iter().map(|response| (name(response), response_value(data, response)));
+    json!({
+        "verdict": found.verdict.name(),
+        "causes": causes,
+        "nominal": errors(|response| &response.nominal),
+        "extended": errors(|response| &response.extended),
+        "extended_file": errors(|response| &response.extended_file),
+        "gain": output::finite(found.gain),
+        "where": regions.collect::<Vec<Value>>(),
+        "responses": responses.collect::<Map<String, Value>>(),
+        "run_order": data.ordered_by.as_deref().unwrap_or("the order of the rows"),
+        "ignored_columns": data.ignored.iter().map(|(column, why)| json!({ "column": column, "why": why })).collect::<Vec<Value>>(),
+    })
+}
+
+fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
+    let mut one = Map::new();
+    one.insert("kind".to_string(), json!(cause.kind));
+    one.insert("response".to_string(), json!(response));
+    if let Some((key, subject)) = &cause.subject {
+        one.insert((*key).to_string(), json!(subject));
+    }
+    let parameters = cause.parameters.iter().map(|it| {
+        let number = output::finite;
+        let value = json!({ "value": number(it.value), "low": number(it.low), "high": number(it.high), "unit": it.unit });
+        (it.name.clone(), value)
+    });
+    one.insert("parameters".to_string(), Value::Object(parameters.collect()));
+    for (key, value) in &cause.details {
+        // Numbers and lists of them stay what they are.
+        one.insert((*key).to_string(), serde_json::from_str(value).unwrap_or_else(|_| json!(value)));
+    }
+    if !cause.runs.is_empty() {
+        let run = |it: &OutlyingRun| {
+            let (file, line) = data.lines[it.place];
+            json!({
+                "run": it.place + 1, "file": data.files[file].name, "line": line, "residual": output::finite(it.residual),
+                "studentised_residual": output::finite(it.studentised), "p": it.p,
+            })
+        };
+        one.insert("runs".to_string(), cause.runs.iter().map(run).collect());
+    }
+    one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
+    one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
+    let rivals = cause.rivals.iter().map(|(label, behind)| json!({ "cause": label, "behind": output::finite(*behind) }));
+    one.insert(
+        "evidence".to_string(),
+        json!({ "likelihood_ratio": output::finite(cause.gain), "ln_p": output::finite(cause.ln_p), "rivals": rivals.collect::<Vec<Value>>() }),
+    );
+    one.insert("words".to_string(), json!(cause.sentence));
+    Value::Object(one)
+}
+
+fn response_value(data: &NewData, response: &ResponseDiagnosis) -> Value {
+    let tests = response.tests.iter().map(|it| json!({ "test": it.what, "ln_p": output::finite(it.ln_p) }));
+    let ranking = response.ranking.iter().take(12).map(|(label, gain, ln_p)| {
+        json!({ "cause": label, "likelihood_ratio": output::finite(*gain), "ln_p": output::finite(*ln_p) })
+    });
+    json!({
+        "verdict": response.verdict.name(),
+        "rows": response.rows,
+        "rows_outside": response.outside.iter().map(|row| data.place_of(*row)).collect::<Vec<String>>(),
+        "rows_of_file": response.rows_of_file,
+        "noise": { "sd": output::finite(response.floor.sd), "from": response.floor.from },
+        "gain": output::finite(response.gain),
+        "judged_on": response.judged_on,
+        "threshold": output::finite(response.threshold),
+        "structure_tests": tests.collect::<Vec<Value>>(),
+        "structure_threshold_p": response.threshold_p_structure,
+        "ranking": ranking.collect::<Vec<Value>>(),
+        "notes": response.notes,
+    })
+}

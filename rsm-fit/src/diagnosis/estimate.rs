@@ -1,0 +1,161 @@
+//! The numbers of a cause, with their intervals.
+//!
+//! In: a sample and its explanation. Out: the explanation with the columns of input sensors as they are at the estimate (gain and bias of a sensor act through the polynomial, not in a straight line:
+//! Gauss and Newton), and for each cause its unknowns with standard errors. Never adds or drops a cause.
+
+use super::explain::{Explained, settle, solved};
+use super::hypotheses::{Claim, moved};
+use super::sample::Sample;
+use super::tails::t_of;
+use super::whitening::{Solved, dot, solve};
+
+/// What one cause's unknowns are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Numbers {
+    /// An estimate a column.
+    pub values: Vec<f64>,
+    /// Half of the 95 % interval of each.
+    pub halves: Vec<f64>,
+}
+
+/// Estimates of all causes of an explanation.
+#[derive(Debug, Clone)]
+pub struct Estimates {
+    /// In the order of the set.
+    pub causes: Vec<Numbers>,
+    /// The residual standard deviation in white units, and its degrees of freedom.
+    pub sd: f64,
+    /// See `sd`.
+    pub freedom: f64,
+}
+
+/// Steps of Gauss and Newton; they converge quadratically, and a search that has not after these never does.
+const STEPS: usize = 15;
+
+/// Two-sided share outside an interval.
+const OUTSIDE: f64 = 0.05;
+
+/// Makes the columns of input sensors exact.
+pub fn refine(sample: &Sample, found: &mut Explained) {
+    let moves = |claim: &Claim| matches!(claim, Claim::InputGain(_) | Claim::InputBias(_));
+    if !found.set.iter().any(|it| moves(&it.claim)) {
+        return;
+    }
+    let inputs = sample.inputs.len();
+    let space = found.space(sample);
+    let start = solved(sample, &found.set, &space);
+    // (gain, bias) of every input.
+    let mut sensors = vec![(1.0, 0.0); inputs];
+    let mut place = 0;
+    for it in &found.set {
+        match it.claim {
+            Claim::InputGain(input) => sensors[input].0 = (1.0 + start.coefficients[place]).clamp(0.3, 3.0),
+            Claim::InputBias(input) => sensors[input].1 = start.coefficients[place],
+            _ => {}
+        }
+        place += it.columns.len();
+    }
+    for _ in 0..STEPS {
+        let base = at(sample, &sensors);
+        let mut columns = Vec::new();
+        for it in &found.set {
+            match it.claim {
+                Claim::InputGain(input) => columns.push(space.carried(&slope(sample, &sensors, input, (1e-4, 0.0)))),
+                Claim::InputBias(input) => {
+                    let [low, high] = sample.inputs[input].range;
+                    columns.push(space.carried(&slope(sample, &sensors, input, (0.0, 1e-4 * (high - low)))));
+                }
+                Claim::ResponseGain => columns.push(space.carried(&base)),
+                _ => columns.extend(it.columns.iter().map(|column| space.carried(column))),
+            }
+        }
+        let left: Vec<f64> = sample.response.iter().zip(&base).map(|(y, f)| y - f).collect();
+        let solved = solve(&columns, &space.carried(&left));
+        let mut place = 0;
+        let mut largest: f64 = 0.0;
+        for it in &found.set {
+            let step = solved.coefficients[place];
+            match it.claim {
+                Claim::InputGain(input) => {
+                    // A fifth at once: beyond, the polynomial is another.
+                    let step = step.clamp(-0.2, 0.2);
+                    sensors[input].0 = (sensors[input].0 + step).clamp(0.3, 3.0);
+                    largest = largest.max(step.abs());
+                }
+                Claim::InputBias(input) => {
+                    let width = sample.inputs[input].range[1] - sample.inputs[input].range[0];
+                    let step = step.clamp(-0.1 * width, 0.1 * width);
+                    sensors[input].1 = (sensors[input].1 + step).clamp(-0.5 * width, 0.5 * width);
+                    largest = largest.max((step / width).abs());
+                }
+                _ => {}
+            }
+            place += it.columns.len();
+        }
+        if largest < 1e-9 {
+            break;
+        }
+    }
+    let base = at(sample, &sensors);
+    for it in &mut found.set {
+        match it.claim {
+            // The gain first, then the bias on top: their sum is the whole.
+            Claim::InputGain(input) => {
+                let gain = sensors[input].0;
+                it.columns = vec![secant(&moved(sample, input, (gain, 0.0)), &sample.nominal, gain - 1.0)];
+            }
+            Claim::InputBias(input) => {
+                let (gain, bias) = sensors[input];
+                let without = moved(sample, input, (gain, 0.0));
+                it.columns = vec![secant(&moved(sample, input, (gain, bias)), &without, bias)];
+            }
+            Claim::ResponseGain => it.columns = vec![base.clone()],
+            _ => {}
+        }
+    }
+    settle(sample, found);
+}
+
+fn secant(there: &[f64], here: &[f64], change: f64) -> Vec<f64> {
+    // No change, no column: the cause is then worth nothing, and says so.
+    let change = if change.abs() < 1e-12 { f64::INFINITY } else { change };
+    there.iter().zip(here).map(|(a, b)| (a - b) / change).collect()
+}
+
+/// The polynomial with all inputs as they truly were.
+fn at(sample: &Sample, sensors: &[(f64, f64)]) -> Vec<f64> {
+    let mut points = sample.points.clone();
+    for (column, (gain, bias)) in points.iter_mut().zip(sensors) {
+        column.iter_mut().for_each(|xi| *xi = (*xi - bias) / gain);
+    }
+    sample.polynomial(&points)
+}
+
+/// Its derivative by gain or bias of one input: a central difference, whose error is the square of the step.
+fn slope(sample: &Sample, sensors: &[(f64, f64)], input: usize, (gain, bias): (f64, f64)) -> Vec<f64> {
+    let with = |sign: f64| {
+        let mut sensors = sensors.to_vec();
+        sensors[input].0 += sign * gain;
+        sensors[input].1 += sign * bias;
+        at(sample, &sensors)
+    };
+    secant(&with(1.0), &with(-1.0), 2.0 * (gain + bias))
+}
+
+/// The numbers of every cause.
+pub fn numbers(sample: &Sample, found: &Explained) -> Estimates {
+    let space = found.space(sample);
+    let solved: Solved = solved(sample, &found.set, &space);
+    let freedom = space.rows().saturating_sub(solved.rank).max(1) as f64;
+    let sd = (dot(&solved.residual, &solved.residual) / freedom).sqrt();
+    let t = t_of(OUTSIDE, freedom);
+    let mut place = 0;
+    let mut causes = Vec::new();
+    for it in &found.set {
+        let range = place..place + it.columns.len();
+        let halves = range.clone().map(|k| t * sd * solved.covariance[k][k].sqrt()).collect();
+        causes.push(Numbers { values: solved.coefficients[range.clone()].to_vec(), halves });
+        place = range.end;
+    }
+    Estimates { causes, sd, freedom }
+}

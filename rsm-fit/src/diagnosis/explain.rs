@@ -1,0 +1,399 @@
+//! Which causes, outlying runs and kind of noise together explain a sample.
+//!
+//! In: a sample, hypotheses, thresholds. Out: [`Explained`], the combination with the least -2 ln likelihood plus costs. Each kind of noise is a start of its own, since noise that grows looks
+//! like outliers, and errors that follow each other look like drift, to whoever assumes the contrary; from each start causes, outliers and noise are found in turns until they stay.
+//! Never looks at unseen rows.
+
+use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_STEPS, step};
+use super::noise::{self, Growth};
+use super::null::Thresholds;
+use super::sample::Sample;
+use super::search::{Candidate, Search};
+use super::tails::ln_upper_f;
+use super::whitening::{Shape, Solved, Space, dot, ln_gram, orthonormal, solve};
+
+/// The noise as it is taken to be.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Noise {
+    /// How it grows; `None`: it is even.
+    pub growth: Option<Growth>,
+    /// Correlation of neighbours in the run order; `None`: there is none.
+    pub rho: Option<f64>,
+}
+
+/// What explains a sample.
+#[derive(Debug, Clone)]
+pub struct Explained {
+    /// The causes that move the mean.
+    pub set: Vec<Hypothesis>,
+    /// Rows that are left out, places in the sample, ascending.
+    pub outliers: Vec<usize>,
+    /// The noise.
+    pub noise: Noise,
+    /// -2 ln likelihood plus costs.
+    pub score: f64,
+    /// What the mean becomes at all rows.
+    pub fitted: Vec<f64>,
+    /// Relative standard deviation of each row.
+    pub scale: Vec<f64>,
+}
+
+/// A tenth of the runs may be outliers; more are a part of the process.
+const MOST_OUTLIERS: f64 = 0.1;
+
+/// Below so many degrees of freedom two halves of the residuals have ten each, and their variances differ by a factor of 6 by chance (F, 0.5 %): kinds of noise are not told apart then.
+const LEAST_FREEDOM: usize = 20;
+
+/// So many runs in a row that do not stand out hide no further ones: scatter does not grow when they are left out.
+const HIDING: usize = 15;
+
+/// Turns until causes, outliers and noise stay; where they circle, the best turn counts.
+const TURNS: usize = 5;
+
+impl Explained {
+    /// The rows that count.
+    pub fn kept(&self) -> Vec<usize> {
+        (0..self.fitted.len()).filter(|row| !self.outliers.contains(row)).collect()
+    }
+
+    /// Scale and correlation of the noise.
+    pub fn shape(&self) -> Shape {
+        Shape { scale: self.scale.clone(), rho: self.noise.rho.unwrap_or(0.0) }
+    }
+
+    /// The white space of the rows that count.
+    pub fn space(&self, sample: &Sample) -> Space {
+        Space::new(&self.kept(), &self.shape(), &sample.terms, &sample.prior)
+    }
+}
+
+/// What one cause of a set is worth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Worth {
+    /// By how much 2 ln of the likelihood falls without it.
+    pub gain: f64,
+    /// ln of the probability of as much by chance.
+    pub ln_p: f64,
+}
+
+/// The best explanation.
+pub fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds) -> Explained {
+    let mut best: Option<Explained> = None;
+    let grown = Some(noise::growth(&sample.residual(), &sample.nominal).0);
+    let every: Vec<usize> = (0..sample.rows()).collect();
+    let following = Some(noise::correlation(&sample.residual(), &every).0);
+    for (growth, rho) in [(None, None), (grown, None), (None, following), (grown, following)] {
+        let noise = Noise { growth, rho };
+        // Gross outliers hide behind terms that imitate them; a large cause makes outliers of honest runs. So both beginnings are tried.
+        let even = Explained {
+            set: Vec::new(),
+            outliers: Vec::new(),
+            noise,
+            score: f64::INFINITY,
+            fitted: sample.nominal.clone(),
+            scale: vec![1.0; sample.rows()],
+        };
+        let outlying = outliers(sample, &even, thresholds);
+        let mut starts = vec![Vec::new()];
+        if !outlying.is_empty() {
+            starts.push(outlying);
+        }
+        for start in starts {
+            let found = turns(sample, hypotheses, thresholds, noise, start);
+            if best.as_ref().is_none_or(|best| found.score < best.score) {
+                best = Some(found);
+            }
+        }
+    }
+    best.expect("there are four kinds of noise")
+}
+
+fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, noise: Noise, start: Vec<usize>) -> Explained {
+    let mut now = Explained {
+        set: Vec::new(),
+        outliers: start,
+        scale: scale(noise, &sample.nominal),
+        noise,
+        score: f64::INFINITY,
+        fitted: sample.nominal.clone(),
+    };
+    let mut best: Option<Explained> = None;
+    for _ in 0..TURNS {
+        now.set = causes(sample, hypotheses, thresholds, &now);
+        settle(sample, &mut now);
+        now.score = score(sample, thresholds, &now);
+        let before = now.clone();
+        if best.as_ref().is_none_or(|best| now.score < best.score) {
+            best = Some(now.clone());
+        }
+        now.outliers = outliers(sample, &now, thresholds);
+        settle(sample, &mut now);
+        update_noise(sample, &mut now);
+        let same_set = now.outliers == before.outliers;
+        let close = |a: Option<f64>, b: Option<f64>| a.zip(b).is_none_or(|(a, b)| (a - b).abs() < 0.01);
+        let exponent = |it: &Explained| it.noise.growth.map(Growth::exponent);
+        if same_set && close(now.noise.rho, before.noise.rho) && close(exponent(&now), exponent(&before)) {
+            break;
+        }
+    }
+    best.expect("there is at least one turn")
+}
+
+fn scale(noise: Noise, fitted: &[f64]) -> Vec<f64> {
+    noise.growth.map_or_else(|| vec![1.0; fitted.len()], |growth| growth.scale(fitted))
+}
+
+/// Least squares of the set at the rows that count: the fitted mean at all rows.
+pub fn settle(sample: &Sample, now: &mut Explained) {
+    let space = now.space(sample);
+    let solved = solved(sample, &now.set, &space);
+    now.fitted = mean(sample, &now.set, &solved, &space);
+}
+
+/// The least-squares problem of a set.
+pub fn solved(sample: &Sample, set: &[Hypothesis], space: &Space) -> Solved {
+    let columns: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
+    solve(&columns, &space.carried(&sample.residual()))
+}
+
+/// The nominal response with the causes, and with the coefficients moved by what the data say within their uncertainty.
+fn mean(sample: &Sample, set: &[Hypothesis], solved: &Solved, space: &Space) -> Vec<f64> {
+    let mut fitted = sample.nominal.clone();
+    let all = set.iter().flat_map(|it| &it.columns).zip(&solved.coefficients);
+    for (column, amplitude) in all {
+        fitted.iter_mut().zip(column).for_each(|(f, x)| *f += amplitude * x);
+    }
+    let moves = calibration(sample, space, &fitted);
+    for (column, amount) in sample.terms.iter().zip(moves) {
+        fitted.iter_mut().zip(column).for_each(|(f, x)| *f += amount * x);
+    }
+    fitted
+}
+
+/// By how much the coefficients of the file move: what is left, against how well the file knows them (the posterior mean).
+pub fn calibration(sample: &Sample, space: &Space, fitted: &[f64]) -> Vec<f64> {
+    let left: Vec<f64> = sample.response.iter().zip(fitted).map(|(y, f)| y - f).collect();
+    space.calibration(&left, &sample.terms, &sample.prior)
+}
+
+/// The best set of causes, outliers and noise as they are.
+fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, now: &Explained) -> Vec<Hypothesis> {
+    let space = now.space(sample);
+    let residual = space.carried(&sample.residual());
+    let mut pool: Vec<Hypothesis> = hypotheses.to_vec();
+    let mut chosen = Vec::new();
+    // A change between runs is looked for on a grid first; then at every row about the best place.
+    for _ in 0..2 {
+        let candidates = candidates(&pool, thresholds, &space);
+        let search = Search::new(&candidates, &residual);
+        let mut found = search.best();
+        // Costs are of one cause alone; in the set each must be worth its threshold.
+        loop {
+            let worths: Vec<Worth> = found.set.iter().map(|member| worth(&search, &candidates, &found.set, *member)).collect();
+            let weakest = (0..worths.len()).max_by(|a, b| worths[*a].ln_p.total_cmp(&worths[*b].ln_p));
+            match weakest {
+                Some(weakest) if worths[weakest].ln_p > thresholds.ln_p_mean => {
+                    found.set.remove(weakest);
+                }
+                _ => break,
+            }
+        }
+        chosen = found.set.iter().map(|member| pool[*member].clone()).collect::<Vec<_>>();
+        let Some(finer) = finer_steps(sample, &chosen, &pool) else { break };
+        pool.extend(finer);
+    }
+    singled_out(sample, chosen, hypotheses, &space)
+}
+
+/// A whole order that is missing, as those of its terms that stand out within it (Holm 1979, at 5 %), where the others are together nothing (F, 5 %): the order has passed its threshold already.
+fn singled_out(sample: &Sample, chosen: Vec<Hypothesis>, hypotheses: &[Hypothesis], space: &Space) -> Vec<Hypothesis> {
+    const LEVEL: f64 = 0.05;
+    let Some(place) = chosen.iter().position(|it| matches!(it.claim, Claim::Order(_))) else { return chosen };
+    let mut set = chosen.clone();
+    let order = set.remove(place);
+    set.push(order.clone());
+    let whole = solved(sample, &set, space);
+    let freedom = space.rows().saturating_sub(whole.rank).max(1) as f64;
+    let square = dot(&whole.residual, &whole.residual);
+    let first = whole.coefficients.len() - order.columns.len();
+    let ln_p = |k: usize| {
+        let variance = square / freedom * whole.covariance[first + k][first + k];
+        if variance > 0.0 { ln_upper_f(whole.coefficients[first + k].powi(2) / variance, 1.0, freedom) } else { 0.0 }
+    };
+    let mut by_p: Vec<usize> = (0..order.columns.len()).collect();
+    by_p.sort_by(|a, b| ln_p(*a).total_cmp(&ln_p(*b)));
+    let count = by_p.len();
+    let standing = by_p.iter().enumerate().take_while(|(rank, k)| ln_p(**k) < (LEVEL / (count - rank) as f64).ln());
+    let powers: Vec<&Vec<u32>> =
+        standing.filter_map(|(_, k)| order.in_file[*k].first()).map(|(_, monomial)| &monomial.powers).collect();
+    set.pop();
+    for powers in &powers {
+        set.extend(hypotheses.iter().find(|it| it.claim == Claim::Term((*powers).clone())).cloned());
+    }
+    let part = solved(sample, &set, space);
+    let others = whole.rank.saturating_sub(part.rank) as f64;
+    let f = (dot(&part.residual, &part.residual) - square).max(0.0) / others.max(1.0) / (square / freedom);
+    let nothing_left = others == 0.0 || ln_upper_f(f, others, freedom) > LEVEL.ln();
+    if powers.is_empty() || !nothing_left { chosen } else { set }
+}
+
+/// Changes at the rows between the places of the grid, about those that were chosen.
+fn finer_steps(sample: &Sample, chosen: &[Hypothesis], pool: &[Hypothesis]) -> Option<Vec<Hypothesis>> {
+    let rows = sample.rows();
+    let reach = rows / MOST_STEPS + 1;
+    if rows <= MOST_STEPS + 2 * LEAST_SIDE {
+        return None;
+    }
+    let known: Vec<usize> = pool.iter().filter_map(|it| if let Claim::Step(at) = it.claim { Some(at) } else { None }).collect();
+    let mut finer = Vec::new();
+    for it in chosen {
+        let Claim::Step(at) = it.claim else { continue };
+        for place in at.saturating_sub(reach).max(LEAST_SIDE)..=(at + reach).min(rows - LEAST_SIDE) {
+            if !known.contains(&place) {
+                for before in [0.0, -1.0] {
+                    // The group of the place on the grid: two changes that near are one.
+                    finer.push(Hypothesis {
+                        claim: Claim::Step(place),
+                        columns: vec![step(rows, place, before)],
+                        ..it.clone()
+                    });
+                }
+            }
+        }
+    }
+    (!finer.is_empty()).then_some(finer)
+}
+
+/// The hypotheses as the search sees them.
+pub fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, space: &Space) -> Vec<Candidate> {
+    let widest = hypotheses.iter().map(|it| it.columns.len()).max().unwrap_or(0);
+    let costs: Vec<f64> =
+        (0..=widest).map(|width| if width == 0 { 0.0 } else { thresholds.cost(width, space.rows()) }).collect();
+    let of_one = |it: &Hypothesis| Candidate {
+        columns: it.columns.iter().map(|column| space.carried(column)).collect(),
+        group: it.group,
+        cost: costs[it.columns.len()] + it.prior,
+    };
+    hypotheses.iter().map(of_one).collect()
+}
+
+/// What a member of a set is worth to it.
+pub fn worth(search: &Search<'_>, candidates: &[Candidate], set: &[usize], member: usize) -> Worth {
+    let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
+    let columns = |set: &[usize]| -> usize { set.iter().map(|it| candidates[*it].columns.len()).sum() };
+    let (without, with) = (search.square(&rest), search.square(set));
+    let rows = candidates.first().and_then(|it| it.columns.first()).map_or(0, Vec::len);
+    let width = (columns(set) - columns(&rest)) as f64;
+    let freedom = rows.saturating_sub(columns(set)).max(1) as f64;
+    let f = (without - with).max(0.0) / width / (with / freedom).max(f64::MIN_POSITIVE);
+    Worth { gain: rows as f64 * (without / with).ln(), ln_p: ln_upper_f(f, width, freedom) }
+}
+
+/// -2 ln likelihood plus the costs of causes, outliers and noise. A row that is left out counts as one that fits exactly.
+fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
+    let space = now.space(sample);
+    let rows = sample.rows() as f64;
+    let solved = solved(sample, &now.set, &space);
+    let square = dot(&solved.residual, &solved.residual).max(f64::MIN_POSITIVE);
+    let scales_left_out: f64 = now.outliers.iter().map(|row| 2.0 * now.scale[*row].ln()).sum();
+    let width = |it: &Hypothesis| it.columns.len();
+    let causes: f64 = now.set.iter().map(|it| thresholds.cost(width(it), space.rows()) + it.prior).sum();
+    let freedom = (rows - now.set.iter().map(width).sum::<usize>() as f64 - 3.0).max(2.0);
+    let f = super::tails::f_of((thresholds.alpha_outliers / rows).ln(), 1.0, freedom);
+    let outliers = now.outliers.len() as f64 * rows * (f / freedom).ln_1p();
+    if !is_noise_proven(sample, thresholds, now) {
+        return f64::INFINITY;
+    }
+    let noise = now.noise.growth.map_or(0.0, |_| thresholds.growth) + now.noise.rho.map_or(0.0, |_| thresholds.correlation);
+    // Restricted likelihood (Patterson and Thompson 1971): without it a noise that leaves some runs nearly exact looks likely, as soon as there are unknowns enough to fit those runs.
+    let even = Space::new(&now.kept(), &Shape { scale: vec![1.0; sample.rows()], rho: 0.0 }, &sample.terms, &sample.prior);
+    let gram = |space: &Space| {
+        let columns = now.set.iter().flat_map(|it| &it.columns);
+        ln_gram(&columns.map(|column| space.carried(column)).collect::<Vec<_>>())
+    };
+    let restricted = if now.noise == Noise::default() { 0.0 } else { gram(&space) - gram(&even) };
+    rows * (square / space.rows() as f64).ln() + restricted + space.ln_determinant + scales_left_out + causes + outliers + noise
+}
+
+/// Whether growth is seen beyond a few runs, and growth and correlation beyond what residuals owe to the unknowns that were fitted: each takes a degree of freedom from likelihood ratios.
+fn is_noise_proven(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> bool {
+    let kept = now.kept();
+    let residual: Vec<f64> = kept.iter().map(|row| sample.response[*row] - now.fitted[*row]).collect();
+    let unknowns = sample.terms.len() + now.set.iter().map(|it| it.columns.len()).sum::<usize>();
+    let free = kept.len().saturating_sub(unknowns) as f64 / kept.len() as f64;
+    if now.noise != Noise::default() && kept.len() < unknowns + LEAST_FREEDOM {
+        return false;
+    }
+    let fitted: Vec<f64> = kept.iter().map(|row| now.fitted[*row]).collect();
+    let even: Vec<f64> = residual.iter().zip(&kept).map(|(e, row)| e / now.scale[*row]).collect();
+    let grows = || noise::growth_beyond_few(&residual, &fitted) * free >= thresholds.growth;
+    let follow = || noise::correlation(&even, &kept).1 * free >= thresholds.correlation;
+    (now.noise.growth.is_none() || grows()) && (now.noise.rho.is_none() || follow())
+}
+
+/// Outlying runs given the causes: the one with the largest studentised residual is left out, again and again, up to a tenth of the runs; those up to the last that is beyond chance are
+/// outliers (Rosner's generalised test, 1983: one outlier does not hide another).
+fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<usize> {
+    let rows = sample.rows();
+    let shape = Shape { scale: now.scale.clone(), rho: 0.0 };
+    let mut kept: Vec<usize> = (0..rows).collect();
+    let mut removed = Vec::new();
+    let mut last = 0;
+    let unknowns: usize = now.set.iter().map(|it| it.columns.len()).sum();
+    for _ in 0..((MOST_OUTLIERS * rows as f64).ceil() as usize) {
+        if kept.len() < unknowns + 5 {
+            break;
+        }
+        let space = Space::new(&kept, &shape, &sample.terms, &sample.prior);
+        let Some((place, t, freedom)) = most_studentised(sample, now, &space) else { break };
+        removed.push(kept.remove(place));
+        if thresholds.is_outlier(t, freedom, kept.len() + 1) {
+            last = removed.len();
+        } else if removed.len() > last + HIDING {
+            break;
+        }
+    }
+    removed.truncate(last);
+    removed.sort_unstable();
+    removed
+}
+
+/// Place among the rows kept, studentised residual, degrees of freedom of the row that stands out most.
+fn most_studentised(sample: &Sample, now: &Explained, space: &Space) -> Option<(usize, f64, f64)> {
+    let all = studentised(sample, &now.set, space);
+    let freedom = all.1;
+    all.0.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map(|(place, t)| (place, *t, freedom))
+}
+
+/// Externally studentised residuals of the rows kept, and their degrees of freedom.
+pub fn studentised(sample: &Sample, set: &[Hypothesis], space: &Space) -> (Vec<f64>, f64) {
+    let carried: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
+    let basis = orthonormal(&carried);
+    let solved = solve(&carried, &space.carried(&sample.residual()));
+    let (rows, rank) = (space.rows() as f64, basis.len() as f64);
+    let square = dot(&solved.residual, &solved.residual);
+    let freedom = (rows - rank - 1.0).max(1.0);
+    let of_row = |row: usize| {
+        let own = (1.0 - basis.iter().map(|direction| direction[row] * direction[row]).sum::<f64>()).max(1e-9);
+        let e = solved.residual[row];
+        let without = (square - e * e / own).max(1e-12 * square) / freedom;
+        e / (without * own).sqrt()
+    };
+    ((0..space.rows()).map(of_row).collect(), freedom)
+}
+
+/// Growth and correlation again, from the residuals of the rows that count.
+fn update_noise(sample: &Sample, now: &mut Explained) {
+    let kept = now.kept();
+    let residual: Vec<f64> = kept.iter().map(|row| sample.response[*row] - now.fitted[*row]).collect();
+    let fitted: Vec<f64> = kept.iter().map(|row| now.fitted[*row]).collect();
+    if now.noise.growth.is_some() {
+        let growth = noise::growth(&residual, &fitted).0;
+        now.noise.growth = Some(growth);
+        now.scale = growth.scale(&now.fitted);
+    }
+    if now.noise.rho.is_some() {
+        let even: Vec<f64> = residual.iter().zip(&kept).map(|(e, row)| e / now.scale[*row]).collect();
+        now.noise.rho = Some(noise::correlation(&even, &kept).0);
+    }
+}

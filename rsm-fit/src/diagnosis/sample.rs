@@ -1,0 +1,236 @@
+//! The rows of one response that a diagnosis works on.
+//!
+//! In: new data in the units of the model, in run order, and a surface. Out: [`Sample`]: the rows inside the box and the support, with the value of the file's polynomial and of its
+//! terms at each. Rows outside are counted by place and take no part: what a polynomial does beyond its data is no fault of the file.
+
+use rsm_core::model::{Evidence, Input, Model, Surface};
+
+use super::whitening::{dot, solve};
+use crate::design::{Design, Physical};
+use crate::random::Random;
+use crate::support::Region;
+
+/// A column of the data that the model does not have.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extra {
+    /// Its name.
+    pub name: String,
+    /// Its unit; `1` where the header has none.
+    pub unit: String,
+    /// Numbers, where every cell is one.
+    pub values: Option<Vec<f64>>,
+    /// The least and the greatest of them in all the data.
+    pub range: [f64; 2],
+    /// Names of levels and the level of each row, where the column may be one of blocks.
+    pub levels: Option<(Vec<String>, Vec<usize>)>,
+    /// The values rise from run to run: a clock or a counter.
+    pub clock: bool,
+}
+
+impl Extra {
+    /// Some of the rows.
+    fn select(&self, rows: &[usize]) -> Self {
+        Extra {
+            values: self.values.as_ref().map(|values| rows.iter().map(|row| values[*row]).collect()),
+            levels: self.levels.as_ref().map(|(names, of)| (names.clone(), rows.iter().map(|row| of[*row]).collect())),
+            ..self.clone()
+        }
+    }
+
+    /// Middle and half of the range of the numbers in all the data: the same for every surface that lacks the column.
+    pub fn coding(&self) -> Option<(f64, f64)> {
+        let [low, high] = self.values.as_ref().map(|_| self.range)?;
+        Some(((low + high) / 2.0, (high - low) / 2.0))
+    }
+}
+
+/// Rows of one response, in run order.
+#[derive(Debug, Clone)]
+pub struct Sample {
+    /// The surface of the file.
+    pub surface: Surface,
+    /// Its inputs, in its order.
+    pub inputs: Vec<Input>,
+    /// For every input its values as they were read.
+    pub points: Vec<Vec<f64>>,
+    /// The response as it was read.
+    pub response: Vec<f64>,
+    /// What the file's polynomial says, not saturated.
+    pub nominal: Vec<f64>,
+    /// Columns of the terms of the file.
+    pub terms: Vec<Vec<f64>>,
+    /// Columns that the model does not have.
+    pub extras: Vec<Extra>,
+    /// The place of each row among all rows of the data, in run order.
+    pub places: Vec<usize>,
+    /// Covariance of the coefficients of the file, in units of the variance of the noise.
+    pub prior: Vec<Vec<f64>>,
+    /// Rows that made the file; as many as are here, where the file does not say.
+    pub rows_of_file: f64,
+    /// Points spread evenly over box and support: where the rows that made the file are taken to have been.
+    pub spread: Vec<Vec<f64>>,
+    /// Places of rows outside the box, the support, or where the file saturates.
+    pub outside: Vec<usize>,
+}
+
+/// So many points know the mean products of terms to two per cent.
+const SPREAD: usize = 2000;
+
+/// A share of the range: beyond it by less is the rounding of a conversion of units.
+const ROUNDING: f64 = 1e-9;
+
+impl Sample {
+    /// Of the surface `index` of a model. `points` and `extras` are of all rows.
+    pub fn new(model: &Model, index: usize, points: &[Vec<f64>], response: &[f64], extras: &[Extra]) -> Self {
+        let surface = model.surfaces[index].clone();
+        let inputs: Vec<Input> = surface
+            .inputs
+            .iter()
+            .map(|name| model.input(name).expect("a checked surface names known inputs").clone())
+            .collect();
+        let of_input =
+            |input: &Input| model.inputs.iter().position(|other| other.name == input.name).expect("it is one of them");
+        let columns: Vec<&Vec<f64>> = inputs.iter().map(|input| &points[of_input(input)]).collect();
+        let region = Region::new(&surface, &inputs);
+        let mut places = Vec::new();
+        let mut outside = Vec::new();
+        for row in 0..response.len() {
+            let in_box = inputs.iter().zip(&columns).all(|(input, column)| {
+                let [low, high] = input.range;
+                let margin = ROUNDING * (high - low);
+                (low - margin..=high + margin).contains(&column[row])
+            });
+            let point: Vec<Physical> = columns.iter().map(|column| Physical(column[row])).collect();
+            let supported = in_box && {
+                let coded: Vec<f64> = region.coded(&point).iter().map(|x| x.to_f64()).collect();
+                surface.support.iter().all(|space| dot(&space.normal, &coded) <= space.bound + ROUNDING)
+            };
+            if supported { places.push(row) } else { outside.push(row) }
+        }
+        let rows_of_file = surface.evidence.iter().find_map(|(name, value)| match value {
+            Evidence::Whole(rows) if name == "rows" && *rows > 0 => Some(*rows as f64),
+            _ => None,
+        });
+        let mut sample = Sample {
+            points: columns.iter().map(|column| places.iter().map(|row| column[*row]).collect()).collect(),
+            response: places.iter().map(|row| response[*row]).collect(),
+            extras: extras.iter().map(|extra| extra.select(&places)).collect(),
+            nominal: Vec::new(),
+            terms: Vec::new(),
+            prior: Vec::new(),
+            rows_of_file: 0.0,
+            spread: Vec::new(),
+            surface,
+            inputs,
+            places,
+            outside,
+        };
+        let powers: Vec<Vec<u32>> = sample.surface.terms.iter().map(|term| term.powers.clone()).collect();
+        sample.terms = sample.columns_of(&powers, &sample.points);
+        sample.nominal = sample.polynomial(&sample.points);
+        if let Some([low, high]) = sample.surface.output_range {
+            // Where the evaluator saturates, the data say nothing about the polynomial.
+            let inner: Vec<usize> = (0..sample.rows()).filter(|row| (low..=high).contains(&sample.nominal[*row])).collect();
+            let lost = (0..sample.rows()).filter(|row| !inner.contains(row)).map(|row| sample.places[row]);
+            let outside: Vec<usize> = sample.outside.iter().copied().chain(lost).collect();
+            sample = sample.select(&inner);
+            sample.outside = outside;
+            sample.outside.sort_unstable();
+        }
+        sample.rows_of_file = rows_of_file.unwrap_or(sample.rows().max(1) as f64);
+        sample.spread = spread(&sample, &region);
+        let terms = sample.columns_of(&powers, &sample.spread);
+        // sigma^2 (X'X)^-1 of as many rows as made the file, spread evenly: designed experiments know their coefficients better, so this is careful.
+        let share = sample.spread.first().map_or(0, Vec::len) as f64 / sample.rows_of_file;
+        let constant = vec![0.0; sample.spread.first().map_or(0, Vec::len)];
+        sample.prior = solve(&terms, &constant).covariance;
+        sample.prior.iter_mut().flatten().for_each(|value| *value *= share);
+        sample
+    }
+
+    /// The same with the coefficients less well known: by a factor of their variance.
+    pub fn with_prior_times(&self, factor: f64) -> Self {
+        let mut other = self.clone();
+        other.prior.iter_mut().flatten().for_each(|value| *value *= factor);
+        other
+    }
+
+    /// How many rows there are.
+    pub fn rows(&self) -> usize {
+        self.response.len()
+    }
+
+    /// Measured less computed.
+    pub fn residual(&self) -> Vec<f64> {
+        self.response.iter().zip(&self.nominal).map(|(y, f)| y - f).collect()
+    }
+
+    /// Some of the rows.
+    pub fn select(&self, rows: &[usize]) -> Self {
+        let of = |column: &Vec<f64>| -> Vec<f64> { rows.iter().map(|row| column[*row]).collect() };
+        Sample {
+            surface: self.surface.clone(),
+            inputs: self.inputs.clone(),
+            points: self.points.iter().map(of).collect(),
+            response: of(&self.response),
+            nominal: of(&self.nominal),
+            terms: self.terms.iter().map(of).collect(),
+            extras: self.extras.iter().map(|extra| extra.select(rows)).collect(),
+            places: rows.iter().map(|row| self.places[*row]).collect(),
+            prior: self.prior.clone(),
+            rows_of_file: self.rows_of_file,
+            spread: self.spread.clone(),
+            outside: self.outside.clone(),
+        }
+    }
+
+    /// Columns of terms, given by their powers, at points.
+    pub fn columns_of(&self, powers: &[Vec<u32>], points: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let design = Design::new(&self.surface, &self.inputs, powers.to_vec());
+        let rows = points.first().map_or(0, Vec::len);
+        let mut columns = vec![Vec::with_capacity(rows); powers.len()];
+        for row in 0..rows {
+            let point: Vec<Physical> = points.iter().map(|column| Physical(column[row])).collect();
+            for (column, value) in columns.iter_mut().zip(design.row_as_measured(&point)) {
+                column.push(value.to_f64());
+            }
+        }
+        columns
+    }
+
+    /// The file's polynomial at points.
+    pub fn polynomial(&self, points: &[Vec<f64>]) -> Vec<f64> {
+        let powers: Vec<Vec<u32>> = self.surface.terms.iter().map(|term| term.powers.clone()).collect();
+        let columns = self.columns_of(&powers, points);
+        let rows = points.first().map_or(0, Vec::len);
+        (0..rows)
+            .map(|row| self.surface.terms.iter().zip(&columns).map(|(term, column)| term.coefficient * column[row]).sum())
+            .collect()
+    }
+
+    /// Coded values of an input at the rows, the variable whose powers the terms have.
+    pub fn coded(&self, input: usize) -> Vec<f64> {
+        let factors = rsm_core::basis::Factor::all(&self.surface, &self.inputs);
+        let value = |xi: &f64| factors[input].variable.value(crate::dd::Dd::from(*xi)).to_f64();
+        self.points[input].iter().map(value).collect()
+    }
+}
+
+/// Random points of the box that the support holds; of the box alone, where the support is too thin to be hit.
+fn spread(sample: &Sample, region: &Region) -> Vec<Vec<f64>> {
+    let mut random = Random::new(0x5b0e);
+    let mut points = vec![Vec::with_capacity(SPREAD); sample.inputs.len()];
+    let mut drawn = 0;
+    while points[0].len() < SPREAD {
+        let point: Vec<f64> =
+            sample.inputs.iter().map(|input| input.range[0] + (input.range[1] - input.range[0]) * random.share()).collect();
+        drawn += 1;
+        let physical: Vec<Physical> = point.iter().copied().map(Physical).collect();
+        let coded: Vec<f64> = region.coded(&physical).iter().map(|x| x.to_f64()).collect();
+        let inside = sample.surface.support.iter().all(|space| dot(&space.normal, &coded) <= space.bound);
+        if inside || drawn > 50 * SPREAD {
+            points.iter_mut().zip(point).for_each(|(column, value)| column.push(value));
+        }
+    }
+    points
+}

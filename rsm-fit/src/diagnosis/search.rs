@@ -1,0 +1,286 @@
+//! Which hypotheses explain a residual together: a search among sets, on the matrix of products of their columns.
+//!
+//! In: hypotheses as columns carried into the space of [`super::whitening`], the carried residual, what each costs. Out: the set with the least n ln(sum of squares) plus costs. Sets
+//! grow along several paths at once (a beam), so that two causes that mask each other are found together, and are then improved by leaving out and exchanging. Never
+//! decides how much a cause must be worth: the costs say it.
+
+use super::whitening::dot;
+
+/// A hypothesis as the search sees it.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Its columns, carried.
+    pub columns: Vec<Vec<f64>>,
+    /// Two of one group are never in a set together.
+    pub group: usize,
+    /// What it adds to the criterion.
+    pub cost: f64,
+}
+
+/// Paths that are followed at once, and continuations of each. Two causes that mask each other need the better one of a pair to be among the first of one of them.
+const BEAM: usize = 5;
+
+/// A set has at most so many: more causes than this in one data set are no longer told apart by anybody.
+const MOST: usize = 9;
+
+/// A pivot below this share of a column's own square is rounding.
+const DEPENDENT: f64 = 1e-9;
+
+/// Products of all columns and the residual, in which some are swept in.
+#[derive(Clone)]
+struct Products {
+    width: usize,
+    values: Vec<f64>,
+}
+
+impl Products {
+    fn at(&self, i: usize, j: usize) -> f64 {
+        self.values[i * self.width + j]
+    }
+
+    /// Takes a column into the set: what is left of all others is orthogonal to it.
+    fn sweep(&mut self, k: usize) {
+        let pivot = self.at(k, k);
+        let row: Vec<f64> = self.values[k * self.width..(k + 1) * self.width].to_vec();
+        for i in 0..self.width {
+            let factor = row[i] / pivot;
+            if factor != 0.0 {
+                for (value, entry) in self.values[i * self.width..(i + 1) * self.width].iter_mut().zip(&row) {
+                    *value -= factor * entry;
+                }
+            }
+        }
+    }
+}
+
+/// The search with everything that does not change.
+pub struct Search<'a> {
+    candidates: &'a [Candidate],
+    /// The first column of each candidate.
+    first: Vec<usize>,
+    own: Vec<f64>,
+    start: Products,
+    rows: f64,
+}
+
+/// A set of candidates, ascending, with what it leaves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// Places among the candidates.
+    pub set: Vec<usize>,
+    /// The criterion.
+    pub score: f64,
+}
+
+impl<'a> Search<'a> {
+    /// Of a residual.
+    pub fn new(candidates: &'a [Candidate], residual: &[f64]) -> Self {
+        let mut first = Vec::new();
+        let mut columns: Vec<&[f64]> = Vec::new();
+        for candidate in candidates {
+            first.push(columns.len());
+            columns.extend(candidate.columns.iter().map(Vec::as_slice));
+        }
+        columns.push(residual);
+        let width = columns.len();
+        let mut start = Products { width, values: vec![0.0; width * width] };
+        for i in 0..width {
+            for j in 0..=i {
+                let product = dot(columns[i], columns[j]);
+                start.values[i * width + j] = product;
+                start.values[j * width + i] = product;
+            }
+        }
+        let own = (0..width).map(|k| start.at(k, k)).collect();
+        Search { candidates, first, own, start, rows: residual.len() as f64 }
+    }
+
+    fn residual(&self, products: &Products) -> f64 {
+        let last = products.width - 1;
+        // Below this share a sum of squares is what rounding of the products leaves of nothing.
+        products.at(last, last).max(1e-14 * self.own[last])
+    }
+
+    /// n ln(sum of squares).
+    fn misfit(&self, square: f64) -> f64 {
+        self.rows * square.max(f64::MIN_POSITIVE).ln()
+    }
+
+    fn columns_of(&self, candidate: usize) -> std::ops::Range<usize> {
+        self.first[candidate]..self.first[candidate] + self.candidates[candidate].columns.len()
+    }
+
+    fn with(&self, products: &Products, candidate: usize) -> Products {
+        let mut grown = products.clone();
+        for k in self.columns_of(candidate) {
+            if grown.at(k, k) > DEPENDENT * self.own[k] {
+                grown.sweep(k);
+            }
+        }
+        grown
+    }
+
+    /// What the residual's square falls to with a candidate.
+    fn square_with(&self, products: &Products, candidate: usize) -> f64 {
+        let last = products.width - 1;
+        let columns = self.columns_of(candidate);
+        if columns.len() == 1 {
+            let k = columns.start;
+            let own = products.at(k, k);
+            let taken = if own > DEPENDENT * self.own[k] { products.at(k, last) * products.at(k, last) / own } else { 0.0 };
+            return (products.at(last, last) - taken).max(1e-14 * self.own[last]);
+        }
+        // A small matrix of its own: its columns and the residual.
+        let places: Vec<usize> = columns.clone().chain([last]).collect();
+        let width = places.len();
+        let values = places.iter().flat_map(|i| places.iter().map(|j| products.at(*i, *j))).collect();
+        let mut small = Products { width, values };
+        for (k, column) in columns.enumerate() {
+            if small.at(k, k) > DEPENDENT * self.own[column] {
+                small.sweep(k);
+            }
+        }
+        small.at(width - 1, width - 1).max(1e-14 * self.own[last])
+    }
+
+    fn products_of(&self, set: &[usize]) -> Products {
+        set.iter().fold(self.start.clone(), |products, candidate| self.with(&products, *candidate))
+    }
+
+    fn cost(&self, set: &[usize]) -> f64 {
+        set.iter().map(|candidate| self.candidates[*candidate].cost).sum()
+    }
+
+    /// The criterion of a set.
+    pub fn score(&self, set: &[usize]) -> f64 {
+        self.misfit(self.residual(&self.products_of(set))) + self.cost(set)
+    }
+
+    /// The square that a set leaves.
+    pub fn square(&self, set: &[usize]) -> f64 {
+        self.residual(&self.products_of(set))
+    }
+
+    fn may_join(&self, set: &[usize], candidate: usize) -> bool {
+        set.iter().all(|member| self.candidates[*member].group != self.candidates[candidate].group)
+    }
+
+    /// All candidates that may join a set, with the score that each would give it.
+    pub fn joined(&self, set: &[usize]) -> Vec<(usize, f64)> {
+        let products = self.products_of(set);
+        self.joined_to(&products, set)
+    }
+
+    fn joined_to(&self, products: &Products, set: &[usize]) -> Vec<(usize, f64)> {
+        let cost = self.cost(set);
+        let of = |candidate: usize| {
+            (candidate, self.misfit(self.square_with(products, candidate)) + cost + self.candidates[candidate].cost)
+        };
+        (0..self.candidates.len()).filter(|candidate| self.may_join(set, *candidate)).map(of).collect()
+    }
+
+    /// The best set.
+    pub fn best(&self) -> Found {
+        let mut best = Found { set: Vec::new(), score: self.score(&[]) };
+        let mut paths = vec![(best.clone(), self.start.clone())];
+        for depth in 1..=MOST {
+            let mut grown: Vec<(Found, usize)> = Vec::new();
+            for (path, (found, products)) in paths.iter().enumerate() {
+                let mut joined = self.joined_to(products, &found.set);
+                joined.sort_by(|a, b| a.1.total_cmp(&b.1));
+                for (candidate, score) in joined.into_iter().take(BEAM) {
+                    let mut set = found.set.clone();
+                    set.push(candidate);
+                    set.sort_unstable();
+                    if !grown.iter().any(|(other, _)| other.set == set) {
+                        grown.push((Found { set, score }, path));
+                    }
+                }
+            }
+            grown.sort_by(|a, b| a.0.score.total_cmp(&b.0.score));
+            grown.truncate(BEAM);
+            paths = grown
+                .into_iter()
+                .map(|(found, path)| {
+                    let (before, products) = &paths[path];
+                    let new =
+                        *found.set.iter().find(|member| !before.set.contains(member)).expect("a grown set has a new member");
+                    let products = self.with(products, new);
+                    (found, products)
+                })
+                .collect();
+            let Some((front, _)) = paths.first() else { break };
+            if front.score < best.score {
+                best = front.clone();
+            } else if depth >= best.set.len() + 3 {
+                // Three causes that are worth nothing singly nor in pairs are not followed.
+                break;
+            }
+        }
+        self.improved(best)
+    }
+
+    /// Leaves out and exchanges members while that pays.
+    fn improved(&self, mut best: Found) -> Found {
+        // Each round lowers the criterion, and there are finitely many sets; a bound all the same, as rounding might circle.
+        for _ in 0..4 * MOST {
+            let mut next = best.clone();
+            for place in 0..best.set.len() {
+                let mut rest = best.set.clone();
+                rest.remove(place);
+                let products = self.products_of(&rest);
+                let alone = self.misfit(self.residual(&products)) + self.cost(&rest);
+                if alone < next.score {
+                    next = Found { set: rest.clone(), score: alone };
+                }
+                for (candidate, score) in self.joined_to(&products, &rest) {
+                    // Less than a thousandth is rounding, and would circle.
+                    if score < next.score - 1e-3 {
+                        let mut set = rest.clone();
+                        set.push(candidate);
+                        set.sort_unstable();
+                        next = Found { set, score };
+                    }
+                }
+            }
+            for (candidate, score) in self.joined(&best.set) {
+                if score < next.score - 1e-3 && best.set.len() < MOST {
+                    let mut set = best.set.clone();
+                    set.push(candidate);
+                    set.sort_unstable();
+                    next = Found { set, score };
+                }
+            }
+            if next.set == best.set {
+                break;
+            }
+            best = next;
+        }
+        best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_that_masks_each_other_is_found_together() {
+        // a and b nearly cancel; d follows their sum loosely and is the best alone.
+        let n = 40;
+        let wave = |k: usize, w: f64| (k as f64 * w).sin();
+        let a: Vec<f64> = (0..n).map(|k| wave(k, 0.7)).collect();
+        let b: Vec<f64> = (0..n).map(|k| wave(k, 0.7) + 0.3 * wave(k, 1.9)).collect();
+        let d: Vec<f64> = (0..n).map(|k| wave(k, 1.9) + 0.4 * wave(k, 2.8)).collect();
+        let y: Vec<f64> = (0..n).map(|k| 3.0 * (b[k] - a[k]) + 0.01 * wave(k, 2.3)).collect();
+        let candidate = |column: &Vec<f64>, group| Candidate { columns: vec![column.clone()], group, cost: 10.0 };
+        let candidates = [candidate(&a, 0), candidate(&b, 1), candidate(&d, 2)];
+        let search = Search::new(&candidates, &y);
+        let alone = search.joined(&[]);
+        assert!(alone[2].1 < alone[0].1 && alone[2].1 < alone[1].1, "{alone:?}");
+        assert_eq!(search.best().set, [0, 1]);
+        // Of one group they may not stand together.
+        let candidates = [candidate(&a, 0), candidate(&b, 0), candidate(&d, 2)];
+        assert!(!Search::new(&candidates, &y).best().set.starts_with(&[0, 1]));
+    }
+}

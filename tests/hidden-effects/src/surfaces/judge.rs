@@ -1,0 +1,73 @@
+//! Whether a diagnosis of a surface is right.
+//!
+//! In: a case and the JSON of `rsm diagnose`. Out: [`Judgement`]. Right means: the verdict, and every hidden cause named or listed as not to be told from a named one, and nothing else named. Of a disturbance outside
+//! the catalogue only the verdict counts.
+
+use serde_json::Value;
+
+use super::Case;
+
+/// What is said of one answer.
+#[derive(Debug, Clone, Default)]
+pub struct Judgement {
+    /// Verdict and causes.
+    pub right: bool,
+    /// The answer in short.
+    pub answer: String,
+    /// For each number that was hidden: relative error, and whether the interval holds it.
+    pub numbers: Vec<(f64, bool)>,
+}
+
+/// KIND, or KIND:NAME.
+fn label(cause: &Value) -> String {
+    let kind = cause["kind"].as_str().unwrap_or("?");
+    match ["term", "input", "column", "output"].iter().find_map(|key| cause[*key].as_str()) {
+        Some(name) => format!("{kind}:{name}"),
+        None => kind.to_string(),
+    }
+}
+
+/// Judges.
+pub fn judge(case: &Case, answer: &Value) -> Judgement {
+    let empty = Vec::new();
+    let causes = answer["causes"].as_array().unwrap_or(&empty);
+    let labels: Vec<String> = causes.iter().map(label).collect();
+    let verdict = answer["verdict"].as_str().unwrap_or("?");
+    let says = |cause: usize, truth: &str| {
+        let rivals = causes[cause]["indistinguishable_from"].as_array();
+        labels[cause] == truth || rivals.is_some_and(|it| it.iter().any(|rival| rival.as_str() == Some(truth)))
+    };
+    // Each truth takes a cause of its own: those named outright first.
+    let mut free: Vec<usize> = (0..causes.len()).collect();
+    let mut found = 0;
+    let mut numbers = Vec::new();
+    let mut open = Vec::new();
+    for truth in &case.truths {
+        match free.iter().position(|cause| labels[*cause] == truth.label) {
+            Some(place) => {
+                let cause = &causes[free.remove(place)];
+                found += 1;
+                if let Some((name, value)) = truth.number {
+                    let number = &cause["parameters"][name];
+                    if let (Some(x), Some(low), Some(high)) =
+                        (number["value"].as_f64(), number["low"].as_f64(), number["high"].as_f64())
+                    {
+                        // Of a gain the distance from 1 is the cause.
+                        let size = if name == "gain" { value - 1.0 } else { value };
+                        numbers.push((((x - value) / size).abs(), low <= value && value <= high));
+                    }
+                }
+            }
+            None => open.push(truth),
+        }
+    }
+    for truth in open {
+        if let Some(place) = free.iter().position(|cause| says(*cause, &truth.label)) {
+            free.remove(place);
+            found += 1;
+        }
+    }
+    let causes_right = case.verdict == "unexplained" || (found == case.truths.len() && free.is_empty());
+    let answer = format!("{verdict}: {}", if labels.is_empty() { "nothing".to_string() } else { labels.join(", ") });
+    Judgement { right: verdict == case.verdict && causes_right, answer, numbers }
+}
