@@ -98,8 +98,10 @@ pub struct Case {
     pub name: String,
     /// What is hidden.
     pub family: Family,
-    /// The file that is diagnosed, parameters off within their tolerance.
+    /// The file that is diagnosed, parameters off within their tolerance; its noise is the true one.
     pub nominal: Nominal,
+    /// What the file says of the noise; 0 where it says nothing.
+    pub stated: Vec<f64>,
     /// What is true.
     pub truth: Truth,
     /// Causes of the truth, the parameter errors among them.
@@ -213,6 +215,12 @@ pub struct Choice {
     pub name: Option<String>,
     /// Of the quick subset only.
     pub quick: bool,
+    /// Rows of every record, in place of the plant's own.
+    pub rows: Option<usize>,
+    /// Correlation of every output's noise from row to row, in place of one that is drawn.
+    pub colour: Option<f64>,
+    /// The plant file states the noise times this; 0: it states none. Absent: as it is.
+    pub stated: Option<f64>,
 }
 
 impl Choice {
@@ -225,14 +233,15 @@ impl Choice {
 
 /// The cases of a seed. Their records are made when the iterator comes to them.
 pub fn cases(seed: u64, choice: Choice) -> impl Iterator<Item = Case> {
-    plans().into_iter().filter(move |plan| choice.has(plan)).map(move |plan| case(&plan, seed))
+    let chosen: Vec<Plan> = plans().into_iter().filter(|plan| choice.has(plan)).collect();
+    chosen.into_iter().map(move |plan| case(&plan, seed, &choice))
 }
 
 /// Draws until the causes show: see `LEAST_SIGNAL`.
-fn case(plan: &Plan, seed: u64) -> Case {
+fn case(plan: &Plan, seed: u64, choice: &Choice) -> Case {
     let mut attempt = 0;
     loop {
-        let case = draw_case(plan, Random::new(seed, &format!("{} {attempt}", plan.name)));
+        let case = draw_case(plan, Random::new(seed, &format!("{} {attempt}", plan.name)), choice);
         let hides_nothing = plan.effects.is_empty() && plan.outside.is_none();
         if hides_nothing || case.signal_to_noise >= LEAST_SIGNAL {
             return case;
@@ -242,9 +251,10 @@ fn case(plan: &Plan, seed: u64) -> Case {
     }
 }
 
-fn draw_case(plan: &Plan, mut random: Random) -> Case {
+fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let kind = plan.kind;
     let mut true_plant = draw::nominal(kind, &mut random);
+    true_plant.rows = choice.rows.unwrap_or(true_plant.rows);
     // Good sensors and poor ones: so the same magnitude is clear in one case and marginal in another.
     let poor = if kind == Kind::Car { random.spread(0.6, 2.0) } else { random.spread(1.0, 4.0) };
     true_plant.noise.iter_mut().for_each(|sigma| *sigma *= poor);
@@ -267,6 +277,7 @@ fn draw_case(plan: &Plan, mut random: Random) -> Case {
     // A third of the cases has coloured noise, by output.
     let colours: Vec<f64> =
         nominal.noise.iter().map(|_| if random.uniform(0.0, 1.0) < 0.33 { random.uniform(0.3, 0.8) } else { 0.0 }).collect();
+    let colours: Vec<f64> = colours.into_iter().map(|colour| choice.colour.unwrap_or(colour)).collect();
     let bare = Truth { parameters: without_errors(&truth, &causes, &true_plant), effects: vec![], outside: vec![], kind };
     let mut moved = vec![(0.0, 0.0); nominal.noise.len()];
     // Other gears for validation: what only holds in the gears of the training is not the cause.
@@ -304,7 +315,19 @@ fn draw_case(plan: &Plan, mut random: Random) -> Case {
         damage(&mut runs[0], fault, &mut random);
     }
     let name = plan.name.clone();
-    Case { name, family: plan.family, nominal, truth, causes, fault: plan.fault, train: runs, validate, signal_to_noise }
+    let stated = nominal.noise.iter().map(|sigma| sigma * choice.stated.unwrap_or(1.0)).collect();
+    Case {
+        stated,
+        name,
+        family: plan.family,
+        nominal,
+        truth,
+        causes,
+        fault: plan.fault,
+        train: runs,
+        validate,
+        signal_to_noise,
+    }
 }
 
 fn without_errors(truth: &Truth, causes: &[Effect], true_plant: &Nominal) -> plant::Parameters {
@@ -387,6 +410,24 @@ mod tests {
             assert!(off != 0.0 && off.abs() <= 1.5 * sigma, "{name}: {off}");
         }
         assert_eq!(case.truth.parameters.get("wheel_radius"), case.nominal.parameters.get("wheel_radius"));
+    }
+
+    #[test]
+    fn short_records_with_coloured_noise_and_a_file_that_is_silent_about_it() {
+        let name = Some("null-3-driveline".to_string());
+        let choice = Choice { name, rows: Some(900), colour: Some(0.9), stated: Some(0.0), ..Choice::default() };
+        let case = cases(1, choice).next().expect("a case of this name");
+        assert!(case.stated.iter().all(|sigma| *sigma == 0.0));
+        for run in case.train.iter().chain(&case.validate) {
+            for (noisy, exact) in run.noisy.outputs.iter().zip(&run.exact.outputs) {
+                let noise: Vec<f64> = noisy.iter().zip(exact).map(|(noisy, exact)| noisy - exact).collect();
+                assert_eq!(noise.len(), 900);
+                let products: f64 = noise.windows(2).map(|pair| pair[0] * pair[1]).sum();
+                let found = products / noise.iter().map(|e| e * e).sum::<f64>();
+                // sqrt((1 - 0.81)/900) is 0.015; four of it, and what the mean of a short record takes.
+                assert!((found - 0.9).abs() < 0.07, "{found}");
+            }
+        }
     }
 
     #[test]

@@ -36,8 +36,9 @@ pub fn plant_file(
         tolerance.iter().for_each(|(name, value)| line(format!("{name} = {value:?}")));
     }
     let outputs = || kind.outputs().iter().map(|(name, _)| name);
+    // Noise of 0 is noise of which nothing is said.
     line("\n[noise]".to_string());
-    outputs().zip(noise).for_each(|(name, sigma)| line(format!("{name} = {sigma:?}")));
+    outputs().zip(noise).filter(|(_, sigma)| **sigma > 0.0).for_each(|(name, sigma)| line(format!("{name} = {sigma:?}")));
     if let Some(start) = start {
         line("\n[initial]".to_string());
         // A command follows from reference and position; it has no start of its own.

@@ -41,7 +41,7 @@ pub fn write_case(case: &Case, parent: &Path, seed: u64) -> Result<Folder, Strin
     let kind = case.truth.kind;
     let nominal = folder.join("nominal.toml");
     let it = &case.nominal;
-    write(&nominal, &files::plant_file(kind, &it.parameters, &it.tolerance, &it.noise, None, &[]))?;
+    write(&nominal, &files::plant_file(kind, &it.parameters, &it.tolerance, &case.stated, None, &[]))?;
     let records = |name: &str, runs: &[Run]| -> Result<Vec<PathBuf>, String> {
         let each = runs.iter().enumerate().map(|(number, run)| {
             let path = folder.join(format!("{name}-{}.csv", number + 1));

@@ -17,7 +17,9 @@ use report::{Line, Report};
 
 const USAGE: &str = "\
 usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--family singles|nulls|pairs|outside|faults] [--case NAME] [--quick]
+                              [--rows N] [--colour CORRELATION] [--stated FACTOR]
            makes cases, runs `rsm diagnose` on each, compares with the truth
+           --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all
        hidden-effects make   --out DIR [the same]      makes the cases only
        hidden-effects verify --rsm PROGRAM --out DIR [--seed N] [--quick]
            compares `rsm simulate` with the plants of this package, an effect a line
@@ -29,13 +31,11 @@ struct Words {
     rsm: PathBuf,
     out: PathBuf,
     seed: u64,
-    family: Option<Family>,
-    case: Option<String>,
-    quick: bool,
+    choice: Choice,
 }
 
 fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Words, String> {
-    let (mut rsm, mut out, mut seed, mut family, mut case, mut quick) = (None, None, 1, None, None, false);
+    let (mut rsm, mut out, mut seed, mut choice) = (None, None, 1, Choice::default());
     while let Some(word) = words.next() {
         let mut value = || words.next().ok_or(format!("{word} wants a value"));
         match word.as_str() {
@@ -45,19 +45,22 @@ fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Wor
             "--family" => {
                 let name = value()?;
                 let known = Family::ALL.into_iter().find(|family| family.name() == name);
-                family = Some(
+                choice.family = Some(
                     known.ok_or_else(|| format!("no family {name}; there are {}", Family::ALL.map(Family::name).join(", ")))?,
                 );
             }
-            "--case" => case = Some(value()?),
-            "--quick" => quick = true,
+            "--case" => choice.name = Some(value()?),
+            "--quick" => choice.quick = true,
+            "--rows" => choice.rows = Some(value()?.parse().map_err(|error| format!("--rows: {error}"))?),
+            "--colour" => choice.colour = Some(value()?.parse().map_err(|error| format!("--colour: {error}"))?),
+            "--stated" => choice.stated = Some(value()?.parse().map_err(|error| format!("--stated: {error}"))?),
             _ => return Err(format!("unknown word {word}\n{USAGE}")),
         }
     }
     if needs_rsm && rsm.is_none() {
         return Err(format!("--rsm is missing\n{USAGE}"));
     }
-    Ok(Words { rsm: rsm.unwrap_or_default(), out: out.ok_or("--out is missing")?, seed, family, case, quick })
+    Ok(Words { rsm: rsm.unwrap_or_default(), out: out.ok_or("--out is missing")?, seed, choice })
 }
 
 fn main() -> ExitCode {
@@ -85,7 +88,7 @@ fn write(path: &Path, text: &str) -> Result<(), String> {
 
 /// The cases that the words ask for.
 fn asked(words: &Words) -> impl Iterator<Item = Case> {
-    cases(words.seed, Choice { family: words.family, name: words.case.clone(), quick: words.quick })
+    cases(words.seed, words.choice.clone())
 }
 
 fn make(words: &Words) -> Result<bool, String> {
@@ -194,7 +197,7 @@ fn verify(words: &Words) -> Result<bool, String> {
     println!("largest difference of two simulations, and what the effect moves, in units of the sensor's noise\n");
     println!("{:<58} {:>10} {:>8} {:>10}  where", "plant, effect", "difference", "allowed", "effect");
     let mut held = true;
-    for check in verification::checks(words.seed, words.quick) {
+    for check in verification::checks(words.seed, words.choice.quick) {
         write(&plant, &check.plant_file)?;
         write(&record, &check.csv())?;
         let outputs = match simulate(&words.rsm, check.kind, &plant, &record, &simulated) {
