@@ -43,6 +43,8 @@ pub struct Record {
     pub angle: Option<f64>,
     /// The outputs that it holds, in the order of the plant.
     pub measured: Vec<Option<Vec<f64>>>,
+    /// Rows (from 0) before which time is missing or goes back: none in a record that [`Record::read`] accepts.
+    pub breaks: Vec<usize>,
 }
 
 impl Record {
@@ -51,6 +53,18 @@ impl Record {
     /// # Errors
     /// Every fault, with its line.
     pub fn read(source: &Source, plant: &PlantFile) -> Result<Record, Faults> {
+        Self::read_as(source, plant, false)
+    }
+
+    /// Reads a record that may have gaps, as a logger that stopped for a while leaves them: its `breaks` say where. Nobody simulates across a break.
+    ///
+    /// # Errors
+    /// Every other fault, with its line.
+    pub fn read_with_gaps(source: &Source, plant: &PlantFile) -> Result<Record, Faults> {
+        Self::read_as(source, plant, true)
+    }
+
+    fn read_as(source: &Source, plant: &PlantFile, gaps: bool) -> Result<Record, Faults> {
         let header = Table::read(source, &Wanted::default())?;
         let columns = Columns { plant, header: &header };
         let mut faults = Collector::new();
@@ -76,7 +90,7 @@ impl Record {
         }
         let take = |name: &str| values.iter().find(|(found, _)| *found == name).map(|(_, column)| column.clone());
         let time = take("time").unwrap_or_default();
-        let period = uniform(&time, &table, &mut faults);
+        let (period, breaks) = uniform(&time, &table, gaps, &mut faults);
         let gear = take("gear").map_or(1, |gears| constant_gear(&gears, &table, &mut faults));
         let record = Record {
             file: table.file.clone(),
@@ -87,6 +101,7 @@ impl Record {
             angle: take("angle").and_then(|angles| angles.first().copied()),
             measured: plant.kind.outputs().iter().map(|signal| take(signal.name)).collect(),
             time,
+            breaks,
         };
         faults.finish(Some(record))
     }
@@ -95,6 +110,28 @@ impl Record {
     #[must_use]
     pub fn rows(&self) -> usize {
         self.time.len()
+    }
+
+    /// Some of its rows as a record of their own: the angle at its first row is that of no sensor any more.
+    #[must_use]
+    pub fn piece(&self, rows: std::ops::Range<usize>) -> Record {
+        let cut = |values: &Vec<f64>| values[rows.start.min(values.len())..rows.end.min(values.len())].to_vec();
+        Record {
+            file: self.file.clone(),
+            drive: self.drive,
+            time: cut(&self.time),
+            period: self.period,
+            inputs: self.inputs.iter().map(cut).collect(),
+            gear: self.gear,
+            angle: self.angle.filter(|_| rows.start == 0),
+            measured: self.measured.iter().map(|values| values.as_ref().map(cut)).collect(),
+            breaks: self
+                .breaks
+                .iter()
+                .filter(|row| rows.start < **row && **row < rows.end)
+                .map(|row| row - rows.start)
+                .collect(),
+        }
     }
 }
 
@@ -188,17 +225,19 @@ impl Columns<'_> {
     }
 }
 
-/// The period of instants that must be uniform; the first bad row is a fault.
-fn uniform(time: &[f64], table: &Table, faults: &mut Collector) -> f64 {
+/// The period of instants that must be uniform, and where they are not, if that is allowed; else the first bad row is a fault.
+fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Collector) -> (f64, Vec<usize>) {
     if time.len() < 2 {
         let what = "a record needs two rows at least: one has no period";
         faults.push(Fault::at_line(&table.file, table.lines.first().copied().unwrap_or(0), 0, what));
-        return 0.0;
+        return (0.0, Vec::new());
     }
     let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_by(f64::total_cmp);
     // The median: one gap or one step back does not move it.
     let period = steps[steps.len() / 2];
+    let mut breaks = Vec::new();
+    let mut lasted = 0.0;
     for (k, pair) in time.windows(2).enumerate() {
         let step = pair[1] - pair[0];
         let what = if step <= 0.0 {
@@ -206,15 +245,26 @@ fn uniform(time: &[f64], table: &Table, faults: &mut Collector) -> f64 {
         } else if step > 1.5 * period {
             format!("a gap: time goes from {} s to {} s, the period is {period} s", pair[0], pair[1])
         } else if (step - period).abs() > JITTER * period {
-            format!("jitter: {step} s after the row before, the period is {period} s, 1 % is accepted")
+            let what = format!("jitter: {step} s after the row before, the period is {period} s, 1 % is accepted");
+            faults.push(Fault::at_line(&table.file, table.lines[k + 1], 0, what));
+            return (period, breaks);
         } else {
+            lasted += step;
             continue;
         };
-        faults.push(Fault::at_line(&table.file, table.lines[k + 1], 0, what));
-        return period;
+        if !gaps {
+            faults.push(Fault::at_line(&table.file, table.lines[k + 1], 0, what));
+            return (period, breaks);
+        }
+        breaks.push(k + 1);
     }
     // The mean over the whole record: the decimals of single instants are rounded.
-    (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64
+    let period = if breaks.is_empty() {
+        (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64
+    } else {
+        lasted / (time.len() - 1 - breaks.len()) as f64
+    };
+    (period, breaks)
 }
 
 fn constant_gear(gears: &[f64], table: &Table, faults: &mut Collector) -> usize {

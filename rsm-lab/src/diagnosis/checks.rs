@@ -1,11 +1,15 @@
 //! Data before physics: samples that no sensor in order can have read.
 //!
-//! In: a prepared record. Out: findings, with the rows they concern taken out of every later figure. Gaps, steps back and jitter of time do not come this
-//! far: the reader refuses them. Never corrects a sample.
+//! In: a prepared record. Out: findings, with the rows they concern taken out of every later figure. Where time is missing or a block of rows stands twice, the
+//! inputs of the plant are missing too, and nobody knows its state afterwards: a part without such a break is kept. Never corrects a sample.
+
+use std::collections::HashMap;
 
 use super::kernel::Prepared;
 use super::noise::median;
 use crate::plant_file::PlantFile;
+use crate::record::Record;
+use crate::simulate::Simulator;
 
 /// In a noisy channel two equal readings one after the other are chance; this many are a channel that hangs.
 const STUCK: usize = 8;
@@ -16,14 +20,23 @@ const REPEATS: f64 = 0.02;
 /// A sample so many robust standard deviations of second differences off its neighbours' line is a jump: normal noise passes 12 once in 10^32.
 const JUMP: f64 = 12.0;
 
+/// Blocks of rows that stand twice by chance are rarer than this in a record.
+const TWICE: f64 = 1e-6;
+
+/// The part of a record from its beginning is kept where it has at least this share of the rows: its first state is known best.
+const FIRST_PART: f64 = 0.25;
+
+/// What a wrong first state moves counts as gone when this share of it is left.
+const GONE: f64 = 1e-3;
+
 /// What was found in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
     /// The record, as messages speak of it.
     pub record: String,
-    /// The channel, or "row".
+    /// The channel, "row" or "time".
     pub channel: String,
-    /// What it is: "stuck", "clipped", "jump", "duplicated row".
+    /// What it is: "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block", "shifted".
     pub what: &'static str,
     /// First and last row, from 0.
     pub rows: (usize, usize),
@@ -37,6 +50,19 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     let rows = prepared.record.rows();
     let count = prepared.outputs.len();
     let noisy: Vec<bool> = (0..count).map(|k| is_noisy(prepared.measured(k))).collect();
+    let finding = |channel: &str, what: &'static str, rows: (usize, usize)| Finding {
+        record: record.clone(),
+        channel: channel.to_string(),
+        what,
+        rows,
+    };
+    for row in &prepared.record.breaks {
+        findings.push(finding("time", "gap", (row - 1, *row)));
+    }
+    let blocks = twice(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
+    for block in &blocks {
+        findings.push(finding("row", "duplicated block", (block.0, block.1 - 1)));
+    }
 
     // A row whose noisy channels all repeat the row before was written twice.
     if count > 1 && noisy.iter().all(|noisy| *noisy) {
@@ -45,12 +71,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             if (0..count).all(same)
                 && !(row > 1 && (0..count).all(|k| prepared.measured(k)[row - 1] == prepared.measured(k)[row - 2]))
             {
-                findings.push(Finding {
-                    record: record.clone(),
-                    channel: "row".to_string(),
-                    what: "duplicated row",
-                    rows: (row, row),
-                });
+                findings.push(finding("row", "duplicated row", (row, row)));
             }
         }
     }
@@ -70,26 +91,127 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             // At the end of the range a few equal readings are enough: noise does not repeat its extreme.
             if row - first >= STUCK || (extreme && row - first >= STUCK / 2) {
                 let what = if extreme { "clipped" } else { "stuck" };
-                findings.push(Finding { record: record.clone(), channel: channel.clone(), what, rows: (first, row - 1) });
+                findings.push(finding(&channel, what, (first, row - 1)));
             }
             first = row;
         }
-        findings.extend(jumps(values).into_iter().map(|row| Finding {
-            record: record.clone(),
-            channel: channel.clone(),
-            what: "jump",
-            rows: (row, row),
-        }));
+        findings.extend(jumps(values).into_iter().map(|row| finding(&channel, "jump", (row, row))));
     }
-    for finding in &findings {
-        let whole = finding.channel == "row";
-        for k in 0..count {
-            if whole || names[prepared.outputs[k]].name == finding.channel {
+    leave_out(prepared, file, &findings);
+    let unbroken = longest_part(prepared, &blocks);
+    if unbroken != (0..rows) {
+        // The state after a break is unknown where sensors do not show all of it.
+        let settled = if unbroken.start == 0 { 0 } else { memory(prepared, file, unbroken.clone()) };
+        let first = (unbroken.start + settled).min(unbroken.end);
+        for lost in [0..unbroken.start, unbroken.end..rows] {
+            if !lost.is_empty() {
+                findings.push(finding("row", "beyond a gap or a block", (lost.start, lost.end - 1)));
+            }
+        }
+        if settled > 0 {
+            findings.push(finding("row", "settling after a gap or a block", (unbroken.start, first.max(1) - 1)));
+        }
+        for used in &mut prepared.used {
+            used[unbroken.start..first].fill(false);
+        }
+        prepared.keep(unbroken);
+    }
+    findings
+}
+
+/// Takes the rows of findings out.
+fn leave_out(prepared: &mut Prepared, file: &PlantFile, findings: &[Finding]) {
+    let names = file.kind.outputs();
+    for finding in findings.iter().filter(|it| it.channel != "time") {
+        for k in 0..prepared.outputs.len() {
+            if finding.channel == "row" || names[prepared.outputs[k]].name == finding.channel {
                 prepared.used[k][finding.rows.0..=finding.rows.1].fill(false);
             }
         }
     }
-    findings
+}
+
+/// Blocks of rows whose noisy readings all stood in the record before: first row and the row after the last.
+fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
+    let Some(first) = channels.first() else { return Vec::new() };
+    let rows = first.len();
+    // How probable it is that two rows are equal by chance: the share of equal pairs in each channel, one at least.
+    let chance = |values: &&[f64]| {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let equal: f64 = sorted.chunk_by(|a, b| a == b).map(|run| (run.len() * (run.len() - 1)) as f64).sum();
+        (equal.max(2.0) / (rows as f64 * (rows as f64 - 1.0)).max(1.0)).ln()
+    };
+    let of_a_row: f64 = channels.iter().map(chance).sum();
+    // A block so long stands twice among all pairs of rows less often than `TWICE`.
+    let least = ((TWICE.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE)).ceil().max(2.0);
+    let same = |a: usize, b: usize| channels.iter().all(|values| values[a] == values[b]);
+    let mut places: HashMap<u64, Vec<usize>> = HashMap::new();
+    let mut blocks = Vec::new();
+    let mut row = 0;
+    while row < rows {
+        let before = places.entry(first[row].to_bits()).or_default();
+        let length = |start: usize| (0..rows - row).take_while(|k| start + k < row && same(start + k, row + k)).count();
+        let longest = before.iter().map(|start| length(*start)).max().unwrap_or(0);
+        before.push(row);
+        if longest as f64 >= least && longest > 1 {
+            blocks.push((row, row + longest));
+            row += longest;
+        } else {
+            row += 1;
+        }
+    }
+    blocks
+}
+
+/// The part of a record without breaks that is kept.
+fn longest_part(prepared: &Prepared, blocks: &[(usize, usize)]) -> std::ops::Range<usize> {
+    let rows = prepared.record.rows();
+    let mut cuts: Vec<(usize, usize)> =
+        prepared.record.breaks.iter().map(|row| (*row, *row)).chain(blocks.iter().copied()).collect();
+    cuts.sort_unstable();
+    let mut parts = Vec::new();
+    let mut start = 0;
+    for (from, to) in cuts {
+        parts.push(start..from.max(start));
+        start = to.max(start);
+    }
+    parts.push(start..rows);
+    let first = parts[0].clone();
+    if first.len() as f64 >= FIRST_PART * rows as f64 {
+        return first;
+    }
+    parts.into_iter().max_by_key(ExactSizeIterator::len).unwrap_or(first)
+}
+
+/// How many rows the plant remembers a first state: its simulation from the middle of a part, against the one that came from the part's beginning. A constant
+/// difference is another start, which is free anyway.
+fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -> usize {
+    let whole = prepared.record.piece(part.clone());
+    let middle = part.len() / 2;
+    let run = |record: &Record| Simulator::new(file, record).ok()?.run(record).ok();
+    let Some(long) = run(&whole) else { return 0 };
+    let mut later = whole.piece(middle..part.len());
+    for (output, measured) in file.kind.outputs().iter().zip(&mut later.measured) {
+        if let (Some(measured), Some(values)) = (measured, long.of(output.name)) {
+            measured.copy_from_slice(&values[middle..]);
+        }
+    }
+    let Some(short) = run(&later) else { return 0 };
+    let of_output = |name: &str| {
+        let (long, short) = (long.of(name)?, short.of(name)?);
+        let off: Vec<f64> = long[middle..].iter().zip(short).map(|(long, short)| long - short).collect();
+        let end = *off.last()?;
+        let most = off.iter().fold(0.0_f64, |most, off| most.max((off - end).abs()));
+        // What is as small as the digits of a simulation is nothing.
+        let size = long.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        if most <= 1e-9 * size {
+            Some(0)
+        } else {
+            off.iter().rposition(|off| (off - end).abs() > GONE * most).map(|row| row + 1)
+        }
+    };
+    prepared.outputs.iter().filter_map(|output| of_output(file.kind.outputs()[*output].name)).max().unwrap_or(0)
 }
 
 /// Few readings that repeat the one before.
@@ -109,7 +231,8 @@ fn is_noisy(values: &[f64]) -> bool {
 }
 
 /// Single samples far off their neighbours.
-fn jumps(values: &[f64]) -> Vec<usize> {
+#[must_use]
+pub fn jumps(values: &[f64]) -> Vec<usize> {
     let second: Vec<f64> = values.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
     let mut sizes: Vec<f64> = second.iter().map(|value| value.abs()).collect();
     // The median of |x| is 0.6745 standard deviations of a normal x.

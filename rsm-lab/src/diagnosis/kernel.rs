@@ -29,6 +29,8 @@ pub struct Prepared {
     pub outputs: Vec<usize>,
     /// For each of `outputs`, which rows count.
     pub used: Vec<Vec<bool>>,
+    /// How many rows of the file stand before its first.
+    pub from: usize,
 }
 
 impl Prepared {
@@ -43,7 +45,7 @@ impl Prepared {
         };
         let outputs: Vec<usize> = (0..outputs_of_plant).filter(|k| shown(*k) && record.measured[*k].is_some()).collect();
         let used = vec![vec![true; record.rows()]; outputs.len()];
-        Prepared { record, outputs, used }
+        Prepared { record, outputs, used, from: 0 }
     }
 
     /// The measured values of the k-th of its outputs.
@@ -55,13 +57,16 @@ impl Prepared {
     /// The first rows of it.
     #[must_use]
     pub fn shortened(&self, rows: usize) -> Self {
-        let rows = rows.min(self.record.rows());
-        let cut = |values: &Vec<f64>| values[..rows.min(values.len())].to_vec();
-        let mut record = self.record.clone();
-        record.time = cut(&record.time);
-        record.inputs = record.inputs.iter().map(cut).collect();
-        record.measured = record.measured.iter().map(|values| values.as_ref().map(cut)).collect();
-        Prepared { record, outputs: self.outputs.clone(), used: self.used.iter().map(|used| used[..rows].to_vec()).collect() }
+        let mut short = self.clone();
+        short.keep(0..rows.min(self.record.rows()));
+        short
+    }
+
+    /// Keeps some rows.
+    pub fn keep(&mut self, rows: std::ops::Range<usize>) {
+        self.record = self.record.piece(rows.clone());
+        self.from += rows.start;
+        self.used.iter_mut().for_each(|used| *used = used[rows.clone()].to_vec());
     }
 }
 

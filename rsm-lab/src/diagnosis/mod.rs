@@ -9,7 +9,10 @@
 //! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Sees the records and the nominal plant alone: nobody may look
 //! into the plant that made a record. Never prints, never writes.
 
+pub mod bootstrap;
+pub mod chance;
 pub mod checks;
+pub mod compared;
 pub mod correction;
 pub mod excitations;
 pub mod experiment;
@@ -104,8 +107,12 @@ pub fn diagnose(
         return Err(Refused::NoOutputs);
     }
     (options.progress)("calibrating within tolerances");
-    let (nominal, calibrated) = calibrated(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
+    let (mut nominal, mut calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
     unseen.floors = kernel.floors;
+    if second_look(&mut kernel, &mut unseen, &calibrated, &mut findings) {
+        (nominal, calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
+        unseen.floors = kernel.floors;
+    }
 
     let survey = survey::survey(&kernel, &calibrated);
     // Readings that are multiples of a coarse step say so themselves. A simulation that rounds has no derivatives: fits see the rounding as white noise, and the
@@ -123,7 +130,6 @@ pub fn diagnose(
         }
         floors
     };
-    let mut calibrated = calibrated;
     if !rounded.is_empty() {
         kernel.floors = at_least(kernel.floors);
         unseen.floors = kernel.floors;
@@ -147,6 +153,8 @@ pub fn diagnose(
             unseen: &unseen,
             nominal: &nominal,
             hypotheses: &hypotheses,
+            // The wave lengths of an axis are the best of many.
+            looks: if file.kind == PlantKind::ServoAxis { 2 * survey::MOST_WAVES } else { 0 },
             effort,
             progress: options.progress,
         };
@@ -174,8 +182,36 @@ pub fn diagnose(
     Ok(found)
 }
 
+/// What only the simulation shows of the data; whether it changes what counts.
+fn second_look(kernel: &mut Kernel, unseen: &mut Kernel, calibrated: &Fit, findings: &mut Vec<Finding>) -> bool {
+    let before = findings.len();
+    let kind = calibrated.model.file.kind;
+    compared::take_back_motion(&mut kernel.records, &calibrated.simulated, kind, findings);
+    let judged = validation::on(unseen, &calibrated.model).map_or_else(Vec::new, |fit| fit.simulated);
+    compared::take_back_motion(&mut unseen.records[..judged.len()], &judged, kind, findings);
+    let mut changed = findings.len() != before;
+    let training = kernel.records.iter().zip(&calibrated.simulated);
+    let all: Vec<_> = training.chain(unseen.records.iter().zip(&judged)).collect();
+    let shifts = compared::shifts(&all);
+    let trained = kernel.records.len();
+    for shift in shifts {
+        let place = shift.record;
+        let prepared = if place < trained { &mut kernel.records[place] } else { &mut unseen.records[place - trained] };
+        let rows = prepared.record.rows();
+        findings.push(Finding {
+            record: prepared.record.file.clone(),
+            channel: kind.outputs()[prepared.outputs[shift.output]].name.to_string(),
+            what: if shift.late > 0 { "shifted in time, late" } else { "shifted in time, early" },
+            rows: (prepared.from, prepared.from + rows - 1),
+        });
+        prepared.used[shift.output].fill(false);
+        changed = true;
+    }
+    changed
+}
+
 /// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.
-pub fn calibrated(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> {
+pub fn calibrate(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> {
     let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };

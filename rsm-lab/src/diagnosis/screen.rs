@@ -4,11 +4,12 @@
 //! (starts, calibration, causes already believed): their derivatives are projected out, through normal equations, so that a cause gets no credit
 //! for what they can do. Also the gain that noise alone would give the best of them. Never fits.
 
+use super::chance;
 use super::hypotheses::Hypothesis;
 use super::kernel::{Kernel, dot};
 use super::levenberg::Fit;
 use super::model::Model;
-use super::noise::{Random, median};
+use super::noise::Random;
 use super::normal::Normal;
 use super::selection::generalises;
 use crate::effect::{Guess, Subject};
@@ -173,12 +174,11 @@ fn judge(nuisance: &Nuisance<'_>, hypothesis: usize, guess: &Guess, traces: Vec<
     gain.is_finite().then_some(Screened { hypothesis, values, gain: gain.max(0.0), traces })
 }
 
-/// The gain that noise alone gives the best of all hypotheses, at most, in 95 of 100 cases: white residuals, whose traces and free unknowns are those of the
-/// screen. No further simulation: to first order a fit to noise gains what its trace has in common with it.
+/// The gain that noise alone gives the best of all hypotheses, at most, in 99 of 100 cases: residuals of noise as the floors have it, with the traces and free
+/// unknowns of the screen. No further simulation: to first order a fit to noise gains what its trace has in common with it.
 #[must_use]
-pub fn null(fit: &Fit, screened: &[Screened], draws: usize) -> f64 {
+pub fn null(kernel: &Kernel, fit: &Fit, screened: &[Screened], draws: usize) -> f64 {
     let nuisance = Nuisance::new(fit);
-    let rows = fit.residual.len();
     let mut random = Random::new(1);
     let parts: Vec<(Vec<Vec<f64>>, Normal)> = screened
         .iter()
@@ -196,7 +196,7 @@ pub fn null(fit: &Fit, screened: &[Screened], draws: usize) -> f64 {
         .collect();
     let mut largest: Vec<f64> = Vec::new();
     for _ in 0..draws {
-        let noise: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
+        let noise = chance::noise(kernel, &mut random);
         let solved = nuisance.normal.solve(&nuisance.products(&noise));
         let gains = screened.iter().zip(&parts).map(|(it, (products, normal))| {
             let right: Vec<f64> =
@@ -205,10 +205,7 @@ pub fn null(fit: &Fit, screened: &[Screened], draws: usize) -> f64 {
         });
         largest.push(gains.fold(0.0, f64::max));
     }
-    largest.sort_by(f64::total_cmp);
-    let last = largest.len().saturating_sub(1);
-    let place = (0.95 * last as f64).round() as usize;
-    largest.get(place).copied().unwrap_or_else(|| median(&mut largest))
+    chance::point(&largest)
 }
 
 impl Screened {

@@ -3,6 +3,7 @@
 //! In: a kernel, the calibrated plant, hypotheses. Out: the causes with what competed against each. What a cause must gain comes from null simulations and
 //! from what is worth naming; ties go to the simpler cause. Never looks at validation records to fit, only to judge.
 
+use super::chance::best_of;
 use super::hypotheses::{Hypothesis, label};
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
@@ -44,7 +45,7 @@ const MOST_COMPETITIONS: usize = 16;
 /// Exchanges of one cause for another at most; beyond, two causes are likely to take turns.
 const MOST_EXCHANGES: usize = 3;
 
-/// Draws of the null simulation: the 95 % point of 60 is the third largest.
+/// Draws of the null simulation: 60 know the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
 const DRAWS: usize = 60;
 
 /// A hypothesis after its full fit.
@@ -181,6 +182,8 @@ pub struct Search<'a> {
     pub nominal: &'a Model,
     /// The hypotheses.
     pub hypotheses: &'a [Hypothesis],
+    /// How many more guesses were looked at before these were chosen.
+    pub looks: usize,
     /// How much work.
     pub effort: Effort,
     /// Told what happens.
@@ -194,7 +197,9 @@ impl Search<'_> {
         (self.progress)("screening the catalogue");
         let mut screened = screen(self.kernel, &calibrated, self.nominal, self.hypotheses);
         let worth = WORTH * calibrated.residual.len() as f64;
-        let threshold = null(&calibrated, &screened, DRAWS).max(worth);
+        let looks = screened.len() + self.looks;
+        let numbers = screened.iter().map(|it| form_of(it).1).max().unwrap_or(1);
+        let threshold = null(self.kernel, &calibrated, &screened, DRAWS).max(best_of(looks, numbers)).max(worth);
         screened.iter_mut().for_each(Screened::slim);
         let ranking = self.ranking(&screened);
         let mut fit = calibrated.clone();

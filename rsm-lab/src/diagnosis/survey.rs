@@ -18,7 +18,7 @@ const WIDTH: usize = 5;
 const ENOUGH: usize = 4000;
 
 /// Waves over the travel that are tried.
-const MOST_WAVES: usize = 400;
+pub const MOST_WAVES: usize = 400;
 
 /// How many wave lengths are handed on.
 const PITCHES: usize = 5;

@@ -44,6 +44,25 @@ pub fn from_starts_of(kernel: &Kernel, model: &Model, earlier: &levenberg::Fit) 
     levenberg::fit(kernel, other, STEPS)
 }
 
+/// The model on other records, where its numbers may move, too, as far as they are unsure: each within its standard deviation, on the scale of its search, about
+/// what it is. Starts begin where an earlier fit to these records left them.
+#[must_use]
+pub fn within(kernel: &Kernel, model: &Model, sds: &[Option<f64>], earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
+    let mut other = Model { file: model.file.clone(), starts: earlier.model.starts.clone(), unknowns: Vec::new() };
+    for (k, (unknown, sd)) in model.unknowns.iter().zip(sds).enumerate() {
+        let value = model.value(k);
+        let (false, Some(sd)) = (matches!(unknown.place, Place::Start { .. }), sd.filter(|sd| *sd > 0.0 && sd.is_finite()))
+        else {
+            continue;
+        };
+        // In first order a step of a logarithm is that share of the value.
+        let sd = if unknown.logarithmic { value.abs() * sd } else { sd };
+        other.unknowns.push(super::model::Unknown { prior: Some((value, sd)), ..unknown.clone() });
+    }
+    other.unknowns.extend(earlier.model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned());
+    levenberg::fit(kernel, other, STEPS)
+}
+
 /// The whitened squared residual; 0 without records.
 #[must_use]
 pub fn squared_residual(kernel: &Kernel, model: &Model) -> Option<f64> {

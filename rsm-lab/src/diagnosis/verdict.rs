@@ -2,6 +2,7 @@
 //!
 //! In: a selection and the records. Out: a [`Diagnosis`], all its figures from the fits. Never fits a cause.
 
+use super::bootstrap;
 use super::checks::Finding;
 use super::experiment::NextExperiment;
 use super::kernel::Kernel;
@@ -117,6 +118,8 @@ pub struct Diagnosis {
     pub extended: Vec<Error>,
     /// Share of the validation error above the noise floor that the extension removes.
     pub gain: f64,
+    /// Its 95 % interval over blocks of the rows.
+    pub gain_interval: (f64, f64),
     /// The plant file with the causes filled in.
     pub plant: PlantFile,
     /// What is wrong with the data.
@@ -167,11 +170,10 @@ pub fn conclude(
         after.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
     );
     let left = whiteness::look(kernel, &fit);
-    // What is unsure in the numbers of the plant shows on unseen records: about a unit of energy a number, in proportion to their rows.
-    let moving = fit.model.unknowns.iter().filter(|it| !matches!(it.place, Place::Start { .. })).count() as f64;
-    let unsure = moving * unseen.rows() as f64 / kernel.rows().max(1) as f64;
-    let left_unseen =
-        after.as_ref().filter(|_| !unseen.records.is_empty()).map(|fit| whiteness::look_beyond(unseen, fit, unsure));
+    // On unseen records the numbers of the plant may move as far as they are unsure.
+    let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
+    let moved = moved.and_then(|after| validation::within(unseen, &fit.model, &deviations(&fit), after));
+    let left_unseen = moved.map(|fit| whiteness::look(unseen, &fit));
     // What the calibrated plant gets wrong, a row.
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
     let of_rounding = if rounded.is_empty() { 0.0 } else { OF_ROUNDING };
@@ -203,7 +205,7 @@ pub fn conclude(
         causes.push(cause(&fit, place, one, alike, threshold, witnesses.get(place).cloned().flatten()));
     }
     for (output, step) in rounded {
-        causes.push(rounding(file.kind, *output, *step, fit.residual.len() as f64));
+        causes.push(rounding(file.kind, *output, *step, off_lattice(kernel, *output, *step), fit.residual.len() as f64));
     }
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -220,9 +222,14 @@ pub fn conclude(
     let mut present: Vec<usize> = kernel.records.iter().flat_map(|it| it.outputs.clone()).collect();
     present.sort_unstable();
     present.dedup();
+    let gain_interval = match (&before, &after) {
+        (Some(before), Some(after)) => bootstrap::gain_interval(judged, before, after, gain_of),
+        _ => (0.0, 0.0),
+    };
     Diagnosis {
         verdict,
         causes,
+        gain_interval,
         gain: gain(&nominal_errors, &extended_errors),
         nominal: nominal_errors,
         extended: extended_errors,
@@ -241,12 +248,29 @@ pub fn conclude(
     }
 }
 
+/// Standard deviations of a fit's unknowns on the scale of their search; `None` where one does not move.
+fn deviations(fit: &Fit) -> Vec<Option<f64>> {
+    let normal = Normal::new(&fit.matrix(), fit.free.len(), 0.0);
+    let mut list = vec![None; fit.model.unknowns.len()];
+    for (place, unknown) in fit.free.iter().enumerate() {
+        list[*unknown] = Some(normal.variance(place).max(0.0).sqrt());
+    }
+    list
+}
+
 /// Share of the squared error above the noise that is gone, pooled over outputs in units of their noise.
 fn gain(before: &[Error], after: &[Error]) -> f64 {
     let above = |errors: &[Error]| errors.iter().map(|it| (it.noise_ratio * it.noise_ratio - 1.0).max(0.0)).sum::<f64>();
     let all = above(before);
     // Without an error above the noise there is nothing to gain; 1e-3 of the noise's energy is its scatter over 10^6 rows.
     if all < 1e-3 { 0.0 } else { (1.0 - above(after) / all).max(-1.0) }
+}
+
+/// The same from sums of squares over the noise and counts, by output.
+fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
+    let above = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| (it[which] / it[2] - 1.0).max(0.0)).sum::<f64>();
+    let all = above(0);
+    if all < 1e-3 { 0.0 } else { (1.0 - above(1) / all).max(-1.0) }
 }
 
 fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, threshold: f64, witness: Option<Witness>) -> Cause {
@@ -309,14 +333,38 @@ fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Option<Entry> {
     Some(Entry { description, arguments: Arguments { plant: kind, subject, numbers: vec![("step", step)] } })
 }
 
+/// How far changes of the readings lie off multiples of the step: so far the step may be off itself, the digits of the largest reading at least.
+fn off_lattice(kernel: &Kernel, output: usize, step: f64) -> f64 {
+    let mut off = 0.0_f64;
+    for prepared in &kernel.records {
+        let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
+        let values = prepared.measured(k);
+        off = values.iter().fold(off, |most, value| most.max(4.0 * f64::EPSILON * value.abs()));
+        for pair in values.windows(2) {
+            let miss = ((pair[1] - pair[0]) - ((pair[1] - pair[0]) / step).round() * step).abs();
+            // What is farther off is no multiple, and was no witness of the step.
+            if miss < 0.01 * step {
+                off = off.max(miss);
+            }
+        }
+    }
+    off
+}
+
 /// Rounding as a cause: the readings are multiples of the step, and no other cause makes them so.
-fn rounding(kind: PlantKind, output: usize, step: f64, rows: f64) -> Cause {
+fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> Cause {
     let signal = kind.outputs()[output];
     Cause {
         kind: "sensor-quantisation",
         subject: Some(signal.name.to_string()),
         of: Subject::Output,
-        parameters: vec![Interval { name: "step", value: step, low: step, high: step, unit: signal.unit.to_string() }],
+        parameters: vec![Interval {
+            name: "step",
+            value: step,
+            low: step - off,
+            high: step + off,
+            unit: signal.unit.to_string(),
+        }],
         // A hundredth is left for a file whose digits were cut.
         confidence: 0.99,
         indistinguishable_from: Vec::new(),

@@ -41,12 +41,6 @@ pub struct Left {
 /// Looks at the residual of a fit.
 #[must_use]
 pub fn look(kernel: &Kernel, fit: &Fit) -> Left {
-    look_beyond(kernel, fit, 0.0)
-}
-
-/// The same, where the residual has some energy for a known reason, in squared standard deviations: it is taken off each band.
-#[must_use]
-pub fn look_beyond(kernel: &Kernel, fit: &Fit, known: f64) -> Left {
     let mut sums = [[Octave::default(); OCTAVES]; 3];
     let mut rate = 0.0_f64;
     let mut first = 0;
@@ -61,8 +55,6 @@ pub fn look_beyond(kernel: &Kernel, fit: &Fit, known: f64) -> Left {
     let mut bands = Vec::new();
     for (output, list) in sums.iter().enumerate() {
         for (k, octave) in list.iter().enumerate().filter(|(_, octave)| octave.lines >= LEAST_LINES) {
-            // A line has two of the squares of which a row has one.
-            let octave = Octave { power: (octave.power - 0.5 * known).max(0.0), ..*octave };
             let high = 0.5 * rate * 0.5_f64.powi(k as i32);
             bands.push(Band {
                 output,

@@ -114,6 +114,7 @@ impl Machine {
             gear: 1,
             angle: None,
             measured: Vec::new(),
+            breaks: Vec::new(),
         };
         self.plant.start(&self.hooks, &[0.0, 0.0, speed], &record, &[0.0; 3], &mut self.x);
         self.plant.evaluate(&self.hooks, None, &[0.0; 3], &self.x, &mut self.k[0], &mut self.outputs);

@@ -153,6 +153,7 @@ pub fn tip_in(plant: &PlantFile, run: &TipIn, seed: u64, compensation: Option<&C
         gear: run.gear,
         angle: None,
         measured: vec![None, Some(vec![road_speed; ROWS]), None],
+        breaks: Vec::new(),
     };
     let sigma = PlantKind::Driveline.outputs().iter().map(|output| {
         let found = plant.noise.iter().find(|(name, _)| *name == output.name);

@@ -85,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         refit::refuse(&plant, truth.as_ref())?;
     }
     let read = |paths: &[PathBuf]| -> Result<Vec<Record>, Refusal> {
-        paths.iter().map(|path| Ok(Record::read(&Source::read(path)?, &plant)?)).collect()
+        paths.iter().map(|path| Ok(Record::read_with_gaps(&Source::read(path)?, &plant)?)).collect()
     };
     let training = read(&arguments.record)?;
     let validation = read(&arguments.validate)?;
@@ -229,6 +229,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "nominal": errors(&found.nominal),
         "extended": errors(&found.extended),
         "gain": output::finite(found.gain),
+        "gain_interval": [output::finite(found.gain_interval.0), output::finite(found.gain_interval.1)],
         "where": portrait::regions(kind, &found.portrait.before),
         "left": portrait::regions(kind, &found.portrait.after),
         "correction": portrait::correction(kind, found),
