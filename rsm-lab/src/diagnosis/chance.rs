@@ -65,8 +65,8 @@ mod tests {
 
     #[test]
     fn the_best_of_a_hundred_trials_with_two_numbers() {
-        // Chi squared with two degrees of freedom passes x with the probability exp(-x/2): 2 ln(100/0.01) = 18.42. Wilson and Hilferty are 2 % off out there.
-        assert!((best_of(100, 2) / 18.42 - 1.0).abs() < 0.03, "{}", best_of(100, 2));
+        // Chi squared with two degrees of freedom passes x with the probability exp(-x/2): 2 ln(100/0.01) = 18.42. Wilson and Hilferty are 5 % above out there.
+        assert!((best_of(100, 2) / 18.42 - 1.0).abs() < 0.06, "{}", best_of(100, 2));
         assert!((best_of(1, 1) / 6.635 - 1.0).abs() < 0.03, "{}", best_of(1, 1));
     }
 

@@ -258,18 +258,27 @@ mod tests {
     use crate::record::Record;
     use rsm_core::source::Source;
 
-    fn motor(change: impl Fn(usize, &mut [f64; 3])) -> (Prepared, PlantFile) {
+    fn rows(change: impl Fn(usize, &mut [f64; 3])) -> Vec<String> {
+        let mut random = Random::new(3);
+        (0..400)
+            .map(|k| {
+                let mut values = [0.0, 5.0, 100.0].map(|value| value + 0.1 * random.normal());
+                values[1] += if k > 200 { 3.0 } else { 0.0 };
+                change(k, &mut values);
+                format!("{},0,5,0,{},{},{}\n", k as f64 / 1000.0, values[0], values[1], values[2])
+            })
+            .collect()
+    }
+
+    fn prepared(rows: &[String]) -> (Prepared, PlantFile) {
         let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/plants/pmac.toml")).unwrap();
         let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
-        let mut random = Random::new(3);
-        let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
-        for k in 0..400 {
-            let mut values = [0.0, 5.0, 100.0].map(|value| value + 0.1 * random.normal());
-            values[1] += if k > 200 { 3.0 } else { 0.0 };
-            change(k, &mut values);
-            csv += &format!("{},0,5,0,{},{},{}\n", k as f64 / 1000.0, values[0], values[1], values[2]);
-        }
-        (Prepared::new(Record::read(&Source::new("r.csv", csv), &file).unwrap(), 3), file)
+        let csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string() + &rows.concat();
+        (Prepared::new(Record::read_with_gaps(&Source::new("r.csv", csv), &file).unwrap(), 3), file)
+    }
+
+    fn motor(change: impl Fn(usize, &mut [f64; 3])) -> (Prepared, PlantFile) {
+        prepared(&rows(change))
     }
 
     fn found(change: impl Fn(usize, &mut [f64; 3])) -> Vec<(String, &'static str, (usize, usize))> {
@@ -302,5 +311,47 @@ mod tests {
             }
         });
         assert_eq!(clipped, vec![("i_q".to_string(), "clipped", (300, 329))]);
+    }
+
+    #[test]
+    fn a_record_ends_at_a_gap_and_begins_after_one_where_little_stands_before() {
+        for (missing, kept, from) in [(200..230, 200, 0), (50..80, 320, 80)] {
+            let all = rows(|_, _| {});
+            let (first, last) = (&all[..missing.start], &all[missing.end..]);
+            let (mut prepared, file) = prepared(&[first, last].concat());
+            let findings = check(&mut prepared, &file);
+            assert_eq!((findings[0].what, findings[0].rows), ("gap", (missing.start - 1, missing.start)));
+            assert_eq!((prepared.record.rows(), prepared.record.breaks.len()), (kept, 0));
+            // Of the file, whose rows are fewer by those that are missing.
+            assert_eq!(prepared.from, if from > 0 { missing.start } else { 0 });
+            assert!(prepared.used.iter().all(|used| used.len() == kept && used.iter().all(|used| *used)));
+            let period = prepared.record.period;
+            assert!((period - 0.001).abs() < 1e-9, "{period}");
+        }
+    }
+
+    #[test]
+    fn a_block_that_stands_twice_ends_a_record() {
+        let mut all = rows(|_, _| {});
+        for k in 150..170 {
+            // The recorder wrote the readings again; time went on.
+            let again = all[k].split_once(',').unwrap().1.to_string();
+            all[k + 20] = format!("{},{again}", (k + 20) as f64 / 1000.0);
+        }
+        let (mut prepared, file) = prepared(&all);
+        let findings = check(&mut prepared, &file);
+        assert_eq!((findings[0].what, findings[0].rows), ("duplicated block", (170, 189)));
+        assert_eq!(prepared.record.rows(), 170);
+    }
+
+    #[test]
+    fn blocks_of_coarse_readings_may_stand_twice_by_chance() {
+        // Forty readings at random: of 400 rows every run of two stands twice somewhere, of three some.
+        let mut random = Random::new(9);
+        let coarse: Vec<f64> = (0..400).map(|_| (40.0 * random.uniform()).floor()).collect();
+        assert_eq!(twice(&[&coarse]), vec![]);
+        let mut doubled = coarse.clone();
+        doubled.copy_within(100..120, 300);
+        assert_eq!(twice(&[&doubled]), vec![(300, 320)]);
     }
 }

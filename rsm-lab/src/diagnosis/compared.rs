@@ -75,7 +75,7 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
                 late.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, late)| *late).collect();
             let (least, most) = others.iter().fold((isize::MAX, isize::MIN), |(low, high), it| (low.min(*it), high.max(*it)));
             let usual = (least + most).div_euclid(2);
-            let agree = (most - least) as usize <= LEAST - 1;
+            let agree = ((most - least) as usize) < LEAST;
             let apart = (late[place] - usual).unsigned_abs() >= LEAST && late[place].unsigned_abs() < FARTHEST;
             let at = |late: isize| errors[place][(late + FARTHEST as isize) as usize];
             if agree && apart && at(usual) > BETTER * at(late[place]) {
@@ -122,14 +122,14 @@ mod tests {
         late.iter()
             .map(|late| {
                 let mut speed = 0.0;
-                let truth: Vec<f64> = (0..1000)
+                let truth: Vec<f64> = (0..1000_usize)
                     .map(|_| {
                         speed = 0.99 * speed + random.normal();
                         speed
                     })
                     .collect();
                 let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],speed[rad/s]\n".to_string();
-                for row in 0..1000 {
+                for row in 0..1000_usize {
                     let reading = truth[row.saturating_sub(*late)] + 0.1 * random.normal();
                     csv += &format!("{},0,5,0,{reading}\n", row as f64 / 1000.0);
                 }

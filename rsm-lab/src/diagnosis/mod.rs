@@ -43,6 +43,7 @@ use model::Model;
 use noise::Floor;
 use selection::{Effort, Search};
 
+use crate::kind::PlantKind;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 pub use verdict::{Alias, Cause, Diagnosis, Interval, Verdict};
