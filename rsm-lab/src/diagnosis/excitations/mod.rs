@@ -157,6 +157,7 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: 
         inputs,
         gear,
         angle: None,
+        breaks: Vec::new(),
         measured: vec![Some(vec![0.0]); 3],
     }
 }
