@@ -62,11 +62,14 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// The value of a parameter.
+    /// The value of a parameter; `gear_ratios[3]` is the ratio of third gear.
     ///
     /// # Panics
     /// For a name that the plant does not have: names stand in this package alone.
     pub fn get(&self, name: &str) -> f64 {
+        if let Some(gear) = gear(name) {
+            return self.gear_ratios[gear - 1];
+        }
         self.values.iter().find(|(known, _)| *known == name).unwrap_or_else(|| panic!("no parameter {name}")).1
     }
 
@@ -75,8 +78,17 @@ impl Parameters {
     /// # Panics
     /// As `get`.
     pub fn set(&mut self, name: &str, value: f64) {
+        if let Some(gear) = gear(name) {
+            self.gear_ratios[gear - 1] = value;
+            return;
+        }
         self.values.iter_mut().find(|(known, _)| *known == name).unwrap_or_else(|| panic!("no parameter {name}")).1 = value;
     }
+}
+
+/// The gear of which a name is the ratio.
+fn gear(name: &str) -> Option<usize> {
+    name.strip_prefix("gear_ratios[")?.strip_suffix(']')?.parse().ok()
 }
 
 /// An effect, of the catalogue or outside it.
