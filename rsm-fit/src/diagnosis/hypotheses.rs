@@ -104,6 +104,10 @@ const PER_ORDER: f64 = 2.0;
 /// Odds of a single coefficient that has changed against a sensor or a term, which each move several: 2 ln sqrt(e).
 const SINGLE_COEFFICIENT: f64 = 1.0;
 
+/// That all coefficients have changed says least of all: as much as a further cause of one unknown costs at a usual threshold (chi-squared of 12 has a probability of 5 10^-4), so that two causes with a name
+/// go before it.
+const ALL_COEFFICIENTS: f64 = 12.0;
+
 /// A column of which the inputs leave less than this share is one of them in other words.
 const SAME: f64 = 1e-7;
 
@@ -248,7 +252,7 @@ impl List<'_> {
         if self.sample.surface.terms.len() > 1 && self.sample.surface.terms.len() * LEAST_ROWS_PER_TERM <= self.sample.rows() {
             let group = self.new_group();
             let in_file = self.sample.surface.terms.iter().map(|term| of(&term.powers)).collect();
-            self.push(group, Claim::Refit, self.sample.terms.clone(), in_file, SINGLE_COEFFICIENT);
+            self.push(group, Claim::Refit, self.sample.terms.clone(), in_file, ALL_COEFFICIENTS);
         }
         for (k, term) in self.sample.surface.terms.iter().enumerate() {
             if design::order(&term.powers) == 0 {
