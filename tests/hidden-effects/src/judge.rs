@@ -125,13 +125,22 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
                 continue;
             };
             errors.push((format!("{this}.{parameter}"), error(cause, parameter, *truth, value, found.parameters)));
-            let (low, high) = (given["low"].as_f64(), given["high"].as_f64());
-            covered += usize::from(low.is_some_and(|low| low <= *truth) && high.is_some_and(|high| *truth <= high));
+            covered += usize::from(covers(parameter, *truth, given));
         }
     }
     let names: Vec<&str> = found.iter().map(|found| found.name.as_str()).collect();
     let answer = if names.is_empty() { verdict.to_string() } else { format!("{verdict}: {}", names.join(", ")) };
     Judgement { right, answer, errors, covered }
+}
+
+/// Whether the truth lies in the interval given; of a phase any of its turns.
+fn covers(parameter: &str, truth: f64, given: &Value) -> bool {
+    let (Some(low), Some(high)) = (given["low"].as_f64(), given["high"].as_f64()) else { return false };
+    let turns: &[f64] = if parameter == "phase" { &[-1.0, 0.0, 1.0] } else { &[0.0] };
+    turns.iter().any(|turn| {
+        let truth = truth + turn * std::f64::consts::TAU;
+        low <= truth && truth <= high
+    })
 }
 
 /// The relative error; of a phase the angle in radians, of an amplitude its size (a negative one is half a turn of phase).
@@ -193,6 +202,13 @@ mod tests {
             json!({ "verdict": "explained", "causes": [{ "kind": "brake-drag", "parameters": { "torque": torque } }] });
         let judgement = judge(&case, &answer, "");
         assert!((judgement.errors[0].1 - 0.02).abs() < 1e-12 && judgement.covered == 1, "{judgement:?}");
+    }
+
+    #[test]
+    fn a_phase_lies_in_an_interval_across_half_a_turn() {
+        let interval = json!({ "low": 3.1, "high": 3.2 });
+        assert!(covers("phase", -3.12, &interval) && covers("phase", 3.15, &interval));
+        assert!(!covers("phase", 3.0, &interval) && !covers("angle", -3.12, &interval));
     }
 
     #[test]
