@@ -26,6 +26,13 @@ pub fn csv(outcomes: &[Outcome]) -> String {
                     setting.run, setting.depth, setting.advance
                 );
             }
+            Outcome::Tripped(setting) => {
+                let _ = writeln!(
+                    text,
+                    "# run {}: depth {} %, advance {} deg: more than twice the current limit, switched off",
+                    setting.run, setting.depth, setting.advance
+                );
+            }
         }
     }
     text

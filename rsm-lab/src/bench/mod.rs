@@ -82,7 +82,12 @@ pub enum Outcome {
     AtLimit(Point),
     /// At the dynamometer's top speed with voltage to spare: the vector is no boundary of anything.
     BelowLimit(Point),
+    /// The current went beyond twice its limit: the drive switched off, nothing was measured.
+    Tripped(Setting),
 }
+
+/// Where the protection of a drive switches off, over the current limit. Regulation overshoots by a fifth at most; beyond twice the limit it has lost the current (an inductance that falls with it).
+const TRIP: f64 = 2.0;
 
 /// Where a run starts, in rad/s: well below every base speed.
 const START_SPEED: f64 = 100.0;
@@ -116,7 +121,7 @@ impl Bench {
     /// machine's processors; their number changes no bit.
     ///
     /// # Errors
-    /// A plant that is no motor, or one that cannot run in a loop; a run whose numbers grow without bound.
+    /// A plant that is no motor, or one that cannot run in a loop; a plant of which every run trips.
     pub fn run(&self, plant: &PlantFile, settings: &[Setting], seed: u64) -> Result<Vec<Outcome>, Faults> {
         check_plant(plant)?;
         let workers = std::thread::available_parallelism().map_or(1, usize::from).min(settings.len()).max(1);
@@ -129,6 +134,10 @@ impl Bench {
         let mut outcomes = Vec::with_capacity(settings.len());
         for part in parts {
             outcomes.extend(part?);
+        }
+        if !outcomes.is_empty() && outcomes.iter().all(|it| matches!(it, Outcome::Tripped(_))) {
+            let what = "every run ends with more than twice the current limit: are these the parameters of a motor?";
+            return Err(Faults::one(Fault::whole_file("plant file", what)));
         }
         Ok(outcomes)
     }
@@ -152,7 +161,10 @@ impl Bench {
         let mut search = Search { limit, top: self.top_speed, voltage: 0.0, settled: 0.0, at_top: false };
         let rows = (AT_MOST / REFERENCE_PERIOD_S) as usize;
         for _ in 0..rows {
-            machine.millisecond(&mut controller, &mut shaft);
+            let row = machine.millisecond(&mut controller, &mut shaft).expect("a bench's demand never ends");
+            if trips(&row.truth, &known) {
+                return Ok(Outcome::Tripped(setting));
+            }
             let [v_d, v_q] = controller.currents().last().voltage;
             search.step(v_d.hypot(v_q), &mut shaft);
             if search.settled >= SETTLE {
@@ -164,17 +176,25 @@ impl Bench {
         for _ in 0..window {
             // The bench's own speed sensor; the readings of the drive are its last of each millisecond.
             let row = machine.millisecond(&mut controller, &mut shaft).expect("a bench's demand never ends");
+            if trips(&row.truth, &known) {
+                return Ok(Outcome::Tripped(setting));
+            }
             let sample = controller.currents().last();
             search.step(sample.voltage[0].hypot(sample.voltage[1]), &mut shaft);
             sum.add(&sample.current, &sample.voltage, machine.speed_reading() + sigma * noise.normal(), row.load);
         }
         let point = sum.point(setting, &known);
         if ![point.torque, point.speed, point.i_d, point.voltage, point.shaft_torque].into_iter().all(f64::is_finite) {
-            let what = format!("run {}: the simulation grows without bound: are these the parameters of a motor?", setting.run);
-            return Err(Faults::one(Fault::whole_file("plant file", what)));
+            return Ok(Outcome::Tripped(setting));
         }
         Ok(if !search.at_top { Outcome::AtLimit(point) } else { Outcome::BelowLimit(point) })
     }
+}
+
+/// Whether the protection switches the drive off; numbers that are none any more are no current that it would bear.
+fn trips(truth: &Truth, known: &Known) -> bool {
+    let current = truth.i_d.hypot(truth.i_q);
+    current.is_nan() || current > TRIP * known.current_limit
 }
 
 /// One seed for every run of a seed. The odd factor is that of SplitMix64 (Steele, Lea, Flood 2014): runs in a row get seeds far apart.

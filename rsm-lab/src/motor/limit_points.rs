@@ -44,7 +44,7 @@ const SHORTEST: f64 = 0.1;
 pub fn of_bench(outcomes: &[Outcome]) -> Vec<LimitPoint> {
     let point = |it: &Outcome| match it {
         Outcome::AtLimit(Point { i_d, i_q, speed, .. }) => Some(LimitPoint { i_d: *i_d, i_q: *i_q, speed: *speed }),
-        Outcome::BelowLimit(_) => None,
+        Outcome::BelowLimit(_) | Outcome::Tripped(_) => None,
     };
     outcomes.iter().filter_map(point).collect()
 }

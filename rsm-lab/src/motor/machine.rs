@@ -166,6 +166,11 @@ impl Machine {
             self.rates(voltage, load_torque, self.time, 0);
         }
         let rate = self.plant.rates(&self.hooks, &self.x, &self.k[0], span).fastest;
+        if rate.is_nan() || rate > FASTEST {
+            // A current that has run away from its control, with an inductance that falls as it rises: no number of sub-steps follows it.
+            self.x.fill(f64::NAN);
+            return;
+        }
         let steps = (span * rate / STEP_RATE).ceil().max(1.0) as usize * self.refinement;
         let step = span / steps as f64;
         for _ in 0..steps {

@@ -93,7 +93,7 @@ fn measure_and_fit(
         .iter()
         .filter_map(|outcome| match outcome {
             bench::Outcome::AtLimit(point) => Some([point.torque, point.speed, -point.i_d]),
-            bench::Outcome::BelowLimit(_) => None,
+            bench::Outcome::BelowLimit(_) | bench::Outcome::Tripped(_) => None,
         })
         .collect();
     let (run, at) = (outcomes.len(), points.len());

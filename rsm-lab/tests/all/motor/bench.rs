@@ -46,3 +46,16 @@ fn a_run_is_the_same_in_any_plan_and_another_with_another_seed() {
     assert_eq!(bench.run(&motor(), &all[1..4], 3).unwrap()[0], one);
     assert_ne!(bench.one(&motor(), all[1], 4).unwrap(), one);
 }
+
+#[test]
+fn a_drive_that_loses_its_current_is_switched_off_and_the_other_runs_count() {
+    // At 60 A the inductance is down to 0.52 mH, and falls with every further ampere: current control made for 0.9 mH loses it where the motor brakes.
+    let saturating = crate::plant("pmac", &crate::effect("magnetic-saturation", "saturation_current = 70.0"));
+    let settings = [(1, 70.0, 0.0), (2, 100.0, 120.0)].map(|(run, depth, advance)| Setting { run, depth, advance });
+    let outcomes = Bench::default().run(&saturating, &settings, 3).unwrap();
+    assert!(matches!(outcomes[..], [Outcome::AtLimit(_), Outcome::Tripped(setting)] if setting.run == 2), "{outcomes:?}");
+    assert!(csv(&outcomes).contains("# run 2: depth 100 %, advance 120 deg: more than twice the current limit"));
+    // Nothing that is measured at all is no experiment.
+    let refused = Bench::default().run(&saturating, &settings[1..], 3).unwrap_err().to_string();
+    assert!(refused.contains("every run ends with more than twice the current limit"), "{refused}");
+}

@@ -81,8 +81,10 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
         points.into_iter().filter(|point| (low..=high).contains(&point.speed)).collect()
     };
     let (bench, _) = weakening::for_motor(&judge);
-    let (_, all_settings) = weakening::plan(PLANS[1].0, PLANS[1].1)?;
-    let at_bench = within(limit_points::of_bench(&bench.run(&judge, &all_settings, JUDGE)?));
+    // The depths of the whole map that no surface was fitted to.
+    let (_, mut unseen) = weakening::plan(PLANS[1].0, PLANS[1].1)?;
+    unseen.retain(|it| settings.iter().all(|fitted| fitted.depth != it.depth));
+    let at_bench = within(limit_points::of_bench(&bench.run(&judge, &unseen, JUDGE)?));
     let recorded = within(request.records.iter().flat_map(|it| limit_points::of_record(it, &after.known)).collect());
     let errors = |points: &[LimitPoint]| -> Result<Option<[Errors; 2]>, Refusal> {
         if points.is_empty() {
