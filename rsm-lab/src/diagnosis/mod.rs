@@ -31,6 +31,7 @@ pub mod regions;
 pub mod screen;
 pub mod selection;
 pub mod spectrum;
+pub mod steps;
 pub mod survey;
 pub mod validation;
 pub mod verdict;

@@ -11,6 +11,7 @@ use super::model::{Model, Place};
 use super::normal::Normal;
 use super::portrait::{self, Compared, Portrait, Witness};
 use super::selection::{Believed, Limit, Selection, generalises};
+use super::steps::{self, Step};
 use super::validation::{self, Error};
 use super::whiteness::{self, Left};
 use crate::effect::{Arguments, Subject};
@@ -132,6 +133,8 @@ pub struct Diagnosis {
     pub ranking: Vec<(String, f64)>,
     /// What the last screen predicted, with the causes in the plant.
     pub remaining: Vec<(String, f64)>,
+    /// How the error falls on the records that judge, cause by cause.
+    pub steps: Vec<Step>,
     /// The limit of work at which the search stopped, if it did.
     pub stopped: Option<Limit>,
     /// What is left at the end on training records.
@@ -169,6 +172,9 @@ pub fn conclude(
         before.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
         after.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
     );
+    let mut order: Vec<usize> = (0..believed.len()).collect();
+    order.sort_by(|a, b| believed[*b].gain.total_cmp(&believed[*a].gain));
+    let steps = steps::steps(kernel, judged, nominal, &calibrated, &fit, &order);
     let left = whiteness::look(kernel, &fit);
     // On unseen records the numbers of the plant may move as far as they are unsure.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
@@ -239,6 +245,7 @@ pub fn conclude(
         threshold,
         ranking,
         remaining,
+        steps,
         stopped,
         left,
         left_unseen,

@@ -221,6 +221,18 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         });
         json!({ "validate": each.collect::<Map<String, Value>>() })
     };
+    let steps: Vec<Value> = found
+        .steps
+        .iter()
+        .map(|it| {
+            let mut step = errors(&it.errors);
+            step["causes"] = json!(it.causes);
+            if let Some(error) = it.force_error {
+                step["force_error"] = json!(output::finite(error));
+            }
+            step
+        })
+        .collect();
     let ranking: Vec<Value> =
         found.ranking.iter().take(12).map(|(label, gain)| json!({ "cause": label, "predicted_gain": gain })).collect();
     json!({
@@ -231,6 +243,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "gain": output::finite(found.gain),
         "gain_interval": [output::finite(found.gain_interval.0), output::finite(found.gain_interval.1)],
         "where": portrait::regions(kind, &found.portrait.before),
+        "steps": steps,
         "left": portrait::regions(kind, &found.portrait.after),
         "correction": portrait::correction(kind, found),
         "calibration": portrait::calibration(found),

@@ -6,6 +6,7 @@ use rsm_lab::diagnosis::correction::Offer;
 use rsm_lab::diagnosis::portrait::Portrait;
 use rsm_lab::diagnosis::regions::{Region, telling};
 use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
+use rsm_lab::diagnosis::steps::Step;
 use rsm_lab::effect::Subject;
 use rsm_lab::kind::PlantKind;
 
@@ -120,6 +121,10 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         }
         eprintln!("    To be sure: {}", cause.check);
     }
+    let forces: Vec<String> = found.steps.iter().filter_map(force).collect();
+    if !forces.is_empty() {
+        eprintln!("  Error of the force by the inverse model: {}.", forces.join(", "));
+    }
     if let Some(sentence) = next::sentence(found) {
         eprintln!("  {sentence}");
     }
@@ -145,4 +150,10 @@ mod tests {
         let names = |list: &[&str]| and(&list.iter().map(ToString::to_string).collect::<Vec<_>>());
         assert_eq!([names(&["a"]), names(&["a", "b"]), names(&["a", "b", "c"])], ["a", "a and b", "a, b and c"]);
     }
+}
+
+/// A step of the ladder by the inverse model of an axis.
+fn force(step: &Step) -> Option<String> {
+    let name = if step.causes.is_empty() { "calibrated".to_string() } else { step.causes.join(" and ") };
+    Some(format!("{name} {:.1} %", 100.0 * step.force_error?))
 }

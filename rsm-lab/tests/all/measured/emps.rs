@@ -1,14 +1,12 @@
 //! The shipped records run, and so does the measured EMPS axis, in closed loop under its own column names.
 
-use std::path::Path;
-
 use rsm_core::source::Source;
 use rsm_fit::table::{Table, Wanted};
 use rsm_lab::inverse::{Friction, Motion};
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::{Drive, Record};
 
-use super::{effect, path, plant, run};
+use super::super::{effect, path, plant, run};
 
 #[test]
 fn every_shipped_plant_runs_along_its_record() {
@@ -30,12 +28,7 @@ fn every_shipped_plant_runs_along_its_record() {
 /// Its pulses are volts that the experimenters added to what the controller said. The controller says velocity_gain * position_gain volts for a metre of the reference,
 /// so that a pulse is a change of the reference; the recorded voltage already holds it.
 fn emps(name: &str, file: &PlantFile) -> Option<Record> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/emps");
-    if !folder.is_dir() {
-        assert!(std::env::var_os("CI").is_none(), "../shared/data/emps is missing, and in CI these tests must run");
-        eprintln!("SKIPPED: ../shared/data/emps is missing; this test has shown NOTHING");
-        return None;
-    }
+    let folder = super::folder("emps")?;
     let columns = "\n[columns]\ntime = { column = \"t_s\", unit = \"s\" }\nreference = { column = \"q_ref_m\", unit = \"m\" }\n\
                    position = { column = \"q_m\", unit = \"m\" }\ncommand = { column = \"u_V\", unit = \"V\" }\n";
     let renamed = plant("servo-axis", columns);
