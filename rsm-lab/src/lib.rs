@@ -58,3 +58,5 @@ pub mod bench;
 pub mod diagnosis;
 
 pub mod inverse;
+
+pub mod orders;

@@ -36,6 +36,7 @@ pub mod survey;
 pub mod validation;
 pub mod verdict;
 pub mod whiteness;
+pub mod worth;
 
 use checks::Finding;
 use kernel::{Kernel, Prepared};

@@ -10,7 +10,7 @@ use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::profile::{Profiled, profile};
 use super::screen::{Screened, null, screen};
-use super::validation;
+use super::{validation, worth};
 use crate::plant_file::Entry;
 
 /// How much work a stage may be. Counts, not seconds: the same records give the same answer on every machine.
@@ -310,13 +310,18 @@ impl Search<'_> {
     fn winner<'c>(&self, fit: &Fit, candidates: &'c [Candidate], threshold: f64) -> Option<&'c Candidate> {
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let before = fit.cost + unseen;
-        let pays =
-            |it: &&Candidate| fit.cost - it.fit.cost > threshold && (self.unseen.records.is_empty() || it.unseen < unseen);
+        let least = threshold.max(worth::least(fit.cost, self.kernel.rows()));
+        let least_unseen = worth::least(unseen, self.unseen.rows());
+        let pays = |it: &&Candidate| {
+            fit.cost - it.fit.cost > least
+                && (self.unseen.records.is_empty() || it.unseen < unseen && unseen - it.unseen > least_unseen)
+        };
         let best = candidates.iter().filter(pays).map(|it| it.score).fold(f64::INFINITY, f64::min);
         if !best.is_finite() {
             return None;
         }
-        let enough = (before - AS_GOOD * (before - best)).max(best + threshold);
+        let tie = worth::tie((1.0 - AS_GOOD) * (before - best), best, self.kernel.rows() + self.unseen.rows());
+        let enough = best + tie.max(threshold);
         let simple = candidates.iter().filter(pays).filter(|it| it.score <= enough);
         simple.min_by(|a, b| a.numbers.cmp(&b.numbers).then(a.score.total_cmp(&b.score)))
     }

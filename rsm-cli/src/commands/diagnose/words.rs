@@ -5,8 +5,8 @@
 use rsm_lab::diagnosis::correction::Offer;
 use rsm_lab::diagnosis::portrait::Portrait;
 use rsm_lab::diagnosis::regions::{Region, telling};
-use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
 use rsm_lab::diagnosis::steps::Step;
+use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
 use rsm_lab::effect::Subject;
 use rsm_lab::kind::PlantKind;
 

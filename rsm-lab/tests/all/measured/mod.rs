@@ -1,8 +1,12 @@
 //! Measured data: an axis, the flux map of a motor, the rolling records of an outrunner. Read where they stand, never copied.
 
 mod emps;
+mod flux_map;
+mod rolling;
 
 use std::path::{Path, PathBuf};
+
+use rsm_lab::diagnosis::Diagnosis;
 
 /// A folder of measured data; `None`, said loudly, without it.
 fn folder(set: &str) -> Option<PathBuf> {
@@ -13,4 +17,38 @@ fn folder(set: &str) -> Option<PathBuf> {
     assert!(std::env::var_os("CI").is_none(), "../shared/data/{set} is missing, and in CI these tests must run");
     eprintln!("SKIPPED: ../shared/data/{set} is missing; this test has shown NOTHING");
     None
+}
+
+/// The kinds of the causes, the strongest first.
+fn kinds(found: &Diagnosis) -> Vec<&'static str> {
+    found.causes.iter().map(|cause| cause.kind).collect()
+}
+
+/// What was found, for whoever runs the tests with their output.
+fn tell(what: &str, found: &Diagnosis) {
+    println!("{what}: {:?}, gain {:.4}, stopped {:?}", found.verdict, found.gain, found.stopped);
+    for cause in &found.causes {
+        let numbers: Vec<String> = cause
+            .parameters
+            .iter()
+            .map(|it| format!("{} {:.5} ({:.5} to {:.5})", it.name, it.value, it.low, it.high))
+            .collect();
+        println!(
+            "  {} {:?} {numbers:?}, confidence {:.2}, alike {:?}",
+            cause.kind, cause.subject, cause.confidence, cause.indistinguishable_from
+        );
+        println!("    rivals {:?}", cause.rivals.iter().take(5).collect::<Vec<_>>());
+    }
+    for step in &found.steps {
+        let errors: Vec<String> =
+            step.errors.iter().map(|it| format!("{:.4e} ({:.2} x noise)", it.rmse, it.noise_ratio)).collect();
+        println!("  {:?}: {errors:?}, force {:?}", step.causes, step.force_error);
+    }
+    println!("  what is left looks most like {:?}", found.remaining.iter().take(4).collect::<Vec<_>>());
+    for region in found.portrait.before.iter().take(6) {
+        println!(
+            "  where: output {} {}: {:.2} of the error in {:.2} of the rows",
+            region.output, region.region, region.share_of_error, region.share_of_rows
+        );
+    }
 }
