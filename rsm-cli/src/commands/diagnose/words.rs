@@ -141,6 +141,12 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     }
 }
 
+/// A step of the ladder by the inverse model of an axis.
+fn force(step: &Step) -> Option<String> {
+    let name = if step.causes.is_empty() { "calibrated".to_string() } else { step.causes.join(" and ") };
+    Some(format!("{name} {:.1} %", 100.0 * step.force_error?))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,10 +156,4 @@ mod tests {
         let names = |list: &[&str]| and(&list.iter().map(ToString::to_string).collect::<Vec<_>>());
         assert_eq!([names(&["a"]), names(&["a", "b"]), names(&["a", "b", "c"])], ["a", "a and b", "a, b and c"]);
     }
-}
-
-/// A step of the ladder by the inverse model of an axis.
-fn force(step: &Step) -> Option<String> {
-    let name = if step.causes.is_empty() { "calibrated".to_string() } else { step.causes.join(" and ") };
-    Some(format!("{name} {:.1} %", 100.0 * step.force_error?))
 }
