@@ -140,8 +140,10 @@ impl Sample {
         sample.rows_of_file = rows_of_file.unwrap_or(sample.rows().max(1) as f64);
         sample.spread = spread(&sample, &region);
         let terms = sample.columns_of(&powers, &sample.spread);
-        // sigma^2 (X'X)^-1 of as many rows as made the file, spread evenly: designed experiments know their coefficients better, so this is careful.
-        let share = sample.spread.first().map_or(0, Vec::len) as f64 / sample.rows_of_file;
+        // sigma^2 (X'X)^-1 of as many rows as made the file, drawn at random from box and support: in the mean M^-1/(rows - terms - 1), M the mean products (exact where the inverse Wishart distribution is). Designed
+        // experiments know their coefficients better, so this is careful.
+        let free = (sample.rows_of_file - terms.len() as f64 - 1.0).max(1.0);
+        let share = sample.spread.first().map_or(0, Vec::len) as f64 / free;
         let constant = vec![0.0; sample.spread.first().map_or(0, Vec::len)];
         sample.prior = solve(&terms, &constant).covariance;
         sample.prior.iter_mut().flatten().for_each(|value| *value *= share);
