@@ -321,49 +321,49 @@ double driveline_damping_ratio(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = 1.5741422477076743e-8;
+    const double r18 = 1.57406190404054e-8;
     const double r19 = driveline_rsm_keep(r18 * r9);
-    const double r20 = 6.157590931070213e-7;
+    const double r20 = 6.157298844239426e-7;
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = -1.1375533378971936e-6;
+    const double r23 = -1.137053827355677e-6;
     const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = 4.9014009740456285e-6;
+    const double r25 = 4.901490441297844e-6;
     const double r26 = r24 + r25;
     const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = 2.9614585167662038e-6;
+    const double r29 = 2.9578602329831946e-6;
     const double r30 = driveline_rsm_keep(r29 * r17);
     const double r31 = driveline_rsm_keep(r30 * r17);
-    const double r32 = -5.424414111165222e-5;
+    const double r32 = -5.42454760380856e-5;
     const double r33 = r31 + r32;
     const double r34 = r28 + r33;
     const double r35 = driveline_rsm_keep(r34 * r9);
-    const double r36 = 0.00011452165008362213;
+    const double r36 = 0.00011453468098139033;
     const double r37 = driveline_rsm_keep(r36 * r17);
-    const double r38 = -0.00016359638290637627;
+    const double r38 = -0.00016358183893049914;
     const double r39 = r37 + r38;
     const double r40 = driveline_rsm_keep(r39 * r17);
     const double r41 = driveline_rsm_keep(r40 * r17);
-    const double r42 = 0.0005709885313717184;
+    const double r42 = 0.0005708796890515051;
     const double r43 = r41 + r42;
     const double r44 = driveline_rsm_keep(r43 * r17);
-    const double r45 = -0.0001571977680980176;
+    const double r45 = -0.00015736974262753114;
     const double r46 = r44 + r45;
     const double r47 = r35 + r46;
     const double r48 = driveline_rsm_keep(r47 * r9);
-    const double r49 = 0.0021847585225676413;
+    const double r49 = 0.0021848668004246143;
     const double r50 = driveline_rsm_keep(r49 * r17);
-    const double r51 = -0.004398865025523553;
+    const double r51 = -0.004399028198022551;
     const double r52 = r50 + r51;
     const double r53 = driveline_rsm_keep(r52 * r17);
-    const double r54 = -0.005005535224891003;
+    const double r54 = -0.005005078244261219;
     const double r55 = r53 + r54;
     const double r56 = driveline_rsm_keep(r55 * r17);
-    const double r57 = 0.023074352232145115;
+    const double r57 = 0.023074481769132356;
     const double r58 = r56 + r57;
     const double r59 = driveline_rsm_keep(r58 * r17);
-    const double r60 = 0.14472920012025592;
+    const double r60 = 0.14472818261724715;
     const double r61 = r59 + r60;
     const double r62 = r48 + r61;
     const double r63 = 0.05;
@@ -428,49 +428,49 @@ double driveline_damping_error(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = -4.034085106356121e-8;
+    const double r18 = -4.034026813771664e-8;
     const double r19 = driveline_rsm_keep(r18 * r9);
-    const double r20 = -4.513569572257867e-7;
+    const double r20 = -4.513248967678777e-7;
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = -1.9820846986281916e-7;
+    const double r23 = -1.987275001536602e-7;
     const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = 9.762526402275331e-6;
+    const double r25 = 9.762590620099044e-6;
     const double r26 = r24 + r25;
     const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = 5.792727135027134e-6;
+    const double r29 = 5.796432029345189e-6;
     const double r30 = driveline_rsm_keep(r29 * r17);
     const double r31 = driveline_rsm_keep(r30 * r17);
-    const double r32 = 1.9063252662994246e-5;
+    const double r32 = 1.9063951749016505e-5;
     const double r33 = r31 + r32;
     const double r34 = r28 + r33;
     const double r35 = driveline_rsm_keep(r34 * r9);
-    const double r36 = -5.773552825954581e-5;
+    const double r36 = -5.7746227026845584e-5;
     const double r37 = driveline_rsm_keep(r36 * r17);
-    const double r38 = 5.508176005472729e-5;
+    const double r38 = 5.506141795966225e-5;
     const double r39 = r37 + r38;
     const double r40 = driveline_rsm_keep(r39 * r17);
     const double r41 = driveline_rsm_keep(r40 * r17);
-    const double r42 = -0.000365522642378537;
+    const double r42 = -0.0003654045580161986;
     const double r43 = r41 + r42;
     const double r44 = driveline_rsm_keep(r43 * r17);
-    const double r45 = -0.0013598258060344196;
+    const double r45 = -0.001359673343997495;
     const double r46 = r44 + r45;
     const double r47 = r35 + r46;
     const double r48 = driveline_rsm_keep(r47 * r9);
-    const double r49 = 0.0014037556869629295;
+    const double r49 = 0.001403696924051397;
     const double r50 = driveline_rsm_keep(r49 * r17);
-    const double r51 = -0.003073400189856439;
+    const double r51 = -0.0030733473914173483;
     const double r52 = r50 + r51;
     const double r53 = driveline_rsm_keep(r52 * r17);
-    const double r54 = 0.0012724370461712788;
+    const double r54 = 0.0012719403987994096;
     const double r55 = r53 + r54;
     const double r56 = driveline_rsm_keep(r55 * r17);
-    const double r57 = -0.015670420406392743;
+    const double r57 = -0.01567043027166129;
     const double r58 = r56 + r57;
     const double r59 = driveline_rsm_keep(r58 * r17);
-    const double r60 = 0.5058154745741494;
+    const double r60 = 0.5058164848315898;
     const double r61 = r59 + r60;
     const double r62 = r48 + r61;
     const double r63 = -0.04;
@@ -496,26 +496,26 @@ double driveline_shuffle_frequency(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = -0.017324758074010394;
+    const double r18 = -0.017325775715205608;
     const double r19 = driveline_rsm_keep(r18 * r17);
-    const double r20 = -0.04451267805615619;
+    const double r20 = -0.044513951014895525;
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r17);
-    const double r23 = -0.07305379480440813;
+    const double r23 = -0.07305104025616908;
     const double r24 = r22 + r23;
     const double r25 = driveline_rsm_keep(r24 * r17);
-    const double r26 = 0.0002841430957316299;
+    const double r26 = 0.0002867617927331484;
     const double r27 = r25 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = -0.5011181619205418;
+    const double r29 = -0.5011266446131966;
     const double r30 = driveline_rsm_keep(r29 * r17);
-    const double r31 = -0.33676575634152006;
+    const double r31 = -0.3367643302457455;
     const double r32 = r30 + r31;
     const double r33 = driveline_rsm_keep(r32 * r17);
-    const double r34 = 8.251463322646769;
+    const double r34 = 8.251520805083269;
     const double r35 = r33 + r34;
     const double r36 = driveline_rsm_keep(r35 * r17);
-    const double r37 = 30.35207328601266;
+    const double r37 = 30.35211710904166;
     const double r38 = r36 + r37;
     const double r39 = r28 + r38;
     const double r40 = 8.0;
@@ -550,123 +550,123 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r18 = driveline_rsm_at_most(r15, r16);
     const double r19 = 3.0;
     const double r20 = r18 - r19;
-    const double r21 = -0.017324758074010394;
+    const double r21 = -0.017325775715205608;
     const double r22 = driveline_rsm_keep(r21 * r20);
-    const double r23 = -0.04451267805615619;
+    const double r23 = -0.044513951014895525;
     const double r24 = r22 + r23;
     const double r25 = driveline_rsm_keep(r24 * r20);
-    const double r26 = -0.07305379480440813;
+    const double r26 = -0.07305104025616908;
     const double r27 = r25 + r26;
     const double r28 = driveline_rsm_keep(r27 * r20);
-    const double r29 = 0.0002841430957316299;
+    const double r29 = 0.0002867617927331484;
     const double r30 = r28 + r29;
     const double r31 = driveline_rsm_keep(r30 * r12);
-    const double r32 = -0.5011181619205418;
+    const double r32 = -0.5011266446131966;
     const double r33 = driveline_rsm_keep(r32 * r20);
-    const double r34 = -0.33676575634152006;
+    const double r34 = -0.3367643302457455;
     const double r35 = r33 + r34;
     const double r36 = driveline_rsm_keep(r35 * r20);
-    const double r37 = 8.251463322646769;
+    const double r37 = 8.251520805083269;
     const double r38 = r36 + r37;
     const double r39 = driveline_rsm_keep(r38 * r20);
-    const double r40 = 30.35207328601266;
+    const double r40 = 30.35211710904166;
     const double r41 = r39 + r40;
     const double r42 = r31 + r41;
     const double r43 = 8.0;
     const double r45 = driveline_rsm_at_least(r42, r43);
     const double r46 = 80.0;
     const double r48 = driveline_rsm_at_most(r45, r46);
-    const double r49 = 1.5741422477076743e-8;
+    const double r49 = 1.57406190404054e-8;
     const double r50 = driveline_rsm_keep(r49 * r12);
-    const double r51 = 6.157590931070213e-7;
+    const double r51 = 6.157298844239426e-7;
     const double r52 = r50 + r51;
     const double r53 = driveline_rsm_keep(r52 * r12);
-    const double r54 = -1.1375533378971936e-6;
+    const double r54 = -1.137053827355677e-6;
     const double r55 = driveline_rsm_keep(r54 * r20);
-    const double r56 = 4.9014009740456285e-6;
+    const double r56 = 4.901490441297844e-6;
     const double r57 = r55 + r56;
     const double r58 = r53 + r57;
     const double r59 = driveline_rsm_keep(r58 * r12);
-    const double r60 = 2.9614585167662038e-6;
+    const double r60 = 2.9578602329831946e-6;
     const double r61 = driveline_rsm_keep(r60 * r20);
     const double r62 = driveline_rsm_keep(r61 * r20);
-    const double r63 = -5.424414111165222e-5;
+    const double r63 = -5.42454760380856e-5;
     const double r64 = r62 + r63;
     const double r65 = r59 + r64;
     const double r66 = driveline_rsm_keep(r65 * r12);
-    const double r67 = 0.00011452165008362213;
+    const double r67 = 0.00011453468098139033;
     const double r68 = driveline_rsm_keep(r67 * r20);
-    const double r69 = -0.00016359638290637627;
+    const double r69 = -0.00016358183893049914;
     const double r70 = r68 + r69;
     const double r71 = driveline_rsm_keep(r70 * r20);
     const double r72 = driveline_rsm_keep(r71 * r20);
-    const double r73 = 0.0005709885313717184;
+    const double r73 = 0.0005708796890515051;
     const double r74 = r72 + r73;
     const double r75 = driveline_rsm_keep(r74 * r20);
-    const double r76 = -0.0001571977680980176;
+    const double r76 = -0.00015736974262753114;
     const double r77 = r75 + r76;
     const double r78 = r66 + r77;
     const double r79 = driveline_rsm_keep(r78 * r12);
-    const double r80 = 0.0021847585225676413;
+    const double r80 = 0.0021848668004246143;
     const double r81 = driveline_rsm_keep(r80 * r20);
-    const double r82 = -0.004398865025523553;
+    const double r82 = -0.004399028198022551;
     const double r83 = r81 + r82;
     const double r84 = driveline_rsm_keep(r83 * r20);
-    const double r85 = -0.005005535224891003;
+    const double r85 = -0.005005078244261219;
     const double r86 = r84 + r85;
     const double r87 = driveline_rsm_keep(r86 * r20);
-    const double r88 = 0.023074352232145115;
+    const double r88 = 0.023074481769132356;
     const double r89 = r87 + r88;
     const double r90 = driveline_rsm_keep(r89 * r20);
-    const double r91 = 0.14472920012025592;
+    const double r91 = 0.14472818261724715;
     const double r92 = r90 + r91;
     const double r93 = r79 + r92;
     const double r94 = 0.05;
     const double r96 = driveline_rsm_at_least(r93, r94);
     const double r98 = driveline_rsm_at_most(r96, r13);
-    const double r99 = -4.034085106356121e-8;
+    const double r99 = -4.034026813771664e-8;
     const double r100 = driveline_rsm_keep(r99 * r12);
-    const double r101 = -4.513569572257867e-7;
+    const double r101 = -4.513248967678777e-7;
     const double r102 = r100 + r101;
     const double r103 = driveline_rsm_keep(r102 * r12);
-    const double r104 = -1.9820846986281916e-7;
+    const double r104 = -1.987275001536602e-7;
     const double r105 = driveline_rsm_keep(r104 * r20);
-    const double r106 = 9.762526402275331e-6;
+    const double r106 = 9.762590620099044e-6;
     const double r107 = r105 + r106;
     const double r108 = r103 + r107;
     const double r109 = driveline_rsm_keep(r108 * r12);
-    const double r110 = 5.792727135027134e-6;
+    const double r110 = 5.796432029345189e-6;
     const double r111 = driveline_rsm_keep(r110 * r20);
     const double r112 = driveline_rsm_keep(r111 * r20);
-    const double r113 = 1.9063252662994246e-5;
+    const double r113 = 1.9063951749016505e-5;
     const double r114 = r112 + r113;
     const double r115 = r109 + r114;
     const double r116 = driveline_rsm_keep(r115 * r12);
-    const double r117 = -5.773552825954581e-5;
+    const double r117 = -5.7746227026845584e-5;
     const double r118 = driveline_rsm_keep(r117 * r20);
-    const double r119 = 5.508176005472729e-5;
+    const double r119 = 5.506141795966225e-5;
     const double r120 = r118 + r119;
     const double r121 = driveline_rsm_keep(r120 * r20);
     const double r122 = driveline_rsm_keep(r121 * r20);
-    const double r123 = -0.000365522642378537;
+    const double r123 = -0.0003654045580161986;
     const double r124 = r122 + r123;
     const double r125 = driveline_rsm_keep(r124 * r20);
-    const double r126 = -0.0013598258060344196;
+    const double r126 = -0.001359673343997495;
     const double r127 = r125 + r126;
     const double r128 = r116 + r127;
     const double r129 = driveline_rsm_keep(r128 * r12);
-    const double r130 = 0.0014037556869629295;
+    const double r130 = 0.001403696924051397;
     const double r131 = driveline_rsm_keep(r130 * r20);
-    const double r132 = -0.003073400189856439;
+    const double r132 = -0.0030733473914173483;
     const double r133 = r131 + r132;
     const double r134 = driveline_rsm_keep(r133 * r20);
-    const double r135 = 0.0012724370461712788;
+    const double r135 = 0.0012719403987994096;
     const double r136 = r134 + r135;
     const double r137 = driveline_rsm_keep(r136 * r20);
-    const double r138 = -0.015670420406392743;
+    const double r138 = -0.01567043027166129;
     const double r139 = r137 + r138;
     const double r140 = driveline_rsm_keep(r139 * r20);
-    const double r141 = 0.5058154745741494;
+    const double r141 = 0.5058164848315898;
     const double r142 = r140 + r141;
     const double r143 = r129 + r142;
     const double r144 = -0.04;
@@ -736,49 +736,49 @@ float driveline_damping_ratio_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = 1.5741422e-8f;
+    const float r18 = 1.574062e-8f;
     const float r19 = driveline_rsm_keep_f32(r18 * r9);
-    const float r20 = 6.157591e-7f;
+    const float r20 = 6.157299e-7f;
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = -1.1375533e-6f;
+    const float r23 = -1.1370538e-6f;
     const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = 4.901401e-6f;
+    const float r25 = 4.9014902e-6f;
     const float r26 = r24 + r25;
     const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = 2.9614584e-6f;
+    const float r29 = 2.9578603e-6f;
     const float r30 = driveline_rsm_keep_f32(r29 * r17);
     const float r31 = driveline_rsm_keep_f32(r30 * r17);
-    const float r32 = -5.424414e-5f;
+    const float r32 = -5.4245476e-5f;
     const float r33 = r31 + r32;
     const float r34 = r28 + r33;
     const float r35 = driveline_rsm_keep_f32(r34 * r9);
-    const float r36 = 0.00011452165f;
+    const float r36 = 0.00011453468f;
     const float r37 = driveline_rsm_keep_f32(r36 * r17);
-    const float r38 = -0.00016359639f;
+    const float r38 = -0.00016358183f;
     const float r39 = r37 + r38;
     const float r40 = driveline_rsm_keep_f32(r39 * r17);
     const float r41 = driveline_rsm_keep_f32(r40 * r17);
-    const float r42 = 0.0005709885f;
+    const float r42 = 0.00057087967f;
     const float r43 = r41 + r42;
     const float r44 = driveline_rsm_keep_f32(r43 * r17);
-    const float r45 = -0.00015719776f;
+    const float r45 = -0.00015736974f;
     const float r46 = r44 + r45;
     const float r47 = r35 + r46;
     const float r48 = driveline_rsm_keep_f32(r47 * r9);
-    const float r49 = 0.0021847584f;
+    const float r49 = 0.0021848667f;
     const float r50 = driveline_rsm_keep_f32(r49 * r17);
-    const float r51 = -0.004398865f;
+    const float r51 = -0.004399028f;
     const float r52 = r50 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r17);
-    const float r54 = -0.005005535f;
+    const float r54 = -0.0050050784f;
     const float r55 = r53 + r54;
     const float r56 = driveline_rsm_keep_f32(r55 * r17);
-    const float r57 = 0.023074353f;
+    const float r57 = 0.023074482f;
     const float r58 = r56 + r57;
     const float r59 = driveline_rsm_keep_f32(r58 * r17);
-    const float r60 = 0.1447292f;
+    const float r60 = 0.14472818f;
     const float r61 = r59 + r60;
     const float r62 = r48 + r61;
     const float r63 = 0.05f;
@@ -843,49 +843,49 @@ float driveline_damping_error_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = -4.034085e-8f;
+    const float r18 = -4.0340268e-8f;
     const float r19 = driveline_rsm_keep_f32(r18 * r9);
-    const float r20 = -4.5135695e-7f;
+    const float r20 = -4.513249e-7f;
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = -1.9820847e-7f;
+    const float r23 = -1.987275e-7f;
     const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = 9.762526e-6f;
+    const float r25 = 9.762591e-6f;
     const float r26 = r24 + r25;
     const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = 5.7927273e-6f;
+    const float r29 = 5.796432e-6f;
     const float r30 = driveline_rsm_keep_f32(r29 * r17);
     const float r31 = driveline_rsm_keep_f32(r30 * r17);
-    const float r32 = 1.9063253e-5f;
+    const float r32 = 1.9063951e-5f;
     const float r33 = r31 + r32;
     const float r34 = r28 + r33;
     const float r35 = driveline_rsm_keep_f32(r34 * r9);
-    const float r36 = -5.7735528e-5f;
+    const float r36 = -5.7746227e-5f;
     const float r37 = driveline_rsm_keep_f32(r36 * r17);
-    const float r38 = 5.508176e-5f;
+    const float r38 = 5.5061417e-5f;
     const float r39 = r37 + r38;
     const float r40 = driveline_rsm_keep_f32(r39 * r17);
     const float r41 = driveline_rsm_keep_f32(r40 * r17);
-    const float r42 = -0.00036552263f;
+    const float r42 = -0.00036540456f;
     const float r43 = r41 + r42;
     const float r44 = driveline_rsm_keep_f32(r43 * r17);
-    const float r45 = -0.0013598258f;
+    const float r45 = -0.0013596733f;
     const float r46 = r44 + r45;
     const float r47 = r35 + r46;
     const float r48 = driveline_rsm_keep_f32(r47 * r9);
-    const float r49 = 0.0014037557f;
+    const float r49 = 0.001403697f;
     const float r50 = driveline_rsm_keep_f32(r49 * r17);
-    const float r51 = -0.0030734001f;
+    const float r51 = -0.0030733475f;
     const float r52 = r50 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r17);
-    const float r54 = 0.001272437f;
+    const float r54 = 0.0012719404f;
     const float r55 = r53 + r54;
     const float r56 = driveline_rsm_keep_f32(r55 * r17);
-    const float r57 = -0.01567042f;
+    const float r57 = -0.01567043f;
     const float r58 = r56 + r57;
     const float r59 = driveline_rsm_keep_f32(r58 * r17);
-    const float r60 = 0.50581545f;
+    const float r60 = 0.50581646f;
     const float r61 = r59 + r60;
     const float r62 = r48 + r61;
     const float r63 = -0.04f;
@@ -911,26 +911,26 @@ float driveline_shuffle_frequency_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = -0.017324759f;
+    const float r18 = -0.017325776f;
     const float r19 = driveline_rsm_keep_f32(r18 * r17);
-    const float r20 = -0.044512678f;
+    const float r20 = -0.044513952f;
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r17);
-    const float r23 = -0.07305379f;
+    const float r23 = -0.07305104f;
     const float r24 = r22 + r23;
     const float r25 = driveline_rsm_keep_f32(r24 * r17);
-    const float r26 = 0.00028414308f;
+    const float r26 = 0.0002867618f;
     const float r27 = r25 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = -0.5011182f;
+    const float r29 = -0.50112665f;
     const float r30 = driveline_rsm_keep_f32(r29 * r17);
-    const float r31 = -0.33676577f;
+    const float r31 = -0.33676434f;
     const float r32 = r30 + r31;
     const float r33 = driveline_rsm_keep_f32(r32 * r17);
-    const float r34 = 8.251463f;
+    const float r34 = 8.251521f;
     const float r35 = r33 + r34;
     const float r36 = driveline_rsm_keep_f32(r35 * r17);
-    const float r37 = 30.352074f;
+    const float r37 = 30.352118f;
     const float r38 = r36 + r37;
     const float r39 = r28 + r38;
     const float r40 = 8.0f;
@@ -965,123 +965,123 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r18 = driveline_rsm_at_most_f32(r15, r16);
     const float r19 = 3.0f;
     const float r20 = r18 - r19;
-    const float r21 = -0.017324759f;
+    const float r21 = -0.017325776f;
     const float r22 = driveline_rsm_keep_f32(r21 * r20);
-    const float r23 = -0.044512678f;
+    const float r23 = -0.044513952f;
     const float r24 = r22 + r23;
     const float r25 = driveline_rsm_keep_f32(r24 * r20);
-    const float r26 = -0.07305379f;
+    const float r26 = -0.07305104f;
     const float r27 = r25 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r20);
-    const float r29 = 0.00028414308f;
+    const float r29 = 0.0002867618f;
     const float r30 = r28 + r29;
     const float r31 = driveline_rsm_keep_f32(r30 * r12);
-    const float r32 = -0.5011182f;
+    const float r32 = -0.50112665f;
     const float r33 = driveline_rsm_keep_f32(r32 * r20);
-    const float r34 = -0.33676577f;
+    const float r34 = -0.33676434f;
     const float r35 = r33 + r34;
     const float r36 = driveline_rsm_keep_f32(r35 * r20);
-    const float r37 = 8.251463f;
+    const float r37 = 8.251521f;
     const float r38 = r36 + r37;
     const float r39 = driveline_rsm_keep_f32(r38 * r20);
-    const float r40 = 30.352074f;
+    const float r40 = 30.352118f;
     const float r41 = r39 + r40;
     const float r42 = r31 + r41;
     const float r43 = 8.0f;
     const float r45 = driveline_rsm_at_least_f32(r42, r43);
     const float r46 = 80.0f;
     const float r48 = driveline_rsm_at_most_f32(r45, r46);
-    const float r49 = 1.5741422e-8f;
+    const float r49 = 1.574062e-8f;
     const float r50 = driveline_rsm_keep_f32(r49 * r12);
-    const float r51 = 6.157591e-7f;
+    const float r51 = 6.157299e-7f;
     const float r52 = r50 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r12);
-    const float r54 = -1.1375533e-6f;
+    const float r54 = -1.1370538e-6f;
     const float r55 = driveline_rsm_keep_f32(r54 * r20);
-    const float r56 = 4.901401e-6f;
+    const float r56 = 4.9014902e-6f;
     const float r57 = r55 + r56;
     const float r58 = r53 + r57;
     const float r59 = driveline_rsm_keep_f32(r58 * r12);
-    const float r60 = 2.9614584e-6f;
+    const float r60 = 2.9578603e-6f;
     const float r61 = driveline_rsm_keep_f32(r60 * r20);
     const float r62 = driveline_rsm_keep_f32(r61 * r20);
-    const float r63 = -5.424414e-5f;
+    const float r63 = -5.4245476e-5f;
     const float r64 = r62 + r63;
     const float r65 = r59 + r64;
     const float r66 = driveline_rsm_keep_f32(r65 * r12);
-    const float r67 = 0.00011452165f;
+    const float r67 = 0.00011453468f;
     const float r68 = driveline_rsm_keep_f32(r67 * r20);
-    const float r69 = -0.00016359639f;
+    const float r69 = -0.00016358183f;
     const float r70 = r68 + r69;
     const float r71 = driveline_rsm_keep_f32(r70 * r20);
     const float r72 = driveline_rsm_keep_f32(r71 * r20);
-    const float r73 = 0.0005709885f;
+    const float r73 = 0.00057087967f;
     const float r74 = r72 + r73;
     const float r75 = driveline_rsm_keep_f32(r74 * r20);
-    const float r76 = -0.00015719776f;
+    const float r76 = -0.00015736974f;
     const float r77 = r75 + r76;
     const float r78 = r66 + r77;
     const float r79 = driveline_rsm_keep_f32(r78 * r12);
-    const float r80 = 0.0021847584f;
+    const float r80 = 0.0021848667f;
     const float r81 = driveline_rsm_keep_f32(r80 * r20);
-    const float r82 = -0.004398865f;
+    const float r82 = -0.004399028f;
     const float r83 = r81 + r82;
     const float r84 = driveline_rsm_keep_f32(r83 * r20);
-    const float r85 = -0.005005535f;
+    const float r85 = -0.0050050784f;
     const float r86 = r84 + r85;
     const float r87 = driveline_rsm_keep_f32(r86 * r20);
-    const float r88 = 0.023074353f;
+    const float r88 = 0.023074482f;
     const float r89 = r87 + r88;
     const float r90 = driveline_rsm_keep_f32(r89 * r20);
-    const float r91 = 0.1447292f;
+    const float r91 = 0.14472818f;
     const float r92 = r90 + r91;
     const float r93 = r79 + r92;
     const float r94 = 0.05f;
     const float r96 = driveline_rsm_at_least_f32(r93, r94);
     const float r98 = driveline_rsm_at_most_f32(r96, r13);
-    const float r99 = -4.034085e-8f;
+    const float r99 = -4.0340268e-8f;
     const float r100 = driveline_rsm_keep_f32(r99 * r12);
-    const float r101 = -4.5135695e-7f;
+    const float r101 = -4.513249e-7f;
     const float r102 = r100 + r101;
     const float r103 = driveline_rsm_keep_f32(r102 * r12);
-    const float r104 = -1.9820847e-7f;
+    const float r104 = -1.987275e-7f;
     const float r105 = driveline_rsm_keep_f32(r104 * r20);
-    const float r106 = 9.762526e-6f;
+    const float r106 = 9.762591e-6f;
     const float r107 = r105 + r106;
     const float r108 = r103 + r107;
     const float r109 = driveline_rsm_keep_f32(r108 * r12);
-    const float r110 = 5.7927273e-6f;
+    const float r110 = 5.796432e-6f;
     const float r111 = driveline_rsm_keep_f32(r110 * r20);
     const float r112 = driveline_rsm_keep_f32(r111 * r20);
-    const float r113 = 1.9063253e-5f;
+    const float r113 = 1.9063951e-5f;
     const float r114 = r112 + r113;
     const float r115 = r109 + r114;
     const float r116 = driveline_rsm_keep_f32(r115 * r12);
-    const float r117 = -5.7735528e-5f;
+    const float r117 = -5.7746227e-5f;
     const float r118 = driveline_rsm_keep_f32(r117 * r20);
-    const float r119 = 5.508176e-5f;
+    const float r119 = 5.5061417e-5f;
     const float r120 = r118 + r119;
     const float r121 = driveline_rsm_keep_f32(r120 * r20);
     const float r122 = driveline_rsm_keep_f32(r121 * r20);
-    const float r123 = -0.00036552263f;
+    const float r123 = -0.00036540456f;
     const float r124 = r122 + r123;
     const float r125 = driveline_rsm_keep_f32(r124 * r20);
-    const float r126 = -0.0013598258f;
+    const float r126 = -0.0013596733f;
     const float r127 = r125 + r126;
     const float r128 = r116 + r127;
     const float r129 = driveline_rsm_keep_f32(r128 * r12);
-    const float r130 = 0.0014037557f;
+    const float r130 = 0.001403697f;
     const float r131 = driveline_rsm_keep_f32(r130 * r20);
-    const float r132 = -0.0030734001f;
+    const float r132 = -0.0030733475f;
     const float r133 = r131 + r132;
     const float r134 = driveline_rsm_keep_f32(r133 * r20);
-    const float r135 = 0.001272437f;
+    const float r135 = 0.0012719404f;
     const float r136 = r134 + r135;
     const float r137 = driveline_rsm_keep_f32(r136 * r20);
-    const float r138 = -0.01567042f;
+    const float r138 = -0.01567043f;
     const float r139 = r137 + r138;
     const float r140 = driveline_rsm_keep_f32(r139 * r20);
-    const float r141 = 0.50581545f;
+    const float r141 = 0.50581646f;
     const float r142 = r140 + r141;
     const float r143 = r129 + r142;
     const float r144 = -0.04f;
@@ -1171,14 +1171,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc2867c86a57874ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fafad3d1ef87132ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fe10adbba8d0e7eULL }, /* other bits if fused */
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fe10adbba8d0e7eULL }, /* other bits if fused */
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc28673fd93469bULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fe10ac7649f15f2ULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fe10ac7649f15f2ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4011619a3a88ec9dULL, 0x4002a64e82c377f0ULL, 0x3fbdd45cbbc42a17ULL }, /* other bits if fused */
-            { 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0x3fbf0347646bbfb6ULL }, /* other bits if fused */
-            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fdaaba25b3a1b76ULL }, /* other bits if fused */
+            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fdaab48515a146aULL }, /* other bits if fused */
+            { 0x40166e1c2350b3ceULL, 0x400ae8083a2b5aebULL, 0x3fc224818d728ca0ULL }, /* other bits if fused */
+            { 0x4040e765ca8c2de1ULL, 0x40121774d56b0dc9ULL, 0x3fc5ea0b8414ea97ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_ratio;
         unsigned int k;
@@ -1208,14 +1208,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe02fa3ef236a04ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe5f05582259c9eULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fbdfe378aa72088ULL }, /* other bits if fused */
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fbdfe378aa72088ULL }, /* other bits if fused */
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe02fa60d8423b4ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe5f054c746584eULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fbdfee0f70103b8ULL }, /* other bits if fused */
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fbdfee0f70103b8ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fd63d81d6e8faecULL }, /* other bits if fused */
-            { 0x4046847b336de671ULL, 0x400a51d6e43da6c3ULL, 0x3fd93ed7997dd0c7ULL }, /* other bits if fused */
-            { 0x40166e1c2350b3ceULL, 0x400ae8083a2b5aebULL, 0x3fe0bfb86d1b1b01ULL }, /* other bits if fused */
+            { 0x4011619a3a88ec9dULL, 0x4002a64e82c377f0ULL, 0x3fe1919fb224dcf8ULL }, /* other bits if fused */
+            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fd63de58cdf5903ULL }, /* other bits if fused */
+            { 0x4046847b336de671ULL, 0x400a51d6e43da6c3ULL, 0x3fd93effe116e2feULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_error;
         unsigned int k;
@@ -1228,14 +1228,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403e5a217991383aULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf1447cb3e207ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e925e4cac2ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x403e83e925e4cac2ULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403e5a2458cbb22dULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf1444f6a3aa1ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e788e349e2ULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x403e83e788e349e2ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4045889359664c64ULL, 0x3fffb4235672cfd0ULL, 0x4036ea4f52eb58f8ULL }, /* other bits if fused */
-            { 0x4021df18ad148ce4ULL, 0x3ffb4aeb991902aeULL, 0x403331a4803a32a4ULL }, /* other bits if fused */
-            { 0x4031ed70740eaf9eULL, 0x3ffee89e28e590e8ULL, 0x40355c067886cd78ULL }, /* other bits if fused */
+            { 0x4048f6a4e41e633fULL, 0x3ff9804d27fbc21eULL, 0x4034f8d790f8a590ULL }, /* other bits if fused */
+            { 0x4031ed70740eaf9eULL, 0x3ffee89e28e590e8ULL, 0x40355c06652c08c5ULL }, /* other bits if fused */
+            { 0x4034c30fbe1fc594ULL, 0x3ff0515ee18b31ecULL, 0x403001ebe3c25469ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_shuffle_frequency;
         unsigned int k;
@@ -1249,13 +1249,13 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][4] = {
             { 0x0000000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
-            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b131ee106bc6ULL }, /* other bits if fused */
-            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0798a43064ab8ULL }, /* other bits if fused */
-            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0c83405a36404ULL }, /* other bits if fused */
+            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b1322f878962ULL },
+            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0798c56b6c634ULL }, /* other bits if fused */
+            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0c83573d790e0ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0xbfbe5ac92705bb60ULL, 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0xbf99bd0984c91848ULL }, /* other bits if fused */
-            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4b9605e55ad80ULL }, /* other bits if fused */
-            { 0xbfe04bdca98d3030ULL, 0x4032f2ca4e668e0aULL, 0x4004a358085f4f69ULL, 0xbfb655b0c8e3d018ULL }, /* other bits if fused */
+            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbfc601bb571eea9cULL }, /* other bits if fused */
+            { 0xbfbe5ac92705bb60ULL, 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0xbf981ecf67714b40ULL }, /* other bits if fused */
+            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4aff6b821c030ULL }, /* other bits if fused */
         };
         double (*volatile function)(driveline_tip_in_state *, double, double, double) = driveline_tip_in_step;
         unsigned int k;
@@ -1272,14 +1272,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3e1433e4UL },
-            { 0x40200000UL, 0x3f800000UL, 0x3d7d69eaUL },
-            { 0x42480000UL, 0x40a00000UL, 0x3f0856deUL },
-            { 0x42938000UL, 0x40e00000UL, 0x3f0856deUL },
+            { 0x41d20000UL, 0x40400000UL, 0x3e1433a0UL },
+            { 0x40200000UL, 0x3f800000UL, 0x3d7d6a58UL }, /* other bits if fused */
+            { 0x42480000UL, 0x40a00000UL, 0x3f08563bUL }, /* other bits if fused */
+            { 0x42938000UL, 0x40e00000UL, 0x3f08563bUL }, /* other bits if fused */
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x408b0cd2UL, 0x40153274UL, 0x3deea2e4UL }, /* other bits if fused */
-            { 0x4122fb0cUL, 0x3fa5134dUL, 0x3dd65c15UL }, /* other bits if fused */
-            { 0x422c449bUL, 0x3ffda11bUL, 0x3e4d2bc6UL }, /* other bits if fused */
+            { 0x422c449bUL, 0x3ffda11bUL, 0x3e4d2999UL }, /* other bits if fused */
+            { 0x42409348UL, 0x3fa4e790UL, 0x3ed55a44UL }, /* other bits if fused */
+            { 0x414eae97UL, 0x3fce58f2UL, 0x3de74972UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_ratio_f32;
         unsigned int k;
@@ -1309,14 +1309,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3f017d1fUL },
-            { 0x40200000UL, 0x3f800000UL, 0x3f2f82acUL },
-            { 0x42480000UL, 0x40a00000UL, 0x3deff1b4UL }, /* other bits if fused */
-            { 0x42938000UL, 0x40e00000UL, 0x3deff1b4UL }, /* other bits if fused */
+            { 0x41d20000UL, 0x40400000UL, 0x3f017d30UL },
+            { 0x40200000UL, 0x3f800000UL, 0x3f2f82a6UL },
+            { 0x42480000UL, 0x40a00000UL, 0x3deff708UL }, /* other bits if fused */
+            { 0x42938000UL, 0x40e00000UL, 0x3deff708UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x40b370e1UL, 0x40574042UL, 0x3f05fdc2UL }, /* other bits if fused */
-            { 0x4247b527UL, 0x3fcc0269UL, 0x3e652458UL }, /* other bits if fused */
-            { 0x41c40c79UL, 0x3f900ac8UL, 0x3f1492ddUL }, /* other bits if fused */
+            { 0x42409348UL, 0x3fa4e790UL, 0x3eb1ef2aUL }, /* other bits if fused */
+            { 0x421ae84dUL, 0x40352cd6UL, 0x3efb7fa2UL }, /* other bits if fused */
+            { 0x423423daUL, 0x40528eb7UL, 0x3ec9f7fcUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_error_f32;
         unsigned int k;
@@ -1329,14 +1329,14 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x41f2d10cUL },
-            { 0x40200000UL, 0x3f800000UL, 0x415f8a25UL },
-            { 0x42480000UL, 0x40a00000UL, 0x41f41f4aUL },
-            { 0x42938000UL, 0x40e00000UL, 0x41f41f4aUL },
+            { 0x41d20000UL, 0x40400000UL, 0x41f2d123UL },
+            { 0x40200000UL, 0x3f800000UL, 0x415f8a23UL },
+            { 0x42480000UL, 0x40a00000UL, 0x41f41f3cUL },
+            { 0x42938000UL, 0x40e00000UL, 0x41f41f3cUL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0x42409348UL, 0x3fa4e790UL, 0x419c5d16UL }, /* other bits if fused */
-            { 0x4195a0a6UL, 0x3fccc7ccUL, 0x4198514aUL }, /* other bits if fused */
-            { 0x414eae97UL, 0x3fce58f2UL, 0x4196164bUL }, /* other bits if fused */
+            { 0x410ef8c5UL, 0x3fda575dUL, 0x41998d26UL }, /* other bits if fused */
+            { 0x42409348UL, 0x3fa4e790UL, 0x419c5d0aUL }, /* other bits if fused */
+            { 0x4247b527UL, 0x3fcc0269UL, 0x41a7c6bcUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_shuffle_frequency_f32;
         unsigned int k;
@@ -1350,13 +1350,13 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][4] = {
             { 0x00000000UL, 0x41d20000UL, 0x40400000UL, 0x00000000UL },
-            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d898dUL },
-            { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e03cc50UL }, /* other bits if fused */
-            { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e8641a4UL },
+            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d8991UL },
+            { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e03cc64UL }, /* other bits if fused */
+            { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e8641acUL }, /* other bits if fused */
             { 0x7fc00000UL, 0x41d20000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe300de4UL }, /* other bits if fused */
-            { 0xbdf2d649UL, 0x4096f11fUL, 0x401eb7f9UL, 0xbcc0f674UL }, /* other bits if fused */
-            { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd257fd0UL }, /* other bits if fused */
+            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe300ddcUL }, /* other bits if fused */
+            { 0xbdf2d649UL, 0x4096f11fUL, 0x401eb7f9UL, 0xbcc0f67cUL }, /* other bits if fused */
+            { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd257fc0UL }, /* other bits if fused */
         };
         float (*volatile function)(driveline_tip_in_state_f32 *, float, float, float) = driveline_tip_in_step_f32;
         unsigned int k;
