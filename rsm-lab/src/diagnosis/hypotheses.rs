@@ -27,6 +27,15 @@ pub fn label(kind: &str, subject: Option<&str>) -> String {
     subject.map_or(kind.to_string(), |subject| format!("{kind}:{subject}"))
 }
 
+/// Whether one cause holds another as its special case: it then always fits as well, and that says nothing.
+#[must_use]
+pub fn generalises(general: &str, special: &str) -> bool {
+    matches!((general, special), ("asymmetric-friction" | "stribeck-friction", "coulomb-friction"))
+}
+
+/// The numbers of a general case that are its special case's level.
+pub const LEVELS: [&str; 4] = ["forward", "backward", "coulomb", "static"];
+
 /// Parameters that are known by counting or are limits of whoever makes the record: an error of them is no hypothesis.
 const KNOWN: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
 
@@ -90,6 +99,18 @@ impl Hypothesis {
                 numbers: numbers.filter(|(_, value)| value.is_finite()).map(|(it, value)| (it.name, *value)).collect(),
             },
         }
+    }
+
+    /// Whether numbers have the signs that physics asks for; how large they are is the search's to find.
+    #[must_use]
+    pub fn has_signs(&self, kind: PlantKind, values: &[f64]) -> bool {
+        let entry = self.entry(kind, values);
+        let mut numbers = entry.arguments.numbers.iter();
+        numbers.all(|(name, value)| match bound_of(&entry, name) {
+            Bound::Positive | Bound::Count => *value > 0.0,
+            Bound::NotNegative => *value >= 0.0,
+            Bound::Any | Bound::Between(..) => true,
+        })
     }
 
     /// Whether an entry of a file is this one.
@@ -166,6 +187,15 @@ impl Model {
     #[must_use]
     pub fn plus(&self, nominal: &Model, entry: Entry) -> Model {
         let mut entries = self.file.effects.clone();
+        entries.push(entry);
+        self.with_effects(nominal, entries)
+    }
+
+    /// The model with one more cause in place of those that it holds as special cases: friction is one thing, not two.
+    #[must_use]
+    pub fn joined(&self, nominal: &Model, entry: Entry) -> Model {
+        let mut entries = self.file.effects.clone();
+        entries.retain(|it| !generalises(entry.description.kind, it.description.kind));
         entries.push(entry);
         self.with_effects(nominal, entries)
     }

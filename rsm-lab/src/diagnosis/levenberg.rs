@@ -28,6 +28,19 @@ pub struct Fit {
     pub free: Vec<usize>,
     /// Derivatives for `free`.
     pub columns: Vec<Column>,
+    /// The unknowns that are pressed against a bound.
+    pub held: Vec<Held>,
+}
+
+/// An unknown that is pressed against a bound.
+#[derive(Debug, Clone)]
+pub struct Held {
+    /// Which.
+    pub unknown: usize,
+    /// Its derivative.
+    pub column: Column,
+    /// At the lower bound, else at the upper one.
+    pub at_low: bool,
 }
 
 impl Fit {
@@ -35,6 +48,15 @@ impl Fit {
     #[must_use]
     pub fn matrix(&self) -> Vec<f64> {
         gram(&self.model, &self.free, &self.columns)
+    }
+
+    /// Inner products and what is asked, of the free unknowns and then of those that are held.
+    #[must_use]
+    pub fn equations_with_held(&self) -> (Vec<f64>, Vec<f64>) {
+        let which: Vec<usize> = self.free.iter().copied().chain(self.held.iter().map(|held| held.unknown)).collect();
+        let columns: Vec<Column> =
+            self.columns.iter().cloned().chain(self.held.iter().map(|held| held.column.clone())).collect();
+        (gram(&self.model, &which, &columns), pull(&self.model, &which, &columns, &self.residual))
     }
 
     /// The derivative for an unknown of another model, where it is one of this fit as well.
@@ -173,8 +195,9 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
             continue;
         }
         if exact {
-            let columns = of_free;
-            return Some(Fit { model, simulated, residual, cost: cost_now, free, columns });
+            let held = all.iter().filter(|k| !free.contains(k));
+            let held = held.map(|&k| Held { unknown: k, column: columns[k].clone(), at_low: asked[k] < 0.0 }).collect();
+            return Some(Fit { model, simulated, residual, cost: cost_now, free, columns: of_free, held });
         }
         columns = kernel.derivatives(&model, &simulated, &all)?;
         exact = true;

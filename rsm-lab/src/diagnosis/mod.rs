@@ -13,6 +13,7 @@ pub mod bootstrap;
 pub mod chance;
 pub mod checks;
 pub mod compared;
+pub mod compete;
 pub mod correction;
 pub mod excitations;
 pub mod experiment;
@@ -23,6 +24,7 @@ pub mod levenberg;
 pub mod model;
 pub mod noise;
 pub mod normal;
+pub mod nuisance;
 pub mod orders;
 pub mod portrait;
 pub mod profile;
@@ -158,6 +160,7 @@ pub fn diagnose(
             hypotheses: &hypotheses,
             // The wave lengths of an axis are the best of many.
             looks: if file.kind == PlantKind::ServoAxis { 2 * survey::MOST_WAVES } else { 0 },
+            rounded: &rounded,
             effort,
             progress: options.progress,
         };

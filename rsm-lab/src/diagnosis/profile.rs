@@ -1,14 +1,12 @@
-//! A hypothesis fitted by its own numbers, with everything that is free anyway moving along in first order.
+//! Hypotheses fitted by their own numbers, with everything that is free anyway moving along in first order.
 //!
-//! In: a fitted model, a hypothesis, numbers to begin with. Out: the numbers at the best and the squared residual there. One simulation a number and step:
+//! In: a fitted model, the same with causes more, numbers to begin with. Out: the numbers at the best and the squared residual there. One simulation a number and step:
 //! cheap enough for every hypothesis that the screen lets through. Never moves a start or a calibration for good.
 
-use super::hypotheses::Hypothesis;
 use super::kernel::{Kernel, dot};
-use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::normal::Normal;
-use super::screen::Nuisance;
+use super::nuisance::Nuisance;
 use crate::plant_file::Entry;
 
 /// A step that gains less, in units of squared residuals whose noise is one, ends the search.
@@ -28,22 +26,12 @@ pub struct Profiled {
     pub cost: f64,
 }
 
-/// Improves the numbers in at most so many steps. `None` where it cannot be simulated.
+/// Improves the numbers of the causes from `first` on, in at most so many steps; also their cost. `None` where it cannot be simulated.
 #[must_use]
-pub fn profile(
-    kernel: &Kernel,
-    fit: &Fit,
-    nominal: &Model,
-    hypotheses: &[Hypothesis],
-    which: usize,
-    values: &[f64],
-    steps: usize,
-) -> Option<Profiled> {
-    let nuisance = Nuisance::new(fit);
-    let place = fit.model.file.effects.len();
-    let mut model = fit.model.plus(nominal, hypotheses[which].entry(fit.model.file.kind, values));
+pub fn profile(kernel: &Kernel, nuisance: &Nuisance<'_>, model: Model, first: usize, steps: usize) -> Option<(Model, f64)> {
+    let mut model = model;
     let own: Vec<usize> = (0..model.unknowns.len())
-        .filter(|&k| matches!(model.unknowns[k].place, Place::Effect { entry, .. } if entry == place))
+        .filter(|&k| matches!(model.unknowns[k].place, Place::Effect { entry, .. } if entry >= first))
         .collect();
     // Numbers of a guess may lie beyond what physics allows.
     for &k in &own {
@@ -56,7 +44,7 @@ pub fn profile(
     }
     let mut simulated = kernel.run(&model)?;
     let mut residual = kernel.residual(&simulated);
-    let mut cost = nuisance.left(&residual);
+    let (mut cost, mut back) = nuisance.left(&residual);
     let mut damping = 1e-3;
     for _ in 0..steps {
         let columns = kernel.derivatives(&model, &simulated, &own)?;
@@ -68,12 +56,12 @@ pub fn profile(
         let mut matrix = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..n {
-                matrix[i * n + j] = nuisance.between(columns[i].and(&columns[j]), &products[i], &products[j]);
+                matrix[i * n + j] = nuisance.between(columns[i].and(&columns[j]), &products[i], &products[j], back);
             }
         }
         let left = nuisance.products(&residual);
         let pull: Vec<f64> =
-            (0..n).map(|i| nuisance.between(dot(&columns[i].values, &residual), &products[i], &left)).collect();
+            (0..n).map(|i| nuisance.between(dot(&columns[i].values, &residual), &products[i], &left, back)).collect();
         let before = cost;
         for _ in 0..4 {
             let change = Normal::new(&matrix, n, damping).solve(&pull);
@@ -94,8 +82,9 @@ pub fn profile(
                 (nuisance.left(&residual), simulated, residual)
             });
             match better {
-                Some((trial_cost, trial_simulated, trial_residual)) if trial_cost < cost => {
+                Some(((trial_cost, trial_way), trial_simulated, trial_residual)) if trial_cost < cost => {
                     (model, simulated, residual, cost) = (trial, trial_simulated, trial_residual, trial_cost);
+                    back = trial_way;
                     damping = (damping / 10.0).max(1e-9);
                     break;
                 }
@@ -106,5 +95,5 @@ pub fn profile(
             break;
         }
     }
-    Some(Profiled { hypothesis: which, entry: model.file.effects[place].clone(), cost })
+    Some((model, cost))
 }

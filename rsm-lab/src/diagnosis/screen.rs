@@ -5,14 +5,15 @@
 //! for what they can do. Also the gain that noise alone would give the best of them. Never fits.
 
 use super::chance;
-use super::hypotheses::Hypothesis;
+use super::hypotheses::{Hypothesis, LEVELS, generalises};
 use super::kernel::{Kernel, dot};
 use super::levenberg::Fit;
 use super::model::Model;
 use super::noise::Random;
 use super::normal::Normal;
-use super::selection::generalises;
+use super::nuisance::Nuisance;
 use crate::effect::{Guess, Subject};
+use crate::kind::PlantKind;
 use crate::plant_file::Entry;
 
 /// What a hypothesis keeps of its trace after projection, at least, as a share of its square: less is a trace that the free unknowns make as well, and finite
@@ -28,52 +29,12 @@ pub struct Screened {
     pub values: Vec<f64>,
     /// Predicted gain.
     pub gain: f64,
+    /// As it was simulated.
+    guess: Guess,
     /// Its traces: whitened changes of the simulation.
     traces: Vec<Vec<f64>>,
-}
-
-/// Everything that is free anyway, ready to be projected out.
-pub struct Nuisance<'a> {
-    fit: &'a Fit,
-    normal: Normal,
-    /// What the residual asks of it, and what of that is solved.
-    pull: Vec<f64>,
-}
-
-impl<'a> Nuisance<'a> {
-    /// Of a fit.
-    #[must_use]
-    pub fn new(fit: &'a Fit) -> Self {
-        Nuisance { fit, normal: Normal::new(&fit.matrix(), fit.free.len(), 0.0), pull: fit.pull() }
-    }
-
-    /// Inner products of a trace with the free derivatives.
-    #[must_use]
-    pub fn products(&self, trace: &[f64]) -> Vec<f64> {
-        self.fit.columns.iter().map(|column| column.with(trace)).collect()
-    }
-
-    /// The inner product of two traces without what is free, from their products.
-    #[must_use]
-    pub fn between(&self, plain: f64, a: &[f64], b: &[f64]) -> f64 {
-        plain - dot(a, &self.normal.solve(b))
-    }
-
-    /// The inner product of a trace with the residual, without what is free; priors pull too.
-    #[must_use]
-    pub fn with_residual(&self, trace: &[f64], products: &[f64]) -> f64 {
-        dot(trace, &self.fit.residual) - dot(products, &self.normal.solve(&self.pull))
-    }
-
-    /// The squared residual that is left when the free unknowns move as they like, in first order.
-    #[must_use]
-    pub fn left(&self, residual: &[f64]) -> f64 {
-        let products: Vec<f64> = self.products(residual);
-        // Priors ask for what the fit's own pull has beyond its residual's.
-        let own: Vec<f64> = self.products(&self.fit.residual);
-        let right: Vec<f64> = products.iter().zip(&self.pull).zip(&own).map(|((now, pull), own)| now + pull - own).collect();
-        dot(residual, residual) - dot(&right, &self.normal.solve(&right))
-    }
+    /// Their inner products with the free derivatives.
+    products: Vec<Vec<f64>>,
 }
 
 /// Screens all guesses. The list is as long as the guesses that could be simulated, in their order.
@@ -110,7 +71,7 @@ pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothe
                 if guess.phase.is_some() && second.is_none() { Vec::new() } else { first.into_iter().chain(second).collect() };
             let traces: Vec<Vec<f64>> = runs.iter().map(|run| kernel.changes(&fit.simulated, run, 1.0)).collect();
             if !traces.is_empty()
-                && let Some(screened) = judge(&nuisance, *k, guess, traces)
+                && let Some(screened) = judge(&nuisance, hypotheses, *k, guess, traces)
             {
                 list.push(screened);
             }
@@ -119,40 +80,70 @@ pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothe
     list
 }
 
-/// A parameter error begins at the value that calibration left, not at what the plant file says: it may be pressed against the end of its tolerance.
+/// A guess about what the fit has already. A parameter error begins at the value that calibration left, not at what the plant file says: it may be pressed
+/// against the end of its tolerance. A general case takes the level of the special case that is believed.
 fn about_now(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
+    let mut special = fit.model.file.effects.iter().filter(|it| generalises(hypothesis.description.kind, it.description.kind));
+    if let Some(level) = special.next().and_then(|it| it.arguments.numbers.first()).map(|number| number.1) {
+        return from_level(hypothesis, guess, level, fit.model.file.kind);
+    }
     let subject = hypothesis.subject.filter(|_| hypothesis.description.subject == Subject::Parameter);
     let Some(now) = subject.and_then(|name| fit.model.file.parameters.optional(name)) else { return guess.clone() };
     let without = guess.neutral.map_or(now, |(_, without)| without);
     Guess { values: guess.values.iter().map(|value| value - without + now).collect(), neutral: Some((0, now)), ..guess.clone() }
 }
 
+/// A guess whose lowest level is the one that is believed, and whose others are higher by half of it: near enough for a first order.
+fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64, kind: PlantKind) -> Guess {
+    let is_level: Vec<bool> = hypothesis.description.arguments_on(kind).map(|it| LEVELS.contains(&it.name)).collect();
+    let levels = guess.values.iter().zip(&is_level).filter(|(_, is)| **is).map(|(value, _)| *value);
+    let (low, high) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    let spread = if high > low { 0.5 * level / (high - low) } else { 0.0 };
+    let each = guess.values.iter().zip(&is_level).map(|(value, is)| if *is { level + spread * (value - low) } else { *value });
+    Guess { values: each.collect(), ..guess.clone() }
+}
+
 /// The fitted model with a hypothesis at some numbers, nothing else moved.
-fn at(model: &Model, nominal: &Model, hypothesis: &Hypothesis, values: &[f64], kind: crate::kind::PlantKind) -> Model {
-    let mut with = model.plus(nominal, hypothesis.entry(kind, values));
+fn at(model: &Model, nominal: &Model, hypothesis: &Hypothesis, values: &[f64], kind: PlantKind) -> Model {
+    let mut with = model.joined(nominal, hypothesis.entry(kind, values));
     if !with.is_possible() {
         with = model.clone();
     }
     with
 }
 
-fn judge(nuisance: &Nuisance<'_>, hypothesis: usize, guess: &Guess, traces: Vec<Vec<f64>>) -> Option<Screened> {
-    let products: Vec<Vec<f64>> = traces.iter().map(|trace| nuisance.products(trace)).collect();
+/// What some traces could explain together, and how much of each that takes. `None` where one has nothing of its own.
+fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> Option<(Vec<f64>, f64)> {
     let n = traces.len();
-    let mut matrix = vec![0.0; n * n];
-    for i in 0..n {
-        for j in 0..n {
-            matrix[i * n + j] = nuisance.between(dot(&traces[i], &traces[j]), &products[i], &products[j]);
+    let mut back = nuisance.all_back();
+    loop {
+        let mut matrix = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                let plain = dot(traces[i], traces[j]);
+                let own = nuisance.between(plain, products[i], products[j], back);
+                if i == j && (own.is_nan() || own <= LEAST_OF_ITS_OWN * plain) {
+                    return None;
+                }
+                (matrix[i * n + j], matrix[j * n + i]) = (own, own);
+            }
         }
-        let plain = dot(&traces[i], &traces[i]);
-        let own = matrix[i * n + i];
-        if own.is_nan() || own <= LEAST_OF_ITS_OWN * plain {
+        let right: Vec<f64> = (0..n).map(|i| nuisance.with_residual(traces[i], products[i], back)).collect();
+        let share = Normal::new(&matrix, n, 0.0).solve(&right);
+        let gain: f64 = share.iter().zip(&right).map(|(share, right)| share * right).sum();
+        if !gain.is_finite() {
             return None;
         }
+        let still = nuisance.still_back(&share, products, back);
+        if still == back {
+            return Some((share, gain + nuisance.gain_of(back)));
+        }
+        back = still;
     }
-    let right: Vec<f64> = (0..n).map(|i| nuisance.with_residual(&traces[i], &products[i])).collect();
-    let mut share = Normal::new(&matrix, n, 0.0).solve(&right);
-    let mut gain: f64 = share.iter().zip(&right).map(|(share, right)| share * right).sum();
+}
+
+/// A guess's numbers when its traces are wanted by these shares; `None` where physics has no such sign.
+fn scaled(guess: &Guess, share: &[f64], hypothesis: &Hypothesis, kind: PlantKind) -> Option<Vec<f64>> {
     let mut values = guess.values.clone();
     match (guess.neutral, guess.phase) {
         (Some((place, _)), Some(phase)) => {
@@ -162,50 +153,134 @@ fn judge(nuisance: &Nuisance<'_>, hypothesis: usize, guess: &Guess, traces: Vec<
         }
         (Some((place, without)), None) => {
             // Beyond ten times the guess nothing is in proportion any more.
-            share[0] = share[0].clamp(-10.0, 10.0);
-            values[place] = without + share[0] * (values[place] - without);
+            values[place] = without + share[0].clamp(-10.0, 10.0) * (values[place] - without);
         }
-        _ => {
-            if share[0] <= 0.0 {
-                gain = 0.0;
+        _ if share[0] <= 0.0 => return None,
+        _ => {}
+    }
+    hypothesis.has_signs(kind, &values).then_some(values)
+}
+
+fn judge(
+    nuisance: &Nuisance<'_>,
+    hypotheses: &[Hypothesis],
+    which: usize,
+    guess: &Guess,
+    traces: Vec<Vec<f64>>,
+) -> Option<Screened> {
+    let products: Vec<Vec<f64>> = traces.iter().map(|trace| nuisance.products(trace)).collect();
+    let lists: (Vec<&[f64]>, Vec<&[f64]>) =
+        (traces.iter().map(Vec::as_slice).collect(), products.iter().map(Vec::as_slice).collect());
+    let (share, gain) = together(nuisance, &lists.0, &lists.1)?;
+    let asked = scaled(guess, &share, &hypotheses[which], nuisance.fit.model.file.kind);
+    let gain = if asked.is_some() { gain.max(0.0) } else { 0.0 };
+    let values = asked.unwrap_or_else(|| guess.values.clone());
+    Some(Screened { hypothesis: which, values, gain, guess: guess.clone(), traces, products })
+}
+
+/// Two guesses that explain together what neither explains alone.
+#[derive(Debug, Clone)]
+pub struct Pair {
+    /// The hypotheses with their numbers, scaled to what the residual asks of both.
+    pub parts: [(usize, Vec<f64>); 2],
+    /// Predicted gain.
+    pub gain: f64,
+    /// How much of it neither promises alone.
+    pub beyond: f64,
+}
+
+/// A pair that promises less than this share of what the best one does is none to try: the first order errs, but not by as much.
+const NEAR_THE_BEST: f64 = 0.8;
+
+/// The joint gain of all pairs of some screened guesses: one that masks another is not seen by itself. In turns the pair that gains most, and the one of
+/// which neither part does it alone: the strongest single cause is in all pairs that gain most, and whoever adds causes one by one tries those anyway.
+#[must_use]
+pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Vec<Pair> {
+    let nuisance = Nuisance::new(fit);
+    let kind = fit.model.file.kind;
+    let mut list: Vec<Pair> = Vec::new();
+    for (k, a) in screened.iter().enumerate() {
+        for b in &screened[..k] {
+            let kinds = [a, b].map(|it| hypotheses[it.hypothesis].description.kind);
+            if a.hypothesis == b.hypothesis || generalises(kinds[0], kinds[1]) || generalises(kinds[1], kinds[0]) {
+                continue;
+            }
+            let traces: Vec<&[f64]> = a.traces.iter().chain(&b.traces).map(Vec::as_slice).collect();
+            let products: Vec<&[f64]> = a.products.iter().chain(&b.products).map(Vec::as_slice).collect();
+            let Some((share, gain)) = together(&nuisance, &traces, &products) else { continue };
+            let (first, second) = share.split_at(a.traces.len());
+            let first = scaled(&a.guess, first, &hypotheses[a.hypothesis], kind);
+            let second = scaled(&b.guess, second, &hypotheses[b.hypothesis], kind);
+            if let (Some(first), Some(second)) = (first, second) {
+                let parts = [(a.hypothesis, first), (b.hypothesis, second)];
+                list.push(Pair { parts, gain, beyond: gain - a.gain.max(b.gain) });
             }
         }
     }
-    gain.is_finite().then_some(Screened { hypothesis, values, gain: gain.max(0.0), traces })
+    list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let least = list.first().map_or(0.0, |best| NEAR_THE_BEST * best.gain);
+    list.retain(|it| it.gain >= least);
+    let mut joint = list.clone();
+    joint.sort_by(|a, b| b.beyond.total_cmp(&a.beyond));
+    joint.into_iter().zip(list).flat_map(|(joint, strong)| [joint, strong]).collect()
 }
 
 /// The gain that noise alone gives the best of all hypotheses, at most, in 99 of 100 cases: residuals of noise as the floors have it, with the traces and free
-/// unknowns of the screen. No further simulation: to first order a fit to noise gains what its trace has in common with it.
+/// unknowns of the screen. No further simulation: to first order a fit to noise gains what its trace has in common with it. Outputs that are rounded (place,
+/// step) get the error of rounding the simulation with its noise: where the motion is slow or periodic it is not white.
 #[must_use]
-pub fn null(kernel: &Kernel, fit: &Fit, screened: &[Screened], draws: usize) -> f64 {
+pub fn null(kernel: &Kernel, fit: &Fit, screened: &[Screened], rounded: &[(usize, f64)], draws: usize) -> f64 {
     let nuisance = Nuisance::new(fit);
     let mut random = Random::new(1);
-    let parts: Vec<(Vec<Vec<f64>>, Normal)> = screened
+    let parts: Vec<(&Vec<Vec<f64>>, Normal)> = screened
         .iter()
         .map(|it| {
-            let products: Vec<Vec<f64>> = it.traces.iter().map(|trace| nuisance.products(trace)).collect();
             let n = it.traces.len();
             let mut matrix = vec![0.0; n * n];
             for i in 0..n {
                 for j in 0..n {
-                    matrix[i * n + j] = nuisance.between(dot(&it.traces[i], &it.traces[j]), &products[i], &products[j]);
+                    matrix[i * n + j] =
+                        nuisance.between(dot(&it.traces[i], &it.traces[j]), &it.products[i], &it.products[j], 0);
                 }
             }
-            (products, Normal::new(&matrix, n, 0.0))
+            (&it.products, Normal::new(&matrix, n, 0.0))
         })
         .collect();
     let mut largest: Vec<f64> = Vec::new();
     for _ in 0..draws {
-        let noise = chance::noise(kernel, &mut random);
-        let solved = nuisance.normal.solve(&nuisance.products(&noise));
+        let noise = drawn(kernel, fit, rounded, &mut random);
+        let solved = nuisance.solved(&nuisance.products(&noise));
         let gains = screened.iter().zip(&parts).map(|(it, (products, normal))| {
             let right: Vec<f64> =
-                it.traces.iter().zip(products).map(|(trace, products)| dot(trace, &noise) - dot(products, &solved)).collect();
+                it.traces.iter().zip(*products).map(|(trace, products)| dot(trace, &noise) - dot(products, &solved)).collect();
             normal.solve(&right).iter().zip(&right).map(|(share, right)| share * right).sum::<f64>()
         });
         largest.push(gains.fold(0.0, f64::max));
     }
     chance::point(&largest)
+}
+
+/// A whitened residual of a plant without any discrepancy.
+fn drawn(kernel: &Kernel, fit: &Fit, rounded: &[(usize, f64)], random: &mut Random) -> Vec<f64> {
+    let mut stack = chance::noise(kernel, random);
+    let mut first = 0;
+    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+        for (k, values) in simulated.iter().enumerate() {
+            let output = prepared.outputs[k];
+            if let Some((_, step)) = rounded.iter().find(|(it, _)| *it == output) {
+                // Of the floor, step^2/12 is the rounding itself.
+                let sd = kernel.floors[output].sd;
+                let before = (sd * sd - step * step / 12.0).max(0.0).sqrt();
+                let errors: Vec<f64> =
+                    values.iter().map(|value| step * ((value + before * random.normal()) / step).round() - value).collect();
+                let mut whitened = Vec::with_capacity(errors.len());
+                kernel.floors[output].whiten(&errors, &prepared.used[k], &mut whitened);
+                stack[first..first + whitened.len()].copy_from_slice(&whitened);
+            }
+            first += values.len();
+        }
+    }
+    stack
 }
 
 impl Screened {

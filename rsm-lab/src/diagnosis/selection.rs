@@ -4,13 +4,15 @@
 //! from what is worth naming; ties go to the simpler cause. Never looks at validation records to fit, only to judge.
 
 use super::chance::best_of;
+use super::compete::{Candidate, best_guesses, count, form_of, is_physical, leading, within_tolerance};
 use super::hypotheses::{Hypothesis, label};
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
-use super::model::{Model, Place};
-use super::profile::{Profiled, profile};
-use super::screen::{Screened, null, screen};
-use super::{validation, worth};
+use super::model::Model;
+use super::nuisance::Nuisance;
+use super::profile::profile;
+use super::screen::{Pair, Screened, null, pairs, screen};
+use super::whiteness;
 use crate::plant_file::Entry;
 
 /// How much work a stage may be. Counts, not seconds: the same records give the same answer on every machine.
@@ -32,11 +34,11 @@ pub struct Effort {
 /// its r.m.s. error. What is smaller can be real and is not worth a sentence.
 const WORTH: f64 = 0.0015;
 
-/// Ties: a simpler cause wins when it reaches this share of the gain.
-const AS_GOOD: f64 = 0.995;
+/// Guesses of each hypothesis that stand in pairs.
+const PAIR_GUESSES: usize = 2;
 
-/// Additions at most: all causes that an effort allows (four), and two that a removal undid.
-const MOST_ADDITIONS: usize = 6;
+/// Additions at most: all causes that an effort allows (four), two that a removal undid, and two more after a pair.
+const MOST_ADDITIONS: usize = 8;
 
 /// Competitions at most, a competition being a screen with its profiles and fits: every addition, and twice the question what else could stand for each of four
 /// causes, with two to spare. All other work lies between them, and each piece of it removes a cause.
@@ -47,21 +49,6 @@ const MOST_EXCHANGES: usize = 3;
 
 /// Draws of the null simulation: 60 know the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
 const DRAWS: usize = 60;
-
-/// A hypothesis after its full fit.
-#[derive(Debug, Clone)]
-pub struct Candidate {
-    /// Its name in lists.
-    pub label: String,
-    /// The fit with it.
-    pub fit: Fit,
-    /// How many numbers it adds.
-    pub numbers: usize,
-    /// Squared residual of training and validation records together.
-    pub score: f64,
-    /// Squared residual on validation records.
-    pub unseen: f64,
-}
 
 /// A cause that is believed.
 #[derive(Debug, Clone)]
@@ -142,6 +129,12 @@ impl Path {
         true
     }
 
+    /// Whether the search was at a set of causes, sorted.
+    #[must_use]
+    pub fn knows(&self, causes: &[String]) -> bool {
+        self.visited.iter().any(|known| known == causes)
+    }
+
     /// Whether one more addition is allowed; counts it.
     pub fn adds(&mut self) -> bool {
         self.additions += 1;
@@ -184,6 +177,8 @@ pub struct Search<'a> {
     pub hypotheses: &'a [Hypothesis],
     /// How many more guesses were looked at before these were chosen.
     pub looks: usize,
+    /// Outputs whose readings are rounded, with their steps.
+    pub rounded: &'a [(usize, f64)],
     /// How much work.
     pub effort: Effort,
     /// Told what happens.
@@ -199,34 +194,37 @@ impl Search<'_> {
         let worth = WORTH * calibrated.residual.len() as f64;
         let looks = screened.len() + self.looks;
         let numbers = screened.iter().map(|it| form_of(it).1).max().unwrap_or(1);
-        let threshold = null(self.kernel, &calibrated, &screened, DRAWS).max(best_of(looks, numbers)).max(worth);
+        let threshold = null(self.kernel, &calibrated, &screened, self.rounded, DRAWS).max(best_of(looks, numbers)).max(worth);
+        let strongest = best_guesses(&screened, PAIR_GUESSES);
+        let strongest = leading(strongest, self.effort.profiled, PAIR_GUESSES, |it| form_of(it));
+        let pairs = pairs(&calibrated, self.hypotheses, &strongest);
         screened.iter_mut().for_each(Screened::slim);
         let ranking = self.ranking(&screened);
-        let mut fit = calibrated.clone();
+        let mut remaining = ranking.clone();
         let mut path = Path::default();
-        path.visit(labels(&fit.model));
+        path.visit(labels(&calibrated.model));
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
-        while fit.model.file.effects.len() < self.effort.causes {
-            if !path.competes() {
-                break;
+        let mut stages = self.grown(calibrated.clone(), Some(screened), threshold, &mut competed, &mut remaining, &mut path);
+        let mut fit = stages.last().cloned().unwrap_or_else(|| calibrated.clone());
+        let alone = fit.model.file.effects.len() <= 1 && self.leaves_noise(&fit, threshold);
+        let most = if alone { count(&fit.model) } else { usize::MAX };
+        if most > 2 {
+            // One cause did not do it, or took more numbers than two: two that mask each other may mislead whoever looks for one.
+            let two = stages.iter().position(|it| it.model.file.effects.len() == 2).map(|place| stages.swap_remove(place));
+            let against = two.unwrap_or_else(|| fit.clone());
+            if let Some(pair) = self.best_pair(&calibrated, &pairs, most, threshold, &path)
+                && self.prefers(&pair, &against, &calibrated, threshold)
+                && path.visit(labels(&pair.model))
+            {
+                (self.progress)(&format!("found {}", labels(&pair.model).join(" with ")));
+                let grown =
+                    self.grown(pair.clone(), None, threshold, &mut competed, &mut remaining, &mut path).pop().unwrap_or(pair);
+                if self.prefers(&grown, &fit, &calibrated, threshold) {
+                    fit = grown;
+                }
             }
-            let candidates = self.compete(&fit, &screened, threshold);
-            let Some(winner) = self.winner(&fit, &candidates, threshold) else { break };
-            if !path.adds() {
-                break;
-            }
-            (self.progress)(&format!("found {}", winner.label));
-            let name = winner.label.clone();
-            fit = winner.fit.clone();
-            competed.push((name, candidates));
-            fit = self.without_needless(fit, threshold);
-            if !path.visit(labels(&fit.model)) || fit.model.file.effects.len() >= self.effort.causes {
-                break;
-            }
-            screened = screen(self.kernel, &fit, self.nominal, self.hypotheses);
-            screened.iter_mut().for_each(Screened::slim);
         }
-        let remaining = self.ranking(&screened);
+        let fit = self.split(fit, threshold);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
         let stopped = path.stopped();
         if let Some(limit) = stopped {
@@ -235,95 +233,109 @@ impl Search<'_> {
         Selection { calibrated, fit, causes, threshold, ranking, remaining, stopped }
     }
 
+    /// Adds causes, one after another, while they pay: the fits on the way, the last one last. Empty where nothing pays.
+    fn grown(
+        &self,
+        mut fit: Fit,
+        mut screened: Option<Vec<Screened>>,
+        threshold: f64,
+        competed: &mut Vec<(String, Vec<Candidate>)>,
+        remaining: &mut Vec<(String, f64)>,
+        path: &mut Path,
+    ) -> Vec<Fit> {
+        let mut stages = Vec::new();
+        while fit.model.file.effects.len() < self.effort.causes && path.competes() {
+            let screened = screened.take().unwrap_or_else(|| {
+                let mut screened = screen(self.kernel, &fit, self.nominal, self.hypotheses);
+                screened.iter_mut().for_each(Screened::slim);
+                screened
+            });
+            *remaining = self.ranking(&screened);
+            let candidates = self.compete(&fit, &screened, threshold);
+            let Some(winner) = self.winner(&fit, &candidates, threshold) else { break };
+            if !path.adds() {
+                break;
+            }
+            (self.progress)(&format!("found {}", winner.label));
+            let name = winner.label.clone();
+            fit = self.without_needless(winner.fit.clone(), threshold);
+            competed.push((name, candidates));
+            stages.push(fit.clone());
+            if !path.visit(labels(&fit.model)) {
+                break;
+            }
+        }
+        stages
+    }
+
+    /// Whether what a fit leaves is noise, as far as a further cause would pay.
+    fn leaves_noise(&self, fit: &Fit, threshold: f64) -> bool {
+        whiteness::look(self.kernel, fit).excess * fit.residual.len() as f64 <= threshold
+    }
+
+    /// The best of the pairs that promise most, fitted in full: those with fewer than `most` numbers.
+    fn best_pair(&self, calibrated: &Fit, pairs: &[Pair], most: usize, threshold: f64, path: &Path) -> Option<Fit> {
+        let nuisance = Nuisance::new(calibrated);
+        let kind = calibrated.model.file.kind;
+        let mut tried: Vec<Vec<String>> = Vec::new();
+        let mut best: Option<Fit> = None;
+        for pair in pairs {
+            if tried.len() == self.effort.fitted {
+                break;
+            }
+            let mut model = calibrated.model.clone();
+            for (which, values) in &pair.parts {
+                model = model.plus(self.nominal, self.hypotheses[*which].entry(kind, values));
+            }
+            let mut names = labels(&model);
+            names.sort_unstable();
+            if count(&model) >= most || path.knows(&names) || tried.contains(&names) || !model.is_possible() {
+                continue;
+            }
+            (self.progress)(&format!("fitting {}", names.join(" with ")));
+            tried.push(names);
+            let Some((model, _)) = profile(self.kernel, &nuisance, model, 0, self.effort.profile_steps) else { continue };
+            let Some(fit) = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(calibrated)) else { continue };
+            if fit.model.file.effects.iter().any(|entry| within_tolerance(self.nominal, entry) || !is_physical(entry)) {
+                continue;
+            }
+            if best.as_ref().is_none_or(|best| self.prefers(&fit, best, calibrated, threshold)) {
+                best = Some(fit);
+            }
+        }
+        best
+    }
+
+    /// Two levels of friction are their mean and a constant load of half their difference. Where the records cannot tell, it is said as two plain things: a load
+    /// acts at rest, too, and the sum can be more than friction.
+    fn split(&self, fit: Fit, threshold: f64) -> Fit {
+        let entries = &fit.model.file.effects;
+        let two_levels = |it: &Entry| it.description.kind == "asymmetric-friction" && it.arguments.numbers.len() == 2;
+        let Some(place) = entries.iter().position(two_levels) else { return fit };
+        if entries.iter().any(|it| it.description.kind == "constant-load") || entries.len() == self.effort.causes {
+            return fit;
+        }
+        let levels: Vec<f64> = entries[place].arguments.numbers.iter().map(|number| number.1).collect();
+        let kind = fit.model.file.kind;
+        let plain = |name: &str, value: f64| {
+            let found = self.hypotheses.iter().find(|it| it.description.kind == name);
+            found.map(|it| it.entry(kind, &[value]))
+        };
+        let (mean, half) = (0.5 * (levels[0] + levels[1]), 0.5 * (levels[0] - levels[1]));
+        let (Some(friction), Some(load)) = (plain("coulomb-friction", mean), plain("constant-load", half)) else { return fit };
+        let model = fit.model.minus(self.nominal, place).plus(self.nominal, friction).plus(self.nominal, load);
+        match levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(&fit)) {
+            Some(other) if other.cost < fit.cost + threshold => other,
+            _ => fit,
+        }
+    }
+
     fn ranking(&self, screened: &[Screened]) -> Vec<(String, f64)> {
         let mut list: Vec<(String, f64)> = Vec::new();
-        for it in self.best_guesses(screened, 1) {
+        for it in best_guesses(screened, 1) {
             list.push((self.hypotheses[it.hypothesis].label(), it.gain));
         }
         list
-    }
-
-    /// The best guesses of each hypothesis, hypotheses by gain.
-    fn best_guesses<'s>(&self, screened: &'s [Screened], each: usize) -> Vec<&'s Screened> {
-        let mut order: Vec<&Screened> = screened.iter().collect();
-        order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        let mut taken: Vec<(usize, usize)> = Vec::new();
-        order.retain(|it| {
-            let before = taken.iter().filter(|form| **form == form_of(it)).count();
-            taken.push(form_of(it));
-            before < each
-        });
-        order
-    }
-
-    /// Fits the best of the screen and judges them, the best first.
-    fn compete(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Candidate> {
-        let mut guesses = self.best_guesses(screened, 2);
-        // What promises a third of what is needed may hold more: the screen sees the first order only.
-        guesses.retain(|it| it.gain > 0.3 * threshold);
-        guesses.truncate(2 * self.effort.profiled);
-        let mut distinct: Vec<(usize, usize)> = Vec::new();
-        let mut profiled: Vec<Profiled> = Vec::new();
-        for it in guesses {
-            if !distinct.contains(&form_of(it)) {
-                if distinct.len() == self.effort.profiled {
-                    continue;
-                }
-                distinct.push(form_of(it));
-            }
-            let steps = self.effort.profile_steps;
-            profiled.extend(profile(self.kernel, fit, self.nominal, self.hypotheses, it.hypothesis, &it.values, steps));
-        }
-        profiled.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut fitted: Vec<(usize, usize)> = Vec::new();
-        let mut candidates = Vec::new();
-        for it in &profiled {
-            let form = (it.hypothesis, it.entry.arguments.numbers.len());
-            if fitted.contains(&form) || fitted.len() >= self.effort.fitted {
-                continue;
-            }
-            fitted.push(form);
-            (self.progress)(&format!("fitting {}", self.hypotheses[it.hypothesis].label()));
-            candidates.extend(self.fitted(fit, &it.entry));
-        }
-        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
-        candidates
-    }
-
-    fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
-        let model = merged(&fit.model, self.nominal, entry);
-        let fit = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?;
-        let place = fit.model.file.effects.len() - 1;
-        let entry = &fit.model.file.effects[place];
-        if within_tolerance(self.nominal, entry) {
-            return None;
-        }
-        let own = |unknown: &&super::model::Unknown| matches!(unknown.place, Place::Effect { entry, .. } if entry == place);
-        // A whole number was chosen among many: it counts as much as one that was fitted.
-        let numbers = fit.model.unknowns.iter().filter(own).count().max(entry.arguments.numbers.len());
-        let unseen = validation::squared_residual(self.unseen, &fit.model)?;
-        let label = label(entry.description.kind, entry.arguments.subject.as_deref());
-        Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit })
-    }
-
-    /// The candidate to believe, if any gains enough on training records and does no harm on unseen ones.
-    fn winner<'c>(&self, fit: &Fit, candidates: &'c [Candidate], threshold: f64) -> Option<&'c Candidate> {
-        let unseen = validation::squared_residual(self.unseen, &fit.model)?;
-        let before = fit.cost + unseen;
-        let least = threshold.max(worth::least(fit.cost, self.kernel.rows()));
-        let least_unseen = worth::least(unseen, self.unseen.rows());
-        let pays = |it: &&Candidate| {
-            fit.cost - it.fit.cost > least
-                && (self.unseen.records.is_empty() || it.unseen < unseen && unseen - it.unseen > least_unseen)
-        };
-        let best = candidates.iter().filter(pays).map(|it| it.score).fold(f64::INFINITY, f64::min);
-        if !best.is_finite() {
-            return None;
-        }
-        let tie = worth::tie((1.0 - AS_GOOD) * (before - best), best, self.kernel.rows() + self.unseen.rows());
-        let enough = best + tie.max(threshold);
-        let simple = candidates.iter().filter(pays).filter(|it| it.score <= enough);
-        simple.min_by(|a, b| a.numbers.cmp(&b.numbers).then(a.score.total_cmp(&b.score)))
     }
 
     /// Removes causes that no longer pay.
@@ -353,7 +365,6 @@ impl Search<'_> {
         threshold: f64,
         path: &mut Path,
     ) -> (Fit, Vec<Believed>) {
-        let mut rounds = 0;
         let mut drops = 0;
         'again: loop {
             let mut causes = Vec::new();
@@ -361,8 +372,8 @@ impl Search<'_> {
             for (place, entry) in entries.iter().enumerate() {
                 let name = label(entry.description.kind, entry.arguments.subject.as_deref());
                 let (base, candidates) = if entries.len() == 1 {
-                    let known = competed.iter().find(|(label, _)| *label == name).filter(|_| rounds == 0);
-                    let known = known.filter(|(_, list)| list.iter().any(|it| it.fit.model.file.effects.len() == 1));
+                    // The first competition was for the place of a single cause.
+                    let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
                     match known {
                         Some((_, list)) => (calibrated.clone(), list.clone()),
                         None => (calibrated.clone(), self.anew(calibrated, threshold, path)),
@@ -392,7 +403,6 @@ impl Search<'_> {
                     if path.visit(labels(&other.model)) {
                         (self.progress)(&format!("{} in place of {name}", winner.label));
                         fit = other;
-                        rounds += 1;
                         continue 'again;
                     }
                 }
@@ -429,42 +439,4 @@ impl Search<'_> {
 fn labels(model: &Model) -> Vec<String> {
     let entries = model.file.effects.iter();
     entries.map(|it| label(it.description.kind, it.arguments.subject.as_deref())).collect()
-}
-
-/// A hypothesis with and without its optional numbers is two: each is fitted, and the simpler one wins a tie.
-fn form_of(it: &Screened) -> (usize, usize) {
-    (it.hypothesis, it.values.iter().filter(|value| value.is_finite()).count())
-}
-
-/// Whether one cause holds another as its special case: it then always fits as well, and that says nothing.
-#[must_use]
-pub fn generalises(general: &str, special: &str) -> bool {
-    matches!((general, special), ("asymmetric-friction" | "stribeck-friction", "coulomb-friction"))
-}
-
-/// The model with one more cause. A special case of it that is believed already goes into its levels: friction is one thing, not two.
-fn merged(model: &Model, nominal: &Model, entry: &Entry) -> Model {
-    let mut entries = model.file.effects.clone();
-    let mut entry = entry.clone();
-    let special = entries.iter().position(|it| generalises(entry.description.kind, it.description.kind));
-    if let Some(place) = special {
-        let level = entries.remove(place).arguments.numbers.first().map_or(0.0, |number| number.1);
-        for (name, value) in &mut entry.arguments.numbers {
-            if ["forward", "backward", "coulomb", "static"].contains(name) {
-                *value += level;
-            }
-        }
-    }
-    entries.push(entry);
-    model.with_effects(nominal, entries)
-}
-
-/// Whether a parameter error is what calibration may do: within two standard deviations of its tolerance.
-fn within_tolerance(nominal: &Model, entry: &Entry) -> bool {
-    let Some(subject) = entry.arguments.subject.as_deref() else { return false };
-    let Some((_, tolerance)) = nominal.file.tolerance.iter().find(|(name, _)| *name == subject) else { return false };
-    let (Some(value), Some(nominal)) = (entry.arguments.optional("value"), nominal.file.parameters.optional(subject)) else {
-        return false;
-    };
-    (value - nominal).abs() <= 2.0 * tolerance * nominal.abs()
 }

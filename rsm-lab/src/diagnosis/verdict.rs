@@ -5,12 +5,13 @@
 use super::bootstrap;
 use super::checks::Finding;
 use super::experiment::NextExperiment;
+use super::hypotheses::generalises;
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::normal::Normal;
 use super::portrait::{self, Compared, Portrait, Witness};
-use super::selection::{Believed, Limit, Selection, generalises};
+use super::selection::{Believed, Limit, Selection};
 use super::steps::{self, Step};
 use super::validation::{self, Error};
 use super::whiteness::{self, Left};

@@ -89,6 +89,14 @@ fn a_gain_of_one_sensor_is_told_from_friction_and_from_the_flux() {
 }
 
 #[test]
+fn two_levels_of_friction_are_said_as_friction_and_a_load() {
+    let found = diagnosed(&effect("asymmetric-friction", "forward = 0.14, backward = 0.06"), 2);
+    let mut kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();
+    kinds.sort_unstable();
+    assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["constant-load", "coulomb-friction"]));
+}
+
+#[test]
 fn a_search_that_goes_round_in_a_circle_is_stopped_and_says_so() {
     let set = |names: &[&str]| names.iter().map(|name| (*name).to_string()).collect::<Vec<String>>();
     let mut path = Path::default();

@@ -1,0 +1,246 @@
+//! A competition for the place of one more cause: guesses are refined, the best hypotheses fitted in full, one of them believed.
+//!
+//! In: a fit and what the screen found about it. Out: candidates, the best first, and the one to believe, if any. A candidate is judged on training and
+//! validation records together; only training records move a number. Never looks at how the fit came about.
+
+use super::hypotheses::label;
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::nuisance::Nuisance;
+use super::profile::{Profiled, profile};
+use super::screen::Screened;
+use super::selection::Search;
+use super::{validation, whiteness, worth};
+use crate::plant_file::Entry;
+
+/// Ties: a simpler cause wins when it reaches this share of the gain, if the better one does not leave noise either. Smoothings and integrators of the same
+/// formula differ by a tenth of the noise, which is a share of this size where the cause moves the outputs by ten times the noise.
+const AS_GOOD: f64 = 0.995;
+
+/// Guesses of a hypothesis that are refined at most. Those of a resonance stand an octave or more apart: the next best ones are its neighbours.
+const STARTS: usize = 6;
+
+/// Steps of the rounds in which guesses are refined, before the rest of the steps: after each the better half goes on, as in successive halving
+/// (Z. Karnin, T. Koren, O. Somekh, 2013).
+const ROUNDS: [usize; 2] = [1, 2];
+
+/// What promises a third of what is needed may hold more: the screen sees the first order only.
+const PROMISING: f64 = 0.3;
+
+/// A hypothesis after its full fit.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Its name in lists.
+    pub label: String,
+    /// The fit with it.
+    pub fit: Fit,
+    /// How many numbers it adds.
+    pub numbers: usize,
+    /// Squared residual of training and validation records together.
+    pub score: f64,
+    /// Squared residual on validation records.
+    pub unseen: f64,
+}
+
+/// A hypothesis with and without its optional numbers is two: each is fitted, and the simpler one wins a tie.
+#[must_use]
+pub fn form_of(it: &Screened) -> (usize, usize) {
+    (it.hypothesis, it.values.iter().filter(|value| value.is_finite()).count())
+}
+
+/// The best guesses of each form, by gain.
+#[must_use]
+pub fn best_guesses(screened: &[Screened], each: usize) -> Vec<&Screened> {
+    let mut order: Vec<&Screened> = screened.iter().collect();
+    order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let mut taken: Vec<(usize, usize)> = Vec::new();
+    order.retain(|it| {
+        let before = taken.iter().filter(|form| **form == form_of(it)).count();
+        taken.push(form_of(it));
+        before < each
+    });
+    order
+}
+
+/// The first `forms` forms of a list in its order, each with its first `each`.
+#[must_use]
+pub fn leading<T>(list: Vec<T>, forms: usize, each: usize, form: impl Fn(&T) -> (usize, usize)) -> Vec<T> {
+    let mut taken: Vec<((usize, usize), usize)> = Vec::new();
+    let mut kept = Vec::new();
+    for it in list {
+        let its = form(&it);
+        let place = taken.iter().position(|(found, _)| *found == its).unwrap_or(taken.len());
+        if place == taken.len() {
+            if taken.len() == forms {
+                continue;
+            }
+            taken.push((its, 0));
+        }
+        if taken[place].1 < each {
+            taken[place].1 += 1;
+            kept.push(it);
+        }
+    }
+    kept
+}
+
+impl Search<'_> {
+    /// Refines the best of the screen, fits the best of those in full, and judges them: the best first.
+    pub(super) fn compete(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Candidate> {
+        let mut candidates = Vec::new();
+        for it in self.refined(fit, screened, threshold) {
+            (self.progress)(&format!("fitting {}", self.hypotheses[it.hypothesis].label()));
+            candidates.extend(self.fitted(fit, &it.entry));
+        }
+        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+        candidates
+    }
+
+    /// The best forms with their numbers near their best, everything else in first order.
+    fn refined(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Profiled> {
+        let nuisance = Nuisance::new(fit);
+        let kind = fit.model.file.kind;
+        let mut guesses = best_guesses(screened, STARTS);
+        guesses.retain(|it| it.gain > PROMISING * threshold);
+        let mut forms = self.effort.profiled;
+        let guesses = leading(guesses, forms, STARTS, |it| form_of(it));
+        let mut pool: Vec<Profiled> = guesses
+            .into_iter()
+            .map(|it| Profiled {
+                hypothesis: it.hypothesis,
+                entry: self.hypotheses[it.hypothesis].entry(kind, &it.values),
+                cost: f64::INFINITY,
+            })
+            .collect();
+        let rest = self.effort.profile_steps.saturating_sub(ROUNDS.iter().sum()).max(1);
+        let mut starts = STARTS;
+        for steps in ROUNDS.into_iter().chain([rest]) {
+            let mut next = Vec::new();
+            for it in pool {
+                let model = fit.model.joined(self.nominal, it.entry.clone());
+                let place = model.file.effects.len() - 1;
+                if let Some((model, cost)) = profile(self.kernel, &nuisance, model, place, steps) {
+                    next.push(Profiled { hypothesis: it.hypothesis, entry: model.file.effects[place].clone(), cost });
+                }
+            }
+            next.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            starts = starts.div_ceil(2);
+            pool = leading(next, forms, starts, |it| it.form());
+            // Full fits see more than the first order: twice as many forms as are fitted go into the last round.
+            forms = (2 * self.effort.fitted).min(forms);
+        }
+        leading(pool, self.effort.fitted, 1, |it| it.form())
+    }
+
+    /// A full fit with this entry. `None` where it cannot be simulated, or where it says what calibration may do.
+    pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
+        let before = fit.cost;
+        let model = fit.model.joined(self.nominal, entry.clone());
+        let fit = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?;
+        let entry = fit.model.file.effects.last()?;
+        if within_tolerance(self.nominal, entry) || !is_physical(entry) {
+            return None;
+        }
+        let unseen = validation::squared_residual(self.unseen, &fit.model)?;
+        let label = label(entry.description.kind, entry.arguments.subject.as_deref());
+        (self.progress)(&format!("{label} gains {:.0}", before - fit.cost));
+        // Whole numbers and steps count, although no fit moves them: each was chosen among many.
+        let numbers = entry.arguments.numbers.len();
+        Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit })
+    }
+
+    /// Which of two explanations to prefer: the better one, or the one with fewer numbers where it is as good.
+    pub(super) fn prefers(&self, one: &Fit, other: &Fit, calibrated: &Fit, threshold: f64) -> bool {
+        let score =
+            |fit: &Fit| validation::squared_residual(self.unseen, &fit.model).map_or(f64::INFINITY, |unseen| fit.cost + unseen);
+        let (a, b) = (score(one), score(other));
+        let (best, least) = if a < b { (one, a) } else { (other, b) };
+        let tie = self.tie(best, score(calibrated) - least, least, threshold);
+        let (few, many) = (count(&one.model), count(&other.model));
+        if (a - b).abs() <= tie && few != many { few < many } else { a < b }
+    }
+
+    /// The candidate to believe, if any gains enough on training records and does no harm on unseen ones.
+    pub(super) fn winner<'c>(&self, fit: &Fit, candidates: &'c [Candidate], threshold: f64) -> Option<&'c Candidate> {
+        let unseen = validation::squared_residual(self.unseen, &fit.model)?;
+        let before = fit.cost + unseen;
+        let least = threshold.max(worth::least(fit.cost, self.kernel.rows()));
+        let least_unseen = worth::least(unseen, self.unseen.rows());
+        let pays = |it: &&Candidate| {
+            fit.cost - it.fit.cost > least
+                && (self.unseen.records.is_empty() || it.unseen < unseen && unseen - it.unseen > least_unseen)
+        };
+        let paying: Vec<&Candidate> = candidates.iter().filter(pays).collect();
+        let best = paying.iter().min_by(|a, b| a.score.total_cmp(&b.score))?;
+        let enough = best.score + self.tie(&best.fit, before - best.score, best.score, threshold);
+        let simple = paying.into_iter().filter(|it| it.score <= enough);
+        simple.min_by(|a, b| a.numbers.cmp(&b.numbers).then(a.score.total_cmp(&b.score)))
+    }
+
+    /// By how much a simpler explanation may be worse than the best one and still be preferred: by what chance gives; and where the best one leaves structure
+    /// itself, by as much as that, within a small share of the gain. Who removes more than half of what the simpler one leaves is right to be less simple.
+    pub(super) fn tie(&self, best: &Fit, gain: f64, score: f64, threshold: f64) -> f64 {
+        let rows = self.kernel.rows() + self.unseen.rows();
+        let left = whiteness::look(self.kernel, best).excess * rows as f64;
+        threshold.max(worth::tie(left.min((1.0 - AS_GOOD) * gain), score, rows))
+    }
+}
+
+impl Profiled {
+    /// Its hypothesis, with how many numbers.
+    fn form(&self) -> (usize, usize) {
+        (self.hypothesis, self.entry.arguments.numbers.len())
+    }
+}
+
+/// How many numbers the causes of a model have.
+#[must_use]
+pub fn count(model: &Model) -> usize {
+    model.file.effects.iter().map(|entry| entry.arguments.numbers.len()).sum()
+}
+
+/// Whether numbers stand to one another as physics has it: friction rises towards rest.
+#[must_use]
+pub fn is_physical(entry: &Entry) -> bool {
+    let of = |name| entry.arguments.optional(name);
+    !matches!((of("coulomb"), of("static")), (Some(coulomb), Some(rest)) if rest < coulomb)
+}
+
+/// Whether a parameter error is what calibration may do: within two standard deviations of its tolerance.
+#[must_use]
+pub fn within_tolerance(nominal: &Model, entry: &Entry) -> bool {
+    let Some(subject) = entry.arguments.subject.as_deref() else { return false };
+    let Some((_, tolerance)) = nominal.file.tolerance.iter().find(|(name, _)| *name == subject) else { return false };
+    let (Some(value), Some(nominal)) = (entry.arguments.optional("value"), nominal.file.parameters.optional(subject)) else {
+        return false;
+    };
+    (value - nominal).abs() <= 2.0 * tolerance * nominal.abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Arguments;
+    use crate::effects;
+    use crate::kind::PlantKind;
+
+    #[test]
+    fn each_form_leads_with_its_first_ones_in_the_order_of_the_list() {
+        let list = vec![(0, 'a'), (0, 'b'), (1, 'c'), (0, 'd'), (2, 'e'), (1, 'f')];
+        let kept: String = leading(list, 2, 2, |it| (it.0, 0)).into_iter().map(|it| it.1).collect();
+        assert_eq!(kept, "abcf");
+    }
+
+    #[test]
+    fn friction_that_falls_towards_rest_is_not_physical() {
+        let entry = |coulomb: f64, rest: f64| Entry {
+            description: effects::of("stribeck-friction").unwrap(),
+            arguments: Arguments {
+                plant: PlantKind::Pmac,
+                subject: None,
+                numbers: vec![("coulomb", coulomb), ("static", rest), ("stribeck_velocity", 5.0)],
+            },
+        };
+        assert!(is_physical(&entry(0.1, 0.2)) && !is_physical(&entry(0.2, 0.1)));
+    }
+}

@@ -1,0 +1,178 @@
+//! Everything that is free anyway (starts, calibration, causes already believed), ready to be projected out of traces and residuals.
+//!
+//! In: a fit with its derivatives. Out: inner products without what the free unknowns can do, in first order. An unknown that is held at its bound is free to
+//! come back: a missing cause may be what has pressed it there, and would else get no credit for what the bound costs. Never simulates.
+
+use super::kernel::{Column, dot};
+use super::levenberg::Fit;
+use super::normal::Normal;
+
+/// Unknowns at bounds that may come back at most: of those beyond, none does. Every set of them has normal equations of its own.
+const MOST_HELD: usize = 4;
+
+/// The free unknowns of a fit.
+pub struct Nuisance<'a> {
+    /// The fit.
+    pub fit: &'a Fit,
+    /// By the set of those held that come back, a bit each.
+    parts: Vec<Part>,
+}
+
+/// A set of unknowns with its normal equations.
+struct Part {
+    /// Their places among all columns.
+    columns: Vec<usize>,
+    normal: Normal,
+    /// What residual and priors ask of them.
+    pull: Vec<f64>,
+}
+
+impl Part {
+    fn pick(&self, products: &[f64]) -> Vec<f64> {
+        self.columns.iter().map(|k| products[*k]).collect()
+    }
+}
+
+/// Which of those held come back.
+pub type Back = usize;
+
+impl<'a> Nuisance<'a> {
+    /// Of a fit.
+    #[must_use]
+    pub fn new(fit: &'a Fit) -> Self {
+        let (matrix, pull) = fit.equations_with_held();
+        let (free, all) = (fit.columns.len(), pull.len());
+        let held = fit.held.len().min(MOST_HELD);
+        let part = |back: Back| {
+            let columns: Vec<usize> = (0..free).chain((0..held).filter(|k| back >> k & 1 == 1).map(|k| free + k)).collect();
+            let small: Vec<f64> =
+                columns.iter().flat_map(|i| columns.iter().map(move |j| i * all + j)).map(|at| matrix[at]).collect();
+            let normal = Normal::new(&small, columns.len(), 0.0);
+            Part { normal, pull: columns.iter().map(|k| pull[*k]).collect(), columns }
+        };
+        Nuisance { fit, parts: (0..1 << held).map(part).collect() }
+    }
+
+    /// All that are held come back: with what to begin.
+    #[must_use]
+    pub fn all_back(&self) -> Back {
+        self.parts.len() - 1
+    }
+
+    /// Inner products of a trace with the free derivatives, then with those that are held.
+    #[must_use]
+    pub fn products(&self, trace: &[f64]) -> Vec<f64> {
+        let held = self.fit.held.iter().map(|held| &held.column);
+        self.fit.columns.iter().chain(held).map(|column: &Column| column.with(trace)).collect()
+    }
+
+    /// What the free unknowns do about a residual with these products.
+    #[must_use]
+    pub fn solved(&self, products: &[f64]) -> Vec<f64> {
+        self.parts[0].normal.solve(&self.parts[0].pick(products))
+    }
+
+    /// The inner product of two traces without what is free, from their products.
+    #[must_use]
+    pub fn between(&self, plain: f64, a: &[f64], b: &[f64], back: Back) -> f64 {
+        let part = &self.parts[back];
+        plain - dot(&part.pick(a), &part.normal.solve(&part.pick(b)))
+    }
+
+    /// The inner product of a trace with the residual, without what is free; priors pull too.
+    #[must_use]
+    pub fn with_residual(&self, trace: &[f64], products: &[f64], back: Back) -> f64 {
+        let part = &self.parts[back];
+        dot(trace, &self.fit.residual) - dot(&part.pick(products), &part.normal.solve(&part.pull))
+    }
+
+    /// Those that would leave their bound inwards when traces are added with these shares.
+    #[must_use]
+    pub fn still_back(&self, shares: &[f64], products: &[&[f64]], back: Back) -> Back {
+        let part = &self.parts[back];
+        let taken = |k: usize| shares.iter().zip(products).map(|(share, products)| share * products[k]).sum::<f64>();
+        let right: Vec<f64> = part.columns.iter().zip(&part.pull).map(|(k, pull)| pull - taken(*k)).collect();
+        self.inwards(&part.normal.solve(&right), back)
+    }
+
+    /// Those of a set that a step takes inwards.
+    fn inwards(&self, step: &[f64], back: Back) -> Back {
+        let free = self.fit.columns.len();
+        let mut still = 0;
+        for (k, step) in self.parts[back].columns.iter().zip(step).filter(|(k, _)| **k >= free) {
+            if *step == 0.0 || (*step > 0.0) == self.fit.held[k - free].at_low {
+                still |= 1 << (k - free);
+            }
+        }
+        still
+    }
+
+    /// What the squared residual would lose were the bounds of some not there: a trace that makes them needless gains that too.
+    #[must_use]
+    pub fn gain_of(&self, back: Back) -> f64 {
+        let of = |part: &Part| dot(&part.pull, &part.normal.solve(&part.pull));
+        of(&self.parts[back]) - of(&self.parts[0])
+    }
+
+    /// The squared residual that is left when the free unknowns move as they like, in first order; and which of those held come back.
+    #[must_use]
+    pub fn left(&self, residual: &[f64]) -> (f64, Back) {
+        let products: Vec<f64> = self.products(residual);
+        // Priors ask for what the fit's own pull has beyond its residual's.
+        let own: Vec<f64> = self.products(&self.fit.residual);
+        let mut back = self.all_back();
+        loop {
+            let part = &self.parts[back];
+            let right: Vec<f64> = part.columns.iter().zip(&part.pull).map(|(k, pull)| products[*k] + pull - own[*k]).collect();
+            let step = part.normal.solve(&right);
+            let still = self.inwards(&step, back);
+            if still == back {
+                return (dot(residual, residual) - dot(&right, &step), back);
+            }
+            back = still;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::{Kernel, Prepared};
+    use super::super::levenberg;
+    use super::super::model::Model;
+    use super::super::noise::Floor;
+    use super::*;
+    use crate::plant_file::PlantFile;
+    use crate::record::Record;
+    use crate::simulate::Simulator;
+    use rsm_core::source::Source;
+
+    #[test]
+    fn what_presses_a_parameter_against_its_tolerance_gets_credit_for_letting_it_go() {
+        // Dry friction that the axis lacks presses the viscous friction, known to 2 %, against the upper end. With the friction it comes back.
+        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\n\
+                    command_limit = 10\n[tolerance]\nviscous_friction = 0.02\n";
+        let friction = "[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 0.8 }\n";
+        let file = |text: String| PlantFile::read(&Source::new("axis.toml", text)).unwrap();
+        let (nominal, truth) = (file(text.to_string()), file(text.to_string() + friction));
+        let mut csv = "time[s],command[V],position[m]\n".to_string();
+        for k in 0..600 {
+            csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), &nominal).unwrap();
+        let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
+        record.measured[0] = simulated.of("position").map(<[f64]>::to_vec);
+        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(1e-5); 3], threads: 1 };
+        let model = Model::nominal(&nominal, &[&record], [1e-5; 3]);
+        let fit = levenberg::fit(&kernel, model, 8).unwrap();
+        assert_eq!(fit.held.len(), 1);
+        let nuisance = Nuisance::new(&fit);
+        let with = Model { file: truth, ..fit.model.clone() };
+        let residual = kernel.residual(&kernel.run(&with).unwrap());
+        let (left, back) = nuisance.left(&residual);
+        assert_eq!(back, 1);
+        // Held, the viscous friction would be 4 % too high, by far the larger part of what is left; and without the friction it stays where it is.
+        let held_still = dot(&residual, &residual);
+        assert!(left < 0.2 * held_still, "{left} {held_still}");
+        assert_eq!(nuisance.left(&fit.residual).1, 0);
+    }
+}
