@@ -294,6 +294,8 @@ pub struct Scale {
     pub drive_inertia: f64,
     /// The least speed of the first body in the span, without its sign, at the rate at which it changes now.
     pub slowest: f64,
+    /// How fast that speed changes, without its sign.
+    pub change: f64,
     /// Of a motor.
     pub windings: Windings,
     /// Of a driveline.
@@ -335,9 +337,11 @@ pub struct Vehicle {
 }
 
 impl Scale {
-    /// Of bodies alone.
+    /// Of bodies alone: their inertias, speed and acceleration of the first, the length of the span.
     #[must_use]
-    pub fn of(inertia: f64, drive_inertia: f64, slowest: f64) -> Self {
+    pub fn of(inertia: f64, drive_inertia: f64, motion: (f64, f64), span: f64) -> Self {
+        let (speed, change) = (motion.0.abs(), motion.1.abs());
+        let slowest = (speed - span * change).max(0.0);
         let windings = Windings { inductance: 1.0, decay: 0.0, swing: 0.0, turning: 0.0, current: (0.0, 0.0), change: 0.0 };
         let vehicle = Vehicle {
             wheel: (1.0, 1.0),
@@ -347,7 +351,7 @@ impl Scale {
             clutch: (1.0, 0.0, 0.0),
             swing: (1.0, 1.0),
         };
-        Scale { inertia, drive_inertia, slowest, windings, vehicle }
+        Scale { inertia, drive_inertia, slowest, change, windings, vehicle }
     }
 }
 
@@ -500,10 +504,17 @@ pub fn smooth_sign(x: f64, scale: f64) -> f64 {
 }
 
 /// Its slope, 1/x_s at 0.
-#[must_use]
-pub fn smooth_sign_slope(x: f64, scale: f64) -> f64 {
+fn smooth_sign_slope(x: f64, scale: f64) -> f64 {
     let sign = smooth_sign(x, scale);
     (1.0 - sign * sign) / scale
+}
+
+/// How fast a level with the smooth sign of the speed is, in 1/s: its steepest slope in the span over the inertia. A speed that passes through the width of the sign faster than
+/// the slope turns it sees a kink, whose mark grows with slope and step: then the geometric mean of slope and passing.
+#[must_use]
+pub fn smooth_sign_rate(level: f64, width: f64, scale: &Scale) -> f64 {
+    let slope = level * smooth_sign_slope(scale.slowest, width) / scale.drive_inertia;
+    slope.max((slope * scale.change / width).sqrt())
 }
 
 /// Width of the smooth sign on a rotor, in rad/s (PLANTS.md, section 3).

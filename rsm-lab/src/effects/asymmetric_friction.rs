@@ -10,7 +10,7 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_slope,
+    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_rate,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -67,11 +67,11 @@ impl Effect for AsymmetricFriction {
     }
 
     fn fastest_rate(&self, scale: &Scale) -> f64 {
-        let sign = smooth_sign_slope(scale.slowest, self.width);
-        let steepest = (0..2).map(|k| self.level[k] * sign + self.viscous[k].unwrap_or(0.0)).fold(0.0, f64::max);
+        let sign = smooth_sign_rate(self.level[0].max(self.level[1]), self.width, scale);
+        let viscous = self.viscous[0].unwrap_or(0.0).max(self.viscous[1].unwrap_or(0.0)) / scale.drive_inertia;
         // The law has a kink at rest, where the order falls to two: a third of the step leaves a ninth.
         let kink = if scale.slowest == 0.0 { 3.0 } else { 1.0 };
-        kink * steepest / scale.drive_inertia
+        kink * (sign + viscous)
     }
 }
 

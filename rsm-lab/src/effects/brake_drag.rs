@@ -11,7 +11,7 @@
 
 use crate::effect::{
     Argument, Arguments, Description, Effect, Guess, Motion, ROTOR_SIGN_WIDTH, Scale, Subject, Survey, smooth_sign,
-    smooth_sign_slope,
+    smooth_sign_rate,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -47,7 +47,7 @@ impl Effect for BrakeDrag {
     }
 
     fn fastest_rate(&self, scale: &Scale) -> f64 {
-        self.torque * smooth_sign_slope(scale.slowest, ROTOR_SIGN_WIDTH) / scale.vehicle.wheel.0
+        smooth_sign_rate(self.torque, ROTOR_SIGN_WIDTH, &Scale { drive_inertia: scale.vehicle.wheel.0, ..*scale })
     }
 }
 

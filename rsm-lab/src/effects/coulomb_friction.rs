@@ -10,7 +10,7 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_slope,
+    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_rate,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -51,7 +51,7 @@ impl Effect for CoulombFriction {
 
     // Its steepest slope in the span, T_c/w_s at rest, over the inertia.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
-        self.level * smooth_sign_slope(scale.slowest, self.width) / scale.drive_inertia
+        smooth_sign_rate(self.level, self.width, scale)
     }
 }
 

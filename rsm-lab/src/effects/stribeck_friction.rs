@@ -10,7 +10,7 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_slope,
+    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_rate,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -63,10 +63,10 @@ impl Effect for StribeckFriction {
 
     // The slope at rest, or the fall beyond it: the steepest of exp(-x^2) is 0.86 at x = 0.71.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
-        let rest = (self.coulomb + self.rise).max(self.coulomb) * smooth_sign_slope(scale.slowest, self.width);
+        let rest = smooth_sign_rate((self.coulomb + self.rise).max(self.coulomb), self.width, scale);
         let x = scale.slowest / self.velocity;
         let fall = if x > 0.71 { 2.0 * x * (-x * x).exp() } else { 0.86 };
-        rest.max(fall * self.rise.abs() / self.velocity) / scale.drive_inertia
+        rest.max(fall * self.rise.abs() / (self.velocity * scale.drive_inertia))
     }
 }
 

@@ -180,7 +180,7 @@ impl Plant for Driveline {
                 clutch: (self.clutch.0, twist, (engine - self.gear_ratio * x[SHAFT_SPEED]).abs()),
                 swing: ((self.clutch.0 * clutch_mobility).sqrt(), (self.driveshaft.0 * shaft_mobility).sqrt()),
             },
-            ..Scale::of(self.mass, self.mass, (x[WHEEL_SPEED].abs() - span * dx[WHEEL_SPEED].abs()).max(0.0))
+            ..Scale::of(self.mass, self.mass, (x[WHEEL_SPEED], dx[WHEEL_SPEED]), span)
         };
         let dynamics =
             joint(self.clutch, clutch_mobility).max(joint(self.driveshaft, shaft_mobility)).max(1.0 / self.torque_lag);

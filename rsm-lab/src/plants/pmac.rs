@@ -112,13 +112,12 @@ impl Plant for Pmac {
         let nearest = if along > 0.0 { (along / (change * change)).min(span) } else { 0.0 };
         let least = long(x[0] + nearest * dx[0], x[1] + nearest * dx[1]);
         let current = (least, length + span * change);
-        let slowest = (x[2].abs() - span * dx[2].abs()).max(0.0);
         let own = self.resistance / self.inductance + self.viscous_friction / self.drive_inertia;
         let swing = (1.5 / (self.inductance * self.drive_inertia)).sqrt() * self.pole_pairs * self.flux_linkage;
         let turning = self.pole_pairs * x[2].abs();
         let scale = Scale {
             windings: Windings { inductance: self.inductance, decay: own, swing, turning, current, change },
-            ..Scale::of(self.inertia, self.drive_inertia, slowest)
+            ..Scale::of(self.inertia, self.drive_inertia, (x[2], dx[2]), span)
         };
         let fastest = own.max(swing).max(turning).max(hooks.fastest_rate(&scale));
         // Speed times current is of the same size as what is linear.

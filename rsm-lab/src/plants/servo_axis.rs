@@ -69,7 +69,7 @@ impl Plant for ServoAxis {
     }
 
     fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates {
-        let scale = Scale::of(self.mass, self.drive_mass, (x[1].abs() - span * dx[1].abs()).max(0.0));
+        let scale = Scale::of(self.mass, self.drive_mass, (x[1], dx[1]), span);
         let fastest = (self.viscous_friction / self.drive_mass).max(hooks.fastest_rate(&scale));
         Rates { fastest, struck: fastest, nonlinear: hooks.nonlinear_rate(&scale), varying: hooks.sum_of_rates(&scale) }
     }
