@@ -18,6 +18,8 @@ pub(crate) fn run() -> bool {
         .command("format", cargo(&["fmt", "--all", "--check"]))
         .command("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
         .command("test", cargo(&["test", "--workspace", "--no-fail-fast"]))
+        // Test programs stand elsewhere than the programs themselves.
+        .command("programs", cargo(&["build", "-p", "rsm-cli", "-p", "hidden-effects"]))
         // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())
         // The tests that are ignored above because they are slow at opt 0, with the others at opt 3.

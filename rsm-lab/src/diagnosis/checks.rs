@@ -143,23 +143,33 @@ fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
         (equal.max(2.0) / (rows as f64 * (rows as f64 - 1.0)).max(1.0)).ln()
     };
     let of_a_row: f64 = channels.iter().map(chance).sum();
-    // A block so long stands twice among all pairs of rows less often than `TWICE`.
-    let least = ((TWICE.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE)).ceil().max(2.0);
     let same = |a: usize, b: usize| channels.iter().all(|values| values[a] == values[b]);
     let mut places: HashMap<u64, Vec<usize>> = HashMap::new();
+    // For each row the longest block from it on that stood before; a block that began a row earlier is not counted again.
+    let longest: Vec<(usize, bool)> = (0..rows)
+        .map(|row| {
+            let before = places.entry(first[row].to_bits()).or_default();
+            let length = |start: usize| (0..rows - row).take_while(|k| start + k < row && same(start + k, row + k)).count();
+            let best = before.iter().map(|start| (length(*start), *start)).max().unwrap_or((0, 0));
+            before.push(row);
+            (best.0, best.0 > 0 && (best.1 == 0 || !same(best.1 - 1, row - 1)))
+        })
+        .collect();
+    // A block so long stands twice among all pairs of rows less often than `TWICE`, if rows were independent.
+    let independent = (TWICE.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE);
+    // They are not where a plant rests or repeats its motion: after one row that stood before, how often did the next one too? Short blocks tell.
+    let short = |least: usize| longest.iter().filter(|it| it.1 && (least..STUCK).contains(&it.0)).count() as f64;
+    let (one, two) = (short(1), short(2));
+    let following = if two > 0.0 { 1.0 + (TWICE / one).ln() / (two / one).min(1.0 - 1.0 / (one + 1.0)).ln() } else { 0.0 };
+    let least = independent.max(following).ceil().max(2.0);
     let mut blocks = Vec::new();
     let mut row = 0;
     while row < rows {
-        let before = places.entry(first[row].to_bits()).or_default();
-        let length = |start: usize| (0..rows - row).take_while(|k| start + k < row && same(start + k, row + k)).count();
-        let longest = before.iter().map(|start| length(*start)).max().unwrap_or(0);
-        before.push(row);
-        if longest as f64 >= least && longest > 1 {
-            blocks.push((row, row + longest));
-            row += longest;
-        } else {
-            row += 1;
+        let length = longest[row].0;
+        if length as f64 >= least {
+            blocks.push((row, row + length));
         }
+        row += if length as f64 >= least { length } else { 1 };
     }
     blocks
 }

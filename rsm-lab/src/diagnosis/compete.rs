@@ -129,7 +129,16 @@ impl Search<'_> {
             // Full fits see more than the first order: twice as many forms as are fitted go into the last round.
             forms = (2 * self.effort.fitted).min(forms);
         }
-        leading(pool, self.effort.fitted, 1, |it| it.form())
+        // Those that promise as much as the best are fitted whatever their place: they leave the same trace, and the answer has to name them.
+        let mut chosen = leading(pool, 2 * self.effort.fitted, 1, |it| it.form());
+        let best = chosen.first().map_or(0.0, |it| it.cost);
+        let alike = best + (1.0 - AS_GOOD) * (fit.cost - best);
+        let mut place = 0;
+        chosen.retain(|it| {
+            place += 1;
+            place <= self.effort.fitted || it.cost <= alike
+        });
+        chosen
     }
 
     /// A full fit with this entry. `None` where it cannot be simulated, or where it says what calibration may do.

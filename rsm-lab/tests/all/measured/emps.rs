@@ -110,14 +110,16 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
     let options = Options { threads: 2, progress: &|_| {} };
     let found = diagnose(&file, &[training], &[pulses], &options).unwrap();
     super::tell("EMPS, judged under the pulses", &found);
+    // A trajectory that repeats is no block that stands twice: all rows count.
+    assert!(found.findings.iter().all(|it| !it.what.contains("block")), "{:?}", found.findings);
     // One friction that holds the dry one, the offset and the asymmetry; no stribeck-friction, no sensor, no gear.
     assert_eq!(super::kinds(&found), ["asymmetric-friction"]);
     let number = |name: &str| found.causes[0].parameters.iter().find(|it| it.name == name).unwrap().value;
-    // Published, by the inverse model of filtered positions; a free run weighs the slow rows more: and how much depends on the noise that it is whitened with: up to 7 % between the two, and the sum of both at a usual speed less than 1 %.
+    // Published, by the inverse model of filtered positions; a free run weighs the slow rows more: 1.3 % between the two here, three times that allowed.
     let published =
         [("forward", 20.1440), ("backward", 20.6277), ("viscous_forward", 166.7061), ("viscous_backward", 240.4236)];
     for (name, value) in published {
-        assert!((number(name) / value - 1.0).abs() < 0.10, "{name} {}", number(name));
+        assert!((number(name) / value - 1.0).abs() < 0.04, "{name} {}", number(name));
     }
     // What the axis does under the pulses (a flexibility, its authors say) no entry explains: it is not called explained.
     assert_eq!(found.verdict, Verdict::Unexplained);
