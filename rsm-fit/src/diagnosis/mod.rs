@@ -50,19 +50,19 @@ const FALSE_ALARMS: f64 = 0.04;
 /// With fewer rows inside there is nothing to test.
 const LEAST_ROWS: usize = 6;
 
-/// How a diagnosis ends.
+/// How a diagnosis ends, of a surface as of a plant (DESIGN.md 5.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// The new data are what the file says, and noise.
+    /// The data are what the file says, within its tolerances, and noise.
     NoDiscrepancy,
     /// The causes leave noise and nothing else.
     Explained,
-    /// Structure is left.
+    /// Structure is left that no known cause explains, or the search met its limit of work.
     Unexplained,
 }
 
 impl Verdict {
-    /// As JSON has it.
+    /// As files say it.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

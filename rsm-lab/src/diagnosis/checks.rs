@@ -166,10 +166,11 @@ fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
     let mut row = 0;
     while row < rows {
         let length = longest[row].0;
-        if length as f64 >= least {
+        let stands_twice = length as f64 >= least;
+        if stands_twice {
             blocks.push((row, row + length));
         }
-        row += if length as f64 >= least { length } else { 1 };
+        row += if stands_twice { length } else { 1 };
     }
     blocks
 }

@@ -18,6 +18,7 @@ use super::whiteness::{self, Left};
 use crate::effect::{Arguments, Subject};
 use crate::kind::PlantKind;
 use crate::plant_file::{Entry, PlantFile};
+pub use rsm_fit::diagnosis::Verdict;
 
 /// Structure smaller than this share of what the calibrated plant got wrong is none, in squares. Two simulations of the same equations, with steps of their own, differ
 /// by up to 7e-4 of what an effect moves (a contact; the comparison of all effects in `tests/hidden-effects`): a right cause leaves the square of that.
@@ -28,29 +29,6 @@ const ALIKE: f64 = 1e-5;
 
 /// Rounding is not white where the motion is slow: so much of its energy comes back as structure.
 const OF_ROUNDING: f64 = 0.3;
-
-/// The answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// The calibrated nominal plant leaves noise.
-    NoDiscrepancy,
-    /// The causes leave noise.
-    Explained,
-    /// Structure is left that no entry of the catalogue explains, or the search met its limit of work.
-    Unexplained,
-}
-
-impl Verdict {
-    /// As files say it.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Verdict::NoDiscrepancy => "no-discrepancy",
-            Verdict::Explained => "explained",
-            Verdict::Unexplained => "unexplained",
-        }
-    }
-}
 
 /// A number with its 95 % interval.
 #[derive(Debug, Clone, PartialEq)]
