@@ -100,6 +100,7 @@ pub struct Simulator {
     refinement: usize,
     /// Sub-steps a row that a run may take on average.
     allowed: usize,
+    taken: usize,
     work: Work,
 }
 
@@ -146,7 +147,7 @@ impl Simulator {
             start[output] = hooks.truth(output, reading, record.time[0]);
         }
         let work = Work::new(hooks.states());
-        Ok(Simulator { equations, kind: file.kind, hooks, start, refinement: 1, allowed: usize::MAX, work })
+        Ok(Simulator { equations, kind: file.kind, hooks, start, refinement: 1, allowed: usize::MAX, taken: 0, work })
     }
 
     /// Divides every sub-step by a whole number: how far the outputs then move shows what the step leaves.
@@ -161,6 +162,12 @@ impl Simulator {
     pub fn at_most(mut self, steps_a_row: usize) -> Self {
         self.allowed = steps_a_row;
         self
+    }
+
+    /// Sub-steps of the last run, also of one that was given up.
+    #[must_use]
+    pub fn taken(&self) -> usize {
+        self.taken
     }
 
     /// The start as the diagnosis may vary it: true outputs.
@@ -235,11 +242,14 @@ impl Simulator {
             commands: Vec::new(),
             controller,
         };
-        match &self.equations {
+        let allowed = run.left;
+        let done = match &self.equations {
             Equations::Pmac(plant) => run.along(plant, &self.start, first, outputs),
             Equations::Driveline(plant) => run.along(plant, &self.start, first, outputs),
             Equations::ServoAxis(plant) => run.along(plant, &self.start, first, outputs),
-        }
+        };
+        self.taken = allowed - run.left;
+        done
     }
 }
 

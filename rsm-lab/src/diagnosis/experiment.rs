@@ -161,7 +161,7 @@ impl<'a> Trial<'a> {
         });
         (!prepared.outputs.is_empty()).then_some(Trial {
             excitation,
-            kernel: Kernel { records: vec![prepared], floors: present.floors, threads: present.threads },
+            kernel: Kernel { records: vec![prepared], floors: present.floors, threads: present.threads, pace: present.pace.clone() },
         })
     }
 

@@ -3,8 +3,8 @@
 //! In: a model and prepared records. Out: residuals of length one where they are noise, and their derivatives with respect to unknowns.
 //! The same bits whatever the number of threads: each simulation is one job with a place of its own.
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use super::model::{Model, Place};
 use super::noise::Floor;
@@ -19,6 +19,13 @@ const DIFFERENCE: f64 = 0.03;
 /// Sub-steps a row, on average over a record, beyond which a model is none to try: at four a radian it makes ten turns between two rows. A clutch that
 /// stiffens and slips at once winds up without end, for example.
 const MOST_STEPS_A_ROW: usize = 250;
+
+/// A candidate may always take as many: a wave at the end of the band, half a turn a row, takes 13 at four a radian.
+const LEAST_ALLOWED: usize = 16;
+
+/// A candidate may take so many times the sub-steps of the calibrated plant: a cause makes a plant faster by its own mode, not by an order. What goes beyond is a
+/// time constant on its way to nothing.
+const TIMES_THE_PLANT: usize = 8;
 
 /// A record with the rows that count.
 #[derive(Debug, Clone)]
@@ -127,6 +134,38 @@ pub struct Kernel {
     pub floors: [Floor; 3],
     /// How many simulations run side by side.
     pub threads: usize,
+    /// What simulations may take, and have taken.
+    pub pace: Pace,
+}
+
+/// The work of simulations in sub-steps: a count, not seconds, so that what depends on it is the same on every machine.
+#[derive(Debug, Clone)]
+pub struct Pace {
+    /// Sub-steps a row, on average over a record, beyond which a run is given up.
+    pub most: usize,
+    /// Sub-steps of all runs of this kernel and of its copies.
+    taken: Arc<AtomicU64>,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Pace { most: MOST_STEPS_A_ROW, taken: Arc::default() }
+    }
+}
+
+impl Pace {
+    /// Sub-steps so far.
+    #[must_use]
+    pub fn taken(&self) -> u64 {
+        self.taken.load(Ordering::Relaxed)
+    }
+
+    /// For candidates beside a plant whose run over so many rows took so many sub-steps.
+    #[must_use]
+    pub fn beside(&self, steps: u64, rows: usize) -> Self {
+        let own = usize::try_from(steps / rows.max(1) as u64).unwrap_or(usize::MAX);
+        Pace { most: LEAST_ALLOWED.max(own.saturating_mul(TIMES_THE_PLANT)).min(MOST_STEPS_A_ROW.max(own)), ..self.clone() }
+    }
 }
 
 impl Kernel {
@@ -162,7 +201,10 @@ impl Kernel {
     fn one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<Simulated> {
         let prepared = &self.records[record];
         let file = model.for_record(record, &prepared.record);
-        Simulator::new(&file, &prepared.record).ok()?.at_most(MOST_STEPS_A_ROW).run_into(&prepared.record, outputs).ok()?;
+        let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.pace.most);
+        let done = simulator.run_into(&prepared.record, outputs);
+        self.pace.taken.fetch_add(simulator.taken() as u64, Ordering::Relaxed);
+        done.ok()?;
         // The outputs of a run are those of the drive; a record may hold fewer.
         let names = file.kind.outputs();
         let values: Option<Vec<Vec<f64>>> =

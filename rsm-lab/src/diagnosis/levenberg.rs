@@ -290,7 +290,7 @@ fn pressed(model: &Model, k: usize, pull: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Prepared;
+    use super::super::kernel::{Pace, Prepared};
     use super::super::noise::{Floor, Random};
     use super::*;
     use crate::plant_file::PlantFile;
@@ -316,7 +316,7 @@ mod tests {
         let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
         let noisy = simulated.of("position").unwrap().iter().map(|value| value + 1e-5 * random.normal());
         record.measured[0] = Some(noisy.collect());
-        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(1e-5); 3], threads: 1 };
+        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(1e-5); 3], threads: 1, pace: Pace::default() };
         let nominal = Model::nominal(&file("0.1"), &[&record], [1e-5; 3]);
         let entries = nominal.file.effects.clone();
         (kernel, nominal.with_effects(&nominal, entries))

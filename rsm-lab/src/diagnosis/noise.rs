@@ -126,13 +126,24 @@ impl<'a> Band<'a> {
     fn best(&self) -> Option<Floor> {
         let grid = (-50..=MOST_CORRELATED).map(|percent| f64::from(percent) / 100.0);
         let rho = grid.min_by(|a, b| self.at(*a).1.total_cmp(&self.at(*b).1))?;
-        // Fisher's information about the correlation where the level is free: lines times the variance of the slope.
-        let floor = Floor { sd: 1.0, correlation: rho, error: 0.0 };
-        let slopes: Vec<f64> = (0..self.powers.len()).map(|k| floor.slope((self.first + k) as f64 / SEGMENT as f64)).collect();
-        let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
-        let variance = slopes.iter().map(|slope| (slope - mean) * (slope - mean)).sum::<f64>() / slopes.len() as f64;
-        let error = (self.lines * variance).sqrt().recip();
-        if rho.abs() < WHITE * error {
+        let least = self.at(rho).1;
+        let ratio = |other: f64| 2.0 * self.lines * (self.at(other).1 - least);
+        // One standard error away the likelihood ratio is 1 (S. S. Wilks, 1938). Near 1 a correlation moves all lines of the band alike, as its level does: there a
+        // curvature at the best says nothing, and the two sides differ.
+        let side = |end: f64| {
+            let (mut near, mut far) = (rho, end);
+            if ratio(end) < 1.0 {
+                return (end - rho).abs();
+            }
+            // A thousandth of an error of 0.03.
+            while (far - near).abs() > 3e-5 {
+                let middle = 0.5 * (near + far);
+                if ratio(middle) < 1.0 { near = middle } else { far = middle }
+            }
+            (near - rho).abs()
+        };
+        let error = side(-0.5).max(side(0.01 * f64::from(MOST_CORRELATED)));
+        if ratio(0.0) < WHITE * WHITE {
             return positive(self.at(0.0).0).map(|level| Floor { sd: level.sqrt(), correlation: 0.0, error });
         }
         positive(self.at(rho).0).map(|level| Floor { sd: (level / (1.0 - rho * rho)).sqrt(), correlation: rho, error })

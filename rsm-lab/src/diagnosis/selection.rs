@@ -28,6 +28,8 @@ pub struct Effort {
     pub fit_steps: usize,
     /// Causes at most.
     pub causes: usize,
+    /// Sub-steps of all simulations after which no further competition begins.
+    pub steps: u64,
 }
 
 /// A cause must remove this share of the whitened noise's energy: with 24,000 residuals of one output that are 24 beyond the noise's own, a tenth of a per cent of
@@ -93,6 +95,8 @@ pub enum Limit {
     Competitions,
     /// Causes were exchanged as often as is allowed.
     Exchanges,
+    /// Simulations took as many steps as are allowed.
+    Steps,
     /// A set of causes came back that had been left: it goes round in a circle.
     Circle,
 }
@@ -103,6 +107,7 @@ impl std::fmt::Display for Limit {
             Limit::Additions => write!(f, "after {MOST_ADDITIONS} additions of a cause"),
             Limit::Competitions => write!(f, "after {MOST_COMPETITIONS} competitions between causes"),
             Limit::Exchanges => write!(f, "after {MOST_EXCHANGES} exchanges of a cause"),
+            Limit::Steps => write!(f, "after as many steps of simulations as are allowed"),
             Limit::Circle => write!(f, "at a set of causes that it had been at before"),
         }
     }
@@ -115,10 +120,23 @@ pub struct Path {
     additions: usize,
     competitions: usize,
     exchanges: usize,
+    /// Sub-steps of simulations up to which a competition may begin.
+    until: Option<u64>,
     stopped: Option<Limit>,
 }
 
 impl Path {
+    /// A path on which competitions begin until simulations have taken so many sub-steps.
+    #[must_use]
+    pub fn until(steps: u64) -> Self {
+        Path { until: Some(steps), ..Path::default() }
+    }
+
+    /// Whether simulations that have taken so many sub-steps may go on.
+    pub fn has_steps(&mut self, taken: u64) -> bool {
+        self.until.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
+    }
+
     /// Goes to a set of causes; false where the search was there before. The order of causes is no difference.
     pub fn visit(&mut self, mut causes: Vec<String>) -> bool {
         causes.sort_unstable();
@@ -201,7 +219,7 @@ impl Search<'_> {
         screened.iter_mut().for_each(Screened::slim);
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
-        let mut path = Path::default();
+        let mut path = Path::until(self.kernel.pace.taken() + self.effort.steps);
         path.visit(labels(&calibrated.model));
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
         let mut stages = self.grown(calibrated.clone(), Some(screened), threshold, &mut competed, &mut remaining, &mut path);
@@ -212,7 +230,7 @@ impl Search<'_> {
             // One cause did not do it, or took more numbers than two: two that mask each other may mislead whoever looks for one.
             let two = stages.iter().position(|it| it.model.file.effects.len() == 2).map(|place| stages.swap_remove(place));
             let against = two.unwrap_or_else(|| fit.clone());
-            if let Some(pair) = self.best_pair(&calibrated, &pairs, most, threshold, &path)
+            if let Some(pair) = self.best_pair(&calibrated, &pairs, most, threshold, &mut path)
                 && self.prefers(&pair, &against, &calibrated, threshold)
                 && path.visit(labels(&pair.model))
             {
@@ -244,7 +262,7 @@ impl Search<'_> {
         path: &mut Path,
     ) -> Vec<Fit> {
         let mut stages = Vec::new();
-        while fit.model.file.effects.len() < self.effort.causes && path.competes() {
+        while fit.model.file.effects.len() < self.effort.causes && path.has_steps(self.kernel.pace.taken()) && path.competes() {
             let screened = screened.take().unwrap_or_else(|| {
                 let mut screened = screen(self.kernel, &fit, self.nominal, self.hypotheses);
                 screened.iter_mut().for_each(Screened::slim);
@@ -274,13 +292,13 @@ impl Search<'_> {
     }
 
     /// The best of the pairs that promise most, fitted in full: those with fewer than `most` numbers.
-    fn best_pair(&self, calibrated: &Fit, pairs: &[Pair], most: usize, threshold: f64, path: &Path) -> Option<Fit> {
+    fn best_pair(&self, calibrated: &Fit, pairs: &[Pair], most: usize, threshold: f64, path: &mut Path) -> Option<Fit> {
         let nuisance = Nuisance::new(calibrated);
         let kind = calibrated.model.file.kind;
         let mut tried: Vec<Vec<String>> = Vec::new();
         let mut best: Option<Fit> = None;
         for pair in pairs {
-            if tried.len() == self.effort.fitted {
+            if tried.len() == self.effort.fitted || !path.has_steps(self.kernel.pace.taken()) {
                 break;
             }
             let mut model = calibrated.model.clone();
@@ -426,7 +444,7 @@ impl Search<'_> {
 
     /// What competes for a place; nobody, once the limit of work is met.
     fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Vec<Candidate> {
-        if !path.competes() {
+        if !path.has_steps(self.kernel.pace.taken()) || !path.competes() {
             return Vec::new();
         }
         let mut screened = screen(self.kernel, base, self.nominal, self.hypotheses);

@@ -5,7 +5,7 @@ use rsm_core::check::Checked;
 use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_lab::diagnosis::correction::{self, Offer};
-use rsm_lab::diagnosis::kernel::{Kernel, Prepared};
+use rsm_lab::diagnosis::kernel::{Kernel, Pace, Prepared};
 use rsm_lab::diagnosis::noise::{Floor, Random};
 use rsm_lab::kind::PlantKind;
 use rsm_lab::plant_file::PlantFile;
@@ -60,7 +60,7 @@ fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (Kernel, Vec<Vec<Vec<
         simulated.push(vec![position, command]);
     }
     let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
-    (Kernel { records, floors, threads: 1 }, simulated)
+    (Kernel { records, floors, threads: 1, pace: Pace::default() }, simulated)
 }
 
 const TRAINING: [[f64; 2]; 2] = [[3.0, 1.6], [2.4, 1.9]];
