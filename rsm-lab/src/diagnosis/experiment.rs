@@ -161,7 +161,12 @@ impl<'a> Trial<'a> {
         });
         (!prepared.outputs.is_empty()).then_some(Trial {
             excitation,
-            kernel: Kernel { records: vec![prepared], floors: present.floors, threads: present.threads, pace: present.pace.clone() },
+            kernel: Kernel {
+                records: vec![prepared],
+                floors: present.floors,
+                threads: present.threads,
+                pace: present.pace.clone(),
+            },
         })
     }
 

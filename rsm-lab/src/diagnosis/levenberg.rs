@@ -316,7 +316,12 @@ mod tests {
         let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
         let noisy = simulated.of("position").unwrap().iter().map(|value| value + 1e-5 * random.normal());
         record.measured[0] = Some(noisy.collect());
-        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(1e-5); 3], threads: 1, pace: Pace::default() };
+        let kernel = Kernel {
+            records: vec![Prepared::new(record.clone(), 2)],
+            floors: [Floor::white(1e-5); 3],
+            threads: 1,
+            pace: Pace::default(),
+        };
         let nominal = Model::nominal(&file("0.1"), &[&record], [1e-5; 3]);
         let entries = nominal.file.effects.clone();
         (kernel, nominal.with_effects(&nominal, entries))

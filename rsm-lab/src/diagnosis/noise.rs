@@ -388,6 +388,18 @@ mod tests {
     }
 
     #[test]
+    fn noise_that_is_slow_in_all_of_the_band_is_not_called_white() {
+        // There a correlation moves all lines alike, as the level does: the curvature at the best says that it could be anything.
+        for correlation in [0.97, 0.99] {
+            let values = noise(correlation, 0.3, 4000);
+            let spectrum = spectrum(&[(&values, &vec![true; 4000])]).unwrap();
+            let floor = Band::upper(&spectrum, 4000.0).best().unwrap();
+            // Beyond 0.8 the lines of the band fall alike to 2 %: so far it may be off, and no further.
+            assert!(floor.correlation > 0.8 && floor.error < 0.2, "{correlation}: {floor:?}");
+        }
+    }
+
+    #[test]
     fn noise_alone_is_estimated_from_the_whole_record() {
         for correlation in [0.0, 0.3, 0.6, 0.9] {
             let values = noise(correlation, 0.3, 8000);

@@ -161,7 +161,12 @@ mod tests {
         let mut record = Record::read(&Source::new("r.csv", csv), &nominal).unwrap();
         let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
         record.measured[0] = simulated.of("position").map(<[f64]>::to_vec);
-        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(1e-5); 3], threads: 1, pace: Pace::default() };
+        let kernel = Kernel {
+            records: vec![Prepared::new(record.clone(), 2)],
+            floors: [Floor::white(1e-5); 3],
+            threads: 1,
+            pace: Pace::default(),
+        };
         let model = Model::nominal(&nominal, &[&record], [1e-5; 3]);
         let fit = levenberg::fit(&kernel, model, 8).unwrap();
         assert_eq!(fit.held.len(), 1);

@@ -364,7 +364,12 @@ mod tests {
             csv += &format!("{time},0,0,0,{}\n", speed + amplitude * (order * angle).sin() + 0.3 * random.normal());
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
-        let kernel = Kernel { records: vec![Prepared::new(record, 3)], floors: [Floor::white(0.3); 3], threads: 1, pace: Pace::default() };
+        let kernel = Kernel {
+            records: vec![Prepared::new(record, 3)],
+            floors: [Floor::white(0.3); 3],
+            threads: 1,
+            pace: Pace::default(),
+        };
         assert_eq!(kernel.records[0].outputs, [2]);
         let model = Model { file, starts: vec![[0.0; 3]], unknowns: Vec::new() };
         let simulated = vec![vec![smooth]];

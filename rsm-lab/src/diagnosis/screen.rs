@@ -20,6 +20,9 @@ use crate::plant_file::Entry;
 /// differences hold no more digits.
 const LEAST_OF_ITS_OWN: f64 = 1e-7;
 
+/// A trace that is longer than the residual by more than this belongs to a guess that is too large to be in proportion.
+const IN_PROPORTION: f64 = 3.0;
+
 /// A guess that was simulated.
 #[derive(Debug, Clone)]
 pub struct Screened {
@@ -41,8 +44,6 @@ pub struct Screened {
 #[must_use]
 pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Screened> {
     let nuisance = Nuisance::new(fit);
-    let kind = fit.model.file.kind;
-    let quarter = std::f64::consts::FRAC_PI_2;
     let mut guesses: Vec<(usize, Guess)> = Vec::new();
     for (k, hypothesis) in hypotheses.iter().enumerate() {
         let there = |entry: &Entry| hypothesis.is(entry) || generalises(entry.description.kind, hypothesis.description.kind);
@@ -52,24 +53,31 @@ pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothe
         guesses.extend(hypothesis.guesses.iter().map(|guess| (k, about_now(fit, hypothesis, guess))));
     }
     let mut list = Vec::new();
+    let asked = dot(&fit.residual, &fit.residual).sqrt();
     // Some at a time: their simulations are large.
     for some in guesses.chunks(32) {
-        let mut models = Vec::new();
-        for (k, guess) in some {
-            let mut shifted = guess.values.clone();
-            models.push(at(&fit.model, nominal, &hypotheses[*k], &guess.values, kind));
-            if let Some(phase) = guess.phase {
-                shifted[phase] += quarter;
-                models.push(at(&fit.model, nominal, &hypotheses[*k], &shifted, kind));
+        let mut simulated = traces(kernel, fit, nominal, hypotheses, some);
+        // A guess for a bare plant may move it by far more than what is still unexplained, and a plant does not answer in proportion: such a one is taken smaller.
+        let mut smaller: Vec<(usize, (usize, Guess))> = Vec::new();
+        for (place, ((k, guess), traces)) in some.iter().zip(&simulated).enumerate() {
+            let longest = traces.iter().map(|trace| dot(trace, trace).sqrt()).fold(0.0, f64::max);
+            if let Some((number, without)) = guess.neutral
+                && longest > IN_PROPORTION * asked
+                && longest.is_finite()
+            {
+                let mut guess = guess.clone();
+                guess.values[number] = without + asked / longest * (guess.values[number] - without);
+                smaller.push((place, (*k, guess)));
             }
         }
-        let mut runs = kernel.run_all(&models).into_iter();
-        for (k, guess) in some {
-            let first = runs.next().flatten();
-            let second = if guess.phase.is_some() { runs.next().flatten() } else { None };
-            let runs: Vec<_> =
-                if guess.phase.is_some() && second.is_none() { Vec::new() } else { first.into_iter().chain(second).collect() };
-            let traces: Vec<Vec<f64>> = runs.iter().map(|run| kernel.changes(&fit.simulated, run, 1.0)).collect();
+        let again: Vec<(usize, Guess)> = smaller.iter().map(|(_, it)| it.clone()).collect();
+        let mut some = some.to_vec();
+        for ((place, it), traces) in smaller.into_iter().zip(traces(kernel, fit, nominal, hypotheses, &again)) {
+            if !traces.is_empty() {
+                (some[place], simulated[place]) = (it, traces);
+            }
+        }
+        for ((k, guess), traces) in some.iter().zip(simulated) {
             if !traces.is_empty()
                 && let Some(screened) = judge(&nuisance, hypotheses, *k, guess, traces)
             {
@@ -78,6 +86,32 @@ pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothe
         }
     }
     list
+}
+
+/// The traces of guesses: whitened changes of the simulation, two where a phase is free; none where one cannot be simulated.
+fn traces(
+    kernel: &Kernel,
+    fit: &Fit,
+    nominal: &Model,
+    hypotheses: &[Hypothesis],
+    guesses: &[(usize, Guess)],
+) -> Vec<Vec<Vec<f64>>> {
+    let kind = fit.model.file.kind;
+    let mut models = Vec::new();
+    for (k, guess) in guesses {
+        let mut shifted = guess.values.clone();
+        models.push(at(&fit.model, nominal, &hypotheses[*k], &guess.values, kind));
+        if let Some(phase) = guess.phase {
+            shifted[phase] += std::f64::consts::FRAC_PI_2;
+            models.push(at(&fit.model, nominal, &hypotheses[*k], &shifted, kind));
+        }
+    }
+    let mut runs = kernel.run_all(&models).into_iter();
+    let of = |(_, guess): &(usize, Guess)| {
+        let runs: Option<Vec<_>> = runs.by_ref().take(if guess.phase.is_some() { 2 } else { 1 }).collect();
+        runs.unwrap_or_default().iter().map(|run| kernel.changes(&fit.simulated, run, 1.0)).collect()
+    };
+    guesses.iter().map(of).collect()
 }
 
 /// A guess about what the fit has already. A parameter error begins at the value that calibration left, not at what the plant file says: it may be pressed
@@ -287,5 +321,44 @@ impl Screened {
     /// Forgets the traces, which are large.
     pub fn slim(&mut self) {
         self.traces = Vec::new();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::{Pace, Prepared};
+    use super::super::levenberg;
+    use super::super::noise::Floor;
+    use super::*;
+    use crate::effects;
+    use crate::plant_file::PlantFile;
+    use crate::record::Record;
+    use crate::simulate::Simulator;
+    use rsm_core::source::Source;
+
+    #[test]
+    fn a_guess_that_stops_the_plant_is_taken_smaller() {
+        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\ncommand_limit = 10\n";
+        let friction = "[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 0.02 }\n";
+        let file = |text: String| PlantFile::read(&Source::new("axis.toml", text)).unwrap();
+        let (nominal, truth) = (file(text.to_string()), file(text.to_string() + friction));
+        let mut csv = "time[s],command[V],position[m]\n".to_string();
+        for k in 0..600 {
+            csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), &nominal).unwrap();
+        let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
+        record.measured[0] = simulated.of("position").map(<[f64]>::to_vec);
+        let records = vec![Prepared::new(record.clone(), 2)];
+        let kernel = Kernel { records, floors: [Floor::white(1e-5); 3], threads: 1, pace: Pace::default() };
+        let model = Model::nominal(&nominal, &[&record], [1e-5; 3]);
+        let fit = levenberg::fit(&kernel, model.clone(), 8).unwrap();
+        // The largest effort is 8 N: 20 N hold the axis where it is.
+        let guesses = vec![Guess::scaled(vec![20.0], 0.0)];
+        let hypotheses = [Hypothesis { description: effects::of("coulomb-friction").unwrap(), subject: None, guesses }];
+        let screened = screen(&kernel, &fit, &model, &hypotheses);
+        // A smooth law of friction is in proportion but for what the few rows at rest differ.
+        assert!((screened[0].values[0] / 0.02 - 1.0).abs() < 0.2, "{:?}", screened[0].values);
+        assert!(screened[0].gain > 0.9 * fit.cost, "{} of {}", screened[0].gain, fit.cost);
     }
 }

@@ -133,7 +133,12 @@ mod tests {
         }
         // Two standard deviations off, the first reading is two radians of the ripple off at the end.
         record.measured[1].as_mut().unwrap()[0] = 12.04;
-        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 3)], floors: sds.map(Floor::white), threads: 1, pace: super::super::kernel::Pace::default() };
+        let kernel = Kernel {
+            records: vec![Prepared::new(record.clone(), 3)],
+            floors: sds.map(Floor::white),
+            threads: 1,
+            pace: super::super::kernel::Pace::default(),
+        };
         let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
         // White noise in 4500 readings: four standard deviations, 4 sqrt(2 * 4500), and the four squared ones of the first.
         let left = squared_residual(&kernel, &model).unwrap();
