@@ -111,24 +111,30 @@ pub fn all(
         let worths: Vec<Worth> = members.iter().map(|member| worth(&search, &candidates, &set, *member)).collect();
         cause.ln_p = worths.iter().map(|it| it.ln_p).fold(0.0, f64::min);
         let score = search.score(&set);
+        let odds: f64 = members.iter().map(|member| pool[*member].prior).sum();
         cause.gain = candidates[0].columns[0].len() as f64 * (search.square(&rest) / search.square(&set)).ln();
         let label = cause.label.clone();
+        // What is to be told apart is told apart by the data: the odds before them (one of many places of a change, a high order) count for the confidence only.
         let mut rivals: Vec<(String, f64)> = Vec::new();
+        let mut likely: Vec<(String, f64)> = Vec::new();
         for (candidate, of_rival) in search.joined(&rest) {
             let rival = pool[candidate].claim.label(sample);
             let group_is_own = members.iter().any(|member| pool[*member].group == pool[candidate].group);
             if rival == label || group_is_own {
                 continue;
             }
-            let behind = (of_rival - score).max(0.0);
-            match rivals.iter_mut().find(|it| it.0 == rival) {
-                Some(it) => it.1 = it.1.min(behind),
-                None => rivals.push((rival, behind)),
+            let by_data = of_rival - pool[candidate].prior - (score - odds);
+            for (list, behind) in [(&mut rivals, by_data), (&mut likely, of_rival - score)] {
+                let behind = behind.max(0.0);
+                match list.iter_mut().find(|it| it.0 == rival) {
+                    Some(it) => it.1 = it.1.min(behind),
+                    None => list.push((rival.clone(), behind)),
+                }
             }
         }
         rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
         cause.indistinguishable_from = rivals.iter().filter(|it| it.1 < NEAR).map(|it| it.0.clone()).collect();
-        let others: f64 = rivals.iter().map(|it| (-it.1 / 2.0).exp()).sum();
+        let others: f64 = likely.iter().map(|it| (-it.1 / 2.0).exp()).sum();
         // Chance: the probability of so good a hypothesis among all, in units of its threshold.
         let chance = (cause.ln_p - thresholds.ln_p_mean).min(0.0).exp() * 0.05;
         cause.confidence = (1.0 - chance) / (1.0 + others);

@@ -32,6 +32,9 @@ pub struct Estimates {
 /// Steps of Gauss and Newton; they converge quadratically, and a search that has not after these never does.
 const STEPS: usize = 15;
 
+/// Gains of a sensor are looked for between this and its inverse: beyond, it is another sensor.
+const LEAST_GAIN: f64 = 0.3;
+
 /// Two-sided share outside an interval.
 const OUTSIDE: f64 = 0.05;
 
@@ -49,7 +52,7 @@ pub fn refine(sample: &Sample, found: &mut Explained) {
     let mut place = 0;
     for it in &found.set {
         match it.claim {
-            Claim::InputGain(input) => sensors[input].0 = (1.0 + start.coefficients[place]).clamp(0.3, 3.0),
+            Claim::InputGain(input) => sensors[input].0 = (1.0 + start.coefficients[place]).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN),
             Claim::InputBias(input) => sensors[input].1 = start.coefficients[place],
             _ => {}
         }
@@ -79,7 +82,7 @@ pub fn refine(sample: &Sample, found: &mut Explained) {
                 Claim::InputGain(input) => {
                     // A fifth at once: beyond, the polynomial is another.
                     let step = step.clamp(-0.2, 0.2);
-                    sensors[input].0 = (sensors[input].0 + step).clamp(0.3, 3.0);
+                    sensors[input].0 = (sensors[input].0 + step).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN);
                     largest = largest.max(step.abs());
                 }
                 Claim::InputBias(input) => {
@@ -114,6 +117,28 @@ pub fn refine(sample: &Sample, found: &mut Explained) {
         }
     }
     settle(sample, found);
+}
+
+/// Gains and biases of each input's sensor that the intervals allow: ends and middle; (1, 0) alone where none is named. Nothing, where no input's sensor is.
+pub fn sensors_believed(sample: &Sample, found: &Explained, estimates: &Estimates) -> Option<Vec<Vec<(f64, f64)>>> {
+    let mut gains = vec![vec![1.0]; sample.inputs.len()];
+    let mut biases = vec![vec![0.0]; sample.inputs.len()];
+    let mut is_named = false;
+    for (it, numbers) in found.set.iter().zip(&estimates.causes) {
+        let (value, half) = (numbers.values[0], numbers.halves[0]);
+        let believed = [value - half, value, value + half];
+        match it.claim {
+            // A gain near zero would bring every reading inside.
+            Claim::InputGain(input) => gains[input] = believed.iter().map(|it| (1.0 + it).max(LEAST_GAIN)).collect(),
+            Claim::InputBias(input) => biases[input] = believed.to_vec(),
+            _ => continue,
+        }
+        is_named = true;
+    }
+    let pairs = |(gains, biases): (&Vec<f64>, &Vec<f64>)| {
+        gains.iter().flat_map(|gain| biases.iter().map(move |bias| (*gain, *bias))).collect()
+    };
+    is_named.then(|| gains.iter().zip(&biases).map(pairs).collect())
 }
 
 fn secant(there: &[f64], here: &[f64], change: f64) -> Vec<f64> {

@@ -4,7 +4,7 @@
 //! like outliers, and errors that follow each other look like drift, to whoever assumes the contrary; from each start causes, outliers and noise are found in turns until they stay.
 //! Never looks at unseen rows.
 
-use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_STEPS, step};
+use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_STEPS, Part, step};
 use super::noise::{self, Growth};
 use super::null::Thresholds;
 use super::sample::Sample;
@@ -30,6 +30,8 @@ pub struct Explained {
     pub outliers: Vec<usize>,
     /// The noise.
     pub noise: Noise,
+    /// How much less well the file knows its coefficients than `Sample::prior` says: a factor of the variance.
+    pub looseness: f64,
     /// -2 ln likelihood plus costs.
     pub score: f64,
     /// What the mean becomes at all rows.
@@ -63,7 +65,7 @@ impl Explained {
 
     /// The white space of the rows that count.
     pub fn space(&self, sample: &Sample) -> Space {
-        Space::new(&self.kept(), &self.shape(), &sample.terms, &sample.prior)
+        space_of(sample, &self.kept(), &self.shape(), self.looseness)
     }
 }
 
@@ -79,47 +81,101 @@ pub struct Worth {
 /// The best explanation.
 pub fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds) -> Explained {
     let mut best: Option<Explained> = None;
-    let grown = Some(noise::growth(&sample.residual(), &sample.nominal).0);
+    let grown = Some(noise::growth(&plain(sample), &sample.nominal).0);
     let every: Vec<usize> = (0..sample.rows()).collect();
-    let following = Some(noise::correlation(&sample.residual(), &every).0);
-    for (growth, rho) in [(None, None), (grown, None), (None, following), (grown, following)] {
-        let noise = Noise { growth, rho };
-        // Gross outliers hide behind terms that imitate them; a large cause makes outliers of honest runs. So both beginnings are tried.
-        let even = Explained {
-            set: Vec::new(),
-            outliers: Vec::new(),
-            noise,
-            score: f64::INFINITY,
-            fitted: sample.nominal.clone(),
-            scale: vec![1.0; sample.rows()],
-        };
-        let outlying = outliers(sample, &even, thresholds);
-        let mut starts = vec![Vec::new()];
-        if !outlying.is_empty() {
-            starts.push(outlying);
-        }
-        for start in starts {
-            let found = turns(sample, hypotheses, thresholds, noise, start);
-            if best.as_ref().is_none_or(|best| found.score < best.score) {
-                best = Some(found);
+    let following = Some(noise::correlation(&plain(sample), &every).0);
+    for looseness in loosenesses(sample) {
+        for (growth, rho) in [(None, None), (grown, None), (None, following), (grown, following)] {
+            // Gross outliers hide behind terms that imitate them; a large cause makes outliers of honest runs. So both beginnings are tried.
+            let even = Explained {
+                set: Vec::new(),
+                outliers: Vec::new(),
+                noise: Noise { growth, rho },
+                looseness,
+                score: f64::INFINITY,
+                fitted: sample.nominal.clone(),
+                scale: vec![1.0; sample.rows()],
+            };
+            let outlying = outliers(sample, &even, thresholds);
+            let mut starts = vec![Vec::new()];
+            if !outlying.is_empty() {
+                starts.push(outlying);
+            }
+            for outliers in starts {
+                let found = turns(sample, hypotheses, thresholds, Explained { outliers, ..even.clone() });
+                if best.as_ref().is_none_or(|best| found.score < best.score) {
+                    best = Some(found);
+                }
             }
         }
     }
     best.expect("there are four kinds of noise")
 }
 
-fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, noise: Noise, start: Vec<usize>) -> Explained {
-    let mut now = Explained {
-        set: Vec::new(),
-        outliers: start,
-        scale: scale(noise, &sample.nominal),
-        noise,
-        score: f64::INFINITY,
-        fitted: sample.nominal.clone(),
-    };
+/// Noise of the file's rows over that of the new ones: a variance of a hundredth or a hundred times is another instrument, and counts as that much.
+const LEAST_RATIO: f64 = 0.01;
+
+/// Where a file does not say how well it knows its coefficients, both are tried and the likelihood decides: fitted to as many rows as are new, or exact (a formula, a data sheet). Where it says its
+/// noise, [`know`] follows that; the first guess is from the scatter that is plain to see.
+pub fn loosenesses(sample: &Sample) -> Vec<f64> {
+    match (sample.sd_of_file, sample.rows_of_file) {
+        (Some(old), _) => {
+            let left = plain(sample);
+            let freedom = left.len().saturating_sub(sample.terms.len() + 2).max(1) as f64;
+            vec![ratio(old, (dot(&left, &left) / freedom).sqrt())]
+        }
+        (None, Some(_)) => vec![1.0],
+        (None, None) => vec![1.0, 0.0],
+    }
+}
+
+fn ratio(old: f64, new: f64) -> f64 {
+    (old / new.max(f64::MIN_POSITIVE)).powi(2).clamp(LEAST_RATIO, 1.0 / LEAST_RATIO)
+}
+
+/// How well the file knows its coefficients, against the noise that the set leaves.
+fn know(sample: &Sample, now: &mut Explained) {
+    let Some(old) = sample.sd_of_file else { return };
+    let space = now.space(sample);
+    let solved = solved(sample, &now.set, &space);
+    let freedom = space.rows().saturating_sub(solved.rank).max(1) as f64;
+    let mean_scale = now.scale.iter().map(|s| s * s).sum::<f64>() / now.scale.len() as f64;
+    now.looseness = ratio(old, (dot(&solved.residual, &solved.residual) / freedom * mean_scale).sqrt());
+}
+
+/// The residual without what other coefficients of the file's terms, a shift and a drift would take: a first look at the noise. A shift that is left in looks like errors that follow each other, a gain like
+/// noise that grows. With few rows beyond those unknowns the residual as it is.
+fn plain(sample: &Sample) -> Vec<f64> {
+    let rows = sample.rows();
+    let residual = sample.residual();
+    if rows < sample.terms.len() + 2 + LEAST_FREEDOM {
+        return residual;
+    }
+    let mut columns = sample.terms.clone();
+    columns.push(vec![1.0; rows]);
+    columns.push(sample.places.iter().map(|place| *place as f64).collect());
+    solve(&columns, &residual).residual
+}
+
+/// The white space of some rows.
+pub fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, looseness: f64) -> Space {
+    let prior: Vec<Vec<f64>> = sample.prior.iter().map(|row| row.iter().map(|value| looseness * value).collect()).collect();
+    Space::new(kept, shape, &sample.terms, &prior)
+}
+
+/// So often the knowledge of the coefficients follows the noise, which follows it: a variance of the noise of the file's rows moves that of the new ones by little.
+const AGREEING: usize = 2;
+
+fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, start: Explained) -> Explained {
+    let mut now = start;
+    now.scale = scale(now.noise, &sample.nominal);
     let mut best: Option<Explained> = None;
     for _ in 0..TURNS {
+        let entered = now.looseness.max(f64::MIN_POSITIVE);
         now.set = causes(sample, hypotheses, thresholds, &now);
+        for _ in 0..AGREEING {
+            know(sample, &mut now);
+        }
         settle(sample, &mut now);
         now.score = score(sample, thresholds, &now);
         let before = now.clone();
@@ -132,7 +188,8 @@ fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, no
         let same_set = now.outliers == before.outliers;
         let close = |a: Option<f64>, b: Option<f64>| a.zip(b).is_none_or(|(a, b)| (a - b).abs() < 0.01);
         let exponent = |it: &Explained| it.noise.growth.map(Growth::exponent);
-        if same_set && close(now.noise.rho, before.noise.rho) && close(exponent(&now), exponent(&before)) {
+        let same_noise = close(now.noise.rho, before.noise.rho) && close(exponent(&now), exponent(&before));
+        if same_set && same_noise && close(Some(now.looseness.max(f64::MIN_POSITIVE).ln()), Some(entered.ln())) {
             break;
         }
     }
@@ -173,7 +230,7 @@ fn mean(sample: &Sample, set: &[Hypothesis], solved: &Solved, space: &Space) -> 
 /// By how much the coefficients of the file move: what is left, against how well the file knows them (the posterior mean).
 pub fn calibration(sample: &Sample, space: &Space, fitted: &[f64]) -> Vec<f64> {
     let left: Vec<f64> = sample.response.iter().zip(fitted).map(|(y, f)| y - f).collect();
-    space.calibration(&left, &sample.terms, &sample.prior)
+    space.calibration(&left, &sample.terms)
 }
 
 /// The best set of causes, outliers and noise as they are.
@@ -182,8 +239,9 @@ fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, n
     let residual = space.carried(&sample.residual());
     let mut pool: Vec<Hypothesis> = hypotheses.to_vec();
     let mut chosen = Vec::new();
-    // A change between runs is looked for on a grid first; then at every row about the best place.
-    for _ in 0..2 {
+    let mut finer = false;
+    // Each turn takes shapes away, and the second kind of turn comes once; there are finitely many shapes, and more than a few in one search there never were.
+    for _ in 0..MOST_SEARCHES {
         let candidates = candidates(&pool, thresholds, &space);
         let search = Search::new(&candidates, &residual);
         let mut found = search.best();
@@ -199,10 +257,60 @@ fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, n
             }
         }
         chosen = found.set.iter().map(|member| pool[*member].clone()).collect::<Vec<_>>();
-        let Some(finer) = finer_steps(sample, &chosen, &pool) else { break };
-        pool.extend(finer);
+        if let Some(member) =
+            found.set.iter().find(|member| is_shift(&pool, &candidates, &search, &found.set, **member, thresholds))
+        {
+            pool.remove(*member);
+            continue;
+        }
+        // A change between runs is looked for on a grid first; then at every row about the best place.
+        match finer_steps(sample, &chosen, &pool) {
+            Some(places) if !finer => pool.extend(places),
+            _ => break,
+        }
+        finer = true;
     }
     singled_out(sample, chosen, hypotheses, &space)
+}
+
+/// See [`causes`].
+const MOST_SEARCHES: usize = 8;
+
+/// Half ranges of the data from their middle: the file was made at a value of the missing input that is no further from the data than these are wide.
+const FURTHEST_REFERENCE: f64 = 3.0;
+
+/// Whether a shape with a shift of its own (blocks that all have an offset, an input whose value in the file nobody knows) is nothing but that shift: its other unknowns are not worth a cause, or put the value
+/// of the input in the file where it cannot have been. The shift alone is a bias of the response.
+fn is_shift(
+    pool: &[Hypothesis],
+    candidates: &[Candidate],
+    search: &Search<'_>,
+    set: &[usize],
+    member: usize,
+    thresholds: &Thresholds,
+) -> bool {
+    let width = candidates[member].columns.len();
+    let has_shift = match pool[member].claim {
+        Claim::Block(_) => pool[member].reference.is_none(),
+        Claim::Input(_, Part::Linear | Part::Square) => width == 2,
+        _ => false,
+    };
+    let Some(bias) = pool.iter().position(|it| it.claim == Claim::ResponseBias) else { return false };
+    if !has_shift || width < 2 {
+        return false;
+    }
+    let instead: Vec<usize> = set.iter().map(|other| if *other == member { bias } else { *other }).collect();
+    let (without, with) = (search.square(&instead), search.square(set));
+    let rows = candidates[member].columns[0].len();
+    let unknowns: usize = set.iter().map(|it| candidates[*it].columns.len()).sum();
+    let freedom = rows.saturating_sub(unknowns).max(1) as f64;
+    let more = (width - 1) as f64;
+    let f = (without - with).max(0.0) / more / (with / freedom).max(f64::MIN_POSITIVE);
+    ln_upper_f(f, more, freedom) > thresholds.ln_p_mean
+        || matches!(pool[member].claim, Claim::Input(_, Part::Linear)) && {
+            let solved = search.coefficients(set, member);
+            (solved[1] / solved[0]).abs() > FURTHEST_REFERENCE
+        }
 }
 
 /// A whole order that is missing, as those of its terms that stand out within it (Holm 1979, at 5 %), where the others are together nothing (F, 5 %): the order has passed its threshold already.
@@ -272,6 +380,7 @@ pub fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, space: &Sp
     let of_one = |it: &Hypothesis| Candidate {
         columns: it.columns.iter().map(|column| space.carried(column)).collect(),
         group: it.group,
+        change: if let Claim::Step(at) = it.claim { Some(at) } else { None },
         cost: costs[it.columns.len()] + it.prior,
     };
     hypotheses.iter().map(of_one).collect()
@@ -306,7 +415,7 @@ fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
     }
     let noise = now.noise.growth.map_or(0.0, |_| thresholds.growth) + now.noise.rho.map_or(0.0, |_| thresholds.correlation);
     // Restricted likelihood (Patterson and Thompson 1971): without it a noise that leaves some runs nearly exact looks likely, as soon as there are unknowns enough to fit those runs.
-    let even = Space::new(&now.kept(), &Shape { scale: vec![1.0; sample.rows()], rho: 0.0 }, &sample.terms, &sample.prior);
+    let even = space_of(sample, &now.kept(), &Shape { scale: vec![1.0; sample.rows()], rho: 0.0 }, now.looseness);
     let gram = |space: &Space| {
         let columns = now.set.iter().flat_map(|it| &it.columns);
         ln_gram(&columns.map(|column| space.carried(column)).collect::<Vec<_>>())
@@ -344,7 +453,7 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
         if kept.len() < unknowns + 5 {
             break;
         }
-        let space = Space::new(&kept, &shape, &sample.terms, &sample.prior);
+        let space = space_of(sample, &kept, &shape, now.looseness);
         let Some((place, t, freedom)) = most_studentised(sample, now, &space) else { break };
         removed.push(kept.remove(place));
         if thresholds.is_outlier(t, freedom, kept.len() + 1) {

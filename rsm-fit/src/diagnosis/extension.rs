@@ -304,7 +304,7 @@ fn write(sample: &Sample, surface: &mut Surface, sums: BTreeMap<Monomial, f64>, 
 
 /// What the extended surface rests on.
 fn evidence(sample: &Sample, found: &Explained, estimates: &Estimates) -> Vec<(String, Evidence)> {
-    let rows_of_file = sample.rows_of_file.round() as i64;
+    let rows_of_file = sample.rows_of_file.unwrap_or(sample.rows() as f64).round() as i64;
     let labels = found.set.iter().map(|it| Evidence::Text(it.claim.label(sample))).collect();
     let mean_scale = found.scale.iter().map(|s| s * s).sum::<f64>() / found.scale.len().max(1) as f64;
     vec![

@@ -30,7 +30,7 @@ pub mod unseen;
 mod whitening;
 
 use rsm_core::check::Checked;
-use rsm_core::model::{Evidence, Input, Model, Surface};
+use rsm_core::model::{Evidence, Input, Model};
 
 use causes::Cause;
 use data::NewData;
@@ -41,7 +41,7 @@ use hypotheses::Hypothesis;
 pub use left_over::{Floor, Test};
 use null::Thresholds;
 use regions::Region;
-use sample::Sample;
+use sample::{Sample, Taken};
 use unseen::{Errors, Judged};
 
 /// False alarms of a whole diagnosis. 5 % are allowed (DESIGN.md 5.3 asks for no more); a fifth is kept back for the draws, which know a threshold to some 15 %.
@@ -212,29 +212,71 @@ fn add_input(model: &mut Model, input: &Input) {
     }
 }
 
-/// Noise of the file's rows over that of the new ones: a variance of a hundredth or a hundred times is another instrument, and counts as that much.
-const LEAST_RATIO: f64 = 0.01;
-
-/// The standard deviation of the residuals of the rows that made the file.
-fn residual_sd_of_file(surface: &Surface) -> Option<f64> {
-    surface.evidence.iter().find_map(|(name, value)| match value {
-        Evidence::Number(sd) if name == "residual_sd" && *sd > 0.0 => Some(*sd),
-        _ => None,
-    })
+/// A sample with what explains it.
+struct Answer {
+    sample: Sample,
+    hypotheses: Vec<Hypothesis>,
+    thresholds: Thresholds,
+    found: Explained,
+    estimates: Estimates,
+    tests: Vec<Test>,
 }
 
-/// Thresholds on these rows, the explanation, its numbers.
-fn explained(sample: &Sample, hypotheses: &[Hypothesis], alpha: f64) -> (Thresholds, Explained, Estimates) {
-    let every: Vec<usize> = (0..sample.rows()).collect();
-    let even = whitening::Shape { scale: vec![1.0; sample.rows()], rho: 0.0 };
-    let space = whitening::Space::new(&every, &even, &sample.terms, &sample.prior);
-    let carried: Vec<Vec<Vec<f64>>> =
-        hypotheses.iter().map(|it| it.columns.iter().map(|column| space.carried(column)).collect()).collect();
-    let thresholds = Thresholds::new(&carried, &sample.nominal, sample.rows(), alpha);
-    let mut found = explain::explain(sample, hypotheses, &thresholds);
-    estimate::refine(sample, &mut found);
-    let estimates = estimate::numbers(sample, &found);
-    (thresholds, found, estimates)
+impl Answer {
+    /// Thresholds on these rows, the explanation, its numbers, what is left.
+    fn new(sample: Sample, alpha: f64) -> Self {
+        let hypotheses = hypotheses::all(&sample);
+        let every: Vec<usize> = (0..sample.rows()).collect();
+        let even = whitening::Shape { scale: vec![1.0; sample.rows()], rho: 0.0 };
+        let space = explain::space_of(&sample, &every, &even, explain::loosenesses(&sample)[0]);
+        let carried: Vec<Vec<Vec<f64>>> =
+            hypotheses.iter().map(|it| it.columns.iter().map(|column| space.carried(column)).collect()).collect();
+        let thresholds = Thresholds::new(&carried, &sample.nominal, sample.rows(), alpha);
+        let mut found = explain::explain(&sample, &hypotheses, &thresholds);
+        estimate::refine(&sample, &mut found);
+        let estimates = estimate::numbers(&sample, &found);
+        let tests = left_over::tests(&sample, &found);
+        Answer { sample, hypotheses, thresholds, found, estimates, tests }
+    }
+
+    /// What each test must stay below to be structure.
+    fn threshold_p_structure(&self) -> f64 {
+        self.thresholds.alpha_structure / self.tests.len().max(1) as f64
+    }
+
+    /// Whether structure is left that no cause explains.
+    fn is_structure_left(&self) -> bool {
+        self.tests.iter().any(|it| it.ln_p < self.threshold_p_structure().ln())
+    }
+}
+
+/// Rows are chosen by an explanation, which rests on rows: so often in turns.
+const CHOICES: usize = 4;
+
+/// The answer, and the rows that it rests on. A reading beyond the range may be a faulty sensor's of a point inside, and such points (corners of a design) tell most about the sensor. So a second explanation begins
+/// with the rows nearby too; it counts if it names an input's sensor, if the rows that it rests on are those that were inside by what it says of that sensor, and if it leaves nothing unexplained.
+fn answer(sample_of: &dyn Fn(Taken<'_>) -> Sample, alpha: f64) -> Answer {
+    let inside = sample_of(Taken::Inside);
+    let near = sample_of(Taken::Near);
+    if near.rows() == inside.rows() {
+        return Answer::new(inside, alpha);
+    }
+    // Two searches: each has half of the false alarms.
+    let (by_reading, mut places) = (Answer::new(inside, alpha / 2.0), near.places.clone());
+    for _ in 0..CHOICES {
+        let answer = Answer::new(sample_of(Taken::Places(&places)), alpha / 2.0);
+        let Some(sensors) = estimate::sensors_believed(&answer.sample, &answer.found, &answer.estimates) else { break };
+        let truly = near.truly_inside(&sensors);
+        if truly == places {
+            let better = by_reading.is_structure_left() || !answer.is_structure_left();
+            return if better { answer } else { by_reading };
+        }
+        if truly.len() < LEAST_ROWS {
+            break;
+        }
+        places = truly;
+    }
+    by_reading
 }
 
 fn of_response(
@@ -247,34 +289,22 @@ fn of_response(
 ) -> Result<(ResponseDiagnosis, Extension), String> {
     let surface = &model.surfaces[index];
     let response = data.responses[index].as_ref().expect("a compared surface has a response");
-    let sample = Sample::new(model, index, &data.inputs, response, &data.extras);
-    if sample.rows() < LEAST_ROWS {
+    let sample_of = |taken: Taken<'_>| Sample::new(model, index, &data.inputs, response, &data.extras, taken);
+    let rows_inside = sample_of(Taken::Inside).rows();
+    if rows_inside < LEAST_ROWS {
         return Err(format!(
-            "`{}`: {} of {} rows are inside the ranges and the support of the surface, and a diagnosis needs {LEAST_ROWS}",
+            "`{}`: {rows_inside} of {} rows are inside the ranges and the support of the surface, and a diagnosis needs {LEAST_ROWS}",
             surface.name,
-            sample.rows(),
             response.len()
         ));
     }
-    let mut sample = sample;
-    let mut hypotheses = hypotheses::all(&sample);
-    let (mut thresholds, mut found, mut estimates) = explained(&sample, &hypotheses, alpha);
-    // How well the file knows its coefficients hangs on the noise of its own rows: where its evidence has that, and it is another than here, once more with it.
-    if let Some(old) = residual_sd_of_file(surface) {
-        let mean_scale = (found.scale.iter().map(|s| s * s).sum::<f64>() / found.scale.len() as f64).sqrt();
-        let ratio = (old / (estimates.sd * mean_scale)).powi(2).clamp(LEAST_RATIO, 1.0 / LEAST_RATIO);
-        if ratio.ln().abs() > 0.2 {
-            sample = sample.with_prior_times(ratio);
-            hypotheses = hypotheses::all(&sample);
-            (thresholds, found, estimates) = explained(&sample, &hypotheses, alpha);
-        }
-    }
-    let tests = left_over::tests(&sample, &found);
-    let threshold_p_structure = thresholds.alpha_structure / tests.len().max(1) as f64;
+    let answer = answer(&sample_of, alpha);
+    let (threshold_p_structure, is_structure_left) = (answer.threshold_p_structure(), answer.is_structure_left());
+    let Answer { sample, hypotheses, thresholds, found, estimates, tests } = answer;
     let floor = left_over::floor(&sample, &found);
     let causes = causes::all(&sample, &hypotheses, &thresholds, &found, &estimates);
     let extension = extension::extend(&sample, &found, &estimates, taken);
-    let verdict = if tests.iter().any(|it| it.ln_p < threshold_p_structure.ln()) {
+    let verdict = if is_structure_left {
         Verdict::Unexplained
     } else if causes.is_empty() {
         Verdict::NoDiscrepancy

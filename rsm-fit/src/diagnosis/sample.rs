@@ -63,15 +63,31 @@ pub struct Sample {
     pub extras: Vec<Extra>,
     /// The place of each row among all rows of the data, in run order.
     pub places: Vec<usize>,
-    /// Covariance of the coefficients of the file, in units of the variance of the noise.
+    /// Covariance of the coefficients of the file, in units of the variance of the noise of its rows.
     pub prior: Vec<Vec<f64>>,
-    /// Rows that made the file; as many as are here, where the file does not say.
-    pub rows_of_file: f64,
+    /// Rows that made the file; none where the file does not say: `prior` is then as of as many as are here.
+    pub rows_of_file: Option<f64>,
+    /// The standard deviation of the noise of those rows, where the file says it.
+    pub sd_of_file: Option<f64>,
     /// Points spread evenly over box and support: where the rows that made the file are taken to have been.
     pub spread: Vec<Vec<f64>>,
     /// Places of rows outside the box, the support, or where the file saturates.
     pub outside: Vec<usize>,
 }
+
+/// Which rows a sample takes.
+#[derive(Debug, Clone, Copy)]
+pub enum Taken<'a> {
+    /// Those whose readings are inside the box and the support,
+    Inside,
+    /// or beyond by no more than [`REACH`]: a faulty sensor reads so much too far.
+    Near,
+    /// These places, where they are near.
+    Places(&'a [usize]),
+}
+
+/// In half ranges: the largest of the biases that a hypothesis is made for, and the gain of 1.25 of an input whose range begins at zero.
+const REACH: f64 = 0.5;
 
 /// So many points know the mean products of terms to two per cent.
 const SPREAD: usize = 2000;
@@ -81,7 +97,7 @@ const ROUNDING: f64 = 1e-9;
 
 impl Sample {
     /// Of the surface `index` of a model. `points` and `extras` are of all rows.
-    pub fn new(model: &Model, index: usize, points: &[Vec<f64>], response: &[f64], extras: &[Extra]) -> Self {
+    pub fn new(model: &Model, index: usize, points: &[Vec<f64>], response: &[f64], extras: &[Extra], taken: Taken<'_>) -> Self {
         let surface = model.surfaces[index].clone();
         let inputs: Vec<Input> = surface
             .inputs
@@ -94,21 +110,18 @@ impl Sample {
         let region = Region::new(&surface, &inputs);
         let mut places = Vec::new();
         let mut outside = Vec::new();
+        let reach = if matches!(taken, Taken::Inside) { 0.0 } else { REACH };
         for row in 0..response.len() {
-            let in_box = inputs.iter().zip(&columns).all(|(input, column)| {
-                let [low, high] = input.range;
-                let margin = ROUNDING * (high - low);
-                (low - margin..=high + margin).contains(&column[row])
-            });
-            let point: Vec<Physical> = columns.iter().map(|column| Physical(column[row])).collect();
-            let supported = in_box && {
-                let coded: Vec<f64> = region.coded(&point).iter().map(|x| x.to_f64()).collect();
-                surface.support.iter().all(|space| dot(&space.normal, &coded) <= space.bound + ROUNDING)
-            };
-            if supported { places.push(row) } else { outside.push(row) }
+            let point: Vec<f64> = columns.iter().map(|column| column[row]).collect();
+            let wanted = if let Taken::Places(wanted) = taken { wanted.binary_search(&row).is_ok() } else { true };
+            if wanted && is_inside(&surface, &inputs, &region, &point, reach) { places.push(row) } else { outside.push(row) }
         }
         let rows_of_file = surface.evidence.iter().find_map(|(name, value)| match value {
             Evidence::Whole(rows) if name == "rows" && *rows > 0 => Some(*rows as f64),
+            _ => None,
+        });
+        let sd_of_file = surface.evidence.iter().find_map(|(name, value)| match value {
+            Evidence::Number(sd) if name == "residual_sd" && *sd > 0.0 => Some(*sd),
             _ => None,
         });
         let mut sample = Sample {
@@ -118,7 +131,8 @@ impl Sample {
             nominal: Vec::new(),
             terms: Vec::new(),
             prior: Vec::new(),
-            rows_of_file: 0.0,
+            rows_of_file,
+            sd_of_file,
             spread: Vec::new(),
             surface,
             inputs,
@@ -137,12 +151,11 @@ impl Sample {
             sample.outside = outside;
             sample.outside.sort_unstable();
         }
-        sample.rows_of_file = rows_of_file.unwrap_or(sample.rows().max(1) as f64);
         sample.spread = spread(&sample, &region);
         let terms = sample.columns_of(&powers, &sample.spread);
         // sigma^2 (X'X)^-1 of as many rows as made the file, drawn at random from box and support: in the mean M^-1/(rows - terms - 1), M the mean products (exact where the inverse Wishart distribution is). Designed
         // experiments know their coefficients better, so this is careful.
-        let free = (sample.rows_of_file - terms.len() as f64 - 1.0).max(1.0);
+        let free = (rows_of_file.unwrap_or(sample.rows() as f64) - terms.len() as f64 - 1.0).max(1.0);
         let share = sample.spread.first().map_or(0, Vec::len) as f64 / free;
         let constant = vec![0.0; sample.spread.first().map_or(0, Vec::len)];
         sample.prior = solve(&terms, &constant).covariance;
@@ -150,11 +163,19 @@ impl Sample {
         sample
     }
 
-    /// The same with the coefficients less well known: by a factor of their variance.
-    pub fn with_prior_times(&self, factor: f64) -> Self {
-        let mut other = self.clone();
-        other.prior.iter_mut().flatten().for_each(|value| *value *= factor);
-        other
+    /// The places of rows that are inside, or were with sensors as they may have been: for each input, what gains and biases are believed.
+    pub fn truly_inside(&self, sensors: &[Vec<(f64, f64)>]) -> Vec<usize> {
+        let region = Region::new(&self.surface, &self.inputs);
+        let is_inside = |row: &usize| {
+            let mut points: Vec<Vec<f64>> = vec![Vec::new()];
+            for (column, sensors) in self.points.iter().zip(sensors) {
+                let truths = sensors.iter().map(|(gain, bias)| (column[*row] - bias) / gain);
+                points =
+                    truths.flat_map(|truth| points.iter().map(move |begun| [begun.as_slice(), &[truth]].concat())).collect();
+            }
+            points.iter().any(|point| is_inside(&self.surface, &self.inputs, &region, point, 0.0))
+        };
+        (0..self.rows()).filter(is_inside).map(|row| self.places[row]).collect()
     }
 
     /// How many rows there are.
@@ -181,6 +202,7 @@ impl Sample {
             places: rows.iter().map(|row| self.places[*row]).collect(),
             prior: self.prior.clone(),
             rows_of_file: self.rows_of_file,
+            sd_of_file: self.sd_of_file,
             spread: self.spread.clone(),
             outside: self.outside.clone(),
         }
@@ -215,6 +237,21 @@ impl Sample {
         let factors = rsm_core::basis::Factor::all(&self.surface, &self.inputs);
         let value = |xi: &f64| factors[input].variable.value(crate::dd::Dd::from(*xi)).to_f64();
         self.points[input].iter().map(value).collect()
+    }
+}
+
+/// Whether a point is inside the box and the support, or beyond by no more than `reach` half ranges.
+fn is_inside(surface: &Surface, inputs: &[Input], region: &Region, point: &[f64], reach: f64) -> bool {
+    let in_box = inputs.iter().zip(point).all(|(input, value)| {
+        let [low, high] = input.range;
+        let margin = (ROUNDING + reach / 2.0) * (high - low);
+        (low - margin..=high + margin).contains(value)
+    });
+    let point: Vec<Physical> = point.iter().copied().map(Physical).collect();
+    in_box && {
+        let coded: Vec<f64> = region.coded(&point).iter().map(|x| x.to_f64()).collect();
+        let margin = |normal: &[f64]| ROUNDING + reach * dot(normal, normal).sqrt();
+        surface.support.iter().all(|space| dot(&space.normal, &coded) <= space.bound + margin(&space.normal))
     }
 }
 

@@ -13,6 +13,8 @@ pub struct Candidate {
     pub columns: Vec<Vec<f64>>,
     /// Two of one group are never in a set together.
     pub group: usize,
+    /// The row before which a change in the run order lies: two changes are never nearer than [`LEAST_BLOCK`].
+    pub change: Option<usize>,
     /// What it adds to the criterion.
     pub cost: f64,
 }
@@ -22,6 +24,9 @@ const BEAM: usize = 5;
 
 /// A set has at most so many: more causes than this in one data set are no longer told apart by anybody.
 const MOST: usize = 9;
+
+/// Rows between two changes in the run order: fewer are outlying runs, each for itself.
+pub const LEAST_BLOCK: usize = 3;
 
 /// A pivot below this share of a column's own square is rounding.
 const DEPENDENT: f64 = 1e-9;
@@ -161,8 +166,25 @@ impl<'a> Search<'a> {
         self.residual(&self.products_of(set))
     }
 
+    /// The amplitudes of a member of a set.
+    pub fn coefficients(&self, set: &[usize], member: usize) -> Vec<f64> {
+        let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
+        let products = self.products_of(&rest);
+        let columns: Vec<usize> = self.columns_of(member).collect();
+        let last = products.width - 1;
+        let matrix = nalgebra::DMatrix::from_fn(columns.len(), columns.len(), |i, j| products.at(columns[i], columns[j]));
+        let right = nalgebra::DVector::from_fn(columns.len(), |i, _| products.at(columns[i], last));
+        matrix.lu().solve(&right).map_or_else(|| vec![0.0; columns.len()], |it| it.as_slice().to_vec())
+    }
+
     fn may_join(&self, set: &[usize], candidate: usize) -> bool {
-        set.iter().all(|member| self.candidates[*member].group != self.candidates[candidate].group)
+        set.iter().all(|member| self.agree(*member, candidate))
+    }
+
+    /// Whether two may stand in one set.
+    fn agree(&self, a: usize, b: usize) -> bool {
+        let (a, b) = (&self.candidates[a], &self.candidates[b]);
+        a.group != b.group && a.change.zip(b.change).is_none_or(|(a, b)| a.abs_diff(b) >= LEAST_BLOCK)
     }
 
     /// All candidates that may join a set, with the score that each would give it.
@@ -220,35 +242,31 @@ impl<'a> Search<'a> {
         self.improved(best)
     }
 
-    /// Leaves out and exchanges members while that pays.
+    /// Leaves out up to two members and takes in up to two others, whichever pays most, while that pays. One at a time is not enough: where a cause was taken in the wrong shape, a second one makes up for the
+    /// difference (a drift that is right in the middle, and a bias), and neither goes without the other.
     fn improved(&self, mut best: Found) -> Found {
         // Each round lowers the criterion, and there are finitely many sets; a bound all the same, as rounding might circle.
         for _ in 0..4 * MOST {
             let mut next = best.clone();
-            for place in 0..best.set.len() {
-                let mut rest = best.set.clone();
-                rest.remove(place);
+            for out in subsets_of_two(best.set.len()) {
+                let rest: Vec<usize> =
+                    (0..best.set.len()).filter(|place| !out.contains(place)).map(|place| best.set[place]).collect();
                 let products = self.products_of(&rest);
                 let alone = self.misfit(self.residual(&products)) + self.cost(&rest);
-                if alone < next.score {
-                    next = Found { set: rest.clone(), score: alone };
-                }
-                for (candidate, score) in self.joined_to(&products, &rest) {
-                    // Less than a thousandth is rounding, and would circle.
-                    if score < next.score - 1e-3 {
-                        let mut set = rest.clone();
-                        set.push(candidate);
+                // Less than a thousandth is rounding, and would circle.
+                let mut consider = |new: &[usize], score: f64| {
+                    if score < next.score - 1e-3 && rest.len() + new.len() <= MOST {
+                        let mut set: Vec<usize> = rest.iter().chain(new).copied().collect();
                         set.sort_unstable();
                         next = Found { set, score };
                     }
+                };
+                consider(&[], alone);
+                for (candidate, score) in self.joined_to(&products, &rest) {
+                    consider(&[candidate], score);
                 }
-            }
-            for (candidate, score) in self.joined(&best.set) {
-                if score < next.score - 1e-3 && best.set.len() < MOST {
-                    let mut set = best.set.clone();
-                    set.push(candidate);
-                    set.sort_unstable();
-                    next = Found { set, score };
+                if let Some((pair, score)) = self.best_pair(&products, &rest) {
+                    consider(&pair, score);
                 }
             }
             if next.set == best.set {
@@ -258,6 +276,66 @@ impl<'a> Search<'a> {
         }
         best
     }
+
+    /// The two candidates that together win most beside a set. A candidate of one column is a row of the products, and two of them are solved by Cramer's rule; those of several columns are swept in,
+    /// and then have all others as partners.
+    fn best_pair(&self, products: &Products, set: &[usize]) -> Option<([usize; 2], f64)> {
+        let last = products.width - 1;
+        let free: Vec<usize> = (0..self.candidates.len()).filter(|candidate| self.may_join(set, *candidate)).collect();
+        let cost = self.cost(set);
+        let left = self.residual(products);
+        let mut best: Option<([usize; 2], f64)> = None;
+        let mut consider = |pair: [usize; 2], square: f64| {
+            let score = self.misfit(square.max(1e-14 * self.own[last])) + cost + self.cost(&pair);
+            if best.is_none_or(|best| score < best.1) {
+                best = Some((pair, score));
+            }
+        };
+        let (narrow, wide): (Vec<usize>, Vec<usize>) =
+            free.iter().copied().partition(|candidate| self.candidates[*candidate].columns.len() == 1);
+        // Logarithms cost more than the rest: for each first one only its best partner of a cost is scored.
+        for (place, a) in narrow.iter().enumerate() {
+            let i = self.first[*a];
+            let (own, product) = (products.at(i, i), products.at(i, last));
+            if own <= DEPENDENT * self.own[i] {
+                continue;
+            }
+            let mut of_costs: Vec<(f64, usize, f64)> = Vec::new();
+            for b in narrow[place + 1..].iter().filter(|b| self.agree(*a, **b)) {
+                let j = self.first[*b];
+                let factor = products.at(i, j) / own;
+                let other = products.at(j, j) - factor * products.at(i, j);
+                if other <= DEPENDENT * self.own[j] {
+                    continue;
+                }
+                let taken = (products.at(j, last) - factor * product).powi(2) / other;
+                let cost = self.candidates[*b].cost;
+                match of_costs.iter_mut().find(|it| it.0 == cost) {
+                    Some(it) if it.2 >= taken => {}
+                    Some(it) => (it.1, it.2) = (*b, taken),
+                    None => of_costs.push((cost, *b, taken)),
+                }
+            }
+            let alone = left - product * product / own;
+            for (_, b, taken) in of_costs {
+                consider([*a, b], alone - taken);
+            }
+        }
+        for a in wide {
+            let with = self.with(products, a);
+            for b in free.iter().filter(|b| **b != a && self.agree(a, **b)) {
+                consider([a, *b], self.square_with(&with, *b));
+            }
+        }
+        best
+    }
+}
+
+/// None, each one, each two of so many places.
+fn subsets_of_two(count: usize) -> Vec<Vec<usize>> {
+    let ones = (0..count).map(|a| vec![a]);
+    let twos = (0..count).flat_map(|a| (0..a).map(move |b| vec![b, a]));
+    std::iter::once(Vec::new()).chain(ones).chain(twos).collect()
 }
 
 #[cfg(test)]
@@ -273,7 +351,7 @@ mod tests {
         let b: Vec<f64> = (0..n).map(|k| wave(k, 0.7) + 0.3 * wave(k, 1.9)).collect();
         let d: Vec<f64> = (0..n).map(|k| wave(k, 1.9) + 0.4 * wave(k, 2.8)).collect();
         let y: Vec<f64> = (0..n).map(|k| 3.0 * (b[k] - a[k]) + 0.01 * wave(k, 2.3)).collect();
-        let candidate = |column: &Vec<f64>, group| Candidate { columns: vec![column.clone()], group, cost: 10.0 };
+        let candidate = |column: &Vec<f64>, group| Candidate { columns: vec![column.clone()], group, change: None, cost: 10.0 };
         let candidates = [candidate(&a, 0), candidate(&b, 1), candidate(&d, 2)];
         let search = Search::new(&candidates, &y);
         let alone = search.joined(&[]);

@@ -11,7 +11,7 @@ use super::explain::explain;
 use super::extension::{Extension, evaluate, extend};
 use super::hypotheses;
 use super::null::Thresholds;
-use super::sample::{Extra, Sample};
+use super::sample::{Extra, Sample, Taken};
 use crate::random::Random;
 
 /// Folds of the cross-validation: a fifth is left out at a time (Hastie, Tibshirani, Friedman, The Elements of Statistical Learning, 7.10).
@@ -107,7 +107,7 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
 /// A sentence, when a column is missing that the extension needs, or no row is inside.
 pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewData) -> Result<Judged, String> {
     let response = data.responses[index].as_ref().ok_or("it has no column of the response")?;
-    let sample = Sample::new(model, index, &data.inputs, response, &data.extras);
+    let sample = Sample::new(model, index, &data.inputs, response, &data.extras, Taken::Inside);
     if sample.rows() == 0 {
         return Err("no row is inside the ranges and the support of the surface".to_string());
     }
