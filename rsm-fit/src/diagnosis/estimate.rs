@@ -119,13 +119,14 @@ pub fn refine(sample: &Sample, found: &mut Explained) {
     settle(sample, found);
 }
 
-/// Gains and biases of each input's sensor that the intervals allow: ends and middle; (1, 0) alone where none is named. Nothing, where no input's sensor is.
+/// Gains and biases of each input's sensor that are not ruled out: twice the 95 % interval, ends and middle; (1, 0) alone where none is named. Nothing, where no input's sensor is. Twice, since rows are chosen by it: what
+/// one interval in twenty rules out wrongly would take the rows away that put it right.
 pub fn sensors_believed(sample: &Sample, found: &Explained, estimates: &Estimates) -> Option<Vec<Vec<(f64, f64)>>> {
     let mut gains = vec![vec![1.0]; sample.inputs.len()];
     let mut biases = vec![vec![0.0]; sample.inputs.len()];
     let mut is_named = false;
     for (it, numbers) in found.set.iter().zip(&estimates.causes) {
-        let (value, half) = (numbers.values[0], numbers.halves[0]);
+        let (value, half) = (numbers.values[0], 2.0 * numbers.halves[0]);
         let believed = [value - half, value, value + half];
         match it.claim {
             // A gain near zero would bring every reading inside.

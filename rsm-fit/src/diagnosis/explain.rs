@@ -260,7 +260,8 @@ fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, n
         if let Some(member) =
             found.set.iter().find(|member| is_shift(&pool, &candidates, &search, &found.set, **member, thresholds))
         {
-            pool.remove(*member);
+            let gone = pool[*member].clone();
+            pool.retain(|it| !is_nearer_a_shift(it, &gone));
             continue;
         }
         // A change between runs is looked for on a grid first; then at every row about the best place.
@@ -270,17 +271,45 @@ fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, n
         }
         finer = true;
     }
-    singled_out(sample, chosen, hypotheses, &space)
+    let singled = singled_out(sample, chosen.clone(), hypotheses, &space);
+    if claims(&singled) == claims(&chosen) {
+        return chosen;
+    }
+    // A whole order was the best of all sets, its single terms need not be.
+    let pool: Vec<Hypothesis> =
+        singled.iter().chain(pool.iter().filter(|it| !matches!(it.claim, Claim::Order(_)))).cloned().collect();
+    let candidates = candidates(&pool, thresholds, &space);
+    let search = Search::new(&candidates, &residual);
+    let (found, singles) = (search.best(), (0..singled.len()).collect::<Vec<_>>());
+    let is_worth = |member: &usize| worth(&search, &candidates, &found.set, *member).ln_p <= thresholds.ln_p_mean;
+    if found.score < search.score(&singles) && found.set.iter().all(is_worth) {
+        found.set.iter().map(|member| pool[*member].clone()).collect()
+    } else {
+        singled
+    }
+}
+
+fn claims(set: &[Hypothesis]) -> Vec<&Claim> {
+    set.iter().map(|it| &it.claim).collect()
+}
+
+/// Whether a shape goes with one that was nothing but a shift: itself, and of changes in the run order all that are nearer to a shift.
+fn is_nearer_a_shift(it: &Hypothesis, gone: &Hypothesis) -> bool {
+    let likeness = |it: &Hypothesis| it.columns[0].iter().sum::<f64>().abs() / dot(&it.columns[0], &it.columns[0]).sqrt();
+    match (&it.claim, &gone.claim) {
+        (Claim::Step(_), Claim::Step(_)) => likeness(it) >= likeness(gone),
+        (claim, other) => claim == other && it.columns == gone.columns,
+    }
 }
 
 /// See [`causes`].
-const MOST_SEARCHES: usize = 8;
+const MOST_SEARCHES: usize = 12;
 
 /// Half ranges of the data from their middle: the file was made at a value of the missing input that is no further from the data than these are wide.
 const FURTHEST_REFERENCE: f64 = 3.0;
 
-/// Whether a shape with a shift of its own (blocks that all have an offset, an input whose value in the file nobody knows) is nothing but that shift: its other unknowns are not worth a cause, or put the value
-/// of the input in the file where it cannot have been. The shift alone is a bias of the response.
+/// Whether a shape with a shift of its own is nothing but that shift. The shift alone is a bias of the response. Two kinds: blocks that all have an offset, or an input whose value in the file nobody knows, less their
+/// shift must be worth a cause, and that value must be where it can have been; a change or a drift must be worth one beside a bias (else a change three runs before the end is a better bias by choice of its place).
 fn is_shift(
     pool: &[Hypothesis],
     candidates: &[Candidate],
@@ -290,27 +319,29 @@ fn is_shift(
     thresholds: &Thresholds,
 ) -> bool {
     let width = candidates[member].columns.len();
-    let has_shift = match pool[member].claim {
-        Claim::Block(_) => pool[member].reference.is_none(),
-        Claim::Input(_, Part::Linear | Part::Square) => width == 2,
-        _ => false,
-    };
     let Some(bias) = pool.iter().position(|it| it.claim == Claim::ResponseBias) else { return false };
-    if !has_shift || width < 2 {
+    if set.contains(&bias) {
         return false;
     }
     let instead: Vec<usize> = set.iter().map(|other| if *other == member { bias } else { *other }).collect();
-    let (without, with) = (search.square(&instead), search.square(set));
+    let beside: Vec<usize> = set.iter().copied().chain([bias]).collect();
+    let (with, more) = match pool[member].claim {
+        Claim::Block(_) if pool[member].reference.is_none() => (set, width - 1),
+        Claim::Input(_, Part::Linear | Part::Square) if width == 2 => (set, 1),
+        Claim::Step(_) | Claim::Drift(_) => (beside.as_slice(), 1),
+        _ => return false,
+    };
     let rows = candidates[member].columns[0].len();
-    let unknowns: usize = set.iter().map(|it| candidates[*it].columns.len()).sum();
+    let unknowns: usize = with.iter().map(|it| candidates[*it].columns.len()).sum();
     let freedom = rows.saturating_sub(unknowns).max(1) as f64;
-    let more = (width - 1) as f64;
-    let f = (without - with).max(0.0) / more / (with / freedom).max(f64::MIN_POSITIVE);
-    ln_upper_f(f, more, freedom) > thresholds.ln_p_mean
-        || matches!(pool[member].claim, Claim::Input(_, Part::Linear)) && {
-            let solved = search.coefficients(set, member);
-            (solved[1] / solved[0]).abs() > FURTHEST_REFERENCE
-        }
+    let left = search.square(with);
+    let f = (search.square(&instead) - left).max(0.0) / more as f64 / (left / freedom).max(f64::MIN_POSITIVE);
+    let is_worth_nothing = ln_upper_f(f, more as f64, freedom) > thresholds.ln_p_mean - pool[member].prior / 2.0;
+    let is_far = || {
+        let solved = search.coefficients(set, member);
+        (solved[1] / solved[0]).abs() > FURTHEST_REFERENCE
+    };
+    is_worth_nothing || matches!(pool[member].claim, Claim::Input(_, Part::Linear)) && is_far()
 }
 
 /// A whole order that is missing, as those of its terms that stand out within it (Holm 1979, at 5 %), where the others are together nothing (F, 5 %): the order has passed its threshold already.

@@ -336,8 +336,8 @@ impl List<'_> {
                 let group = self.new_group();
                 let claim = Claim::Input(extra, Part::With(input));
                 let in_file = vec![vec![(1.0, own.clone())], vec![(1.0, main)]];
-                self.push(group, claim.clone(), vec![product.clone()], vec![vec![(1.0, own)]], 0.0);
-                self.push(group, claim, vec![product, x], in_file, 0.0);
+                self.push(group, claim.clone(), vec![product.clone()], vec![vec![(1.0, own)]], PER_ORDER);
+                self.push(group, claim, vec![product, x], in_file, PER_ORDER);
             }
         }
     }

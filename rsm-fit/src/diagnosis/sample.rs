@@ -245,7 +245,9 @@ fn is_inside(surface: &Surface, inputs: &[Input], region: &Region, point: &[f64]
     let in_box = inputs.iter().zip(point).all(|(input, value)| {
         let [low, high] = input.range;
         let margin = (ROUNDING + reach / 2.0) * (high - low);
-        (low - margin..=high + margin).contains(value)
+        // Beyond zero an inverse says nothing about the range.
+        let is_defined = !surface.reciprocal.contains(&input.name) || value * (low + high) > 0.0;
+        is_defined && (low - margin..=high + margin).contains(value)
     });
     let point: Vec<Physical> = point.iter().copied().map(Physical).collect();
     in_box && {
