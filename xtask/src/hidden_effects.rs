@@ -10,7 +10,15 @@ pub(crate) fn quick() -> std::process::Command {
     judge("debug", "judge", &["--quick"])
 }
 
-/// Builds the command and the judge, then judges, or verifies when that is the first word.
+/// The same of surfaces: every cause once, and a few of each further family.
+pub(crate) fn quick_surfaces() -> std::process::Command {
+    judge("debug", "surfaces", &["--quick"])
+}
+
+/// Seeds of the whole table of surfaces: a rate over a hundred cases a family and more.
+const SEEDS: &str = "8";
+
+/// Builds the command and the judge, then judges, or does what the first word says; without words plants and surfaces both.
 pub(crate) fn run(words: &[&str]) -> bool {
     let (mode, rest) = match words {
         ["verify", rest @ ..] => ("verify", rest),
@@ -18,10 +26,13 @@ pub(crate) fn run(words: &[&str]) -> bool {
         rest => ("judge", rest),
     };
     let judge = judge("release", mode, rest);
-    Run::new()
-        .command("build", cargo(&["build", "--release", "--quiet", "-p", "rsm-cli", "-p", "hidden-effects"]))
-        .command(mode, judge)
-        .finish()
+    let mut run = Run::new();
+    run.command("build", cargo(&["build", "--release", "--quiet", "-p", "rsm-cli", "-p", "hidden-effects"]))
+        .command(mode, judge);
+    if words.is_empty() {
+        run.command("surfaces", self::judge("release", "surfaces", &["--seeds", SEEDS]));
+    }
+    run.finish()
 }
 
 fn judge(profile: &str, mode: &str, rest: &[&str]) -> std::process::Command {

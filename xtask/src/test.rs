@@ -22,6 +22,7 @@ pub(crate) fn run() -> bool {
         .command("programs", cargo(&["build", "-p", "rsm-cli", "-p", "hidden-effects"]))
         // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())
+        .command("hidden in surfaces", hidden_effects::quick_surfaces())
         // The tests that are ignored above because they are slow at opt 0, with the others at opt 3.
         .command("long matrix", cargo(&["test", "--release", "-p", "rsm-tests", "--no-fail-fast", "--", "--include-ignored"]))
         .command("docs", {

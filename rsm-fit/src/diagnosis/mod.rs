@@ -3,9 +3,9 @@
 //! ```text
 //!   model.toml, new.csv --data--> NewData --sample--> Sample (rows inside box and support)
 //!       hypotheses: every cause as columns ----+
-//!       null: what chance shows on these rows -+--explain--> causes, outlying runs, noise
+//!       null: what chance shows on these rows -+--explain, choice--> causes, outlying runs, noise
 //!                                                 |  left_over: is it noise that is left?
-//!                                                 |  estimate, causes: numbers, intervals, rivals
+//!                                                 |  estimate, telling, causes: numbers, words, rivals
 //!                                                 v
 //!       extension: the surface that says it --unseen--> gain on rows that nothing was estimated from
 //! ```
@@ -14,6 +14,7 @@
 //! from noise drawn on the data's own rows, at most 5 % of false alarms in all. Never prints or writes.
 
 pub mod causes;
+mod choice;
 pub mod data;
 mod estimate;
 mod explain;
@@ -26,6 +27,7 @@ pub mod regions;
 mod sample;
 mod search;
 mod tails;
+mod telling;
 pub mod unseen;
 mod whitening;
 
@@ -119,6 +121,8 @@ pub struct ResponseDiagnosis {
     pub ranking: Vec<(String, f64, f64)>,
     /// Where the file is wrong.
     pub regions: Vec<Region>,
+    /// Where the explanation is.
+    pub regions_left: Vec<Region>,
     /// Unseen rows.
     pub judged: Judged,
     /// On what, in words.
@@ -133,6 +137,8 @@ pub struct ResponseDiagnosis {
     pub gain: f64,
     /// What the reader of the extended file should know.
     pub notes: Vec<String>,
+    /// Whether a part of the explanation (drift, offsets) is of the runs and stands in no file.
+    pub has_offsets: bool,
     /// For plots.
     pub shown: Shown,
 }
@@ -330,6 +336,7 @@ fn of_response(
         judged
     };
     let kept = found.kept();
+    let left: Vec<f64> = sample.response.iter().zip(&found.fitted).map(|(y, f)| y - f).collect();
     let diagnosis = ResponseDiagnosis {
         surface: index,
         verdict,
@@ -344,13 +351,15 @@ fn of_response(
         ln_p_threshold: thresholds.ln_p_mean,
         threshold: causes::needed(&thresholds),
         ranking: causes::ranking(&sample, &hypotheses, &thresholds, &found),
-        regions: regions::regions(&sample, &kept),
+        regions: regions::regions(&sample, &sample.residual(), &kept),
+        regions_left: regions::regions(&sample, &left, &kept),
         nominal: judged.errors(&judged.nominal, floor.sd),
         extended: judged.errors(&judged.extended, floor.sd),
         extended_file: judged.errors(&judged.file, floor.sd),
         gain: judged.gain(floor.sd),
         judged,
         judged_on,
+        has_offsets: !extension.offsets.is_empty(),
         notes: if verdict == Verdict::NoDiscrepancy { Vec::new() } else { extension.notes.clone() },
         shown: Shown {
             places: sample.places.clone(),

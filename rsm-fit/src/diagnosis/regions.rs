@@ -1,7 +1,7 @@
-//! Where a surface is wrong: which runs hold the squared error of the nominal file.
+//! Where a surface is wrong: which runs hold the squared error.
 //!
-//! In: a sample and the rows that count. Out: regions (a third of an input's range, a third of the run order, a level of a further column), those that hold more than their share first.
-//! Never looks at the explanation.
+//! In: a sample, measured less computed (of the nominal file, or of what is left), the rows that count. Out: regions (a third of an input's range, a third of the run order, a level of a further column), those that hold more than their share first.
+//! Never names a cause.
 
 use super::sample::Sample;
 
@@ -23,8 +23,7 @@ const CONCENTRATED: f64 = 1.25;
 const MOST: usize = 6;
 
 /// The regions.
-pub fn regions(sample: &Sample, kept: &[usize]) -> Vec<Region> {
-    let residual = sample.residual();
+pub fn regions(sample: &Sample, residual: &[f64], kept: &[usize]) -> Vec<Region> {
     let total: f64 = kept.iter().map(|row| residual[*row] * residual[*row]).sum();
     if total <= 0.0 || kept.is_empty() {
         return Vec::new();
@@ -44,8 +43,8 @@ pub fn regions(sample: &Sample, kept: &[usize]) -> Vec<Region> {
             let at = |k: i32| low + (high - low) * f64::from(k) / 3.0;
             let (from, to) = (at(third), at(third + 1));
             let words = format!("{} from {} to {} {}", input.name, short(from), short(to), input.unit);
-            // The last third has both ends.
-            add(words, &|row| column[row] >= from && (column[row] < to || third == 2));
+            // Readings of a faulty sensor beyond the range belong to the thirds at its ends.
+            add(words, &|row| (column[row] >= from || third == 0) && (column[row] < to || third == 2));
         }
     }
     for third in 0..3 {

@@ -361,4 +361,37 @@ mod tests {
         let candidates = [candidate(&a, 0), candidate(&b, 0), candidate(&d, 2)];
         assert!(!Search::new(&candidates, &y).best().set.starts_with(&[0, 1]));
     }
+
+    #[test]
+    fn a_wrong_shape_goes_together_with_what_made_up_for_it() {
+        // A drift that is right at the first run, taken for one that is right in the middle and a bias: neither can go alone, as both sets leave the same, and three cost more than two.
+        let n = 30;
+        let time = |k: usize| k as f64 / (n - 1) as f64;
+        let other: Vec<f64> = (0..n).map(|k| (k as f64 * 1.3).sin()).collect();
+        let y: Vec<f64> = (0..n).map(|k| 2.0 * time(k) + other[k] + 0.01 * (k as f64 * 2.3).sin()).collect();
+        let candidate = |column: Vec<f64>, group| Candidate { columns: vec![column], group, change: None, cost: 10.0 };
+        let candidates = [
+            candidate((0..n).map(time).collect(), 0),
+            candidate((0..n).map(|k| time(k) - 0.5).collect(), 0),
+            candidate(vec![1.0; n], 1),
+            candidate(other, 2),
+        ];
+        let search = Search::new(&candidates, &y);
+        let wrong = Found { set: vec![1, 2, 3], score: search.score(&[1, 2, 3]) };
+        assert_eq!(search.improved(wrong).set, [0, 3]);
+    }
+
+    #[test]
+    fn changes_in_the_run_order_keep_their_distance() {
+        // One run that is off is two changes, one run apart: not a pair of causes.
+        let n = 30;
+        let step = |at: usize| (0..n).map(|k| f64::from(u8::from(k >= at))).collect::<Vec<f64>>();
+        let y: Vec<f64> = (0..n).map(|k| if k == 12 { 1.0 } else { 1e-3 * (k as f64).sin() }).collect();
+        let candidate = |at: usize| Candidate { columns: vec![step(at)], group: at, change: Some(at), cost: 10.0 };
+        let candidates = [candidate(12), candidate(13), candidate(15)];
+        let best = Search::new(&candidates, &y).best().set;
+        assert!(!best.starts_with(&[0, 1]), "{best:?}");
+        let far = [candidate(12), Candidate { change: None, ..candidate(13) }];
+        assert_eq!(Search::new(&far, &y).best().set, [0, 1]);
+    }
 }

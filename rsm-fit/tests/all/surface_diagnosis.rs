@@ -117,3 +117,90 @@ fn a_load_cell_shows_its_square() {
     let found = diagnosed(&model(&whole), &[Source::new("Pontius.csv", text)]);
     assert_eq!(found.verdict, Verdict::NoDiscrepancy, "{:?}", labels(&found));
 }
+
+/// y = 40 + 6 a + 4 b + 3 a^2 - 2 a b over a in 0 to 10 bar and b in -5 to 5 A, in coded a and b; the coefficients are exact.
+const BENCH: &str = r#"
+format = 1
+model = "bench"
+[inputs.a]
+unit = "bar"
+range = [0.0, 10.0]
+[inputs.b]
+unit = "A"
+range = [-5.0, 5.0]
+[surfaces.y]
+unit = "V"
+inputs = ["a", "b"]
+terms = [
+  { powers = [0, 0], coefficient = 40.0 },
+  { powers = [1, 0], coefficient = 6.0 },
+  { powers = [0, 1], coefficient = 4.0 },
+  { powers = [2, 0], coefficient = 3.0 },
+  { powers = [1, 1], coefficient = -2.0 },
+]
+"#;
+
+fn bench(a: f64, b: f64) -> f64 {
+    let (x, z) = ((a - 5.0) / 5.0, b / 5.0);
+    40.0 + 6.0 * x + 4.0 * z + 3.0 * x * x - 2.0 * x * z
+}
+
+/// Numbers that are nearly normal: twelve uniform ones less six, by splitmix64.
+fn noise(state: &mut u64) -> f64 {
+    let mut uniform = || {
+        *state = state.wrapping_add(0x9e3779b97f4a7c15);
+        let mut x = *state;
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58476d1ce4e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d049bb133111eb);
+        ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+}
+
+/// A grid of five by five that reaches a little beyond the range or not, three times over; `read` makes a row of it.
+fn grid(read: &dyn Fn(f64, f64) -> (f64, f64, f64)) -> Source {
+    let mut csv = "a[bar],b[A],y[V]\n".to_string();
+    let mut state = 7;
+    for k in 0..75 {
+        // 7 and 25 have no common factor: the order of runs does not follow the grid.
+        let cell = (7 * k) % 25;
+        let (a, b, y) = read(f64::from(cell % 5) * 2.5, f64::from(cell / 5) * 2.5 - 5.0);
+        csv += &format!("{a:?},{b:?},{:?}\n", y + 0.3 * noise(&mut state));
+    }
+    Source::new("new.csv", csv)
+}
+
+/// The sensor of a reads 1.06 times the truth: the upper edge of the grid reads 10.6 bar, beyond the range. Those fifteen rows tell most about it.
+#[test]
+fn rows_that_a_faulty_sensor_reads_beyond_the_range_take_part() {
+    let found = diagnosed(BENCH, &[grid(&|a, b| (1.06 * a, b, bench(a, b)))]);
+    assert_eq!(labels(&found), ["sensor-gain:a"]);
+    let response = &found.responses[0];
+    assert_eq!((response.rows, response.outside.len()), (75, 0));
+    let gain = &cause(&found, "sensor-gain:a").parameters[0];
+    assert!(gain.low < 1.06 && 1.06 < gain.high && gain.high - gain.low < 0.04, "{gain:?}");
+}
+
+/// The same readings of a sensor that is right: the runs were made beyond the range, where the response saturates. The file says nothing about that, and nothing is said against the file.
+#[test]
+fn rows_beyond_the_range_say_nothing_where_no_sensor_explains_them() {
+    let found = diagnosed(
+        BENCH,
+        &[grid(&|a, b| (1.06 * a, b, bench((1.06 * a).min(10.0), b) - if 1.06 * a > 10.0 { 3.0 } else { 0.0 }))],
+    );
+    assert_eq!(found.verdict, Verdict::NoDiscrepancy, "{:?}", labels(&found));
+    assert_eq!((found.responses[0].rows, found.responses[0].outside.len()), (60, 15));
+}
+
+/// A bias of twice the noise, but for the last three runs, which happen to be low: a step before them fits better, by choice of its place alone.
+#[test]
+fn a_change_three_runs_before_the_end_is_a_bias() {
+    let source = grid(&|a, b| (a, b, bench(a, b) + 0.6));
+    let mut lines: Vec<String> = source.text().lines().map(str::to_string).collect();
+    for line in lines.iter_mut().rev().take(3) {
+        let (inputs, y) = line.rsplit_once(',').unwrap();
+        *line = format!("{inputs},{:?}", y.parse::<f64>().unwrap() - 0.6);
+    }
+    let found = diagnosed(BENCH, &[Source::new("new.csv", lines.join("\n") + "\n")]);
+    assert!(labels(&found).contains(&"sensor-bias:y"), "{:?}", labels(&found));
+}

@@ -11,6 +11,7 @@ use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_fit::diagnosis::causes::{Cause, OutlyingRun};
 use rsm_fit::diagnosis::data::NewData;
+use rsm_fit::diagnosis::regions::Region;
 use rsm_fit::diagnosis::unseen::Errors;
 use rsm_fit::diagnosis::{self, Diagnosis, ResponseDiagnosis};
 use serde_json::{Map, Value, json};
@@ -118,12 +119,15 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
         });
         json!({ "validate": each.collect::<Map<String, Value>>() })
     };
-    let regions = found.responses.iter().flat_map(|response| {
-        let output = name(response);
-        response.regions.iter().map(move |it| {
-            json!({ "output": output, "region": it.region, "share_of_error": it.share_of_error, "share_of_rows": it.share_of_rows })
-        })
-    });
+    let regions = |of: fn(&ResponseDiagnosis) -> &Vec<Region>| -> Vec<Value> {
+        let each = found.responses.iter().flat_map(|response| {
+            let output = name(response);
+            of(response).iter().map(move |it| {
+                json!({ "output": output, "region": it.region, "share_of_error": it.share_of_error, "share_of_rows": it.share_of_rows })
+            })
+        });
+        each.collect()
+    };
     let responses = found.responses.iter().map(|response| (name(response), response_value(data, response)));
     json!({
         "verdict": found.verdict.name(),
@@ -132,7 +136,8 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
         "extended": errors(|response| &response.extended),
         "extended_file": errors(|response| &response.extended_file),
         "gain": output::finite(found.gain),
-        "where": regions.collect::<Vec<Value>>(),
+        "where": regions(|response| &response.regions),
+        "left": regions(|response| &response.regions_left),
         "responses": responses.collect::<Map<String, Value>>(),
         "run_order": data.ordered_by.as_deref().unwrap_or("the order of the rows"),
         "ignored_columns": data.ignored.iter().map(|(column, why)| json!({ "column": column, "why": why })).collect::<Vec<Value>>(),

@@ -1,12 +1,13 @@
 //! The page of a diagnosis of surfaces.
 //!
-//! In: a model, new data, a diagnosis. Out: one self-contained HTML page. Decides nothing: every figure comes from the diagnosis.
+//! In: a model, new data, a diagnosis. Out: one self-contained HTML page: first what is wrong and what to do about it, then the evidence. Decides nothing: every figure comes from the diagnosis.
 
 use std::fmt::Write as _;
 
 use rsm_core::model::{Model, Surface};
 use rsm_fit::diagnosis::causes::Cause;
 use rsm_fit::diagnosis::data::NewData;
+use rsm_fit::diagnosis::regions::Region;
 use rsm_fit::diagnosis::{Diagnosis, ResponseDiagnosis, Verdict};
 
 use crate::outcome::Refusal;
@@ -42,23 +43,28 @@ pub fn html(model: &Model, data: &NewData, found: &Diagnosis) -> Result<String, 
 fn of_response(body: &mut String, model: &Model, data: &NewData, response: &ResponseDiagnosis) -> Result<(), Refusal> {
     let surface = &model.surfaces[response.surface];
     let _ = write!(body, "<h2>{}: {}</h2>\n<p>{}</p>\n", escaped(&surface.name), response.verdict.name(), verdict(response));
+    what_to_do(body, response);
     let of_file = response.rows_of_file.map_or_else(
-        || "it does not say how many rows made it; as many as the new ones are taken".to_string(),
-        |rows| format!("made from {rows} rows"),
+        || {
+            "The file does not say how well its coefficients are known: they are taken as exact or as fitted to as many rows as are new, whichever explains the data better".to_string()
+        },
+        |rows| format!("The file was made from {rows} rows, so its coefficients are known that well and no better"),
     );
     let _ = writeln!(
         body,
-        "<p>{} rows were compared with the file ({of_file}); its coefficients may be wrong by what that leaves open. Noise: {} {} (from {}).</p>",
+        "<p>{} rows were compared. {of_file}. Noise of one row: {} {} (standard deviation, from {}).</p>",
         response.rows,
-        figure(Some(response.floor.sd)),
+        short(response.floor.sd),
         escaped(&surface.unit),
         escaped(&response.floor.from)
     );
     if !response.outside.is_empty() {
-        let places: Vec<String> = response.outside.iter().map(|row| escaped(&data.place_of(*row))).collect();
+        let places: Vec<String> = response.outside.iter().take(PLACES).map(|row| escaped(&data.place_of(*row))).collect();
+        let more = response.outside.len().saturating_sub(PLACES);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         let _ = writeln!(
             body,
-            "<p>{} rows lie outside the ranges or the support of the surface, or where it saturates, and take no part: {}.</p>",
+            "<p>{} rows lie outside the ranges or the support of the surface, or where it saturates, and take no part: {}{more}.</p>",
             response.outside.len(),
             places.join(", ")
         );
@@ -75,19 +81,101 @@ fn of_response(body: &mut String, model: &Model, data: &NewData, response: &Resp
     plots(body, model, response)
 }
 
+/// So many rows are listed by file and line; diagnosis.json has them all.
+const PLACES: usize = 12;
+
+/// A number with three significant digits: the evidence is not known better.
+fn short(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_string();
+    }
+    let digits = 2 - value.abs().log10().floor() as i32;
+    if (0..=6).contains(&digits) {
+        format!("{value:.*}", digits as usize)
+    } else if digits < 0 && digits > -4 {
+        format!("{value:.0}")
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+/// A probability in words where it is next to nothing.
+fn chance(ln_p: f64) -> String {
+    // ln 10^-6.
+    if ln_p < -13.8 { "under one in a million".to_string() } else { short(ln_p.exp()) }
+}
+
+/// Each cause with what can be done about it.
+fn what_to_do(body: &mut String, response: &ResponseDiagnosis) {
+    if response.causes.is_empty() {
+        return;
+    }
+    body.push_str("<table><tr><th>what is wrong</th><th>how sure</th><th>what to do</th></tr>\n");
+    for cause in &response.causes {
+        let rivals = if cause.indistinguishable_from.is_empty() {
+            String::new()
+        } else {
+            " It may be another cause, see below: have that decided first.".to_string()
+        };
+        let _ = writeln!(
+            body,
+            "<tr><td>{}</td><td>{:.2}</td><td>{}{rivals}</td></tr>",
+            escaped(&cause.sentence),
+            cause.confidence,
+            escaped(&remedy(cause))
+        );
+    }
+    body.push_str("</table>\n");
+}
+
+/// What an engineer can do about a cause.
+fn remedy(cause: &Cause) -> String {
+    let name = cause.subject.as_ref().map_or("", |(_, name)| name.as_str());
+    let detail = |key: &str| cause.details.iter().find(|it| it.0 == key).map(|it| it.1.as_str());
+    match cause.kind {
+        "missing-term" => "Use extended.toml, which has it.".to_string(),
+        "coefficient-error" => "Find out what has changed since the file was made; if it stays so, use extended.toml.".to_string(),
+        "missing-input" => format!("Use extended.toml, which takes {name} as an input, or hold {name} constant."),
+        "drift" if detail("shape") == Some("step") => {
+            "Look up what was changed before that run. The model file does not hold it: put it right and measure again.".to_string()
+        }
+        "drift" => "Find what moves with time (warming up, wear, a zero that creeps) and make the runs in random order. The model file does not hold it.".to_string(),
+        "block-offset" => format!("Find what differs with {name} (set-up, batch, day), and put one same point into every block. The model file does not hold it."),
+        "sensor-gain" | "sensor-bias" => {
+            format!("Compare the sensor of {name} with a reference and put it right; then the file as it was holds. Until then extended.toml takes its readings.")
+        }
+        "outlying-runs" => "Look these runs up in the log, and repeat them.".to_string(),
+        "growing-noise" => {
+            let weights = detail("weights").map_or(String::new(), |weights| format!(" {weights}"));
+            format!("Fit with the weights{weights}, and repeat the runs where the noise is large.")
+        }
+        "correlated-errors" => "Make the runs in random order; so many rows in this order say less than as many independent ones.".to_string(),
+        _ => "See the evidence.".to_string(),
+    }
+}
+
 fn verdict(response: &ResponseDiagnosis) -> String {
     match response.verdict {
         Verdict::NoDiscrepancy => {
-            "The new data are what the file says, and noise. extended.toml is the file as it is.".to_string()
+            "The new data are what the file says, and noise. There is nothing to do; extended.toml is the file as it is."
+                .to_string()
         }
         Verdict::Explained => "The causes below leave noise and nothing else.".to_string(),
         Verdict::Unexplained => {
             let worst = response.tests.iter().min_by(|a, b| a.ln_p.total_cmp(&b.ln_p));
             let what = worst.map_or(String::new(), |it| {
-                format!(": {} (probability by chance {})", escaped(&it.what), figure(Some(it.ln_p.exp())))
+                format!(": {} are too much alike for noise (probability by chance: {})", escaped(&it.what), chance(it.ln_p))
             });
+            let regions: Vec<String> = response.regions_left.iter().take(2).map(|it| escaped(&it.region)).collect();
+            let regions =
+                if regions.is_empty() { String::new() } else { format!(" Most of it lies at {}.", regions.join(", and at ")) };
+            let helps = if response.causes.is_empty() {
+                ""
+            } else {
+                " What is named below helps, and is not the whole; its numbers may stand for something else."
+            };
             format!(
-                "Structure is left that none of the causes explains{what}. What is named below helps, and is not the whole."
+                "Structure is left that no known cause explains{what}.{regions}{helps} Look at the residual plots, and measure more points there: a polynomial of this order does not bend so."
             )
         }
     }
@@ -97,16 +185,16 @@ fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cau
     let _ = write!(body, "<h3>{}</h3>\n<p>{} ", escaped(&cause.label), escaped(&cause.sentence));
     let _ = write!(
         body,
-        "For it: without it 2 ln of the likelihood is lower by {} (a cause of one unknown must reach {}); the probability of as much by chance is {}. Confidence {:.2}.",
-        figure(Some(cause.gain)),
-        figure(Some(response.threshold)),
-        figure(Some(cause.ln_p.exp())),
+        "For it: evidence {} (2 ln of the likelihood ratio), where a cause of one unknown needs {}; probability by chance: {}. Confidence {:.2}.",
+        short(cause.gain),
+        short(response.threshold),
+        chance(cause.ln_p),
         cause.confidence
     );
     if let Some((rival, behind)) = cause.rivals.first() {
-        let _ = write!(body, " Against it: in its place {} does worse by {}.", escaped(rival), figure(Some(*behind)));
+        let _ = write!(body, " Against it: in its place {} does worse by {} only of that.", escaped(rival), short(*behind));
         for (rival, behind) in cause.rivals.iter().skip(1).take(2) {
-            let _ = write!(body, " Then {}: {}.", escaped(rival), figure(Some(*behind)));
+            let _ = write!(body, " Then {}: {}.", escaped(rival), short(*behind));
         }
     }
     if !cause.indistinguishable_from.is_empty() {
@@ -145,35 +233,56 @@ fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cau
 }
 
 fn errors(body: &mut String, surface: &Surface, response: &ResponseDiagnosis) {
+    let is_as_it_was = response.verdict == Verdict::NoDiscrepancy;
+    let gain = if is_as_it_was {
+        String::new()
+    } else if response.gain >= 0.0 {
+        format!(" {:.1} % of the squared error above the noise is gone.", 100.0 * response.gain)
+    } else {
+        " The extension makes these rows worse: what it corrects (a drift, a block, another state of a sensor) is not in them."
+            .to_string()
+    };
     let _ = write!(
         body,
-        "<h3>Before and after on unseen rows</h3>\n<p>{} rows, {}. {:.1} % of the squared error above the noise is gone.</p>\n\
+        "<h3>{}</h3>\n<p>{} rows, {}.{}</p>\n\
          <table><tr><th></th><th>r.m.s. error [{}]</th><th>over the noise</th></tr>\n",
+        if is_as_it_was { "On unseen rows" } else { "Before and after on unseen rows" },
         response.nominal.rows,
         escaped(&response.judged_on),
-        100.0 * response.gain,
+        gain,
         escaped(&surface.unit)
     );
-    let rows = [
-        ("nominal file", &response.nominal),
-        ("extended file", &response.extended_file),
-        ("extended file, with drift and offsets where a row names them", &response.extended),
-    ];
+    let mut rows = vec![("the file", &response.nominal)];
+    if !is_as_it_was {
+        rows.push(("extended file", &response.extended_file));
+    }
+    if response.has_offsets {
+        rows.push(("extended file, with drift and offsets where a row names them", &response.extended));
+    }
     for (name, errors) in rows {
-        let _ =
-            writeln!(body, "<tr><td>{name}</td><td>{}</td><td>{:.2}</td></tr>", figure(Some(errors.rmse)), errors.noise_ratio);
+        let _ = writeln!(body, "<tr><td>{name}</td><td>{}</td><td>{:.2}</td></tr>", short(errors.rmse), errors.noise_ratio);
     }
     body.push_str("</table>\n");
 }
 
 fn regions(body: &mut String, response: &ResponseDiagnosis) {
-    if response.regions.is_empty() || response.verdict == Verdict::NoDiscrepancy {
+    if response.verdict != Verdict::NoDiscrepancy {
+        of_regions(body, "Where the file is wrong", &response.regions);
+    }
+    if response.verdict == Verdict::Unexplained {
+        of_regions(body, "Where it is wrong still, with all causes", &response.regions_left);
+    }
+}
+
+fn of_regions(body: &mut String, title: &str, regions: &[Region]) {
+    if regions.is_empty() {
         return;
     }
-    body.push_str(
-        "<h3>Where the file is wrong</h3>\n<table><tr><th>where</th><th>share of the squared error</th><th>share of the runs</th></tr>\n",
+    let _ = writeln!(
+        body,
+        "<h3>{title}</h3>\n<table><tr><th>where</th><th>share of the squared error</th><th>share of the runs</th></tr>"
     );
-    for it in &response.regions {
+    for it in regions {
         let shares = (100.0 * it.share_of_error, 100.0 * it.share_of_rows);
         let _ = writeln!(body, "<tr><td>{}</td><td>{:.0} %</td><td>{:.0} %</td></tr>", escaped(&it.region), shares.0, shares.1);
     }
@@ -181,25 +290,23 @@ fn regions(body: &mut String, response: &ResponseDiagnosis) {
 }
 
 fn evidence(body: &mut String, response: &ResponseDiagnosis) {
-    body.push_str(
-        "<h3>What each hypothesis alone would win</h3>\n<table><tr><th>hypothesis</th><th>2 ln of the likelihood ratio</th><th>probability by chance</th></tr>\n",
+    let _ = writeln!(
+        body,
+        "<h3>What each cause alone would explain</h3>\n<p>Evidence is 2 ln of the likelihood ratio; causes of several unknowns need more. So many causes are tried that chance brings some of them low: what counts is below {}.</p>\n\
+         <table><tr><th>cause</th><th>evidence</th><th>probability by chance</th></tr>",
+        chance(response.ln_p_threshold)
     );
     for (label, gain, ln_p) in response.ranking.iter().take(10) {
-        let class = if *ln_p < response.ln_p_threshold { "" } else { " (below the threshold)" };
-        let _ = writeln!(
-            body,
-            "<tr><td>{}{class}</td><td>{}</td><td>{}</td></tr>",
-            escaped(label),
-            figure(Some(*gain)),
-            figure(Some(ln_p.exp()))
-        );
+        let class = if *ln_p < response.ln_p_threshold { "" } else { " (may be chance)" };
+        let _ =
+            writeln!(body, "<tr><td>{}{class}</td><td>{}</td><td>{}</td></tr>", escaped(label), short(*gain), chance(*ln_p));
     }
     body.push_str("</table>\n<h3>Is noise left?</h3>\n<table><tr><th>test</th><th>probability by chance</th></tr>\n");
     for it in &response.tests {
         let class = if it.ln_p < response.threshold_p_structure.ln() { " class=\"missed\"" } else { "" };
-        let _ = writeln!(body, "<tr{class}><td>{}</td><td>{}</td></tr>", escaped(&it.what), figure(Some(it.ln_p.exp())));
+        let _ = writeln!(body, "<tr{class}><td>{}</td><td>{}</td></tr>", escaped(&it.what), chance(it.ln_p));
     }
-    let _ = writeln!(body, "</table>\n<p>Below {} it is structure.</p>", figure(Some(response.threshold_p_structure)));
+    let _ = writeln!(body, "</table>\n<p>Below {} it is structure, not noise.</p>", short(response.threshold_p_structure));
 }
 
 fn plots(body: &mut String, model: &Model, response: &ResponseDiagnosis) -> Result<(), Refusal> {
@@ -212,10 +319,10 @@ fn plots(body: &mut String, model: &Model, response: &ResponseDiagnosis) -> Resu
             let rows = (0..rows).filter(|row| shown.counts[*row] == counts);
             rows.map(|row| (x(row), shown.measured[row] - computed[row])).collect()
         };
-        let mut series = vec![
-            Series::new("nominal file", ORANGE, Mark::Cross, points(&shown.nominal, true)),
-            Series::new("with the causes", BLUE, Mark::Circle, points(&shown.explained, true)),
-        ];
+        let mut series = vec![Series::new("the file", ORANGE, Mark::Cross, points(&shown.nominal, true))];
+        if response.verdict != Verdict::NoDiscrepancy {
+            series.push(Series::new("with the causes", BLUE, Mark::Circle, points(&shown.explained, true)));
+        }
         let outlying = points(&shown.nominal, false);
         if !outlying.is_empty() {
             series.push(Series::new("outlying", PINK, Mark::Cross, outlying));
@@ -239,11 +346,13 @@ fn plots(body: &mut String, model: &Model, response: &ResponseDiagnosis) -> Resu
     let (low, high) = judged.measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| (a.min(*y), b.max(*y)));
     let (x, y) = (format!("measured [{}]", surface.unit), format!("computed [{}]", surface.unit));
     let words = Words { title: "unseen rows", x: &x, y: &y };
-    let all = [
+    let mut all = vec![
         Series::new("equal", GREY, Mark::Line, vec![(low, low), (high, high)]),
-        Series::new("nominal file", ORANGE, Mark::Cross, pairs(&judged.nominal)),
-        Series::new("extended", BLUE, Mark::Circle, pairs(&judged.extended)),
+        Series::new("the file", ORANGE, Mark::Cross, pairs(&judged.nominal)),
     ];
+    if response.verdict != Verdict::NoDiscrepancy {
+        all.push(Series::new("extended", BLUE, Mark::Circle, pairs(&judged.extended)));
+    }
     body.push_str(&curves(&words, &all)?);
     body.push_str("</div>\n");
     Ok(())
