@@ -20,10 +20,10 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
        cargo xtask bless    writes anew what is generated: generated/, golden files, instruction counts
        cargo xtask bench    times and counts the evaluators, prints one table
        cargo xtask hidden-effects [--seed N] [--family singles|nulls|pairs|outside|faults] [--case NAME] [--quick]
-                            makes records with hidden effects, runs `rsm diagnose` on them, compares with the truth
+                            makes records with hidden effects, runs `rsm diagnose` on them, compares with the truth; without words surfaces too
        cargo xtask hidden-effects verify [--seed N] [--quick]
                             compares `rsm simulate` with other code for the same plants, an effect a line
-       cargo xtask hidden-effects surfaces [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside] [--case NAME]
+       cargo xtask hidden-effects surfaces [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside] [--case NAME] [--quick]
                             surfaces against new data with something hidden in them";
 
 fn main() -> ExitCode {
