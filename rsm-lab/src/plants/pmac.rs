@@ -119,10 +119,10 @@ impl Plant for Pmac {
             windings: Windings { inductance: self.inductance, decay: own, swing, turning, current, change },
             ..Scale::of(self.inertia, self.drive_inertia, (x[2], dx[2]), span)
         };
-        // Speed times current is of the same size as what is linear: all of the machine counts as nonlinear, and a linear part need never be taken again. Only an effect
-        // that is faster than the machine and linear (a sensor's lag, a stiff shaft) is left to the exponential method, with 5e-5 of the largest current (measured).
-        let machine = own.max(swing).max(turning);
-        let fastest = machine.max(hooks.fastest_rate(&scale));
-        Rates { fastest, struck: fastest, nonlinear: machine.max(hooks.nonlinear_rate(&scale)), varying: 1.0 }
+        // Speed times current is nonlinear, and of the size of what turns and swings. What decays faster and is linear (a current in little inductance, a sensor's lag, a
+        // stiff shaft) is left to the exponential method, with 5e-5 of the largest current (measured).
+        let machine = swing.max(turning);
+        let fastest = own.max(machine).max(hooks.fastest_rate(&scale));
+        Rates { fastest, struck: fastest, nonlinear: machine.max(hooks.nonlinear_rate(&scale)), varying: own }
     }
 }

@@ -1,24 +1,40 @@
 //! The rolling records of an outrunner under a constant voltage: what repeats with its rotation, in both of them.
 
+use std::path::Path;
+
 use rsm_core::source::Source;
 use rsm_fit::table::{Table, Wanted};
+use rsm_lab::diagnosis::{Diagnosis, Options, Verdict, diagnose};
 use rsm_lab::orders::wave;
+use rsm_lab::plant_file::PlantFile;
+use rsm_lab::record::Record;
 
 /// Angle, speed and current as logged, row by row: their instants jitter, which an order of rotation does not mind.
 struct Rolling {
     angle: Vec<f64>,
     speed: Vec<f64>,
     current: Vec<f64>,
+    voltage: Vec<f64>,
 }
 
 impl Rolling {
     fn read(name: &str) -> Option<Rolling> {
         let source = Source::read(&super::folder("bldc-cogging")?.join(name)).unwrap();
-        let names = ["pos_rad", "vel_rad_s", "i_q_A"];
+        let names = ["pos_rad", "vel_rad_s", "i_q_A", "u_q_V"];
         let numbers = names.iter().map(|name| (*name).to_string()).collect();
         let table = Table::read(&source, &Wanted { numbers, ..Wanted::default() }).unwrap();
-        let [angle, speed, current] = names.map(|name| table.column(name).unwrap().values.clone());
-        Some(Rolling { angle, speed, current })
+        let [angle, speed, current, voltage] = names.map(|name| table.column(name).unwrap().values.clone());
+        Some(Rolling { angle, speed, current, voltage })
+    }
+
+    /// Its first rows as a record of a motor under voltage, at the logger's 1 ms.
+    fn record(&self, plant: &PlantFile, rows: usize) -> Record {
+        let mut text = "time[s],v_q[V],load_torque[N*m],angle[rad],i_q[A],speed[rad/s]\n".to_string();
+        for row in 0..rows {
+            let [voltage, angle, current, speed] = [&self.voltage, &self.angle, &self.current, &self.speed].map(|it| it[row]);
+            text += &format!("{},{voltage},0,{angle},{current},{speed}\n", row as f64 * 1e-3);
+        }
+        Record::read(&Source::new("rolling.csv", text), plant).unwrap()
     }
 }
 
@@ -42,4 +58,26 @@ fn the_waves_of_the_rotation_are_those_of_the_motor_in_both_records() {
         println!("{name}: {:.2} and {:.2} of the variance", shares[0], shares[1]);
         assert!(shares.iter().all(|share| *share > 0.85), "{name} {shares:?}");
     }
+}
+
+#[test]
+fn the_diagnosis_finds_the_cogging_whichever_record_is_unseen() {
+    let (Some(one), Some(other)) = (Rolling::read("rolling_1.csv"), Rolling::read("rolling_2.csv")) else { return };
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("plants/outrunner.toml");
+    let plant = PlantFile::read(&Source::read(&file).unwrap()).unwrap();
+    // Seven revolutions are enough for what repeats in each of them.
+    let [one, other] = [one, other].map(|it| it.record(&plant, 900));
+    let options = Options { threads: 2, progress: &|_| {} };
+    let amplitude = |found: &Diagnosis| {
+        super::tell("rolling", found);
+        assert_ne!(found.verdict, Verdict::NoDiscrepancy);
+        let cogging = found.causes.iter().find(|cause| cause.kind == "cogging-torque").unwrap();
+        let number = |name: &str| cogging.parameters.iter().find(|it| it.name == name).unwrap().value;
+        assert_eq!(number("cycles"), 12.0);
+        number("amplitude")
+    };
+    let swapped = amplitude(&diagnose(&plant, &[other.clone()], &[one.clone()], &options).unwrap());
+    let straight = amplitude(&diagnose(&plant, &[one], &[other], &options).unwrap());
+    // Intervals of a quarter either way on so few revolutions.
+    assert!((swapped / straight).ln().abs() < 0.5, "{straight} {swapped}");
 }
