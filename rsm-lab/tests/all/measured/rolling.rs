@@ -65,8 +65,8 @@ fn the_diagnosis_finds_the_cogging_whichever_record_is_unseen() {
     let (Some(one), Some(other)) = (Rolling::read("rolling_1.csv"), Rolling::read("rolling_2.csv")) else { return };
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("plants/outrunner.toml");
     let plant = PlantFile::read(&Source::read(&file).unwrap()).unwrap();
-    // Seven revolutions are enough for what repeats in each of them.
-    let [one, other] = [one, other].map(|it| it.record(&plant, 900));
+    // A third of each, ten revolutions: on seven, the amplitude of the second is seven times that of the first, with other companions.
+    let [one, other] = [one, other].map(|it| it.record(&plant, 1300));
     let options = Options { threads: 2, progress: &|_| {} };
     let amplitude = |found: &Diagnosis| {
         super::tell("rolling", found);
