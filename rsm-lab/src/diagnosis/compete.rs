@@ -143,16 +143,19 @@ impl Search<'_> {
 
     /// A full fit with this entry. `None` where it cannot be simulated, or where it says what calibration may do.
     pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
-        let before = fit.cost;
         let model = fit.model.joined(self.nominal, entry.clone());
-        let fit = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?;
+        self.judged(fit, levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?)
+    }
+
+    /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do.
+    pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
         if within_tolerance(self.nominal, entry) || !is_physical(entry) {
             return None;
         }
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let label = label(entry.description.kind, entry.arguments.subject.as_deref());
-        (self.progress)(&format!("{label} gains {:.0}", before - fit.cost));
+        (self.progress)(&format!("{label} gains {:.0}", without.cost - fit.cost));
         // Whole numbers and steps count, although no fit moves them: each was chosen among many.
         let numbers = entry.arguments.numbers.len();
         Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit })

@@ -16,6 +16,13 @@ use crate::simulate::{Outputs, Simulator};
 /// it is gone, and what the difference leaves out of a curved law is as small: fits converge by a factor of thirty a step in place of a thousand.
 const DIFFERENCE: f64 = 0.03;
 
+/// Root mean square of what a difference may move, in standard deviations of the noise. 
+const MOST_CHANGE: f64 = 1.0;
+
+/// A step is made shorter at most by this factor at a time, and so often.
+const LEAST_SHARE: f64 = 0.01;
+const SHORTER_STEPS: usize = 2;
+
 /// Sub-steps a row, on average over a record, beyond which a model is none to try: at four a radian it makes ten turns between two rows. A clutch that
 /// stiffens and slips at once winds up without end, for example.
 const MOST_STEPS_A_ROW: usize = 250;
@@ -282,17 +289,39 @@ impl Kernel {
         self.records[..record].iter().map(Self::length).sum()
     }
 
-    /// Derivatives of the whitened simulation with respect to the chosen unknowns, on the scale of their search: forward differences.
+    /// Derivatives of the whitened simulation with respect to the chosen unknowns, on the scale of their search: forward differences. A difference that cannot be
+    /// simulated, or that moves the outputs by more than [`MOST_CHANGE`], is taken again over a shorter step.
     #[must_use]
     pub fn derivatives(&self, model: &Model, simulated: &[Simulated], chosen: &[usize]) -> Option<Vec<Column>> {
+        let mut columns: Vec<Option<Column>> = vec![None; chosen.len()];
+        let mut steps: Vec<f64> = chosen.iter().map(|&k| DIFFERENCE * model.unknowns[k].scale).collect();
+        for shorter in 0..=SHORTER_STEPS {
+            let open: Vec<usize> = (0..chosen.len()).filter(|at| steps[*at] > 0.0).collect();
+            if open.is_empty() {
+                break;
+            }
+            let wanted: Vec<(usize, f64)> = open.iter().map(|&at| (chosen[at], steps[at])).collect();
+            for (at, column) in open.into_iter().zip(self.differences(model, simulated, &wanted)) {
+                let step = std::mem::take(&mut steps[at]);
+                let change = column.as_ref().map_or(f64::INFINITY, |it| {
+                    step * (dot(&it.values, &it.values) / it.values.len().max(1) as f64).sqrt()
+                });
+                if shorter < SHORTER_STEPS && change > MOST_CHANGE {
+                    steps[at] = step * (MOST_CHANGE / change).max(LEAST_SHARE);
+                }
+                columns[at] = column.or(columns[at].take());
+            }
+        }
+        columns.into_iter().collect()
+    }
+
+    /// Forward differences for unknowns with their steps; `None` where one cannot be simulated.
+    fn differences(&self, model: &Model, simulated: &[Simulated], wanted: &[(usize, f64)]) -> Vec<Option<Column>> {
         let mut moved = Vec::new();
-        for &k in chosen {
+        for &(k, step) in wanted {
             let unknown = &model.unknowns[k];
             let at = unknown.inward(model.value(k));
-            let mut step = DIFFERENCE * unknown.scale;
-            if unknown.outward(at + step) >= unknown.high {
-                step = -step;
-            }
+            let step = if unknown.outward(at + step) >= unknown.high { -step } else { step };
             let mut other = model.clone();
             other.set(k, unknown.outward(at + step));
             moved.push((k, step, other));
@@ -308,17 +337,18 @@ impl Kernel {
         let mut columns = Vec::new();
         for (k, step, _) in &moved {
             columns.push(match model.unknowns[*k].place {
-                Place::Start { record, .. } => {
-                    let to = done.next()??;
-                    Column { first: self.first(record), values: self.change(record, &simulated[record], &to, *step) }
-                }
+                Place::Start { record, .. } => done.next().flatten().map(|to| Column {
+                    first: self.first(record),
+                    values: self.change(record, &simulated[record], &to, *step),
+                }),
                 _ => {
-                    let to: Option<Vec<Simulated>> = done.by_ref().take(self.records.len()).collect();
-                    Column { first: 0, values: self.changes(simulated, &to?, *step) }
+                    let to: Vec<Option<Simulated>> = done.by_ref().take(self.records.len()).collect();
+                    let to: Option<Vec<Simulated>> = to.into_iter().collect();
+                    to.map(|to| Column { first: 0, values: self.changes(simulated, &to, *step) })
                 }
             });
         }
-        Some(columns)
+        columns
     }
 }
 

@@ -9,6 +9,7 @@
 //! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Sees the records and the nominal plant alone: nobody may look
 //! into the plant that made a record. Never prints, never writes.
 
+pub mod beginnings;
 pub mod bootstrap;
 pub mod chance;
 pub mod checks;

@@ -269,7 +269,10 @@ impl Search<'_> {
                 screened
             });
             *remaining = self.ranking(&screened);
-            let candidates = self.compete(&fit, &screened, threshold);
+            let mut candidates = self.compete(&fit, &screened, threshold);
+            if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
+                self.add_from_beginnings(&fit, &mut candidates, threshold);
+            }
             let Some(winner) = self.winner(&fit, &candidates, threshold) else { break };
             if !path.adds() {
                 break;

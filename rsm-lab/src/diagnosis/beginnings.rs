@@ -1,0 +1,243 @@
+//! A cause looked for where a record begins, and followed to its end.
+//!
+//! In: a fit that leaves structure, hypotheses that no number scales. Out: fits with one of them, along the whole of all records. What adds up along a record (a
+//! clutch that has slipped swings at its limit, and every swing depends on all before) makes a cost with many narrow valleys, and what has run away is like
+//! nothing in first order. At a beginning little has added up: there the valleys are wide, and calibration is not yet bent. Never judges what it finds.
+
+use super::compete::Candidate;
+use super::hypotheses::Hypothesis;
+use super::kernel::{Kernel, dot};
+use super::levenberg::{self, Fit};
+use super::model::{Model, Place};
+use super::nuisance::Nuisance;
+use super::screen::{Screened, screen};
+use super::selection::Search;
+use crate::effect::Guess;
+
+/// A beginning ends where the squared residual, from the first row on, passes this many times that of noise. What is wrong then has three parts in four of it: enough to
+/// fit a number to, and of the size of the noise, where first order holds.
+const TIMES: f64 = 4.0;
+
+/// Rows with fewer of which a beginning is too short to say so: with one output, noise makes 1.6 in place of 4 in one of ten thousand.
+const LEAST_ROWS: usize = 50;
+
+/// A record is made no longer than this many times at once.
+const LONGER: usize = 2;
+
+/// A plant that cannot follow any record by this share further has lost it.
+const STEP: f64 = 0.05;
+
+/// Stages at most: from fifty rows, seven doublings pass 6000, and records need not do theirs at the same time.
+const STAGES: usize = 24;
+
+/// Hypotheses that are followed.
+const FOLLOWED: usize = 2;
+
+/// Numbers of a scan stand so far apart, in units of a number's scale: 2.5 % of a positive number.
+const GRID: f64 = 0.25;
+
+/// Factor between steps out of a valley.
+const WIDER: f64 = 1.5;
+
+/// Valleys beyond the nearest that are tried, and how often that may lead on.
+const VALLEYS: usize = 3;
+
+/// In standard deviations of the squared residual of noise: a fit within them has nothing to escape from.
+const NOISE: f64 = 4.0;
+
+/// Records up to where a plant follows them, and the plant.
+struct Beginning {
+    /// Rows of each record.
+    ends: Vec<usize>,
+    /// Fitted to them.
+    fit: Fit,
+}
+
+/// The first rows of each record.
+fn cut(kernel: &Kernel, ends: &[usize]) -> Kernel {
+    let records = kernel.records.iter().zip(ends).map(|(record, rows)| record.shortened(*rows)).collect();
+    Kernel { records, ..*kernel }
+}
+
+/// How far a plant follows each record; `None` where it cannot be simulated.
+fn reach(kernel: &Kernel, model: &Model) -> Option<Vec<usize>> {
+    let residual = kernel.residual(&kernel.run(model)?);
+    let mut first = 0;
+    let each = kernel.records.iter().map(|prepared| {
+        let (rows, outputs) = (prepared.record.rows(), prepared.outputs.len());
+        let mut squared = 0.0;
+        let mut end = rows;
+        for row in 0..rows {
+            squared += (0..outputs).map(|k| residual[first + k * rows + row].powi(2)).sum::<f64>();
+            if row >= LEAST_ROWS && squared > TIMES * (outputs * (row + 1)) as f64 {
+                end = row + 1;
+                break;
+            }
+        }
+        first += rows * outputs;
+        end
+    });
+    Some(each.collect())
+}
+
+/// The same, but no record becomes longer than `LONGER` times what it was, and none shorter. Where the plant cannot be simulated so far, half as much further.
+fn further(kernel: &Kernel, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
+    let mut more = (LONGER - 1) as f64;
+    while more > STEP {
+        let each = ends.iter().zip(&kernel.records);
+        let wide: Vec<usize> = each.map(|(end, it)| (*end + (*end as f64 * more) as usize).min(it.record.rows())).collect();
+        if let Some(found) = reach(&cut(kernel, &wide), model) {
+            return Some(found.iter().zip(ends).map(|(found, end)| *found.max(end)).collect());
+        }
+        more /= 2.0;
+    }
+    None
+}
+
+/// Whether any record is longer by enough, or whole.
+fn leads_on(kernel: &Kernel, before: &[usize], after: &[usize]) -> bool {
+    let mut each = before.iter().zip(after).zip(&kernel.records);
+    each.any(|((before, after), it)| {
+        after > before && (*after == it.record.rows() || *after as f64 > (1.0 + STEP) * *before as f64)
+    })
+}
+
+fn is_whole(kernel: &Kernel, ends: &[usize]) -> bool {
+    ends.iter().zip(&kernel.records).all(|(end, it)| *end == it.record.rows())
+}
+
+/// How far the plant follows the records when it is calibrated to no more than that.
+fn beginning(kernel: &Kernel, model: Model, steps: usize) -> Option<Beginning> {
+    let mut ends = reach(kernel, &model)?;
+    let mut model = model;
+    for _ in 0..STAGES {
+        let fit = levenberg::fit(&cut(kernel, &ends), model, steps)?;
+        let found = reach(kernel, &fit.model)?;
+        let found: Vec<usize> = found.iter().zip(&ends).map(|(found, end)| *found.max(end)).collect();
+        if !leads_on(kernel, &ends, &found) {
+            return Some(Beginning { ends, fit });
+        }
+        (ends, model) = (found, fit.model);
+    }
+    None
+}
+
+/// A cause followed along longer and longer beginnings to the end of all records; `None` where it loses them.
+fn followed(kernel: &Kernel, model: Model, mut ends: Vec<usize>, steps: usize, threshold: f64) -> Option<Fit> {
+    let mut model = model;
+    for _ in 0..STAGES {
+        let short = cut(kernel, &ends);
+        let fit = escaped(&short, levenberg::fit(&short, model, steps)?, steps, threshold);
+        if is_whole(kernel, &ends) {
+            return Some(fit);
+        }
+        let found = further(kernel, &fit.model, &ends)?;
+        if !leads_on(kernel, &ends, &found) {
+            return None;
+        }
+        (ends, model) = (found, fit.model);
+    }
+    None
+}
+
+/// Out of a valley that is only the nearest: steps along the numbers of the last cause, from what the noise leaves open to where a scan has looked, with everything else
+/// in first order. It goes on while it gains more than `threshold`.
+fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
+    let mut fit = fit;
+    for _ in 0..VALLEYS {
+        let rows = fit.residual.len() as f64;
+        if fit.cost <= rows + NOISE * (2.0 * rows).sqrt() {
+            break;
+        }
+        let nuisance = Nuisance::new(&fit);
+        let last = fit.model.file.effects.len().saturating_sub(1);
+        let mut models = Vec::new();
+        for (&k, column) in fit.free.iter().zip(&fit.columns) {
+            let unknown = &fit.model.unknowns[k];
+            if !matches!(unknown.place, Place::Effect { entry, .. } if entry == last) {
+                continue;
+            }
+            let at = unknown.inward(fit.model.value(k));
+            // By its standard deviation, all else known, the outputs move by as much as noise does.
+            let mut step = 1.0 / dot(&column.values, &column.values).sqrt();
+            while step < GRID * unknown.scale {
+                for value in [unknown.outward(at - step), unknown.outward(at + step)] {
+                    let mut model = fit.model.clone();
+                    model.set(k, value);
+                    models.push(model);
+                }
+                step *= WIDER;
+            }
+        }
+        let runs = kernel.run_all(&models);
+        let costs = runs.into_iter().map(|run| run.map(|run| nuisance.left(&kernel.residual(&run)).0));
+        let mut order: Vec<(f64, Model)> = costs.zip(models).filter_map(|(cost, model)| Some((cost?, model))).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let others = order.into_iter().take(VALLEYS).filter_map(|(_, model)| levenberg::fit(kernel, model, steps));
+        let lower = others.into_iter().find(|other| other.cost < fit.cost - threshold);
+        let Some(lower) = lower else { break };
+        fit = lower;
+    }
+    fit
+}
+
+/// The hypotheses that no number scales, those with one number with guesses close to one another.
+fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
+    let nonlinear = hypotheses.iter().filter(|it| it.guesses.iter().all(|guess| guess.neutral.is_none()));
+    let each = nonlinear.map(|it| {
+        let values: Vec<f64> = it.guesses.iter().filter(|guess| guess.values.len() == 1).map(|guess| guess.values[0]).collect();
+        let (low, high) = values.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), it| (low.min(*it), high.max(*it)));
+        if values.len() < it.guesses.len() || low <= 0.0 || high <= low {
+            return it.clone();
+        }
+        // The scale of a positive number is a tenth of it.
+        let count = ((high / low).ln() / (0.1 * GRID)).ceil();
+        let at = |k: usize| Guess::at(vec![low * (high / low).powf(k as f64 / count)]);
+        Hypothesis { guesses: (0..=count as usize).map(at).collect(), ..it.clone() }
+    });
+    each.collect()
+}
+
+impl Search<'_> {
+    /// Adds to the candidates of a competition what the beginnings of the records say. Of two fits of the same hypothesis the better one stays.
+    pub(super) fn add_from_beginnings(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
+        for it in self.from_beginnings(fit, threshold) {
+            let same = candidates.iter().position(|other| other.label == it.label && other.numbers == it.numbers);
+            match same {
+                Some(place) if candidates[place].score <= it.score => {}
+                Some(place) => candidates[place] = it,
+                None => candidates.push(it),
+            }
+        }
+        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+    }
+
+    /// What a competition at the beginning of the records finds for the place of one more cause, followed to their end. Empty where the plant follows the
+    /// records from end to end: whoever looks at the whole then sees as much.
+    fn from_beginnings(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
+        let effort = self.effort;
+        // Calibrated anew: to the whole, parameters were bent by what they cannot explain.
+        let plain = self.nominal.with_effects(self.nominal, fit.model.file.effects.clone());
+        let Some(base) = beginning(self.kernel, plain, effort.fit_steps) else { return Vec::new() };
+        if is_whole(self.kernel, &base.ends) {
+            return Vec::new();
+        }
+        (self.progress)("looking at the beginnings of the records");
+        let short = cut(self.kernel, &base.ends);
+        let unseen = Kernel { records: Vec::new(), ..*self.kernel };
+        let hypotheses = scanned(self.hypotheses);
+        let there = Search { kernel: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
+        let mut screened = screen(&short, &base.fit, self.nominal, &hypotheses);
+        screened.iter_mut().for_each(Screened::slim);
+        let mut found = there.compete(&base.fit, &screened, threshold);
+        found.retain(|it| base.fit.cost - it.fit.cost > threshold);
+        found.truncate(FOLLOWED);
+        let mut candidates = Vec::new();
+        for it in found {
+            (self.progress)(&format!("following {}", it.label));
+            let whole = followed(self.kernel, it.fit.model, base.ends.clone(), effort.fit_steps, threshold);
+            candidates.extend(whole.and_then(|whole| self.judged(fit, whole)));
+        }
+        candidates
+    }
+}
