@@ -33,8 +33,15 @@ const STAGES: usize = 24;
 /// Hypotheses that are followed.
 const FOLLOWED: usize = 2;
 
-/// Numbers of a scan stand so far apart, in units of a number's scale: 2.5 % of a positive number.
-const GRID: f64 = 0.25;
+/// Beginnings that hold this share of all rows show no more than the whole does.
+const NEARLY_ALL: f64 = 0.8;
+
+/// Steps of a scan from the lowest to the highest guess of a number. A limit that is passed in a few rows of a beginning makes a valley as wide as what passes it is
+/// high: some per cent, where guesses reach from half of what can be to all of it.
+const SCAN: usize = 24;
+
+/// Steps out of a valley end at this share of a number's scale, where a scan has looked: 2.5 % of a positive number.
+const OUT: f64 = 0.25;
 
 /// Factor between steps out of a valley.
 const WIDER: f64 = 1.5;
@@ -142,7 +149,8 @@ fn followed(kernel: &Kernel, model: Model, mut ends: Vec<usize>, steps: usize, t
 
 /// Out of a valley that is only the nearest: steps along the numbers of the last cause, from what the noise leaves open to where a scan has looked, with everything else
 /// in first order. It goes on while it gains more than `threshold`.
-fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
+#[must_use]
+pub fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
     let mut fit = fit;
     for _ in 0..VALLEYS {
         let rows = fit.residual.len() as f64;
@@ -160,7 +168,7 @@ fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
             let at = unknown.inward(fit.model.value(k));
             // By its standard deviation, all else known, the outputs move by as much as noise does.
             let mut step = 1.0 / dot(&column.values, &column.values).sqrt();
-            while step < GRID * unknown.scale {
+            while step < OUT * unknown.scale {
                 for value in [unknown.outward(at - step), unknown.outward(at + step)] {
                     let mut model = fit.model.clone();
                     model.set(k, value);
@@ -183,17 +191,19 @@ fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
 
 /// The hypotheses that no number scales, those with one number with guesses close to one another.
 fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
-    let nonlinear = hypotheses.iter().filter(|it| it.guesses.iter().all(|guess| guess.neutral.is_none()));
+    // Steps of rounding have no derivative, and nothing of them adds up.
+    let follows = |it: &&Hypothesis| {
+        it.description.kind != "sensor-quantisation" && it.guesses.iter().all(|guess| guess.neutral.is_none())
+    };
+    let nonlinear = hypotheses.iter().filter(follows);
     let each = nonlinear.map(|it| {
         let values: Vec<f64> = it.guesses.iter().filter(|guess| guess.values.len() == 1).map(|guess| guess.values[0]).collect();
         let (low, high) = values.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), it| (low.min(*it), high.max(*it)));
         if values.len() < it.guesses.len() || low <= 0.0 || high <= low {
             return it.clone();
         }
-        // The scale of a positive number is a tenth of it.
-        let count = ((high / low).ln() / (0.1 * GRID)).ceil();
-        let at = |k: usize| Guess::at(vec![low * (high / low).powf(k as f64 / count)]);
-        Hypothesis { guesses: (0..=count as usize).map(at).collect(), ..it.clone() }
+        let at = |k: usize| Guess::at(vec![low * (high / low).powf(k as f64 / SCAN as f64)]);
+        Hypothesis { guesses: (0..=SCAN).map(at).collect(), ..it.clone() }
     });
     each.collect()
 }
@@ -213,13 +223,14 @@ impl Search<'_> {
     }
 
     /// What a competition at the beginning of the records finds for the place of one more cause, followed to their end. Empty where the plant follows the
-    /// records from end to end: whoever looks at the whole then sees as much.
+    /// records nearly from end to end: whoever looks at the whole then sees as much.
     fn from_beginnings(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
         let effort = self.effort;
         // Calibrated anew: to the whole, parameters were bent by what they cannot explain.
         let plain = self.nominal.with_effects(self.nominal, fit.model.file.effects.clone());
         let Some(base) = beginning(self.kernel, plain, effort.fit_steps) else { return Vec::new() };
-        if is_whole(self.kernel, &base.ends) {
+        let rows: usize = self.kernel.records.iter().map(|it| it.record.rows()).sum();
+        if base.ends.iter().sum::<usize>() as f64 > NEARLY_ALL * rows as f64 {
             return Vec::new();
         }
         (self.progress)("looking at the beginnings of the records");

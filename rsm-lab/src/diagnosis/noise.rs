@@ -85,10 +85,31 @@ impl Floor {
         let spectrum = spectrum(residuals)?;
         let rows = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum::<usize>() as f64;
         let band = Band::upper(&spectrum, rows);
-        let upper = band.best()?;
+        let upper = band.best(&slow(residuals))?;
         let accepted = |whole: &Floor| !band.refuses(whole) && is_white(whole, residuals);
         Some(whole(residuals, rows).filter(accepted).unwrap_or(upper))
     }
+}
+
+/// The octaves below the upper band, of the residual as it is.
+fn slow(residuals: &[(&[f64], &[bool])]) -> Vec<(usize, Octave)> {
+    let mut sums = [Octave::default(); OCTAVES];
+    for (values, used) in residuals {
+        let kept: Vec<f64> = values.iter().zip(*used).map(|(value, used)| if *used { *value } else { 0.0 }).collect();
+        octaves(&kept, used, &mut sums);
+    }
+    let below = |k: usize| 0.5_f64.powi(k as i32 + 1) <= LOWEST;
+    sums.into_iter().enumerate().filter(|(k, octave)| below(*k) && octave.lines >= LEAST_LINES).collect()
+}
+
+/// Whether an octave holds as much power as noise of this correlation and level would have there, but for what chance takes away once in a thousand cases.
+fn holds(octave: Octave, k: usize, correlation: f64, level: f64) -> bool {
+    // The mean over the octave, from eight places: that of a steep spectrum is not what its middle has.
+    let places = (0..8).map(|place| 0.25 * 0.5_f64.powi(k as i32) * (1.0 + (f64::from(place) + 0.5) / 8.0));
+    let expected = places.map(|share| level / shape(correlation, (TAU * share).cos())).sum::<f64>() / 8.0;
+    let held = Octave { power: octave.power / expected, lines: octave.lines };
+    // 3.66 as in `is_white`.
+    held.deviation(&Floor::white(1.0), k) > -3.66
 }
 
 /// The power of a first-order process falls with this; the cosine is that of the frequency.
@@ -123,8 +144,11 @@ impl<'a> Band<'a> {
         (level, level.ln() + 1.0 - self.cosines().map(|cos| shape(correlation, cos).ln()).sum::<f64>() / n)
     }
 
-    fn best(&self) -> Option<Floor> {
+    /// The best correlation of those that ask for no more slow noise than the residual holds at all: what knocks in the upper band falls off like slow noise, and
+    /// continued downwards it would hide everything.
+    fn best(&self, slow: &[(usize, Octave)]) -> Option<Floor> {
         let grid = (-50..=MOST_CORRELATED).map(|percent| f64::from(percent) / 100.0);
+        let grid = grid.filter(|rho| *rho <= 0.0 || slow.iter().all(|(k, octave)| holds(*octave, *k, *rho, self.at(*rho).0)));
         let rho = grid.min_by(|a, b| self.at(*a).1.total_cmp(&self.at(*b).1))?;
         let least = self.at(rho).1;
         let ratio = |other: f64| 2.0 * self.lines * (self.at(other).1 - least);
