@@ -252,3 +252,107 @@ impl Search<'_> {
         candidates
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Prepared;
+    use super::super::noise::{Floor, Random};
+    use super::super::selection::Effort;
+    use super::super::{calibrate, hypotheses, survey};
+    use super::*;
+    use crate::plant_file::PlantFile;
+    use crate::record::Record;
+    use crate::simulate::Simulator;
+    use rsm_core::source::Source;
+
+    /// A soft clutch that slips under every second push of the pedal and then swings between its limits, in two records of 15 s.
+    fn slipping(capacity: f64) -> (Kernel, PlantFile) {
+        let soft = |text: &str| {
+            text.replace("clutch_stiffness = 10000.0", "clutch_stiffness = 1300.0").replace("clutch_damping = 30.0", "clutch_damping = 9.0")
+        };
+        let nominal = soft(include_str!("../../plants/driveline.toml"));
+        // Off by half of what the file allows.
+        let truth = nominal.replace("mass = 1560.0", "mass = 1576.0")
+            + &format!("\n[[effects]]\nkind = \"clutch-slip\"\nparameters = {{ capacity = {capacity} }}\n");
+        let file = |text: String| PlantFile::read(&Source::new("car.toml", text)).unwrap();
+        let (nominal, truth) = (file(nominal), file(truth));
+        let mut random = Random::new(6);
+        let sds = [0.5, 0.02, 0.05];
+        let records = [(400, 0.9), (550, 0.85)].map(|(push, pedal)| {
+            let mut csv = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
+            for k in 0..1500 {
+                let throttle = match k % push {
+                    0..100 => 0.4,
+                    200..270 => pedal,
+                    _ => 0.03,
+                };
+                csv += &format!("{},{throttle},2,0,8,0\n", f64::from(k) / 100.0);
+            }
+            let mut record = Record::read(&Source::new("r.csv", csv), &truth).unwrap();
+            let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
+            for (k, name) in ["engine_speed", "road_speed", "acceleration"].iter().enumerate() {
+                let noisy = simulated.of(name).unwrap().iter().map(|value| value + sds[k] * random.normal());
+                record.measured[k] = Some(noisy.collect());
+            }
+            Prepared::new(record, 3)
+        });
+        (Kernel { records: records.to_vec(), floors: sds.map(Floor::white), threads: 2 }, nominal)
+    }
+
+    #[test]
+    fn a_clutch_that_swings_at_its_limit_is_followed_from_its_first_slip() {
+        let (mut kernel, file) = slipping(140.0);
+        let (nominal, calibrated) = calibrate(&mut kernel, &file).unwrap();
+        let all = hypotheses::all(file.kind, &survey::survey(&kernel, &calibrated), &[0, 1, 2]);
+        let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
+        let unseen = Kernel { records: Vec::new(), ..kernel };
+        let search = Search {
+            kernel: &kernel,
+            unseen: &unseen,
+            nominal: &nominal,
+            hypotheses: &slips,
+            looks: 0,
+            rounded: &[],
+            effort: Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4 },
+            progress: &|_| {},
+        };
+        let screened = screen(&kernel, &calibrated, &nominal, &slips);
+        let mut candidates = search.compete(&calibrated, &screened, 40.0);
+        let rows = calibrated.residual.len() as f64;
+        // On the whole nothing comes near: a hundred times the noise is left.
+        assert!(candidates.iter().all(|it| it.fit.cost > 100.0 * rows), "{:?}", candidates.iter().map(|it| it.fit.cost / rows).collect::<Vec<_>>());
+        search.add_from_beginnings(&calibrated, &mut candidates, 40.0);
+        let best = &candidates[0].fit;
+        let capacity = best.model.file.effects[0].arguments.number("capacity");
+        // A tenth of a per cent; and what is left is noise, as far as floors that were made beside a slipping clutch say.
+        assert!((capacity / 140.0 - 1.0).abs() < 1e-3, "{capacity}");
+        assert!(best.cost < 1.5 * rows, "{} of {rows}", best.cost);
+    }
+
+    #[test]
+    fn a_beginning_ends_where_the_error_is_as_large_as_twice_the_noise() {
+        let (kernel, file) = slipping(140.0);
+        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+        let mut model = Model::nominal(&file, &records, [0.5, 0.02, 0.05]);
+        model.starts = vec![[0.0, 8.0, 0.0]; 2];
+        let ends = reach(&kernel, &model).unwrap();
+        // The first push beyond the capacity is at 2 s in both records.
+        assert!(ends.iter().all(|end| (200..260).contains(end)), "{ends:?}");
+        assert_eq!(further(&kernel, &model, &[60, 600]).unwrap(), vec![120, 600]);
+    }
+
+    #[test]
+    fn one_number_is_scanned_between_its_guesses_and_waves_are_not() {
+        let hypothesis = |guesses: Vec<Guess>| Hypothesis {
+            description: crate::effects::of("clutch-slip").unwrap(),
+            subject: None,
+            guesses,
+        };
+        let list = [hypothesis(vec![Guess::at(vec![100.0]), Guess::at(vec![200.0])]), hypothesis(vec![Guess::scaled(vec![1.0], 0.0)])];
+        let scanned = scanned(&list);
+        assert_eq!(scanned.len(), 1);
+        let values: Vec<f64> = scanned[0].guesses.iter().map(|it| it.values[0]).collect();
+        assert_eq!((values.len(), values[0]), (SCAN + 1, 100.0));
+        assert!((values[SCAN] - 200.0).abs() < 1e-9 && (values[SCAN / 2] - 141.421_356).abs() < 1e-6);
+    }
+}
