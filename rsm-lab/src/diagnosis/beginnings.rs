@@ -211,7 +211,7 @@ fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
 impl Search<'_> {
     /// Adds to the candidates of a competition what the beginnings of the records say. Of two fits of the same hypothesis the better one stays.
     pub(super) fn add_from_beginnings(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
-        for it in self.from_beginnings(fit, threshold) {
+        for it in self.at_beginnings(fit, threshold) {
             let same = candidates.iter().position(|other| other.label == it.label && other.numbers == it.numbers);
             match same {
                 Some(place) if candidates[place].score <= it.score => {}
@@ -224,7 +224,7 @@ impl Search<'_> {
 
     /// What a competition at the beginning of the records finds for the place of one more cause, followed to their end. Empty where the plant follows the
     /// records nearly from end to end: whoever looks at the whole then sees as much.
-    fn from_beginnings(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
+    fn at_beginnings(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
         let effort = self.effort;
         // Calibrated anew: to the whole, parameters were bent by what they cannot explain.
         let plain = self.nominal.with_effects(self.nominal, fit.model.file.effects.clone());
@@ -268,7 +268,8 @@ mod tests {
     /// A soft clutch that slips under every second push of the pedal and then swings between its limits, in two records of 15 s.
     fn slipping(capacity: f64) -> (Kernel, PlantFile) {
         let soft = |text: &str| {
-            text.replace("clutch_stiffness = 10000.0", "clutch_stiffness = 1300.0").replace("clutch_damping = 30.0", "clutch_damping = 9.0")
+            text.replace("clutch_stiffness = 10000.0", "clutch_stiffness = 1300.0")
+                .replace("clutch_damping = 30.0", "clutch_damping = 9.0")
         };
         let nominal = soft(include_str!("../../plants/driveline.toml"));
         // Off by half of what the file allows.
@@ -320,7 +321,11 @@ mod tests {
         let mut candidates = search.compete(&calibrated, &screened, 40.0);
         let rows = calibrated.residual.len() as f64;
         // On the whole nothing comes near: a hundred times the noise is left.
-        assert!(candidates.iter().all(|it| it.fit.cost > 100.0 * rows), "{:?}", candidates.iter().map(|it| it.fit.cost / rows).collect::<Vec<_>>());
+        assert!(
+            candidates.iter().all(|it| it.fit.cost > 100.0 * rows),
+            "{:?}",
+            candidates.iter().map(|it| it.fit.cost / rows).collect::<Vec<_>>()
+        );
         search.add_from_beginnings(&calibrated, &mut candidates, 40.0);
         let best = &candidates[0].fit;
         let capacity = best.model.file.effects[0].arguments.number("capacity");
@@ -348,7 +353,8 @@ mod tests {
             subject: None,
             guesses,
         };
-        let list = [hypothesis(vec![Guess::at(vec![100.0]), Guess::at(vec![200.0])]), hypothesis(vec![Guess::scaled(vec![1.0], 0.0)])];
+        let list =
+            [hypothesis(vec![Guess::at(vec![100.0]), Guess::at(vec![200.0])]), hypothesis(vec![Guess::scaled(vec![1.0], 0.0)])];
         let scanned = scanned(&list);
         assert_eq!(scanned.len(), 1);
         let values: Vec<f64> = scanned[0].guesses.iter().map(|it| it.values[0]).collect();

@@ -4,6 +4,7 @@
 //! validation records together; only training records move a number. Never looks at how the fit came about.
 
 use super::beginnings::escaped;
+use super::chance::best_of;
 use super::hypotheses::{Hypothesis, label};
 use super::levenberg::{self, Fit};
 use super::model::Model;
@@ -195,7 +196,8 @@ impl Search<'_> {
         if (a - b).abs() <= tie && few != many { few < many } else { a < b }
     }
 
-    /// The candidate to believe, if any gains enough on training records and does no harm on unseen ones.
+    /// The candidate to believe, if any gains enough on training records and does no harm on unseen ones. Between equals, whose difference one number could make of noise, an
+    /// effect goes before an error of the plant file.
     pub(super) fn winner<'c>(&self, fit: &Fit, candidates: &'c [Candidate], threshold: f64) -> Option<&'c Candidate> {
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let before = fit.cost + unseen;
@@ -208,8 +210,10 @@ impl Search<'_> {
         let paying: Vec<&Candidate> = candidates.iter().filter(pays).collect();
         let best = paying.iter().min_by(|a, b| a.score.total_cmp(&b.score))?;
         let enough = best.score + self.tie(&best.fit, before - best.score, best.score, threshold);
-        let simple = paying.into_iter().filter(|it| it.score <= enough);
-        simple.min_by(|a, b| a.numbers.cmp(&b.numbers).then(a.score.total_cmp(&b.score)))
+        let simple: Vec<&Candidate> = paying.into_iter().filter(|it| it.score <= enough).collect();
+        let first = simple.iter().copied().min_by(|a, b| a.numbers.cmp(&b.numbers).then(a.score.total_cmp(&b.score)))?;
+        let equal = simple.into_iter().filter(|it| it.numbers == first.numbers && it.score <= first.score + best_of(1, 1));
+        equal.min_by(|a, b| a.is_of_the_file().cmp(&b.is_of_the_file()).then(a.score.total_cmp(&b.score)))
     }
 
     /// By how much a simpler explanation may be worse than the best one and still be preferred: by what chance gives; and where the best one leaves structure
@@ -218,6 +222,15 @@ impl Search<'_> {
         let rows = self.kernel.rows() + self.unseen.rows();
         let left = whiteness::look(self.kernel, best).excess * rows as f64;
         threshold.max(worth::tie(left.min((1.0 - AS_GOOD) * gain), score, rows))
+    }
+}
+
+impl Candidate {
+    /// Whether it says that a number of the plant file is wrong. Such a number was known, within its tolerance, to whoever wrote the file; what the file is silent about
+    /// (wind, a slope, a brake that drags) nobody has measured.
+    fn is_of_the_file(&self) -> bool {
+        let last = self.fit.model.file.effects.last();
+        last.is_some_and(|entry| entry.description.subject == crate::effect::Subject::Parameter)
     }
 }
 

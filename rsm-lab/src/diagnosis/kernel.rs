@@ -306,9 +306,9 @@ impl Kernel {
             let wanted: Vec<(usize, f64)> = open.iter().map(|&at| (chosen[at], steps[at])).collect();
             for (at, column) in open.into_iter().zip(self.differences(model, simulated, &wanted)) {
                 let step = std::mem::take(&mut steps[at]);
-                let change = column.as_ref().map_or(f64::INFINITY, |it| {
-                    step * (dot(&it.values, &it.values) / it.values.len().max(1) as f64).sqrt()
-                });
+                let change = column
+                    .as_ref()
+                    .map_or(f64::INFINITY, |it| step * (dot(&it.values, &it.values) / it.values.len().max(1) as f64).sqrt());
                 if shorter < SHORTER_STEPS && change > MOST_CHANGE {
                     steps[at] = step * (MOST_CHANGE / change).max(LEAST_SHARE);
                 }
@@ -373,7 +373,8 @@ mod tests {
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let share = |noise: f64| {
-            let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(noise); 3], threads: 1 };
+            let kernel =
+                Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(noise); 3], threads: 1 };
             let model = Model::nominal(&file, &[&record], [noise; 3]);
             let simulated = kernel.run(&model).unwrap();
             let mass = model.unknowns.iter().position(|it| it.place == Place::Nominal("mass")).unwrap();
