@@ -293,7 +293,7 @@ impl Kernel {
     }
 
     /// Derivatives of the whitened simulation with respect to the chosen unknowns, on the scale of their search: forward differences. A difference that cannot be
-    /// simulated, or that moves the outputs by more than [`MOST_CHANGE`], is taken again over a shorter step.
+    /// simulated, or that moves the outputs by more than `MOST_CHANGE`, is taken again over a shorter step.
     #[must_use]
     pub fn derivatives(&self, model: &Model, simulated: &[Simulated], chosen: &[usize]) -> Option<Vec<Column>> {
         let mut columns: Vec<Option<Column>> = vec![None; chosen.len()];
