@@ -63,7 +63,7 @@ struct Beginning {
 /// The first rows of each record.
 fn cut(kernel: &Kernel, ends: &[usize]) -> Kernel {
     let records = kernel.records.iter().zip(ends).map(|(record, rows)| record.shortened(*rows)).collect();
-    Kernel { records, ..*kernel }
+    Kernel { records, floors: kernel.floors, threads: kernel.threads, pace: kernel.pace.clone() }
 }
 
 /// How far a plant follows each record; `None` where it cannot be simulated.
@@ -235,7 +235,7 @@ impl Search<'_> {
         }
         (self.progress)("looking at the beginnings of the records");
         let short = cut(self.kernel, &base.ends);
-        let unseen = Kernel { records: Vec::new(), ..*self.kernel };
+        let unseen = Kernel { records: Vec::new(), floors: short.floors, threads: short.threads, pace: short.pace.clone() };
         let hypotheses = scanned(self.hypotheses);
         let there = Search { kernel: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
         let mut screened = screen(&short, &base.fit, self.nominal, &hypotheses);
@@ -255,7 +255,7 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Prepared;
+    use super::super::kernel::{Pace, Prepared};
     use super::super::noise::{Floor, Random};
     use super::super::selection::Effort;
     use super::super::{calibrate, hypotheses, survey};
@@ -297,7 +297,7 @@ mod tests {
             }
             Prepared::new(record, 3)
         });
-        (Kernel { records: records.to_vec(), floors: sds.map(Floor::white), threads: 2 }, nominal)
+        (Kernel { records: records.to_vec(), floors: sds.map(Floor::white), threads: 2, pace: Pace::default() }, nominal)
     }
 
     #[test]
@@ -306,7 +306,7 @@ mod tests {
         let (nominal, calibrated) = calibrate(&mut kernel, &file).unwrap();
         let all = hypotheses::all(file.kind, &survey::survey(&kernel, &calibrated), &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
-        let unseen = Kernel { records: Vec::new(), ..kernel };
+        let unseen = Kernel { records: Vec::new(), ..kernel.clone() };
         let search = Search {
             kernel: &kernel,
             unseen: &unseen,
@@ -314,7 +314,7 @@ mod tests {
             hypotheses: &slips,
             looks: 0,
             rounded: &[],
-            effort: Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4 },
+            effort: Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps: u64::MAX / 2 },
             progress: &|_| {},
         };
         let screened = screen(&kernel, &calibrated, &nominal, &slips);

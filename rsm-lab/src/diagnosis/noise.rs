@@ -148,7 +148,9 @@ impl<'a> Band<'a> {
     /// continued downwards it would hide everything.
     fn best(&self, slow: &[(usize, Octave)]) -> Option<Floor> {
         let grid = (-50..=MOST_CORRELATED).map(|percent| f64::from(percent) / 100.0);
-        let grid: Vec<f64> = grid.filter(|rho| *rho <= 0.0 || slow.iter().all(|(k, octave)| holds(*octave, *k, *rho, self.at(*rho).0))).collect();
+        let grid: Vec<f64> = grid
+            .filter(|rho| *rho <= 0.0 || slow.iter().all(|(k, octave)| holds(*octave, *k, *rho, self.at(*rho).0)))
+            .collect();
         let rho = grid.iter().copied().min_by(|a, b| self.at(*a).1.total_cmp(&self.at(*b).1))?;
         let least = self.at(rho).1;
         let ratio = |other: f64| 2.0 * self.lines * (self.at(other).1 - least);
