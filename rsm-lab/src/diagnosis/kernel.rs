@@ -373,8 +373,8 @@ mod tests {
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let share = |noise: f64| {
-            let kernel =
-                Kernel { records: vec![Prepared::new(record.clone(), 2)], floors: [Floor::white(noise); 3], threads: 1 };
+            let records = vec![Prepared::new(record.clone(), 2)];
+            let kernel = Kernel { records, floors: [Floor::white(noise); 3], threads: 1, pace: Pace::default() };
             let model = Model::nominal(&file, &[&record], [noise; 3]);
             let simulated = kernel.run(&model).unwrap();
             let mass = model.unknowns.iter().position(|it| it.place == Place::Nominal("mass")).unwrap();
