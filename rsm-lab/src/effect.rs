@@ -142,8 +142,8 @@ pub struct Survey {
     pub spread: [f64; 3],
     /// Noise of each output.
     pub noise: [f64; 3],
-    /// Wave lengths over the position at which what is left of the effort repeats, the strongest first; of an axis.
-    pub pitches: Vec<f64>,
+    /// Waves of force over the position in what is left, the strongest first; of an axis.
+    pub waves: Vec<Wave>,
     /// The smallest step between readings of each output, where they are multiples of one.
     pub quantum: [Option<f64>; 3],
     /// The gears in which records run, first gear first; all false elsewhere.
@@ -152,6 +152,17 @@ pub struct Survey {
     pub output: usize,
     /// The nominal value of the named parameter, of an effect on one.
     pub nominal: f64,
+}
+
+/// A force amplitude sin(2 pi q/pitch + phase) over the position of an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wave {
+    /// In N.
+    pub amplitude: f64,
+    /// In m.
+    pub pitch: f64,
+    /// In rad.
+    pub phase: f64,
 }
 
 /// Numbers of an effect at which a search begins, in the order of [`Description::arguments_on`]; NaN leaves an optional one out.

@@ -26,10 +26,10 @@ pub fn gain_interval(kernel: &Kernel, before: &Fit, after: &Fit, gain: impl Fn(&
         for start in (0..rows).step_by(length) {
             let mut sums: Sums = Default::default();
             for (k, output) in prepared.outputs.iter().enumerate() {
-                let sd = kernel.floors[*output].sd;
+                let floor = &kernel.floors[*output];
                 let measured = prepared.measured(k);
                 for row in (start..(start + length).min(rows)).filter(|row| prepared.used[k][*row]) {
-                    let error = |fit: &Fit| (measured[row] - fit.simulated[record][k][row]) / sd;
+                    let error = |fit: &Fit| (measured[row] - floor.reads(fit.simulated[record][k][row])) / floor.sd;
                     let sum = &mut sums[*output];
                     sum[0] += error(before) * error(before);
                     sum[1] += error(after) * error(after);

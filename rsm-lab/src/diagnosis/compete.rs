@@ -12,7 +12,7 @@ use super::nuisance::Nuisance;
 use super::profile::{Profiled, profile};
 use super::screen::Screened;
 use super::selection::Search;
-use super::{validation, whiteness, worth};
+use super::{validation, waves, whiteness, worth};
 use crate::plant_file::Entry;
 
 /// Ties: a simpler cause wins when it reaches this share of the gain, if the better one does not leave noise either. Smoothings and integrators of the same
@@ -31,6 +31,12 @@ const SETTLE: usize = 3;
 
 /// What promises a third of what is needed may hold more: the screen sees the first order only.
 const PROMISING: f64 = 0.3;
+
+/// Steps of a fit of a wave in free run: where the axis creeps over crests, neighbours part, and a step goes only as far as they are together.
+const LED_STEPS: usize = 16;
+
+/// A wave that leaves no more than as much again as the noise is worth the work that its free run asks for.
+const NEAR_NOISE: f64 = 2.0;
 
 /// A hypothesis after its full fit.
 #[derive(Debug, Clone)]
@@ -141,6 +147,14 @@ impl Search<'_> {
         for steps in ROUNDS.into_iter().chain([rest]) {
             let mut next = Vec::new();
             for it in pool {
+                if waves::is_wave(it.entry.description.kind, kind) {
+                    // Read off the record, it is at its best in first order.
+                    let led =
+                        it.cost.is_infinite().then(|| waves::led(self.kernel, fit, self.nominal, &it.entry, &[])).flatten();
+                    let entry = led.and_then(|(model, cost)| Some((model.file.effects.last()?.clone(), cost)));
+                    next.push(entry.map_or(it.clone(), |(entry, cost)| Profiled { hypothesis: it.hypothesis, entry, cost }));
+                    continue;
+                }
                 let model = fit.model.joined(self.nominal, it.entry.clone());
                 let place = model.file.effects.len() - 1;
                 if let Some((model, cost)) = profile(self.kernel, &nuisance, model, place, steps) {
@@ -167,8 +181,21 @@ impl Search<'_> {
 
     /// A full fit with this entry. `None` where it cannot be simulated, or where it says what calibration may do.
     pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
-        let model = fit.model.joined(self.nominal, entry.clone());
-        self.judged(fit, levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?)
+        let led = waves::is_wave(entry.description.kind, entry.arguments.plant)
+            .then(|| waves::led(self.kernel, fit, self.nominal, entry, &waves::REACHES))
+            .flatten();
+        let found = match led {
+            // Derivatives of a plant without the wave are of no use to one with it.
+            Some((model, promised)) if promised < NEAR_NOISE * self.kernel.rows() as f64 => {
+                self.led_to_its_end(levenberg::fit(self.kernel, model, LED_STEPS)?)
+            }
+            Some((model, _)) => levenberg::fit(self.kernel, model, self.effort.fit_steps)?,
+            None => {
+                let model = fit.model.joined(self.nominal, entry.clone());
+                levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?
+            }
+        };
+        self.judged(fit, found)
     }
 
     /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do.
@@ -183,6 +210,20 @@ impl Search<'_> {
         // Whole numbers and steps count, although no fit moves them: each was chosen among many.
         let numbers = entry.arguments.numbers.len();
         Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit })
+    }
+
+    /// A fit with a wave that ended beside the record: led along what it lacks, it may find on.
+    fn led_to_its_end(&self, mut fit: Fit) -> Fit {
+        for reach in waves::AGAIN {
+            if whiteness::look(self.kernel, &fit).excess <= 0.0 {
+                break;
+            }
+            let place = fit.model.file.effects.len() - 1;
+            let again = waves::led_again(self.kernel, &fit, self.nominal, place, reach);
+            let other = again.and_then(|model| levenberg::fit(self.kernel, model, LED_STEPS));
+            fit = other.filter(|other| other.cost < fit.cost).unwrap_or(fit);
+        }
+        fit
     }
 
     /// Which of two explanations to prefer: the better one, or the one with fewer numbers where it is as good.

@@ -239,16 +239,19 @@ impl Kernel {
         models.iter().map(|_| done.by_ref().take(count).collect::<Vec<_>>().into_iter().collect()).collect()
     }
 
-    /// Measured less simulated, whitened, all records one after another.
+    /// Measured less simulated, whitened, all records one after another. Where a sensor rounds, the mean reading stands for the simulated value; derivatives are
+    /// those of the value itself, which are right on average over a step and have no jumps.
     #[must_use]
     pub fn residual(&self, simulated: &[Simulated]) -> Vec<f64> {
         let mut stack = Vec::with_capacity(self.rows());
         let mut difference = Vec::new();
         for (prepared, simulated) in self.records.iter().zip(simulated) {
             for (k, values) in simulated.iter().enumerate() {
+                let floor = &self.floors[prepared.outputs[k]];
                 difference.clear();
-                difference.extend(prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - value));
-                self.floors[prepared.outputs[k]].whiten(&difference, &prepared.used[k], &mut stack);
+                difference
+                    .extend(prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - floor.reads(*value)));
+                floor.whiten(&difference, &prepared.used[k], &mut stack);
             }
         }
         stack

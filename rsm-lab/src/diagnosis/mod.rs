@@ -31,6 +31,7 @@ pub mod portrait;
 pub mod profile;
 pub mod quantities;
 pub mod regions;
+pub mod rounding;
 pub mod screen;
 pub mod selection;
 pub mod spectrum;
@@ -38,6 +39,7 @@ pub mod steps;
 pub mod survey;
 pub mod validation;
 pub mod verdict;
+pub mod waves;
 pub mod whiteness;
 pub mod worth;
 
@@ -46,6 +48,7 @@ use kernel::{Kernel, Pace, Prepared};
 use levenberg::Fit;
 use model::Model;
 use noise::Floor;
+use rounding::Rounding;
 use selection::{Effort, Search};
 
 use crate::kind::PlantKind;
@@ -125,23 +128,16 @@ pub fn diagnose(
     }
 
     let survey = survey::survey(&kernel, &calibrated);
-    // Readings that are multiples of a coarse step say so themselves. A simulation that rounds has no derivatives: fits see the rounding as white noise, and the
+    // Readings that are multiples of a coarse step say so themselves. A simulation that rounds has no derivatives: fits compare with the mean reading, and the
     // effect joins the plant at the end.
     let rounded: Vec<(usize, f64)> = (0..outputs)
         .filter_map(|k| survey.quantum[k].map(|step| (k, step)))
         .filter(|(k, step)| *step > kernel.floors[*k].sd)
         .collect();
-    let at_least = |mut floors: [Floor; 3]| {
-        for (k, step) in &rounded {
-            // The error of rounding is uniform over a step: its standard deviation is step/sqrt(12).
-            if floors[*k].sd < step / 12.0_f64.sqrt() {
-                floors[*k] = Floor::white(step / 12.0_f64.sqrt());
-            }
-        }
-        floors
-    };
     if !rounded.is_empty() {
-        kernel.floors = at_least(kernel.floors);
+        kernel.floors = with_rounding(&kernel, &calibrated, kernel.floors, &rounded);
+        calibrated = levenberg::fit(&kernel, calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
+        kernel.floors = with_rounding(&kernel, &calibrated, floors(&kernel, &calibrated, file), &rounded);
         unseen.floors = kernel.floors;
         calibrated = levenberg::fit(&kernel, calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
     }
@@ -171,14 +167,17 @@ pub fn diagnose(
             nominal: &nominal,
             hypotheses: &hypotheses,
             // The wave lengths of an axis are the best of many.
-            looks: if file.kind == PlantKind::ServoAxis { 2 * survey::MOST_WAVES } else { 0 },
+            looks: if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 },
             rounded: &rounded,
             effort,
             progress: options.progress,
         };
         let found = search.run(start.clone());
-        let floors = at_least(floors(&kernel, &found.fit, file));
-        let moved = floors.iter().zip(&kernel.floors).any(|(new, old)| (new.sd / old.sd - 1.0).abs() > 0.1);
+        let floors = with_rounding(&kernel, &found.fit, floors(&kernel, &found.fit, file), &rounded);
+        let moved = floors
+            .iter()
+            .zip(&kernel.floors)
+            .any(|(new, old)| (new.sd / old.sd - 1.0).abs() > 0.1 || new.rounding.is_some() != old.rounding.is_some());
         let again = round == 0 && moved && !found.causes.is_empty();
         selection = Some(found);
         if !again {
@@ -192,7 +191,9 @@ pub fn diagnose(
         }
     }
     let mut selection = selection.ok_or(Refused::CannotSimulate)?;
-    selection.fit = finish::finish(&mut kernel, selection.fit, |kernel, fit| at_least(floors(kernel, fit, file)));
+    selection.fit = finish::finish(&mut kernel, selection.fit, |kernel, fit| {
+        with_rounding(kernel, fit, floors(kernel, fit, file), &rounded)
+    });
     unseen.floors = kernel.floors;
     let fit = selection.fit.clone();
     let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
@@ -247,6 +248,41 @@ pub fn calibrate(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> 
 /// The noise of each output from what a fit leaves.
 pub fn floors(kernel: &Kernel, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
     estimate(kernel, &fit.simulated, file)
+}
+
+/// Floors where outputs (place, step) are rounded: what rounding leaves about the mean reading, where that can be told; else its whole error as white noise, at least.
+fn with_rounding(kernel: &Kernel, fit: &Fit, mut floors: [Floor; 3], rounded: &[(usize, f64)]) -> [Floor; 3] {
+    for &(output, step) in rounded {
+        let mut lists: Vec<(&[f64], &[f64], &[bool])> = Vec::new();
+        for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+            if let Some(k) = prepared.outputs.iter().position(|it| *it == output) {
+                lists.push((prepared.measured(k), simulated[k].as_slice(), prepared.used[k].as_slice()));
+            }
+        }
+        let rows = lists.iter().flat_map(|(measured, simulated, used)| measured.iter().zip(*simulated).zip(*used));
+        let pairs: Vec<(f64, f64)> =
+            rows.filter(|(_, used)| **used).map(|((measured, simulated), _)| (*measured, *simulated)).collect();
+        let found = Rounding::found(step, &pairs).and_then(|rounding| {
+            let left: Vec<Vec<f64>> = lists
+                .iter()
+                .map(|(measured, simulated, _)| {
+                    measured.iter().zip(*simulated).map(|(measured, value)| measured - rounding.expected(*value)).collect()
+                })
+                .collect();
+            let left: Vec<(&[f64], &[bool])> =
+                left.iter().zip(&lists).map(|(left, (_, _, used))| (left.as_slice(), *used)).collect();
+            let simulated: Vec<&[f64]> = lists.iter().map(|it| it.1).collect();
+            Floor::of_rounding(rounding, &simulated, &left)
+        });
+        // The error of rounding is uniform over a step: its standard deviation is step/sqrt(12).
+        let uniform = step / 12.0_f64.sqrt();
+        floors[output] = match found {
+            Some(floor) => floor,
+            None if floors[output].sd < uniform => Floor::white(uniform),
+            None => floors[output],
+        };
+    }
+    floors
 }
 
 /// The noise of each output from what a simulation leaves.

@@ -10,6 +10,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::rounding::Rounding;
+
 /// Samples of a segment: 125 of them in a record of 8000 rows.
 const SEGMENT: usize = 128;
 
@@ -38,13 +40,32 @@ pub struct Floor {
     pub correlation: f64,
     /// Standard error of the correlation; 0 where it is not an estimate.
     pub error: f64,
+    /// How the sensor rounds, where it does so coarsely; the noise is then what that leaves about the mean reading.
+    pub rounding: Option<Rounding>,
 }
 
 impl Floor {
     /// White noise.
     #[must_use]
     pub fn white(sd: f64) -> Self {
-        Floor { sd, correlation: 0.0, error: 0.0 }
+        Floor { sd, correlation: 0.0, error: 0.0, rounding: None }
+    }
+
+    /// Of a sensor that rounds, from simulated values and what they leave about the mean reading, one list a record: the scatter of readings as rounding has it, and
+    /// neighbours' correlation.
+    #[must_use]
+    pub fn of_rounding(rounding: Rounding, simulated: &[&[f64]], left: &[(&[f64], &[bool])]) -> Option<Floor> {
+        let rows: usize = simulated.iter().map(|values| values.len()).sum();
+        let variance = simulated.iter().flat_map(|values| values.iter()).map(|value| rounding.moments(*value)[1]).sum::<f64>();
+        let sd = positive(variance / rows.max(1) as f64)?.sqrt();
+        let neighbours = whole(left, rows as f64).unwrap_or(Floor::white(sd));
+        Some(Floor { sd, rounding: Some(rounding), ..neighbours })
+    }
+
+    /// The mean reading of a value.
+    #[must_use]
+    pub fn reads(&self, value: f64) -> f64 {
+        self.rounding.map_or(value, |rounding| rounding.expected(value))
     }
 
     /// Standard deviation of what is new in a row.
@@ -170,9 +191,10 @@ impl<'a> Band<'a> {
         };
         let error = side(-0.5).max(side(*grid.last()?));
         if ratio(0.0) < WHITE * WHITE {
-            return positive(self.at(0.0).0).map(|level| Floor { sd: level.sqrt(), correlation: 0.0, error });
+            return positive(self.at(0.0).0).map(|level| Floor { error, ..Floor::white(level.sqrt()) });
         }
-        positive(self.at(rho).0).map(|level| Floor { sd: (level / (1.0 - rho * rho)).sqrt(), correlation: rho, error })
+        let innovation = positive(self.at(rho).0);
+        innovation.map(|level| Floor { correlation: rho, error, ..Floor::white((level / (1.0 - rho * rho)).sqrt()) })
     }
 
     /// The likelihood ratio against the best of this band, at 0.1 %.
@@ -205,7 +227,7 @@ fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<Floor> {
     // M. S. Bartlett, 1946.
     let error = ((1.0 - rho * rho) / rows).sqrt();
     let correlation = if rho.abs() < WHITE * error { 0.0 } else { rho };
-    (correlation.abs() < 0.01 * f64::from(MOST_CORRELATED)).then_some(Floor { sd, correlation, error })
+    (correlation.abs() < 0.01 * f64::from(MOST_CORRELATED)).then_some(Floor { correlation, error, ..Floor::white(sd) })
 }
 
 /// Whether a floor leaves no octave with more than noise, at 0.1 % for all octaves together.
@@ -529,7 +551,7 @@ mod tests {
     fn whitened_noise_is_white() {
         let values = noise(0.8, 2.0, 8000);
         let mut white = Vec::new();
-        Floor { sd: 2.0, correlation: 0.8, error: 0.0 }.whiten(&values, &vec![true; 8000], &mut white);
+        Floor { correlation: 0.8, ..Floor::white(2.0) }.whiten(&values, &vec![true; 8000], &mut white);
         let power = white.iter().map(|w| w * w).sum::<f64>() / 8000.0;
         let next = white.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / 8000.0;
         // Four standard deviations of a mean over 8000 rows: 4 sqrt(2/8000), 4/sqrt(8000).

@@ -11,7 +11,8 @@ use super::levenberg::Fit;
 use super::model::Model;
 use super::noise::Random;
 use super::normal::Normal;
-use super::nuisance::Nuisance;
+use super::nuisance::{Back, Nuisance};
+use super::waves::{self, Tracks};
 use crate::effect::{Guess, Subject};
 use crate::kind::PlantKind;
 use crate::plant_file::Entry;
@@ -97,8 +98,10 @@ fn traces(
     guesses: &[(usize, Guess)],
 ) -> Vec<Vec<Vec<f64>>> {
     let kind = fit.model.file.kind;
+    let is_wave = |k: usize| waves::is_wave(hypotheses[k].description.kind, kind);
+    let tracks = guesses.iter().any(|(k, _)| is_wave(*k)).then(|| Tracks::new(kernel, fit));
     let mut models = Vec::new();
-    for (k, guess) in guesses {
+    for (k, guess) in guesses.iter().filter(|(k, _)| !is_wave(*k)) {
         let mut shifted = guess.values.clone();
         models.push(at(&fit.model, nominal, &hypotheses[*k], &guess.values, kind));
         if let Some(phase) = guess.phase {
@@ -107,7 +110,12 @@ fn traces(
         }
     }
     let mut runs = kernel.run_all(&models).into_iter();
-    let of = |(_, guess): &(usize, Guess)| {
+    let of = |(k, guess): &(usize, Guess)| {
+        if let Some(tracks) = tracks.as_ref().filter(|_| is_wave(*k)) {
+            // Where the simulation goes with a wave is not where the axis went; the record says where.
+            let wave = waves::of(&hypotheses[*k].entry(kind, &guess.values).arguments);
+            return wave.map_or_else(Vec::new, |it| tracks.traces(&it).into());
+        }
         let runs: Option<Vec<_>> = runs.by_ref().take(if guess.phase.is_some() { 2 } else { 1 }).collect();
         runs.unwrap_or_default().iter().map(|run| kernel.changes(&fit.simulated, run, 1.0)).collect()
     };
@@ -148,32 +156,41 @@ fn at(model: &Model, nominal: &Model, hypothesis: &Hypothesis, values: &[f64], k
 
 /// What some traces could explain together, and how much of each that takes. `None` where one has nothing of its own.
 fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> Option<(Vec<f64>, f64)> {
-    let n = traces.len();
     let mut back = nuisance.all_back();
-    loop {
-        let mut matrix = vec![0.0; n * n];
-        for i in 0..n {
-            for j in 0..=i {
-                let plain = dot(traces[i], traces[j]);
-                let own = nuisance.between(plain, products[i], products[j], back);
-                if i == j && (own.is_nan() || own <= LEAST_OF_ITS_OWN * plain) {
-                    return None;
-                }
-                (matrix[i * n + j], matrix[j * n + i]) = (own, own);
-            }
-        }
-        let right: Vec<f64> = (0..n).map(|i| nuisance.with_residual(traces[i], products[i], back)).collect();
-        let share = Normal::new(&matrix, n, 0.0).solve(&right);
-        let gain: f64 = share.iter().zip(&right).map(|(share, right)| share * right).sum();
-        if !gain.is_finite() {
-            return None;
-        }
+    while let Some((share, gain)) = beside(nuisance, traces, products, back) {
         let still = nuisance.still_back(&share, products, back);
         if still == back {
-            return Some((share, gain + nuisance.gain_of(back)));
+            return Some((share, gain));
         }
         back = still;
     }
+    // What comes back makes the trace as well. So of those at bounds some stay: of the sets that stand with the trace, the one that gains most.
+    let sets = (0..back).filter(|set| set & back == *set);
+    let stand = sets.filter_map(|set| {
+        let found = beside(nuisance, traces, products, set)?;
+        (nuisance.still_back(&found.0, products, set) == set).then_some(found)
+    });
+    stand.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The same with those held that come back.
+fn beside(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]], back: Back) -> Option<(Vec<f64>, f64)> {
+    let n = traces.len();
+    let mut matrix = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..=i {
+            let plain = dot(traces[i], traces[j]);
+            let own = nuisance.between(plain, products[i], products[j], back);
+            if i == j && (own.is_nan() || own <= LEAST_OF_ITS_OWN * plain) {
+                return None;
+            }
+            (matrix[i * n + j], matrix[j * n + i]) = (own, own);
+        }
+    }
+    let right: Vec<f64> = (0..n).map(|i| nuisance.with_residual(traces[i], products[i], back)).collect();
+    let share = Normal::new(&matrix, n, 0.0).solve(&right);
+    let gain: f64 = share.iter().zip(&right).map(|(share, right)| share * right).sum();
+    gain.is_finite().then(|| (share, gain + nuisance.gain_of(back)))
 }
 
 /// A guess's numbers when its traces are wanted by these shares; `None` where physics has no such sign.
@@ -302,13 +319,21 @@ fn drawn(kernel: &Kernel, fit: &Fit, rounded: &[(usize, f64)], random: &mut Rand
         for (k, values) in simulated.iter().enumerate() {
             let output = prepared.outputs[k];
             if let Some((_, step)) = rounded.iter().find(|(it, _)| *it == output) {
-                // Of the floor, step^2/12 is the rounding itself.
-                let sd = kernel.floors[output].sd;
-                let before = (sd * sd - step * step / 12.0).max(0.0).sqrt();
-                let errors: Vec<f64> =
-                    values.iter().map(|value| step * ((value + before * random.normal()) / step).round() - value).collect();
+                let floor = &kernel.floors[output];
+                // Without a noise that was told from the rounding, step^2/12 of the floor is the rounding itself.
+                let before = floor.rounding.map_or((floor.sd * floor.sd - step * step / 12.0).max(0.0).sqrt(), |it| it.noise);
+                // It lasts from row to row at least as long as what is left of it.
+                let correlation = floor.correlation;
+                let mut noise = before * random.normal();
+                let errors: Vec<f64> = values
+                    .iter()
+                    .map(|value| {
+                        noise = correlation * noise + before * (1.0 - correlation * correlation).sqrt() * random.normal();
+                        step * ((value + noise) / step).round() - floor.reads(*value)
+                    })
+                    .collect();
                 let mut whitened = Vec::with_capacity(errors.len());
-                kernel.floors[output].whiten(&errors, &prepared.used[k], &mut whitened);
+                floor.whiten(&errors, &prepared.used[k], &mut whitened);
                 stack[first..first + whitened.len()].copy_from_slice(&whitened);
             }
             first += values.len();

@@ -2,26 +2,15 @@
 //!
 //! In: prepared records and the calibrated plant's residuals. Out: a [`Survey`]. Only scales: nothing here decides between causes.
 
-use std::f64::consts::TAU;
-
 use super::kernel::Kernel;
 use super::levenberg::Fit;
-use super::normal::Normal;
+use super::waves;
 use crate::effect::Survey;
 use crate::kind::PlantKind;
 use crate::record::Drive;
 
 /// Samples on either side for a derivative: the noise of a second difference falls with the square.
 const WIDTH: usize = 5;
-
-/// Samples of an axis that are enough to see a wave over its travel.
-const ENOUGH: usize = 4000;
-
-/// Waves over the travel that are tried.
-pub const MOST_WAVES: usize = 400;
-
-/// How many wave lengths are handed on.
-const PITCHES: usize = 5;
 
 /// The survey of training records.
 #[must_use]
@@ -110,7 +99,7 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
         largest,
         spread,
         noise: kernel.floors.map(|floor| floor.sd),
-        pitches: if kind == PlantKind::ServoAxis { pitches(kernel, fit) } else { Vec::new() },
+        waves: if kind == PlantKind::ServoAxis { waves::waves(kernel, fit) } else { Vec::new() },
         quantum,
         gears,
         output: 0,
@@ -137,86 +126,4 @@ fn lattice(lists: &[&[f64]], noise: f64) -> Option<f64> {
     }
     let whole = steps.iter().filter(|it| ((*it / step) - (*it / step).round()).abs() < 0.01).count();
     (whole as f64 > 0.98 * steps.len() as f64).then_some(step)
-}
-
-/// Wave lengths over the position at which the effort that the plant does not explain repeats.
-fn pitches(kernel: &Kernel, fit: &Fit) -> Vec<f64> {
-    let parameters = &fit.model.file.parameters;
-    let (mass, gain) = (parameters.number("mass"), parameters.number("force_gain"));
-    let mut points: Vec<(f64, [f64; 5], f64)> = Vec::new();
-    let total: usize = kernel.records.iter().map(|it| it.record.rows()).sum();
-    let stride = (total / ENOUGH).max(1);
-    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
-        let record = &prepared.record;
-        let Some(k) = prepared.outputs.iter().position(|it| *it == 0) else { continue };
-        let positions = prepared.measured(k);
-        let commands: &[f64] = match record.drive {
-            Drive::Closed => match prepared.outputs.iter().position(|it| *it == 1) {
-                Some(k) => prepared.measured(k),
-                None => simulated.get(1).map_or(&[], Vec::as_slice),
-            },
-            _ => &record.inputs[0],
-        };
-        if commands.len() != positions.len() || positions.len() < 4 * WIDTH {
-            continue;
-        }
-        let span = WIDTH as f64 * record.period;
-        for row in (WIDTH..positions.len() - WIDTH).step_by(stride) {
-            let (before, now, after) = (positions[row - WIDTH], positions[row], positions[row + WIDTH]);
-            let speed = (after - before) / (2.0 * span);
-            let acceleration = (after - 2.0 * now + before) / (span * span);
-            let window = &commands[row - WIDTH..row + WIDTH];
-            let command = window.iter().sum::<f64>() / window.len() as f64;
-            let sign = (speed / crate::effect::AXIS_SIGN_WIDTH).tanh();
-            points.push((now, [1.0, speed, sign, acceleration, command], gain * command - mass * acceleration));
-        }
-    }
-    if points.len() < 50 {
-        return Vec::new();
-    }
-    // What mass, frictions, an offset and a gain would explain is taken off first.
-    let mut matrix = vec![0.0; 25];
-    let mut right = vec![0.0; 5];
-    for (_, row, value) in &points {
-        for i in 0..5 {
-            right[i] += row[i] * value;
-            for j in 0..5 {
-                matrix[i * 5 + j] += row[i] * row[j];
-            }
-        }
-    }
-    let solution = Normal::new(&matrix, 5, 0.0).solve(&right);
-    let left: Vec<(f64, f64)> = points
-        .iter()
-        .map(|(position, row, value)| (*position, value - row.iter().zip(&solution).map(|(a, b)| a * b).sum::<f64>()))
-        .collect();
-    let (low, high) = left.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(it.0), high.max(it.0)));
-    let travel = high - low;
-    if travel.is_nan() || travel <= 0.0 {
-        return Vec::new();
-    }
-    // Half a wave over the travel is the width of a line of this spectrum.
-    let power: Vec<f64> = (2..2 * MOST_WAVES)
-        .map(|half| {
-            let number = TAU * 0.5 * half as f64 / travel;
-            let (mut s, mut c) = (0.0, 0.0);
-            for (position, value) in &left {
-                let (sin, cos) = (number * position).sin_cos();
-                (s, c) = (s + sin * value, c + cos * value);
-            }
-            s * s + c * c
-        })
-        .collect();
-    let mut peaks: Vec<usize> = (1..power.len() - 1).filter(|&k| power[k] >= power[k - 1] && power[k] > power[k + 1]).collect();
-    peaks.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
-    peaks.truncate(PITCHES);
-    // A parabola through three lines places the peak between them.
-    peaks
-        .into_iter()
-        .map(|k| {
-            let (a, b, c) = (power[k - 1], power[k], power[k + 1]);
-            let shift = 0.5 * (a - c) / (a - 2.0 * b + c);
-            travel / (0.5 * ((k + 2) as f64 + shift))
-        })
-        .collect()
 }

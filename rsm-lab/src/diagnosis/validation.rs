@@ -91,8 +91,9 @@ pub fn errors(kernel: &Kernel, fit: &levenberg::Fit) -> Vec<Error> {
         for (k, values) in simulated.iter().enumerate() {
             for ((measured, value), used) in prepared.measured(k).iter().zip(values).zip(&prepared.used[k]) {
                 if *used {
+                    let off = measured - kernel.floors[prepared.outputs[k]].reads(*value);
                     let sum = &mut sums[prepared.outputs[k]];
-                    sum.0 += (measured - value) * (measured - value);
+                    sum.0 += off * off;
                     sum.1 += 1;
                 }
             }

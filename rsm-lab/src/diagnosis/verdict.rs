@@ -27,7 +27,7 @@ const OF_THE_WHOLE: f64 = 5e-7;
 /// Rivals are alike when they do worse by less than this share of the gain: between integrators and smoothings, formulas of one cause differ that much.
 const ALIKE: f64 = 1e-5;
 
-/// Rounding is not white where the motion is slow: so much of its energy comes back as structure.
+/// Rounding that is taken for noise is not white where the motion is slow: so much of its energy comes back as structure.
 const OF_ROUNDING: f64 = 0.3;
 
 /// A number with its 95 % interval.
@@ -161,7 +161,8 @@ pub fn conclude(
     let left_unseen = moved.map(|fit| whiteness::look(unseen, &fit));
     // What the calibrated plant gets wrong, a row.
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
-    let of_rounding = if rounded.is_empty() { 0.0 } else { OF_ROUNDING };
+    let told = rounded.iter().all(|(output, _)| kernel.floors[*output].rounding.is_some());
+    let of_rounding = if told { 0.0 } else { OF_ROUNDING };
     let structure = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess)) > of_rounding.max(OF_THE_WHOLE * wrong);
     let calibrated_there = validation::on(judged, &calibrated.model);
     let compared = match (&before, &calibrated_there, &after) {

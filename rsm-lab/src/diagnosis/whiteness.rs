@@ -6,9 +6,14 @@
 use super::kernel::Kernel;
 use super::levenberg::Fit;
 use super::noise::{LEAST_LINES, OCTAVES, Octave, octaves};
+use super::rounding::Rounding;
 
 /// How rarely noise alone may pass for structure, over all octaves of all outputs. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.
 const ALARM: f64 = 0.01;
+
+/// Records in which rounded readings scatter by less than this share of the floor's variance count as if they did by as much: a value that is off by a hundredth of a step
+/// changes what is left by more.
+const LEAST_SCATTER: f64 = 0.01;
 
 /// Energy of an output in a band.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +58,10 @@ pub fn look(kernel: &Kernel, fit: &Fit) -> Left {
         }
     }
     let mut bands = Vec::new();
-    for (output, list) in sums.iter().enumerate() {
+    for (output, list) in sums.iter_mut().enumerate() {
+        if let Some(rounding) = kernel.floors[output].rounding {
+            uneven(kernel, fit, output, rounding, list);
+        }
         for (k, octave) in list.iter().enumerate().filter(|(_, octave)| octave.lines >= LEAST_LINES) {
             let high = 0.5 * rate * 0.5_f64.powi(k as i32);
             bands.push(Band {
@@ -71,6 +79,33 @@ pub fn look(kernel: &Kernel, fit: &Fit) -> Left {
     let beyond = bands.iter().filter(|band| band.deviation > point);
     let excess = beyond.map(|band| (band.ratio - 1.0) * band.lines as f64).sum::<f64>() / all.max(1.0);
     Left { bands, point, excess }
+}
+
+/// Octaves of readings that are rounded. Their scatter v is large between two steps and small on one: so what noise is differs from record to record, and since it is uneven,
+/// and a reading is one of few, its power scatters more than that of even noise: in L lines of N rows by mean(v^2)/(L mean(v)^2) + mean(m - 3 v^2)/(N mean(v)^2),
+/// with m the fourth moment (M. B. Priestley, "Spectral analysis and time series", 1981, section 6.2). As many lines as have that scatter of even noise are left.
+fn uneven(kernel: &Kernel, fit: &Fit, output: usize, rounding: Rounding, octaves: &mut [Octave; OCTAVES]) {
+    let (mut rows, mut sums) = (0.0, [0.0; 3]);
+    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+        let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
+        for (value, _) in simulated[k].iter().zip(&prepared.used[k]).filter(|(_, used)| **used) {
+            let [_, variance, fourth] = rounding.moments(*value);
+            rows += 1.0;
+            sums[0] += variance;
+            sums[1] += variance * variance;
+            sums[2] += fourth - 3.0 * variance * variance;
+        }
+    }
+    let [mean, square, beyond] = sums.map(|sum| sum / f64::max(rows, 1.0));
+    // Where all values lie on steps nothing scatters, and the floor's own noise stands for it.
+    let noise = mean.max(LEAST_SCATTER * kernel.floors[output].sd.powi(2));
+    let even = kernel.floors[output].sd.powi(2) / noise;
+    for octave in octaves {
+        let scatter = (square + beyond * octave.lines / f64::max(rows, 1.0)) / (noise * noise);
+        let share = 1.0 / scatter.max(1.0);
+        octave.power *= even * share;
+        octave.lines *= share;
+    }
 }
 
 /// What a normal variable passes with this probability, at most one half (C. Hastings, "Approximations for digital computers", 1955, sheet 68; to 5e-4).

@@ -48,11 +48,14 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A fiftieth of what the drive can do, at every order that teeth and poles of small motors make; on an axis at the wave lengths that are seen.
-    let at = |wave: f64| Guess { values: vec![0.02 * survey.effort, wave, 0.0], neutral: Some((0, 0.0)), phase: Some(2) };
+    // A fiftieth of what the drive can do, at every order that teeth and poles of small motors make; on an axis the waves that are seen.
+    let at = |values: Vec<f64>| Guess { values, neutral: Some((0, 0.0)), phase: Some(2) };
     match survey.plant {
-        PlantKind::ServoAxis => survey.pitches.iter().map(|pitch| at(*pitch)).collect(),
-        _ => (1..=24).chain([28, 30, 32, 36, 42, 48, 54, 60, 72]).map(|cycles| at(f64::from(cycles))).collect(),
+        PlantKind::ServoAxis => survey.waves.iter().map(|it| at(vec![it.amplitude, it.pitch, it.phase])).collect(),
+        _ => {
+            let orders = (1..=24).chain([28, 30, 32, 36, 42, 48, 54, 60, 72]);
+            orders.map(|cycles| at(vec![0.02 * survey.effort, f64::from(cycles), 0.0])).collect()
+        }
     }
 }
 

@@ -1,0 +1,579 @@
+//! Waves of force over the position of an axis, read off what a calibrated simulation leaves.
+//!
+//! In: prepared records and a fit without such a wave. Out: wave lengths with amplitude and phase, the strongest first; and a plant with one of them, near its best. Never
+//! decides whether one is a cause.
+//!
+//! A force A sin(2 pi q/pitch + phase) depends on where the axis is, and a simulation that lacks it soon is elsewhere: a search for the pitch in free run has a local best at
+//! every wave more or less. But the true position stands in the record. Along it the force of any wave is known but for two factors, and nominal plant and controller
+//! are linear: they answer with two traces, which are fitted by least squares, in the noise of the readings, jointly with all that is free anyway. No
+//! derivative of a reading is taken, and long slow motion, where a small force moves much, has the weight that it deserves.
+
+use std::f64::consts::TAU;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::kernel::{Column, Kernel, Prepared, dot};
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::normal::Normal;
+use crate::effect::{Arguments, Wave};
+use crate::kind::PlantKind;
+use crate::plant_file::{Entry, PlantFile, VelocityFrom};
+use crate::record::Drive;
+
+/// Waves over the travel that are tried at most. Half a wave over the travel is the width of a line.
+pub const MOST: usize = 400;
+
+/// How many are handed on.
+const KEPT: usize = 3;
+
+/// A wave is no longer seen where the noise of the position is a radian of it: the mean of its sine falls by exp(-1/2) there.
+const LARGEST_NOISE: f64 = 1.0;
+
+/// Samples on either side for a speed: its sign is wanted, and a difference over eleven rows has a tenth of the noise of one over two.
+const WIDTH: usize = 5;
+
+/// A direction that keeps less than this share of its length beside the others is one of them: traces hold six digits.
+const OF_ITS_OWN: f64 = 1e-6;
+
+/// Steps of the search about a line of the spectrum: 0.618^12 of two lines is a hundredth of one, where a parabola is flat.
+const REFINED: usize = 12;
+
+/// Rows on either side over which readings say where a led axis is, turn by turn. At first each reading does by itself; then the simulation says how the axis moves, and
+/// readings only where, over more and more rows, so that less and less of their noise is taken for a force.
+pub const REACHES: [usize; 4] = [10, 40, 160, 640];
+
+/// The same where a free run is near already, in the order in which they are tried: what it lacks is slower than the first, mostly.
+pub const AGAIN: [usize; 5] = [40, 10, 160, 40, 160];
+
+/// A record, and the plant's answer to a force along it.
+struct Track<'k> {
+    prepared: &'k Prepared,
+    record: usize,
+    /// The place of the position among its outputs.
+    place: usize,
+    position: Vec<f64>,
+    speed: Vec<f64>,
+    command: Vec<f64>,
+    /// First place in the stack of residuals.
+    first: usize,
+    period: f64,
+    answer: Answer,
+}
+
+/// Gauss's two points in a row, as shares of it: a wave of half a turn a row is integrated to 2 %, a quarter of a turn to 0.1 % (C. F. Gauss, 1814).
+const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+
+/// The linear plant over a row, and the controller where the loop is closed.
+#[derive(Clone, Copy)]
+struct Answer {
+    /// Speed after a row: of the speed, of a force that is held, of the forces at the nodes.
+    speed: [f64; 4],
+    /// Way in a row, likewise.
+    way: [f64; 4],
+    force_gain: f64,
+    /// Position gain, velocity gain, speed from a difference, limit of the command.
+    controller: Option<(f64, f64, bool, f64)>,
+}
+
+impl Answer {
+    /// M dv/dt + b v = f with a force that is held for a row.
+    fn new(file: &PlantFile, closed: bool, period: f64) -> Self {
+        let number = |name| file.parameters.number(name);
+        let mass = number("mass");
+        let w = number("viscous_friction") / mass * period;
+        // phi_1 = (1 - e^-w)/w and phi_2 = (1 - phi_1)/w; below 1e-4 the first two terms of their series hold eight digits.
+        let (one, two) = if w < 1e-4 {
+            (1.0 - w / 2.0, 0.5 - w / 6.0)
+        } else {
+            let one = -(-w).exp_m1() / w;
+            (one, (1.0 - one) / w)
+        };
+        let rest = |node: usize| 1.0 - NODES[node];
+        let blow = 0.5 * period / mass;
+        let way = |node: usize| period * rest(node) * (1.0 - 0.5 * w * rest(node));
+        let gains = file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"));
+        Answer {
+            // A force at a node is a blow of half a row's impulse; what is left of the row is short against the decay.
+            speed: [(-w).exp(), period * one / mass, blow * (-w * rest(0)).exp(), blow * (-w * rest(1)).exp()],
+            way: [period * one, period * period * two / mass, blow * way(0), blow * way(1)],
+            force_gain: number("force_gain"),
+            controller: gains.filter(|_| closed).map(|(position, velocity)| {
+                (position, velocity, file.parameters.velocity_from == VelocityFrom::Difference, number("command_limit"))
+            }),
+        }
+    }
+}
+
+impl Track<'_> {
+    /// What some forces at the nodes of each row change of position and command, each by itself.
+    fn run<const N: usize>(&self, force: impl Fn(f64, f64, f64) -> [f64; N]) -> [[Vec<f64>; 2]; N] {
+        let rows = self.position.len();
+        let it = self.answer;
+        let mut outputs: [[Vec<f64>; 2]; N] = std::array::from_fn(|_| [Vec::with_capacity(rows), Vec::with_capacity(rows)]);
+        let (mut q, mut v) = ([0.0; N], [0.0; N]);
+        let mut past = [[0.0; N]; 2];
+        for row in 0..rows {
+            let next = (row + 1).min(rows - 1);
+            let at = |values: &[f64], share: f64| values[row] + share * (values[next] - values[row]);
+            let [a, b] = NODES.map(|share| force(at(&self.position, share), at(&self.speed, share), self.command[row]));
+            // At its limit a command does not answer.
+            let controller = it.controller.filter(|(_, _, _, limit)| self.command[row].abs() < *limit);
+            let here = q;
+            for k in 0..N {
+                let command = controller.map_or(0.0, |(position_gain, velocity_gain, difference, _)| {
+                    let speed = if difference { (q[k] - past[1][k]) / (2.0 * self.period) } else { v[k] };
+                    velocity_gain * (-position_gain * q[k] - speed)
+                });
+                outputs[k][0].push(q[k]);
+                outputs[k][1].push(command);
+                let held = it.force_gain * command;
+                let way = it.way[0] * v[k] + it.way[1] * held + it.way[2] * a[k] + it.way[3] * b[k];
+                (q[k], v[k]) = (q[k] + way, it.speed[0] * v[k] + it.speed[1] * held + it.speed[2] * a[k] + it.speed[3] * b[k]);
+            }
+            past = [here, past[0]];
+        }
+        outputs
+    }
+
+    /// The same, whitened, into their place of the stacks.
+    fn answer<const N: usize>(&self, kernel: &Kernel, force: impl Fn(f64, f64, f64) -> [f64; N], stacks: &mut [Vec<f64>; N]) {
+        let mut whitened = Vec::with_capacity(2 * self.position.len());
+        for (outputs, stack) in self.run(force).iter().zip(stacks) {
+            whitened.clear();
+            for (k, output) in self.prepared.outputs.iter().enumerate() {
+                kernel.floors[*output].whiten(&outputs[*output], &self.prepared.used[k], &mut whitened);
+            }
+            stack[self.first..self.first + whitened.len()].copy_from_slice(&whitened);
+        }
+    }
+
+    /// Takes a path for where the axis went, but for what the readings around each row say.
+    fn follow(&mut self, path: &[f64], reach: usize) {
+        let (measured, used) = (self.prepared.measured(self.place), &self.prepared.used[self.place]);
+        let mut sums = vec![(0.0, 0.0)];
+        let (mut sum, mut count) = (0.0, 0.0);
+        for row in 0..path.len() {
+            if used[row] {
+                (sum, count) = (sum + measured[row] - path[row], count + 1.0);
+            }
+            sums.push((sum, count));
+        }
+        for row in 0..path.len() {
+            let (low, high) = (sums[row.saturating_sub(reach)], sums[(row + reach + 1).min(path.len())]);
+            self.position[row] = path[row] + (high.0 - low.0) / f64::max(high.1 - low.1, 1.0);
+        }
+    }
+}
+
+/// All records with a position.
+pub struct Tracks<'k> {
+    kernel: &'k Kernel,
+    list: Vec<Track<'k>>,
+    rows: usize,
+}
+
+impl<'k> Tracks<'k> {
+    /// Of a fit: its plant answers.
+    #[must_use]
+    pub fn new(kernel: &'k Kernel, fit: &Fit) -> Self {
+        let mut list = Vec::new();
+        for (record, (prepared, simulated)) in kernel.records.iter().zip(&fit.simulated).enumerate() {
+            let Some(k) = prepared.outputs.iter().position(|it| *it == 0) else { continue };
+            let of = &prepared.record;
+            let (position, closed) = (prepared.measured(k), of.drive == Drive::Closed);
+            let command = match prepared.outputs.iter().position(|it| *it == 1).filter(|_| closed) {
+                Some(k) => prepared.measured(k).to_vec(),
+                None if closed => simulated.get(1).cloned().unwrap_or_default(),
+                None => of.inputs[0].clone(),
+            };
+            let rows = position.len();
+            if command.len() != rows || rows < 4 * WIDTH {
+                continue;
+            }
+            let speed = |row: usize| {
+                let (a, b) = (row.saturating_sub(WIDTH), (row + WIDTH).min(rows - 1));
+                (position[b] - position[a]) / ((b - a) as f64 * of.period)
+            };
+            list.push(Track {
+                speed: (0..rows).map(speed).collect(),
+                prepared,
+                record,
+                place: k,
+                position: position.to_vec(),
+                command,
+                first: kernel.first(record),
+                period: of.period,
+                answer: Answer::new(&fit.model.file, closed, of.period),
+            });
+        }
+        Tracks { kernel, list, rows: fit.residual.len() }
+    }
+
+    /// The whitened answers to forces that depend on position, speed and command.
+    fn answer<const N: usize>(&self, law: impl Fn(f64, f64, f64) -> [f64; N]) -> [Vec<f64>; N] {
+        let mut stacks = std::array::from_fn(|_| vec![0.0; self.rows]);
+        for it in &self.list {
+            it.answer(self.kernel, &law, &mut stacks);
+        }
+        stacks
+    }
+
+    /// Takes over where another saw the axes go, with what this plant makes of a wave there.
+    fn follow(&mut self, fit: &Fit, before: &Tracks<'_>, wave: &Wave, reach: usize) {
+        let number = TAU / wave.pitch;
+        for (it, before) in self.list.iter_mut().zip(&before.list) {
+            it.position.clone_from(&before.position);
+            let [[moved, _]] = it.run(|q, _, _| [wave.amplitude * (number * q + wave.phase).sin()]);
+            let path: Vec<f64> = fit.simulated[it.record][it.place].iter().zip(&moved).map(|(a, b)| a + b).collect();
+            it.follow(&path, reach);
+        }
+    }
+
+    /// The answers to a wave along the measured positions, and to the same a quarter of a turn further.
+    #[must_use]
+    pub fn traces(&self, wave: &Wave) -> [Vec<f64>; 2] {
+        let number = TAU / wave.pitch;
+        self.answer(|q, _, _| {
+            let (sin, cos) = (number * q + wave.phase).sin_cos();
+            [wave.amplitude * sin, wave.amplitude * cos]
+        })
+    }
+}
+
+/// What a wave has to beat.
+struct Waves<'k> {
+    tracks: Tracks<'k>,
+    /// Orthonormal directions of all that is free anyway.
+    free: Vec<Vec<f64>>,
+    /// The residual without them.
+    residual: Vec<f64>,
+}
+
+impl<'k> Waves<'k> {
+    fn new(tracks: Tracks<'k>, fit: &Fit) -> Self {
+        let mut waves = Waves { tracks, free: Vec::new(), residual: fit.residual.clone() };
+        // Starts, calibration, causes already believed; and what a load, frictions and a gain would do, which may be causes beside the wave.
+        let held = fit.held.iter().map(|held| &held.column);
+        for column in fit.columns.iter().chain(held) {
+            let mut dense = vec![0.0; fit.residual.len()];
+            dense[column.first..column.first + column.values.len()].copy_from_slice(&column.values);
+            waves.add(dense);
+        }
+        let sign = |v: f64| (v / crate::effect::AXIS_SIGN_WIDTH).tanh();
+        let laws = waves.tracks.answer(|_, v, u| [1.0, v, sign(v), u]);
+        laws.into_iter().for_each(|law| waves.add(law));
+        for direction in &waves.free {
+            take_off(&mut waves.residual, direction);
+        }
+        waves
+    }
+
+    fn add(&mut self, mut column: Vec<f64>) {
+        let before = dot(&column, &column).sqrt();
+        // Twice is enough (W. Kahan, in B. N. Parlett, 1980).
+        for _ in 0..2 {
+            self.free.iter().for_each(|direction| take_off(&mut column, direction));
+        }
+        let after = dot(&column, &column).sqrt();
+        if after > OF_ITS_OWN * before && after.is_finite() {
+            column.iter_mut().for_each(|value| *value /= after);
+            self.free.push(column);
+        }
+    }
+
+    /// The gain of a wave number (radians a metre), and its factors of sine and cosine.
+    fn gain(&self, number: f64) -> (f64, [f64; 2]) {
+        let traces = self.tracks.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 });
+        let inside = traces.each_ref().map(|trace| self.free.iter().map(|it| dot(it, trace)).collect::<Vec<f64>>());
+        let own = |i: usize, j: usize| dot(&traces[i], &traces[j]) - dot(&inside[i], &inside[j]);
+        let (ss, sc, cc) = (own(0, 0), own(0, 1), own(1, 1));
+        let asked = traces.each_ref().map(|trace| dot(trace, &self.residual));
+        let whole = ss * cc - sc * sc;
+        // Two traces of which one is the other, or which the free directions make: no wave is seen in them.
+        if whole.is_nan() || whole <= OF_ITS_OWN * OF_ITS_OWN * dot(&traces[0], &traces[0]) * dot(&traces[1], &traces[1]) {
+            return (0.0, [0.0; 2]);
+        }
+        let factors = [(cc * asked[0] - sc * asked[1]) / whole, (ss * asked[1] - sc * asked[0]) / whole];
+        (factors[0] * asked[0] + factors[1] * asked[1], factors)
+    }
+
+    /// Gains of many wave numbers, on all threads; each has a place of its own.
+    fn gains(&self, numbers: &[f64]) -> Vec<f64> {
+        let next = AtomicUsize::new(0);
+        let places: Vec<Mutex<f64>> = numbers.iter().map(|_| Mutex::new(0.0)).collect();
+        let work = || {
+            loop {
+                let job = next.fetch_add(1, Ordering::Relaxed);
+                let Some(number) = numbers.get(job) else { break };
+                let gain = self.gain(*number).0;
+                if let Ok(mut place) = places[job].lock() {
+                    *place = gain;
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..self.tracks.kernel.threads.max(1) {
+                scope.spawn(work);
+            }
+        });
+        places.into_iter().map(|place| place.into_inner().unwrap_or(0.0)).collect()
+    }
+
+    /// The best wave number between two, by golden section (J. Kiefer, 1953).
+    fn best_between(&self, low: f64, high: f64) -> f64 {
+        let share = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let (mut low, mut high) = (low, high);
+        let mut inner = [high - share * (high - low), low + share * (high - low)];
+        let mut gains = inner.map(|number| self.gain(number).0);
+        for _ in 0..REFINED {
+            if gains[0] > gains[1] {
+                high = inner[1];
+                (inner[1], gains[1]) = (inner[0], gains[0]);
+                inner[0] = high - share * (high - low);
+                gains[0] = self.gain(inner[0]).0;
+            } else {
+                low = inner[0];
+                (inner[0], gains[0]) = (inner[1], gains[1]);
+                inner[1] = low + share * (high - low);
+                gains[1] = self.gain(inner[1]).0;
+            }
+        }
+        0.5 * (low + high)
+    }
+}
+
+fn take_off(column: &mut [f64], direction: &[f64]) {
+    let share = dot(column, direction);
+    column.iter_mut().zip(direction).for_each(|(value, direction)| *value -= share * direction);
+}
+
+/// The place between the lowest and the highest position of all records.
+fn travel(tracks: &Tracks<'_>) -> Option<f64> {
+    let all = tracks.list.iter().flat_map(|track| &track.position);
+    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
+    (high > low && (high - low).is_finite()).then_some(high - low)
+}
+
+/// The waves that explain most of what a fit leaves.
+#[must_use]
+pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
+    let waves = Waves::new(Tracks::new(kernel, fit), fit);
+    let Some(travel) = travel(&waves.tracks) else { return Vec::new() };
+    let line = TAU * 0.5 / travel;
+    let finest = LARGEST_NOISE / kernel.floors[0].sd;
+    let numbers: Vec<f64> = (1..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
+    let gains = waves.gains(&numbers);
+    // The longest wave may lie at the end of the list: beyond it is a spring, beyond the other end noise.
+    let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
+    let mut peaks: Vec<usize> =
+        (0..gains.len()).filter(|&k| at(k) > 0.0 && (k == 0 || at(k) >= at(k - 1)) && at(k) > at(k + 1)).collect();
+    peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
+    peaks.truncate(KEPT);
+    let mut found: Vec<(f64, Wave)> = Vec::new();
+    for k in peaks {
+        let number = waves.best_between(numbers[k] - 0.9 * line, numbers[k] + line);
+        let (gain, [sin, cos]) = waves.gain(number);
+        if gain > 0.0 {
+            found.push((gain, Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) }));
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.into_iter().map(|it| it.1).collect()
+}
+
+/// Whether an effect is such a wave.
+#[must_use]
+pub fn is_wave(kind: &str, plant: PlantKind) -> bool {
+    kind == "cogging-torque" && plant == PlantKind::ServoAxis
+}
+
+/// The wave that an entry says.
+#[must_use]
+pub fn of(arguments: &Arguments) -> Option<Wave> {
+    let number = |name| arguments.optional(name);
+    Some(Wave { amplitude: number("amplitude")?, pitch: number("pitch")?, phase: number("phase")? })
+}
+
+/// A plant with a wave, near the best of both: everything that is free in the fit, and the wave, as least squares along the measured positions has them; and
+/// the squared residual that this promises; turned over by so many of `REACHES`. A free run with the wave alone would begin where nothing else fits it.
+#[must_use]
+pub fn led(kernel: &Kernel, fit: &Fit, nominal: &Model, entry: &Entry, reaches: &[usize]) -> Option<(Model, f64)> {
+    let mut tracks = Tracks::new(kernel, fit);
+    // What was believed since the wave was read off moves it by less than half a line, a turn by a twentieth of one.
+    let mut found = led_once(tracks, fit, of(&entry.arguments)?.pitch, 0.5)?;
+    for reach in reaches {
+        // The plant with what the wave lets go of: derivatives and answers are its own.
+        let base = levenberg::here(kernel, found.model.clone())?;
+        tracks = Tracks::new(kernel, &base);
+        tracks.follow(&base, &found.tracks, &found.wave, *reach);
+        let next = led_once(tracks, &base, found.wave.pitch, 0.05)?;
+        if next.cost >= found.cost {
+            break;
+        }
+        found = next;
+    }
+    Some((found.model.joined(nominal, said(entry, &found.wave)), found.cost))
+}
+
+/// A plant with a wave whose free run ended beside the record, led again along what it lacked over so many rows on either side: `place` is that of the
+/// wave among its effects.
+#[must_use]
+pub fn led_again(kernel: &Kernel, fit: &Fit, nominal: &Model, place: usize, reach: usize) -> Option<Model> {
+    let entry = &fit.model.file.effects[place];
+    let wave = of(&entry.arguments)?;
+    let base = levenberg::here(kernel, fit.model.minus(nominal, place))?;
+    let mut tracks = Tracks::new(kernel, &base);
+    for it in &mut tracks.list {
+        it.follow(&fit.simulated[it.record][it.place], reach);
+    }
+    let found = led_once(tracks, &base, wave.pitch, 0.05)?;
+    Some(found.model.joined(nominal, said(entry, &found.wave)))
+}
+
+/// An entry with the numbers of a wave.
+fn said(entry: &Entry, wave: &Wave) -> Entry {
+    let mut entry = entry.clone();
+    for (name, value) in &mut entry.arguments.numbers {
+        match *name {
+            "amplitude" => *value = wave.amplitude,
+            "pitch" => *value = wave.pitch,
+            "phase" => *value = wave.phase,
+            _ => {}
+        }
+    }
+    entry
+}
+
+/// A turn of plant and wave.
+struct Led<'k> {
+    tracks: Tracks<'k>,
+    wave: Wave,
+    /// The plant of the fit, moved as it suits the wave.
+    model: Model,
+    /// Squared residual in first order.
+    cost: f64,
+}
+
+/// The wave within so many lines of a pitch, with the plant.
+fn led_once<'k>(tracks: Tracks<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<Led<'k>> {
+    let waves = Waves::new(tracks, fit);
+    let line = TAU * 0.5 / travel(&waves.tracks)?;
+    let number = TAU / pitch;
+    let number = waves.best_between((number - reach * line).max(0.1 * line), number + reach * line);
+    let traces = waves.tracks.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 });
+    let (matrix, mut right) = fit.equations_with_held();
+    let before = right.len();
+    let columns: Vec<&Column> = fit.columns.iter().chain(fit.held.iter().map(|held| &held.column)).collect();
+    let n = before + 2;
+    let mut whole = vec![0.0; n * n];
+    for i in 0..before {
+        whole[i * n..i * n + before].copy_from_slice(&matrix[i * before..(i + 1) * before]);
+        for (k, trace) in traces.iter().enumerate() {
+            let product = columns[i].with(trace);
+            (whole[i * n + before + k], whole[(before + k) * n + i]) = (product, product);
+        }
+    }
+    for i in 0..2 {
+        for j in 0..2 {
+            whole[(before + i) * n + before + j] = dot(&traces[i], &traces[j]);
+        }
+        right.push(dot(&traces[i], &fit.residual));
+    }
+    let solved = Normal::new(&whole, n, 0.0).solve(&right);
+    let gain: f64 = solved.iter().zip(&right).map(|(solved, right)| solved * right).sum();
+    if !gain.is_finite() {
+        return None;
+    }
+    let mut model = fit.model.clone();
+    let unknowns = fit.free.iter().copied().chain(fit.held.iter().map(|held| held.unknown));
+    for (k, change) in unknowns.zip(&solved) {
+        let unknown = &fit.model.unknowns[k];
+        model.set(k, unknown.outward(unknown.inward(fit.model.value(k)) + change));
+    }
+    let (sin, cos) = (solved[before], solved[before + 1]);
+    let wave = Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) };
+    Some(Led { tracks: waves.tracks, wave, model, cost: fit.cost - gain })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Pace;
+    use super::super::noise::{Floor, Random};
+    use super::*;
+    use crate::record::Record;
+    use crate::simulate::Simulator;
+    use rsm_core::source::Source;
+
+    const NOISE: [f64; 2] = [1e-5, 0.01];
+
+    /// An axis that is 4 % and 8 % off, over a wave of so many metres, its record, and the calibrated plant. In closed loop under moves of 0.1 m.
+    fn axis(closed: bool, pitch: f64) -> (Kernel, Model, Fit) {
+        let text = |mass: f64, friction: f64| {
+            let gains = if closed { "position_gain = 20\nvelocity_gain = 25\n" } else { "" };
+            format!(
+                "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = {mass}\nforce_gain = 4\nviscous_friction = {friction}\n\
+                 command_limit = 10\n{gains}[tolerance]\nmass = 0.03\nviscous_friction = 0.06\n"
+            )
+        };
+        let wave = format!(
+            "[[effects]]\nkind = \"cogging-torque\"\nparameters = {{ amplitude = 0.5, pitch = {pitch}, phase = 0.7 }}\n"
+        );
+        let read = |text: String| PlantFile::read(&Source::new("axis.toml", text)).unwrap();
+        let (file, truth) = (read(text(2.0, 3.0)), read(text(2.08, 3.24) + &wave));
+        let mut csv = if closed { "time[s],reference[m],command[V],position[m]\n" } else { "time[s],command[V],position[m]\n" }
+            .to_string();
+        for k in 0..4000 {
+            let t = f64::from(k) / 1000.0;
+            if closed {
+                csv += &format!("{t},{},0,0\n", 0.05 * (1.0 - (1.5 * t).cos()));
+            } else {
+                csv += &format!("{t},{},0\n", [0.5, -0.4, 0.0, 0.3, -0.6, 0.25][k as usize / 300 % 6]);
+            }
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), &truth).unwrap();
+        let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
+        let mut random = Random::new(5);
+        for (k, name) in ["position", "command"].iter().enumerate().take(1 + usize::from(closed)) {
+            let noisy = simulated.of(name).unwrap().iter().map(|value| value + NOISE[k] * random.normal());
+            record.measured[k] = Some(noisy.collect());
+        }
+        let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
+        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors, threads: 1, pace: Pace::default() };
+        let nominal = Model::nominal(&file, &[&record], [NOISE[0], NOISE[1], 1.0]);
+        let fit = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
+        (kernel, nominal, fit)
+    }
+
+    #[test]
+    fn waves_are_read_off_in_open_and_in_closed_loop() {
+        for (closed, pitch) in [(false, 0.012), (false, 0.04), (true, 0.012), (true, 0.04)] {
+            let (kernel, _, fit) = axis(closed, pitch);
+            let found = waves(&kernel, &fit)[0];
+            // Plant and wave are not fitted together yet: a plant that is a few per cent off makes as much of the wave; and of 2.5 waves in the travel, what other causes may
+            // do takes a share.
+            assert!((found.pitch / pitch - 1.0).abs() < 0.005, "{closed} {pitch}: {found:?}");
+            assert!((found.amplitude / 0.5 - 1.0).abs() < 0.2, "{closed} {pitch}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn a_led_plant_is_where_a_free_run_finds_the_best() {
+        for closed in [false, true] {
+            let (kernel, nominal, fit) = axis(closed, 0.012);
+            let found = waves(&kernel, &fit)[0];
+            let description = crate::effects::of("cogging-torque").unwrap();
+            let numbers = vec![("amplitude", found.amplitude), ("pitch", found.pitch), ("phase", found.phase)];
+            let arguments = Arguments { plant: PlantKind::ServoAxis, subject: None, numbers };
+            let (model, cost) = led(&kernel, &fit, &nominal, &Entry { description, arguments }, &REACHES).unwrap();
+            let rows = kernel.rows() as f64;
+            // White noise: four standard deviations, 4 sqrt(2 rows).
+            let four = 4.0 * (2.0 * rows).sqrt();
+            assert!((cost - rows).abs() < four, "{closed}: {cost}");
+            let fit = levenberg::fit(&kernel, model, 8).unwrap();
+            assert!((fit.cost - rows).abs() < four, "{closed}: {}", fit.cost);
+            let wave = of(&fit.model.file.effects[0].arguments).unwrap();
+            assert!((wave.pitch / 0.012 - 1.0).abs() < 1e-3 && (wave.amplitude / 0.5 - 1.0).abs() < 0.01, "{closed}: {wave:?}");
+        }
+    }
+}
