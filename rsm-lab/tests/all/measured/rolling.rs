@@ -76,7 +76,7 @@ fn the_diagnosis_finds_the_cogging_whichever_record_is_unseen() {
         assert_eq!(number("cycles"), 12.0);
         number("amplitude")
     };
-    let swapped = amplitude(&diagnose(&plant, &[other.clone()], &[one.clone()], &options).unwrap());
+    let swapped = amplitude(&diagnose(&plant, std::slice::from_ref(&other), std::slice::from_ref(&one), &options).unwrap());
     let straight = amplitude(&diagnose(&plant, &[one], &[other], &options).unwrap());
     // Intervals of a quarter either way on so few revolutions.
     assert!((swapped / straight).ln().abs() < 0.5, "{straight} {swapped}");
