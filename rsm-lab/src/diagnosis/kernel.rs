@@ -30,8 +30,9 @@ const SHORTER_STEPS: usize = 2;
 /// stiffens and slips at once winds up without end, for example.
 const MOST_STEPS_A_ROW: usize = 250;
 
-/// A candidate may always take as many: a wave at the end of the band, half a turn a row, takes 13 at four a radian.
-const LEAST_ALLOWED: usize = 16;
+/// A candidate may always take as many: three strokes a turn at 500 rad/s are 15 radians in a row of 10 ms, and take 60 at four a radian. Sampling folds them into the
+/// band, where they are seen.
+const LEAST_ALLOWED: usize = 64;
 
 /// A candidate may take so many times the sub-steps of the calibrated plant: a cause makes a plant faster by its own mode, not by an order. What goes beyond is a
 /// time constant on its way to nothing.
