@@ -195,11 +195,7 @@ pub fn conclude(
     }
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let verdict = match (structure || stopped.is_some(), causes.is_empty()) {
-        (true, _) => Verdict::Unexplained,
-        (false, true) => Verdict::NoDiscrepancy,
-        (false, false) => Verdict::Explained,
-    };
+    let verdict = judged_by(structure, stopped, causes.is_empty());
     let mut plant = fit.model.file.clone();
     plant.initial = file.initial.clone();
     for (output, step) in rounded {
@@ -232,6 +228,17 @@ pub fn conclude(
         aliases: aliases.into_iter().map(|it| it.1).collect(),
         next: None,
         portrait,
+    }
+}
+
+/// The verdict. Causes that leave noise stand, whatever work was still to be done about their rivals; a search that went round in a circle, or that added and exchanged
+/// without end, has shown that it does not know.
+fn judged_by(structure: bool, stopped: Option<Limit>, nothing: bool) -> Verdict {
+    let lost = stopped.is_some_and(|limit| limit != Limit::Steps);
+    match (structure || lost, nothing) {
+        (true, _) => Verdict::Unexplained,
+        (false, true) => Verdict::NoDiscrepancy,
+        (false, false) => Verdict::Explained,
     }
 }
 
@@ -390,5 +397,19 @@ fn unit(plant: PlantKind, description: &crate::effect::Description, subject: Opt
         (_, "damping" | "viscous_forward" | "viscous_backward") => if rotor { "N*m*s/rad" } else { "N*s/m" }.to_string(),
         (_, "stribeck_velocity") => if rotor { "rad/s" } else { "m/s" }.to_string(),
         _ => if rotor { "N*m" } else { "N" }.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {
+        assert_eq!(judged_by(false, None, false), Verdict::Explained);
+        assert_eq!(judged_by(false, None, true), Verdict::NoDiscrepancy);
+        assert_eq!(judged_by(false, Some(Limit::Steps), false), Verdict::Explained);
+        assert_eq!(judged_by(true, Some(Limit::Steps), false), Verdict::Unexplained);
+        assert_eq!(judged_by(false, Some(Limit::Circle), false), Verdict::Unexplained);
     }
 }

@@ -25,6 +25,9 @@ pub const MOST_STEPS: f64 = 50_000.0;
 /// where it saves at least this factor.
 const PAYS: f64 = 3.0;
 
+/// As how many steps one of the exponential method counts.
+const EXPONENTIAL: usize = 3;
+
 /// A plant with its effects under held inputs.
 pub struct System<'a, P: Plant> {
     /// The plant.
@@ -93,7 +96,7 @@ pub struct Span {
 }
 
 /// Integrates over a span, from a state with its rates in place, found in `pieces`, in steps `refinement` times as fine as the rates ask. The rates at the end
-/// are not computed: the next span has other inputs. Answers how many steps that took, one of the exponential method counting as one.
+/// are not computed: the next span has other inputs. Answers how many steps that took, one of the exponential method counting as what it costs.
 ///
 /// # Errors
 /// The fastest rate, where it asks for more than [`MOST_STEPS`].
@@ -117,7 +120,7 @@ pub fn hold<P: Plant>(
         let deepest = if system.hooks.have_pieces() { level(small) } else { 0 };
         let levels = Levels { first: level(large), deepest };
         exponential::over(system, work, &rates, pieces, (span.start, span.length), levels);
-        return Ok(1 << levels.first);
+        return Ok(EXPONENTIAL << levels.first);
     }
     let steps = small as usize * refinement;
     let step = span.length / steps as f64;

@@ -51,7 +51,9 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
         }
         Verdict::Explained => {
             let explain = if found.causes.len() == 1 { "explains" } else { "explain" };
-            format!("{names} {explain} what the simulation gets wrong; noise is left. {gain}")
+            let stopped =
+                found.stopped.map_or(String::new(), |it| format!(" The search stopped {it}: not every rival was tried."));
+            format!("{names} {explain} what the simulation gets wrong; noise is left.{stopped} {gain}")
         }
         Verdict::Unexplained => {
             let looks = telling(&found.portrait.after, 1);
