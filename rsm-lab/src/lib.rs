@@ -60,3 +60,5 @@ pub mod diagnosis;
 pub mod inverse;
 
 pub mod orders;
+
+pub mod threads;

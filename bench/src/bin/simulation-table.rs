@@ -7,7 +7,7 @@ use rsm_bench::simulation::{ROWS, SUBJECTS, diagnosed, rows_per_second};
 
 fn main() {
     let quick = std::env::args().any(|word| word == "--quick");
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = rsm_lab::threads::threads();
     println!(
         "simulation along {ROWS} rows, one thread, the shortest of some runs; diagnosis of three such records on {threads} threads\n"
     );

@@ -11,6 +11,7 @@ use rsm_core::source::{Collector, Faults, Source};
 use rsm_fit::plan::Plan;
 use rsm_lab::bench::{self, Bench, Setting};
 use rsm_lab::plant_file::PlantFile;
+use rsm_lab::threads::threads;
 use rsm_lab::track::experiment::{self, FLAGGED_AT_MOST};
 use rsm_lab::track::measure::Measured;
 use rsm_lab::track::plan::TrackPlan;
@@ -116,7 +117,7 @@ fn driveline(arguments: &Driveline) -> Outcome {
     let plan = TrackPlan::read(&Source::read(&arguments.plan)?)?;
     let compensation = arguments.compensator.as_deref().map(compensation).transpose()?;
     let bar = ProgressBar::new(plan.runs.len() as u64);
-    let runs = experiment::experiment(&plant, &plan, arguments.seed, compensation.as_ref(), experiment::threads());
+    let runs = experiment::experiment(&plant, &plan, arguments.seed, compensation.as_ref(), threads());
     bar.finish_and_clear();
     // The simulation knows no file: its name is put in front.
     let runs = runs.map_err(|faults| Refusal::new(format!("{}: {faults}", arguments.plant.display())))?;

@@ -26,6 +26,7 @@ use crate::motor::machine::{Truth, check_plant};
 use crate::motor::noise::Noise;
 use crate::motor::tasks::{DYNAMOMETER_INERTIA, Dynamometer};
 use crate::plant_file::PlantFile;
+use crate::threads::{in_threads, threads};
 
 /// What is set in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -124,17 +125,8 @@ impl Bench {
     /// A plant that is no motor, or one that cannot run in a loop; a plant of which every run trips.
     pub fn run(&self, plant: &PlantFile, settings: &[Setting], seed: u64) -> Result<Vec<Outcome>, Faults> {
         check_plant(plant)?;
-        let workers = std::thread::available_parallelism().map_or(1, usize::from).min(settings.len()).max(1);
-        let chunks = settings.chunks(settings.len().div_ceil(workers).max(1));
-        let parts: Vec<Result<Vec<Outcome>, Faults>> = std::thread::scope(|scope| {
-            let one = |chunk: &[Setting]| chunk.iter().map(|setting| self.one(plant, *setting, seed)).collect();
-            let started: Vec<_> = chunks.map(|chunk| scope.spawn(move || one(chunk))).collect();
-            started.into_iter().map(|part| part.join().expect("a run does not panic")).collect()
-        });
-        let mut outcomes = Vec::with_capacity(settings.len());
-        for part in parts {
-            outcomes.extend(part?);
-        }
+        let runs = in_threads(settings, threads(), |setting| self.one(plant, *setting, seed));
+        let outcomes = runs.into_iter().collect::<Result<Vec<Outcome>, Faults>>()?;
         if !outcomes.is_empty() && outcomes.iter().all(|it| matches!(it, Outcome::Tripped(_))) {
             let what = "every run ends with more than twice the current limit: are these the parameters of a motor?";
             return Err(Faults::one(Fault::whole_file("plant file", what)));

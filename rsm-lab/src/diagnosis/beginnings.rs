@@ -6,12 +6,12 @@
 
 use super::compete::Candidate;
 use super::hypotheses::Hypothesis;
-use super::kernel::{Kernel, dot};
+use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
-use super::model::{Model, Place};
-use super::nuisance::Nuisance;
+use super::model::Model;
 use super::screen::{Screened, screen};
 use super::selection::Search;
+use super::valleys::escaped;
 use crate::effect::Guess;
 
 /// A beginning ends where the squared residual, from the first row on, passes this many times that of noise. What is wrong then has three parts in four of it: enough to
@@ -40,18 +40,6 @@ const NEARLY_ALL: f64 = 0.8;
 /// high: some per cent, where guesses reach from half of what can be to all of it.
 const SCAN: usize = 24;
 
-/// Steps out of a valley end at this share of a number's scale, where a scan has looked: 2.5 % of a positive number.
-const OUT: f64 = 0.25;
-
-/// Factor between steps out of a valley.
-const WIDER: f64 = 1.5;
-
-/// Valleys beyond the nearest that are tried, and how often that may lead on.
-const VALLEYS: usize = 3;
-
-/// In standard deviations of the squared residual of noise: a fit within them has nothing to escape from.
-const NOISE: f64 = 4.0;
-
 /// Records up to where a plant follows them, and the plant.
 struct Beginning {
     /// Rows of each record.
@@ -63,7 +51,7 @@ struct Beginning {
 /// The first rows of each record.
 fn cut(kernel: &Kernel, ends: &[usize]) -> Kernel {
     let records = kernel.records.iter().zip(ends).map(|(record, rows)| record.shortened(*rows)).collect();
-    Kernel { records, floors: kernel.floors, threads: kernel.threads, pace: kernel.pace.clone() }
+    kernel.on(records)
 }
 
 /// How far a plant follows each record; `None` where it cannot be simulated.
@@ -147,48 +135,6 @@ fn followed(kernel: &Kernel, model: Model, mut ends: Vec<usize>, steps: usize, t
     None
 }
 
-/// Out of a valley that is only the nearest: steps along the numbers of the last cause, from what the noise leaves open to where a scan has looked, with everything else
-/// in first order. It goes on while it gains more than `threshold`.
-#[must_use]
-pub fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
-    let mut fit = fit;
-    for _ in 0..VALLEYS {
-        let rows = fit.residual.len() as f64;
-        if fit.cost <= rows + NOISE * (2.0 * rows).sqrt() {
-            break;
-        }
-        let nuisance = Nuisance::new(&fit);
-        let last = fit.model.file.effects.len().saturating_sub(1);
-        let mut models = Vec::new();
-        for (&k, column) in fit.free.iter().zip(&fit.columns) {
-            let unknown = &fit.model.unknowns[k];
-            if !matches!(unknown.place, Place::Effect { entry, .. } if entry == last) {
-                continue;
-            }
-            let at = unknown.inward(fit.model.value(k));
-            // By its standard deviation, all else known, the outputs move by as much as noise does.
-            let mut step = 1.0 / dot(&column.values, &column.values).sqrt();
-            while step < OUT * unknown.scale {
-                for value in [unknown.outward(at - step), unknown.outward(at + step)] {
-                    let mut model = fit.model.clone();
-                    model.set(k, value);
-                    models.push(model);
-                }
-                step *= WIDER;
-            }
-        }
-        let runs = kernel.run_all(&models);
-        let costs = runs.into_iter().map(|run| run.map(|run| nuisance.left(&kernel.residual(&run)).0));
-        let mut order: Vec<(f64, Model)> = costs.zip(models).filter_map(|(cost, model)| Some((cost?, model))).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let others = order.into_iter().take(VALLEYS).filter_map(|(_, model)| levenberg::fit(kernel, model, steps));
-        let lower = others.into_iter().find(|other| other.cost < fit.cost - threshold);
-        let Some(lower) = lower else { break };
-        fit = lower;
-    }
-    fit
-}
-
 /// The hypotheses that no number scales, those with one number with guesses close to one another.
 fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
     // Steps of rounding have no derivative, and nothing of them adds up.
@@ -235,7 +181,7 @@ impl Search<'_> {
         }
         (self.progress)("looking at the beginnings of the records");
         let short = cut(self.kernel, &base.ends);
-        let unseen = Kernel { records: Vec::new(), floors: short.floors, threads: short.threads, pace: short.pace.clone() };
+        let unseen = short.on(Vec::new());
         let hypotheses = scanned(self.hypotheses);
         let there = Search { kernel: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
         let mut screened = screen(&short, &base.fit, self.nominal, &hypotheses);
@@ -255,7 +201,7 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::{Pace, Prepared};
+    use super::super::kernel::Prepared;
     use super::super::noise::{Floor, Random};
     use super::super::selection::Effort;
     use super::super::{calibrate, hypotheses, survey};
@@ -297,7 +243,7 @@ mod tests {
             }
             Prepared::new(record, 3)
         });
-        (Kernel { records: records.to_vec(), floors: sds.map(Floor::white), threads: 2, pace: Pace::default() }, nominal)
+        (Kernel::new(records.to_vec(), sds.map(Floor::white), 2), nominal)
     }
 
     #[test]
@@ -306,7 +252,7 @@ mod tests {
         let (nominal, calibrated) = calibrate(&mut kernel, &file).unwrap();
         let all = hypotheses::all(file.kind, &survey::survey(&kernel, &calibrated), &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
-        let unseen = Kernel { records: Vec::new(), ..kernel.clone() };
+        let unseen = kernel.on(Vec::new());
         let search = Search {
             kernel: &kernel,
             unseen: &unseen,

@@ -3,7 +3,6 @@
 //! In: a fit and what the screen found about it. Out: candidates, the best first, and the one to believe, if any. A candidate is judged on training and
 //! validation records together; only training records move a number. Never looks at how the fit came about.
 
-use super::beginnings::escaped;
 use super::chance::best_of;
 use super::hypotheses::{Hypothesis, label};
 use super::levenberg::{self, Fit};
@@ -12,7 +11,7 @@ use super::nuisance::Nuisance;
 use super::profile::{Profiled, profile};
 use super::screen::Screened;
 use super::selection::Search;
-use super::{validation, waves, whiteness, worth};
+use super::{validation, valleys, waves, whiteness, worth};
 use crate::plant_file::Entry;
 
 /// Ties: a simpler cause wins when it reaches this share of the gain, if the better one does not leave noise either. Smoothings and integrators of the same
@@ -119,9 +118,15 @@ impl Search<'_> {
         let steps = self.effort.fit_steps;
         let mut further = levenberg::onward(self.kernel, found.fit.model.clone(), SETTLE * steps, Some(&found.fit))?;
         let entry = further.model.file.effects.last()?;
+        let several = entry.arguments.numbers.len() > 1;
         let scales = |it: &Hypothesis| it.guesses.iter().all(|guess| guess.neutral.is_some());
-        if !self.hypotheses.iter().any(|it| it.is(entry) && scales(it)) {
-            further = escaped(self.kernel, further, steps, enough);
+        let scales = self.hypotheses.iter().any(|it| it.is(entry) && scales(it));
+        if !scales {
+            further = valleys::escaped(self.kernel, further, steps, enough);
+        }
+        let hops = if several && !scales { valleys::IN_VAIN } else { 0 };
+        if hops > 0 || valleys::in_few_parts(self.kernel, &further) {
+            further = valleys::settled(self.kernel, further, steps, hops, enough);
         }
         if found.fit.cost - further.cost > enough { self.judged(fit, further) } else { None }
     }

@@ -159,15 +159,7 @@ impl<'a> Trial<'a> {
             k += 1;
             held[k - 1]
         });
-        (!prepared.outputs.is_empty()).then_some(Trial {
-            excitation,
-            kernel: Kernel {
-                records: vec![prepared],
-                floors: present.floors,
-                threads: present.threads,
-                pace: present.pace.clone(),
-            },
-        })
+        (!prepared.outputs.is_empty()).then_some(Trial { excitation, kernel: present.on(vec![prepared]) })
     }
 
     fn record(&self) -> &Record {

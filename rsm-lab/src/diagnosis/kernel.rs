@@ -3,13 +3,14 @@
 //! In: a model and prepared records. Out: residuals of length one where they are noise, and their derivatives with respect to unknowns.
 //! The same bits whatever the number of threads: each simulation is one job with a place of its own.
 
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::model::{Model, Place};
 use super::noise::Floor;
 use crate::record::{Drive, Record};
 use crate::simulate::{Outputs, Simulator};
+use crate::threads::in_threads_with;
 
 /// The step of a difference, in units of an unknown's scale. A law with a kink (free play, a limit) is simulated with kinks that are placed to a share of
 /// a sub-step: its outputs jump by 1e-5 of what they move, and over a thousandth of a scale that was a tenth of the derivative. Over three hundredths
@@ -180,33 +181,22 @@ impl Pace {
 }
 
 impl Kernel {
+    /// Of records, with nothing simulated yet.
+    #[must_use]
+    pub fn new(records: Vec<Prepared>, floors: [Floor; 3], threads: usize) -> Self {
+        Kernel { records, floors, threads, pace: Pace::default() }
+    }
+
+    /// The same for other records: their work counts as its own.
+    #[must_use]
+    pub fn on(&self, records: Vec<Prepared>) -> Self {
+        Kernel { records, floors: self.floors, threads: self.threads, pace: self.pace.clone() }
+    }
+
     /// Runs jobs on all threads; `None` where the numbers left no way on.
     #[must_use]
     pub fn simulate(&self, jobs: &[(usize, &Model)]) -> Vec<Option<Simulated>> {
-        let next = AtomicUsize::new(0);
-        let places: Vec<Mutex<Option<Simulated>>> = jobs.iter().map(|_| Mutex::new(None)).collect();
-        let work = || {
-            let mut outputs = Outputs::default();
-            loop {
-                let job = next.fetch_add(1, Ordering::Relaxed);
-                let Some((record, model)) = jobs.get(job) else { break };
-                let done = self.one(*record, model, &mut outputs);
-                if let Ok(mut place) = places[job].lock() {
-                    *place = done;
-                }
-            }
-        };
-        let threads = self.threads.min(jobs.len()).max(1);
-        if threads == 1 {
-            work();
-        } else {
-            std::thread::scope(|scope| {
-                for _ in 0..threads {
-                    scope.spawn(work);
-                }
-            });
-        }
-        places.into_iter().map(|place| place.into_inner().ok().flatten()).collect()
+        in_threads_with(jobs, self.threads, |outputs, (record, model)| self.one(*record, model, outputs))
     }
 
     fn one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<Simulated> {
@@ -378,7 +368,7 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let share = |noise: f64| {
             let records = vec![Prepared::new(record.clone(), 2)];
-            let kernel = Kernel { records, floors: [Floor::white(noise); 3], threads: 1, pace: Pace::default() };
+            let kernel = Kernel::new(records, [Floor::white(noise); 3], 1);
             let model = Model::nominal(&file, &[&record], [noise; 3]);
             let simulated = kernel.run(&model).unwrap();
             let mass = model.unknowns.iter().position(|it| it.place == Place::Nominal("mass")).unwrap();

@@ -153,7 +153,7 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
         let of_free: Vec<Column> = free.iter().map(|&k| columns[k].clone()).collect();
         let matrix = gram(&model, &free, &of_free);
         let right = pull(&model, &free, &of_free, &residual);
-        let mut moved = false;
+        let mut goes_on = false;
         // Five dampings are a factor of ten thousand: what no damping improves is at its best. Corrected derivatives get two: better ones are to be had.
         let tries = match (step == steps, exact) {
             (true, _) => 0,
@@ -166,11 +166,7 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
             if promised < ENOUGH.max(ENOUGH_SHARE * cost_now) {
                 break;
             }
-            let mut trial = model.clone();
-            for (&k, change) in free.iter().zip(&change) {
-                let unknown = &model.unknowns[k];
-                trial.set(k, unknown.outward(unknown.inward(model.value(k)) + change));
-            }
+            let trial = moved(&model, &free, &change);
             let better = kernel.run(&trial).map(|simulated| {
                 let residual = kernel.residual(&simulated);
                 (cost(&trial, &residual), simulated, residual)
@@ -183,7 +179,7 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
                     (model, simulated, residual, cost_now) = (trial, trial_simulated, trial_residual, trial_cost);
                     damping = (damping / 10.0).max(1e-9);
                     // Half of what was promised: the derivatives point elsewhere.
-                    moved = gained > ENOUGH.max(ENOUGH_SHARE * cost_now) && gained > 0.5 * promised;
+                    goes_on = gained > ENOUGH.max(ENOUGH_SHARE * cost_now) && gained > 0.5 * promised;
                     exact = exact && gained <= ENOUGH.max(ENOUGH_SHARE * cost_now);
                     step += 1;
                     break;
@@ -191,7 +187,7 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
                 _ => damping = (damping * 10.0).max(1e-6),
             }
         }
-        if moved && step < steps {
+        if goes_on && step < steps {
             continue;
         }
         if exact {
@@ -202,6 +198,40 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
         columns = kernel.derivatives(&model, &simulated, &all)?;
         exact = true;
     }
+}
+
+/// Normal equations of the unknowns that are not pressed against a bound.
+pub(super) struct Equations {
+    free: Vec<usize>,
+    matrix: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl Equations {
+    /// Of derivatives for all unknowns.
+    pub(super) fn new(model: &Model, columns: &[Column], residual: &[f64]) -> Self {
+        let all: Vec<usize> = (0..model.unknowns.len()).collect();
+        let asked = pull(model, &all, columns, residual);
+        let free: Vec<usize> = all.into_iter().filter(|&k| !pressed(model, k, asked[k])).collect();
+        let columns: Vec<Column> = free.iter().map(|&k| columns[k].clone()).collect();
+        let right = free.iter().map(|&k| asked[k]).collect();
+        Equations { matrix: gram(model, &free, &columns), free, right }
+    }
+
+    /// The model a damped step further.
+    pub(super) fn step(&self, model: &Model, damping: f64) -> Model {
+        moved(model, &self.free, &within_bounds(model, &self.free, &self.matrix, &self.right, damping))
+    }
+}
+
+/// The model after a change of its free unknowns.
+fn moved(model: &Model, free: &[usize], change: &[f64]) -> Model {
+    let mut trial = model.clone();
+    for (&k, change) in free.iter().zip(change) {
+        let unknown = &model.unknowns[k];
+        trial.set(k, unknown.outward(unknown.inward(model.value(k)) + change));
+    }
+    trial
 }
 
 /// Corrects derivatives by what a step changed in truth, along that step alone. Those of starts stay: they are those of one record and hardly change.
@@ -290,39 +320,14 @@ fn pressed(model: &Model, k: usize, pull: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::{Pace, Prepared};
-    use super::super::noise::{Floor, Random};
+    use super::super::axis_under_steps;
     use super::*;
-    use crate::plant_file::PlantFile;
-    use crate::record::Record;
-    use crate::simulate::Simulator;
-    use rsm_core::source::Source;
 
     /// An axis with dry friction, its record with noise, and the same axis without friction, all of it free.
     fn axis() -> (Kernel, Model) {
-        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\ncommand_limit = 10\n\
-                    [tolerance]\nmass = 0.1\nviscous_friction = 0.5\n";
-        let friction = "[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = FORCE }\n";
-        let file = |force: &str| {
-            PlantFile::read(&Source::new("axis.toml", text.to_string() + &friction.replace("FORCE", force))).unwrap()
-        };
-        let mut csv = "time[s],command[V],position[m]\n".to_string();
-        for k in 0..600 {
-            csv += &format!("{},{},0\n", k as f64 / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
-        }
-        let truth = file("1.2");
-        let mut record = Record::read(&Source::new("r.csv", csv), &truth).unwrap();
-        let mut random = Random::new(5);
-        let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
-        let noisy = simulated.of("position").unwrap().iter().map(|value| value + 1e-5 * random.normal());
-        record.measured[0] = Some(noisy.collect());
-        let kernel = Kernel {
-            records: vec![Prepared::new(record.clone(), 2)],
-            floors: [Floor::white(1e-5); 3],
-            threads: 1,
-            pace: Pace::default(),
-        };
-        let nominal = Model::nominal(&file("0.1"), &[&record], [1e-5; 3]);
+        let file =
+            |force: f64| axis_under_steps::file("mass = 0.1\nviscous_friction = 0.5", &axis_under_steps::friction(force));
+        let (kernel, nominal) = axis_under_steps::kernel(&file(0.1), &file(1.2), true);
         let entries = nominal.file.effects.clone();
         (kernel, nominal.with_effects(&nominal, entries))
     }

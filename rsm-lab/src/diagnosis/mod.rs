@@ -9,6 +9,8 @@
 //! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Sees the records and the nominal plant alone: nobody may look
 //! into the plant that made a record. Never prints, never writes.
 
+#[cfg(test)]
+mod axis_under_steps;
 pub mod beginnings;
 pub mod bootstrap;
 pub mod chance;
@@ -38,13 +40,14 @@ pub mod spectrum;
 pub mod steps;
 pub mod survey;
 pub mod validation;
+pub mod valleys;
 pub mod verdict;
 pub mod waves;
 pub mod whiteness;
 pub mod worth;
 
 use checks::Finding;
-use kernel::{Kernel, Pace, Prepared};
+use kernel::{Kernel, Prepared};
 use levenberg::Fit;
 use model::Model;
 use noise::Floor;
@@ -114,8 +117,8 @@ pub fn diagnose(
         list
     };
     let white = [Floor::white(1.0); 3];
-    let mut kernel = Kernel { records: prepare(training), floors: white, threads: options.threads, pace: Pace::default() };
-    let mut unseen = Kernel { records: prepare(validation), floors: white, threads: options.threads, pace: Pace::default() };
+    let mut kernel = Kernel::new(prepare(training), white, options.threads);
+    let mut unseen = Kernel::new(prepare(validation), white, options.threads);
     if kernel.records.iter().all(|it| it.outputs.is_empty()) {
         return Err(Refused::NoOutputs);
     }

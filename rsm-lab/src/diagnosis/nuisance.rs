@@ -136,38 +136,16 @@ impl<'a> Nuisance<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::{Kernel, Pace, Prepared};
-    use super::super::levenberg;
     use super::super::model::Model;
-    use super::super::noise::Floor;
+    use super::super::{axis_under_steps, levenberg};
     use super::*;
-    use crate::plant_file::PlantFile;
-    use crate::record::Record;
-    use crate::simulate::Simulator;
-    use rsm_core::source::Source;
 
     #[test]
     fn what_presses_a_parameter_against_its_tolerance_gets_credit_for_letting_it_go() {
         // Dry friction that the axis lacks presses the viscous friction, known to 2 %, against the upper end. With the friction it comes back.
-        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\n\
-                    command_limit = 10\n[tolerance]\nviscous_friction = 0.02\n";
-        let friction = "[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 0.8 }\n";
-        let file = |text: String| PlantFile::read(&Source::new("axis.toml", text)).unwrap();
-        let (nominal, truth) = (file(text.to_string()), file(text.to_string() + friction));
-        let mut csv = "time[s],command[V],position[m]\n".to_string();
-        for k in 0..600 {
-            csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
-        }
-        let mut record = Record::read(&Source::new("r.csv", csv), &nominal).unwrap();
-        let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
-        record.measured[0] = simulated.of("position").map(<[f64]>::to_vec);
-        let kernel = Kernel {
-            records: vec![Prepared::new(record.clone(), 2)],
-            floors: [Floor::white(1e-5); 3],
-            threads: 1,
-            pace: Pace::default(),
-        };
-        let model = Model::nominal(&nominal, &[&record], [1e-5; 3]);
+        let file = |effects: &str| axis_under_steps::file("viscous_friction = 0.02", effects);
+        let truth = file(&axis_under_steps::friction(0.8));
+        let (kernel, model) = axis_under_steps::kernel(&file(""), &truth, false);
         let fit = levenberg::fit(&kernel, model, 8).unwrap();
         assert_eq!(fit.held.len(), 1);
         let nuisance = Nuisance::new(&fit);

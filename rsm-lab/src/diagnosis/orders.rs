@@ -340,7 +340,7 @@ pub fn spectral(
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::{Pace, Prepared};
+    use super::super::kernel::Prepared;
     use super::super::noise::{Floor, Random};
     use super::*;
     use crate::plant_file::PlantFile;
@@ -364,12 +364,7 @@ mod tests {
             csv += &format!("{time},0,0,0,{}\n", speed + amplitude * (order * angle).sin() + 0.3 * random.normal());
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
-        let kernel = Kernel {
-            records: vec![Prepared::new(record, 3)],
-            floors: [Floor::white(0.3); 3],
-            threads: 1,
-            pace: Pace::default(),
-        };
+        let kernel = Kernel::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); 3], 1);
         assert_eq!(kernel.records[0].outputs, [2]);
         let model = Model { file, starts: vec![[0.0; 3]], unknowns: Vec::new() };
         let simulated = vec![vec![smooth]];

@@ -351,32 +351,14 @@ impl Screened {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::{Pace, Prepared};
-    use super::super::levenberg;
-    use super::super::noise::Floor;
+    use super::super::{axis_under_steps, levenberg};
     use super::*;
     use crate::effects;
-    use crate::plant_file::PlantFile;
-    use crate::record::Record;
-    use crate::simulate::Simulator;
-    use rsm_core::source::Source;
 
     #[test]
     fn a_guess_that_stops_the_plant_is_taken_smaller() {
-        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\ncommand_limit = 10\n";
-        let friction = "[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 0.02 }\n";
-        let file = |text: String| PlantFile::read(&Source::new("axis.toml", text)).unwrap();
-        let (nominal, truth) = (file(text.to_string()), file(text.to_string() + friction));
-        let mut csv = "time[s],command[V],position[m]\n".to_string();
-        for k in 0..600 {
-            csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
-        }
-        let mut record = Record::read(&Source::new("r.csv", csv), &nominal).unwrap();
-        let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
-        record.measured[0] = simulated.of("position").map(<[f64]>::to_vec);
-        let records = vec![Prepared::new(record.clone(), 2)];
-        let kernel = Kernel { records, floors: [Floor::white(1e-5); 3], threads: 1, pace: Pace::default() };
-        let model = Model::nominal(&nominal, &[&record], [1e-5; 3]);
+        let file = |effects: &str| axis_under_steps::file("", effects);
+        let (kernel, model) = axis_under_steps::kernel(&file(""), &file(&axis_under_steps::friction(0.02)), false);
         let fit = levenberg::fit(&kernel, model.clone(), 8).unwrap();
         // The largest effort is 8 N: 20 N hold the axis where it is.
         let guesses = vec![Guess::scaled(vec![20.0], 0.0)];

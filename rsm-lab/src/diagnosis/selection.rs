@@ -262,7 +262,7 @@ impl Search<'_> {
         path: &mut Path,
     ) -> Vec<Fit> {
         let mut stages = Vec::new();
-        while fit.model.file.effects.len() < self.effort.causes && path.has_steps(self.kernel.pace.taken()) && path.competes() {
+        while fit.model.file.effects.len() < self.effort.causes && self.goes_on(path) && path.competes() {
             let screened = screened.take().unwrap_or_else(|| {
                 let mut screened = screen(self.kernel, &fit, self.nominal, self.hypotheses);
                 screened.iter_mut().for_each(Screened::slim);
@@ -289,6 +289,11 @@ impl Search<'_> {
         stages
     }
 
+    /// Whether there is work left for one more competition or pair.
+    fn goes_on(&self, path: &mut Path) -> bool {
+        path.has_steps(self.kernel.pace.taken())
+    }
+
     /// Whether what a fit leaves is noise, as far as a further cause would pay.
     fn leaves_noise(&self, fit: &Fit, threshold: f64) -> bool {
         whiteness::look(self.kernel, fit).excess * fit.residual.len() as f64 <= threshold
@@ -301,7 +306,7 @@ impl Search<'_> {
         let mut tried: Vec<Vec<String>> = Vec::new();
         let mut best: Option<Fit> = None;
         for pair in pairs {
-            if tried.len() == self.effort.fitted || !path.has_steps(self.kernel.pace.taken()) {
+            if tried.len() == self.effort.fitted || !self.goes_on(path) {
                 break;
             }
             let mut model = calibrated.model.clone();
@@ -447,7 +452,7 @@ impl Search<'_> {
 
     /// What competes for a place; nobody, once the limit of work is met.
     fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Vec<Candidate> {
-        if !path.has_steps(self.kernel.pace.taken()) || !path.competes() {
+        if !self.goes_on(path) || !path.competes() {
             return Vec::new();
         }
         let mut screened = screen(self.kernel, base, self.nominal, self.hypotheses);

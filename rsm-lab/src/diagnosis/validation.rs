@@ -29,7 +29,7 @@ pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
         let cut = |it: &Prepared| it.shortened(it.record.rows() / share);
         if kernel.records.iter().all(|it| it.record.rows() / share >= LEAST_ROWS) {
             let records: Vec<Prepared> = kernel.records.iter().map(cut).collect();
-            other = levenberg::fit(&Kernel { records, pace: kernel.pace.clone(), ..*kernel }, other, STEPS)?.model;
+            other = levenberg::fit(&kernel.on(records), other, STEPS)?.model;
         }
         share /= 2;
     }
@@ -134,12 +134,7 @@ mod tests {
         }
         // Two standard deviations off, the first reading is two radians of the ripple off at the end.
         record.measured[1].as_mut().unwrap()[0] = 12.04;
-        let kernel = Kernel {
-            records: vec![Prepared::new(record.clone(), 3)],
-            floors: sds.map(Floor::white),
-            threads: 1,
-            pace: super::super::kernel::Pace::default(),
-        };
+        let kernel = Kernel::new(vec![Prepared::new(record.clone(), 3)], sds.map(Floor::white), 1);
         let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
         // White noise in 4500 readings: four standard deviations, 4 sqrt(2 * 4500), and the four squared ones of the first.
         let left = squared_residual(&kernel, &model).unwrap();

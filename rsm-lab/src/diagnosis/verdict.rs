@@ -9,6 +9,7 @@ use super::hypotheses::generalises;
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
+use super::noise::Floor;
 use super::normal::Normal;
 use super::portrait::{self, Compared, Portrait, Witness};
 use super::selection::{Believed, Limit, Selection};
@@ -27,8 +28,13 @@ const OF_THE_WHOLE: f64 = 5e-7;
 /// Rivals are alike when they do worse by less than this share of the gain: between integrators and smoothings, formulas of one cause differ that much.
 const ALIKE: f64 = 1e-5;
 
-/// Rounding that is taken for noise is not white where the motion is slow: so much of its energy comes back as structure.
+/// Rounding that is taken for noise is not white where the motion is slow, and noise that is not white before it is rounded has another colour at every speed: so much
+/// of its energy comes back as structure.
 const OF_ROUNDING: f64 = 0.3;
+
+/// Unseen records may have so many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
+/// is beyond shows as structure.
+const MOST_NOISE: f64 = 1.5;
 
 /// A number with its 95 % interval.
 #[derive(Debug, Clone, PartialEq)]
@@ -158,10 +164,11 @@ pub fn conclude(
     // On unseen records the numbers of the plant may move as far as they are unsure.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
     let moved = moved.and_then(|after| validation::within(unseen, &fit.model, &deviations(&fit), after));
-    let left_unseen = moved.map(|fit| whiteness::look(unseen, &fit));
+    let left_unseen = moved.map(|moved| left_there(unseen, moved, file));
     // What the calibrated plant gets wrong, a row.
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
-    let told = rounded.iter().all(|(output, _)| kernel.floors[*output].rounding.is_some());
+    let told = |floor: &Floor| floor.rounding.is_some() && floor.correlation == 0.0;
+    let told = rounded.iter().all(|(output, _)| told(&kernel.floors[*output]));
     let of_rounding = if told { 0.0 } else { OF_ROUNDING };
     let structure = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess)) > of_rounding.max(OF_THE_WHOLE * wrong);
     let calibrated_there = validation::on(judged, &calibrated.model);
@@ -229,6 +236,19 @@ pub fn conclude(
         next: None,
         portrait,
     }
+}
+
+/// What is left on unseen records, by the noise that they have themselves: its level is known from the others to a per cent, and a day's is not that of the next.
+/// Far more of it is none.
+fn left_there(unseen: &Kernel, moved: Fit, file: &PlantFile) -> Left {
+    let mut there = unseen.clone();
+    for (floor, own) in there.floors.iter_mut().zip(super::floors(unseen, &moved, file)) {
+        if floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd {
+            *floor = own;
+        }
+    }
+    let residual = there.residual(&moved.simulated);
+    whiteness::look(&there, &Fit { residual, ..moved })
 }
 
 /// The verdict. Causes that leave noise stand, whatever work was still to be done about their rivals; a search that went round in a circle, or that added and exchanged
@@ -403,6 +423,29 @@ fn unit(plant: PlantKind, description: &crate::effect::Description, subject: Opt
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn louder_noise_on_unseen_records_is_no_structure_and_a_swing_is() {
+        use super::super::axis_under_steps;
+        let file = axis_under_steps::file("mass = 0.02", "");
+        let (kernel, nominal) = axis_under_steps::kernel(&file, &file, true);
+        let fit = levenberg::fit(&kernel, nominal, 4).unwrap();
+        // The residual times `louder`, and a swing of so many times the noise beside it, ten to the record.
+        let left = |louder: f64, swing: f64| {
+            let mut unseen = kernel.clone();
+            let measured = unseen.records[0].record.measured[0].as_mut().unwrap();
+            for (row, value) in measured.iter_mut().enumerate() {
+                let simulated = fit.simulated[0][0][row];
+                let swing = swing * kernel.floors[0].sd * (0.1 * row as f64).sin();
+                *value = simulated + louder * (*value - simulated) + swing;
+            }
+            left_there(&unseen, fit.clone(), &file).excess
+        };
+        assert_eq!(left(1.0, 0.0), 0.0);
+        assert_eq!(left(1.4, 0.0), 0.0);
+        assert!(left(1.8, 0.0) > 0.5, "{}", left(1.8, 0.0));
+        assert!(left(1.0, 0.7) > 0.05, "{}", left(1.0, 0.7));
+    }
 
     #[test]
     fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {

@@ -9,8 +9,6 @@
 //! derivative of a reading is taken, and long slow motion, where a small force moves much, has the weight that it deserves.
 
 use std::f64::consts::TAU;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::kernel::{Column, Kernel, Prepared, dot};
 use super::levenberg::{self, Fit};
@@ -20,6 +18,7 @@ use crate::effect::{Arguments, Wave};
 use crate::kind::PlantKind;
 use crate::plant_file::{Entry, PlantFile, VelocityFrom};
 use crate::record::Drive;
+use crate::threads::in_threads;
 
 /// Waves over the travel that are tried at most. Half a wave over the travel is the width of a line.
 pub const MOST: usize = 400;
@@ -298,26 +297,9 @@ impl<'k> Waves<'k> {
         (factors[0] * asked[0] + factors[1] * asked[1], factors)
     }
 
-    /// Gains of many wave numbers, on all threads; each has a place of its own.
+    /// Gains of many wave numbers, on all threads.
     fn gains(&self, numbers: &[f64]) -> Vec<f64> {
-        let next = AtomicUsize::new(0);
-        let places: Vec<Mutex<f64>> = numbers.iter().map(|_| Mutex::new(0.0)).collect();
-        let work = || {
-            loop {
-                let job = next.fetch_add(1, Ordering::Relaxed);
-                let Some(number) = numbers.get(job) else { break };
-                let gain = self.gain(*number).0;
-                if let Ok(mut place) = places[job].lock() {
-                    *place = gain;
-                }
-            }
-        };
-        std::thread::scope(|scope| {
-            for _ in 0..self.tracks.kernel.threads.max(1) {
-                scope.spawn(work);
-            }
-        });
-        places.into_iter().map(|place| place.into_inner().unwrap_or(0.0)).collect()
+        in_threads(numbers, self.tracks.kernel.threads, |number| self.gain(*number).0)
     }
 
     /// The best wave number between two, by golden section (J. Kiefer, 1953).
@@ -498,7 +480,6 @@ fn led_once<'k>(tracks: Tracks<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Pace;
     use super::super::noise::{Floor, Random};
     use super::*;
     use crate::record::Record;
@@ -539,7 +520,7 @@ mod tests {
             record.measured[k] = Some(noisy.collect());
         }
         let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
-        let kernel = Kernel { records: vec![Prepared::new(record.clone(), 2)], floors, threads: 1, pace: Pace::default() };
+        let kernel = Kernel::new(vec![Prepared::new(record.clone(), 2)], floors, 1);
         let nominal = Model::nominal(&file, &[&record], [NOISE[0], NOISE[1], 1.0]);
         let fit = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
         (kernel, nominal, fit)

@@ -4,13 +4,13 @@
 //! same bits, whatever the number of threads, because every run has its own stream of noise.
 
 use std::fmt::Write as _;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults};
 
 use crate::kind::PlantKind;
 use crate::plant_file::PlantFile;
+use crate::threads::in_threads;
 
 use super::measure::{Measured, measure};
 use super::plan::{TipIn, TrackPlan};
@@ -18,38 +18,6 @@ use super::run::{Compensation, Trace, tip_in};
 
 /// At most so many runs of a plan may be flagged: one in twelve, the paper's two of 25.
 pub const FLAGGED_AT_MOST: f64 = 1.0 / 12.0;
-
-/// Does something with every item on so many threads; the answers stand in the order of the items.
-pub fn in_threads<T: Sync, A: Send>(items: &[T], threads: usize, work: impl Fn(&T) -> A + Sync) -> Vec<A> {
-    let next = AtomicUsize::new(0);
-    let mut answers: Vec<(usize, A)> = std::thread::scope(|scope| {
-        let worker = || {
-            let mut own = vec![];
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(item) = items.get(index) else { return own };
-                own.push((index, work(item)));
-            }
-        };
-        let others: Vec<_> = (1..threads.max(1)).map(|_| scope.spawn(worker)).collect();
-        let mut all = worker();
-        for other in others {
-            match other.join() {
-                Ok(own) => all.extend(own),
-                Err(panic) => std::panic::resume_unwind(panic),
-            }
-        }
-        all
-    });
-    answers.sort_by_key(|(index, _)| *index);
-    answers.into_iter().map(|(_, answer)| answer).collect()
-}
-
-/// So many threads as the machine has cores for.
-#[must_use]
-pub fn threads() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
 
 /// Makes every run of a plan and measures it.
 ///
@@ -122,20 +90,4 @@ pub fn csv(measured: &[Measured], further: &[(&str, &[f64])]) -> String {
         let _ = writeln!(text, "{}", cells.join(","));
     }
     text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_order_of_answers_is_that_of_the_items() {
-        let items: Vec<u64> = (0..40).collect();
-        for threads in [0, 1, 3] {
-            assert_eq!(
-                in_threads(&items, threads, |item| item * item),
-                items.iter().map(|item| item * item).collect::<Vec<_>>()
-            );
-        }
-    }
 }

@@ -5,7 +5,7 @@ use rsm_core::check::Checked;
 use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_lab::diagnosis::correction::{self, Offer};
-use rsm_lab::diagnosis::kernel::{Kernel, Pace, Prepared};
+use rsm_lab::diagnosis::kernel::{Kernel, Prepared};
 use rsm_lab::diagnosis::noise::{Floor, Random};
 use rsm_lab::kind::PlantKind;
 use rsm_lab::plant_file::PlantFile;
@@ -60,7 +60,7 @@ fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (Kernel, Vec<Vec<Vec<
         simulated.push(vec![position, command]);
     }
     let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
-    (Kernel { records, floors, threads: 1, pace: Pace::default() }, simulated)
+    (Kernel::new(records, floors, 1), simulated)
 }
 
 const TRAINING: [[f64; 2]; 2] = [[3.0, 1.6], [2.4, 1.9]];
@@ -93,7 +93,7 @@ fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
 #[test]
 fn without_unseen_records_the_last_third_judges() {
     let (kernel, simulated) = records(2000.0, &TRAINING, 1);
-    let nobody = Kernel { records: Vec::new(), ..kernel.clone() };
+    let nobody = kernel.on(Vec::new());
     let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &nobody, &[]);
     let Offer::Gains(found) = found else { panic!("{found:?}") };
     assert!(!found.unseen && found.gain > 0.8, "{}", found.gain);

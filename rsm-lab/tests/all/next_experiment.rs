@@ -3,7 +3,7 @@
 use rsm_core::source::Source;
 use rsm_lab::diagnosis::excitations::{self, Limits};
 use rsm_lab::diagnosis::experiment::{NextExperiment, next};
-use rsm_lab::diagnosis::kernel::{Kernel, Pace, Prepared};
+use rsm_lab::diagnosis::kernel::{Kernel, Prepared};
 use rsm_lab::diagnosis::levenberg::{self, Fit};
 use rsm_lab::diagnosis::model::Model;
 use rsm_lab::diagnosis::noise::{Floor, Random};
@@ -88,7 +88,7 @@ fn fitted(file: &PlantFile, records: &[Record]) -> (Kernel, Fit) {
     let floors = noise(file.kind).map(|sd| Floor::white(sd.max(1e-9)));
     let outputs = file.kind.outputs().len();
     let prepared = records.iter().map(|it| Prepared::new(it.clone(), outputs)).collect();
-    let kernel = Kernel { records: prepared, floors, threads: 2, pace: Pace::default() };
+    let kernel = Kernel::new(prepared, floors, 2);
     let fit = levenberg::here(&kernel, model(file, records)).unwrap();
     (kernel, fit)
 }

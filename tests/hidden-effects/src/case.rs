@@ -113,7 +113,7 @@ pub struct Case {
     /// Validation records.
     pub validate: Vec<Run>,
     /// Root mean square of what the causes move, over the noise, at the output where it is largest: records with and without them, the same
-    /// inputs and parameters.
+    /// inputs and parameters. Of training and validation records the smaller one.
     pub signal_to_noise: f64,
 }
 
@@ -279,7 +279,7 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
         nominal.noise.iter().map(|_| if random.uniform(0.0, 1.0) < 0.33 { random.uniform(0.3, 0.8) } else { 0.0 }).collect();
     let colours: Vec<f64> = colours.into_iter().map(|colour| choice.colour.unwrap_or(colour)).collect();
     let bare = Truth { parameters: without_errors(&truth, &causes, &true_plant), effects: vec![], outside: vec![], kind };
-    let mut moved = vec![(0.0, 0.0); nominal.noise.len()];
+    let mut moved = vec![[(0.0, 0.0); 2]; nominal.noise.len()];
     // Other gears for validation: what only holds in the gears of the training is not the cause.
     let gears = [2, 3, 4, 2, 3];
     let mut runs: Vec<Run> = (0..RUNS.0 + RUNS.1)
@@ -292,7 +292,8 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
             // What a coarse sensor rounds off is its signal, so rounding counts here.
             let mut read = exact.clone();
             plant::quantise(&truth, &mut read);
-            for (output, sum) in moved.iter_mut().enumerate() {
+            for (output, sums) in moved.iter_mut().enumerate() {
+                let sum = &mut sums[usize::from(run >= RUNS.0)];
                 let pairs = read.outputs[output].iter().zip(&without.outputs[output]);
                 sum.0 += pairs.map(|(with, without)| ((with - without) / nominal.noise[output]).powi(2)).sum::<f64>();
                 sum.1 += nominal.rows as f64;
@@ -309,7 +310,9 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
         })
         .collect();
     let validate = runs.split_off(RUNS.0);
-    let signal_to_noise = moved.iter().map(|(sum, rows)| (sum / rows).sqrt()).fold(0.0, f64::max);
+    // Nobody finds what no training record shows, nor sees that it helps where no record for validation does.
+    let shown = |which: usize| moved.iter().map(|sums| (sums[which].0 / sums[which].1).sqrt()).fold(0.0, f64::max);
+    let signal_to_noise = shown(0).min(shown(1));
     let signal_to_noise = signal_to_noise.max(outside::signal_on_readings(&truth, &nominal));
     if let Some(fault) = plan.fault {
         damage(&mut runs[0], fault, &mut random);

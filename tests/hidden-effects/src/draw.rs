@@ -198,6 +198,10 @@ fn off(random: &mut Random, least: f64, most: f64) -> f64 {
     1.0 + random.sign() * random.spread(least, most)
 }
 
+/// By how much the force of an axis is off. It moves as mass and friction do when both are off by the same share, so it is calibration while the mass stays within two
+/// standard deviations of its tolerance, 4 %, and the file's mass is off by up to 3 % itself.
+const OF_FORCE: (f64, f64) = (0.08, 0.15);
+
 /// An effect of the catalogue, with a magnitude. `output` chooses the output of a sensor effect, else it is drawn.
 pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut Random) -> Effect {
     let kind = nominal.kind;
@@ -211,7 +215,10 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
     let seconds = nominal.period * nominal.rows as f64;
     match name {
         "parameter-error" => parameter_error(nominal, random),
-        "input-gain" => Effect::new("input-gain", &[("gain", off(random, 0.03, 0.12))]),
+        "input-gain" => {
+            let (least, most) = if matches!(kind, Kind::OpenAxis | Kind::ClosedAxis) { OF_FORCE } else { (0.03, 0.12) };
+            Effect::new("input-gain", &[("gain", off(random, least, most))])
+        }
         // One to six periods of an axis or a motor; a throttle is slower.
         "input-delay" => {
             let periods = if kind == Kind::Car { random.spread(4.0, 15.0) } else { random.spread(1.0, 6.0) };
@@ -277,6 +284,7 @@ fn parameter_error(nominal: &Nominal, random: &mut Random) -> Effect {
     // Beyond 2 sigma is a cause: from 4 on there is no doubt. An exact parameter is off by per cents.
     let factor = match tolerance {
         Some(sigma) => off(random, 4.0 * sigma, (8.0 * sigma).min(0.6)),
+        None if name == "force_gain" => off(random, OF_FORCE.0, OF_FORCE.1),
         None => off(random, 0.04, 0.12),
     };
     Effect {

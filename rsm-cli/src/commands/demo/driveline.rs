@@ -11,7 +11,7 @@ use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
 use rsm_lab::plant_file::PlantFile;
-use rsm_lab::track::experiment::threads;
+use rsm_lab::threads::threads;
 use rsm_lab::track::figures::{self, Car, Figures, Study};
 use rsm_lab::track::gearbox::{self, OTHER_RATIOS, Prediction, Residual};
 use rsm_lab::track::plan::TrackPlan;

@@ -25,6 +25,7 @@ use rsm_lab::effect::Subject;
 use rsm_lab::kind::PlantKind;
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::Record;
+use rsm_lab::threads::threads;
 use serde_json::{Map, Value, json};
 
 use crate::outcome::{Answer, Outcome, Refusal};
@@ -96,8 +97,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
     );
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
     let progress = |words: &str| bar.set_message(words.to_string());
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let found = diagnosis::diagnose(&plant, &training, &validation, &Options { threads, progress: &progress });
+    let options = Options { threads: threads(), progress: &progress };
+    let found = diagnosis::diagnose(&plant, &training, &validation, &options);
     let found = found.map_err(|why| Refusal::new(format!("{}: {why}", arguments.plant.display())))?;
     let refitted = match (&arguments.out, arguments.refit) {
         (Some(folder), true) => {

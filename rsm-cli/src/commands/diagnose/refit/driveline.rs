@@ -5,7 +5,8 @@
 use rsm_core::check::Checked;
 use rsm_core::model::Model;
 use rsm_lab::plant_file::PlantFile;
-use rsm_lab::track::experiment::{experiment, threads};
+use rsm_lab::threads::threads;
+use rsm_lab::track::experiment::experiment;
 use rsm_lab::track::measure::Measured;
 use rsm_lab::track::plan::TrackPlan;
 use rsm_lab::track::rounds::{self, COMPENSATOR, Poles, Settings};

@@ -1,0 +1,63 @@
+//! Work that is the same for many items, on several threads.
+//!
+//! In: items, what to do with one. Out: the answers in the order of the items, whatever the number of threads. Never shares a number between items.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Does something with every item on so many threads; the answers stand in the order of the items.
+pub fn in_threads<T: Sync, A: Send>(items: &[T], threads: usize, work: impl Fn(&T) -> A + Sync) -> Vec<A> {
+    in_threads_with(items, threads, |(), item| work(item))
+}
+
+/// The same with memory that each thread keeps from item to item.
+pub fn in_threads_with<M: Default, T: Sync, A: Send>(
+    items: &[T],
+    threads: usize,
+    work: impl Fn(&mut M, &T) -> A + Sync,
+) -> Vec<A> {
+    let next = AtomicUsize::new(0);
+    let mut answers: Vec<(usize, A)> = std::thread::scope(|scope| {
+        let worker = || {
+            let mut memory = M::default();
+            let mut own = vec![];
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(item) = items.get(index) else { return own };
+                own.push((index, work(&mut memory, item)));
+            }
+        };
+        let others: Vec<_> = (1..threads.min(items.len())).map(|_| scope.spawn(worker)).collect();
+        let mut all = worker();
+        for other in others {
+            match other.join() {
+                Ok(own) => all.extend(own),
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        }
+        all
+    });
+    answers.sort_by_key(|(index, _)| *index);
+    answers.into_iter().map(|(_, answer)| answer).collect()
+}
+
+/// So many threads as the machine has cores for.
+#[must_use]
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_order_of_answers_is_that_of_the_items() {
+        let items: Vec<u64> = (0..40).collect();
+        for threads in [0, 1, 3] {
+            assert_eq!(
+                in_threads(&items, threads, |item| item * item),
+                items.iter().map(|item| item * item).collect::<Vec<_>>()
+            );
+        }
+    }
+}
