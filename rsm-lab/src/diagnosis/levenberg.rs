@@ -148,11 +148,7 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
     let mut columns: Vec<Column> = known.into_iter().map(|column| column.or_else(|| fresh.next())).collect::<Option<_>>()?;
     let mut step = 0;
     loop {
-        let asked = pull(&model, &all, &columns, &residual);
-        let free: Vec<usize> = all.iter().copied().filter(|&k| !pressed(&model, k, asked[k])).collect();
-        let of_free: Vec<Column> = free.iter().map(|&k| columns[k].clone()).collect();
-        let matrix = gram(&model, &free, &of_free);
-        let right = pull(&model, &free, &of_free, &residual);
+        let equations = Equations::new(&model, &columns, &residual);
         let mut goes_on = false;
         // Five dampings are a factor of ten thousand: what no damping improves is at its best. Corrected derivatives get two: better ones are to be had.
         let tries = match (step == steps, exact) {
@@ -161,12 +157,12 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
             (false, false) => 2,
         };
         for _ in 0..tries {
-            let change = within_bounds(&model, &free, &matrix, &right, damping);
-            let promised: f64 = change.iter().zip(&right).map(|(change, right)| change * right).sum();
+            let change = equations.change(&model, damping);
+            let promised = equations.promised(&change);
             if promised < ENOUGH.max(ENOUGH_SHARE * cost_now) {
                 break;
             }
-            let trial = moved(&model, &free, &change);
+            let trial = equations.moved(&model, &change);
             let better = kernel.run(&trial).map(|simulated| {
                 let residual = kernel.residual(&simulated);
                 (cost(&trial, &residual), simulated, residual)
@@ -177,23 +173,22 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
                     let seen = kernel.changes(&simulated, &trial_simulated, 1.0);
                     correct(&mut columns, &model, &trial, seen);
                     (model, simulated, residual, cost_now) = (trial, trial_simulated, trial_residual, trial_cost);
-                    damping = (damping / 10.0).max(1e-9);
+                    damping = less(damping);
                     // Half of what was promised: the derivatives point elsewhere.
                     goes_on = gained > ENOUGH.max(ENOUGH_SHARE * cost_now) && gained > 0.5 * promised;
                     exact = exact && gained <= ENOUGH.max(ENOUGH_SHARE * cost_now);
                     step += 1;
                     break;
                 }
-                _ => damping = (damping * 10.0).max(1e-6),
+                _ => damping = more(damping),
             }
         }
         if goes_on && step < steps {
             continue;
         }
         if exact {
-            let held = all.iter().filter(|k| !free.contains(k));
-            let held = held.map(|&k| Held { unknown: k, column: columns[k].clone(), at_low: asked[k] < 0.0 }).collect();
-            return Some(Fit { model, simulated, residual, cost: cost_now, free, columns: of_free, held });
+            let Equations { free, columns, held, .. } = equations;
+            return Some(Fit { model, simulated, residual, cost: cost_now, free, columns, held });
         }
         columns = kernel.derivatives(&model, &simulated, &all)?;
         exact = true;
@@ -203,6 +198,8 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
 /// Normal equations of the unknowns that are not pressed against a bound.
 pub(super) struct Equations {
     free: Vec<usize>,
+    columns: Vec<Column>,
+    held: Vec<Held>,
     matrix: Vec<f64>,
     right: Vec<f64>,
 }
@@ -212,26 +209,42 @@ impl Equations {
     pub(super) fn new(model: &Model, columns: &[Column], residual: &[f64]) -> Self {
         let all: Vec<usize> = (0..model.unknowns.len()).collect();
         let asked = pull(model, &all, columns, residual);
-        let free: Vec<usize> = all.into_iter().filter(|&k| !pressed(model, k, asked[k])).collect();
+        let (free, held): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&k| !pressed(model, k, asked[k]));
+        let held = held.into_iter().map(|k| Held { unknown: k, column: columns[k].clone(), at_low: asked[k] < 0.0 }).collect();
         let columns: Vec<Column> = free.iter().map(|&k| columns[k].clone()).collect();
         let right = free.iter().map(|&k| asked[k]).collect();
-        Equations { matrix: gram(model, &free, &columns), free, right }
+        Equations { matrix: gram(model, &free, &columns), free, columns, held, right }
     }
 
-    /// The model a damped step further.
-    pub(super) fn step(&self, model: &Model, damping: f64) -> Model {
-        moved(model, &self.free, &within_bounds(model, &self.free, &self.matrix, &self.right, damping))
+    /// The damped step of the free unknowns.
+    pub(super) fn change(&self, model: &Model, damping: f64) -> Vec<f64> {
+        within_bounds(model, &self.free, &self.matrix, &self.right, damping)
+    }
+
+    /// What a step gains in first order.
+    fn promised(&self, change: &[f64]) -> f64 {
+        change.iter().zip(&self.right).map(|(change, right)| change * right).sum()
+    }
+
+    /// The model after a step.
+    pub(super) fn moved(&self, model: &Model, change: &[f64]) -> Model {
+        let mut trial = model.clone();
+        for (&k, change) in self.free.iter().zip(change) {
+            let unknown = &model.unknowns[k];
+            trial.set(k, unknown.outward(unknown.inward(model.value(k)) + change));
+        }
+        trial
     }
 }
 
-/// The model after a change of its free unknowns.
-fn moved(model: &Model, free: &[usize], change: &[f64]) -> Model {
-    let mut trial = model.clone();
-    for (&k, change) in free.iter().zip(change) {
-        let unknown = &model.unknowns[k];
-        trial.set(k, unknown.outward(unknown.inward(model.value(k)) + change));
-    }
-    trial
+/// The damping after a step that was right: down to the nine digits that differences hold.
+pub(super) fn less(damping: f64) -> f64 {
+    (damping / 10.0).max(1e-9)
+}
+
+/// The damping after a step that was none.
+pub(super) fn more(damping: f64) -> f64 {
+    (damping * 10.0).max(1e-6)
 }
 
 /// Corrects derivatives by what a step changed in truth, along that step alone. Those of starts stay: they are those of one record and hardly change.

@@ -35,6 +35,9 @@ const FEW: f64 = 0.1;
 /// Steps along the logarithms of parts: ten lead from a tenth off to a thousandth.
 const ROBUST_STEPS: usize = 20;
 
+/// A step that gains less is the last: what noise makes of one number.
+const ROBUST_ENOUGH: f64 = 1.0;
+
 /// Dampings that are tried for such a step, each ten times the last.
 const DAMPINGS: usize = 6;
 
@@ -144,33 +147,31 @@ fn by_most_parts(kernel: &Kernel, model: Model) -> Option<Model> {
     let mut residual = kernel.residual(&simulated);
     let (mut now, mut weights) = by_logarithm(kernel, &model, &residual);
     let mut damping = 1e-3;
-    'steps: for _ in 0..ROBUST_STEPS {
+    let all: Vec<usize> = (0..model.unknowns.len()).collect();
+    for _ in 0..ROBUST_STEPS {
         let roots: Vec<f64> = weights.iter().map(|it| it.sqrt()).collect();
         let weighted: Vec<f64> = residual.iter().zip(&roots).map(|(value, root)| value * root).collect();
-        let all: Vec<usize> = (0..model.unknowns.len()).collect();
         let mut columns = kernel.derivatives(&model, &simulated, &all)?;
         for column in &mut columns {
             column.values.iter_mut().zip(&roots[column.first..]).for_each(|(value, root)| *value *= root);
         }
         let equations = levenberg::Equations::new(&model, &columns, &weighted);
-        for _ in 0..DAMPINGS {
-            let trial = equations.step(&model, damping);
-            if let Some(run) = kernel.run(&trial) {
+        let better = (0..DAMPINGS).find_map(|_| {
+            let trial = equations.moved(&model, &equations.change(&model, damping));
+            let found = kernel.run(&trial).and_then(|run| {
                 let left = kernel.residual(&run);
-                let (sum, other) = by_logarithm(kernel, &trial, &left);
-                if sum < now {
-                    let gained = now - sum;
-                    (model, simulated, residual, now, weights) = (trial, run, left, sum, other);
-                    damping = (damping / 10.0).max(1e-9);
-                    if gained < 1.0 {
-                        break 'steps;
-                    }
-                    continue 'steps;
-                }
-            }
-            damping = (damping * 10.0).max(1e-6);
+                let (sum, weights) = by_logarithm(kernel, &trial, &left);
+                (sum < now).then_some((trial, run, left, sum, weights))
+            });
+            damping = if found.is_some() { levenberg::less(damping) } else { levenberg::more(damping) };
+            found
+        });
+        let Some((trial, run, left, sum, other)) = better else { break };
+        let gained = now - sum;
+        (model, simulated, residual, now, weights) = (trial, run, left, sum, other);
+        if gained < ROBUST_ENOUGH {
+            break;
         }
-        break;
     }
     Some(model)
 }
@@ -241,7 +242,7 @@ mod tests {
         PlantFile::read(&Source::new("axis.toml", text)).unwrap()
     }
 
-    /// Three seconds of an axis with free play that goes to and fro.
+    /// Six seconds of an axis with free play that goes to and fro.
     fn recorded(truth: &PlantFile) -> (Kernel, Record) {
         let mut csv = "time[s],reference[m],position[m],command[V]\n".to_string();
         let mut reference = 0.0;
