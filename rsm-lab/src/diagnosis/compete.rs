@@ -192,7 +192,9 @@ impl Search<'_> {
         let found = match led {
             // Derivatives of a plant without the wave are of no use to one with it.
             Some((model, promised)) if promised < NEAR_NOISE * self.kernel.rows() as f64 => {
-                self.led_to_its_end(levenberg::fit(self.kernel, model, LED_STEPS)?)
+                // Where it creeps over a crest a free run parts, late and by much: most of the record comes before that.
+                let surely = valleys::by_most_parts(self.kernel, model.clone()).unwrap_or(model);
+                self.led_to_its_end(levenberg::fit(self.kernel, surely, LED_STEPS)?)
             }
             Some((model, _)) => levenberg::fit(self.kernel, model, self.effort.fit_steps)?,
             None => {

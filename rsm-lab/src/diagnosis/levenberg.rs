@@ -13,6 +13,9 @@ const ENOUGH: f64 = 0.3;
 /// Relative to the cost, for records far above their noise.
 const ENOUGH_SHARE: f64 = 1e-6;
 
+/// The least damping, of curvatures: nine digits are what differences hold.
+const LEAST_DAMPING: f64 = 1e-9;
+
 /// A fitted model.
 #[derive(Debug, Clone)]
 pub struct Fit {
@@ -160,7 +163,13 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
             let change = equations.change(&model, damping);
             let promised = equations.promised(&change);
             if promised < ENOUGH.max(ENOUGH_SHARE * cost_now) {
-                break;
+                // Where records leave a direction open (the force of an axis against its mass), only priors curve it, a millionth as much as the records curve each
+                // unknown by itself: damping would hold it where it happens to be.
+                if damping <= LEAST_DAMPING {
+                    break;
+                }
+                damping = LEAST_DAMPING;
+                continue;
             }
             let trial = equations.moved(&model, &change);
             let better = kernel.run(&trial).map(|simulated| {
@@ -237,9 +246,9 @@ impl Equations {
     }
 }
 
-/// The damping after a step that was right: down to the nine digits that differences hold.
+/// The damping after a step that was right.
 pub(super) fn less(damping: f64) -> f64 {
-    (damping / 10.0).max(1e-9)
+    (damping / 10.0).max(LEAST_DAMPING)
 }
 
 /// The damping after a step that was none.

@@ -141,7 +141,8 @@ fn by_logarithm(kernel: &Kernel, model: &Model, residual: &[f64]) -> (f64, Vec<f
 }
 
 /// A model fitted to what most parts of the records say (weights anew at every step: P. W. Holland, R. E. Welsch, 1977). `None` where it cannot be simulated.
-fn by_most_parts(kernel: &Kernel, model: Model) -> Option<Model> {
+#[must_use]
+pub fn by_most_parts(kernel: &Kernel, model: Model) -> Option<Model> {
     let mut model = model;
     let mut simulated = kernel.run(&model)?;
     let mut residual = kernel.residual(&simulated);

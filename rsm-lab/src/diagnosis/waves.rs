@@ -10,9 +10,9 @@
 
 use std::f64::consts::TAU;
 
-use super::kernel::{Column, Kernel, Prepared, dot};
+use super::kernel::{Column, Kernel, Prepared, Simulated, dot};
 use super::levenberg::{self, Fit};
-use super::model::Model;
+use super::model::{Model, Place};
 use super::normal::Normal;
 use crate::effect::{Arguments, Wave};
 use crate::kind::PlantKind;
@@ -22,6 +22,9 @@ use crate::threads::in_threads;
 
 /// Waves over the travel that are tried at most. Half a wave over the travel is the width of a line.
 pub const MOST: usize = 400;
+
+/// How many lines are looked at closely: half a line beside its best a wave has three quarters of its gain, and others stand higher.
+const LOOKED: usize = 8;
 
 /// How many are handed on.
 const KEPT: usize = 3;
@@ -44,6 +47,9 @@ pub const REACHES: [usize; 4] = [10, 40, 160, 640];
 
 /// The same where a free run is near already, in the order in which they are tried: what it lacks is slower than the first, mostly.
 pub const AGAIN: [usize; 5] = [40, 10, 160, 40, 160];
+
+/// Rounds in which a step and what it bends are found in turns: each leaves a tenth where a step bends by as much.
+const BENT: usize = 6;
 
 /// A record, and the plant's answer to a force along it.
 struct Track<'k> {
@@ -247,11 +253,62 @@ struct Waves<'k> {
     free: Vec<Vec<f64>>,
     /// The residual without them.
     residual: Vec<f64>,
+    /// How traces of the calibrated parameters bend.
+    bends: Vec<Bend>,
+}
+
+/// How the simulation bends with two unknowns, or with one.
+struct Bend {
+    /// Which.
+    unknowns: (usize, usize),
+    /// Half of its second derivative, or the whole mixed one, whitened; on the scales of the unknowns.
+    trace: Vec<f64>,
+}
+
+/// How the simulation bends with the parameters of the plant that are calibrated. Calibration beside a wave may be two standard deviations of a tolerance off, and then the
+/// bend of a move is more than the wave. What cannot be simulated is left out.
+fn bends(kernel: &Kernel, fit: &Fit) -> Vec<Bend> {
+    let calibrated = |k: &usize| matches!(fit.model.unknowns[*k].place, Place::Nominal(_));
+    let which: Vec<usize> = (0..fit.model.unknowns.len()).filter(calibrated).collect();
+    let pairs: Vec<(usize, usize)> =
+        which.iter().enumerate().flat_map(|(place, &a)| which[..=place].iter().map(move |&b| (b, a))).collect();
+    let moved = |(a, b): (usize, usize), sign: f64| {
+        let mut model = fit.model.clone();
+        for k in [a, b].into_iter().take(if a == b { 1 } else { 2 }) {
+            // Bounds end a search, not a difference.
+            (model.unknowns[k].low, model.unknowns[k].high) = (f64::NEG_INFINITY, f64::INFINITY);
+            model.set(k, model.value(k) + sign * model.unknowns[k].scale);
+        }
+        model
+    };
+    let models: Vec<Model> = pairs.iter().flat_map(|pair| [moved(*pair, 1.0), moved(*pair, -1.0)]).collect();
+    let runs = kernel.run_all(&models);
+    // Second differences over a scale: s(1) + s(-1) - 2 s(0).
+    let both = |runs: &[Option<Vec<Simulated>>]| {
+        let [one, other] = runs else { return None };
+        let mut sum = kernel.changes(&fit.simulated, one.as_ref()?, 1.0);
+        sum.iter_mut().zip(kernel.changes(&fit.simulated, other.as_ref()?, 1.0)).for_each(|(a, b)| *a = 0.5 * (*a + b));
+        Some(sum)
+    };
+    let halves: Vec<Option<Vec<f64>>> = runs.chunks(2).map(both).collect();
+    let half = |pair: (usize, usize)| pairs.iter().position(|it| *it == pair).and_then(|place| halves[place].as_ref());
+    let bend = |&(a, b): &(usize, usize)| {
+        let mut trace = half((a, b))?.clone();
+        if a != b {
+            // Half of it along both at once is the two halves and the mixed one.
+            for own in [half((a, a))?, half((b, b))?] {
+                trace.iter_mut().zip(own).for_each(|(value, own)| *value -= own);
+            }
+        }
+        Some(Bend { unknowns: (a, b), trace })
+    };
+    pairs.iter().filter_map(bend).collect()
 }
 
 impl<'k> Waves<'k> {
     fn new(tracks: Tracks<'k>, fit: &Fit) -> Self {
-        let mut waves = Waves { tracks, free: Vec::new(), residual: fit.residual.clone() };
+        let bends = bends(tracks.kernel, fit);
+        let mut waves = Waves { tracks, free: Vec::new(), residual: fit.residual.clone(), bends };
         // Starts, calibration, causes already believed; and what a load, frictions and a gain would do, which may be causes beside the wave.
         let held = fit.held.iter().map(|held| &held.column);
         for column in fit.columns.iter().chain(held) {
@@ -259,6 +316,8 @@ impl<'k> Waves<'k> {
             dense[column.first..column.first + column.values.len()].copy_from_slice(&column.values);
             waves.add(dense);
         }
+        let bends: Vec<Vec<f64>> = waves.bends.iter().map(|it| it.trace.clone()).collect();
+        bends.into_iter().for_each(|bend| waves.add(bend));
         let sign = |v: f64| (v / crate::effect::AXIS_SIGN_WIDTH).tanh();
         let laws = waves.tracks.answer(|_, v, u| [1.0, v, sign(v), u]);
         laws.into_iter().for_each(|law| waves.add(law));
@@ -351,7 +410,7 @@ pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
     let mut peaks: Vec<usize> =
         (0..gains.len()).filter(|&k| at(k) > 0.0 && (k == 0 || at(k) >= at(k - 1)) && at(k) > at(k + 1)).collect();
     peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
-    peaks.truncate(KEPT);
+    peaks.truncate(LOOKED);
     let mut found: Vec<(f64, Wave)> = Vec::new();
     for k in peaks {
         let number = waves.best_between(numbers[k] - 0.9 * line, numbers[k] + line);
@@ -361,6 +420,7 @@ pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
         }
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.truncate(KEPT);
     found.into_iter().map(|it| it.1).collect()
 }
 
@@ -462,20 +522,46 @@ fn led_once<'k>(tracks: Tracks<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option
         }
         right.push(dot(&traces[i], &fit.residual));
     }
-    let solved = Normal::new(&whole, n, 0.0).solve(&right);
-    let gain: f64 = solved.iter().zip(&right).map(|(solved, right)| solved * right).sum();
-    if !gain.is_finite() {
+    let normal = Normal::new(&whole, n, 0.0);
+    let mut solved = normal.solve(&right);
+    let unknowns: Vec<usize> = fit.free.iter().copied().chain(fit.held.iter().map(|held| held.unknown)).collect();
+    let mut left = fit.residual.clone();
+    for _ in 0..BENT {
+        // What the step just found bends is no longer asked of the straight traces.
+        left.clone_from(&fit.residual);
+        for bend in &waves.bends {
+            let step = |k: usize| {
+                unknowns.iter().position(|it| *it == k).map_or(0.0, |place| solved[place] / fit.model.unknowns[k].scale)
+            };
+            let share = step(bend.unknowns.0) * step(bend.unknowns.1);
+            left.iter_mut().zip(&bend.trace).for_each(|(value, bend)| *value -= share * bend);
+        }
+        let mut asked = right.clone();
+        let products = columns.iter().map(|column| column.with(&left) - column.with(&fit.residual));
+        asked.iter_mut().zip(products).for_each(|(asked, product)| *asked += product);
+        for (asked, trace) in asked[before..].iter_mut().zip(&traces) {
+            *asked = dot(trace, &left);
+        }
+        solved = normal.solve(&asked);
+    }
+    for (column, step) in columns.iter().zip(&solved) {
+        left[column.first..].iter_mut().zip(&column.values).for_each(|(value, column)| *value -= step * column);
+    }
+    for (trace, factor) in traces.iter().zip(&solved[before..]) {
+        left.iter_mut().zip(trace).for_each(|(value, trace)| *value -= factor * trace);
+    }
+    let cost = dot(&left, &left);
+    if !cost.is_finite() {
         return None;
     }
     let mut model = fit.model.clone();
-    let unknowns = fit.free.iter().copied().chain(fit.held.iter().map(|held| held.unknown));
-    for (k, change) in unknowns.zip(&solved) {
+    for (k, change) in unknowns.into_iter().zip(&solved) {
         let unknown = &fit.model.unknowns[k];
         model.set(k, unknown.outward(unknown.inward(fit.model.value(k)) + change));
     }
     let (sin, cos) = (solved[before], solved[before + 1]);
     let wave = Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) };
-    Some(Led { tracks: waves.tracks, wave, model, cost: fit.cost - gain })
+    Some(Led { tracks: waves.tracks, wave, model, cost })
 }
 
 #[cfg(test)]
