@@ -249,7 +249,7 @@ pub fn calibrate(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> 
 }
 
 /// The noise of each output from what a fit leaves.
-pub fn floors(kernel: &Kernel, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
+fn floors(kernel: &Kernel, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
     estimate(kernel, &fit.simulated, file)
 }
 
@@ -288,28 +288,49 @@ fn with_rounding(kernel: &Kernel, fit: &Fit, mut floors: [Floor; 3], rounded: &[
     floors
 }
 
-/// The noise of each output from what a simulation leaves.
+/// The noise of each output from what a simulation leaves; where records are too short for a spectrum, what the file says, or a thousandth of the largest reading.
 fn estimate(kernel: &Kernel, simulated: &[kernel::Simulated], file: &PlantFile) -> [Floor; 3] {
     let mut floors = kernel.floors;
-    for (output, floor) in floors.iter_mut().enumerate() {
+    for ((output, floor), shown) in floors.iter_mut().enumerate().zip(shown(kernel, simulated)) {
+        let name = file.kind.outputs().get(output).map_or("", |signal| signal.name);
+        let stated = file.noise.iter().find(|(found, _)| *found == name).map(|(_, sd)| *sd).filter(|sd| *sd > 0.0);
+        let otherwise = || Floor::white(stated.unwrap_or(1e-3 * shown.largest).max(shown.least()));
+        *floor = shown.floor.unwrap_or_else(otherwise);
+    }
+    floors
+}
+
+/// What records show of the noise of an output.
+#[derive(Debug, Clone, Copy, Default)]
+struct Shown {
+    /// The floor, where they are long enough for a spectrum.
+    floor: Option<Floor>,
+    /// The largest reading.
+    largest: f64,
+}
+
+impl Shown {
+    /// Below the digits of a simulation there is no noise to be told from it.
+    fn least(&self) -> f64 {
+        1e-9 * self.largest.max(1e-291)
+    }
+}
+
+/// The noise of each output as records show it when a simulation is taken from them.
+fn shown(kernel: &Kernel, simulated: &[kernel::Simulated]) -> [Shown; 3] {
+    let mut all = [Shown::default(); 3];
+    for (output, shown) in all.iter_mut().enumerate() {
         let mut residuals: Vec<(Vec<f64>, &[bool])> = Vec::new();
-        let mut largest = 0.0_f64;
         for (prepared, simulated) in kernel.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let difference = prepared.measured(k).iter().zip(&simulated[k]).map(|(a, b)| a - b).collect();
-            largest = prepared.measured(k).iter().fold(largest, |most, value| most.max(value.abs()));
+            shown.largest = prepared.measured(k).iter().fold(shown.largest, |most, value| most.max(value.abs()));
             residuals.push((difference, &prepared.used[k]));
         }
         let lists: Vec<(&[f64], &[bool])> = residuals.iter().map(|(values, used)| (values.as_slice(), *used)).collect();
-        let name = file.kind.outputs().get(output).map_or("", |signal| signal.name);
-        let stated = file.noise.iter().find(|(found, _)| *found == name).map(|(_, sd)| *sd).filter(|sd| *sd > 0.0);
-        // Records too short for a spectrum: what the file says, or a thousandth of the largest reading.
-        let estimate = Floor::estimate(&lists);
-        *floor = estimate.or(stated.map(Floor::white)).unwrap_or(Floor::white(1e-3 * largest.max(f64::MIN_POSITIVE)));
-        // Below the digits of a simulation there is no noise to be told from it.
-        if floor.sd.is_nan() || floor.sd < 1e-9 * largest || floor.sd == 0.0 {
-            *floor = Floor::white(1e-9 * largest.max(1e-300));
-        }
+        let least = shown.least();
+        let above = |floor: Floor| if floor.sd >= least { floor } else { Floor::white(least) };
+        shown.floor = Floor::estimate(&lists).map(above);
     }
-    floors
+    all
 }

@@ -164,7 +164,7 @@ pub fn conclude(
     // On unseen records the numbers of the plant may move as far as they are unsure.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
     let moved = moved.and_then(|after| validation::within(unseen, &fit.model, &deviations(&fit), after));
-    let left_unseen = moved.map(|moved| left_there(unseen, moved, file));
+    let left_unseen = moved.map(|moved| left_there(unseen, moved));
     // What the calibrated plant gets wrong, a row.
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
     let told = |floor: &Floor| floor.rounding.is_some() && floor.correlation == 0.0;
@@ -239,11 +239,11 @@ pub fn conclude(
 }
 
 /// What is left on unseen records, by the noise that they have themselves: its level is known from the others to a per cent, and a day's is not that of the next.
-/// Far more of it is none.
-fn left_there(unseen: &Kernel, moved: Fit, file: &PlantFile) -> Left {
+/// Far more of it is none, and records that are too short to show theirs have that of the others.
+fn left_there(unseen: &Kernel, moved: Fit) -> Left {
     let mut there = unseen.clone();
-    for (floor, own) in there.floors.iter_mut().zip(super::floors(unseen, &moved, file)) {
-        if floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd {
+    for (floor, shown) in there.floors.iter_mut().zip(super::shown(unseen, &moved.simulated)) {
+        if let Some(own) = shown.floor.filter(|own| floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd) {
             *floor = own;
         }
     }

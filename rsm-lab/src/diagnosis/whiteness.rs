@@ -1,15 +1,18 @@
 //! What is left after all causes: is it noise?
 //!
 //! In: the whitened residual of a fit. Out: for each output and octave of frequencies its energy over that of noise, and whether it is more than noise
-//! shows in 99 of 100 cases. Never says what the structure is.
+//! shows in 199 of 200 cases. Never says what the structure is.
 
 use super::kernel::Kernel;
 use super::levenberg::Fit;
 use super::noise::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
 
-/// How rarely noise alone may pass for structure, over all octaves of all outputs. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.
+/// How rarely noise alone may pass for structure, over all octaves of all outputs in both looks. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.
 const ALARM: f64 = 0.01;
+
+/// A verdict looks twice: at the records that were fitted, and at those that were not.
+const LOOKS: usize = 2;
 
 /// Records in which rounded readings scatter by less than this share of the floor's variance count as if they did by as much: a value that is off by a hundredth of a step
 /// changes what is left by more.
@@ -37,7 +40,7 @@ pub struct Band {
 pub struct Left {
     /// Bands of all outputs.
     pub bands: Vec<Band>,
-    /// What the largest deviation of noise alone passes once in a hundred times.
+    /// What the largest deviation of noise alone passes once in two hundred times.
     pub point: f64,
     /// Energy beyond that of noise in the bands that pass the point, over the energy of noise in all bands.
     pub excess: f64,
@@ -74,7 +77,7 @@ pub fn look(kernel: &Kernel, fit: &Fit) -> Left {
             });
         }
     }
-    let point = quantile(ALARM / bands.len().max(1) as f64);
+    let point = quantile(ALARM / (LOOKS * bands.len().max(1)) as f64);
     let all: f64 = bands.iter().map(|band| band.lines as f64).sum();
     let beyond = bands.iter().filter(|band| band.deviation > point);
     let excess = beyond.map(|band| (band.ratio - 1.0) * band.lines as f64).sum::<f64>() / all.max(1.0);
