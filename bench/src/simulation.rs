@@ -8,7 +8,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use rsm_core::source::Source;
-use rsm_lab::diagnosis::noise::Random;
+use rsm_lab::diagnosis::random::Random;
 use rsm_lab::diagnosis::{Diagnosis, Options, diagnose};
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::Record;

@@ -6,7 +6,8 @@ use rsm_core::source::Source;
 
 use super::kernel::{Kernel, Prepared};
 use super::model::Model;
-use super::noise::{Floor, Random};
+use super::noise::Floor;
+use super::random::Random;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 use crate::simulate::Simulator;

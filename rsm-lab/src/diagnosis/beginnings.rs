@@ -202,7 +202,8 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::kernel::Prepared;
-    use super::super::noise::{Floor, Random};
+    use super::super::noise::Floor;
+    use super::super::random::Random;
     use super::super::selection::Effort;
     use super::super::{calibrate, hypotheses, survey};
     use super::*;

@@ -4,7 +4,7 @@
 
 use super::kernel::Kernel;
 use super::levenberg::Fit;
-use super::noise::Random;
+use super::random::Random;
 
 /// Draws: the ends of a 95 % interval are the 25th values from either end.
 const DRAWS: usize = 1000;

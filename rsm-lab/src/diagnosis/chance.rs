@@ -3,7 +3,7 @@
 //! In: kernels, gains of null draws, counts of trials. Out: numbers in squared standard deviations. Never looks at a residual.
 
 use super::kernel::Kernel;
-use super::noise::Random;
+use super::random::Random;
 use super::whiteness::quantile;
 
 /// How rarely noise alone may pass for a cause. With as much for whiteness, and what models of noise miss, false alarms stay below 5 %.

@@ -264,7 +264,7 @@ pub fn jumps(values: &[f64]) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Random;
+    use super::super::random::Random;
     use super::*;
     use crate::record::Record;
     use rsm_core::source::Source;

@@ -108,7 +108,7 @@ fn misses(measured: &[f64], simulated: &[f64], used: &[bool]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Random;
+    use super::super::random::Random;
     use super::*;
     use crate::plant_file::PlantFile;
     use crate::record::Record;

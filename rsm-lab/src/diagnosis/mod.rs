@@ -12,6 +12,7 @@
 #[cfg(test)]
 mod axis_under_steps;
 pub mod beginnings;
+pub mod bends;
 pub mod bootstrap;
 pub mod chance;
 pub mod checks;
@@ -28,10 +29,12 @@ pub mod model;
 pub mod noise;
 pub mod normal;
 pub mod nuisance;
+pub mod octaves;
 pub mod orders;
 pub mod portrait;
 pub mod profile;
 pub mod quantities;
+pub mod random;
 pub mod regions;
 pub mod rounding;
 pub mod screen;
@@ -39,6 +42,7 @@ pub mod selection;
 pub mod spectrum;
 pub mod steps;
 pub mod survey;
+pub mod tracks;
 pub mod validation;
 pub mod valleys;
 pub mod verdict;

@@ -10,6 +10,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::octaves::{LEAST_LINES, OCTAVES, Octave, octaves, transform};
 use super::rounding::Rounding;
 
 /// Samples of a segment: 125 of them in a record of 8000 rows.
@@ -243,61 +244,6 @@ fn is_white(floor: &Floor, residuals: &[(&[f64], &[bool])]) -> bool {
     bands.enumerate().all(|(k, octave)| octave.deviation(floor, k) < 3.66)
 }
 
-/// Octaves below the Nyquist frequency; the last holds everything below.
-pub const OCTAVES: usize = 8;
-
-/// Fewer lines are no band.
-pub const LEAST_LINES: f64 = 2.0;
-
-/// The power of whitened values in an octave.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Octave {
-    /// Sum of the powers of its lines; a line of white noise has the power 1 on average.
-    pub power: f64,
-    /// Independent lines.
-    pub lines: f64,
-}
-
-impl Octave {
-    /// Energy over that of noise.
-    #[must_use]
-    pub fn ratio(&self) -> f64 {
-        self.power / self.lines.max(f64::MIN_POSITIVE)
-    }
-
-    /// How far its power is above that of noise, in standard deviations: the power of noise is chi squared with two degrees of freedom a line, made normal by
-    /// its cube root (E. B. Wilson, M. M. Hilferty, 1931), and the floor that whitened it has an error of its own.
-    #[must_use]
-    pub fn deviation(&self, floor: &Floor, octave: usize) -> f64 {
-        let third = 1.0 / (9.0 * self.lines);
-        let normal = (self.ratio().cbrt() - 1.0 + third) / third.sqrt();
-        let error = floor.error * floor.slope(centre(octave));
-        normal / (1.0 + self.lines * error * error).sqrt()
-    }
-}
-
-/// The middle of an octave as a share of the sample rate.
-fn centre(octave: usize) -> f64 {
-    0.375 * 0.5_f64.powi(octave as i32)
-}
-
-/// Adds the powers of whitened values; rows that are not `used` are 0 there.
-pub fn octaves(white: &[f64], used: &[bool], sums: &mut [Octave; OCTAVES]) {
-    let rows = used.iter().filter(|used| **used).count().max(1) as f64;
-    let size = white.len().next_power_of_two();
-    let (mut re, mut im) = (white.to_vec(), vec![0.0; size]);
-    re.resize(size, 0.0);
-    transform(&mut re, &mut im);
-    // Lines of a padded transform are not independent: they count as much as the rows.
-    let weight = rows / size as f64;
-    for line in 1..size / 2 {
-        let octave = ((size / 2) as f64 / line as f64).log2().floor() as usize;
-        let sum = &mut sums[octave.min(OCTAVES - 1)];
-        sum.power += weight * (re[line] * re[line] + im[line] * im[line]) / rows;
-        sum.lines += weight;
-    }
-}
-
 fn positive(level: f64) -> Option<f64> {
     (level > 0.0 && level.is_finite()).then_some(level)
 }
@@ -345,68 +291,9 @@ pub fn median(values: &mut [f64]) -> f64 {
     if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
 }
 
-/// Discrete Fourier transform in place, for lengths that are powers of two (J. W. Cooley, J. W. Tukey, 1965).
-pub fn transform(re: &mut [f64], im: &mut [f64]) {
-    let n = re.len();
-    debug_assert!(n.is_power_of_two());
-    let mut j = 0;
-    for i in 1..n {
-        let mut bit = n >> 1;
-        while j & bit != 0 {
-            j ^= bit;
-            bit >>= 1;
-        }
-        j |= bit;
-        if i < j {
-            re.swap(i, j);
-            im.swap(i, j);
-        }
-    }
-    let mut length = 2;
-    while length <= n {
-        let half = length / 2;
-        for k in 0..half {
-            let (sin, cos) = (-TAU * k as f64 / length as f64).sin_cos();
-            let mut at = k;
-            while at < n {
-                let (a, b) = (re[at + half] * cos - im[at + half] * sin, re[at + half] * sin + im[at + half] * cos);
-                (re[at + half], im[at + half]) = (re[at] - a, im[at] - b);
-                (re[at], im[at]) = (re[at] + a, im[at] + b);
-                at += length;
-            }
-        }
-        length *= 2;
-    }
-}
-
-/// Random numbers for null simulations: the same for the same seed on every machine (G. Marsaglia's xorshift64*, 2003).
-#[derive(Debug, Clone)]
-pub struct Random(u64);
-
-impl Random {
-    /// From a seed.
-    #[must_use]
-    pub fn new(seed: u64) -> Self {
-        Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
-    }
-
-    /// Uniform in (0, 1).
-    pub fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        ((self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    /// Normal, with mean 0 and variance 1 (G. E. P. Box, M. E. Muller, 1958).
-    pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * self.uniform().ln()).sqrt();
-        radius * (TAU * self.uniform()).cos()
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::random::Random;
     use super::*;
 
     fn noise(correlation: f64, sd: f64, rows: usize) -> Vec<f64> {
@@ -528,26 +415,6 @@ mod tests {
     }
 
     #[test]
-    fn octaves_of_noise_deviate_as_a_normal_variable_does() {
-        let floor = Floor::white(1.0);
-        let mut random = Random::new(11);
-        let (mut sum, mut squares, mut beyond) = (0.0, 0.0, 0);
-        for _ in 0..200 {
-            let white: Vec<f64> = (0..1000).map(|_| random.normal()).collect();
-            let mut sums = [Octave::default(); OCTAVES];
-            octaves(&white, &vec![true; 1000], &mut sums);
-            for (k, octave) in sums.iter().enumerate() {
-                let deviation = octave.deviation(&floor, k);
-                (sum, squares) = (sum + deviation, squares + deviation * deviation);
-                beyond += usize::from(deviation > 1.645);
-            }
-        }
-        // 1600 values: three standard errors of a mean (0.075) and of a variance (0.106); 80 of them beyond the 95 % point, with three times sqrt(76).
-        assert!((sum / 1600.0).abs() < 0.075 && (squares / 1600.0 - 1.0).abs() < 0.106, "{sum} {squares}");
-        assert!((54..=106).contains(&beyond), "{beyond}");
-    }
-
-    #[test]
     fn whitened_noise_is_white() {
         let values = noise(0.8, 2.0, 8000);
         let mut white = Vec::new();
@@ -556,17 +423,5 @@ mod tests {
         let next = white.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / 8000.0;
         // Four standard deviations of a mean over 8000 rows: 4 sqrt(2/8000), 4/sqrt(8000).
         assert!((power - 1.0).abs() < 0.063 && next.abs() < 0.045, "{power} {next}");
-    }
-
-    #[test]
-    fn the_transform_of_a_cosine_is_one_line() {
-        let mut re: Vec<f64> = (0..16).map(|k| (TAU * 3.0 * f64::from(k) / 16.0).cos()).collect();
-        let mut im = vec![0.0; 16];
-        transform(&mut re, &mut im);
-        for (k, value) in re.iter().enumerate() {
-            let expected = if k == 3 || k == 13 { 8.0 } else { 0.0 };
-            // Four stages of rounding of numbers up to 8.
-            assert!((value - expected).abs() < 1e-13 && im[k].abs() < 1e-13);
-        }
     }
 }

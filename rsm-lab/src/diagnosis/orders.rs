@@ -341,7 +341,8 @@ pub fn spectral(
 #[cfg(test)]
 mod tests {
     use super::super::kernel::Prepared;
-    use super::super::noise::{Floor, Random};
+    use super::super::noise::Floor;
+    use super::super::random::Random;
     use super::*;
     use crate::plant_file::PlantFile;
     use crate::record::Record;

@@ -83,7 +83,7 @@ fn normal(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Random;
+    use super::super::random::Random;
     use super::*;
 
     #[test]

@@ -6,7 +6,8 @@
 use std::f64::consts::TAU;
 
 use super::kernel::{Kernel, Simulated};
-use super::noise::{Floor, transform};
+use super::noise::Floor;
+use super::octaves::transform;
 use super::regions::{Region, SIGNIFICANT, Side};
 
 /// The longest segment: 2048 samples at 1 kHz resolve half a hertz.
@@ -222,7 +223,7 @@ fn shown(value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Random;
+    use super::super::random::Random;
     use super::*;
 
     #[test]

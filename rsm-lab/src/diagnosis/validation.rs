@@ -109,7 +109,8 @@ pub fn errors(kernel: &Kernel, fit: &levenberg::Fit) -> Vec<Error> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::{Floor, Random};
+    use super::super::noise::Floor;
+    use super::super::random::Random;
     use super::*;
     use crate::plant_file::PlantFile;
     use crate::simulate::Simulator;

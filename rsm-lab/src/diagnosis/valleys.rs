@@ -7,8 +7,8 @@
 use super::kernel::{Kernel, Prepared, dot};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
-use super::noise::Random;
 use super::nuisance::Nuisance;
+use super::random::Random;
 
 /// Steps out of a valley end at this share of a number's scale, where a scan has looked: 2.5 % of a positive number.
 const OUT: f64 = 0.25;

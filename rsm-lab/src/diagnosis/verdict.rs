@@ -439,7 +439,7 @@ mod tests {
                 let swing = swing * kernel.floors[0].sd * (0.1 * row as f64).sin();
                 *value = simulated + louder * (*value - simulated) + swing;
             }
-            left_there(&unseen, fit.clone(), &file).excess
+            left_there(&unseen, fit.clone()).excess
         };
         assert_eq!(left(1.0, 0.0), 0.0);
         assert_eq!(left(1.4, 0.0), 0.0);

@@ -10,14 +10,15 @@
 
 use std::f64::consts::TAU;
 
-use super::kernel::{Column, Kernel, Prepared, Simulated, dot};
+use super::bends::{Bend, bends};
+use super::kernel::{Column, Kernel, dot};
 use super::levenberg::{self, Fit};
-use super::model::{Model, Place};
+use super::model::Model;
 use super::normal::Normal;
+use super::tracks::Tracks;
 use crate::effect::{Arguments, Wave};
 use crate::kind::PlantKind;
-use crate::plant_file::{Entry, PlantFile, VelocityFrom};
-use crate::record::Drive;
+use crate::plant_file::Entry;
 use crate::threads::in_threads;
 
 /// Waves over the travel that are tried at most. Half a wave over the travel is the width of a line.
@@ -31,9 +32,6 @@ const KEPT: usize = 3;
 
 /// A wave is no longer seen where the noise of the position is a radian of it: the mean of its sine falls by exp(-1/2) there.
 const LARGEST_NOISE: f64 = 1.0;
-
-/// Samples on either side for a speed: its sign is wanted, and a difference over eleven rows has a tenth of the noise of one over two.
-const WIDTH: usize = 5;
 
 /// A direction that keeps less than this share of its length beside the others is one of them: traces hold six digits.
 const OF_ITS_OWN: f64 = 1e-6;
@@ -51,201 +49,6 @@ pub const AGAIN: [usize; 5] = [40, 10, 160, 40, 160];
 /// Rounds in which a step and what it bends are found in turns: each leaves a tenth where a step bends by as much.
 const BENT: usize = 6;
 
-/// A record, and the plant's answer to a force along it.
-struct Track<'k> {
-    prepared: &'k Prepared,
-    record: usize,
-    /// The place of the position among its outputs.
-    place: usize,
-    position: Vec<f64>,
-    speed: Vec<f64>,
-    command: Vec<f64>,
-    /// First place in the stack of residuals.
-    first: usize,
-    period: f64,
-    answer: Answer,
-}
-
-/// Gauss's two points in a row, as shares of it: a wave of half a turn a row is integrated to 2 %, a quarter of a turn to 0.1 % (C. F. Gauss, 1814).
-const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
-
-/// The linear plant over a row, and the controller where the loop is closed.
-#[derive(Clone, Copy)]
-struct Answer {
-    /// Speed after a row: of the speed, of a force that is held, of the forces at the nodes.
-    speed: [f64; 4],
-    /// Way in a row, likewise.
-    way: [f64; 4],
-    force_gain: f64,
-    /// Position gain, velocity gain, speed from a difference, limit of the command.
-    controller: Option<(f64, f64, bool, f64)>,
-}
-
-impl Answer {
-    /// M dv/dt + b v = f with a force that is held for a row.
-    fn new(file: &PlantFile, closed: bool, period: f64) -> Self {
-        let number = |name| file.parameters.number(name);
-        let mass = number("mass");
-        let w = number("viscous_friction") / mass * period;
-        // phi_1 = (1 - e^-w)/w and phi_2 = (1 - phi_1)/w; below 1e-4 the first two terms of their series hold eight digits.
-        let (one, two) = if w < 1e-4 {
-            (1.0 - w / 2.0, 0.5 - w / 6.0)
-        } else {
-            let one = -(-w).exp_m1() / w;
-            (one, (1.0 - one) / w)
-        };
-        let rest = |node: usize| 1.0 - NODES[node];
-        let blow = 0.5 * period / mass;
-        let way = |node: usize| period * rest(node) * (1.0 - 0.5 * w * rest(node));
-        let gains = file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"));
-        Answer {
-            // A force at a node is a blow of half a row's impulse; what is left of the row is short against the decay.
-            speed: [(-w).exp(), period * one / mass, blow * (-w * rest(0)).exp(), blow * (-w * rest(1)).exp()],
-            way: [period * one, period * period * two / mass, blow * way(0), blow * way(1)],
-            force_gain: number("force_gain"),
-            controller: gains.filter(|_| closed).map(|(position, velocity)| {
-                (position, velocity, file.parameters.velocity_from == VelocityFrom::Difference, number("command_limit"))
-            }),
-        }
-    }
-}
-
-impl Track<'_> {
-    /// What some forces at the nodes of each row change of position and command, each by itself.
-    fn run<const N: usize>(&self, force: impl Fn(f64, f64, f64) -> [f64; N]) -> [[Vec<f64>; 2]; N] {
-        let rows = self.position.len();
-        let it = self.answer;
-        let mut outputs: [[Vec<f64>; 2]; N] = std::array::from_fn(|_| [Vec::with_capacity(rows), Vec::with_capacity(rows)]);
-        let (mut q, mut v) = ([0.0; N], [0.0; N]);
-        let mut past = [[0.0; N]; 2];
-        for row in 0..rows {
-            let next = (row + 1).min(rows - 1);
-            let at = |values: &[f64], share: f64| values[row] + share * (values[next] - values[row]);
-            let [a, b] = NODES.map(|share| force(at(&self.position, share), at(&self.speed, share), self.command[row]));
-            // At its limit a command does not answer.
-            let controller = it.controller.filter(|(_, _, _, limit)| self.command[row].abs() < *limit);
-            let here = q;
-            for k in 0..N {
-                let command = controller.map_or(0.0, |(position_gain, velocity_gain, difference, _)| {
-                    let speed = if difference { (q[k] - past[1][k]) / (2.0 * self.period) } else { v[k] };
-                    velocity_gain * (-position_gain * q[k] - speed)
-                });
-                outputs[k][0].push(q[k]);
-                outputs[k][1].push(command);
-                let held = it.force_gain * command;
-                let way = it.way[0] * v[k] + it.way[1] * held + it.way[2] * a[k] + it.way[3] * b[k];
-                (q[k], v[k]) = (q[k] + way, it.speed[0] * v[k] + it.speed[1] * held + it.speed[2] * a[k] + it.speed[3] * b[k]);
-            }
-            past = [here, past[0]];
-        }
-        outputs
-    }
-
-    /// The same, whitened, into their place of the stacks.
-    fn answer<const N: usize>(&self, kernel: &Kernel, force: impl Fn(f64, f64, f64) -> [f64; N], stacks: &mut [Vec<f64>; N]) {
-        let mut whitened = Vec::with_capacity(2 * self.position.len());
-        for (outputs, stack) in self.run(force).iter().zip(stacks) {
-            whitened.clear();
-            for (k, output) in self.prepared.outputs.iter().enumerate() {
-                kernel.floors[*output].whiten(&outputs[*output], &self.prepared.used[k], &mut whitened);
-            }
-            stack[self.first..self.first + whitened.len()].copy_from_slice(&whitened);
-        }
-    }
-
-    /// Takes a path for where the axis went, but for what the readings around each row say.
-    fn follow(&mut self, path: &[f64], reach: usize) {
-        let (measured, used) = (self.prepared.measured(self.place), &self.prepared.used[self.place]);
-        let mut sums = vec![(0.0, 0.0)];
-        let (mut sum, mut count) = (0.0, 0.0);
-        for row in 0..path.len() {
-            if used[row] {
-                (sum, count) = (sum + measured[row] - path[row], count + 1.0);
-            }
-            sums.push((sum, count));
-        }
-        for row in 0..path.len() {
-            let (low, high) = (sums[row.saturating_sub(reach)], sums[(row + reach + 1).min(path.len())]);
-            self.position[row] = path[row] + (high.0 - low.0) / f64::max(high.1 - low.1, 1.0);
-        }
-    }
-}
-
-/// All records with a position.
-pub struct Tracks<'k> {
-    kernel: &'k Kernel,
-    list: Vec<Track<'k>>,
-    rows: usize,
-}
-
-impl<'k> Tracks<'k> {
-    /// Of a fit: its plant answers.
-    #[must_use]
-    pub fn new(kernel: &'k Kernel, fit: &Fit) -> Self {
-        let mut list = Vec::new();
-        for (record, (prepared, simulated)) in kernel.records.iter().zip(&fit.simulated).enumerate() {
-            let Some(k) = prepared.outputs.iter().position(|it| *it == 0) else { continue };
-            let of = &prepared.record;
-            let (position, closed) = (prepared.measured(k), of.drive == Drive::Closed);
-            let command = match prepared.outputs.iter().position(|it| *it == 1).filter(|_| closed) {
-                Some(k) => prepared.measured(k).to_vec(),
-                None if closed => simulated.get(1).cloned().unwrap_or_default(),
-                None => of.inputs[0].clone(),
-            };
-            let rows = position.len();
-            if command.len() != rows || rows < 4 * WIDTH {
-                continue;
-            }
-            let speed = |row: usize| {
-                let (a, b) = (row.saturating_sub(WIDTH), (row + WIDTH).min(rows - 1));
-                (position[b] - position[a]) / ((b - a) as f64 * of.period)
-            };
-            list.push(Track {
-                speed: (0..rows).map(speed).collect(),
-                prepared,
-                record,
-                place: k,
-                position: position.to_vec(),
-                command,
-                first: kernel.first(record),
-                period: of.period,
-                answer: Answer::new(&fit.model.file, closed, of.period),
-            });
-        }
-        Tracks { kernel, list, rows: fit.residual.len() }
-    }
-
-    /// The whitened answers to forces that depend on position, speed and command.
-    fn answer<const N: usize>(&self, law: impl Fn(f64, f64, f64) -> [f64; N]) -> [Vec<f64>; N] {
-        let mut stacks = std::array::from_fn(|_| vec![0.0; self.rows]);
-        for it in &self.list {
-            it.answer(self.kernel, &law, &mut stacks);
-        }
-        stacks
-    }
-
-    /// Takes over where another saw the axes go, with what this plant makes of a wave there.
-    fn follow(&mut self, fit: &Fit, before: &Tracks<'_>, wave: &Wave, reach: usize) {
-        let number = TAU / wave.pitch;
-        for (it, before) in self.list.iter_mut().zip(&before.list) {
-            it.position.clone_from(&before.position);
-            let [[moved, _]] = it.run(|q, _, _| [wave.amplitude * (number * q + wave.phase).sin()]);
-            let path: Vec<f64> = fit.simulated[it.record][it.place].iter().zip(&moved).map(|(a, b)| a + b).collect();
-            it.follow(&path, reach);
-        }
-    }
-
-    /// The answers to a wave along the measured positions, and to the same a quarter of a turn further.
-    #[must_use]
-    pub fn traces(&self, wave: &Wave) -> [Vec<f64>; 2] {
-        let number = TAU / wave.pitch;
-        self.answer(|q, _, _| {
-            let (sin, cos) = (number * q + wave.phase).sin_cos();
-            [wave.amplitude * sin, wave.amplitude * cos]
-        })
-    }
-}
-
 /// What a wave has to beat.
 struct Waves<'k> {
     tracks: Tracks<'k>,
@@ -255,54 +58,6 @@ struct Waves<'k> {
     residual: Vec<f64>,
     /// How traces of the calibrated parameters bend.
     bends: Vec<Bend>,
-}
-
-/// How the simulation bends with two unknowns, or with one.
-struct Bend {
-    /// Which.
-    unknowns: (usize, usize),
-    /// Half of its second derivative, or the whole mixed one, whitened; on the scales of the unknowns.
-    trace: Vec<f64>,
-}
-
-/// How the simulation bends with the parameters of the plant that are calibrated. Calibration beside a wave may be two standard deviations of a tolerance off, and then the
-/// bend of a move is more than the wave. What cannot be simulated is left out.
-fn bends(kernel: &Kernel, fit: &Fit) -> Vec<Bend> {
-    let calibrated = |k: &usize| matches!(fit.model.unknowns[*k].place, Place::Nominal(_));
-    let which: Vec<usize> = (0..fit.model.unknowns.len()).filter(calibrated).collect();
-    let pairs: Vec<(usize, usize)> =
-        which.iter().enumerate().flat_map(|(place, &a)| which[..=place].iter().map(move |&b| (b, a))).collect();
-    let moved = |(a, b): (usize, usize), sign: f64| {
-        let mut model = fit.model.clone();
-        for k in [a, b].into_iter().take(if a == b { 1 } else { 2 }) {
-            // Bounds end a search, not a difference.
-            (model.unknowns[k].low, model.unknowns[k].high) = (f64::NEG_INFINITY, f64::INFINITY);
-            model.set(k, model.value(k) + sign * model.unknowns[k].scale);
-        }
-        model
-    };
-    let models: Vec<Model> = pairs.iter().flat_map(|pair| [moved(*pair, 1.0), moved(*pair, -1.0)]).collect();
-    let runs = kernel.run_all(&models);
-    // Second differences over a scale: s(1) + s(-1) - 2 s(0).
-    let both = |runs: &[Option<Vec<Simulated>>]| {
-        let [one, other] = runs else { return None };
-        let mut sum = kernel.changes(&fit.simulated, one.as_ref()?, 1.0);
-        sum.iter_mut().zip(kernel.changes(&fit.simulated, other.as_ref()?, 1.0)).for_each(|(a, b)| *a = 0.5 * (*a + b));
-        Some(sum)
-    };
-    let halves: Vec<Option<Vec<f64>>> = runs.chunks(2).map(both).collect();
-    let half = |pair: (usize, usize)| pairs.iter().position(|it| *it == pair).and_then(|place| halves[place].as_ref());
-    let bend = |&(a, b): &(usize, usize)| {
-        let mut trace = half((a, b))?.clone();
-        if a != b {
-            // Half of it along both at once is the two halves and the mixed one.
-            for own in [half((a, a))?, half((b, b))?] {
-                trace.iter_mut().zip(own).for_each(|(value, own)| *value -= own);
-            }
-        }
-        Some(Bend { unknowns: (a, b), trace })
-    };
-    pairs.iter().filter_map(bend).collect()
 }
 
 impl<'k> Waves<'k> {
@@ -389,18 +144,11 @@ fn take_off(column: &mut [f64], direction: &[f64]) {
     column.iter_mut().zip(direction).for_each(|(value, direction)| *value -= share * direction);
 }
 
-/// The place between the lowest and the highest position of all records.
-fn travel(tracks: &Tracks<'_>) -> Option<f64> {
-    let all = tracks.list.iter().flat_map(|track| &track.position);
-    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
-    (high > low && (high - low).is_finite()).then_some(high - low)
-}
-
 /// The waves that explain most of what a fit leaves.
 #[must_use]
 pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
     let waves = Waves::new(Tracks::new(kernel, fit), fit);
-    let Some(travel) = travel(&waves.tracks) else { return Vec::new() };
+    let Some(travel) = waves.tracks.travel() else { return Vec::new() };
     let line = TAU * 0.5 / travel;
     let finest = LARGEST_NOISE / kernel.floors[0].sd;
     let numbers: Vec<f64> = (1..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
@@ -448,7 +196,7 @@ pub fn led(kernel: &Kernel, fit: &Fit, nominal: &Model, entry: &Entry, reaches: 
         // The plant with what the wave lets go of: derivatives and answers are its own.
         let base = levenberg::here(kernel, found.model.clone())?;
         tracks = Tracks::new(kernel, &base);
-        tracks.follow(&base, &found.tracks, &found.wave, *reach);
+        tracks.follow_with(&base, &found.tracks, &found.wave, *reach);
         let next = led_once(tracks, &base, found.wave.pitch, 0.05)?;
         if next.cost >= found.cost {
             break;
@@ -466,9 +214,7 @@ pub fn led_again(kernel: &Kernel, fit: &Fit, nominal: &Model, place: usize, reac
     let wave = of(&entry.arguments)?;
     let base = levenberg::here(kernel, fit.model.minus(nominal, place))?;
     let mut tracks = Tracks::new(kernel, &base);
-    for it in &mut tracks.list {
-        it.follow(&fit.simulated[it.record][it.place], reach);
-    }
+    tracks.follow(fit, reach);
     let found = led_once(tracks, &base, wave.pitch, 0.05)?;
     Some(found.model.joined(nominal, said(entry, &found.wave)))
 }
@@ -500,74 +246,96 @@ struct Led<'k> {
 /// The wave within so many lines of a pitch, with the plant.
 fn led_once<'k>(tracks: Tracks<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<Led<'k>> {
     let waves = Waves::new(tracks, fit);
-    let line = TAU * 0.5 / travel(&waves.tracks)?;
+    let line = TAU * 0.5 / waves.tracks.travel()?;
     let number = TAU / pitch;
     let number = waves.best_between((number - reach * line).max(0.1 * line), number + reach * line);
-    let traces = waves.tracks.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 });
-    let (matrix, mut right) = fit.equations_with_held();
-    let before = right.len();
-    let columns: Vec<&Column> = fit.columns.iter().chain(fit.held.iter().map(|held| &held.column)).collect();
-    let n = before + 2;
-    let mut whole = vec![0.0; n * n];
-    for i in 0..before {
-        whole[i * n..i * n + before].copy_from_slice(&matrix[i * before..(i + 1) * before]);
-        for (k, trace) in traces.iter().enumerate() {
-            let product = columns[i].with(trace);
-            (whole[i * n + before + k], whole[(before + k) * n + i]) = (product, product);
-        }
-    }
-    for i in 0..2 {
-        for j in 0..2 {
-            whole[(before + i) * n + before + j] = dot(&traces[i], &traces[j]);
-        }
-        right.push(dot(&traces[i], &fit.residual));
-    }
-    let normal = Normal::new(&whole, n, 0.0);
-    let mut solved = normal.solve(&right);
-    let unknowns: Vec<usize> = fit.free.iter().copied().chain(fit.held.iter().map(|held| held.unknown)).collect();
-    let mut left = fit.residual.clone();
-    for _ in 0..BENT {
-        // What the step just found bends is no longer asked of the straight traces.
-        left.clone_from(&fit.residual);
-        for bend in &waves.bends {
-            let step = |k: usize| {
-                unknowns.iter().position(|it| *it == k).map_or(0.0, |place| solved[place] / fit.model.unknowns[k].scale)
-            };
-            let share = step(bend.unknowns.0) * step(bend.unknowns.1);
-            left.iter_mut().zip(&bend.trace).for_each(|(value, bend)| *value -= share * bend);
-        }
-        let mut asked = right.clone();
-        let products = columns.iter().map(|column| column.with(&left) - column.with(&fit.residual));
-        asked.iter_mut().zip(products).for_each(|(asked, product)| *asked += product);
-        for (asked, trace) in asked[before..].iter_mut().zip(&traces) {
-            *asked = dot(trace, &left);
-        }
-        solved = normal.solve(&asked);
-    }
-    for (column, step) in columns.iter().zip(&solved) {
-        left[column.first..].iter_mut().zip(&column.values).for_each(|(value, column)| *value -= step * column);
-    }
-    for (trace, factor) in traces.iter().zip(&solved[before..]) {
-        left.iter_mut().zip(trace).for_each(|(value, trace)| *value -= factor * trace);
-    }
-    let cost = dot(&left, &left);
-    if !cost.is_finite() {
-        return None;
-    }
+    let joint = Joint::new(fit, waves.tracks.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 }));
+    let (solved, cost) = joint.solved(&waves.bends);
     let mut model = fit.model.clone();
-    for (k, change) in unknowns.into_iter().zip(&solved) {
+    for (&k, change) in joint.unknowns.iter().zip(&solved) {
         let unknown = &fit.model.unknowns[k];
         model.set(k, unknown.outward(unknown.inward(fit.model.value(k)) + change));
     }
-    let (sin, cos) = (solved[before], solved[before + 1]);
+    let (sin, cos) = (solved[joint.unknowns.len()], solved[joint.unknowns.len() + 1]);
     let wave = Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) };
-    Some(Led { tracks: waves.tracks, wave, model, cost })
+    cost.is_finite().then_some(Led { tracks: waves.tracks, wave, model, cost })
+}
+
+/// Normal equations of all that is free in a fit, and of the two traces of a wave.
+struct Joint<'f> {
+    fit: &'f Fit,
+    /// Unknowns of the fit, bounds or not, and their columns.
+    unknowns: Vec<usize>,
+    columns: Vec<&'f Column>,
+    traces: [Vec<f64>; 2],
+    normal: Normal,
+    right: Vec<f64>,
+}
+
+impl<'f> Joint<'f> {
+    fn new(fit: &'f Fit, traces: [Vec<f64>; 2]) -> Self {
+        let (matrix, mut right) = fit.equations_with_held();
+        let before = right.len();
+        let columns: Vec<&Column> = fit.columns.iter().chain(fit.held.iter().map(|held| &held.column)).collect();
+        let n = before + 2;
+        let mut whole = vec![0.0; n * n];
+        for i in 0..before {
+            whole[i * n..i * n + before].copy_from_slice(&matrix[i * before..(i + 1) * before]);
+            for (k, trace) in traces.iter().enumerate() {
+                let product = columns[i].with(trace);
+                (whole[i * n + before + k], whole[(before + k) * n + i]) = (product, product);
+            }
+        }
+        for i in 0..2 {
+            for j in 0..2 {
+                whole[(before + i) * n + before + j] = dot(&traces[i], &traces[j]);
+            }
+            right.push(dot(&traces[i], &fit.residual));
+        }
+        let unknowns = fit.free.iter().copied().chain(fit.held.iter().map(|held| held.unknown)).collect();
+        Joint { fit, unknowns, columns, traces, normal: Normal::new(&whole, n, 0.0), right }
+    }
+
+    /// The steps of the unknowns and the factors of the traces, and the squared residual that they leave, bends and all.
+    fn solved(&self, bends: &[Bend]) -> (Vec<f64>, f64) {
+        let before = self.unknowns.len();
+        let mut solved = self.normal.solve(&self.right);
+        let mut left = self.fit.residual.clone();
+        for _ in 0..BENT {
+            // What the step just found bends is no longer asked of the straight traces.
+            left.clone_from(&self.fit.residual);
+            for bend in bends {
+                let share = self.step(bend.unknowns.0, &solved) * self.step(bend.unknowns.1, &solved);
+                left.iter_mut().zip(&bend.trace).for_each(|(value, bend)| *value -= share * bend);
+            }
+            let of_unknowns = self.columns.iter().zip(&self.right);
+            let of_unknowns = of_unknowns.map(|(column, right)| right + column.with(&left) - column.with(&self.fit.residual));
+            let asked: Vec<f64> = of_unknowns.chain(self.traces.iter().map(|trace| dot(trace, &left))).collect();
+            solved = self.normal.solve(&asked);
+        }
+        for (column, step) in self.columns.iter().zip(&solved) {
+            left[column.first..].iter_mut().zip(&column.values).for_each(|(value, column)| *value -= step * column);
+        }
+        for (trace, factor) in self.traces.iter().zip(&solved[before..]) {
+            left.iter_mut().zip(trace).for_each(|(value, trace)| *value -= factor * trace);
+        }
+        (solved, dot(&left, &left))
+    }
+
+    /// The step of an unknown, in its scales; none where the fit has no such unknown.
+    fn step(&self, unknown: usize, solved: &[f64]) -> f64 {
+        let place = self.unknowns.iter().position(|it| *it == unknown);
+        place.map_or(0.0, |place| solved[place] / self.fit.model.unknowns[unknown].scale)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::{Floor, Random};
+    use super::super::kernel::Prepared;
+    use super::super::noise::Floor;
+    use super::super::random::Random;
     use super::*;
+    use crate::plant_file::PlantFile;
     use crate::record::Record;
     use crate::simulate::Simulator;
     use rsm_core::source::Source;

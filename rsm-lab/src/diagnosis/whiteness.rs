@@ -5,7 +5,7 @@
 
 use super::kernel::Kernel;
 use super::levenberg::Fit;
-use super::noise::{LEAST_LINES, OCTAVES, Octave, octaves};
+use super::octaves::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
 
 /// How rarely noise alone may pass for structure, over all octaves of all outputs in both looks. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.

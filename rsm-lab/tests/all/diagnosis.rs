@@ -1,6 +1,6 @@
 //! The diagnosis on records that are simulated here, with noise from a fixed seed: small versions of what tests/hidden-effects judges with other code.
 
-use rsm_lab::diagnosis::noise::Random;
+use rsm_lab::diagnosis::random::Random;
 use rsm_lab::diagnosis::selection::{Limit, Path};
 use rsm_lab::diagnosis::{Diagnosis, Options, Verdict, diagnose};
 use rsm_lab::plant_file::PlantFile;

@@ -5,7 +5,7 @@
 
 use rsm_core::source::Source;
 use rsm_fit::table::{Table, Wanted};
-use rsm_lab::diagnosis::noise::Random;
+use rsm_lab::diagnosis::random::Random;
 use rsm_lab::diagnosis::{Options, Verdict, diagnose};
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::Record;

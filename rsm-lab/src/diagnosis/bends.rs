@@ -1,0 +1,57 @@
+//! How the simulation bends with the parameters that are calibrated.
+//!
+//! In: records and a fit. Out: whitened second derivatives, one for each parameter and each pair. Never moves the fit.
+
+use super::kernel::{Kernel, Simulated};
+use super::levenberg::Fit;
+use super::model::{Model, Place};
+
+/// How the simulation bends with two unknowns, or with one.
+#[derive(Debug, Clone)]
+pub struct Bend {
+    /// Which.
+    pub unknowns: (usize, usize),
+    /// Half of its second derivative, or the whole mixed one, whitened; on the scales of the unknowns.
+    pub trace: Vec<f64>,
+}
+
+/// How the simulation bends with the parameters of the plant that are calibrated. Calibration beside a wave may be two standard deviations of a tolerance off, and then the
+/// bend of a move is more than the wave. What cannot be simulated is left out.
+#[must_use]
+pub fn bends(kernel: &Kernel, fit: &Fit) -> Vec<Bend> {
+    let calibrated = |k: &usize| matches!(fit.model.unknowns[*k].place, Place::Nominal(_));
+    let which: Vec<usize> = (0..fit.model.unknowns.len()).filter(calibrated).collect();
+    let pairs: Vec<(usize, usize)> =
+        which.iter().enumerate().flat_map(|(place, &a)| which[..=place].iter().map(move |&b| (b, a))).collect();
+    let moved = |(a, b): (usize, usize), sign: f64| {
+        let mut model = fit.model.clone();
+        for k in [a, b].into_iter().take(if a == b { 1 } else { 2 }) {
+            // Bounds end a search, not a difference.
+            (model.unknowns[k].low, model.unknowns[k].high) = (f64::NEG_INFINITY, f64::INFINITY);
+            model.set(k, model.value(k) + sign * model.unknowns[k].scale);
+        }
+        model
+    };
+    let models: Vec<Model> = pairs.iter().flat_map(|pair| [moved(*pair, 1.0), moved(*pair, -1.0)]).collect();
+    let runs = kernel.run_all(&models);
+    // Second differences over a scale: s(1) + s(-1) - 2 s(0).
+    let both = |runs: &[Option<Vec<Simulated>>]| {
+        let [one, other] = runs else { return None };
+        let mut sum = kernel.changes(&fit.simulated, one.as_ref()?, 1.0);
+        sum.iter_mut().zip(kernel.changes(&fit.simulated, other.as_ref()?, 1.0)).for_each(|(a, b)| *a = 0.5 * (*a + b));
+        Some(sum)
+    };
+    let halves: Vec<Option<Vec<f64>>> = runs.chunks(2).map(both).collect();
+    let half = |pair: (usize, usize)| pairs.iter().position(|it| *it == pair).and_then(|place| halves[place].as_ref());
+    let bend = |&(a, b): &(usize, usize)| {
+        let mut trace = half((a, b))?.clone();
+        if a != b {
+            // Half of it along both at once is the two halves and the mixed one.
+            for own in [half((a, a))?, half((b, b))?] {
+                trace.iter_mut().zip(own).for_each(|(value, own)| *value -= own);
+            }
+        }
+        Some(Bend { unknowns: (a, b), trace })
+    };
+    pairs.iter().filter_map(bend).collect()
+}
