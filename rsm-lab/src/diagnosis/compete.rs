@@ -205,10 +205,11 @@ impl Search<'_> {
         self.judged(fit, found)
     }
 
-    /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do.
+    /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do, or where a wave no longer comes again.
     pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
-        if within_tolerance(self.nominal, entry) || !is_physical(entry) {
+        let come_again = fit.model.file.effects.iter().all(|it| waves::comes_again(self.kernel, it));
+        if within_tolerance(self.nominal, entry) || !is_physical(entry) || !come_again {
             return None;
         }
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;

@@ -12,7 +12,7 @@ use super::model::Model;
 use super::nuisance::Nuisance;
 use super::profile::profile;
 use super::screen::{Pair, Screened, null, pairs, screen};
-use super::whiteness;
+use super::{waves, whiteness};
 use crate::plant_file::Entry;
 
 /// How much work a stage may be. Counts, not seconds: the same records give the same answer on every machine.
@@ -322,7 +322,9 @@ impl Search<'_> {
             tried.push(names);
             let Some((model, _)) = profile(self.kernel, &nuisance, model, 0, self.effort.profile_steps) else { continue };
             let Some(fit) = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(calibrated)) else { continue };
-            if fit.model.file.effects.iter().any(|entry| within_tolerance(self.nominal, entry) || !is_physical(entry)) {
+            let sound =
+                |it: &Entry| !within_tolerance(self.nominal, it) && is_physical(it) && waves::comes_again(self.kernel, it);
+            if !fit.model.file.effects.iter().all(sound) {
                 continue;
             }
             if best.as_ref().is_none_or(|best| self.prefers(&fit, best, calibrated, threshold)) {
@@ -333,7 +335,7 @@ impl Search<'_> {
     }
 
     /// Two levels of friction are their mean and a constant load of half their difference. Where the records cannot tell, it is said as two plain things: a load
-    /// acts at rest, too, and the sum can be more than friction. One trial, without a search: what chance does in that is little.
+    /// acts at rest, too, and the sum can be more than friction. Both have two numbers, and nothing was searched: chance does little.
     fn split(&self, fit: Fit) -> Fit {
         let entries = &fit.model.file.effects;
         let two_levels = |it: &Entry| it.description.kind == "asymmetric-friction" && it.arguments.numbers.len() == 2;

@@ -216,12 +216,4 @@ impl<'k> Tracks<'k> {
             [wave.amplitude * sin, wave.amplitude * cos]
         })
     }
-
-    /// The way between the lowest and the highest position of all records.
-    #[must_use]
-    pub fn travel(&self) -> Option<f64> {
-        let all = self.list.iter().flat_map(|track| &track.position);
-        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
-        (high > low && (high - low).is_finite()).then_some(high - low)
-    }
 }

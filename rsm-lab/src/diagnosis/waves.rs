@@ -24,6 +24,9 @@ use crate::threads::in_threads;
 /// Waves over the travel that are tried at most. Half a wave over the travel is the width of a line.
 pub const MOST: usize = 400;
 
+/// Lines from none to the longest wave that comes again: one wave over the travel.
+const LONGEST: usize = 2;
+
 /// How many lines are looked at closely: half a line beside its best a wave has three quarters of its gain, and others stand higher.
 const LOOKED: usize = 8;
 
@@ -148,12 +151,12 @@ fn take_off(column: &mut [f64], direction: &[f64]) {
 #[must_use]
 pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
     let waves = Waves::new(Tracks::new(kernel, fit), fit);
-    let Some(travel) = waves.tracks.travel() else { return Vec::new() };
+    let Some(travel) = travel(kernel) else { return Vec::new() };
     let line = TAU * 0.5 / travel;
     let finest = LARGEST_NOISE / kernel.floors[0].sd;
-    let numbers: Vec<f64> = (1..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
+    let numbers: Vec<f64> = (LONGEST..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
     let gains = waves.gains(&numbers);
-    // The longest wave may lie at the end of the list: beyond it is a spring, beyond the other end noise.
+    // The longest wave may lie at the end of the list: beyond it is what does not come again, beyond the other end noise.
     let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
     let mut peaks: Vec<usize> =
         (0..gains.len()).filter(|&k| at(k) > 0.0 && (k == 0 || at(k) >= at(k - 1)) && at(k) > at(k + 1)).collect();
@@ -161,7 +164,7 @@ pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
     peaks.truncate(LOOKED);
     let mut found: Vec<(f64, Wave)> = Vec::new();
     for k in peaks {
-        let number = waves.best_between(numbers[k] - 0.9 * line, numbers[k] + line);
+        let number = waves.best_between((numbers[k] - line).max(LONGEST as f64 * line), numbers[k] + line);
         let (gain, [sin, cos]) = waves.gain(number);
         if gain > 0.0 {
             found.push((gain, Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) }));
@@ -170,6 +173,24 @@ pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found.truncate(KEPT);
     found.into_iter().map(|it| it.1).collect()
+}
+
+/// The way that an axis covers in its records, in m, if any has a position.
+fn travel(kernel: &Kernel) -> Option<f64> {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for it in &kernel.records {
+        let Some(k) = it.outputs.iter().position(|output| *output == 0) else { continue };
+        let used = it.measured(k).iter().zip(&it.used[k]).filter(|(_, used)| **used);
+        (low, high) = used.fold((low, high), |(low, high), (value, _)| (low.min(*value), high.max(*value)));
+    }
+    (high > low && (high - low).is_finite()).then_some(high - low)
+}
+
+/// Whether an entry is no wave over the position, or one of which the records hold a whole turn at least: of less any smooth force is a part, a spring first of all.
+#[must_use]
+pub fn comes_again(kernel: &Kernel, entry: &Entry) -> bool {
+    let wave = Some(entry).filter(|it| is_wave(it.description.kind, it.arguments.plant));
+    wave.and_then(|it| of(&it.arguments)).is_none_or(|wave| travel(kernel).is_some_and(|travel| wave.pitch <= travel))
 }
 
 /// Whether an effect is such a wave.
@@ -246,9 +267,9 @@ struct Led<'k> {
 /// The wave within so many lines of a pitch, with the plant.
 fn led_once<'k>(tracks: Tracks<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<Led<'k>> {
     let waves = Waves::new(tracks, fit);
-    let line = TAU * 0.5 / waves.tracks.travel()?;
+    let line = TAU * 0.5 / travel(waves.tracks.kernel)?;
     let number = TAU / pitch;
-    let number = waves.best_between((number - reach * line).max(0.1 * line), number + reach * line);
+    let number = waves.best_between((number - reach * line).max(LONGEST as f64 * line), number + reach * line);
     let joint = Joint::new(fit, waves.tracks.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 }));
     let (solved, cost) = joint.solved(&waves.bends);
     let mut model = fit.model.clone();
@@ -390,6 +411,24 @@ mod tests {
             assert!((found.pitch / pitch - 1.0).abs() < 0.005, "{closed} {pitch}: {found:?}");
             assert!((found.amplitude / 0.5 - 1.0).abs() < 0.2, "{closed} {pitch}: {found:?}");
         }
+    }
+
+    #[test]
+    fn a_wave_comes_again_where_the_records_hold_a_turn_of_it() {
+        let (kernel, _, fit) = axis(true, 0.04);
+        let entry = |pitch: f64| {
+            let numbers = vec![("amplitude", 0.5), ("pitch", pitch), ("phase", 0.0)];
+            let arguments = Arguments { plant: PlantKind::ServoAxis, subject: None, numbers };
+            Entry { description: crate::effects::of("cogging-torque").unwrap(), arguments }
+        };
+        // The moves go 0.1 m; what is not read is no way.
+        assert!(comes_again(&kernel, &entry(0.09)) && !comes_again(&kernel, &entry(0.11)));
+        let mut halved = kernel.clone();
+        let place = halved.records[0].outputs.iter().position(|it| *it == 0).unwrap();
+        let near: Vec<bool> = halved.records[0].measured(place).iter().map(|q| *q < 0.05).collect();
+        halved.records[0].used[place] = near;
+        assert!(!comes_again(&halved, &entry(0.09)));
+        assert!(waves(&kernel, &fit).iter().all(|wave| wave.pitch <= 0.11));
     }
 
     #[test]

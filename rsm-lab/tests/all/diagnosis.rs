@@ -89,11 +89,18 @@ fn a_gain_of_one_sensor_is_told_from_friction_and_from_the_flux() {
 }
 
 #[test]
-fn two_levels_of_friction_are_said_as_friction_and_a_load() {
-    let found = diagnosed(&effect("asymmetric-friction", "forward = 0.14, backward = 0.06"), 2);
-    let mut kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();
-    kinds.sort_unstable();
-    assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["constant-load", "coulomb-friction"]));
+fn two_levels_of_friction_are_told_from_friction_and_a_load_where_the_motor_reverses() {
+    let kinds = |effects: &str| {
+        let found = diagnosed(effects, 2);
+        let mut kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();
+        kinds.sort_unstable();
+        (found.verdict, kinds)
+    };
+    // The same levels, but about rest, where a load acts and friction does not.
+    let levels = effect("asymmetric-friction", "forward = 0.14, backward = 0.06");
+    assert_eq!(kinds(&levels), (Verdict::Explained, vec!["asymmetric-friction"]));
+    let both = effect("coulomb-friction", "torque = 0.1") + &effect("constant-load", "torque = 0.04");
+    assert_eq!(kinds(&both), (Verdict::Explained, vec!["constant-load", "coulomb-friction"]));
 }
 
 #[test]
