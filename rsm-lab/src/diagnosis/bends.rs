@@ -55,3 +55,36 @@ pub fn bends(kernel: &Kernel, fit: &Fit) -> Vec<Bend> {
     };
     pairs.iter().filter_map(bend).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{axis_under_steps, levenberg};
+    use super::*;
+
+    #[test]
+    fn bends_tell_what_traces_miss_of_a_move_of_two_parameters() {
+        let file = axis_under_steps::file("mass = 0.04\nviscous_friction = 0.08", "");
+        let (kernel, nominal) = axis_under_steps::kernel(&file, &file, false);
+        let fit = levenberg::here(&kernel, nominal.clone()).unwrap();
+        let steps = [1.5, -1.0];
+        let mut moved = nominal.clone();
+        for (k, step) in steps.iter().enumerate() {
+            moved.set(k, nominal.value(k) + step * nominal.unknowns[k].scale);
+        }
+        let mut missed = kernel.changes(&fit.simulated, &kernel.run(&moved).unwrap(), 1.0);
+        let length = |values: &[f64]| values.iter().map(|it| it * it).sum::<f64>().sqrt();
+        for (k, step) in steps.iter().enumerate() {
+            let column = &fit.columns[fit.free.iter().position(|it| *it == k).unwrap()];
+            let step = step * nominal.unknowns[k].scale;
+            missed[column.first..].iter_mut().zip(&column.values).for_each(|(value, slope)| *value -= step * slope);
+        }
+        let straight = length(&missed);
+        let bends = bends(&kernel, &fit);
+        assert_eq!(bends.len(), 3);
+        for Bend { unknowns: (a, b), trace } in &bends {
+            missed.iter_mut().zip(trace).for_each(|(value, bend)| *value -= steps[*a] * steps[*b] * bend);
+        }
+        // The third order of a move by 6 and 8 %.
+        assert!(length(&missed) < 0.15 * straight, "{} {straight}", length(&missed));
+    }
+}

@@ -343,6 +343,7 @@ fn pressed(model: &Model, k: usize, pull: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::super::axis_under_steps;
+    use super::super::model::Place;
     use super::*;
 
     /// An axis with dry friction, its record with noise, and the same axis without friction, all of it free.
@@ -389,5 +390,26 @@ mod tests {
             // Rounding of sums of numbers up to some thousands.
             assert!((told - seen).abs() < 1e-9 * (1.0 + seen.abs()), "row {row}: {told} {seen}");
         }
+    }
+
+    #[test]
+    fn a_direction_that_only_tolerances_curve_is_followed() {
+        // Of mass, friction and gain an axis in open loop shows two ratios: all three times as much move alike.
+        let with_gain = |gain: f64| format!("[[effects]]\nkind = \"input-gain\"\nparameters = {{ gain = {gain} }}\n");
+        let file = |gain: f64| axis_under_steps::file("mass = 0.02\nviscous_friction = 0.02", &with_gain(gain));
+        let (kernel, nominal) = axis_under_steps::kernel(&file(0.9), &file(0.9), true);
+        let mut model = nominal.with_effects(&nominal, nominal.file.effects.clone());
+        for k in 0..model.unknowns.len() {
+            match model.unknowns[k].place {
+                Place::Nominal(_) | Place::Effect { .. } => model.set(k, 1.03 * model.value(k)),
+                Place::Start { .. } => {}
+            }
+        }
+        let mass = |fit: &Fit| fit.model.file.parameters.number("mass");
+        let begun = here(&kernel, model.clone()).unwrap();
+        assert!((mass(&begun) - 2.06).abs() < 1e-9 && begun.cost < 740.0, "{}", begun.cost);
+        let found = fit(&kernel, model, 20).unwrap();
+        // Both priors ask for the nominal mass, and noise moves the ratio of the two by its own hundredth: half a standard deviation of the tolerance, 0.02.
+        assert!((mass(&found) - 2.0).abs() < 0.02, "{}", mass(&found));
     }
 }
