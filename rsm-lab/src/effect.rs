@@ -109,7 +109,7 @@ pub struct Description {
     pub subject: Subject,
     /// Its numbers.
     pub arguments: &'static [Argument],
-    /// What the report says; `{name}` stands for an argument.
+    /// What the report says; `{name}` stands for an argument with its unit.
     pub sentence: &'static str,
     /// What an engineer measures or looks at to be sure, in a sentence.
     pub check: &'static str,

@@ -312,7 +312,7 @@ fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, thres
     let parameters: Vec<Interval> = parameters.collect();
     let mut sentence = entry.description.sentence.to_string();
     for it in &parameters {
-        sentence = sentence.replace(&format!("{{{}}}", it.name), &plain(it));
+        sentence = sentence.replace(&format!("{{{}}}", it.name), &with_unit(it));
     }
     let name = subject.clone().unwrap_or_default();
     sentence = sentence.replace("{parameter}", &name).replace("{output}", &name);
@@ -385,16 +385,17 @@ fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> C
         // All rows are multiples of the step: about one squared standard deviation a row.
         gain: rows,
         rivals: Vec::new(),
-        sentence: format!("The sensor of {} rounds to multiples of {step}.", signal.name),
+        sentence: format!("The sensor of {} rounds to multiples of {step} {}.", signal.name, signal.unit),
         check: crate::effects::of("sensor-quantisation").map_or("", |description| description.check),
         witness: None,
     }
 }
 
-fn plain(it: &Interval) -> String {
+/// A number to four digits, with its unit.
+fn with_unit(it: &Interval) -> String {
     let digits = format!("{:.3e}", it.value);
     let value: f64 = digits.parse().unwrap_or(it.value);
-    format!("{value}")
+    if it.unit == "1" { format!("{value}") } else { format!("{value} {}", it.unit.replace('*', " ")) }
 }
 
 fn unit(plant: PlantKind, description: &crate::effect::Description, subject: Option<&str>, name: &str) -> String {
@@ -445,6 +446,15 @@ mod tests {
         assert_eq!(left(1.4, 0.0), 0.0);
         assert!(left(1.8, 0.0) > 0.5, "{}", left(1.8, 0.0));
         assert!(left(1.0, 0.7) > 0.05, "{}", left(1.0, 0.7));
+    }
+
+    #[test]
+    fn numbers_in_sentences_have_four_digits_and_their_unit() {
+        let of =
+            |value: f64, unit: &str| with_unit(&Interval { name: "x", value, low: value, high: value, unit: unit.to_string() });
+        assert_eq!(of(8.04761, "N*m"), "8.048 N m");
+        assert_eq!(of(1.0757, "1"), "1.076");
+        assert_eq!(of(-4.2e-7, "m/s"), "-0.00000042 m/s");
     }
 
     #[test]

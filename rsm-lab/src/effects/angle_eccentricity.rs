@@ -5,7 +5,7 @@
 //! Acts on      the frame of voltages and currents
 //! Looks like   torque ripple of first order
 //! Told apart   by its order: once a mechanical turn
-//! Report says  "The encoder errs by {amplitude} rad once a turn."
+//! Report says  "The encoder errs by {amplitude} once a turn."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
     arguments: &[Argument::new("amplitude", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
-    sentence: "The encoder errs by {amplitude} rad once a turn.",
+    sentence: "The encoder errs by {amplitude} once a turn.",
     check: "Check the concentricity of the encoder and its disc; the error must repeat once a mechanical turn at any speed and current.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      the frame of voltages and currents
 //! Looks like   an error of the flux linkage where i_d is 0
 //! Told apart   by currents on both axes
-//! Report says  "The recorded frame is turned by {angle} rad."
+//! Report says  "The recorded frame is turned by {angle}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
     arguments: &[Argument::new("angle", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
-    sentence: "The recorded frame is turned by {angle} rad.",
+    sentence: "The recorded frame is turned by {angle}.",
     check: "Align the encoder again: turn the rotor from outside with open terminals, the back-EMF must stand on the q axis alone.",
     build,
     guesses,

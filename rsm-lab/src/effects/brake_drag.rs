@@ -5,7 +5,7 @@
 //! Acts on      effort at the wheel
 //! Looks like   road grade, an error of rolling_resistance_1: one and the same while the car rolls forward
 //! Told apart   by standstill or backward motion
-//! Report says  "A brake drags with {torque} N m."
+//! Report says  "A brake drags with {torque}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -22,7 +22,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
     arguments: &[Argument::new("torque", "N*m", Bound::NotNegative)],
-    sentence: "A brake drags with {torque} N m.",
+    sentence: "A brake drags with {torque}.",
     check: "Jack the wheels up and turn them by hand, or measure the temperature of the brakes after driving without braking.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      the law of the clutch, after what other effects make of it
 //! Looks like   an error of the torque map at full load
 //! Told apart   by engine speed against road speed
-//! Report says  "The clutch slips above {capacity} N m."
+//! Report says  "The clutch slips above {capacity}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
     arguments: &[Argument::new("capacity", "N*m", Bound::Positive)],
-    sentence: "The clutch slips above {capacity} N m.",
+    sentence: "The clutch slips above {capacity}.",
     check: "Compare engine speed with road speed times the gear ratio under full load; where they part, inspect lining and clamp load.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      the law of the clutch
 //! Looks like   an error of the clutch stiffness at one torque
 //! Told apart   by tip-ins of different size
-//! Report says  "The clutch stiffens with {cubic_stiffness} N m/rad^3."
+//! Report says  "The clutch stiffens with {cubic_stiffness}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
     arguments: &[Argument::new("cubic_stiffness", "N*m/rad^3", Bound::NotNegative)],
-    sentence: "The clutch stiffens with {cubic_stiffness} N m/rad^3.",
+    sentence: "The clutch stiffens with {cubic_stiffness}.",
     check: "Measure the clutch's torque against its twist on a bench, beyond the first stage of its springs.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      the speed of the air
 //! Looks like   an error of drag area at one speed
 //! Told apart   by different speeds
-//! Report says  "There is a headwind of {wind} m/s."
+//! Report says  "There is a headwind of {wind}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
     arguments: &[Argument::new("wind", "m/s", Bound::Any)],
-    sentence: "There is a headwind of {wind} m/s.",
+    sentence: "There is a headwind of {wind}.",
     check: "Drive the same road both ways; what changes sign is wind.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      the first input: both voltages, throttle, command
 //! Looks like   a lag of an actuator; half a sample of delay looks like the zero-order hold
 //! Told apart   by steps of the input
-//! Report says  "The input acts {delay} s later than recorded."
+//! Report says  "The input acts {delay} later than recorded."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::None,
     arguments: &[Argument::new("delay", "s", Bound::NotNegative)],
-    sentence: "The input acts {delay} s later than recorded.",
+    sentence: "The input acts {delay} later than recorded.",
     check: "Apply one step of the input and count the samples to the first answer; look for filters, buses and time stamps.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      the voltage at the windings
 //! Looks like   an error of the resistance at one current
 //! Told apart   by small currents: the loss does not shrink with them
-//! Report says  "The inverter loses {voltage_loss} V against the current."
+//! Report says  "The inverter loses {voltage_loss} against the current."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
     arguments: &[Argument::new("voltage_loss", "V", Bound::NotNegative)],
-    sentence: "The inverter loses {voltage_loss} V against the current.",
+    sentence: "The inverter loses {voltage_loss} against the current.",
     check: "Measure terminal voltage against command at standstill at small currents: the loss must stay as the current shrinks.",
     build,
     guesses,

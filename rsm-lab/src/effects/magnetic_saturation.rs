@@ -5,7 +5,7 @@
 //! Acts on      the inductance wherever it stands
 //! Looks like   an error of the inductance at one current
 //! Told apart   by steps at small and large currents
-//! Report says  "The inductance halves at a current of {saturation_current} A."
+//! Report says  "The inductance halves at a current of {saturation_current}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
     arguments: &[Argument::new("saturation_current", "A", Bound::Positive)],
-    sentence: "The inductance halves at a current of {saturation_current} A.",
+    sentence: "The inductance halves at a current of {saturation_current}.",
     check: "Measure the inductance at small and at large current at standstill, by a small step on top of each.",
     build,
     guesses,

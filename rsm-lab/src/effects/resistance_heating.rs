@@ -5,7 +5,7 @@
 //! Acts on      the phase resistance
 //! Looks like   an error of the resistance in a short record
 //! Told apart   by a record longer than the time constant
-//! Report says  "The winding heats up: {thermal_resistance} K/W with a time constant of {thermal_time_constant} s."
+//! Report says  "The winding heats up: {thermal_resistance} with a time constant of {thermal_time_constant}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -22,7 +22,7 @@ pub const DESCRIPTION: Description = Description {
         Argument::new("thermal_resistance", "K/W", Bound::NotNegative),
         Argument::new("thermal_time_constant", "s", Bound::Positive),
     ],
-    sentence: "The winding heats up: {thermal_resistance} K/W with a time constant of {thermal_time_constant} s.",
+    sentence: "The winding heats up: {thermal_resistance} with a time constant of {thermal_time_constant}.",
     check: "Measure the winding's resistance cold, and again directly after the record.",
     build,
     guesses,

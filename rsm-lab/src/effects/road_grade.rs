@@ -5,7 +5,7 @@
 //! Acts on      the parameter grade, before the simulation
 //! Looks like   brake drag, an error of rolling resistance, in a record that always rolls forward; `parameter-error` of grade is the same cause
 //! Told apart   by coasting in both directions of the road
-//! Report says  "The road has a grade of {grade} rad."
+//! Report says  "The road has a grade of {grade}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -20,7 +20,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
     arguments: &[Argument::new("grade", "rad", Bound::Between(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2))],
-    sentence: "The road has a grade of {grade} rad.",
+    sentence: "The road has a grade of {grade}.",
     check: "Measure the slope, or drive the same road both ways; the scale and a coast-down tell it from drag.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      a named output
 //! Looks like   a slow change of the plant
 //! Told apart   by a record that ends where it began
-//! Report says  "The sensor of {output} drifts by {rate} per second."
+//! Report says  "The sensor of {output} drifts by {rate}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
     arguments: &[Argument::new("rate", "", Bound::Any)],
-    sentence: "The sensor of {output} drifts by {rate} per second.",
+    sentence: "The sensor of {output} drifts by {rate}.",
     check: "Read the sensor at a known rest at the beginning and at the end of a long record.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      a named output
 //! Looks like   input delay
 //! Told apart   by another output that is read without lag
-//! Report says  "The sensor of {output} lags with a time constant of {time_constant} s."
+//! Report says  "The sensor of {output} lags with a time constant of {time_constant}."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
     arguments: &[Argument::new("time_constant", "s", Bound::Positive)],
-    sentence: "The sensor of {output} lags with a time constant of {time_constant} s.",
+    sentence: "The sensor of {output} lags with a time constant of {time_constant}.",
     check: "Compare the sensor with a faster one on one step; look for a filter in its electronics or in the log.",
     build,
     guesses,

@@ -5,7 +5,7 @@
 //! Acts on      the contact of wheel and road
 //! Looks like   driveshaft damping
 //! Told apart   by engine speed against road speed
-//! Report says  "The tyres slip: {slip_stiffness} N for a slip of 1."
+//! Report says  "The tyres slip: {slip_stiffness} for a slip of 1."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
     arguments: &[Argument::new("slip_stiffness", "N", Bound::Positive)],
-    sentence: "The tyres slip: {slip_stiffness} N for a slip of 1.",
+    sentence: "The tyres slip: {slip_stiffness} for a slip of 1.",
     check: "Compare wheel speed with ground speed (GPS) while accelerating and while coasting.",
     build,
     guesses,

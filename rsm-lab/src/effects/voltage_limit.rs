@@ -5,7 +5,7 @@
 //! Acts on      the voltage that the bus allows
 //! Looks like   a gain of the input at high voltage
 //! Told apart   by records below and above the limit
-//! Report says  "The bus allows {limit} V only."
+//! Report says  "The bus allows {limit} only."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
     arguments: &[Argument::new("limit", "V", Bound::Positive)],
-    sentence: "The bus allows {limit} V only.",
+    sentence: "The bus allows {limit} only.",
     check: "Record the bus voltage under load; compare it with the value from which the limit was computed.",
     build,
     guesses,

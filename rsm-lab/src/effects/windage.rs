@@ -5,7 +5,7 @@
 //! Acts on      effort at the rotor
 //! Looks like   viscous friction over a narrow range of speed
 //! Told apart   by a run-up to high speed: it grows with the square
-//! Report says  "Windage of {coefficient} N m per (rad/s)^2 is missing from the model."
+//! Report says  "Windage of {coefficient} is missing from the model."
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
@@ -19,7 +19,7 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
     arguments: &[Argument::new("coefficient", "N*m*s^2/rad^2", Bound::NotNegative)],
-    sentence: "Windage of {coefficient} N m per (rad/s)^2 is missing from the model.",
+    sentence: "Windage of {coefficient} is missing from the model.",
     check: "Coast down from high speed without current: the deceleration must grow with the square of the speed.",
     build,
     guesses,

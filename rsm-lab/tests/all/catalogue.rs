@@ -68,6 +68,8 @@ fn every_header_has_its_six_lines() {
         for line in ["Formula ", "Source ", "Acts on ", "Looks like ", "Told apart ", "Report says "] {
             assert!(text.contains(&format!("//! {line}")), "{}: no line `{line}`", description.kind);
         }
+        let says = format!("//! Report says  \"{}\"", description.sentence);
+        assert!(text.contains(&says), "{}: the header says something else", description.kind);
         // The report can fill in every place of the sentence.
         for part in description.sentence.split('{').skip(1) {
             let name = part.split('}').next().unwrap();
