@@ -22,6 +22,7 @@ pub mod correction;
 pub mod excitations;
 pub mod experiment;
 pub mod finish;
+mod friction;
 pub mod hypotheses;
 pub mod kernel;
 pub mod levenberg;

@@ -242,7 +242,7 @@ impl Search<'_> {
                 }
             }
         }
-        let fit = self.split(fit);
+        let fit = self.split(self.levelled(fit));
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
         let stopped = path.stopped();
         if let Some(limit) = stopped {
@@ -332,30 +332,6 @@ impl Search<'_> {
             }
         }
         best
-    }
-
-    /// Two levels of friction are their mean and a constant load of half their difference. Where the records cannot tell, it is said as two plain things: a load
-    /// acts at rest, too, and the sum can be more than friction. Both have two numbers, and nothing was searched: chance does little.
-    fn split(&self, fit: Fit) -> Fit {
-        let entries = &fit.model.file.effects;
-        let two_levels = |it: &Entry| it.description.kind == "asymmetric-friction" && it.arguments.numbers.len() == 2;
-        let Some(place) = entries.iter().position(two_levels) else { return fit };
-        if entries.iter().any(|it| it.description.kind == "constant-load") || entries.len() == self.effort.causes {
-            return fit;
-        }
-        let levels: Vec<f64> = entries[place].arguments.numbers.iter().map(|number| number.1).collect();
-        let kind = fit.model.file.kind;
-        let plain = |name: &str, value: f64| {
-            let found = self.hypotheses.iter().find(|it| it.description.kind == name);
-            found.map(|it| it.entry(kind, &[value]))
-        };
-        let (mean, half) = (0.5 * (levels[0] + levels[1]), 0.5 * (levels[0] - levels[1]));
-        let (Some(friction), Some(load)) = (plain("coulomb-friction", mean), plain("constant-load", half)) else { return fit };
-        let model = fit.model.minus(self.nominal, place).plus(self.nominal, friction).plus(self.nominal, load);
-        match levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(&fit)) {
-            Some(other) if other.cost < fit.cost + best_of(1, 1) => other,
-            _ => fit,
-        }
     }
 
     fn ranking(&self, screened: &[Screened]) -> Vec<(String, f64)> {
