@@ -261,7 +261,7 @@ mod tests {
             hypotheses: &slips,
             looks: 0,
             rounded: &[],
-            effort: Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps: u64::MAX / 2 },
+            effort: Effort::within(u64::MAX / 2),
             progress: &|_| {},
         };
         let screened = screen(&kernel, &calibrated, &nominal, &slips);

@@ -5,6 +5,7 @@
 use super::chance::best_of;
 use super::compete::{count, within_tolerance};
 use super::levenberg::{self, Fit};
+use super::model::Model;
 use super::selection::Search;
 use crate::plant_file::Entry;
 
@@ -19,18 +20,12 @@ impl Search<'_> {
             return fit;
         }
         let levels: Vec<f64> = entries[place].arguments.numbers.iter().map(|number| number.1).collect();
-        let kind = fit.model.file.kind;
-        let plain = |name: &str, value: f64| {
-            let found = self.hypotheses.iter().find(|it| it.description.kind == name);
-            found.map(|it| it.entry(kind, &[value]))
-        };
         let (mean, half) = (0.5 * (levels[0] + levels[1]), 0.5 * (levels[0] - levels[1]));
-        let (Some(friction), Some(load)) = (plain("coulomb-friction", mean), plain("constant-load", half)) else { return fit };
+        let (friction, load) =
+            (self.with_one_number("coulomb-friction", None, mean), self.with_one_number("constant-load", None, half));
+        let (Some(friction), Some(load)) = (friction, load) else { return fit };
         let model = fit.model.minus(self.nominal, place).plus(self.nominal, friction).plus(self.nominal, load);
-        match levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(&fit)) {
-            Some(other) if other.cost < fit.cost + best_of(1, 1) => other,
-            _ => fit,
-        }
+        self.or_plainer(fit, model, best_of(1, 1))
     }
 
     /// Friction that is the same both ways is no asymmetry: it is one level, or a part of that of a Stribeck curve beside it, and one viscous friction. The fit with those, where what it
@@ -41,11 +36,6 @@ impl Search<'_> {
         let number = |name| entries[place].arguments.optional(name);
         let mean = |a, b| number(a).zip(number(b)).map(|(a, b)| 0.5 * (a + b));
         let Some(level) = mean("forward", "backward") else { return fit };
-        let kind = fit.model.file.kind;
-        let of = |name: &str, subject: Option<&str>, value: f64| {
-            let found = self.hypotheses.iter().find(|it| it.description.kind == name && it.subject == subject);
-            found.map(|it| it.entry(kind, &[value]))
-        };
         let mut model = fit.model.minus(self.nominal, place);
         let curve = model.file.effects.iter().position(|it| it.description.kind == "stribeck-friction");
         match curve {
@@ -56,19 +46,34 @@ impl Search<'_> {
                 model = model.with_effects(self.nominal, entries);
             }
             None => {
-                let Some(friction) = of("coulomb-friction", None, level) else { return fit };
+                let Some(friction) = self.with_one_number("coulomb-friction", None, level) else { return fit };
                 model = model.plus(self.nominal, friction);
             }
         }
         if let Some(viscous) = mean("viscous_forward", "viscous_backward") {
-            let Some(error) = of("parameter-error", Some("viscous_friction"), viscous) else { return fit };
+            let error = self.with_one_number("parameter-error", Some("viscous_friction"), viscous);
+            let Some(error) = error else { return fit };
             if !within_tolerance(self.nominal, &error) {
                 model = model.plus(self.nominal, error);
             }
         }
         let fewer = count(&fit.model).saturating_sub(count(&model));
+        if fewer == 0 {
+            return fit;
+        }
+        self.or_plainer(fit, model, best_of(1, fewer))
+    }
+
+    /// The entry of a hypothesis with its one number, where it is one of this plant.
+    fn with_one_number(&self, name: &str, subject: Option<&str>, value: f64) -> Option<Entry> {
+        let found = self.hypotheses.iter().find(|it| it.description.kind == name && it.subject == subject);
+        found.map(|it| it.entry(self.nominal.file.kind, &[value]))
+    }
+
+    /// A plainer model fitted, where it is worse by less than so much; else the fit.
+    fn or_plainer(&self, fit: Fit, model: Model, worse: f64) -> Fit {
         match levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(&fit)) {
-            Some(other) if fewer > 0 && other.cost < fit.cost + best_of(1, fewer) => other,
+            Some(other) if other.cost < fit.cost + worse => other,
             _ => fit,
         }
     }
@@ -89,7 +94,7 @@ mod tests {
         let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
         let hypotheses = hypotheses::all(nominal.file.kind, &survey::survey(&kernel, &calibrated), &[0]);
         let unseen = Kernel::new(Vec::new(), kernel.floors, 1);
-        let effort = Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps: u64::MAX };
+        let effort = Effort::within(u64::MAX);
         let search = Search {
             kernel: &kernel,
             unseen: &unseen,

@@ -237,12 +237,7 @@ impl Equations {
 
     /// The model after a step.
     pub(super) fn moved(&self, model: &Model, change: &[f64]) -> Model {
-        let mut trial = model.clone();
-        for (&k, change) in self.free.iter().zip(change) {
-            let unknown = &model.unknowns[k];
-            trial.set(k, unknown.outward(unknown.inward(model.value(k)) + change));
-        }
-        trial
+        model.moved(&self.free, change)
     }
 }
 

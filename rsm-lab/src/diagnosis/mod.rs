@@ -164,7 +164,7 @@ pub fn diagnose(
     let rows = kernel.records.iter().map(|it| it.record.rows()).sum();
     kernel.pace = kernel.pace.beside(run, rows);
     unseen.pace = kernel.pace.clone();
-    let effort = Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps: MOST_RUNS * run };
+    let effort = Effort::within(MOST_RUNS * run);
     let mut selection = None;
     let mut start = calibrated;
     // The noise floor of the first round may hold structure: once causes are known, it is estimated again, and the search is repeated where it moved.

@@ -171,6 +171,17 @@ impl Model {
         }
     }
 
+    /// The model with some unknowns moved, each on the scale of its search and within its bounds.
+    #[must_use]
+    pub fn moved(&self, unknowns: &[usize], change: &[f64]) -> Model {
+        let mut moved = self.clone();
+        for (&k, change) in unknowns.iter().zip(change) {
+            let unknown = &self.unknowns[k];
+            moved.set(k, unknown.outward(unknown.inward(self.value(k)) + change));
+        }
+        moved
+    }
+
     /// The same plant with another value of an unknown.
     pub fn set(&mut self, unknown: usize, value: f64) {
         match self.unknowns[unknown].place {

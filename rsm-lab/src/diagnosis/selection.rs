@@ -32,6 +32,14 @@ pub struct Effort {
     pub steps: u64,
 }
 
+impl Effort {
+    /// The usual counts, and so many sub-steps of simulations.
+    #[must_use]
+    pub fn within(steps: u64) -> Self {
+        Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps }
+    }
+}
+
 /// A cause must remove this share of the whitened noise's energy: with 24,000 residuals of one output that are 24 beyond the noise's own, a tenth of a per cent of
 /// its r.m.s. error. What is smaller can be real and is not worth a sentence.
 const WORTH: f64 = 0.0015;

@@ -165,14 +165,19 @@ pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
     let mut found: Vec<(f64, Wave)> = Vec::new();
     for k in peaks {
         let number = waves.best_between((numbers[k] - line).max(LONGEST as f64 * line), numbers[k] + line);
-        let (gain, [sin, cos]) = waves.gain(number);
+        let (gain, factors) = waves.gain(number);
         if gain > 0.0 {
-            found.push((gain, Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) }));
+            found.push((gain, wave(number, factors)));
         }
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found.truncate(KEPT);
     found.into_iter().map(|it| it.1).collect()
+}
+
+/// The wave of a wave number with these factors of sine and cosine.
+fn wave(number: f64, [sin, cos]: [f64; 2]) -> Wave {
+    Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) }
 }
 
 /// The way that an axis covers in its records, in m, if any has a position.
@@ -272,13 +277,8 @@ fn led_once<'k>(tracks: Tracks<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option
     let number = waves.best_between((number - reach * line).max(LONGEST as f64 * line), number + reach * line);
     let joint = Joint::new(fit, waves.tracks.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 }));
     let (solved, cost) = joint.solved(&waves.bends);
-    let mut model = fit.model.clone();
-    for (&k, change) in joint.unknowns.iter().zip(&solved) {
-        let unknown = &fit.model.unknowns[k];
-        model.set(k, unknown.outward(unknown.inward(fit.model.value(k)) + change));
-    }
-    let (sin, cos) = (solved[joint.unknowns.len()], solved[joint.unknowns.len() + 1]);
-    let wave = Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) };
+    let model = fit.model.moved(&joint.unknowns, &solved);
+    let wave = wave(number, [solved[joint.unknowns.len()], solved[joint.unknowns.len() + 1]]);
     cost.is_finite().then_some(Led { tracks: waves.tracks, wave, model, cost })
 }
 
