@@ -70,3 +70,6 @@ pub mod emit;
 
 pub mod build_script;
 pub mod compile;
+
+#[cfg(test)]
+mod adversary;

@@ -21,12 +21,13 @@ const CELLS: usize = 4096;
 #[must_use]
 pub fn error_bound(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
     let per_side = cells_per_side(ranges.len(), tape.ops.len());
+    let parts = |range: &[f64; 2]| (0..per_side).map(|k| side(tape.precision, *range, k, per_side)).collect();
+    let parts: Vec<Vec<Option<Side>>> = ranges.iter().map(parts).collect();
     let mut analysis = Analysis::new(tape);
     let mut worst = 0.0f64;
     let mut cell = vec![0usize; ranges.len()];
     loop {
-        let sides: Option<Vec<Side>> =
-            ranges.iter().zip(&cell).map(|(range, k)| side(tape.precision, *range, *k, per_side)).collect();
+        let sides: Option<Vec<Side>> = parts.iter().zip(&cell).map(|(parts, k)| parts[*k]).collect();
         // A cell without any number of the type (a narrow range in f32) holds no argument.
         if let Some(sides) = sides {
             worst = worst.max(analysis.error_in(&sides));
@@ -44,7 +45,9 @@ pub fn error_bound(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
 fn cells_per_side(dimensions: usize, operations: usize) -> usize {
     let budget = CELLS.min(CELLS * 1000 / operations.max(1));
     let mut side = 1usize;
-    while (2 * side).pow(dimensions as u32) <= budget && side < 256 {
+    // More cells than a number can count are more than the budget.
+    let count = |side: usize| side.checked_pow(u32::try_from(dimensions).ok()?);
+    while side < 256 && count(2 * side).is_some_and(|count| count <= budget) {
         side *= 2;
     }
     side
@@ -156,13 +159,14 @@ impl<'t> Analysis<'t> {
 
     fn sum(&self, left: Reg, right: Reg, subtract: bool) -> Known {
         let (a, b) = (self.of(left), self.of(right));
-        if subtract && left == right {
+        // Of a number, not of a NaN or an infinity.
+        if subtract && left == right && a.magnitude().is_finite() {
             return Known { low: 0.0, high: 0.0, error: 0.0 };
         }
         let (b_low, b_high) = if subtract { (-b.high, -b.low) } else { (b.low, b.high) };
         let (low, high) = (self.rounded(a.low + b_low), self.rounded(a.high + b_high));
         let rounding = if is_exact_difference(a, b_low, b_high) { 0.0 } else { self.half_ulp(low, high) };
-        finite(low, high, up(up(a.error + b.error) + rounding))
+        finite(low, high, sum_up(sum_up(a.error, b.error), rounding))
     }
 
     fn product(&self, a: Known, b: Known, square: bool) -> Known {
@@ -173,14 +177,14 @@ impl<'t> Analysis<'t> {
             low = low.max(0.0);
         }
         // a b - A B = a (b - B) + B (a - A), |B| <= |b| + error of b
-        let from_b = up(a.magnitude() * b.error);
-        let from_a = up(up(b.magnitude() + b.error) * a.error);
-        finite(low, high, up(up(from_b + from_a) + self.half_ulp(low, high)))
+        let from_b = product_up(a.magnitude(), b.error);
+        let from_a = product_up(sum_up(b.magnitude(), b.error), a.error);
+        finite(low, high, sum_up(sum_up(from_b, from_a), self.half_ulp(low, high)))
     }
 
     fn quotient(&self, a: Known, b: Known) -> Known {
         let nearest_to_zero = b.low.abs().min(b.high.abs());
-        let ideal_nearest = (nearest_to_zero - b.error).next_down();
+        let ideal_nearest = difference_down(nearest_to_zero, b.error);
         if b.low <= 0.0 && b.high >= 0.0 || ideal_nearest <= 0.0 || ideal_nearest.is_nan() {
             return Known::NOTHING;
         }
@@ -188,9 +192,10 @@ impl<'t> Analysis<'t> {
         let low = self.rounded(quotients.into_iter().fold(f64::INFINITY, f64::min));
         let high = self.rounded(quotients.into_iter().fold(f64::NEG_INFINITY, f64::max));
         // a/b - A/B = (a - A)/B + (a/b) (B - b)/B
-        let largest = up(low.abs().max(high.abs()) + self.half_ulp(low, high));
-        let propagated = up(up(a.error + up(largest * b.error)) / ideal_nearest);
-        finite(low, high, up(propagated + self.half_ulp(low, high)))
+        let rounding = self.half_ulp(low, high);
+        let largest = sum_up(low.abs().max(high.abs()), rounding);
+        let propagated = quotient_up(sum_up(a.error, product_up(largest, b.error)), ideal_nearest);
+        finite(low, high, sum_up(propagated, rounding))
     }
 
     fn select(&self, reg: Reg, condition: Reg, then: Reg, otherwise: Reg) -> Known {
@@ -283,7 +288,27 @@ fn finite(low: f64, high: f64, error: f64) -> Known {
     if low.is_finite() && high.is_finite() && error.is_finite() { Known { low, high, error } } else { Known::NOTHING }
 }
 
-/// An upper bound of the exact result of one operation done to nearest.
-fn up(value: f64) -> f64 {
-    value.next_up()
+// Bounds of the exact results for operands that are not negative. Errors are summed, multiplied and divided by these alone, so
+// what the bound itself rounds is in the bound. A zero is exact: what loses nothing is charged nothing.
+
+fn sum_up(a: f64, b: f64) -> f64 {
+    if a == 0.0 || b == 0.0 { a + b } else { (a + b).next_up() }
 }
+
+/// NaN for zero times infinity: nothing is known of such a product.
+fn product_up(a: f64, b: f64) -> f64 {
+    if a == 0.0 || b == 0.0 { a * b } else { (a * b).next_up() }
+}
+
+/// A lower bound.
+fn difference_down(a: f64, b: f64) -> f64 {
+    if b == 0.0 { a } else { (a - b).next_down() }
+}
+
+/// `b` is positive.
+fn quotient_up(a: f64, b: f64) -> f64 {
+    if a == 0.0 { 0.0 } else { (a / b).next_up() }
+}
+
+#[cfg(test)]
+mod tests;
