@@ -1,4 +1,4 @@
-//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`.
+//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`, `cargo xtask mutants`.
 //!
 //! In: one word. Out: the exit status, 0 when everything held, 1 when a stage failed, 2 for a word it does not know. Runs cargo and
 //! the command `rsm`, and prints what it runs. Imports no crate, not even ours, so that it builds in a second on a machine that has only cargo.
@@ -7,6 +7,7 @@ mod bench;
 mod bless;
 mod generated;
 mod hidden_effects;
+mod mutants;
 mod packages;
 mod stage;
 mod test;
@@ -24,7 +25,9 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
        cargo xtask hidden-effects verify [--seed N] [--quick]
                             compares `rsm simulate` with other code for the same plants, an effect a line
        cargo xtask hidden-effects surfaces [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside] [--case NAME] [--quick]
-                            surfaces against new data with something hidden in them";
+                            surfaces against new data with something hidden in them
+       cargo xtask mutants [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--list]
+                            changes the meaning of the code place by place, and names the changes that no test of the package notices";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -34,6 +37,7 @@ fn main() -> ExitCode {
         ["bless"] => bless::run(),
         ["bench", rest @ ..] => bench::run(rest),
         ["hidden-effects", rest @ ..] => hidden_effects::run(rest),
+        ["mutants", rest @ ..] => mutants::run(rest),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             true

@@ -1,0 +1,153 @@
+//! Which mutants do the tests notice?
+//!
+//! In: test programs and mutants. Out: for each mutant the test that fails, or that none does. Every test is run once without a mutant, which tells its time and
+//! the switches that it reaches; then each mutant is run against the tests that reach it, the quickest first, until one fails. A test that takes far
+//! longer than without the mutant has noticed it too: an endless loop is a change of meaning.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// A test may take this many times its time without a mutant, and never less than the floor: a loaded machine is several times slower for seconds.
+const PATIENCE: u32 = 20;
+const FLOOR: Duration = Duration::from_secs(20);
+
+/// One test of one program.
+pub(crate) struct Test {
+    program: PathBuf,
+    name: String,
+    time: Duration,
+    reaches: Vec<usize>,
+}
+
+/// What became of a mutant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Fate {
+    /// The test that noticed it.
+    Killed(String),
+    Survived,
+    /// No test runs this place at all.
+    NotReached,
+}
+
+/// All tests with their times and what they reach.
+pub(crate) fn survey(programs: &[PathBuf], folder: &Path, scratch: &Path) -> Result<Vec<Test>, String> {
+    let mut names = Vec::new();
+    for program in programs {
+        let output = command(program, folder)
+            .args(["--list", "--format", "terse"])
+            .stdout(Stdio::piped())
+            .output()
+            .map_err(|error| format!("{}: {error}", program.display()))?;
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        names
+            .extend(text.lines().filter_map(|line| line.strip_suffix(": test")).map(|name| (program.clone(), name.to_owned())));
+    }
+    let tests = Mutex::new(Vec::new());
+    let failed = Mutex::new(Vec::new());
+    in_parallel(names.len(), |k| {
+        let (program, name) = &names[k];
+        let seen = scratch.join(format!("seen-{k}.txt"));
+        let _ = std::fs::remove_file(&seen);
+        let begin = Instant::now();
+        let done =
+            command(program, folder).args(["--exact", name, "--test-threads", "1"]).env("RSM_MUTANTS_SEEN", &seen).status();
+        if done.is_ok_and(|status| status.success()) {
+            let text = std::fs::read_to_string(&seen).unwrap_or_default();
+            let reaches = text.lines().filter_map(|line| line.parse().ok()).collect();
+            let test = Test { program: program.clone(), name: name.clone(), time: begin.elapsed(), reaches };
+            tests.lock().expect("no panic").push(test);
+        } else {
+            failed.lock().expect("no panic").push(name.clone());
+        }
+        let _ = std::fs::remove_file(&seen);
+    });
+    let failed = failed.into_inner().expect("no panic");
+    if !failed.is_empty() {
+        return Err(format!("these tests fail without any mutant: {}", failed.join(", ")));
+    }
+    let mut tests = tests.into_inner().expect("no panic");
+    tests.sort_by_key(|test| test.time);
+    Ok(tests)
+}
+
+/// The fate of each of the numbers; `progress` hears of each as it is known.
+pub(crate) fn judge(
+    tests: &[Test],
+    numbers: &[usize],
+    folder: &Path,
+    progress: impl Fn(usize, &Fate) + Sync,
+) -> BTreeMap<usize, Fate> {
+    let fates = Mutex::new(BTreeMap::new());
+    in_parallel(numbers.len(), |k| {
+        let number = numbers[k];
+        let mut fate = Fate::NotReached;
+        for test in tests.iter().filter(|test| test.reaches.contains(&number)) {
+            if notices(test, number, folder) {
+                fate = Fate::Killed(test.name.clone());
+                break;
+            }
+            fate = Fate::Survived;
+        }
+        progress(number, &fate);
+        fates.lock().expect("no panic").insert(number, fate);
+    });
+    fates.into_inner().expect("no panic")
+}
+
+fn notices(test: &Test, number: usize, folder: &Path) -> bool {
+    let limit = (test.time * PATIENCE).max(FLOOR);
+    let mut command = command(&test.program, folder);
+    command.args(["--exact", &test.name, "--test-threads", "1"]).env("RSM_MUTANT", number.to_string());
+    let mut child = command.spawn().expect("a program that ran before");
+    let begin = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().expect("a child to wait for") {
+            return !status.success();
+        }
+        if begin.elapsed() > limit {
+            end(&mut child);
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(if begin.elapsed() < Duration::from_millis(50) { 1 } else { 10 }));
+    }
+}
+
+fn end(child: &mut Child) {
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+fn command(program: &Path, folder: &Path) -> Command {
+    let mut command = Command::new(program);
+    // Output is thrown away: a pipe that nobody reads would block a test that prints much.
+    command
+        .current_dir(folder)
+        .env("CARGO_MANIFEST_DIR", folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    command
+}
+
+/// Does the work of each index, on as many threads as there are cores.
+fn in_parallel(count: usize, work: impl Fn(usize) + Sync) {
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let k = next.fetch_add(1, Ordering::Relaxed);
+                    if k >= count {
+                        return;
+                    }
+                    work(k);
+                }
+            });
+        }
+    });
+}

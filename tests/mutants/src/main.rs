@@ -1,0 +1,239 @@
+//! `cargo xtask mutants`: which changes of meaning do the tests of a package not notice?
+//!
+//! In: a package, files of it. Out: a table of mutants by file, the survivors by line, exit status 1 where one survived without an argument. All mutants of a run
+//! are compiled at once, each behind a switch, so a mutant costs the tests that reach it and no compilation; cargo-mutants compiles each one by itself, which
+//! takes some 20 s a mutant in rsm-core and days for all files.
+
+mod argued;
+mod instrument;
+mod judge;
+mod tree;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use instrument::Mutant;
+use judge::Fate;
+
+const USAGE: &str = "\
+usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--list]
+  --package NAME    rsm-core, rsm-fit or rsm-lab; without it all three, each with the files that are listed below
+  --file PART       only files whose name contains PART (several may be given)
+  --function NAME   only mutants inside this function
+  --line N          only mutants of this line
+  --change TEXT     only this change, as it is printed
+  --sample N        N mutants only, spread evenly over all
+  --list            names the mutants, runs no test
+A mutant that means the same is argued in a comment on its line or right above: // mutant `< to <=`: why no test can notice it";
+
+/// The files whose meaning is promised: each change in them must be noticed by the package's own tests.
+const FILES: &[(&str, &[&str])] = &[
+    ("rsm-core", &["src/rounding", "src/interval", "src/bernstein", "src/certificate", "src/lower", "src/run", "src/emit"]),
+    ("rsm-fit", &["src/statistics", "src/qr", "src/recursive", "src/canonical", "src/ladder", "src/constrain", "src/verdict"]),
+    ("rsm-lab", &["src/effects", "src/diagnosis/verdict"]),
+];
+
+#[derive(Default)]
+struct Request {
+    root: PathBuf,
+    scratch: PathBuf,
+    package: Option<String>,
+    parts: Vec<String>,
+    function: Option<String>,
+    line: Option<usize>,
+    change: Option<String>,
+    sample: Option<usize>,
+    list: bool,
+}
+
+fn main() -> ExitCode {
+    let request = match request(std::env::args().skip(1)) {
+        Ok(request) => request,
+        Err(why) => {
+            eprintln!("{why}\n{USAGE}");
+            return ExitCode::from(2);
+        }
+    };
+    let mut held = true;
+    for (package, files) in FILES {
+        if request.package.as_deref().is_some_and(|wanted| wanted != *package) {
+            continue;
+        }
+        match run(&request, package, files) {
+            Ok(all_noticed) => held &= all_noticed,
+            Err(why) => {
+                eprintln!("{package}: {why}");
+                return ExitCode::from(2);
+            }
+        }
+    }
+    if held { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+fn request(mut words: impl Iterator<Item = String>) -> Result<Request, String> {
+    let mut request = Request::default();
+    while let Some(word) = words.next() {
+        if word == "--list" {
+            request.list = true;
+            continue;
+        }
+        let value = words.next().ok_or_else(|| format!("{word} wants a value"))?;
+        let number = || value.parse::<usize>().map_err(|_| format!("{word} wants a number, found {value}"));
+        match word.as_str() {
+            "--root" => request.root = value.into(),
+            "--scratch" => request.scratch = value.into(),
+            "--package" if FILES.iter().any(|(package, _)| *package == value) => request.package = Some(value),
+            "--file" => request.parts.push(value),
+            "--function" => request.function = Some(value),
+            "--line" => request.line = Some(number()?),
+            "--change" => request.change = Some(value),
+            "--sample" => request.sample = Some(number()?),
+            _ => return Err(format!("{word} {value} is not known")),
+        }
+    }
+    if request.root.as_os_str().is_empty() || request.scratch.as_os_str().is_empty() {
+        return Err("--root and --scratch are wanted".to_owned());
+    }
+    Ok(request)
+}
+
+/// Whether every mutant of a package was noticed or argued.
+fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String> {
+    let files = files(request, package, listed)?;
+    if files.is_empty() {
+        return Ok(true);
+    }
+    println!("{package}: {} files", files.len());
+    let scratch = request.scratch.join(package);
+    std::fs::create_dir_all(&scratch).map_err(|error| format!("{}: {error}", scratch.display()))?;
+    let built = tree::build(&request.root, &scratch, package, &files)?;
+    let texts = texts(&request.root, &files)?;
+    let wanted = |mutant: &&Mutant| {
+        request.function.as_ref().is_none_or(|name| *name == mutant.function)
+            && request.line.is_none_or(|line| line == mutant.line)
+            && request.change.as_ref().is_none_or(|change| *change == mutant.change)
+    };
+    let mut mutants: Vec<&Mutant> = built.mutants.iter().filter(wanted).collect();
+    if let Some(count) = request.sample {
+        let all = mutants.len();
+        mutants = (0..count.min(all)).map(|k| mutants[k * all / count.min(all)]).collect();
+    }
+    println!("{package}: {} mutants, {} more do not compile", mutants.len(), built.refused);
+    if request.list {
+        mutants.iter().for_each(|mutant| println!("{}", told(mutant)));
+        return Ok(true);
+    }
+    let tests = judge::survey(&built.programs, &built.folder, &scratch)?;
+    println!("{package}: {} tests", tests.len());
+    let by_number: BTreeMap<usize, &Mutant> = mutants.iter().map(|mutant| (mutant.number, *mutant)).collect();
+    let numbers: Vec<usize> = by_number.keys().copied().collect();
+    let (begin, done) = (Instant::now(), AtomicUsize::new(0));
+    let fates = judge::judge(&tests, &numbers, &built.folder, |number, fate| {
+        let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+        if !matches!(fate, Fate::Killed(_)) {
+            let mutant = by_number[&number];
+            let argued = argued::is_argued(&lines(&texts[&mutant.file]), mutant.line, &mutant.change);
+            if !argued {
+                println!("   {}: {}", if *fate == Fate::Survived { "SURVIVED" } else { "NOT REACHED" }, told(mutant));
+            }
+        }
+        if count.is_multiple_of(200) {
+            println!("   {count} of {} in {} s", numbers.len(), begin.elapsed().as_secs());
+        }
+    });
+    Ok(report(package, &by_number, &fates, &texts))
+}
+
+/// The table by file; whether nothing is left to do.
+fn report(
+    package: &str,
+    mutants: &BTreeMap<usize, &Mutant>,
+    fates: &BTreeMap<usize, Fate>,
+    texts: &BTreeMap<String, String>,
+) -> bool {
+    #[derive(Default)]
+    struct Row {
+        all: usize,
+        killed: usize,
+        argued: usize,
+        left: usize,
+    }
+    let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
+    let mut refuted = Vec::new();
+    for (number, fate) in fates {
+        let mutant = mutants[number];
+        let row = rows.entry(&mutant.file).or_default();
+        row.all += 1;
+        let argued = argued::is_argued(&lines(&texts[&mutant.file]), mutant.line, &mutant.change);
+        match fate {
+            // Two changes of one line and kind cannot be told apart by the comment: only one that names them all is refuted.
+            Fate::Killed(test) => {
+                row.killed += 1;
+                let alike = mutants
+                    .values()
+                    .filter(|other| other.file == mutant.file && other.line == mutant.line && other.change == mutant.change);
+                let all_killed = alike.clone().all(|other| matches!(fates.get(&other.number), Some(Fate::Killed(_))));
+                if argued && all_killed {
+                    refuted.push(format!("{} is argued to mean the same, and {test} notices it", told(mutant)));
+                }
+            }
+            _ if argued => row.argued += 1,
+            _ => row.left += 1,
+        }
+    }
+    println!("| {package} | mutants | killed | the same, argued | left |\n|---|---|---|---|---|");
+    let mut total = Row::default();
+    for (file, row) in &rows {
+        println!("| {file} | {} | {} | {} | {} |", row.all, row.killed, row.argued, row.left);
+        total.all += row.all;
+        total.killed += row.killed;
+        total.argued += row.argued;
+        total.left += row.left;
+    }
+    println!("| all | {} | {} | {} | {} |", total.all, total.killed, total.argued, total.left);
+    refuted.iter().for_each(|words| println!("   REFUTED: {words}"));
+    total.left == 0 && refuted.is_empty()
+}
+
+fn told(mutant: &Mutant) -> String {
+    format!("{}:{}:{}: {} (in {})", mutant.file, mutant.line, mutant.column, mutant.change, mutant.function)
+}
+
+fn lines(text: &str) -> Vec<&str> {
+    text.lines().collect()
+}
+
+fn texts(root: &Path, files: &[String]) -> Result<BTreeMap<String, String>, String> {
+    let read = |name: &String| std::fs::read_to_string(root.join(name)).map_err(|error| format!("{name}: {error}"));
+    files.iter().map(|name| Ok((name.clone(), read(name)?))).collect()
+}
+
+/// The listed files of a package that are asked for. Files of tests alone are none of them.
+fn files(request: &Request, package: &str, listed: &[&str]) -> Result<Vec<String>, String> {
+    let mut found = Vec::new();
+    let mut folders = vec![request.root.join(package).join("src")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?.flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let name = path.strip_prefix(&request.root).map_err(|error| error.to_string())?.to_string_lossy().into_owned();
+            let inside = name.strip_prefix(&format!("{package}/")).unwrap_or(&name);
+            let is_listed = listed.iter().any(|part| inside == format!("{part}.rs") || inside.starts_with(&format!("{part}/")));
+            let is_source = name.ends_with(".rs") && !name.ends_with("/tests.rs") && !name.contains("/tests/");
+            if is_listed
+                && is_source
+                && (request.parts.is_empty() || request.parts.iter().any(|part| name.contains(part.as_str())))
+            {
+                found.push(name);
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}

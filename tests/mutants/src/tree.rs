@@ -1,0 +1,255 @@
+//! A copy of the workspace in which one package has all its mutants, and its test programs.
+//!
+//! In: the root of the workspace, a package, its files to change. Out: the mutants that compile and the test programs. The copy stays under the target folder, so
+//! that a second run compiles only what has changed. The workspace itself is never written.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+use syn::spanned::Spanned;
+use syn::visit::{self, Visit};
+
+use crate::instrument::{Mutant, instrument};
+
+/// Rounds of compiling: each leaves out the mutants that the compiler refused. Type errors hide errors of borrowing, and those hide others.
+const ROUNDS: usize = 20;
+
+/// A package with its mutants.
+pub(crate) struct Built {
+    pub(crate) mutants: Vec<Mutant>,
+    /// Mutants that the compiler refuses.
+    pub(crate) refused: usize,
+    pub(crate) programs: Vec<PathBuf>,
+    /// The package's folder in the copy, where its tests run.
+    pub(crate) folder: PathBuf,
+}
+
+/// Copies, changes and compiles.
+pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String]) -> Result<Built, String> {
+    // One folder deeper than the copy stands what the tests read beside the workspace.
+    let tree = scratch.join("tree").join("workspace");
+    let beside = scratch.join("tree").join("shared");
+    if let Ok(shared) = root.join("../shared").canonicalize()
+        && !beside.exists()
+    {
+        std::fs::create_dir_all(scratch.join("tree")).map_err(|error| error.to_string())?;
+        std::os::unix::fs::symlink(shared, &beside).map_err(|error| error.to_string())?;
+    }
+    let sources = sources(root)?;
+    let changed: BTreeSet<&String> = files.iter().collect();
+    let library = format!("{package}/src/lib.rs");
+    for name in sources.iter().filter(|name| !changed.contains(name) && **name != library) {
+        let text = std::fs::read(root.join(name)).map_err(|error| format!("{name}: {error}"))?;
+        write(&tree.join(name), &text)?;
+    }
+    forget_others(&tree, &tree, &sources, package)?;
+    let mut left_out = BTreeSet::new();
+    for _ in 0..ROUNDS {
+        let mut mutants = Vec::new();
+        let mut next = 0;
+        for name in files {
+            let text = std::fs::read_to_string(root.join(name)).map_err(|error| format!("{name}: {error}"))?;
+            let (text, found, after) = instrument(&text, name, next, &left_out)?;
+            next = after;
+            write(&tree.join(name), text.as_bytes())?;
+            mutants.extend(found);
+        }
+        let switch = include_str!("mutant_switch.rs.txt").replace("COUNT", &next.to_string());
+        write(&tree.join(package).join("src/mutant_switch.rs"), switch.as_bytes())?;
+        let from = if changed.contains(&library) { tree.join(&library) } else { root.join(&library) };
+        let text = std::fs::read_to_string(from).map_err(|error| format!("{library}: {error}"))?;
+        write(&tree.join(&library), format!("{text}\nmod mutant_switch;\n").as_bytes())?;
+        let Compiled { programs, errors } = compile(&tree, scratch, package)?;
+        if errors.is_empty() {
+            return Ok(Built { mutants, refused: left_out.len(), programs, folder: tree.join(package) });
+        }
+        let refused = refused(&tree, files, &errors)?;
+        println!("   {} mutants do not compile, left out", refused.len());
+        left_out.extend(refused);
+    }
+    Err(format!("after {ROUNDS} rounds some mutants still do not compile"))
+}
+
+/// What git tracks, and what it does not ignore.
+fn sources(root: &Path) -> Result<BTreeSet<String>, String> {
+    let output = Command::new("git")
+        .args(["ls-files", "--cached", "--others", "--exclude-standard", "-z"])
+        .current_dir(root)
+        .output()
+        .map_err(|error| format!("cannot start git: {error}"))?;
+    let text = String::from_utf8(output.stdout).map_err(|error| error.to_string())?;
+    Ok(text.split('\0').filter(|name| !name.is_empty() && root.join(name).is_file()).map(str::to_owned).collect())
+}
+
+/// Writes only what differs, so that cargo sees what has changed.
+fn write(file: &Path, text: &[u8]) -> Result<(), String> {
+    if std::fs::read(file).is_ok_and(|old| old == text) {
+        return Ok(());
+    }
+    let folder = file.parent().expect("a file has a folder");
+    std::fs::create_dir_all(folder)
+        .and_then(|()| std::fs::write(file, text))
+        .map_err(|error| format!("{}: {error}", file.display()))
+}
+
+/// Removes from the copy what is no source any more.
+fn forget_others(tree: &Path, folder: &Path, sources: &BTreeSet<String>, package: &str) -> Result<(), String> {
+    let ours = format!("{package}/src/mutant_switch.rs");
+    for entry in std::fs::read_dir(folder).map_err(|error| error.to_string())?.flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            forget_others(tree, &path, sources, package)?;
+        } else if let Ok(name) = path.strip_prefix(tree)
+            && let Some(name) = name.to_str()
+            && !sources.contains(name)
+            && name != ours
+        {
+            std::fs::remove_file(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// A place at which the compiler found an error: file from the root, line, column.
+type Place = (String, usize, usize);
+
+/// What the compiler made and said: test programs, and errors with their words and places.
+struct Compiled {
+    programs: Vec<PathBuf>,
+    errors: Vec<(String, Vec<Place>)>,
+}
+
+/// Compiles the tests of the copy.
+fn compile(tree: &Path, scratch: &Path, package: &str) -> Result<Compiled, String> {
+    let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .args(["test", "-p", package, "--lib", "--tests", "--no-run", "--message-format=json"])
+        .current_dir(tree)
+        .env("CARGO_TARGET_DIR", scratch.join("build"))
+        // A changed program has code that a lint refuses: unused results, comparisons that are always true.
+        .env("RUSTFLAGS", "--cap-lints allow")
+        .stderr(Stdio::piped())
+        .output()
+        .map_err(|error| format!("cannot start cargo: {error}"))?;
+    let (mut programs, mut errors) = (Vec::new(), Vec::new());
+    for line in String::from_utf8_lossy(&output.stdout).lines() {
+        let Ok(message) = serde_json::from_str::<Value>(line) else { continue };
+        let is_test = message["profile"]["test"] == true;
+        if message["reason"] == "compiler-artifact"
+            && is_test
+            && let Some(program) = message["executable"].as_str()
+        {
+            programs.push(PathBuf::from(program));
+        }
+        let found = &message["message"];
+        if message["reason"] == "compiler-message" && found["level"] == "error" {
+            let mut places: Vec<(bool, Place)> = Vec::new();
+            for span in found["spans"].as_array().into_iter().flatten() {
+                let number = |key: &str| span[key].as_u64().unwrap_or(0) as usize;
+                let file = span["file_name"].as_str().unwrap_or_default().to_owned();
+                places.push((span["is_primary"] == false, (file, number("line_start"), number("column_start"))));
+            }
+            places.sort();
+            let places: Vec<Place> = places.into_iter().map(|(_, place)| place).collect();
+            if !places.is_empty() {
+                errors.push((found["rendered"].as_str().unwrap_or_default().to_owned(), places));
+            }
+        }
+    }
+    if !output.status.success() && errors.is_empty() {
+        return Err(format!("cargo failed:\n{}", String::from_utf8_lossy(&output.stderr)));
+    }
+    Ok(Compiled { programs, errors })
+}
+
+/// The mutants that the errors are about.
+fn refused(tree: &Path, files: &[String], errors: &[(String, Vec<Place>)]) -> Result<BTreeSet<usize>, String> {
+    let mut switches: BTreeMap<&String, Vec<Switch>> = BTreeMap::new();
+    for name in files {
+        let text = std::fs::read_to_string(tree.join(name)).map_err(|error| format!("{name}: {error}"))?;
+        let parsed = syn::parse_file(&text).map_err(|error| format!("{name}: {error}"))?;
+        let mut finder = Finder { found: Vec::new() };
+        finder.visit_file(&parsed);
+        switches.insert(name, finder.found);
+    }
+    let mut refused = BTreeSet::new();
+    for (words, places) in errors {
+        let about = places.iter().find_map(|(file, line, column)| {
+            let at = (*line, *column);
+            let here = switches.get(file)?;
+            let smallest = |range: fn(&Switch) -> Range| {
+                here.iter().filter(|switch| holds(range(switch), at)).min_by_key(|switch| size(range(switch)))
+            };
+            smallest(|switch| switch.changed).or_else(|| smallest(|switch| switch.whole))
+        });
+        match about {
+            Some(switch) => refused.insert(switch.number),
+            None => return Err(format!("an error that belongs to no mutant:\n{words}")),
+        };
+    }
+    Ok(refused)
+}
+
+/// From line and column to line and column, counted from 1.
+type Range = [(usize, usize); 2];
+
+fn holds([from, to]: Range, at: (usize, usize)) -> bool {
+    from <= at && at <= to
+}
+
+fn size([from, to]: Range) -> (usize, usize) {
+    (to.0 - from.0, if to.0 == from.0 { to.1 - from.1 } else { to.1 })
+}
+
+fn range(item: &impl Spanned) -> Range {
+    let span = item.span();
+    [(span.start().line, span.start().column + 1), (span.end().line, span.end().column + 1)]
+}
+
+/// A switch in changed text: where its changed branch stands, and the whole.
+struct Switch {
+    number: usize,
+    changed: Range,
+    whole: Range,
+}
+
+struct Finder {
+    found: Vec<Switch>,
+}
+
+/// The number in `crate::mutant_switch::on(7)`, negated or not.
+fn number(condition: &syn::Expr) -> Option<usize> {
+    match condition {
+        syn::Expr::Unary(unary) => number(&unary.expr),
+        syn::Expr::Call(call) => {
+            let syn::Expr::Path(path) = call.func.as_ref() else { return None };
+            if path.path.segments.iter().any(|segment| segment.ident == "mutant_switch")
+                && let Some(syn::Expr::Lit(literal)) = call.args.first()
+                && let syn::Lit::Int(number) = &literal.lit
+            {
+                return number.base10_parse().ok();
+            }
+            None
+        }
+        _ => None,
+    }
+}
+
+impl<'ast> Visit<'ast> for Finder {
+    fn visit_expr_if(&mut self, choice: &'ast syn::ExprIf) {
+        if let Some(number) = number(&choice.cond) {
+            self.found.push(Switch { number, changed: range(&choice.then_branch), whole: range(choice) });
+        }
+        visit::visit_expr_if(self, choice);
+    }
+
+    fn visit_arm(&mut self, arm: &'ast syn::Arm) {
+        if let Some((_, guard)) = &arm.guard
+            && let Some(number) = number(guard)
+        {
+            self.found.push(Switch { number, changed: range(arm), whole: range(arm) });
+        }
+        visit::visit_arm(self, arm);
+    }
+}
