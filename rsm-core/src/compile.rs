@@ -36,7 +36,7 @@ pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults>
                 kind,
                 unit: surface.unit.clone(),
                 inputs: checked.inputs_of(surface),
-                output_range: surface.output_range,
+                saturation: if kind == Kind::Surface { lower::saturation(checked, index, precision) } else { None },
                 tape,
             };
             functions.push(function(Kind::Surface, lower::surface(checked, index, precision)));
@@ -58,7 +58,7 @@ fn step(checked: &Checked, index: usize, precision: Precision) -> Function {
         kind: Kind::Step,
         unit: format!("every {} s", number::decimal(compensator.sample_time)),
         inputs: std::iter::once(signal).chain(checked.schedule_of(compensator)).collect(),
-        output_range: None,
+        saturation: None,
         tape: lower::compensator(checked, index, precision),
     }
 }

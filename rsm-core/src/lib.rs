@@ -54,17 +54,18 @@ pub mod basis;
 pub mod number;
 pub mod tape;
 
+pub mod bernstein;
+pub mod interval;
+pub mod pieces;
+pub mod range;
+pub mod rounding;
+
 pub mod lower;
 
 pub mod run;
 
-pub mod exact;
-
-pub mod bernstein;
 pub mod certificate;
-pub mod interval;
-pub mod pieces;
-pub mod rounding;
+pub mod exact;
 
 pub mod emit;
 

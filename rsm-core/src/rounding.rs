@@ -88,6 +88,14 @@ impl Known {
         self.low.abs().max(self.high.abs())
     }
 
+    /// k, where the register holds nothing but 2^k or nothing but -2^k.
+    fn exponent_of_two(self) -> Option<i64> {
+        let magnitude = self.low.abs();
+        // A subnormal power of two is none here: it needs no rule of its own.
+        let is_power = magnitude.is_normal() && magnitude.to_bits() << 12 == 0;
+        (self.low == self.high && is_power).then(|| floor_log2(magnitude))
+    }
+
     /// Range and error unknown.
     const NOTHING: Known = Known { low: f64::NEG_INFINITY, high: f64::INFINITY, error: f64::INFINITY };
 }
@@ -179,7 +187,11 @@ impl<'t> Analysis<'t> {
         // a b - A B = a (b - B) + B (a - A), |B| <= |b| + error of b
         let from_b = product_up(a.magnitude(), b.error);
         let from_a = product_up(sum_up(b.magnitude(), b.error), a.error);
-        finite(low, high, sum_up(sum_up(from_b, from_a), self.half_ulp(low, high)))
+        let rounding = match (a.exponent_of_two(), b.exponent_of_two()) {
+            (_, Some(exponent)) | (Some(exponent), None) => self.rounding_of_shift(exponent, low, high),
+            (None, None) => self.half_ulp(low, high),
+        };
+        finite(low, high, sum_up(sum_up(from_b, from_a), rounding))
     }
 
     fn quotient(&self, a: Known, b: Known) -> Known {
@@ -192,7 +204,10 @@ impl<'t> Analysis<'t> {
         let low = self.rounded(quotients.into_iter().fold(f64::INFINITY, f64::min));
         let high = self.rounded(quotients.into_iter().fold(f64::NEG_INFINITY, f64::max));
         // a/b - A/B = (a - A)/B + (a/b) (B - b)/B
-        let rounding = self.half_ulp(low, high);
+        let rounding = match b.exponent_of_two() {
+            Some(exponent) => self.rounding_of_shift(-exponent, low, high),
+            None => self.half_ulp(low, high),
+        };
         let largest = sum_up(low.abs().max(high.abs()), rounding);
         let propagated = quotient_up(sum_up(a.error, product_up(largest, b.error)), ideal_nearest);
         finite(low, high, sum_up(propagated, rounding))
@@ -234,6 +249,16 @@ impl<'t> Analysis<'t> {
             }
             _ => false,
         }
+    }
+
+    /// The rounding error of a number times 2^exponent, with the result in [low, high]. Only the exponent changes, so there is none, unless the
+    /// result may be subnormal: then bits are shifted out at its end. (An overflow is no number, and not asked here.) What is computed as
+    /// the smallest normal number may have been rounded up to it.
+    fn rounding_of_shift(&self, exponent: i64, low: f64, high: f64) -> f64 {
+        let smallest_normal =
+            power_of_two(self.tape.precision.smallest_exponent() + self.tape.precision.significand_bits() - 1);
+        let is_normal = low > smallest_normal || high < -smallest_normal;
+        if exponent >= 0 || is_normal { 0.0 } else { self.half_ulp(0.0, 0.0) }
     }
 
     /// The rounding error of a result in [low, high]: half a unit in the last place of its largest magnitude. Holds for subnormal results too.

@@ -7,7 +7,7 @@
 
 use std::fmt;
 
-use crate::number::{Precision, Rational};
+use crate::number::{Precision, Rational, integer};
 
 /// The result of one operation: operation `n` of the tape writes register `n`, once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -265,6 +265,18 @@ impl TapeBuilder {
             Some(known) => Reg(known as u32),
             None => self.push(constant),
         }
+    }
+
+    /// A register times a constant. Nothing is written for 1, and for -1 a change of the sign: both are exact.
+    pub fn times(&mut self, value: Reg, factor: Rational) -> Reg {
+        if factor == integer(1) {
+            return value;
+        }
+        if factor == integer(-1) {
+            return self.push(Op::Negate(value));
+        }
+        let factor = self.constant(factor);
+        self.push(Op::Multiply(value, factor))
     }
 
     /// `bound` if `value < bound`, else `value`.

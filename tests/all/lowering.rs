@@ -1,11 +1,11 @@
 //! Is lowering right? Back ends that read the same tape agree even when the tape is wrong, so here the tape meets the exact rational
 //! reference: without rounding it is the polynomial itself, or the step of the filter, and with rounding it stays within the bound that is proved for it.
 
-use rsm_core::certificate;
 use rsm_core::emit::{Function, Kind};
 use rsm_core::exact;
 use rsm_core::model::{Input, Scheduled, Surface};
 use rsm_core::number::{Precision, Rational, exact, integer};
+use rsm_core::range;
 use rsm_core::rounding;
 use rsm_core::run::Interpreter;
 use rsm_tests::cases::{self, Case};
@@ -87,7 +87,7 @@ fn with_rounding_it_stays_within_the_proved_bound_and_the_range_holds() {
         for (_, surface, function) in of_surfaces(&case) {
             let ranges: Vec<[f64; 2]> = function.inputs.iter().map(|input| input.range).collect();
             let bound = rounding::error_bound(&function.tape, &ranges);
-            let range = certificate::range(surface, &function.inputs);
+            let range = range::range(surface, &function.inputs);
             assert!(bound.is_finite(), "{}: no bound\n{}", case.file.display(), function.tape);
             for (k, point) in points_of(function, surface).into_iter().enumerate() {
                 // Of the extreme ones a few: there the rounding differs (subnormal results).

@@ -7,7 +7,7 @@ use rsm_core::certificate::compensator::{CompensatorCertificate, certify};
 use rsm_core::certificate::{self, SurfaceCertificate};
 use rsm_core::check::Checked;
 use rsm_core::interval::Interval;
-use rsm_core::lower;
+use rsm_core::lower::{self, Saturation};
 use rsm_core::number::Precision;
 use rsm_core::source::Source;
 use serde::Serialize;
@@ -89,6 +89,9 @@ pub fn run(arguments: &Arguments) -> Outcome {
         for index in 0..checked.model().surfaces.len() {
             for precision in &held {
                 eprint!("{}", lower::surface(&checked, index, *precision));
+                if let Some(saturation) = lower::saturation(&checked, index, *precision) {
+                    eprintln!("{}", at_bounds(&saturation));
+                }
             }
         }
         for index in 0..compensators.len() {
@@ -103,6 +106,15 @@ pub fn run(arguments: &Arguments) -> Outcome {
         in_words(&checked, &certificates, &compensators, &problems)?;
     }
     Ok(if problems.is_empty() { Answer::Positive } else { Answer::Negative })
+}
+
+/// What a tape does at the bounds of `output_range`, and why.
+fn at_bounds(saturation: &Saturation) -> String {
+    let why = match saturation.values {
+        Some(Interval { low, high }) => format!("Before a clamp every value of this tape lies in [{low:?}, {high:?}]."),
+        None => "An argument outside the range, or the polynomial itself, may pass both bounds.".to_string(),
+    };
+    format!("  {} {why}", saturation.words())
 }
 
 fn as_json(certificates: &[SurfaceCertificate], compensators: &[CompensatorCertificate], problems: &[Problem]) -> Value {

@@ -14,9 +14,8 @@ use crate::exact;
 use crate::interval::Interval;
 use crate::model::{Input, Model, Scheduled, Surface, Symmetry};
 use crate::number::{Precision, Rational, exact, integer};
+use crate::range::{self, Extent};
 use crate::source::{Collector, Faults};
-
-use super::Extent;
 
 /// What is certain about one compensator.
 #[derive(Debug, Clone, PartialEq)]
@@ -134,7 +133,7 @@ impl Enclosed {
             return Enclosed { range: Interval::point(value), inputs, least_at: vec![vec![]], greatest_at: vec![vec![]] };
         }
         if let Some(sum) = as_one(&surfaces, &inputs) {
-            let Extent { range, least_at, greatest_at } = super::extent(&sum, &inputs);
+            let Extent { range, least_at, greatest_at } = range::extent(&sum, &inputs);
             return Enclosed { range, inputs, least_at: vec![least_at], greatest_at: vec![greatest_at] };
         }
         // Each for itself: the sum of the ranges holds the sum. Its extremes may lie at those of a summand, or in a corner.
@@ -143,7 +142,7 @@ impl Enclosed {
         for surface in &surfaces {
             let own: Vec<Input> =
                 surface.inputs.iter().map(|name| model.input(name).expect("a checked surface").clone()).collect();
-            let extent = super::extent(surface, &own);
+            let extent = range::extent(surface, &own);
             range = range + saturated(extent.range, surface.output_range);
             // Inputs that this surface does not have are in the middle of their range.
             let widened = |point: &[f64]| -> Vec<f64> {

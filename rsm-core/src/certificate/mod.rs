@@ -5,16 +5,11 @@
 
 pub mod compensator;
 
-use std::collections::BTreeMap;
-
-use crate::basis::{Factor, Variable};
-use crate::bernstein::{self, Monomial};
 use crate::check::Checked;
 use crate::interval::Interval;
 use crate::lower;
-use crate::model::{Input, Surface, Symmetry};
-use crate::number::{Precision, exact};
-use crate::pieces::{self, Piece};
+use crate::number::Precision;
+use crate::range;
 use crate::rounding;
 use crate::source::Faults;
 
@@ -66,84 +61,5 @@ pub fn surface(checked: &Checked, index: usize, precisions: &[Precision]) -> Sur
         let error = rounding::error_bound(&tape, &ranges);
         TapeCertificate { precision: *precision, error, operations: tape.operation_count(), depth: tape.depth() }
     });
-    SurfaceCertificate { name: surface.name.clone(), range: range(surface, &inputs), tapes: tapes.collect() }
-}
-
-/// An enclosure of the true polynomial over the box.
-#[must_use]
-pub fn range(surface: &Surface, inputs: &[Input]) -> Interval {
-    extent(surface, inputs).range
-}
-
-/// An enclosure of the true polynomial, and points of the box where its least and its greatest value were seen, in natural units.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Extent {
-    /// Holds every value.
-    pub range: Interval,
-    /// Where the least value was seen, in the order of the inputs.
-    pub least_at: Vec<f64>,
-    /// Where the greatest value was seen.
-    pub greatest_at: Vec<f64>,
-}
-
-/// The extent of the true polynomial over the box. The box is cut at the knots: in each piece a hinge is 0 or a plain difference, so
-/// the surface is a polynomial there.
-#[must_use]
-pub fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
-    let factors = Factor::all(surface, inputs);
-    let pieces = pieces::all(surface, inputs);
-    let whole = pieces.iter().map(|piece| extent_of_piece(surface, &factors, piece)).reduce(Extent::joined);
-    let whole = whole.expect("a box has at least one piece");
-    let is_odd = |input: &Input| surface.symmetry.contains(&(input.name.clone(), Symmetry::Odd));
-    match inputs.iter().position(is_odd) {
-        None => whole,
-        // On the other side of an odd input every value has its opposite.
-        Some(odd) => {
-            let opposite = |mut point: Vec<f64>| {
-                point[odd] = -point[odd];
-                point
-            };
-            let (least_at, greatest_at) = (opposite(whole.greatest_at.clone()), opposite(whole.least_at.clone()));
-            let opposite = Extent { range: -whole.range, least_at, greatest_at };
-            whole.joined(opposite)
-        }
-    }
-}
-
-impl Extent {
-    fn joined(self, other: Extent) -> Extent {
-        let least_at = if other.range.low < self.range.low { other.least_at } else { self.least_at };
-        let greatest_at = if other.range.high > self.range.high { other.greatest_at } else { self.greatest_at };
-        Extent { range: self.range.hull(other.range), least_at, greatest_at }
-    }
-}
-
-/// The natural value at which a variable is at a share of its way from its least to its greatest value over [low, high].
-fn natural(variable: Variable, [low, high]: [f64; 2], share: f64) -> f64 {
-    let xi = match variable {
-        // 1/xi falls where xi rises.
-        Variable::Reciprocal | Variable::CentredReciprocal { .. } => 1.0 / ((1.0 - share) / high + share / low),
-        _ => low * (1.0 - share) + high * share,
-    };
-    xi.clamp(low, high)
-}
-
-fn extent_of_piece(surface: &Surface, factors: &[Factor], piece: &Piece) -> Extent {
-    let mut monomials: BTreeMap<Vec<u32>, Interval> = BTreeMap::new();
-    for term in surface.terms.iter().filter(|term| term.coefficient != 0.0) {
-        let of_term = exact(term.coefficient);
-        for (powers, coefficient) in piece.term(&term.powers) {
-            let coefficient = Interval::around(&(coefficient * &of_term));
-            let entry = monomials.entry(powers).or_insert(Interval::point(0.0));
-            *entry = *entry + coefficient;
-        }
-    }
-    let monomials: Vec<Monomial> =
-        monomials.into_iter().map(|(powers, coefficient)| Monomial { powers, coefficient }).collect();
-    let found = bernstein::extent(&monomials, &piece.sides);
-    let point = |shares: &[f64]| {
-        let each = factors.iter().zip(&piece.cell).zip(shares);
-        each.map(|((factor, ends), share)| natural(factor.variable, *ends, *share)).collect()
-    };
-    Extent { range: found.range, least_at: point(&found.least_at), greatest_at: point(&found.greatest_at) }
+    SurfaceCertificate { name: surface.name.clone(), range: range::range(surface, &inputs), tapes: tapes.collect() }
 }

@@ -11,6 +11,7 @@ pub mod rust;
 
 pub use crate::names::Kind;
 
+use crate::lower::Saturation;
 use crate::model::{Input, Outside};
 use crate::names;
 use crate::number::{self, Precision};
@@ -36,8 +37,8 @@ pub struct Function {
     pub unit: String,
     /// The arguments, in order. Those of a step begin with the signal, whose range is only what a self-test uses.
     pub inputs: Vec<Input>,
-    /// Where the result saturates.
-    pub output_range: Option<[f64; 2]>,
+    /// What the result does at the bounds of `output_range`.
+    pub saturation: Option<Saturation>,
     /// What is computed. A support test ends in exactly 1 or 0.
     pub tape: Tape,
 }
@@ -85,9 +86,7 @@ impl Function {
             lines.push(format!("- `{}` in {}: {low} to {high}{outside}", input.name, unit(&input.unit)));
         }
         lines.push(String::new());
-        if let (Kind::Surface, Some([low, high])) = (self.kind, self.output_range.map(|range| range.map(number::decimal))) {
-            lines.push(format!("The result saturates at {low} and {high}."));
-        }
+        lines.extend(self.saturation.map(|saturation| saturation.words()));
         match self.kind {
             Kind::Surface => lines.push("NaN in gives NaN out.".to_string()),
             Kind::Support => {}

@@ -79,35 +79,29 @@ pub fn compensator(checked: &Checked, index: usize, precision: Precision) -> Tap
     let z = ratio.as_ref().map_or(z.clone(), |ratio| z.times(ratio, &mut tape));
     let difference = z.minus(&p, &mut tape);
 
-    let g = g.register(&mut tape);
     let error = tape.push(Op::Subtract(x, s2));
-    let driven = tape.push(Op::Multiply(error, g));
+    let driven = g.scaled(error, &mut tape);
     let numerator = tape.push(Op::Add(s1, driven));
     let u = match denominator {
         // 2/denominator is a constant: rounded once, and a product is many times as fast as a quotient.
-        Number::Fixed(denominator) => {
-            let factor = tape.constant(integer(2) / denominator);
-            tape.push(Op::Multiply(numerator, factor))
-        }
+        Number::Fixed(denominator) => tape.times(numerator, integer(2) / denominator),
         Number::Moving(denominator) => {
             let twice = tape.push(Op::Add(numerator, numerator));
             tape.push(Op::Divide(twice, denominator))
         }
     };
-    let difference = difference.register(&mut tape);
-    let shaped = tape.push(Op::Multiply(u, difference));
+    let shaped = difference.scaled(u, &mut tape);
     let mut y = tape.push(Op::Add(x, shaped));
     if let Some(ratio) = ratio {
         let excess = ratio.times(&ratio, &mut tape).minus(&Number::Fixed(integer(1)), &mut tape);
-        let half_sum = sum.times(&Number::Fixed(integer(1) / integer(2)), &mut tape).register(&mut tape);
-        let slow = tape.push(Op::Multiply(u, half_sum));
+        let half_sum = sum.times(&Number::Fixed(integer(1) / integer(2)), &mut tape);
+        let slow = half_sum.scaled(u, &mut tape);
         let high_pass = tape.push(Op::Subtract(error, slow));
-        let excess = excess.register(&mut tape);
-        let added = tape.push(Op::Multiply(high_pass, excess));
+        let added = excess.scaled(high_pass, &mut tape);
         y = tape.push(Op::Add(y, added));
     }
     let next_1 = tape.push(Op::Subtract(u, s1));
-    let moved = tape.push(Op::Multiply(u, g));
+    let moved = g.scaled(u, &mut tape);
     let next_2 = tape.push(Op::Add(s2, moved));
 
     let nothing = sum_of_nothings(&mut tape, None, &arguments);
@@ -162,7 +156,19 @@ impl Number {
     }
 
     fn times(&self, other: &Number, tape: &mut TapeBuilder) -> Number {
-        self.with(other, tape, |a, b| a * b, Op::Multiply)
+        match (self, other) {
+            (Number::Fixed(a), Number::Fixed(b)) => Number::Fixed(a * b),
+            (Number::Moving(reg), _) => Number::Moving(other.scaled(*reg, tape)),
+            (_, Number::Moving(reg)) => Number::Moving(self.scaled(*reg, tape)),
+        }
+    }
+
+    /// A register times this number.
+    fn scaled(&self, reg: Reg, tape: &mut TapeBuilder) -> Reg {
+        match self {
+            Number::Fixed(value) => tape.times(reg, value.clone()),
+            Number::Moving(own) => tape.push(Op::Multiply(reg, *own)),
+        }
     }
 
     fn over(&self, other: &Number, tape: &mut TapeBuilder) -> Number {

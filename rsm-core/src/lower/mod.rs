@@ -7,7 +7,7 @@
 //! ```text
 //! argument -> clamp -> variable v, with x = v * scale -> nested sums over powers of v, each level in one of
 //!             two forms, scales folded into the coefficients
-//!          -> sign of odd inputs -> output_range
+//!          -> sign of odd inputs -> those bounds of output_range that a value can reach
 //! ```
 //!
 //! A compensator's surfaces are lowered into its tape by the same code, its filter by `compensator.rs`.
@@ -17,6 +17,7 @@ mod horner;
 mod nest;
 mod polynomial;
 mod powers;
+mod saturation;
 mod scheme;
 mod variables;
 
@@ -28,6 +29,7 @@ use crate::tape::{Op, Port, Reg, Tape, TapeBuilder};
 use variables::Variables;
 
 pub use compensator::{SIGNAL, compensator};
+pub use saturation::Saturation;
 
 /// The tape of a surface, by its index in the model.
 ///
@@ -45,15 +47,38 @@ pub fn surface(checked: &Checked, index: usize, precision: Precision) -> Tape {
 
 /// The value of a surface, saturated, on any tape. `arguments`: the registers of its inputs, in its order.
 fn value(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], arguments: Vec<Reg>) -> Reg {
+    let value = unsaturated(tape, surface, inputs, arguments);
+    let Some(saturation) = saturation_of(surface, inputs, tape.precision()) else { return value };
+    let [low, high] = saturation.bounds;
+    let above = if saturation.below { at_least(tape, value, low) } else { value };
+    if saturation.above { at_most(tape, above, high) } else { above }
+}
+
+/// The value of a surface before `output_range`.
+fn unsaturated(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], arguments: Vec<Reg>) -> Reg {
     let mut variables = Variables::new(surface, inputs, arguments);
     let terms = polynomial::terms(surface);
     let polynomial = polynomial::lower(tape, &mut variables, surface, &terms);
     let guarded = pass_nan_of_unused_inputs(tape, &mut variables, inputs, polynomial);
-    let signed = give_sign_of_odd_inputs(tape, &variables, surface, inputs, guarded);
-    match surface.output_range {
-        Some(range) => clamp(tape, signed, range),
-        None => signed,
-    }
+    give_sign_of_odd_inputs(tape, &variables, surface, inputs, guarded)
+}
+
+/// What the tape of a surface does at the bounds of its `output_range`. `None` for a surface without.
+///
+/// # Panics
+/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+#[must_use]
+pub fn saturation(checked: &Checked, index: usize, precision: Precision) -> Option<Saturation> {
+    let surface = &checked.model().surfaces[index];
+    saturation_of(surface, &checked.inputs_of(surface), precision)
+}
+
+fn saturation_of(surface: &Surface, inputs: &[Input], precision: Precision) -> Option<Saturation> {
+    let bounds = surface.output_range?;
+    let mut tape = TapeBuilder::new(precision);
+    let arguments = arguments(&mut tape, inputs.len());
+    let output = unsaturated(&mut tape, surface, inputs, arguments);
+    Some(Saturation::of(surface, inputs, bounds, &tape.finish(&surface.name, surface.inputs.clone(), output)))
 }
 
 /// The tape of a surface's support test: 1 where every half-space holds, else 0. `None` for a surface without `support`.
@@ -75,8 +100,7 @@ pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<
         let mut sum: Option<Reg> = None;
         for (k, entry) in space.normal.iter().enumerate().filter(|(_, entry)| **entry != 0.0) {
             let variable = variables.of(&mut tape, k);
-            let weight = tape.constant(exact(*entry) * variable.scale);
-            let product = tape.push(Op::Multiply(variable.value, weight));
+            let product = tape.times(variable.value, exact(*entry) * variable.scale);
             sum = Some(sum.map_or(product, |sum| tape.push(Op::Add(sum, product))));
         }
         let sum = sum.expect("a checked normal is not zero");
@@ -90,12 +114,7 @@ pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<
     Some(tape.finish(format!("{}_support", surface.name), surface.inputs.clone(), inside))
 }
 
-/// Saturates at bounds rounded into the range, so that the result never leaves it; NaN passes.
-fn clamp(tape: &mut TapeBuilder, value: Reg, [low, high]: [f64; 2]) -> Reg {
-    let above = at_least(tape, value, low);
-    at_most(tape, above, high)
-}
-
+/// A bound is rounded into the range, so that the result never leaves it; NaN passes.
 fn at_least(tape: &mut TapeBuilder, value: Reg, low: f64) -> Reg {
     let low = exact(low);
     let bound = tape.rounded_constant(tape.precision().round_up(&low), low);

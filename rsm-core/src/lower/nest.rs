@@ -3,11 +3,15 @@
 //! In: terms, a scheme (which variable is outermost, which form each level has). Out: values on a tape, or their count and readiness alone: both
 //! come from the same walk, so a scheme is judged by what it would write. Never chooses a scheme; see `scheme.rs`.
 //!
+//! A product by 1 or by -1 is not written: the one is the factor, the other its opposite, whose sign waits for the sum that takes it. So a
+//! sum with an opposite is a difference, and a product of an opposite the opposite of a product, all exactly. (An opposite of a sum is not the
+//! sum of opposites: it would be -0 where that is +0.)
+//!
 //! A value is ready when the longest chain of operations behind it is done; constants and arguments are ready at 0, as `Tape::depth` counts.
 
 use std::collections::BTreeMap;
 
-use crate::number::Rational;
+use crate::number::{Rational, integer};
 use crate::tape::{Op, Reg, TapeBuilder};
 
 use super::scheme::{Form, Level};
@@ -25,6 +29,8 @@ pub(super) trait Sheet {
     type Value: Copy;
     fn constant(&mut self, value: &Rational) -> Self::Value;
     fn add(&mut self, a: Self::Value, b: Self::Value) -> Self::Value;
+    fn subtract(&mut self, a: Self::Value, b: Self::Value) -> Self::Value;
+    fn negate(&mut self, a: Self::Value) -> Self::Value;
     fn multiply(&mut self, a: Self::Value, b: Self::Value) -> Self::Value;
     /// How many operations stand between the arguments and a value, along the longest chain.
     fn ready(&self, value: Self::Value) -> usize;
@@ -48,6 +54,14 @@ impl Sheet for Written<'_> {
 
     fn add(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
         self.push(Op::Add(a.0, b.0), [a, b])
+    }
+
+    fn subtract(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
+        self.push(Op::Subtract(a.0, b.0), [a, b])
+    }
+
+    fn negate(&mut self, a: Self::Value) -> Self::Value {
+        self.push(Op::Negate(a.0), [a, a])
     }
 
     fn multiply(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
@@ -77,6 +91,14 @@ impl Sheet for Counted {
         a.max(b) + 1
     }
 
+    fn subtract(&mut self, a: usize, b: usize) -> usize {
+        self.add(a, b)
+    }
+
+    fn negate(&mut self, a: usize) -> usize {
+        self.add(a, a)
+    }
+
     fn multiply(&mut self, a: usize, b: usize) -> usize {
         self.add(a, b)
     }
@@ -84,6 +106,17 @@ impl Sheet for Counted {
     fn ready(&self, value: usize) -> usize {
         value
     }
+}
+
+/// What a level or a part of it comes to, written no further than it must be.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Part<'l, V> {
+    /// A coefficient.
+    Constant(&'l Rational),
+    /// A value.
+    Value(V),
+    /// The opposite of a value.
+    Opposite(V),
 }
 
 /// A polynomial being written, level by level.
@@ -100,30 +133,82 @@ impl<'s, S: Sheet> Nest<'s, S> {
         Nest { sheet, powers }
     }
 
-    /// The sum of some terms, nested as the levels say, the first outermost.
+    /// The sum of some terms as a value, nested as the levels say, the first outermost.
     pub(super) fn value(&mut self, leaves: &[&Leaf<'_>], levels: &[Level]) -> S::Value {
+        let part = self.part(leaves, levels);
+        self.written(part)
+    }
+
+    /// The same, its sign or its constant not yet written.
+    pub(super) fn part<'l>(&mut self, leaves: &[&'l Leaf<'_>], levels: &[Level]) -> Part<'l, S::Value> {
         let Some((level, inner)) = levels.split_first() else {
             // Check refuses two terms of the same powers, so one leaf is left.
-            return self.sheet.constant(&leaves[0].coefficient);
+            return Part::Constant(&leaves[0].coefficient);
         };
         match level.form {
             Form::Horner => {
                 let addends = horner::addends(self, leaves, level.factor, inner);
-                addends.into_iter().reduce(|sum, addend| self.sheet.add(sum, addend)).expect("there is at least one term")
+                addends.into_iter().reduce(|sum, addend| self.sum(sum, addend)).expect("there is at least one term")
             }
             Form::Powers => {
                 let addends = powers::addends(self, leaves, level.factor, inner);
-                powers::sum(self.sheet, addends)
+                powers::sum(self, addends)
             }
         }
     }
 
     /// The same, its last sum not yet taken: it may be taken together with others.
-    pub(super) fn addends(&mut self, leaves: &[&Leaf<'_>], levels: &[Level]) -> Vec<S::Value> {
+    pub(super) fn addends<'l>(&mut self, leaves: &[&'l Leaf<'_>], levels: &[Level]) -> Vec<Part<'l, S::Value>> {
         match levels.split_first() {
             Some((Level { factor, form: Form::Horner }, inner)) => horner::addends(self, leaves, *factor, inner),
             Some((Level { factor, form: Form::Powers }, inner)) => powers::addends(self, leaves, *factor, inner),
-            None => vec![self.value(leaves, levels)],
+            None => vec![self.part(leaves, levels)],
+        }
+    }
+
+    /// A part as a value.
+    pub(super) fn written(&mut self, part: Part<'_, S::Value>) -> S::Value {
+        match part {
+            Part::Constant(value) => self.sheet.constant(value),
+            Part::Value(value) => value,
+            Part::Opposite(value) => self.sheet.negate(value),
+        }
+    }
+
+    /// When a part is ready for a sum: a sign costs it nothing there.
+    pub(super) fn ready(&self, part: &Part<'_, S::Value>) -> usize {
+        match part {
+            Part::Constant(_) => 0,
+            Part::Value(value) | Part::Opposite(value) => self.sheet.ready(*value),
+        }
+    }
+
+    pub(super) fn sum<'l>(&mut self, a: Part<'_, S::Value>, b: Part<'_, S::Value>) -> Part<'l, S::Value> {
+        Part::Value(match (a, b) {
+            (a, Part::Opposite(b)) => {
+                let a = self.written(a);
+                self.sheet.subtract(a, b)
+            }
+            (Part::Opposite(a), b) => {
+                let b = self.written(b);
+                self.sheet.subtract(b, a)
+            }
+            (a, b) => {
+                let (a, b) = (self.written(a), self.written(b));
+                self.sheet.add(a, b)
+            }
+        })
+    }
+
+    pub(super) fn product<'l>(&mut self, a: Part<'_, S::Value>, b: S::Value) -> Part<'l, S::Value> {
+        match a {
+            Part::Constant(one) if *one == integer(1) => Part::Value(b),
+            Part::Constant(minus_one) if *minus_one == integer(-1) => Part::Opposite(b),
+            Part::Opposite(a) => Part::Opposite(self.sheet.multiply(a, b)),
+            a => {
+                let a = self.written(a);
+                Part::Value(self.sheet.multiply(a, b))
+            }
         }
     }
 

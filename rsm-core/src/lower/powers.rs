@@ -6,19 +6,24 @@
 //!
 //! It may not stand where an infinity can come in: inf - inf is NaN where Horner gives an infinity. `scheme.rs` sees to it.
 
-use super::nest::{Leaf, Nest, Sheet, degree, with_power};
+use super::nest::{Leaf, Nest, Part, Sheet, degree, with_power};
 use super::scheme::Level;
 
 /// The products a_k v^k, the highest first, then the addends of a_0.
-pub(super) fn addends<S: Sheet>(nest: &mut Nest<'_, S>, leaves: &[&Leaf<'_>], factor: usize, inner: &[Level]) -> Vec<S::Value> {
+pub(super) fn addends<'l, S: Sheet>(
+    nest: &mut Nest<'_, S>,
+    leaves: &[&'l Leaf<'_>],
+    factor: usize,
+    inner: &[Level],
+) -> Vec<Part<'l, S::Value>> {
     let exponents = 1..=degree(leaves, factor);
     let groups: Vec<_> = exponents.map(|k| (k, with_power(leaves, factor, k))).filter(|(_, group)| !group.is_empty()).collect();
     // Low powers first: the higher are made of them.
     let powers: Vec<S::Value> = groups.iter().map(|(k, _)| nest.power(factor, *k)).collect();
     let mut addends = Vec::with_capacity(groups.len() + 1);
     for ((_, group), power) in groups.iter().zip(powers).rev() {
-        let coefficient = nest.value(group, inner);
-        addends.push(nest.sheet.multiply(coefficient, power));
+        let coefficient = nest.part(group, inner);
+        addends.push(nest.product(coefficient, power));
     }
     let rest = with_power(leaves, factor, 0);
     if !rest.is_empty() {
@@ -28,12 +33,13 @@ pub(super) fn addends<S: Sheet>(nest: &mut Nest<'_, S>, leaves: &[&Leaf<'_>], fa
 }
 
 /// The sum of addends: again and again the two that are ready first, of equal ones those that came first. No other order is shallower.
-pub(super) fn sum<S: Sheet>(sheet: &mut S, mut addends: Vec<S::Value>) -> S::Value {
+pub(super) fn sum<'l, S: Sheet>(nest: &mut Nest<'_, S>, mut addends: Vec<Part<'l, S::Value>>) -> Part<'l, S::Value> {
     while addends.len() > 1 {
         // The sort is stable.
-        addends.sort_by_key(|addend| sheet.ready(*addend));
+        addends.sort_by_key(|addend| nest.ready(addend));
         let [a, b] = [addends.remove(0), addends.remove(0)];
-        addends.push(sheet.add(a, b));
+        let sum = nest.sum(a, b);
+        addends.push(sum);
     }
     addends.pop().expect("there is at least one term")
 }

@@ -145,7 +145,8 @@ mod tests {
                 (0..1 + below(12)).map(|_| (0..factors).map(|_| below(8) as u32).collect()).collect();
             powers.sort();
             powers.dedup();
-            let number = |k: usize| integer(k as i64 + 2) / integer(7);
+            // 1 and -1 among them.
+            let number = |k: usize| integer([-2, -1, 3, 1, 5][k % 5]);
             let leaves: Vec<Leaf<'_>> =
                 powers.iter().enumerate().map(|(k, powers)| Leaf { powers, coefficient: number(k) }).collect();
             let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
@@ -159,7 +160,7 @@ mod tests {
             for k in 0..factors {
                 let mut reg = tape.push(Op::Input(Port(k as u32)));
                 for _ in 0..below(4) {
-                    reg = tape.push(Op::Negate(reg));
+                    reg = tape.push(Op::Absolute(reg));
                 }
                 variables.push(Some((reg, tape.depth_of(reg))));
             }
@@ -167,7 +168,7 @@ mod tests {
             let (output, told) = Nest::new(&mut Written(&mut tape), &variables).value(&leaves, &levels);
             let counted = cost(&leaves, &levels, &ready);
             let tape = tape.finish("s", vec![], output);
-            let of_the_sums = |op: &&Op| matches!(op, Op::Add(..) | Op::Multiply(..));
+            let of_the_sums = |op: &&Op| matches!(op, Op::Add(..) | Op::Subtract(..) | Op::Multiply(..) | Op::Negate(_));
             let written = Cost { operations: tape.ops.iter().filter(of_the_sums).count(), ready: tape.depth() };
             assert_eq!((counted, told), (written, written.ready), "{powers:?} {levels:?}");
         }

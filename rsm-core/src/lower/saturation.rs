@@ -1,0 +1,76 @@
+//! Which bounds of `output_range` are written on a tape: those that some argument could reach.
+//!
+//! In: a surface and its inputs, its tape without the clamp. Out: an enclosure of every value of that tape, and what follows for each bound. A bound that no value
+//! passes is left out, and no bit changes: the clamp would hand every value on as it is, a NaN too.
+//!
+//! The enclosure is that of the true polynomial (`range.rs`), widened by the bound of the tape's rounding error (`rounding.rs`). Both hold
+//! for arguments in the box. An input that clamps brings every argument into it, an infinity too, and what an odd input adds is a sign, which
+//! the enclosure knows. An input that extrapolates does not: a surface that has one keeps its clamp.
+
+use crate::interval::Interval;
+use crate::model::{Input, Surface};
+use crate::number::{Precision, decimal, exact};
+use crate::range;
+use crate::rounding;
+use crate::tape::Tape;
+
+use super::is_clamped;
+
+/// What a tape does at the bounds of `output_range`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Saturation {
+    /// The bounds as they stand in the model.
+    pub bounds: [f64; 2],
+    /// Whether the lower bound is on the tape.
+    pub below: bool,
+    /// Whether the upper bound is on the tape.
+    pub above: bool,
+    /// Holds every value of the tape before its clamp, for every argument of the type but NaN. `None`: not asked, since an input extrapolates,
+    /// or since the true polynomial reaches both bounds already.
+    pub values: Option<Interval>,
+}
+
+impl Saturation {
+    /// `tape`: the surface's, without a clamp.
+    pub(super) fn of(surface: &Surface, inputs: &[Input], bounds: [f64; 2], tape: &Tape) -> Self {
+        let both = Saturation { bounds, below: true, above: true, values: None };
+        let precision = tape.precision;
+        // A box without a number of the type has no argument to speak of.
+        let holds_a_number = |input: &Input| {
+            let [low, high] = input.range.map(exact);
+            precision.round_up(&low) <= precision.round_down(&high)
+        };
+        if !inputs.iter().all(|input| is_clamped(input) && holds_a_number(input)) {
+            return both;
+        }
+        let [low, high] = inward(bounds, precision);
+        let truth = range::range(surface, inputs);
+        if truth.low < low && truth.high > high {
+            return both;
+        }
+        let ranges: Vec<[f64; 2]> = inputs.iter().map(|input| input.range).collect();
+        let error = rounding::error_bound(tape, &ranges);
+        if !error.is_finite() {
+            return both;
+        }
+        let values = truth + Interval::new(-error, error);
+        Saturation { bounds, below: values.low < low, above: values.high > high, values: Some(values) }
+    }
+
+    /// In words: what the result does at its bounds.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let [low, high] = self.bounds.map(decimal);
+        match (self.below, self.above) {
+            (true, true) => format!("The result saturates at {low} and {high}."),
+            (true, false) => format!("The result saturates at {low}; no argument takes it above {high}."),
+            (false, true) => format!("The result saturates at {high}; no argument takes it below {low}."),
+            (false, false) => format!("No argument takes the result below {low} or above {high}: it needs no clamp."),
+        }
+    }
+}
+
+/// Bounds rounded into their range: a result that is clamped never leaves it.
+pub(super) fn inward([low, high]: [f64; 2], precision: Precision) -> [f64; 2] {
+    [precision.round_up(&exact(low)), precision.round_down(&exact(high))]
+}
