@@ -446,8 +446,7 @@ double motor_limit_current(double torque, double current, double speed)
     const double r46 = r35 + r45;
     const double r47 = 0.0;
     const double r49 = motor_rsm_at_least(r46, r47);
-    const double r51 = motor_rsm_at_most(r49, r12);
-    return r51;
+    return r49;
 }
 
 #endif /* double has 64 bits */
@@ -593,8 +592,7 @@ float motor_limit_current_f32(float torque, float current, float speed)
     const float r46 = r35 + r45;
     const float r47 = 0.0f;
     const float r49 = motor_rsm_at_least_f32(r46, r47);
-    const float r51 = motor_rsm_at_most_f32(r49, r12);
-    return r51;
+    return r49;
 }
 
 #ifdef RSM_SELF_TEST

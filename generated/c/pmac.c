@@ -282,10 +282,7 @@ double pmac_current_advance(double torque, double speed)
     const double r30 = 38.19;
     const double r31 = r29 + r30;
     const double r32 = r24 + r31;
-    const double r34 = pmac_rsm_at_least(r32, r2);
-    const double r35 = 90.0;
-    const double r37 = pmac_rsm_at_most(r34, r35);
-    return r37;
+    return r32;
 }
 
 #endif /* double has 64 bits */
@@ -321,10 +318,7 @@ float pmac_current_advance_f32(float torque, float speed)
     const float r30 = 38.19f;
     const float r31 = r29 + r30;
     const float r32 = r24 + r31;
-    const float r34 = pmac_rsm_at_least_f32(r32, r2);
-    const float r35 = 90.0f;
-    const float r37 = pmac_rsm_at_most_f32(r34, r35);
-    return r37;
+    return r32;
 }
 
 #ifdef RSM_SELF_TEST
