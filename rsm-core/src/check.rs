@@ -104,7 +104,7 @@ impl Checked {
         for (input, place) in self.model.inputs.iter().zip(&self.range_places) {
             let [low, high] = input.range.map(exact);
             let (inner_low, inner_high) = (precision.round_up(&low), precision.round_down(&high));
-            if !inner_low.is_finite() || !inner_high.is_finite() {
+            if [&low, &high].iter().any(|end| !precision.round(end).is_finite()) {
                 faults.push(at(*place, format!("input `{}`: the range is wider than {name} can hold", input.name)));
             } else if inner_low >= inner_high {
                 let what = format!("input `{}`: {name} has fewer than two numbers in the range", input.name);

@@ -89,14 +89,14 @@ impl Precision {
         -self.next_up(-value)
     }
 
-    /// The smallest number of this format that is not below `value`.
+    /// The smallest number of this format that is not below `value`; infinite above the largest.
     #[must_use]
     pub fn round_up(self, value: &Rational) -> f64 {
-        let nearest = self.round(value);
+        let nearest = self.round(value).max(-self.largest());
         if nearest.is_finite() && exact(nearest) < *value { self.next_up(nearest) } else { nearest }
     }
 
-    /// The largest number of this format that is not above `value`.
+    /// The largest number of this format that is not above `value`; infinite below the smallest.
     #[must_use]
     pub fn round_down(self, value: &Rational) -> f64 {
         -self.round_up(&-value)
@@ -253,6 +253,13 @@ mod tests {
         for precision in Precision::ALL {
             assert!(exact(precision.round_up(&tenth)) >= tenth && exact(precision.round_down(&tenth)) <= tenth);
             assert_eq!(precision.next_up(precision.round_down(&tenth)), precision.round_up(&tenth));
+            // Beyond the largest number: that number on one side, infinity on the other.
+            let (largest, beyond) = (precision.largest(), exact(precision.largest()) * integer(3));
+            assert_eq!((precision.round_down(&beyond), precision.round_up(&beyond)), (largest, f64::INFINITY));
+            assert_eq!((precision.round_down(&-&beyond), precision.round_up(&-beyond)), (f64::NEG_INFINITY, -largest));
+            // Above it, but nearer to it than half a unit: rounding to nearest gives it, rounding up does not.
+            let just_above = exact(largest) + exact(1.0) / integer(4);
+            assert_eq!((precision.round_down(&just_above), precision.round_up(&just_above)), (largest, f64::INFINITY));
         }
     }
 }

@@ -364,3 +364,100 @@ fn a_fixed_number_that_f32_cannot_hold_is_refused_for_f32_alone() {
     let said = checked.refusal(Precision::F32).expect("4e38 is infinite in f32").to_string();
     assert!(said.contains("compensator `tip_in`: `pole_damping`: 1e38 is too large or too small for f32"), "{said}");
 }
+
+/// Digits of pi: below and above it.
+fn around_pi() -> (Rational, Rational) {
+    let ten_digits = integer(10i64.pow(10));
+    let below = integer(3_141_592_653) * &ten_digits + integer(5_897_932_384);
+    let scale = &ten_digits * integer(10i64.pow(9));
+    (&below / &scale, (&below + integer(1)) / &scale)
+}
+
+/// The keys of what a compensator of fixed numbers violates; `refused` where the file is.
+fn keys_of_violations(numbers: [f64; 4], sample_time: f64) -> Vec<&'static str> {
+    let [w, z, p, v] = numbers;
+    let text = format!(
+        "\n[compensators.k]\nsample_time = {sample_time:?}\nnatural_frequency = {w:?}\nzero_damping = {z:?}\npole_damping = {p:?}\n\
+         pole_frequency = {v:?}\n"
+    );
+    match Checked::read(&Source::new("car.toml", format!("{HEAD}{text}"))) {
+        Ok(checked) => certify(&checked, 0).violations.iter().map(|violation| violation.key).collect(),
+        Err(_) => vec!["refused"],
+    }
+}
+
+#[test]
+fn the_limits_of_stability_are_exact() {
+    let sound = [10.0, 0.1, 0.7, 9.0];
+    assert_eq!(keys_of_violations(sound, 0.001), [""; 0]);
+    let keys = ["natural_frequency", "zero_damping", "pole_damping", "pole_frequency"];
+    let (pi_below, pi_above) = around_pi();
+    for (part, key) in keys.into_iter().enumerate() {
+        let with = |value: f64| {
+            let mut numbers = sound;
+            numbers[part] = value;
+            numbers
+        };
+        // More than 0, however small: the square of 1e100 is a number still.
+        assert_eq!(keys_of_violations(with(1e-100), 0.001), [""; 0]);
+        for low in [0.0, -0.0, -1e-100, -1e-9, -1e-3, -1.0] {
+            // Fixed numbers are refused with the file already.
+            assert_eq!(keys_of_violations(with(low), 0.001), ["refused"], "{low}");
+        }
+        // A frequency lies below a quarter of the sample rate, 2 pi/(4 T), and four numbers below it is near enough.
+        for sample_time in [0.001, 0.004, 0.1, 1.0 / 3.0] {
+            let quarter = (&pi_below / exact(sample_time) / integer(2), &pi_above / exact(sample_time) / integer(2));
+            let last_below = Precision::F64.round_down(&quarter.0);
+            let near = (0..4).fold(last_below, |number, _| number.next_down());
+            let is_frequency = key.ends_with("_frequency");
+            assert_eq!(keys_of_violations(with(near), sample_time), [""; 0]);
+            let beyond = Precision::F64.round_up(&quarter.1);
+            for high in [beyond, beyond * 1.02, beyond * 2.0] {
+                let expected: &[&str] = if is_frequency { &[key] } else { &[] };
+                assert_eq!(keys_of_violations(with(high), sample_time), expected, "{key} {high} {sample_time}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_surface_just_inside_the_limits_passes_and_one_just_outside_is_refused() {
+    // A number that goes from `end` at gear 1 to `other` at gear 5: the end decides. 1e-9 of its size is more than any enclosure adds.
+    let quarter = 2.0 * std::f64::consts::PI / (4.0 * 0.01);
+    let cases = [
+        ("natural_frequency", quarter * (1.0 - 1e-9), 20.0, true),
+        ("natural_frequency", quarter * (1.0 + 1e-9), 20.0, false),
+        ("natural_frequency", 1e-9, 20.0, true),
+        ("natural_frequency", -1e-9, 20.0, false),
+        ("zero_damping", 1e-9, 0.5, true),
+        ("zero_damping", -1e-9, 0.5, false),
+        ("pole_damping", 1e-9, 0.5, true),
+        ("pole_damping", -1e-9, 0.5, false),
+        ("pole_damping", 1e9, 0.5, true),
+        ("pole_frequency", quarter * (1.0 - 1e-9), 20.0, true),
+        ("pole_frequency", quarter * (1.0 + 1e-9), 20.0, false),
+        ("pole_frequency", 1e-9, 20.0, true),
+        ("pole_frequency", -1e-9, 20.0, false),
+    ];
+    for (key, end, other, is_sound) in cases {
+        for (from, to) in [(end, other), (other, end)] {
+            let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
+            let mut parts =
+                [("natural_frequency", "9.0"), ("zero_damping", "0.1"), ("pole_damping", "0.7"), ("pole_frequency", "8.0")];
+            parts.iter_mut().filter(|part| part.0 == key).for_each(|part| part.1 = "{ surface = \"edge\" }");
+            let parts: String = parts.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
+            let text = format!(
+                "\n[surfaces.edge]\nunit = \"1\"\ninputs = [\"gear\"]\n\
+                 terms = [{{ powers = [0], coefficient = {middle:?} }}, {{ powers = [1], coefficient = {half:?} }}]\n\
+                 \n[compensators.k]\nsample_time = 0.01\n{parts}"
+            );
+            let found = certificate(&text).violations;
+            assert_eq!(found.is_empty(), is_sound, "{key} from {from} to {to}: {found:?}");
+            if let Some(violation) = found.first() {
+                let gear = if from == end { 1.0 } else { 5.0 };
+                assert_eq!((violation.key, violation.at.as_slice()), (key, [("gear".to_string(), gear)].as_slice()));
+                assert!(violation.what.starts_with("found "), "{violation:?}");
+            }
+        }
+    }
+}
