@@ -10,6 +10,8 @@
 
 use std::cmp::Ordering;
 
+use num_traits::Signed;
+
 use crate::number::{Precision, exact, power_of_two};
 use crate::tape::{Extremum, Op, Reg, Tape};
 
@@ -41,16 +43,15 @@ pub fn error_bound(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
     }
 }
 
-/// As many cells per side as stay within the budget, a power of two; fewer for long tapes.
+/// As many cells per side as stay within the budget, a power of two, at most 2^8; fewer for long tapes.
 fn cells_per_side(dimensions: usize, operations: usize) -> usize {
-    let budget = CELLS.min(CELLS * 1000 / operations.max(1));
-    let mut side = 1usize;
+    let budget = CELLS * 1000 / operations.max(1000);
     // More cells than a number can count are more than the budget.
-    let count = |side: usize| side.checked_pow(u32::try_from(dimensions).ok()?);
-    while side < 256 && count(2 * side).is_some_and(|count| count <= budget) {
-        side *= 2;
-    }
-    side
+    let fits = |halvings: &u32| {
+        let cells = (1usize << halvings).checked_pow(dimensions as u32);
+        cells.is_some_and(|cells| cells <= budget)
+    };
+    1 << (1..=8).take_while(fits).count()
 }
 
 /// The range of one argument in a cell: numbers of the tape's type.
@@ -85,7 +86,7 @@ struct Known {
 
 impl Known {
     fn magnitude(self) -> f64 {
-        self.low.abs().max(self.high.abs())
+        (-self.low).max(self.high)
     }
 
     /// k, where the register holds nothing but 2^k or nothing but -2^k.
@@ -102,31 +103,26 @@ impl Known {
 
 struct Analysis<'t> {
     tape: &'t Tape,
-    /// |value - exact| of each constant, rounded up.
-    constant_errors: Vec<f64>,
     known: Vec<Known>,
 }
 
 impl<'t> Analysis<'t> {
     fn new(tape: &'t Tape) -> Self {
-        let error_of = |op: &Op| match op {
+        let of_constant = |op: &Op| match op {
             Op::Constant(constant) => {
-                let difference = exact(constant.value) - &constant.exact;
-                let magnitude = if difference < exact(0.0) { -difference } else { difference };
-                Precision::F64.round_up(&magnitude)
+                let distance = (exact(constant.value) - &constant.exact).abs();
+                Known { low: constant.value, high: constant.value, error: Precision::F64.round_up(&distance) }
             }
-            _ => 0.0,
+            _ => Known::NOTHING,
         };
-        let constant_errors = tape.ops.iter().map(error_of).collect();
-        Analysis { tape, constant_errors, known: vec![Known::NOTHING; tape.ops.len()] }
+        Analysis { tape, known: tape.ops.iter().map(of_constant).collect() }
     }
 
     fn error_in(&mut self, sides: &[Side]) -> f64 {
         for (reg, op) in self.tape.iter() {
             let known = match *op {
-                Op::Constant(ref constant) => {
-                    Known { low: constant.value, high: constant.value, error: self.constant_errors[reg.0 as usize] }
-                }
+                // Known from the beginning.
+                Op::Constant(_) => continue,
                 Op::Input(port) => {
                     let [low, high] = sides[port.0 as usize];
                     Known { low, high, error: 0.0 }
@@ -195,9 +191,9 @@ impl<'t> Analysis<'t> {
     }
 
     fn quotient(&self, a: Known, b: Known) -> Known {
-        let nearest_to_zero = b.low.abs().min(b.high.abs());
-        let ideal_nearest = difference_down(nearest_to_zero, b.error);
-        if b.low <= 0.0 && b.high >= 0.0 || ideal_nearest <= 0.0 || ideal_nearest.is_nan() {
+        // Not positive where the divisor may be zero, NaN where nothing is known of it.
+        let ideal_nearest = difference_down(b.low.max(-b.high), b.error);
+        if ideal_nearest.is_nan() || ideal_nearest <= 0.0 {
             return Known::NOTHING;
         }
         let quotients = [a.low / b.low, a.low / b.high, a.high / b.low, a.high / b.high];
@@ -208,7 +204,7 @@ impl<'t> Analysis<'t> {
             Some(exponent) => self.rounding_of_shift(-exponent, low, high),
             None => self.half_ulp(low, high),
         };
-        let largest = sum_up(low.abs().max(high.abs()), rounding);
+        let largest = sum_up((-low).max(high), rounding);
         let propagated = quotient_up(sum_up(a.error, product_up(largest, b.error)), ideal_nearest);
         finite(low, high, sum_up(propagated, rounding))
     }
@@ -263,7 +259,7 @@ impl<'t> Analysis<'t> {
 
     /// The rounding error of a result in [low, high]: half a unit in the last place of its largest magnitude. Holds for subnormal results too.
     fn half_ulp(&self, low: f64, high: f64) -> f64 {
-        let magnitude = low.abs().max(high.abs());
+        let magnitude = (-low).max(high);
         if !magnitude.is_finite() {
             return f64::INFINITY;
         }
@@ -274,9 +270,9 @@ impl<'t> Analysis<'t> {
     }
 }
 
-/// floor(log2 x) of a finite x > 0; the smallest exponent for 0 and subnormals.
+/// floor(log2 |x|) of a normal x; one less than the smallest of these for 0 (of either sign) and subnormals.
 fn floor_log2(value: f64) -> i64 {
-    ((value.to_bits() >> 52) as i64 & 0x7FF).max(1) - 1023
+    (value.abs().to_bits() >> 52) as i64 - 1023
 }
 
 /// Sterbenz: a - b is exact when b/2 <= a <= 2 b, both of one sign. `b` comes negated.

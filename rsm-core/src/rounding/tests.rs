@@ -21,6 +21,12 @@ fn off(builder: &mut TapeBuilder, value: f64, by: f64) -> Reg {
     builder.rounded_constant(value, exact(value) + exact(by))
 }
 
+/// The bound from the whole box as one cell.
+fn bound_of_one_cell(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
+    let sides: Vec<Side> = ranges.iter().map(|range| side(tape.precision, *range, 0, 1).unwrap()).collect();
+    Analysis::new(tape).error_in(&sides)
+}
+
 /// The worst ratio over a box; asserts that no error is above the bound.
 fn tightness(tape: &Tape, ranges: &[[f64; 2]], effort: usize) -> f64 {
     worst_ratio(&mut Random(1), tape, ranges, error_bound(tape, ranges), effort)
@@ -208,6 +214,9 @@ fn the_range_of_every_result_is_known() {
                 let found = tightness(&tape, &ranges, if arity == 1 { 150 } else { 30 });
                 // The choice is between four arguments, 8 cells a side: its corner is in the last of them.
                 assert!(found > if arity == 4 { 0.85 } else { 0.97 }, "{name} over {ranges:?}: {found}");
+                let whole = bound_of_one_cell(&tape, &ranges);
+                let found = worst_ratio(&mut random, &tape, &ranges, whole, if arity == 1 { 150 } else { 30 });
+                assert!(found > 0.97, "{name} over {ranges:?}, one cell: {found}");
             }
         }
     }
@@ -278,6 +287,32 @@ fn a_difference_with_itself_is_zero_unless_it_is_no_number() {
         });
         assert!(error_bound(&twice, &[[1.0, 2.0]]) > 0.0 || tightness(&twice, &[[1.0, 2.0]], 50) == 0.0);
         assert!(tightness(&with_error, &[[1.0, 2.0]], 50) > 0.99);
+    }
+}
+
+#[test]
+fn what_is_known_of_a_square_and_of_nothing_goes_into_what_follows() {
+    for precision in Precision::ALL {
+        // A square is not negative, so a divisor that it is part of is not zero.
+        let bell = write_tape(precision, 1, |builder, x| {
+            let (one, width) = (builder.constant(integer(1)), off(builder, 1e-6f32.into(), 1e-8));
+            let square = builder.push(Op::Multiply(x[0], x[0]));
+            let divisor = builder.push(Op::Add(square, width));
+            builder.push(Op::Divide(one, divisor))
+        });
+        assert!(error_bound(&bell, &[[-1.0, 1.3]]).is_finite());
+        let at_its_top = bound_of_one_cell(&bell, &[[-1e-6, 1.3e-6]]);
+        assert!(worst_ratio(&mut Random(15), &bell, &[[-1e-6, 1.3e-6]], at_its_top, 50) > 0.9);
+        // x - x is zero and nothing else: added, it moves no range.
+        for range in [[2.0, 3.0], [-3.0, -2.0]] {
+            let moved = write_tape(precision, 2, |builder, x| {
+                let factor = off(builder, 1.0, 1.0 / 64.0);
+                let nothing = builder.push(Op::Subtract(x[0], x[0]));
+                let sum = builder.push(Op::Add(x[1], nothing));
+                builder.push(Op::Multiply(sum, factor))
+            });
+            assert!(tightness(&moved, &[[1.0, 5.0], range], 20) > 0.99);
+        }
     }
 }
 
@@ -579,6 +614,9 @@ fn the_number_of_cells_stays_within_the_budget() {
     assert_eq!(cells_per_side(2, 4000), 32);
     assert_eq!(cells_per_side(1, 1_000_000), 4);
     assert_eq!(cells_per_side(1, 0), 256);
+    assert_eq!([cells_per_side(1, 256_000), cells_per_side(1, 256_001)], [16, 8]);
+    // So long that a cell is too many: one all the same.
+    assert_eq!(cells_per_side(1, 10_000_000), 1);
     // As many inputs as a file may name.
     for dimensions in [31, 32, 63, 64, 65, 100, 1000] {
         assert_eq!(cells_per_side(dimensions, 10), 1, "{dimensions}");
@@ -698,5 +736,69 @@ fn a_constant_is_charged_the_exact_distance_to_what_it_stands_for() {
         let tape = write_tape(Precision::F64, 0, |builder, _| builder.rounded_constant(value, exact(stands_for)));
         let expected: Rational = magnitude(exact(value) - exact(stands_for));
         assert_eq!(exact(error_bound(&tape, &[])), expected);
+    }
+}
+
+#[test]
+fn a_power_of_two_moves_the_exponent_alone() {
+    for precision in Precision::ALL {
+        let smallest = power_of_two(precision.smallest_exponent());
+        let normal = smallest * power_of_two(precision.significand_bits() - 1);
+        for factor in [2.0, -2.0, 0.5, -0.25, 1024.0, 2f64.powi(-30), 1.0] {
+            let times = write_tape(precision, 1, |builder, x| {
+                let factor = builder.constant(exact(factor));
+                builder.push(Op::Multiply(x[0], factor))
+            });
+            let of_factor = write_tape(precision, 1, |builder, x| {
+                let factor = builder.constant(exact(factor));
+                builder.push(Op::Multiply(factor, x[0]))
+            });
+            let over = write_tape(precision, 1, |builder, x| {
+                let divisor = builder.constant(exact(1.0 / factor));
+                builder.push(Op::Divide(x[0], divisor))
+            });
+            for tape in [times, of_factor, over] {
+                for range in [[0.1, 0.9], [-70.0, -60.0]] {
+                    assert_eq!(error_bound(&tape, &[range]), 0.0, "{tape}");
+                    worst_ratio(&mut Random(16), &tape, &[range], 0.0, 40);
+                }
+                // Bits are shifted out of what becomes subnormal, and of what is rounded up to the smallest normal number.
+                let (low, high) = (normal / factor.abs(), 4.0 * normal / factor.abs());
+                let above = [precision.next_up(low), high];
+                assert_eq!(error_bound(&tape, &[above]), 0.0, "{tape}");
+                assert_eq!(error_bound(&tape, &[[-above[1], -above[0]]]), 0.0, "{tape}");
+                for range in [[low / 8.0, low], [-low, -low / 8.0], [-low, low]] {
+                    let found = tightness(&tape, &[range], 200);
+                    let is_exact = factor.abs() >= 1.0;
+                    assert_eq!(error_bound(&tape, &[range]) == 0.0, is_exact, "{tape}");
+                    // Half of the smallest f64 is none: a whole one stands for it.
+                    assert!(is_exact || found > if precision == Precision::F64 { 0.45 } else { 0.9 }, "{found}\n{tape}");
+                }
+                // A quarter of a number just below four times the smallest normal number is rounded up to that.
+                let edge = precision.next_down(low);
+                assert!(factor.abs() >= 1.0 || tightness(&tape, &[[edge, edge]], 1) > 0.1, "{tape}");
+            }
+        }
+        // What is no power of two, or not alone in its range, rounds.
+        for factor in [3.0, 1.5, -0.75] {
+            let times = write_tape(precision, 1, |builder, x| {
+                let factor = builder.constant(exact(factor));
+                builder.push(Op::Multiply(x[0], factor))
+            });
+            assert!(tightness(&times, &[[1.0, 1.3]], 200) > 0.4);
+        }
+        let product = write_tape(precision, 2, |builder, x| builder.push(Op::Multiply(x[0], x[1])));
+        let quotient = write_tape(precision, 2, |builder, x| builder.push(Op::Divide(x[0], x[1])));
+        for tape in [product, quotient] {
+            let above_two = precision.next_up(2.0);
+            assert!(tightness(&tape, &[[1.0, 1.9], [2.0, above_two]], 200) > 0.4);
+            assert!(tightness(&tape, &[[1.0, 1.9], [1.0, 2.0]], 200) > 0.4);
+        }
+        // A factor that stands for another number brings its own error along.
+        let off_two = write_tape(precision, 1, |builder, x| {
+            let factor = off(builder, 2.0, 1.0 / 64.0);
+            builder.push(Op::Multiply(x[0], factor))
+        });
+        assert!(tightness(&off_two, &[[0.5, 3.0]], 20) > 0.9999);
     }
 }
