@@ -118,6 +118,14 @@ impl Checked {
                 let what = format!("surface `{}`: {name} has no number in the output range", surface.name);
                 faults.push(at(places.first().copied().unwrap_or_default(), what));
             }
+            for space in &surface.support {
+                // The comparison is with the next number above the bound.
+                let above = precision.next_up(precision.round_down(&exact(space.bound)));
+                if !above.is_finite() || space.normal.iter().any(|entry| !precision.round(&exact(*entry)).is_finite()) {
+                    let what = format!("surface `{}`: a number of `support` is larger than {name} can hold", surface.name);
+                    faults.push(at(places.first().copied().unwrap_or_default(), what));
+                }
+            }
             for (term, place) in surface.terms.iter().zip(places) {
                 if !precision.round(&exact(term.coefficient)).is_finite() {
                     let what = format!(

@@ -43,7 +43,7 @@ impl Interval {
     /// The largest magnitude in it.
     #[must_use]
     pub fn magnitude(self) -> f64 {
-        self.low.abs().max(self.high.abs())
+        (-self.low).max(self.high)
     }
 
     /// The smallest interval that holds both.

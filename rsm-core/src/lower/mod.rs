@@ -100,7 +100,14 @@ pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<
         let mut sum: Option<Reg> = None;
         for (k, entry) in space.normal.iter().enumerate().filter(|(_, entry)| **entry != 0.0) {
             let variable = variables.of(&mut tape, k);
-            let product = tape.times(variable.value, exact(*entry) * variable.scale);
+            let weight = exact(*entry) * &variable.scale;
+            let product = if polynomial::is_ordinary(precision, &weight) {
+                tape.times(variable.value, weight)
+            } else {
+                let divisor = tape.constant(integer(1) / variable.scale);
+                let coded = tape.push(Op::Divide(variable.value, divisor));
+                tape.times(coded, exact(*entry))
+            };
             sum = Some(sum.map_or(product, |sum| tape.push(Op::Add(sum, product))));
         }
         let sum = sum.expect("a checked normal is not zero");

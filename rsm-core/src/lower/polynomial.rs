@@ -86,6 +86,11 @@ fn widest(precision: Precision) -> i64 {
     }
 }
 
+/// Whether a factor stays well inside the exponent range.
+pub(super) fn is_ordinary(precision: Precision, factor: &Rational) -> bool {
+    magnitude_bits(factor) <= widest(precision)
+}
+
 /// |log2 |value||, rounded up.
 fn magnitude_bits(value: &Rational) -> i64 {
     let difference = value.numer().bits() as i64 - value.denom().bits() as i64;
