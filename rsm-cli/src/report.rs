@@ -8,9 +8,11 @@ use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_fit::constrain::ConstraintStatistics;
 use rsm_fit::design;
-use rsm_fit::fit::{Outcome, ResponseOutcome};
+use rsm_fit::fit::{ChosenBy, Outcome, ResponseOutcome};
 use rsm_fit::records::Records;
-use rsm_fit::statistics::{Named, ResponseStatistics};
+use rsm_fit::statistics::{Named, ResponseStatistics, ValidationStatistics};
+
+use crate::commands::fit::verdict_in_words;
 
 use crate::outcome::Refusal;
 use crate::page::{escaped, figure, page};
@@ -29,12 +31,13 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
     let fitted = (!outcome.model.surfaces.is_empty()).then(|| Checked::from_model(&outcome.model));
     let checked = fitted.transpose()?;
     for response in &outcome.responses {
-        body += &format!(
-            "<h2>{}</h2>\n<p>{} on {}.</p>\n",
-            escaped(&response.name),
-            escaped(&response.verdict.to_string()),
-            response.judged_on.words()
-        );
+        body += &format!("<h2>{}</h2>\n<p>{}.</p>\n", escaped(&response.name), escaped(&verdict_in_words(response)));
+        let warnings = response.statistics.iter().flat_map(|statistics| &statistics.warnings);
+        let lines: String =
+            warnings.map(|warning| format!("<li><b>{}</b>: {}</li>\n", warning.kind, escaped(&warning.what))).collect();
+        if !lines.is_empty() {
+            body += &format!("<p>Warnings:</p>\n<ul class=\"warnings\">\n{lines}</ul>\n");
+        }
         if let (Some(checked), Some(statistics)) = (&checked, &response.statistics) {
             body += &of_response(outcome, checked, response, statistics)?;
         }
@@ -78,7 +81,12 @@ fn of_response(
         Pairs { predicted: predicted.collect(), measured: records.responses[place].clone() }
     };
     let fitted = pairs(&outcome.fitted);
-    let unseen = outcome.unseen.as_ref().map(pairs);
+    let is_unseen = response.chosen_by == ChosenBy::Nobody;
+    let of_validation = if is_unseen { "unseen rows" } else { "validation rows" };
+    let apart: Vec<(&str, Pairs)> = [(of_validation, &outcome.validation), ("test rows", &outcome.test)]
+        .into_iter()
+        .filter_map(|(name, records)| Some((name, pairs(records.as_ref()?))))
+        .collect();
 
     let unit = if surface.unit == "1" { String::new() } else { format!(" {}", escaped(&surface.unit)) };
     let brackets = if unit.is_empty() { String::new() } else { format!(" [{}]", surface.unit) };
@@ -97,12 +105,23 @@ fn of_response(
             format!("F = {}, p = {}, {} and {} degrees of freedom", figure(lack.f), figure(lack.p), lack.df[0], lack.df[1]),
         );
     }
+    let mut errors = |what: &str, errors: &ValidationStatistics| {
+        row(what, errors.rows.to_string());
+        row("mean error on them", figure(Some(errors.mean_abs_error)) + &unit);
+        row("largest error on them", figure(Some(errors.max_abs_error)) + &unit);
+        row("root of mean square", figure(Some(errors.rmse)) + &unit);
+    };
     if let Some(validation) = &statistics.validation {
-        row("unseen rows", validation.rows.to_string());
-        row("mean error on them", figure(Some(validation.mean_abs_error)) + &unit);
-        row("largest error on them", figure(Some(validation.max_abs_error)) + &unit);
-        row("root of mean square", figure(Some(validation.rmse)) + &unit);
+        errors(if is_unseen { "unseen rows" } else { "validation rows: on the rows that chose it" }, validation);
     }
+    if let Some(test) = &statistics.test {
+        errors("test rows, which chose nothing", test);
+    }
+    if let Some(cross) = &statistics.cross_validation {
+        errors(&format!("rows left out in {} parts in turn", cross.parts), &cross.errors);
+    }
+    row("terms chosen by", escaped(&statistics.rows_used.terms));
+    row("error to be believed", escaped(&statistics.rows_used.error));
     if let Some(canonical) = &statistics.canonical {
         let point: Vec<String> = canonical
             .stationary_point
@@ -117,8 +136,8 @@ fn of_response(
     if let Some(support) = &statistics.support {
         let words = format!("{:.1} % of the box, by {} half-spaces", 100.0 * support.share_of_box, support.half_spaces);
         row("supported by the data", words);
-        if statistics.validation.is_some() {
-            row("unseen rows outside", support.unseen_rows_outside.to_string());
+        if !apart.is_empty() {
+            row("rows outside that were not fitted", support.unseen_rows_outside.to_string());
         }
     }
     text += "</table>\n";
@@ -137,8 +156,8 @@ fn of_response(
     }
     text += "</table>\n<div class=\"plots\">\n";
     text += &over_the_plane(outcome, checked, index)?;
-    text += &against_prediction(&fitted, unseen.as_ref(), &brackets)?;
-    text += &over_rows(&fitted, unseen.as_ref(), &brackets)?;
+    text += &against_prediction(&fitted, &apart, &brackets)?;
+    text += &over_rows(&fitted, &apart, &brackets)?;
     text += "</div>\n";
     Ok(text)
 }
@@ -157,7 +176,7 @@ fn constraints(told: &ConstraintStatistics, unit: &str) -> String {
         None => text += "<p>The constraints hold without changing a coefficient.</p>\n",
         Some(change) => {
             let unseen = told.validation_without.as_ref().map_or(String::new(), |unseen| {
-                format!(", mean error on unseen rows {}{unit}", figure(Some(unseen.mean_abs_error)))
+                format!(", mean error on validation rows {}{unit}", figure(Some(unseen.mean_abs_error)))
             });
             text += &format!(
                 "<p>Without constraints: residual standard deviation {}{unit}{unseen}. The surface was changed most, by {}{unit}, at {}.</p>\n",
@@ -179,38 +198,48 @@ fn share(value: Option<f64>) -> String {
     value.map_or("none".to_string(), |value| format!("{value:.6}"))
 }
 
-fn against_prediction(fitted: &Pairs, unseen: Option<&Pairs>, brackets: &str) -> Result<String, Refusal> {
-    let all: Vec<&Pairs> = std::iter::once(fitted).chain(unseen).collect();
+fn against_prediction(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -> Result<String, Refusal> {
+    let all: Vec<&Pairs> = std::iter::once(fitted).chain(apart.iter().map(|(_, pairs)| pairs)).collect();
     let values = || all.iter().flat_map(|pairs| pairs.measured.iter().chain(&pairs.predicted));
     let (low, high) =
         values().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
     let points = |pairs: &Pairs| pairs.predicted.iter().copied().zip(pairs.measured.iter().copied()).collect::<Vec<_>>();
     let (x, y) = (format!("predicted{brackets}"), format!("measured{brackets}"));
     let words = Words { title: "measured against predicted", x: &x, y: &y };
-    with_rule(&words, vec![(low, low), (high, high)], points(fitted), unseen.map(points))
+    with_rule(
+        &words,
+        vec![(low, low), (high, high)],
+        points(fitted),
+        apart.iter().map(|(name, pairs)| (*name, points(pairs))).collect(),
+    )
 }
 
-fn over_rows(fitted: &Pairs, unseen: Option<&Pairs>, brackets: &str) -> Result<String, Refusal> {
+fn over_rows(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -> Result<String, Refusal> {
     let residuals = |pairs: &Pairs| {
         let each = pairs.measured.iter().zip(&pairs.predicted).enumerate();
         each.map(|(row, (measured, predicted))| (row as f64 + 1.0, measured - predicted)).collect::<Vec<_>>()
     };
-    let (fitted, unseen) = (residuals(fitted), unseen.map(residuals));
-    let last = fitted.len().max(unseen.as_ref().map_or(0, Vec::len)) as f64 + 1.0;
+    let apart: NamedPoints<'_> = apart.iter().map(|(name, pairs)| (*name, residuals(pairs))).collect();
+    let fitted = residuals(fitted);
+    let last = apart.iter().map(|(_, rows)| rows.len()).fold(fitted.len(), usize::max) as f64 + 1.0;
     let y = format!("residual{brackets}");
     let words = Words { title: "residual over row", x: "row", y: &y };
-    with_rule(&words, vec![(0.0, 0.0), (last, 0.0)], fitted, unseen)
+    with_rule(&words, vec![(0.0, 0.0), (last, 0.0)], fitted, apart)
 }
+
+/// Points of rows that were kept apart, under their name.
+type NamedPoints<'a> = Vec<(&'a str, Vec<(f64, f64)>)>;
 
 /// The rule shows where a perfect model would lie.
 fn with_rule(
     words: &Words<'_>,
     rule: Vec<(f64, f64)>,
     fitted: Vec<(f64, f64)>,
-    unseen: Option<Vec<(f64, f64)>>,
+    apart: NamedPoints<'_>,
 ) -> Result<String, Refusal> {
     let mut series = vec![Series::new("", GREY, Mark::Line, rule), Series::new("fitted rows", BLUE, Mark::Circle, fitted)];
-    series.extend(unseen.map(|unseen| Series::new("unseen rows", ORANGE, Mark::Cross, unseen)));
+    let colours = [ORANGE, BLACK];
+    series.extend(apart.into_iter().zip(colours).map(|((name, rows), colour)| Series::new(name, colour, Mark::Cross, rows)));
     plot::curves(words, &series)
 }
 
@@ -239,7 +268,12 @@ fn over_the_plane(outcome: &Outcome, checked: &Checked, index: usize) -> Result<
         x.iter().copied().zip(y.iter().copied()).collect::<Vec<_>>()
     };
     let mut series = vec![Series::new("fitted rows", PINK, Mark::Circle, points(&outcome.fitted))];
-    series.extend(outcome.unseen.as_ref().map(|unseen| Series::new("unseen rows", ORANGE, Mark::Cross, points(unseen))));
+    let apart = [("validation rows", ORANGE, &outcome.validation), ("test rows", GREY, &outcome.test)];
+    series.extend(
+        apart
+            .into_iter()
+            .filter_map(|(name, colour, records)| Some(Series::new(name, colour, Mark::Cross, points(records.as_ref()?)))),
+    );
     if let Some(told) = outcome.responses.iter().find(|response| response.name == surface.name).and_then(constraints_of) {
         let held = told.constraints.iter().flat_map(|report| &report.points).map(|point| (point.0[0].1, point.0[1].1));
         let held: Vec<(f64, f64)> = held.collect();

@@ -37,6 +37,12 @@ impl Design {
         Design { surface: surface.clone(), inputs: inputs.to_vec(), factors, terms, highest }
     }
 
+    /// The design of some of the terms.
+    #[must_use]
+    pub fn only(&self, terms: &[usize]) -> Self {
+        Design::new(&self.surface, &self.inputs, terms.iter().map(|k| self.terms[*k].clone()).collect())
+    }
+
     /// How many terms there are.
     #[must_use]
     pub fn width(&self) -> usize {

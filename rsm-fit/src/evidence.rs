@@ -7,10 +7,10 @@
 use rsm_core::model::Evidence;
 
 use crate::constrain::{ConstraintReport, ConstraintStatistics};
-use crate::fit::ResponseOutcome;
+use crate::fit::{ChosenBy, ResponseOutcome};
 use crate::records::{DataFile, Records, hash};
 use crate::spec::{Method, ResponseSpec, Specification, Validation, Weights};
-use crate::statistics::Named;
+use crate::statistics::{Named, ValidationStatistics};
 
 /// The evidence of a fitted response.
 #[must_use]
@@ -20,6 +20,7 @@ pub fn of(
     outcome: &ResponseOutcome,
     fit: &Records,
     validate: Option<&Records>,
+    test: Option<&Records>,
 ) -> Vec<(String, Evidence)> {
     let Some(statistics) = &outcome.statistics else { return Vec::new() };
     let mut evidence = Vec::new();
@@ -45,32 +46,55 @@ pub fn of(
     tell("press", number(statistics.press));
     tell("confidence_c", number(statistics.confidence_c));
     if matches!(response.method, Method::Ladder { .. }) {
-        tell("terms_chosen_on", Some(Evidence::Text(outcome.judged_on.words().to_string())));
+        tell("terms_chosen_on", Some(Evidence::Text(outcome.chosen_by.words().to_string())));
     }
     if let Some(constraints) = &statistics.constraints {
         tell("constraints", Some(constrained(constraints)));
     }
     if let Some(support) = &statistics.support {
         let mut table = vec![("share_of_box".to_string(), Evidence::Number(support.share_of_box))];
-        table.extend(validate.map(|_| ("unseen_rows_outside".to_string(), whole(support.unseen_rows_outside))));
+        table.extend(validate.or(test).map(|_| ("unseen_rows_outside".to_string(), whole(support.unseen_rows_outside))));
         tell("support", Some(Evidence::Table(table)));
     }
     if let (Some(validation), Some(records)) = (&statistics.validation, validate) {
-        let source = match &specification.validation {
-            Validation::Split(split) => Evidence::Text(format!("a share of {} of the data, seed {}", split.share, split.seed)),
-            _ => files(&records.files),
-        };
-        let figures = [
-            ("mean_abs_error", Some(validation.mean_abs_error)),
-            ("max_abs_error", Some(validation.max_abs_error)),
-            ("rmse", Some(validation.rmse)),
-            ("confidence_c", validation.confidence_c),
-        ];
-        let mut table = vec![("data".to_string(), source), ("rows".to_string(), whole(validation.rows))];
-        table.extend(figures.into_iter().filter_map(|(name, value)| Some((name.to_string(), Evidence::Number(value?)))));
+        let mut table = apart(&specification.validation, records, validation);
+        if outcome.chosen_by != ChosenBy::Nobody {
+            table.push(text("errors", "on the rows that chose it"));
+        }
         tell("validation", Some(Evidence::Table(table)));
     }
+    if let (Some(judged), Some(records)) = (&statistics.test, test) {
+        tell("test", Some(Evidence::Table(apart(&specification.test, records, judged))));
+    }
+    if let Some(cross) = &statistics.cross_validation {
+        let mut table = vec![("parts".to_string(), whole(cross.parts))];
+        table.extend(errors(&cross.errors));
+        table.extend(cross.r2.map(|r2| ("r2".to_string(), Evidence::Number(r2))));
+        tell("cross_validation", Some(Evidence::Table(table)));
+    }
     evidence
+}
+
+/// Where rows that were kept apart come from, and the errors on them.
+fn apart(rows: &Validation, records: &Records, judged: &ValidationStatistics) -> Vec<(String, Evidence)> {
+    let source = match rows {
+        Validation::Split(split) => Evidence::Text(format!("a share of {} of the data, seed {}", split.share, split.seed)),
+        _ => files(&records.files),
+    };
+    let mut table = vec![("data".to_string(), source), ("rows".to_string(), whole(judged.rows))];
+    table.extend(errors(judged).filter(|(name, _)| name != "rows"));
+    table
+}
+
+fn errors(judged: &ValidationStatistics) -> impl Iterator<Item = (String, Evidence)> {
+    let figures = [
+        ("rows", Some(whole(judged.rows))),
+        ("mean_abs_error", Some(Evidence::Number(judged.mean_abs_error))),
+        ("max_abs_error", Some(Evidence::Number(judged.max_abs_error))),
+        ("rmse", Some(Evidence::Number(judged.rmse))),
+        ("confidence_c", judged.confidence_c.map(Evidence::Number)),
+    ];
+    figures.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)))
 }
 
 fn whole(count: usize) -> Evidence {

@@ -9,18 +9,21 @@ use rsm_core::source::{Collector, Faults};
 
 use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
-use crate::dd::Dd;
 use crate::design::{self, Design};
 use crate::evidence;
-use crate::ladder::{Judge, Ladder, first_rung};
-use crate::qr::{Compressed, Dependent, Growing, Triangle};
+use crate::ladder::first_rung;
+use crate::qr::{Dependent, Growing};
 use crate::records::{DataFile, Records, Refused, Rows, Units};
+use crate::selection::{Choice, Sample, Selection};
 use crate::spec::{Method, ResponseSpec, Specification, Validation, check_basis_against_ranges};
 use crate::split;
-use crate::statistics::{self, Named, Observations, ResponseStatistics};
+use crate::statistics::{self, CrossValidation, Judged, Named, Observations, ResponseStatistics, RowsUsed};
 use crate::support::{self, Region, SupportStatistics};
+use crate::verdict::{self, Criterion};
+use crate::warnings::{self, Notes};
 
-pub use crate::verdict::{JudgedOn, Verdict};
+pub use crate::selection::ChosenBy;
+pub use crate::verdict::Verdict;
 
 /// What a fit tells while it runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +67,9 @@ pub struct Outcome {
     /// The rows that were fitted, in the units of the model.
     pub fitted: Records,
     /// The rows that were kept for validation.
-    pub unseen: Option<Records>,
+    pub validation: Option<Records>,
+    /// The rows that judged at the end and chose nothing.
+    pub test: Option<Records>,
 }
 
 /// What became of a response.
@@ -78,8 +83,8 @@ pub struct ResponseOutcome {
     pub rows_outside: usize,
     /// Its figures; none when it could not be fitted.
     pub statistics: Option<ResponseStatistics>,
-    /// What C was judged on.
-    pub judged_on: JudgedOn,
+    /// What the terms were chosen by.
+    pub chosen_by: ChosenBy,
 }
 
 impl Outcome {
@@ -107,10 +112,11 @@ pub struct Report<'a> {
     pub responses: Named<Option<&'a ResponseStatistics>>,
 }
 
-/// Rows to fit and rows to validate.
+/// Rows to fit, to validate and to test.
 struct Data {
     fit: Records,
     validate: Option<Records>,
+    test: Option<Records>,
     units: Units,
 }
 
@@ -137,59 +143,90 @@ pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)
             specification,
             response,
             inputs: used.iter().map(|k| inputs[*k].clone()).collect(),
-            fit: columns(&data.fit, &used),
-            fit_response: &data.fit.responses[k],
-            fit_weights: relative(&data.fit.weights[k]),
-            validate: data.validate.as_ref().map(|records| (columns(records, &used), &records.responses[k][..])),
+            fit: sample(specification, &data.fit, &used, k, relative(&data.fit.weights[k])),
+            order: &data.fit.order,
+            validate: data.validate.as_ref().map(|records| sample(specification, records, &used, k, Vec::new())),
+            validate_weights: data.validate.as_ref().map_or_else(Vec::new, |records| relative(&records.weights[k])),
+            test: data.test.as_ref().map(|records| sample(specification, records, &used, k, Vec::new())),
+            copies: copies(specification, &data),
         };
         let outcome = task.run(&mut surface, progress)?;
         if outcome.statistics.is_some() {
-            surface.evidence = evidence::of(specification, response, &outcome, &data.fit, data.validate.as_ref());
+            let (validate, test) = (data.validate.as_ref(), data.test.as_ref());
+            surface.evidence = evidence::of(specification, response, &outcome, &data.fit, validate, test);
             model.surfaces.push(surface);
         }
         responses.push(outcome);
     }
-    let unseen = data.validate.iter().filter(|_| matches!(specification.validation, Validation::Files(_)));
-    let files = data.fit.files.iter().chain(unseen.flat_map(|records| &records.files)).cloned().collect();
-    Ok(Outcome { model, responses, files, fitted: data.fit, unseen: data.validate })
+    let of_files = |records: &Option<Records>, rows: &Validation| match (records, rows) {
+        (Some(records), Validation::Files(_)) => records.files.clone(),
+        _ => Vec::new(),
+    };
+    let apart = [of_files(&data.validate, &specification.validation), of_files(&data.test, &specification.test)];
+    let files = data.fit.files.iter().cloned().chain(apart.into_iter().flatten()).collect();
+    Ok(Outcome { model, responses, files, fitted: data.fit, validation: data.validate, test: data.test })
 }
 
-fn columns<'a>(records: &'a Records, used: &[usize]) -> Vec<&'a [f64]> {
-    used.iter().map(|k| &records.inputs[*k][..]).collect()
+/// The rows of a response. Rows at the same point of its inputs stay together, and all that the specification keeps so.
+fn sample(specification: &Specification, records: &Records, used: &[usize], response: usize, weights: Vec<f64>) -> Sample {
+    let columns: Vec<Vec<f64>> = used.iter().map(|k| records.inputs[*k].clone()).collect();
+    let groups = split::group_of(specification, records);
+    let response = records.responses[response].clone();
+    let mut sample = Sample { columns, response, weights, groups };
+    sample.groups = split::joined(&sample.groups, &sample.observed(|rows| rows.replicates()));
+    sample
+}
+
+/// Rows of other files that are exact copies of rows to fit: they have been seen.
+fn copies(specification: &Specification, data: &Data) -> Vec<(&'static str, usize)> {
+    let of = |key, rows: &Validation, records: &Option<Records>| match (rows, records) {
+        (Validation::Files(_), Some(records)) => Some((key, records.copies_of(&data.fit))).filter(|(_, count)| *count > 0),
+        _ => None,
+    };
+    let validate = of("validate", &specification.validation, &data.validate);
+    validate.into_iter().chain(of("test", &specification.test, &data.test)).collect()
 }
 
 fn read(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Data, Refused> {
     let mut units = Units::of(specification);
     let mut reading = |file: &str| progress(Progress::Reading { file });
     let all = Records::read(specification, &specification.data, Rows::ToFit, &mut units, &mut reading);
-    let mut data = match &specification.validation {
-        Validation::None => Data { fit: all?, validate: None, units },
-        Validation::Files(files) => {
-            // Both are read before either is refused: all faults together.
-            let unseen = Records::read(specification, files, Rows::Unseen, &mut units, &mut reading);
-            match (all, unseen) {
-                (Ok(fit), Ok(validate)) => Data { fit, validate: Some(validate), units },
-                (Err(Refused(mut first)), Err(Refused(second))) => {
-                    first.extend(second);
-                    return Err(Refused(first));
-                }
-                (Err(refused), _) | (_, Err(refused)) => return Err(refused),
-            }
-        }
-        Validation::Split(wanted) => {
-            let all = all?;
-            let sides = split::split(specification, wanted, &all);
-            if sides.fit.is_empty() || sides.validate.is_empty() {
-                let empty = if sides.fit.is_empty() { "to fit" } else { "to validate" };
-                let what = format!("`validate`: the split of {} rows leaves none {empty}", all.rows());
-                let fault = specification.fault("validate", what);
-                return Err(Faults::one(fault.help("change `share`, or declare smaller groups")).into());
-            }
-            Data { fit: all.select(&sides.fit), validate: Some(all.select(&sides.validate)), units }
+    let mut apart = |rows: &Validation| match rows {
+        Validation::Files(files) => Records::read(specification, files, Rows::Unseen, &mut units, &mut reading).map(Some),
+        _ => Ok(None),
+    };
+    // All are read before one is refused: all faults together.
+    let (validate, test) = (apart(&specification.validation), apart(&specification.test));
+    let (mut fit, mut validate, mut test) = match (all, validate, test) {
+        (Ok(all), Ok(validate), Ok(test)) => (all, validate, test),
+        (all, validate, test) => {
+            let refused = [all.err(), validate.err(), test.err()].into_iter().flatten();
+            return Err(Refused(refused.flat_map(|Refused(faults)| faults).collect()));
         }
     };
-    data.fit.labels = Vec::new();
-    Ok(data)
+    let set_aside = |key: &str, rows: &Validation, fit: &mut Records| -> Result<Option<Records>, Refused> {
+        let Validation::Split(wanted) = rows else { return Ok(None) };
+        let sides = split::split(specification, wanted, fit);
+        if sides.fit.is_empty() || sides.validate.is_empty() {
+            let empty = if sides.fit.is_empty() {
+                "to fit"
+            } else if key == "test" {
+                "to test"
+            } else {
+                "to validate"
+            };
+            let what = format!("`{key}`: the split of {} rows leaves none {empty}", fit.rows());
+            let fault = specification.fault(key, what);
+            return Err(Faults::one(fault.help("change `share`, or declare smaller groups")).into());
+        }
+        let aside = fit.select(&sides.validate);
+        *fit = fit.select(&sides.fit);
+        Ok(Some(aside))
+    };
+    // The rows that judge leave first, so that nothing else can depend on them.
+    test = set_aside("test", &specification.test, &mut fit)?.or(test);
+    validate = set_aside("validate", &specification.validation, &mut fit)?.or(validate);
+    Ok(Data { fit, validate, test, units })
 }
 
 /// The inputs of the model. A range that the specification does not give is that of the data to fit; symmetric about 0 where a
@@ -234,75 +271,152 @@ struct Task<'a> {
     specification: &'a Specification,
     response: &'a ResponseSpec,
     inputs: Vec<Input>,
-    fit: Vec<&'a [f64]>,
-    fit_response: &'a [f64],
-    fit_weights: Vec<f64>,
-    validate: Option<(Vec<&'a [f64]>, &'a [f64])>,
+    fit: Sample,
+    /// The place of each row to fit in the order of the runs, where it is known.
+    order: &'a [f64],
+    validate: Option<Sample>,
+    /// Of the rows to validate, where they come from the data.
+    validate_weights: Vec<f64>,
+    test: Option<Sample>,
+    /// Files with copies of rows to fit, and how many.
+    copies: Vec<(&'static str, usize)>,
 }
 
 impl Task<'_> {
-    fn fitted(&self) -> Observations<'_> {
-        Observations { inputs: &self.fit, response: self.fit_response, weights: &self.fit_weights }
-    }
-
-    fn unseen(&self) -> Option<Observations<'_>> {
-        self.validate.as_ref().map(|(inputs, response)| Observations { inputs, response, weights: &[] })
-    }
-
     /// Fits and fills the surface's terms.
     fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
-        let terms = match &self.response.method {
+        let method = &self.response.method;
+        let terms = match method {
             Method::Fixed(terms) => terms.clone(),
             Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => design::terms_up_to(surface, *order),
         };
-        let least = match self.response.method {
+        let least = match method {
             Method::Ladder { .. } => {
                 let first = first_rung(&terms);
                 terms.iter().filter(|powers| design::order(powers) <= first).count()
             }
             _ => terms.len(),
         };
-        if self.fit_response.len() < least {
-            let what =
-                format!("response `{}`: at least {least} terms, but {} rows to fit", surface.name, self.fit_response.len());
+        if self.fit.rows() < least {
+            let what = format!("response `{}`: at least {least} terms, but {} rows to fit", surface.name, self.fit.rows());
             return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
         }
         if let Some(wanted) = self.response.support {
-            surface.support = support::of_data(surface, &self.inputs, self.fitted(), wanted);
+            surface.support = self.fit.observed(|fitted| support::of_data(surface, &self.inputs, fitted, wanted));
         }
-        let design = Design::new(surface, &self.inputs, terms);
-        let triangle = self.rows_to_fit(&design)?;
-        let judged_on = if self.validate.is_some() { JudgedOn::Validation } else { JudgedOn::FittedData };
-        let chosen = match self.choose(&design, &triangle, progress)? {
-            Ok(chosen) => chosen,
-            Err(dependent) => return Ok(self.ill_conditioned(&design, &dependent, judged_on)),
+        let all = Design::new(surface, &self.inputs, terms);
+        self.require_finite(&all)?;
+        let triangle = self.fit.to_fit(&all);
+        let selection = Selection {
+            design: &all,
+            method,
+            output_range: surface.output_range,
+            fit: &self.fit,
+            triangle: &triangle,
+            validate: self.validate.as_ref(),
+            lot: match &self.specification.validation {
+                Validation::Split(split) => Some((split.share, &self.validate_weights)),
+                _ => None,
+            },
         };
-        let growing = match Growing::of(&triangle, &chosen) {
-            Ok(growing) => growing,
-            Err(dependent) => return Ok(self.ill_conditioned(&design, &dependent, judged_on)),
+        let name = surface.name.clone();
+        let chosen = selection.choose(&mut |order, terms, confidence| {
+            progress(Progress::Step { response: &name, order, terms, confidence });
+        });
+        let solved = chosen.and_then(|chosen| Ok((Growing::of(&triangle, &chosen.terms)?, chosen)));
+        let (growing, chosen) = match solved {
+            Ok(solved) => solved,
+            Err(dependent) => return Ok(self.ill_conditioned(&all, &dependent)),
         };
-        let design = Design::new(surface, &self.inputs, chosen.iter().map(|k| design.terms()[*k].clone()).collect());
-        let mut statistics = self.with_validation(surface, &design, statistics::of_fit(&design, &growing, self.fitted()));
+        let design = all.only(&chosen.terms);
+        let free = self.fit.observed(|fitted| statistics::of_fit(&design, &growing, fitted));
+        let residual_sd = free.residual_sd;
+        let mut statistics = self.with_apart(surface, &design, free);
         surface.terms = terms_of(&statistics);
         if !self.response.constraints.is_empty() {
             statistics = match self.constrained(surface, &design, &growing, statistics) {
                 Ok(statistics) => statistics,
-                Err(verdict) => return Ok(self.without_surface(&design, verdict, judged_on)),
+                Err(verdict) => return Ok(self.without_surface(&design, verdict)),
             };
             surface.terms = terms_of(&statistics);
         }
         statistics.canonical = canonical::analyse(surface, &self.inputs);
         statistics.support = self.support(surface);
-        let verdict = self.verdict(&statistics);
+        let judging = self.judging(surface, &design, &statistics, &chosen, &selection);
+        if !judging.is_held {
+            statistics.cross_validation = judging.cross_validated.clone();
+        }
+        statistics.rows_used = judging.words(self, &chosen);
+        let notes = Notes {
+            surface,
+            inputs: &self.inputs,
+            design: &design,
+            fit: &self.fit,
+            order: self.order,
+            constraints: &self.response.constraints,
+            statistics: &statistics,
+            free_residual_sd: residual_sd,
+            highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
+            explained: judging.explained,
+            copies: &self.copies,
+        };
+        let (mut warnings, is_lacking) = notes.all();
+        if judging.explained.is_none() && chosen.by != ChosenBy::Nobody {
+            warnings.push(warnings::not_judged(&statistics.rows_used));
+        }
+        statistics.warnings = warnings;
+        let verdict = self.verdict(&statistics, &chosen, &judging, is_lacking);
         let rows_outside = self.rows_outside(&design);
-        Ok(ResponseOutcome { name: surface.name.clone(), verdict, rows_outside, statistics: Some(statistics), judged_on })
+        Ok(ResponseOutcome { name, verdict, rows_outside, statistics: Some(statistics), chosen_by: chosen.by })
     }
 
-    fn with_validation(&self, surface: &Surface, design: &Design, mut statistics: ResponseStatistics) -> ResponseStatistics {
-        let coefficients: Vec<f64> = statistics.terms.iter().map(|term| term.coefficient).collect();
-        let judge = |unseen| statistics::of_validation(design, &coefficients, surface.output_range, unseen);
-        statistics.validation = self.unseen().and_then(judge);
+    /// The errors on rows that are kept apart.
+    fn with_apart(&self, surface: &Surface, design: &Design, mut statistics: ResponseStatistics) -> ResponseStatistics {
+        let judged = |rows: &Option<Sample>| self.judged(surface, design, &statistics, rows.as_ref()?)?.statistics();
+        (statistics.validation, statistics.test) = (judged(&self.validate), judged(&self.test));
         statistics
+    }
+
+    fn judged(&self, surface: &Surface, design: &Design, statistics: &ResponseStatistics, rows: &Sample) -> Option<Judged> {
+        let coefficients: Vec<f64> = statistics.terms.iter().map(|term| term.coefficient).collect();
+        let mean = self.fit.mean();
+        Some(rows.observed(|rows| Judged::of(design, &coefficients, surface.output_range, rows, mean)))
+    }
+
+    /// What the surface explains on rows that chose nothing: the test rows, else validation rows where the terms were given, else rows left
+    /// out in turn.
+    fn judging(
+        &self,
+        surface: &Surface,
+        design: &Design,
+        statistics: &ResponseStatistics,
+        chosen: &Choice,
+        selection: &Selection<'_>,
+    ) -> Judging {
+        let explained = |rows: &Option<Sample>| self.judged(surface, design, statistics, rows.as_ref()?)?.explained();
+        let validated = explained(&self.validate);
+        let centred = match chosen.by {
+            ChosenBy::Nobody => None,
+            ChosenBy::Validation => validated,
+            ChosenBy::LeftOut { .. } => chosen.climb.as_ref().and_then(|climb| climb.centred).map(|centred| centred / 100.0),
+            ChosenBy::FittedRows => statistics.r2,
+        };
+        let is_held = statistics.constraints.as_ref().is_some_and(|constraints| constraints.active);
+        let mut judging = Judging { is_held, explained: None, centred, cross_validated: None };
+        if self.test.is_some() {
+            judging.explained = explained(&self.test);
+        } else if chosen.by == ChosenBy::Nobody && self.validate.is_some() {
+            judging.explained = validated;
+        } else if let Some((judged, parts)) = selection.cross_validated() {
+            judging.explained = judged.explained();
+            let errors = judged.statistics();
+            judging.cross_validated = errors.map(|errors| CrossValidation { errors, parts, r2: judged.explained() });
+        }
+        // Left out in turn are rows of the surface without constraints; the surface itself explains no more than it does on fitted rows.
+        if is_held && self.test.is_none() {
+            judging.explained = judging.explained.zip(statistics.r2).map(|(free, held)| free.min(held));
+        }
+        judging
     }
 
     /// The figures with constraints on the chosen terms; those that they are given where the constraints hold anyway.
@@ -314,8 +428,8 @@ impl Task<'_> {
         free: ResponseStatistics,
     ) -> Result<ResponseStatistics, Verdict> {
         let constraints = &self.response.constraints;
-        let low = self.fit_response.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = self.fit_response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let low = self.fit.response.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = self.fit.response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         // Of a response that is everywhere the same, its magnitude; 1 for one that is 0.
         let spread = [high - low, high.abs()].into_iter().find(|spread| *spread > 0.0).unwrap_or(1.0);
         let task = constrain::Task { surface, inputs: &self.inputs, constraints, problem, spread };
@@ -334,7 +448,7 @@ impl Task<'_> {
                 (free, told)
             }
             Constrained::Active { coefficients, constraints, rounds, largest_change } => {
-                let statistics = statistics::of_constrained(design, &coefficients, self.fitted());
+                let statistics = self.fit.observed(|fitted| statistics::of_constrained(design, &coefficients, fitted));
                 let told = ConstraintStatistics {
                     active: true,
                     constraints,
@@ -344,7 +458,7 @@ impl Task<'_> {
                     validation_without: free.validation,
                     largest_change: Some(largest_change),
                 };
-                (self.with_validation(surface, design, statistics), told)
+                (self.with_apart(surface, design, statistics), told)
             }
             Constrained::Infeasible { constraints } => return Err(Verdict::Infeasible { constraints, is_certain: true }),
             Constrained::NotProven { constraints } => return Err(Verdict::Infeasible { constraints, is_certain: false }),
@@ -358,8 +472,9 @@ impl Task<'_> {
     }
 
     fn rows_outside(&self, design: &Design) -> usize {
-        let fitted = self.fitted();
-        (0..fitted.response.len()).filter(|row| !design.is_inside(&fitted.point(*row))).count()
+        let outside =
+            |fitted: Observations<'_>| (0..fitted.response.len()).filter(|row| !design.is_inside(&fitted.point(*row))).count();
+        self.fit.observed(outside)
     }
 
     /// How much of the box the support holds.
@@ -373,89 +488,97 @@ impl Task<'_> {
         Some(SupportStatistics {
             half_spaces: surface.support.len(),
             share_of_box: region.share(&surface.support),
-            unseen_rows_outside: self.unseen().map_or(0, outside),
+            unseen_rows_outside: [&self.validate, &self.test].into_iter().flatten().map(|rows| rows.observed(outside)).sum(),
         })
     }
 
-    /// The triangle of all terms and the response on the data to fit.
-    fn rows_to_fit(&self, design: &Design) -> Result<Triangle, Faults> {
-        let fitted = self.fitted();
-        let row = |row: usize| {
-            let root = fitted.weight(row).sqrt();
-            let terms = design.row_as_measured(&fitted.point(row)).into_iter().chain([Dd::from(fitted.response[row])]);
-            if fitted.weights.is_empty() { terms.collect() } else { terms.map(|x| x * root).collect() }
+    /// Every term is a finite number in every row.
+    fn require_finite(&self, design: &Design) -> Result<(), Faults> {
+        let is_finite = |rows: Observations<'_>| {
+            let all = |row: usize| design.row_as_measured(&rows.point(row)).iter().all(|x| x.is_finite());
+            (0..rows.response.len()).all(all)
         };
-        self.triangle(design, (0..fitted.response.len()).map(row))
-    }
-
-    /// The same on the data that judge: a row a group of replicates, with the mean response and the weight sqrt(n_i).
-    fn rows_to_judge(&self, design: &Design) -> Result<Triangle, Faults> {
-        let unseen = self.unseen();
-        let judging = unseen.unwrap_or(self.fitted());
-        let row = |group: Vec<usize>| {
-            let (point, weight) = (judging.point(group[0]), judging.weight_of(&group).sqrt());
-            // The fitted data judge as they were fitted, unseen ones through the evaluator's eyes.
-            let terms = if unseen.is_some() { design.row(&point) } else { design.row_as_measured(&point) };
-            terms.into_iter().chain([judging.mean(&group)]).map(|x| x * weight).collect()
+        let through_the_eyes = |rows: Observations<'_>| {
+            let all = |row: usize| design.row(&rows.point(row)).iter().all(|x| x.is_finite());
+            (0..rows.response.len()).all(all)
         };
-        self.triangle(design, judging.replicates().into_iter().map(row))
-    }
-
-    fn triangle(&self, design: &Design, rows: impl Iterator<Item = Vec<Dd>>) -> Result<Triangle, Faults> {
-        let mut compressed = Compressed::new(design.width() + 1);
-        let mut finite = true;
-        for row in rows {
-            finite &= row.iter().all(|x| x.is_finite());
-            compressed.push(row);
+        let apart = [&self.validate, &self.test].into_iter().flatten();
+        if self.fit.observed(is_finite) && apart.into_iter().all(|rows| rows.observed(through_the_eyes)) {
+            return Ok(());
         }
-        if !finite {
-            let what = format!("response `{}`: in some row a term is not a finite number", self.response.surface.name);
-            let help =
-                "lower the order, use coding = \"range\", or leave out rows where an input that enters by its reciprocal is 0";
-            return Err(Faults::one(self.fault(what).help(help)));
-        }
-        Ok(compressed.finish())
+        let what = format!("response `{}`: in some row a term is not a finite number", self.response.surface.name);
+        let help =
+            "lower the order, use coding = \"range\", or leave out rows where an input that enters by its reciprocal is 0";
+        Err(Faults::one(self.fault(what).help(help)))
     }
 
-    fn choose(
-        &self,
-        design: &Design,
-        triangle: &Triangle,
-        progress: &mut dyn FnMut(Progress<'_>),
-    ) -> Result<Result<Vec<usize>, Dependent>, Faults> {
-        let Method::Ladder { max_order, confidence } = self.response.method else {
-            return Ok(Ok((0..design.width()).collect()));
-        };
-        let judge = Judge::new(self.rows_to_judge(design)?);
-        let ladder = Ladder { fit: triangle, judge: &judge, terms: design.terms(), max_order, wanted: confidence };
-        let name = &self.response.surface.name;
-        let climb = ladder.climb(&mut |order, terms, confidence| {
-            progress(Progress::Step { response: name, order, terms, confidence });
-        });
-        Ok(climb.map(|climb| climb.chosen))
-    }
-
-    fn verdict(&self, statistics: &ResponseStatistics) -> Verdict {
+    fn verdict(&self, statistics: &ResponseStatistics, chosen: &Choice, judging: &Judging, is_lacking: bool) -> Verdict {
         let Method::Ladder { confidence: wanted, .. } = self.response.method else { return Verdict::Fitted };
-        let validated = statistics.validation.as_ref().map_or(statistics.confidence_c, |validation| validation.confidence_c);
-        match validated {
-            Some(confidence) if confidence >= wanted => Verdict::Reached { confidence, wanted },
-            best => Verdict::NotReached { best: best.unwrap_or(f64::NEG_INFINITY), wanted },
-        }
+        let confidence = match (chosen.by, &statistics.validation, &chosen.climb) {
+            (ChosenBy::Validation, Some(validation), _) => validation.confidence_c,
+            (ChosenBy::LeftOut { .. }, _, Some(climb)) => Some(climb.confidence).filter(|confidence| confidence.is_finite()),
+            _ => statistics.confidence_c,
+        };
+        let has_no_spread = self.fit.response.iter().all(|y| *y == self.fit.response[0]);
+        let criterion = Criterion { wanted, centred: judging.centred, explained: judging.explained, is_lacking, has_no_spread };
+        verdict::of_ladder(confidence, &criterion)
     }
 
-    fn ill_conditioned(&self, design: &Design, dependent: &Dependent, judged_on: JudgedOn) -> ResponseOutcome {
+    fn ill_conditioned(&self, design: &Design, dependent: &Dependent) -> ResponseOutcome {
         let columns = dependent.candidates.iter().map(|k| design.name_of(*k)).collect();
-        self.without_surface(design, Verdict::IllConditioned { condition: dependent.condition, columns }, judged_on)
+        self.without_surface(design, Verdict::IllConditioned { condition: dependent.condition, columns })
     }
 
-    fn without_surface(&self, design: &Design, verdict: Verdict, judged_on: JudgedOn) -> ResponseOutcome {
-        ResponseOutcome {
-            name: self.response.surface.name.clone(),
-            verdict,
-            rows_outside: self.rows_outside(design),
-            statistics: None,
-            judged_on,
-        }
+    fn without_surface(&self, design: &Design, verdict: Verdict) -> ResponseOutcome {
+        let chosen_by = match (&self.response.method, &self.validate) {
+            (Method::Ladder { .. }, Some(_)) => ChosenBy::Validation,
+            (Method::Ladder { .. }, None) => ChosenBy::FittedRows,
+            _ => ChosenBy::Nobody,
+        };
+        let rows_outside = self.rows_outside(design);
+        ResponseOutcome { name: self.response.surface.name.clone(), verdict, rows_outside, statistics: None, chosen_by }
+    }
+}
+
+/// How a surface does on rows that chose nothing.
+struct Judging {
+    /// Whether a constraint holds the surface.
+    is_held: bool,
+    /// The share of the spread about the mean that it explains there; none where there are no such rows.
+    explained: Option<f64>,
+    /// The same on the rows that chose the terms.
+    centred: Option<f64>,
+    cross_validated: Option<CrossValidation>,
+}
+
+impl Judging {
+    /// What the rows of a response were used for.
+    fn words(&self, task: &Task<'_>, chosen: &Choice) -> RowsUsed {
+        let fitted = task.fit.rows();
+        let validate = task.validate.as_ref().map(Sample::rows);
+        let terms = match (chosen.by, validate) {
+            (ChosenBy::Nobody, _) => "none: the terms were given".to_string(),
+            (ChosenBy::Validation, Some(rows)) => format!("{rows} validation rows"),
+            (ChosenBy::LeftOut { parts }, _) => format!("the fitted rows, left out in {parts} parts in turn"),
+            _ => "the fitted rows themselves: they are too few to leave any out".to_string(),
+        };
+        let validation = match (chosen.by, validate) {
+            (_, None) => "none".to_string(),
+            (ChosenBy::Nobody, Some(rows)) => format!("{rows} unseen rows: they chose nothing"),
+            (_, Some(rows)) => format!("{rows} rows, on the rows that chose it"),
+        };
+        let error = match (&task.test, &self.cross_validated, chosen.by, validate) {
+            (Some(test), ..) => format!("{} test rows: they chose nothing and were used once", test.rows()),
+            (None, _, ChosenBy::Nobody, Some(rows)) => format!("{rows} validation rows: they chose nothing"),
+            (None, Some(cross), by, _) if !self.is_held => {
+                let (rows, parts) = (cross.errors.rows, cross.parts);
+                let again = if by == ChosenBy::Nobody { "the fit" } else { "fit and choice of terms" };
+                format!("{rows} rows left out in {parts} parts in turn, {again} repeated without them")
+            }
+            (None, Some(_), ..) => "none: constraints hold the surface, and are not repeated with rows left out".to_string(),
+            (None, None, ChosenBy::Nobody, None) => "none: there are too few rows to leave any out".to_string(),
+            (None, None, ..) => "none: the error is that on the rows that chose it".to_string(),
+        };
+        RowsUsed { coefficients: format!("{fitted} rows"), terms, validation, error }
     }
 }

@@ -70,6 +70,8 @@ pub mod qr;
 
 pub mod ladder;
 
+mod selection;
+
 pub mod statistics;
 
 pub mod canonical;
@@ -79,6 +81,8 @@ pub mod support;
 pub mod constrain;
 
 pub mod verdict;
+
+pub mod warnings;
 
 pub mod evidence;
 

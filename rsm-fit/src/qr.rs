@@ -77,7 +77,10 @@ impl Compressed {
     /// The triangle, as columns of at most as many rows as there are columns.
     #[must_use]
     pub fn finish(mut self) -> Triangle {
-        self.reduce();
+        // Fewer rows than columns are small already.
+        if self.rows_seen > self.columns.len() {
+            self.reduce();
+        }
         Triangle { columns: self.columns, rows: self.rows_seen }
     }
 }
@@ -90,6 +93,26 @@ pub struct Triangle {
 }
 
 impl Triangle {
+    /// The triangle of the rows of several, which have the same candidates.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[must_use]
+    pub fn stacked(parts: &[&Triangle]) -> Self {
+        let mut columns = parts.first().expect("a triangle to stack").columns.clone();
+        for part in &parts[1..] {
+            for (column, more) in columns.iter_mut().zip(&part.columns) {
+                column.extend(more);
+            }
+        }
+        let rows = parts.iter().map(|part| part.rows).sum();
+        let mut all = Compressed { columns, rows_seen: rows, pending: 0 };
+        if all.columns[0].len() > all.columns.len() {
+            all.reduce();
+        }
+        Triangle { columns: all.columns, rows }
+    }
+
     /// How many rows went in.
     #[must_use]
     pub fn rows(&self) -> usize {
@@ -173,6 +196,8 @@ pub struct Growing {
     columns: Columns,
     norms: Vec<f64>,
     chosen: Vec<usize>,
+    /// Rows that judge and are not fitted, column by column: what the chosen candidates leave of each. Empty where nobody judges.
+    judging: Columns,
 }
 
 impl Growing {
@@ -180,7 +205,44 @@ impl Growing {
     #[must_use]
     pub fn new(triangle: &Triangle) -> Self {
         let norm = |column: &Vec<Dd>| column.iter().map(|x| *x * *x).sum::<Dd>().sqrt().to_f64();
-        Growing { columns: triangle.columns.clone(), norms: triangle.columns.iter().map(norm).collect(), chosen: Vec::new() }
+        let norms = triangle.columns.iter().map(norm).collect();
+        Growing { columns: triangle.columns.clone(), norms, chosen: Vec::new(), judging: Vec::new() }
+    }
+
+    /// Nothing chosen yet, with other rows that judge each choice: [`Growing::judged`] costs no solution then. Both triangles have
+    /// the same candidates.
+    #[must_use]
+    pub fn judged_by(fit: &Triangle, judge: &Triangle) -> Self {
+        Growing { judging: judge.columns.clone(), ..Growing::new(fit) }
+    }
+
+    /// The sum of squares that the chosen candidates leave on the rows that judge.
+    #[must_use]
+    pub fn judged(&self) -> Dd {
+        self.judging.last().map_or(Dd::ZERO, |response| response.iter().map(|x| *x * *x).sum())
+    }
+
+    /// What a candidate more would do: how much it takes from the residual sum of squares of the fitted rows, and what would be
+    /// left on the rows that judge. `None` when the chosen ones make it up.
+    #[must_use]
+    pub fn ahead(&self, candidate: usize) -> Option<(Dd, Dd)> {
+        let (own, last) = self.last_with(candidate)?;
+        let left = match (self.judging.get(candidate), self.judging.last()) {
+            (Some(column), Some(response)) => {
+                response.iter().zip(column).map(|(y, x)| *y - last * *x).map(|error| error * error).sum()
+            }
+            _ => Dd::ZERO,
+        };
+        Some((last * last * own * own, left))
+    }
+
+    /// The norm of a candidate's own part, and the coefficient that it would get.
+    fn last_with(&self, candidate: usize) -> Option<(Dd, Dd)> {
+        let k = self.chosen.len();
+        let own = self.own_part(candidate).ok()?;
+        let (column, response) = (&self.columns[candidate], &self.columns[self.columns.len() - 1]);
+        let product: Dd = column[k..].iter().zip(&response[k..]).map(|(x, y)| *x * *y).sum();
+        Some((own, product / (own * own)))
     }
 
     /// A problem of some candidates alone: cheaper than one that carries all of them along.
@@ -226,17 +288,33 @@ impl Growing {
             }
         }
         self.columns[candidate] = column;
+        self.judge_without(candidate, k);
         Ok(())
+    }
+
+    /// Takes the part of a newly chosen candidate out of all other columns of the rows that judge, as the fitted rows have it.
+    fn judge_without(&mut self, candidate: usize, k: usize) {
+        if self.judging.is_empty() {
+            return;
+        }
+        let own = std::mem::take(&mut self.judging[candidate]);
+        let diagonal = self.columns[candidate][k];
+        for (other, column) in self.judging.iter_mut().enumerate() {
+            if !self.chosen.contains(&other) {
+                let share = self.columns[other][k] / diagonal;
+                for (entry, x) in column.iter_mut().zip(&own) {
+                    *entry -= share * *x;
+                }
+            }
+        }
     }
 
     /// What appending a candidate would give: the coefficients of the chosen ones and, last, its own.
     #[must_use]
     pub fn coefficients_with(&self, candidate: usize) -> Option<Vec<Dd>> {
         let k = self.chosen.len();
-        let own = self.own_part(candidate).ok()?;
+        let (_, last) = self.last_with(candidate)?;
         let (column, response) = (&self.columns[candidate], &self.columns[self.columns.len() - 1]);
-        let product: Dd = column[k..].iter().zip(&response[k..]).map(|(x, y)| *x * *y).sum();
-        let last = product / (own * own);
         let mut rest: Vec<Dd> = response[..k].iter().zip(column).map(|(y, x)| *y - last * *x).collect();
         self.back_substitute(&mut rest);
         rest.push(last);

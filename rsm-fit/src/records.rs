@@ -7,8 +7,8 @@
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use sha2::{Digest, Sha256};
 
-use crate::spec::{Specification, Validation, Weights};
-use crate::table::{Table, Wanted};
+use crate::spec::{Specification, Weights};
+use crate::table::{Column, Table, Wanted, is_run};
 
 /// Every file's faults, in the order in which the files are named. Never empty.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,8 +80,10 @@ pub struct Records {
     pub responses: Vec<Vec<f64>>,
     /// For every response the weights of its rows, 1/sigma^2 as the file has it; empty where all count alike, and for unseen rows.
     pub weights: Vec<Vec<f64>>,
-    /// For every column that keeps rows together its cells.
+    /// For every column that keeps rows together ([`Specification::labels`]) its cells.
     pub labels: Vec<Vec<String>>,
+    /// The place of each row in the order in which the runs were made; empty where no column says it, or not for every row.
+    pub order: Vec<f64>,
 }
 
 impl Records {
@@ -111,6 +113,7 @@ impl Records {
             ..Records::default()
         };
         let mut refused = Vec::new();
+        let mut runs: Vec<String> = Vec::new();
         for name in files {
             progress(name);
             let source = match Source::read(&specification.path_of(name)) {
@@ -123,6 +126,8 @@ impl Records {
             let read = Table::read(&source, &wanted).and_then(|table| {
                 let rows = records.append(&table, &wanted.numbers[..variables], &wanted.labels, units)?;
                 records.append_weights(&table, &weights)?;
+                let of_run = |column: &&Column| is_run(&column.name) && column.labels.len() == table.rows();
+                runs.extend(table.columns.iter().find(of_run).into_iter().flat_map(|column| column.labels.iter().cloned()));
                 Ok(rows)
             });
             match read {
@@ -130,6 +135,7 @@ impl Records {
                 Err(faults) => refused.push(faults),
             }
         }
+        records.order = in_order(&runs, records.rows());
         if refused.is_empty() { Ok(records) } else { Err(Refused(refused)) }
     }
 
@@ -195,19 +201,37 @@ impl Records {
             inputs: of(&self.inputs),
             responses: of(&self.responses),
             weights: self.weights.iter().map(weights).collect(),
-            labels: Vec::new(),
+            labels: self.labels.iter().map(|column| rows.iter().map(|row| column[*row].clone()).collect()).collect(),
+            order: rows.iter().filter_map(|row| self.order.get(*row).copied()).collect(),
         }
     }
+
+    /// Rows of which the other records have an exact copy, in every input and every response.
+    #[must_use]
+    pub fn copies_of(&self, other: &Records) -> usize {
+        let key = |records: &Records, row: usize| -> Vec<u64> {
+            // + 0.0 makes one of the two zeros.
+            records.inputs.iter().chain(&records.responses).map(|column| (column[row] + 0.0).to_bits()).collect()
+        };
+        let known: std::collections::BTreeSet<Vec<u64>> = (0..other.rows()).map(|row| key(other, row)).collect();
+        (0..self.rows()).filter(|row| known.contains(&key(self, *row))).count()
+    }
+}
+
+/// The cells of the columns of runs as numbers, if each row has one of its own.
+fn in_order(cells: &[String], rows: usize) -> Vec<f64> {
+    let order: Vec<f64> = cells.iter().filter_map(|cell| cell.parse().ok()).filter(|run: &f64| run.is_finite()).collect();
+    let mut sorted = order.clone();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    if sorted.len() == rows { order } else { Vec::new() }
 }
 
 fn wanted(specification: &Specification) -> Wanted {
     let inputs = specification.inputs.iter().map(|input| input.column.clone());
     let numbers = inputs.chain(specification.responses.iter().map(|response| response.column.clone())).collect();
-    let labels = match &specification.validation {
-        Validation::Split(split) => split.keep_together.clone(),
-        _ => Vec::new(),
-    };
-    Wanted { numbers, labels, every_number: false }
+    let labels = specification.labels().into_iter().map(str::to_string).collect();
+    Wanted { numbers, labels, run: true, ..Wanted::default() }
 }
 
 /// SHA-256 in hexadecimal. A source keeps every byte of its file, so this is what `sha256sum` prints.

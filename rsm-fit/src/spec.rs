@@ -11,6 +11,12 @@
 //! validate = { share = 0.3, seed = 7, keep_together = ["run"], mirror = ["i_q"] }
 //! ```
 //!
+//! Rows that judge and choose nothing are named beside `validate` in the same way; the ladder chooses by the rows of `validate`:
+//!
+//! ```toml
+//! test = ["untouched.csv"]         # or { share = 0.2, seed = 7 }, split off before all else
+//! ```
+//!
 //! and a response says where its data support it, by half-spaces that hold all rows to fit:
 //!
 //! ```toml
@@ -49,8 +55,10 @@ pub struct Specification {
     pub model: String,
     /// Files with the data to fit, as written.
     pub data: Vec<String>,
-    /// The unseen data.
+    /// The rows by which a ladder chooses; where terms are given they are unseen.
     pub validation: Validation,
+    /// The rows that judge at the very end and choose nothing.
+    pub test: Validation,
     /// The natural variables, in the order of the file.
     pub inputs: Vec<InputSpec>,
     /// The responses, in the order of the file.
@@ -60,7 +68,7 @@ pub struct Specification {
     places: Places,
 }
 
-/// Where unseen data come from.
+/// Where rows that are not fitted come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Validation {
     /// From nowhere.
@@ -175,6 +183,7 @@ impl Specification {
                 model: draft.model,
                 data: draft.data,
                 validation: draft.validation,
+                test: draft.test,
                 inputs: draft.inputs,
                 responses: draft.responses,
                 places: draft.places,
@@ -197,6 +206,26 @@ impl Specification {
     #[must_use]
     pub fn path_of(&self, file: &str) -> PathBuf {
         self.folder.join(file)
+    }
+
+    /// The columns that keep rows together in some split, each once.
+    #[must_use]
+    pub fn labels(&self) -> Vec<&str> {
+        let mut labels: Vec<&str> = Vec::new();
+        for name in self.splits().flat_map(|split| &split.keep_together) {
+            if !labels.contains(&name.as_str()) {
+                labels.push(name);
+            }
+        }
+        labels
+    }
+
+    /// The splits: of `validate`, then of `test`.
+    pub fn splits(&self) -> impl Iterator<Item = &Split> {
+        [&self.validation, &self.test].into_iter().filter_map(|rows| match rows {
+            Validation::Split(split) => Some(split),
+            _ => None,
+        })
     }
 
     /// The input of a name.

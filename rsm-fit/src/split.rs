@@ -1,8 +1,9 @@
-//! Sets rows aside as unseen data, so that rows which belong together stay on one side.
+//! Sets rows aside, so that rows which belong together stay on one side.
 //!
-//! In: records and what the specification says about the split. Out: the rows to fit and the rows to validate, both in the
-//! order of the data. The same seed gives the same split on every machine. Never puts a row on both sides; a group larger than
-//! what is still wanted is taken whole.
+//! In: records and what the specification says about the split. Out: the rows to fit and the rows set aside, both in the order of
+//! the data; or parts of nearly equal size, each to be left out in turn. The same seed gives the same split on every machine.
+//! Rows at the same point of all inputs (repetitions, and exact copies) belong together, always: one of them tells what the other
+//! is. Never puts a row on both sides; a group larger than what is still wanted is taken whole.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +24,7 @@ pub struct Sides {
 #[must_use]
 pub fn split(specification: &Specification, split: &Split, records: &Records) -> Sides {
     let rows = records.rows();
-    let mut groups = groups(specification, split, records);
+    let mut groups = groups(specification, Some(split), records);
     Random::new(split.seed).shuffle(&mut groups);
     let wanted = (split.share * rows as f64).round() as usize;
     let mut validate = Vec::new();
@@ -38,8 +39,56 @@ pub fn split(specification: &Specification, split: &Split, records: &Records) ->
     Sides { fit, validate }
 }
 
-/// The groups in the order of their first rows.
-fn groups(specification: &Specification, split: &Split, records: &Records) -> Vec<Vec<usize>> {
+/// Parts of nearly equal size, by the part of each row: `parts` of them, or as many as there are groups. Groups come in a random
+/// order, each into the part that has the fewest rows.
+#[must_use]
+pub fn parts(groups: &[usize], parts: usize, seed: u64) -> Vec<usize> {
+    let mut rows: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (row, group) in groups.iter().enumerate() {
+        rows.entry(*group).or_default().push(row);
+    }
+    let mut order: Vec<Vec<usize>> = rows.into_values().collect();
+    Random::new(seed).shuffle(&mut order);
+    let mut sizes = vec![0; parts.min(order.len())];
+    let mut part_of = vec![0; groups.len()];
+    for group in order {
+        let part = (0..sizes.len()).min_by_key(|part| sizes[*part]).expect("a group needs a part");
+        sizes[part] += group.len();
+        for row in group {
+            part_of[row] = part;
+        }
+    }
+    part_of
+}
+
+/// The group of every row, numbered by its first row, with all that the splits of a specification keep together.
+#[must_use]
+pub fn group_of(specification: &Specification, records: &Records) -> Vec<usize> {
+    let mut group_of = vec![0; records.rows()];
+    for group in groups(specification, None, records) {
+        for row in &group {
+            group_of[*row] = group[0];
+        }
+    }
+    group_of
+}
+
+/// Joins the groups that have rows at the same point. `points`: the rows of each point.
+#[must_use]
+pub fn joined(groups: &[usize], points: &[Vec<usize>]) -> Vec<usize> {
+    let most = groups.iter().max().map_or(0, |most| most + 1);
+    let mut leader: Vec<usize> = (0..most).collect();
+    for point in points {
+        for row in &point[1..] {
+            let (a, b) = (find(&leader, groups[point[0]]), find(&leader, groups[*row]));
+            leader[a.max(b)] = a.min(b);
+        }
+    }
+    groups.iter().map(|group| find(&leader, *group)).collect()
+}
+
+/// The groups of one split, or of all, in the order of their first rows.
+fn groups(specification: &Specification, split: Option<&Split>, records: &Records) -> Vec<Vec<usize>> {
     let rows = records.rows();
     // The smallest row of the group of each row.
     let mut leader: Vec<usize> = (0..rows).collect();
@@ -51,17 +100,23 @@ fn groups(specification: &Specification, split: &Split, records: &Records) -> Ve
             leader[a.max(b)] = a.min(b);
         }
     };
-    if !split.keep_together.is_empty() {
-        let key = |row: usize| records.labels.iter().map(|column| format!("{:?},", column[row])).collect();
-        join((0..rows).map(key).collect());
+    let labels = specification.labels();
+    let splits: Vec<&Split> = split.map_or_else(|| specification.splits().collect(), |split| vec![split]);
+    for split in &splits {
+        if !split.keep_together.is_empty() {
+            let place = |name: &String| labels.iter().position(|label| label == name).expect("every split's columns are read");
+            let columns: Vec<&Vec<String>> = split.keep_together.iter().map(|name| &records.labels[place(name)]).collect();
+            let key = |row: usize| columns.iter().map(|column| format!("{:?},", column[row])).collect();
+            join((0..rows).map(key).collect());
+        }
     }
-    if !split.mirror.is_empty() {
-        let is_mirrored: Vec<bool> = specification.inputs.iter().map(|input| split.mirror.contains(&input.name)).collect();
-        let value = |x: f64, mirrored: bool| if mirrored { x.abs() } else { x + 0.0 };
-        let columns = || records.inputs.iter().zip(&is_mirrored);
-        let key = |row: usize| columns().map(|(column, mirrored)| format!("{},", value(column[row], *mirrored))).collect();
-        join((0..rows).map(key).collect());
-    }
+    let mirrored = splits.iter().flat_map(|split| &split.mirror);
+    let mirrored: Vec<&String> = mirrored.collect();
+    let is_mirrored: Vec<bool> = specification.inputs.iter().map(|input| mirrored.contains(&&input.name)).collect();
+    let value = |x: f64, mirrored: bool| if mirrored { x.abs() } else { x + 0.0 };
+    let columns = || records.inputs.iter().zip(&is_mirrored);
+    let key = |row: usize| columns().map(|(column, mirrored)| format!("{},", value(column[row], *mirrored))).collect();
+    join((0..rows).map(key).collect());
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for row in 0..rows {
         groups.entry(find(&leader, row)).or_default().push(row);

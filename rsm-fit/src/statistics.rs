@@ -64,7 +64,7 @@ pub struct LackOfFit {
     pub df: [usize; 2],
 }
 
-/// Errors on data that were not fitted, with the coefficients and the saturation of the model as it is written.
+/// Errors on rows from which no coefficient was computed, with the coefficients and the saturation of the model as it is written.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ValidationStatistics {
     /// How many rows.
@@ -77,6 +77,41 @@ pub struct ValidationStatistics {
     pub rmse: f64,
     /// C of (14), (15).
     pub confidence_c: Option<f64>,
+}
+
+/// Errors on fitted rows that are left out in turn, with everything that depends on rows done again without them: the choice of
+/// terms too. So the rows that judge chose nothing.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CrossValidation {
+    /// The errors, over all rows.
+    #[serde(flatten)]
+    pub errors: ValidationStatistics,
+    /// So many parts were left out, each once.
+    pub parts: usize,
+    /// The share of the spread about the mean that is explained.
+    pub r2: Option<f64>,
+}
+
+/// What the rows were used for, in words.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct RowsUsed {
+    /// Rows from which the coefficients were computed.
+    pub coefficients: String,
+    /// Rows by which the terms were chosen; "none" where they were given.
+    pub terms: String,
+    /// Rows on which `validation` is.
+    pub validation: String,
+    /// Rows that chose nothing and on which the error is to be believed.
+    pub error: String,
+}
+
+/// Something that the user should know before the surface is used.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Warning {
+    /// For programs.
+    pub kind: &'static str,
+    /// In words.
+    pub what: String,
 }
 
 /// One response, with the keys of DESIGN.md 5.1.
@@ -100,10 +135,18 @@ pub struct ResponseStatistics {
     pub confidence_c: Option<f64>,
     /// None without replicates.
     pub lack_of_fit: Option<LackOfFit>,
-    /// None without validation data.
+    /// On the rows by which a ladder chose, or unseen where terms were given. None without validation data.
     pub validation: Option<ValidationStatistics>,
     /// None but for second-order surfaces of plain coded variables.
     pub canonical: Option<Canonical>,
+    /// On rows that chose nothing. None without test data.
+    pub test: Option<ValidationStatistics>,
+    /// On rows left out in turn. None where there are other rows that chose nothing, and where it cannot be done.
+    pub cross_validation: Option<CrossValidation>,
+    /// What the rows were used for.
+    pub rows_used: RowsUsed,
+    /// What to know before the surface is used.
+    pub warnings: Vec<Warning>,
     /// Where the data support the surface; absent where the specification does not ask.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub support: Option<SupportStatistics>,
@@ -174,7 +217,7 @@ impl Observations<'_> {
 }
 
 /// The value of a polynomial at a row of its design.
-fn value(row: &[Dd], coefficients: &[Dd]) -> Dd {
+pub(crate) fn value(row: &[Dd], coefficients: &[Dd]) -> Dd {
     row.iter().zip(coefficients).map(|(x, b)| *x * *b).sum()
 }
 
@@ -231,6 +274,10 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
         confidence_c: confidence(observations, &predictions),
         lack_of_fit: lack_of_fit(observations, &predictions, coefficients.len()),
         validation: None,
+        test: None,
+        cross_validation: None,
+        rows_used: RowsUsed::default(),
+        warnings: Vec::new(),
         canonical: None,
         support: None,
         constraints: None,
@@ -275,6 +322,10 @@ pub fn of_constrained(design: &Design, coefficients: &[f64], observations: Obser
         confidence_c: confidence(observations, &predictions),
         lack_of_fit: lack_of_fit(observations, &predictions, coefficients.len()).map(|lack| LackOfFit { p: None, ..lack }),
         validation: None,
+        test: None,
+        cross_validation: None,
+        rows_used: RowsUsed::default(),
+        warnings: Vec::new(),
         canonical: None,
         support: None,
         constraints: None,
@@ -310,7 +361,7 @@ fn terms(
 }
 
 /// P(|T| > |t|) = I_{df/(df + t^2)}(df/2, 1/2).
-fn two_sided_t(t: f64, freedom: f64) -> Option<f64> {
+pub(crate) fn two_sided_t(t: f64, freedom: f64) -> Option<f64> {
     let p = beta_reg(freedom / 2.0, 0.5, freedom / (freedom + t * t));
     p.is_finite().then_some(p)
 }
@@ -323,6 +374,13 @@ fn upper_f(f: f64, [d1, d2]: [f64; 2]) -> Option<f64> {
 
 /// (14), (15). None when every mean response is 0.
 fn confidence(observations: Observations<'_>, predictions: &[Dd]) -> Option<f64> {
+    let (ss_lof, ss_y) = lack(observations, predictions);
+    let confidence = 100.0 - 100.0 * (ss_lof / ss_y).to_f64();
+    confidence.is_finite().then_some(confidence)
+}
+
+/// SS_lof of (14) and SS_y of (15).
+pub(crate) fn lack(observations: Observations<'_>, predictions: &[Dd]) -> (Dd, Dd) {
     let (mut ss_lof, mut ss_y) = (Dd::ZERO, Dd::ZERO);
     for group in observations.replicates() {
         // n_i of the paper: a row counts as much as it weighs.
@@ -333,8 +391,7 @@ fn confidence(observations: Observations<'_>, predictions: &[Dd]) -> Option<f64>
         ss_lof += count * gap * gap;
         ss_y += count * mean * mean;
     }
-    let confidence = 100.0 - 100.0 * (ss_lof / ss_y).to_f64();
-    confidence.is_finite().then_some(confidence)
+    (ss_lof, ss_y)
 }
 
 fn lack_of_fit(observations: Observations<'_>, predictions: &[Dd], terms: usize) -> Option<LackOfFit> {
@@ -360,35 +417,95 @@ fn lack_of_fit(observations: Observations<'_>, predictions: &[Dd], terms: usize)
     Some(LackOfFit { f, p: f.and_then(|f| upper_f(f, df)), df: [freedom, pure_freedom] })
 }
 
-/// How the model as it is written does on data that were not fitted. None without rows.
-#[must_use]
-pub fn of_validation(
-    design: &Design,
-    coefficients: &[f64],
-    output_range: Option<[f64; 2]>,
-    observations: Observations<'_>,
-) -> Option<ValidationStatistics> {
-    let rows = observations.response.len();
-    if rows == 0 {
-        return None;
-    }
-    let coefficients: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
-    let saturated = |y: Dd| match output_range.map(|range| range.map(Dd::from)) {
-        Some([low, _]) if y < low => low,
-        Some([_, high]) if y > high => high,
-        _ => y,
+/// Sums of the errors of a model on rows that were not fitted. Sums of several parts add up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Judged {
+    rows: usize,
+    absolute: Dd,
+    largest: f64,
+    square: Dd,
+    lack: Dd,
+    about_zero: Dd,
+    about_mean: Dd,
+}
+
+impl Judged {
+    /// Nothing judged yet.
+    pub const NOTHING: Judged = Judged {
+        rows: 0,
+        absolute: Dd::ZERO,
+        largest: 0.0,
+        square: Dd::ZERO,
+        lack: Dd::ZERO,
+        about_zero: Dd::ZERO,
+        about_mean: Dd::ZERO,
     };
-    let predict = |row: usize| saturated(value(&design.row(&observations.point(row)), &coefficients));
-    let predictions: Vec<Dd> = (0..rows).map(predict).collect();
-    let errors = || predictions.iter().zip(observations.response).map(|(prediction, y)| (Dd::from(*y) - *prediction).abs());
-    let count = Dd::from(rows as f64);
-    Some(ValidationStatistics {
-        rows,
-        mean_abs_error: (errors().sum::<Dd>() / count).to_f64(),
-        max_abs_error: errors().fold(0.0, |most, error| error.to_f64().max(most)),
-        rmse: (errors().map(|error| error * error).sum::<Dd>() / count).sqrt().to_f64(),
-        confidence_c: confidence(observations, &predictions),
-    })
+
+    /// The errors of a model as it is written, saturated, on some rows. `mean`: what would be predicted without a surface.
+    #[must_use]
+    pub fn of(
+        design: &Design,
+        coefficients: &[f64],
+        output_range: Option<[f64; 2]>,
+        observations: Observations<'_>,
+        mean: Dd,
+    ) -> Self {
+        let coefficients: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
+        let saturated = |y: Dd| match output_range.map(|range| range.map(Dd::from)) {
+            Some([low, _]) if y < low => low,
+            Some([_, high]) if y > high => high,
+            _ => y,
+        };
+        let predict = |row: usize| saturated(value(&design.row(&observations.point(row)), &coefficients));
+        let predictions: Vec<Dd> = (0..observations.response.len()).map(predict).collect();
+        let mut judged = Judged { rows: observations.response.len(), ..Judged::NOTHING };
+        for (prediction, y) in predictions.iter().zip(observations.response) {
+            let error = (Dd::from(*y) - *prediction).abs();
+            judged.absolute += error;
+            judged.square += error * error;
+            judged.largest = error.to_f64().max(judged.largest);
+        }
+        (judged.lack, judged.about_zero) = lack(observations, &predictions);
+        let none = vec![mean; observations.response.len()];
+        judged.about_mean = lack(observations, &none).0;
+        judged
+    }
+
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Judged) -> Self {
+        Judged {
+            rows: self.rows + other.rows,
+            absolute: self.absolute + other.absolute,
+            largest: self.largest.max(other.largest),
+            square: self.square + other.square,
+            lack: self.lack + other.lack,
+            about_zero: self.about_zero + other.about_zero,
+            about_mean: self.about_mean + other.about_mean,
+        }
+    }
+
+    /// The share of the spread about the mean that the surface explains, replicates taken by their means; negative where the mean alone
+    /// does better. `None` where there is no spread.
+    #[must_use]
+    pub fn explained(&self) -> Option<f64> {
+        let explained = (Dd::ONE - self.lack / self.about_mean).to_f64();
+        (self.rows > 0 && explained.is_finite()).then_some(explained)
+    }
+
+    /// The figures. None without rows.
+    #[must_use]
+    pub fn statistics(&self) -> Option<ValidationStatistics> {
+        let count = Dd::from(self.rows as f64);
+        let confidence = 100.0 - 100.0 * (self.lack / self.about_zero).to_f64();
+        (self.rows > 0).then(|| ValidationStatistics {
+            rows: self.rows,
+            mean_abs_error: (self.absolute / count).to_f64(),
+            max_abs_error: self.largest,
+            rmse: (self.square / count).sqrt().to_f64(),
+            confidence_c: confidence.is_finite().then_some(confidence),
+        })
+    }
 }
 
 #[cfg(test)]

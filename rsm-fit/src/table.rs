@@ -22,6 +22,17 @@ pub struct Wanted {
     pub labels: Vec<String>,
     /// Every column of the file as numbers, whatever its name.
     pub every_number: bool,
+    /// The number of a run as labels, if there is a column of a name as [`is_run`] knows them.
+    pub run: bool,
+}
+
+/// Names under which a column is taken for the number of a run, whatever its case.
+const RUN: [&str; 5] = ["run", "run_order", "runorder", "order", "run_number"];
+
+/// Whether a column of this name is taken for the number of a run.
+#[must_use]
+pub fn is_run(name: &str) -> bool {
+    RUN.iter().any(|run| run.eq_ignore_ascii_case(name))
 }
 
 /// One column of a table.
@@ -246,7 +257,8 @@ impl Reader<'_> {
             }
         }
         let of = |column: &Column| {
-            (wanted.every_number || wanted.numbers.contains(&column.name), wanted.labels.contains(&column.name))
+            let is_run = wanted.run && is_run(&column.name);
+            (wanted.every_number || wanted.numbers.contains(&column.name), is_run || wanted.labels.contains(&column.name))
         };
         table.columns.iter().map(of).collect()
     }

@@ -1,6 +1,22 @@
-//! How the fit of a response ended, and on what that was judged.
+//! How the fit of a response ended.
 //!
-//! Data and their words: numerical outcomes are no failures. Decides nothing.
+//! Data and their words: numerical outcomes are no failures. Two things are asked of a ladder. C of the paper, (14) and (15), is
+//! taken about zero: 350 K with 8 K of noise has 99.95 % of it and no surface, and the same data in degrees Celsius have less. So
+//! the second criterion is taken about the mean, and does not change with the zero of the scale:
+//!
+//! 1. on rows that chose nothing the surface explains at least half of the spread about the mean ([`LEAST_EXPLAINED`]), and
+//! 2. C about the mean reaches the wanted confidence too, or what is left is noise as far as the data tell: no significant lack of
+//!    fit.
+//!
+//! Noise alone fails the first: on rows that chose nothing no surface does better than the mean, whatever was chosen and however.
+//! A plane through clean quadratic data fails the second. A good surface through noisy data passes both: no surface could explain
+//! the noise, and none should be asked to.
+
+use crate::selection::ChosenBy;
+
+/// The share of the spread about the mean that must be explained on rows that chose nothing. At a half the surface and its error are
+/// of one size; predictive models are called useful from there on (Eriksson and others, Multi- and Megavariate Data Analysis, Q^2 > 0.5).
+pub const LEAST_EXPLAINED: f64 = 0.5;
 
 /// How the fit of a response ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,6 +29,15 @@ pub enum Verdict {
         confidence: f64,
         /// The C that was asked for.
         wanted: f64,
+    },
+    /// The ladder reached its confidence, which is taken about zero; about the mean the surface is no good.
+    ReachedAboutZero {
+        /// C on the data that judge.
+        confidence: f64,
+        /// The C that was asked for.
+        wanted: f64,
+        /// Why not.
+        why: AboutZero,
     },
     /// No model of the ladder did. The best one found is in the model.
     NotReached {
@@ -37,22 +62,89 @@ pub enum Verdict {
     },
 }
 
-/// The data on which C is judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum JudgedOn {
-    /// Unseen data.
-    Validation,
-    /// There are none: the fitted data themselves, which flatter.
-    FittedData,
+/// What is asked beside C.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Criterion {
+    /// In percent.
+    pub wanted: f64,
+    /// The share explained about the mean on the rows that chose the terms.
+    pub centred: Option<f64>,
+    /// The same on rows that chose nothing; none where there are none.
+    pub explained: Option<f64>,
+    /// Whether a lack of fit is significant.
+    pub is_lacking: bool,
+    /// Whether all responses are the same: then there is nothing to explain.
+    pub has_no_spread: bool,
 }
 
-impl JudgedOn {
-    /// In words.
+/// The verdict on a ladder with this C.
+pub(crate) fn of_ladder(confidence: Option<f64>, asked: &Criterion) -> Verdict {
+    let wanted = asked.wanted;
+    let Some(confidence) = confidence.filter(|confidence| *confidence >= wanted) else {
+        return Verdict::NotReached { best: confidence.unwrap_or(f64::NEG_INFINITY), wanted };
+    };
+    if asked.has_no_spread {
+        return Verdict::Reached { confidence, wanted };
+    }
+    match asked.explained {
+        None => Verdict::ReachedAboutZero { confidence, wanted, why: AboutZero::NobodyJudges },
+        Some(share) if share < LEAST_EXPLAINED => {
+            Verdict::ReachedAboutZero { confidence, wanted, why: AboutZero::ExplainsLittle { share } }
+        }
+        Some(_) => match asked.centred.filter(|share| 100.0 * share < wanted) {
+            Some(share) if asked.is_lacking => {
+                Verdict::ReachedAboutZero { confidence, wanted, why: AboutZero::LacksFit { centred: 100.0 * share } }
+            }
+            _ => Verdict::Reached { confidence, wanted },
+        },
+    }
+}
+
+/// Why a surface whose C is reached is no good about the mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum AboutZero {
+    /// On rows that chose nothing it explains less than [`LEAST_EXPLAINED`] of the spread about the mean.
+    ExplainsLittle {
+        /// This share.
+        share: f64,
+    },
+    /// Something systematic is left, and C about the mean is below what is wanted.
+    LacksFit {
+        /// C about the mean, in percent.
+        centred: f64,
+    },
+    /// There are no rows that chose nothing.
+    NobodyJudges,
+}
+
+impl std::fmt::Display for AboutZero {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            AboutZero::ExplainsLittle { share } => {
+                write!(
+                    f,
+                    "on rows that chose nothing it explains {:.1} % of the spread about the mean, {:.0} % wanted",
+                    100.0 * share,
+                    100.0 * LEAST_EXPLAINED
+                )
+            }
+            AboutZero::LacksFit { centred } => {
+                write!(f, "{centred:.4} % of the spread about it, and a significant lack of fit")
+            }
+            AboutZero::NobodyJudges => write!(f, "no rows are left that chose nothing"),
+        }
+    }
+}
+
+impl ChosenBy {
+    /// The rows on which a ladder's C is, in words that stand behind a verdict.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
-            JudgedOn::Validation => "validation data",
-            JudgedOn::FittedData => "fitted data",
+            ChosenBy::Nobody => "given terms",
+            ChosenBy::Validation => "validation rows, which chose the terms",
+            ChosenBy::LeftOut { .. } => "fitted rows left out in turn, which chose the terms",
+            ChosenBy::FittedRows => "fitted rows, which chose the terms",
         }
     }
 }
@@ -62,6 +154,9 @@ impl std::fmt::Display for Verdict {
         match self {
             Verdict::Fitted => write!(f, "fitted"),
             Verdict::Reached { confidence, wanted } => write!(f, "confidence {confidence:.4} % reached ({wanted} % wanted)"),
+            Verdict::ReachedAboutZero { confidence, wanted, why } => {
+                write!(f, "confidence {confidence:.4} % about zero ({wanted} % wanted), but not reached about the mean: {why}")
+            }
             Verdict::NotReached { best, wanted } => write!(f, "confidence {wanted} % not reached, best {best:.4} %"),
             Verdict::Infeasible { constraints, is_certain: true } => {
                 write!(f, "infeasible: no coefficients of the chosen terms keep: {}", constraints.join("; "))

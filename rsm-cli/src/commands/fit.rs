@@ -7,9 +7,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::check::Checked;
 use rsm_core::model_file;
 use rsm_fit::constrain::{ConstraintReport, ConstraintStatistics};
-use rsm_fit::fit::{self, Outcome as Fitted, Progress};
+use rsm_fit::fit::{self, ChosenBy, Outcome as Fitted, Progress, ResponseOutcome, Verdict};
 use rsm_fit::spec::Specification;
-use rsm_fit::statistics::Named;
+use rsm_fit::statistics::{Named, ValidationStatistics};
 
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::{output, report};
@@ -48,6 +48,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
         eprint!("{}", in_words(&fitted));
     } else if arguments.out.is_some() {
         output::line(in_words(&fitted).trim_end())?;
+        // The words went to standard output, which may be a file.
+        eprint!("{}", warnings(&fitted));
         for (path, _) in &files {
             output::line(&format!("written: {}", path.display()))?;
         }
@@ -91,7 +93,7 @@ pub fn require_all(fitted: &Fitted) -> Result<(), Refusal> {
 pub fn in_words(fitted: &Fitted) -> String {
     let mut text = String::new();
     for response in &fitted.responses {
-        text += &format!("{}: {} on {}\n", response.name, response.verdict, response.judged_on.words());
+        text += &format!("{}: {}\n", response.name, verdict_in_words(response));
         let Some(statistics) = &response.statistics else {
             text += "  no surface was written for it\n";
             continue;
@@ -105,25 +107,59 @@ pub fn in_words(fitted: &Fitted) -> String {
             figure(statistics.residual_sd),
             statistics.r2.map_or("none".to_string(), |r2| format!("{r2:.6}")),
         );
+        let errors = |what: &str, errors: &ValidationStatistics, of: &str| {
+            format!(
+                "  {what}: {} rows {of}, mean error {:.4e} {unit}, largest {:.4e} {unit}, root of mean square {:.4e} {unit}\n",
+                errors.rows, errors.mean_abs_error, errors.max_abs_error, errors.rmse
+            )
+        };
         if let Some(validation) = &statistics.validation {
-            text += &format!(
-                "  unseen: {} rows, mean error {:.4e} {unit}, largest {:.4e} {unit}\n",
-                validation.rows, validation.mean_abs_error, validation.max_abs_error
-            );
+            text += &match response.chosen_by {
+                ChosenBy::Nobody => errors("unseen", validation, "that chose nothing"),
+                _ => errors("validation", validation, "(on the rows that chose it)"),
+            };
         }
+        if let Some(test) = &statistics.test {
+            text += &errors("test", test, "that chose nothing");
+        }
+        if let Some(cross) = &statistics.cross_validation {
+            text += &errors("cross-validation", &cross.errors, &format!("left out in {} parts in turn", cross.parts));
+        }
+        text += &format!(
+            "  rows: coefficients from {}; terms by {}\n",
+            statistics.rows_used.coefficients, statistics.rows_used.terms
+        );
+        text += &format!("  error to be believed: {}\n", statistics.rows_used.error);
         if let Some(constraints) = &statistics.constraints {
             text += &in_words_of_constraints(constraints, unit);
         }
         if let Some(support) = &statistics.support {
             text += &format!(
-                "  supported: {:.1} % of the box by {} half-spaces, {} unseen rows outside\n",
+                "  supported: {:.1} % of the box by {} half-spaces, {} rows that were not fitted outside\n",
                 100.0 * support.share_of_box,
                 support.half_spaces,
                 support.unseen_rows_outside
             );
         }
     }
-    text
+    text + &warnings(fitted)
+}
+
+/// The verdict, and on which rows its C is.
+pub fn verdict_in_words(response: &ResponseOutcome) -> String {
+    match response.verdict {
+        Verdict::Fitted | Verdict::Infeasible { .. } | Verdict::IllConditioned { .. } => response.verdict.to_string(),
+        _ => format!("{} (C on {})", response.verdict, response.chosen_by.words()),
+    }
+}
+
+/// A line a warning.
+fn warnings(fitted: &Fitted) -> String {
+    let of_one = |response: &ResponseOutcome| {
+        let warnings = response.statistics.iter().flat_map(|statistics| &statistics.warnings);
+        warnings.map(|warning| format!("warning: {}: {}: {}\n", response.name, warning.kind, warning.what)).collect::<String>()
+    };
+    fitted.responses.iter().map(of_one).collect()
 }
 
 /// What the constraints hold, and what they cost.
@@ -137,7 +173,8 @@ fn in_words_of_constraints(told: &ConstraintStatistics, unit: &str) -> String {
     if let Some(change) = &told.largest_change {
         let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
         let unseen = told.validation_without.as_ref();
-        let unseen = unseen.map_or(String::new(), |unseen| format!(", unseen mean error {:.4e} {unit}", unseen.mean_abs_error));
+        let unseen = unseen
+            .map_or(String::new(), |unseen| format!(", mean error on validation rows {:.4e} {unit}", unseen.mean_abs_error));
         text += &format!(
             "  without constraints: residual sd {} {unit}{unseen}; largest change {:.4e} {unit}\n",
             figure(told.residual_sd_without),

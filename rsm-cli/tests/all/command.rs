@@ -181,6 +181,7 @@ fn fit_writes_a_model_that_every_other_command_reads() {
     let expected = [
         "canonical",
         "confidence_c",
+        "cross_validation",
         "lack_of_fit",
         "press",
         "r2",
@@ -188,8 +189,11 @@ fn fit_writes_a_model_that_every_other_command_reads() {
         "r2_predicted",
         "residual_sd",
         "rows",
+        "rows_used",
         "terms",
+        "test",
         "validation",
+        "warnings",
     ];
     assert_eq!(keys(response), expected);
     assert_eq!(keys(&response["terms"][0]), ["coefficient", "p", "powers", "standard_error", "t"]);

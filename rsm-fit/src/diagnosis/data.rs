@@ -8,10 +8,7 @@ use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use super::sample::Extra;
 use crate::records::{DataFile, Refused, hash};
-use crate::table::{Table, Wanted};
-
-/// Names under which a column is taken for the number of a run, whatever its case.
-const RUN: [&str; 5] = ["run", "run_order", "runorder", "order", "run_number"];
+use crate::table::{Table, Wanted, is_run};
 
 /// Names under which a column of numbers is taken for one of levels and nothing else.
 const BLOCK: [&str; 15] = [
@@ -119,7 +116,7 @@ impl NewData {
         let names = inputs.iter().map(|k| &model.inputs[*k].name);
         let numbers = names.chain(compared.iter().map(|k| &model.surfaces[*k].name)).cloned().collect();
         let labels = others.iter().map(|(name, _)| name.clone()).collect();
-        let table = Table::read(source, &Wanted { numbers, labels, every_number: false })?;
+        let table = Table::read(source, &Wanted { numbers, labels, ..Wanted::default() })?;
         let mut faults = Collector::new();
         let mut take = |name: &str, unit: &str, target: &mut Vec<f64>| match table.values_in(name, Some(unit)) {
             Ok((values, _)) => target.extend(values),
@@ -146,7 +143,7 @@ impl NewData {
         let mut columns: Vec<(String, Option<String>, Vec<String>)> =
             others.iter().zip(cells).map(|((name, unit), cells)| (name.clone(), unit.clone(), cells)).collect();
         let runs = columns.iter().enumerate().find_map(|(place, (name, _, cells))| {
-            let is_run = RUN.iter().any(|run| name.eq_ignore_ascii_case(run));
+            let is_run = is_run(name);
             let values = is_run.then(|| numbers(cells)).flatten()?;
             let mut sorted = values.clone();
             sorted.sort_by(f64::total_cmp);

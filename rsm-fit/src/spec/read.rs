@@ -19,6 +19,7 @@ pub(super) struct Draft {
     pub model: String,
     pub data: Vec<String>,
     pub validation: Validation,
+    pub test: Validation,
     pub inputs: Vec<InputSpec>,
     pub responses: Vec<ResponseSpec>,
     pub places: Places,
@@ -38,13 +39,14 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
         places.note("data", value.span());
         files("`data`", value, &top, faults)
     });
-    let validation = match top.optional("validate") {
+    let mut apart = |key: &'static str| match top.optional(key) {
         None => Some(Validation::None),
         Some(value) => {
-            places.note("validate", value.span());
-            read_validation(value, &top, &mut places, faults)
+            places.note(key, value.span());
+            read_validation(key, value, &top, &mut places, faults)
         }
     };
+    let (validation, test) = (apart("validate"), apart("test"));
     let mut inputs = Vec::new();
     let section = top.required("inputs", faults);
     places.each_entry(section, ("inputs", "input"), source, faults, |path, name, reader, places, faults| {
@@ -62,6 +64,7 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
         model: model.unwrap_or_default(),
         data: data.unwrap_or_default(),
         validation: validation.unwrap_or(Validation::None),
+        test: test.unwrap_or(Validation::None),
         inputs,
         responses,
         places,
@@ -79,25 +82,26 @@ fn files<'a>(what: &str, value: Value<'a>, reader: &TableReader<'a>, faults: &mu
 }
 
 fn read_validation<'a>(
+    key: &'static str,
     value: Value<'a>,
     top: &TableReader<'a>,
     places: &mut Places,
     faults: &mut Collector,
 ) -> Option<Validation> {
     match value.get_ref() {
-        DeValue::Array(_) => files("`validate`", value, top, faults).map(Validation::Files),
+        DeValue::Array(_) => files(&format!("`{key}`"), value, top, faults).map(Validation::Files),
         DeValue::Table(_) => {
-            let mut reader = TableReader::of(top.source(), value, "`validate`", faults)?;
+            let mut reader = TableReader::of(top.source(), value, format!("`{key}`"), faults)?;
             let share = reader.required("share", faults).and_then(|value| {
-                places.note("validate.share", value.span());
+                places.note(format!("{key}.share"), value.span());
                 reader.number("`share`", value, faults)
             });
             let seed = reader.required("seed", faults).and_then(|value| reader.whole("`seed`", value, 0, i64::MAX, faults));
-            let mut list = |key: &'static str| match reader.optional(key) {
+            let mut list = |part: &'static str| match reader.optional(part) {
                 None => Some(Vec::new()),
                 Some(value) => {
-                    places.note(format!("validate.{key}"), value.span());
-                    let names = reader.texts(&format!("`{key}`"), value, faults)?;
+                    places.note(format!("{key}.{part}"), value.span());
+                    let names = reader.texts(&format!("`{part}`"), value, faults)?;
                     Some(names.into_iter().map(|(name, _)| name).collect())
                 }
             };
@@ -112,7 +116,7 @@ fn read_validation<'a>(
         }
         other => {
             let found = describe(other);
-            let what = format!("`validate`: found {found}, expected an array of files or {{ share = 0.3, seed = 7 }}");
+            let what = format!("`{key}`: found {found}, expected an array of files or {{ share = 0.3, seed = 7 }}");
             faults.push(top.fault(value.span(), what));
             None
         }

@@ -32,16 +32,19 @@ fn check_model(specification: &Specification, faults: &mut Collector) {
 }
 
 fn check_validation(specification: &Specification, faults: &mut Collector) {
-    let Validation::Split(split) = &specification.validation else { return };
-    if !(split.share > 0.0 && split.share < 1.0) {
-        let what = format!("`validate`: `share`: found {}, expected more than 0 and less than 1", split.share);
-        faults.push(specification.fault("validate.share", what));
-    }
-    for name in &split.mirror {
-        if specification.input(name).is_none() && !specification.places.is_broken(&format!("inputs.{name}")) {
-            let known: Vec<String> = specification.inputs.iter().map(|input| format!("`{}`", input.name)).collect();
-            let fault = specification.fault("validate.mirror", format!("`validate`: `mirror`: there is no input `{name}`"));
-            faults.push(fault.help(format!("the inputs are {}", known.join(", "))));
+    for (key, rows) in [("validate", &specification.validation), ("test", &specification.test)] {
+        let Validation::Split(split) = rows else { continue };
+        if !(split.share > 0.0 && split.share < 1.0) {
+            let what = format!("`{key}`: `share`: found {}, expected more than 0 and less than 1", split.share);
+            faults.push(specification.fault(&format!("{key}.share"), what));
+        }
+        for name in &split.mirror {
+            if specification.input(name).is_none() && !specification.places.is_broken(&format!("inputs.{name}")) {
+                let known: Vec<String> = specification.inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+                let place = format!("{key}.mirror");
+                let fault = specification.fault(&place, format!("`{key}`: `mirror`: there is no input `{name}`"));
+                faults.push(fault.help(format!("the inputs are {}", known.join(", "))));
+            }
         }
     }
 }

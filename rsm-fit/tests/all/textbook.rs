@@ -136,6 +136,10 @@ fn the_report_has_the_keys_of_the_contract_in_their_order() {
         "lack_of_fit",
         "validation",
         "canonical",
+        "test",
+        "cross_validation",
+        "rows_used",
+        "warnings",
     ];
     assert_eq!(keys(response), expected);
     assert_eq!(keys(&response["terms"][0]), ["powers", "coefficient", "standard_error", "t", "p"]);

@@ -1,0 +1,335 @@
+//! Who chooses the terms of a response, and what the error is on rows that chose nothing.
+//!
+//! In: the design of all candidates and rows. Out: the chosen terms with what they were judged on; and the errors of
+//! cross-validation, in which the whole way (the choice of terms too) is gone again without each part of the rows. Never lets a
+//! part that judges take part in the choice, never puts rows of one group into two parts.
+//!
+//! Sources: Stone 1974, Cross-validatory choice and assessment (choosing and judging need rows of their own); Cawley, Talbot 2010,
+//! On over-fitting in model selection; Breiman, Spector 1992 (five to ten parts).
+
+use crate::dd::Dd;
+use crate::design::Design;
+use crate::ladder::{Climb, Judge, Ladder};
+use crate::qr::{Compressed, Dependent, Growing, Triangle};
+use crate::random::Random;
+use crate::spec::Method;
+use crate::split;
+use crate::statistics::{Judged, Observations};
+
+/// Rows of one response.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Sample {
+    /// For every input of the surface its values.
+    pub columns: Vec<Vec<f64>>,
+    pub response: Vec<f64>,
+    /// With a mean of 1; empty where all rows count alike.
+    pub weights: Vec<f64>,
+    /// Rows with the same number stay together.
+    pub groups: Vec<usize>,
+}
+
+impl Sample {
+    pub(crate) fn rows(&self) -> usize {
+        self.response.len()
+    }
+
+    pub(crate) fn observed<T>(&self, act: impl FnOnce(Observations<'_>) -> T) -> T {
+        let columns: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
+        act(Observations { inputs: &columns, response: &self.response, weights: &self.weights })
+    }
+
+    /// The rows of which the predicate holds.
+    fn chosen(&self, is_chosen: impl Fn(usize) -> bool) -> Sample {
+        let rows: Vec<usize> = (0..self.rows()).filter(|row| is_chosen(*row)).collect();
+        let of = |column: &Vec<f64>| rows.iter().filter_map(|row| column.get(*row).copied()).collect();
+        Sample {
+            columns: self.columns.iter().map(of).collect(),
+            response: of(&self.response),
+            weights: of(&self.weights),
+            groups: rows.iter().map(|row| self.groups[*row]).collect(),
+        }
+    }
+
+    /// The rows of both; groups are those of the numbers that they have.
+    pub(crate) fn and(&self, other: &Sample) -> Sample {
+        let both = |one: &Vec<f64>, other: &Vec<f64>| [&one[..], &other[..]].concat();
+        Sample {
+            columns: self.columns.iter().zip(&other.columns).map(|(one, other)| both(one, other)).collect(),
+            response: both(&self.response, &other.response),
+            weights: both(&self.weights, &other.weights),
+            groups: [&self.groups[..], &other.groups[..]].concat(),
+        }
+    }
+
+    pub(crate) fn mean(&self) -> Dd {
+        self.observed(|rows| rows.mean(&(0..rows.response.len()).collect::<Vec<usize>>()))
+    }
+
+    /// The triangle of all terms and the response, as they were measured.
+    pub(crate) fn to_fit(&self, design: &Design) -> Triangle {
+        self.observed(|rows| {
+            let row = |row: usize| {
+                let root = rows.weight(row).sqrt();
+                let terms = design.row_as_measured(&rows.point(row)).into_iter().chain([Dd::from(rows.response[row])]);
+                if rows.weights.is_empty() { terms.collect() } else { terms.map(|x| x * root).collect() }
+            };
+            triangle(design, (0..rows.response.len()).map(row))
+        })
+    }
+
+    /// The same to judge: a row a group of replicates, with the mean response and the weight sqrt(n_i). `as_measured`: else through
+    /// the evaluator's eyes.
+    pub(crate) fn to_judge(&self, design: &Design, as_measured: bool) -> Triangle {
+        self.observed(|rows| {
+            let row = |group: Vec<usize>| {
+                let (point, weight) = (rows.point(group[0]), rows.weight_of(&group).sqrt());
+                let terms = if as_measured { design.row_as_measured(&point) } else { design.row(&point) };
+                terms.into_iter().chain([rows.mean(&group)]).map(|x| x * weight).collect::<Vec<Dd>>()
+            };
+            triangle(design, rows.replicates().into_iter().map(row))
+        })
+    }
+
+    /// sum n_i (ybar_i - mean)^2.
+    fn square_about(&self, mean: Dd) -> Dd {
+        self.observed(|rows| {
+            let of_one = |group: &Vec<usize>| {
+                let gap = rows.mean(group) - mean;
+                rows.weight_of(group) * gap * gap
+            };
+            rows.replicates().iter().map(of_one).sum()
+        })
+    }
+}
+
+fn triangle(design: &Design, rows: impl Iterator<Item = Vec<Dd>>) -> Triangle {
+    let mut compressed = Compressed::new(design.width() + 1);
+    for row in rows {
+        compressed.push(row);
+    }
+    compressed.finish()
+}
+
+/// What terms were chosen by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ChosenBy {
+    /// They were given.
+    Nobody,
+    /// Validation rows.
+    Validation,
+    /// The fitted rows, each part judging what was fitted without it.
+    LeftOut {
+        /// How many parts.
+        parts: usize,
+    },
+    /// The fitted rows themselves, which flatter: there are too few to leave any out.
+    FittedRows,
+}
+
+/// Terms, and how they were rated by what chose them.
+pub(crate) struct Choice {
+    pub terms: Vec<usize>,
+    pub by: ChosenBy,
+    /// C and C about the mean on the rows that chose; none where the terms were given.
+    pub climb: Option<Climb>,
+}
+
+/// Ten parts: each fit then has nine tenths of the rows, and is judged a little too hard (by 1 % in the median over random surfaces). Five
+/// where the work is large.
+const PARTS: usize = 10;
+const FEWER_PARTS: usize = 5;
+
+/// Multiplications in double-double of one climb from which there are fewer parts: 56 climbs of 3 * 10^6 take two seconds.
+const LARGE_WORK: f64 = 3e6;
+
+/// Beyond this the choice is not repeated without each part: 16 climbs of 2 * 10^8 take a minute.
+const TOO_MUCH_WORK: f64 = 2e8;
+
+/// Parts of some rows, each with its triangles.
+struct Part {
+    rows: Sample,
+    fit: Triangle,
+    judge: Triangle,
+}
+
+/// A response whose terms are chosen.
+pub(crate) struct Selection<'a> {
+    /// All candidates.
+    pub design: &'a Design,
+    pub method: &'a Method,
+    pub output_range: Option<[f64; 2]>,
+    pub fit: &'a Sample,
+    /// All of `fit`.
+    pub triangle: &'a Triangle,
+    /// Rows by which a ladder chooses.
+    pub validate: Option<&'a Sample>,
+    /// Where the rows to fit and those to validate were drawn from one lot: the share of the latter, and their weights.
+    pub lot: Option<(f64, &'a [f64])>,
+}
+
+/// Hears the order, the number of terms and C.
+type Hears<'a> = &'a mut dyn FnMut(u32, usize, f64);
+
+impl Selection<'_> {
+    /// Chooses the terms.
+    pub(crate) fn choose(&self, progress: Hears<'_>) -> Result<Choice, Dependent> {
+        let Method::Ladder { .. } = self.method else {
+            return Ok(Choice { terms: (0..self.design.width()).collect(), by: ChosenBy::Nobody, climb: None });
+        };
+        let (by, climb) = match self.validate {
+            Some(validate) => (ChosenBy::Validation, self.climb(self.triangle, &self.judge(validate, false), progress)?),
+            None => {
+                let parts = self.parts(self.fit);
+                let parts: Vec<&Part> = parts.iter().collect();
+                match self.judge_of(&parts) {
+                    Some(judge) => (ChosenBy::LeftOut { parts: parts.len() }, self.climb(self.triangle, &judge, progress)?),
+                    None => (ChosenBy::FittedRows, self.climb(self.triangle, &self.judge(self.fit, true), progress)?),
+                }
+            }
+        };
+        Ok(Choice { terms: climb.chosen.clone(), by, climb: Some(climb) })
+    }
+
+    fn climb(&self, fit: &Triangle, judge: &Judge, progress: Hears<'_>) -> Result<Climb, Dependent> {
+        let Method::Ladder { max_order, confidence } = *self.method else { panic!("only a ladder climbs") };
+        Ladder { fit, judge, terms: self.design.terms(), max_order, wanted: confidence }.climb(progress)
+    }
+
+    fn judge(&self, rows: &Sample, as_measured: bool) -> Judge {
+        Judge::new(rows.to_judge(self.design, as_measured)).about_the_mean(rows.square_about(rows.mean()))
+    }
+
+    fn parts(&self, rows: &Sample) -> Vec<Part> {
+        let wanted = if self.work() > LARGE_WORK { FEWER_PARTS } else { PARTS };
+        let part_of = split::parts(&rows.groups, wanted, 1);
+        let count = part_of.iter().max().map_or(0, |most| most + 1);
+        let of_one = |part: usize| {
+            let rows = rows.chosen(|row| part_of[row] == part);
+            Part { fit: rows.to_fit(self.design), judge: rows.to_judge(self.design, true), rows }
+        };
+        (0..count).map(of_one).collect()
+    }
+
+    /// Multiplications of one climb: every step looks at every entry. More rows than columns are a triangle a part.
+    fn work(&self) -> f64 {
+        let Method::Ladder { .. } = self.method else { return 0.0 };
+        let width = self.design.width() as f64;
+        let rows = (self.fit.rows() as f64).min(PARTS as f64 * width);
+        width * rows * width.min(rows)
+    }
+
+    /// Judges by leaving out each part in turn; none where two parts are not to be had.
+    fn judge_of(&self, parts: &[&Part]) -> Option<Judge> {
+        if parts.len() < 3 {
+            return None;
+        }
+        let of_one = |out: usize| (without(parts, out), parts[out].judge.clone());
+        let all = parts.iter().skip(1).fold(parts[0].rows.clone(), |all, part| all.and(&part.rows));
+        Some(Judge::left_out((0..parts.len()).map(of_one).collect()).about_the_mean(all.square_about(all.mean())))
+    }
+
+    /// The errors on rows that chose nothing, and the number of parts. `None`: there are too few rows, or a part is all that tells terms apart, or
+    /// it is too much work.
+    pub(crate) fn cross_validated(&self) -> Option<(Judged, usize)> {
+        if self.work() > TOO_MUCH_WORK {
+            return None;
+        }
+        let quiet = &mut |_: u32, _: usize, _: f64| {};
+        let is_ladder = matches!(self.method, Method::Ladder { .. });
+        match (self.validate, self.lot) {
+            // The rows to fit are the same in each round, as they are for the model; a part of those that choose judges.
+            (Some(validate), None) if is_ladder => {
+                let part_of = split::parts(&validate.groups, PARTS, 1);
+                let count = part_of.iter().max().map_or(0, |most| most + 1);
+                let round = |part: usize| {
+                    let choosing = validate.chosen(|row| part_of[row] != part);
+                    let terms = self.climb(self.triangle, &self.judge(&choosing, false), quiet).ok()?.chosen;
+                    self.judged(self.triangle, &terms, &validate.chosen(|row| part_of[row] == part), self.fit.mean())
+                };
+                sum((0..count).map(round), count)
+            }
+            // Rows to fit and rows that choose come from one lot: the lot is drawn again from what is left.
+            (Some(validate), Some((share, weights))) if is_ladder => {
+                // The two number their groups apart.
+                let groups = validate.groups.iter().map(|group| group + self.fit.rows()).collect();
+                let all = self.fit.and(&Sample { weights: weights.to_vec(), groups, ..validate.clone() });
+                let part_of = split::parts(&all.groups, PARTS, 1);
+                let count = part_of.iter().max().map_or(0, |most| most + 1);
+                let round = |part: usize| {
+                    let rest = all.chosen(|row| part_of[row] != part);
+                    let is_aside = aside(&rest.groups, share, part as u64 + 2);
+                    let (fit, choosing) = (rest.chosen(|row| !is_aside[row]), rest.chosen(|row| is_aside[row]));
+                    let choosing = Sample { weights: Vec::new(), ..choosing };
+                    if fit.rows() < 2 || choosing.rows() == 0 {
+                        return None;
+                    }
+                    let triangle = fit.to_fit(self.design);
+                    let terms = self.climb(&triangle, &self.judge(&choosing, false), quiet).ok()?.chosen;
+                    self.judged(&triangle, &terms, &all.chosen(|row| part_of[row] == part), fit.mean())
+                };
+                sum((0..count).map(round), count)
+            }
+            _ => {
+                let parts = self.parts(self.fit);
+                let count = parts.len();
+                let round = |out: usize| {
+                    let rest: Vec<&Part> = (0..count).filter(|k| *k != out).map(|k| &parts[k]).collect();
+                    let all: Vec<&Triangle> = rest.iter().map(|part| &part.fit).collect();
+                    let triangle = Triangle::stacked(&all);
+                    let terms = match self.method {
+                        Method::Ladder { .. } => self.climb(&triangle, &self.judge_of(&rest)?, quiet).ok()?.chosen,
+                        _ => (0..self.design.width()).collect(),
+                    };
+                    let others = rest.iter().skip(1).fold(rest[0].rows.clone(), |all, part| all.and(&part.rows));
+                    self.judged(&triangle, &terms, &parts[out].rows, others.mean())
+                };
+                if count < 2 { None } else { sum((0..count).map(round), count) }
+            }
+        }
+    }
+
+    /// The errors on some rows of these terms, fitted to others.
+    fn judged(&self, fit: &Triangle, terms: &[usize], rows: &Sample, mean: Dd) -> Option<Judged> {
+        let coefficients: Vec<f64> = Growing::of(fit, terms).ok()?.coefficients().into_iter().map(Dd::to_f64).collect();
+        let design = self.design.only(terms);
+        Some(rows.observed(|rows| {
+            Judged::of(&design, &coefficients, self.output_range, Observations { weights: &[], ..rows }, mean)
+        }))
+    }
+}
+
+fn without(parts: &[&Part], out: usize) -> Triangle {
+    let rest: Vec<&Triangle> = (0..parts.len()).filter(|k| *k != out).map(|k| &parts[k].fit).collect();
+    Triangle::stacked(&rest)
+}
+
+fn sum(rounds: impl Iterator<Item = Option<Judged>>, count: usize) -> Option<(Judged, usize)> {
+    let mut all = Judged::NOTHING;
+    for judged in rounds {
+        all = all.and(judged?);
+    }
+    Some((all, count))
+}
+
+/// Which rows are set aside: groups in a random order until the share is reached.
+fn aside(groups: &[usize], share: f64, seed: u64) -> Vec<bool> {
+    let mut order: Vec<usize> = groups.to_vec();
+    order.sort_unstable();
+    order.dedup();
+    Random::new(seed).shuffle(&mut order);
+    let wanted = (share * groups.len() as f64).round() as usize;
+    let mut is_aside = vec![false; groups.len()];
+    let mut count = 0;
+    for group in order {
+        if count >= wanted {
+            break;
+        }
+        for (row, other) in groups.iter().enumerate() {
+            if *other == group {
+                is_aside[row] = true;
+                count += 1;
+            }
+        }
+    }
+    is_aside
+}

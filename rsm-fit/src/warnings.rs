@@ -1,0 +1,286 @@
+//! What a user should know before a surface is used.
+//!
+//! In: a fitted surface with its rows and figures. Out: warnings, each of a kind and with its sentence; and whether a lack of fit is
+//! significant. Tests on residuals have a false-alarm rate of [`ALARM`] each where the model is right and the noise normal and
+//! independent; the others compare the surface with its data and do not alarm there. Changes nothing.
+//!
+//! ```text
+//! lack-of-fit           F against replicates; and the largest t of a term that is not in the model, up to one order above
+//! outliers              the largest externally studentised residual, Bonferroni over rows
+//! correlated-residuals  neighbours in the run order, against 999 random orders
+//! explains-little       less than half of the spread about the mean on rows that chose nothing
+//! output-bound          the output range holds the surface at some rows
+//! bounds-off-data       most responses lie beyond the bounds of a constraint or of the output range
+//! rows-seen             rows kept apart are exact copies of fitted rows
+//! judged-by-choosers    there are no rows that chose nothing
+//! ```
+//!
+//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.6 and 2.7 (lack of fit, R-student); Cook, Weisberg 1982,
+//! 2.2.2 (Bonferroni for the largest); Wald, Wolfowitz 1943 (serial correlation against random orders).
+
+use rsm_core::model::{Input, Surface};
+
+use crate::dd::Dd;
+use crate::design::{self, Design, count_of_terms};
+use crate::qr::{Growing, Triangle};
+use crate::random::Random;
+use crate::selection::Sample;
+use crate::spec::{Constraint, MOST_TERMS};
+use crate::statistics::{ResponseStatistics, RowsUsed, Warning, two_sided_t, value};
+use crate::verdict::LEAST_EXPLAINED;
+
+/// False alarms of each test.
+pub const ALARM: f64 = 0.01;
+
+/// Residuals below this share of the spread are rounding of the data: no test is made of them.
+const EXACT: f64 = 1e-9;
+
+/// A row counts as held by the output range when the polynomial is beyond it by more than this share of the spread.
+const HELD: f64 = 1e-9;
+
+/// A response counts as beyond a bound from this many residual standard deviations on.
+const FAR: f64 = 3.0;
+
+/// Orders against which the order of the runs is held: with 999 the largest of all has a probability of 1/1000.
+const ORDERS: u64 = 999;
+
+/// Multiplications in double-double of the search for a missing term: 2 * 10^8 take a second. Beyond it the order above is not looked at, then
+/// nothing is.
+const WORK: f64 = 2e8;
+
+/// Outliers that are named.
+const MOST_NAMED: usize = 5;
+
+pub(crate) struct Notes<'a> {
+    pub surface: &'a Surface,
+    pub inputs: &'a [Input],
+    pub design: &'a Design,
+    pub fit: &'a Sample,
+    pub order: &'a [f64],
+    pub constraints: &'a [Constraint],
+    pub statistics: &'a ResponseStatistics,
+    /// Of least squares without constraints.
+    pub free_residual_sd: Option<f64>,
+    pub highest_order: u32,
+    /// The share of the spread that is explained on rows that chose nothing.
+    pub explained: Option<f64>,
+    pub copies: &'a [(&'static str, usize)],
+}
+
+/// Residuals of the fitted rows and what is known of them.
+struct Residuals {
+    /// sqrt(weight) (y - yhat).
+    weighted: Vec<f64>,
+    /// Of the polynomial, before the output range.
+    predicted: Vec<f64>,
+    triangle: Triangle,
+}
+
+impl Notes<'_> {
+    /// All warnings, and whether a lack of fit is significant.
+    pub(crate) fn all(&self) -> (Vec<Warning>, bool) {
+        let mut warnings = Vec::new();
+        let mut warn = |kind: &'static str, what: Option<String>| warnings.extend(what.map(|what| Warning { kind, what }));
+        let residuals = self.residuals();
+        let low = self.fit.response.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = self.fit.response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let spread = high - low;
+        let is_held = self.statistics.constraints.as_ref().is_some_and(|constraints| constraints.active);
+        let is_exact = self.statistics.residual_sd.is_none_or(|sd| sd <= EXACT * spread);
+        warn("explains-little", self.explains_little(spread, is_held));
+        let lack = if is_exact { None } else { self.against_replicates().or_else(|| self.missing_term(is_held)) };
+        let is_lacking = lack.is_some();
+        warn("lack-of-fit", lack);
+        if !is_exact && !is_held {
+            warn("outliers", self.outliers(&residuals));
+        }
+        if !is_exact {
+            warn("correlated-residuals", self.correlated(&residuals));
+        }
+        warn("output-bound", self.output_bound(&residuals, spread));
+        warn("bounds-off-data", self.bounds_off_data(low, high));
+        for (key, count) in self.copies {
+            warn("rows-seen", Some(format!("{count} rows of `{key}` are exact copies of fitted rows: they have been seen")));
+        }
+        (warnings, is_lacking)
+    }
+
+    fn residuals(&self) -> Residuals {
+        let coefficients: Vec<Dd> = self.statistics.terms.iter().map(|term| Dd::from(term.coefficient)).collect();
+        let (weighted, predicted) = self.fit.observed(|rows| {
+            let of_one = |row: usize| {
+                let predicted = value(&self.design.row_as_measured(&rows.point(row)), &coefficients);
+                let error = (Dd::from(rows.response[row]) - predicted) * rows.weight(row).sqrt();
+                (error.to_f64(), predicted.to_f64())
+            };
+            (0..rows.response.len()).map(of_one).unzip()
+        });
+        Residuals { weighted, predicted, triangle: self.fit.to_fit(self.design) }
+    }
+
+    fn explains_little(&self, spread: f64, is_held: bool) -> Option<String> {
+        if spread == 0.0 {
+            return None;
+        }
+        let fitted = self.statistics.r2_predicted.or(self.statistics.r2);
+        let (share, rows) = match self.explained {
+            Some(share) => (share, "rows that chose nothing"),
+            None => (if is_held { self.statistics.r2? } else { fitted? }, "the fitted rows"),
+        };
+        (share < LEAST_EXPLAINED).then(|| {
+            if share <= 0.0 {
+                format!("on {rows} the surface does no better than the mean (R2 {share:.3})")
+            } else {
+                format!("on {rows} the surface explains {:.1} % of the spread about the mean", 100.0 * share)
+            }
+        })
+    }
+
+    fn against_replicates(&self) -> Option<String> {
+        let lack = self.statistics.lack_of_fit.as_ref()?;
+        let p = lack.p.filter(|p| *p < ALARM)?;
+        let f = lack.f.unwrap_or(f64::INFINITY);
+        Some(format!("the surface misses the means of repeated points by more than their scatter (F = {f:.1}, p = {p:.1e})"))
+    }
+
+    /// The term outside of the model that would explain most, if chance does not explain as much.
+    fn missing_term(&self, is_held: bool) -> Option<String> {
+        if is_held {
+            return None;
+        }
+        let (order, terms) = self.wider()?;
+        let chosen = self.design.terms();
+        let others: Vec<Vec<u32>> = terms.into_iter().filter(|powers| !chosen.contains(powers)).collect();
+        let design = Design::new(self.surface, self.inputs, [chosen, &others].concat());
+        let triangle = self.fit.to_fit(&design);
+        let mut growing = Growing::new(&triangle);
+        for k in 0..chosen.len() {
+            growing.add(k).ok()?;
+        }
+        let freedom = self.fit.rows().checked_sub(chosen.len() + 1).filter(|freedom| *freedom > 0)? as f64;
+        let left = growing.residual_square().to_f64();
+        let gains = (chosen.len()..design.width()).filter_map(|k| Some((k, growing.ahead(k)?.0.to_f64())));
+        let (term, gain) = gains.reduce(|best, other| if other.1 > best.1 { other } else { best })?;
+        let t = (gain / ((left - gain).max(0.0) / freedom)).sqrt();
+        // Each of the terms had the chance to be the largest.
+        let p = if t.is_finite() { two_sided_t(t, freedom)? * others.len() as f64 } else { 0.0 };
+        (p < ALARM).then(|| {
+            let above = if order > self.highest_order { ", which is above the order that was fitted," } else { "" };
+            let share = 100.0 * gain / left;
+            format!("{}{above} would take {share:.1} % of the residual sum of squares (p = {p:.1e})", design.name_of(term))
+        })
+    }
+
+    /// All terms up to an order above the highest that was fitted, or up to it.
+    fn wider(&self) -> Option<(u32, Vec<Vec<u32>>)> {
+        let width = self.surface.inputs.len() + self.surface.knots.len();
+        let fits = |order: &u32| {
+            let count = count_of_terms(width, *order);
+            count <= MOST_TERMS && (count * count) as f64 * self.fit.rows() as f64 <= WORK
+        };
+        let order = [self.highest_order + 1, self.highest_order].into_iter().find(fits)?;
+        Some((order, design::terms_up_to(self.surface, order)))
+    }
+
+    fn outliers(&self, residuals: &Residuals) -> Option<String> {
+        let rows = self.fit.rows();
+        let terms: Vec<usize> = (0..self.design.width()).collect();
+        let growing = Growing::of(&residuals.triangle, &terms).ok()?;
+        let freedom = rows.checked_sub(terms.len() + 1).filter(|freedom| *freedom > 0)? as f64;
+        let square: f64 = residuals.weighted.iter().map(|error| error * error).sum();
+        let studentised = |row: usize| {
+            let own = self.fit.observed(|all| {
+                let x = self.design.row_as_measured(&all.point(row));
+                1.0 - (all.weight(row) * growing.leverage(&x)).to_f64()
+            });
+            let error = residuals.weighted[row];
+            let without = ((square - error * error / own) / freedom).max(0.0);
+            let t = error / (without * own).sqrt();
+            // With leverage 1 the surface goes through the point whatever it is.
+            (own > 1e-9 && !t.is_nan()).then_some((row, t))
+        };
+        let found: Vec<(usize, f64)> = (0..rows).filter_map(studentised).collect();
+        let is_beyond = |(_, t): &&(usize, f64)| {
+            !t.is_finite() || two_sided_t(*t, freedom).is_some_and(|p| p * (found.len() as f64) < ALARM)
+        };
+        let mut beyond: Vec<&(usize, f64)> = found.iter().filter(is_beyond).collect();
+        beyond.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let named: Vec<String> =
+            beyond.iter().take(MOST_NAMED).map(|(row, t)| format!("{} by {t:+.1}", self.place(*row))).collect();
+        let more = beyond.len().saturating_sub(MOST_NAMED);
+        let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+        (!beyond.is_empty()).then(|| {
+            format!(
+                "{} beyond chance, in standard deviations: {}{more}",
+                count(beyond.len(), "row lies", "rows lie"),
+                named.join("; ")
+            )
+        })
+    }
+
+    /// A fitted row by its inputs: its number alone says little after a split.
+    fn place(&self, row: usize) -> String {
+        let each = self.surface.inputs.iter().zip(&self.fit.columns).map(|(name, column)| format!("{name} = {}", column[row]));
+        format!("({})", each.collect::<Vec<String>>().join(", "))
+    }
+
+    fn correlated(&self, residuals: &Residuals) -> Option<String> {
+        let rows = self.fit.rows();
+        if self.order.len() != rows || rows < 8 {
+            return None;
+        }
+        let mut places: Vec<usize> = (0..rows).collect();
+        places.sort_by(|a, b| self.order[*a].total_cmp(&self.order[*b]));
+        let mut errors: Vec<f64> = places.iter().map(|row| residuals.weighted[*row]).collect();
+        let mean = errors.iter().sum::<f64>() / rows as f64;
+        errors.iter_mut().for_each(|error| *error -= mean);
+        let square: f64 = errors.iter().map(|error| error * error).sum();
+        let serial = |errors: &[f64]| errors.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / square;
+        let found = serial(&errors);
+        let mut random = Random::new(1);
+        let as_much = (0..ORDERS).filter(|_| {
+            random.shuffle(&mut errors);
+            serial(&errors) >= found
+        });
+        let p = (as_much.count() + 1) as f64 / (ORDERS + 1) as f64;
+        (p <= ALARM).then(|| {
+            format!("errors of neighbouring runs are alike (correlation {found:.2}, p = {p:.3}): something drifts, and standard errors are too small")
+        })
+    }
+
+    fn output_bound(&self, residuals: &Residuals, spread: f64) -> Option<String> {
+        let [low, high] = self.surface.output_range?;
+        let margin = HELD * spread;
+        let held = residuals.predicted.iter().filter(|y| **y < low - margin || **y > high + margin).count();
+        (held > 0)
+            .then(|| format!("the output range [{low}, {high}] holds the surface at {held} of {} fitted rows", self.fit.rows()))
+    }
+
+    fn bounds_off_data(&self, low: f64, high: f64) -> Option<String> {
+        let of_constraint = |constraint: &Constraint| match constraint {
+            Constraint::Bounds { min, max } => Some((min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY))),
+            _ => None,
+        };
+        let ranges = self.constraints.iter().filter_map(of_constraint);
+        let ranges = ranges.chain(self.surface.output_range.map(|[low, high]| (low, high)));
+        let far = FAR * self.free_residual_sd.unwrap_or(0.0);
+        ranges.into_iter().find_map(|(least, most)| {
+            let beyond = self.fit.response.iter().filter(|y| **y < least - far || **y > most + far).count();
+            (2 * beyond > self.fit.rows()).then(|| {
+                format!(
+                    "{beyond} of {} responses lie far beyond the bounds [{least}, {most}]; they run from {low} to {high}",
+                    self.fit.rows()
+                )
+            })
+        })
+    }
+}
+
+/// Where there are no rows that chose nothing.
+pub(crate) fn not_judged(used: &RowsUsed) -> Warning {
+    Warning { kind: "judged-by-choosers", what: format!("no error on rows that chose nothing is known: {}", used.error) }
+}
+
+fn count(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
