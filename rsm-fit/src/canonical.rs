@@ -86,3 +86,60 @@ fn natural(coding: Coding, input: &Input, x: Coded) -> Physical {
         Coding::Range => Physical((high + low) / 2.0 + (high - low) / 2.0 * x.0),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rsm_core::model::{Outside, Term};
+
+    use super::*;
+
+    fn analysed(coding: Coding, range: [f64; 2], terms: &[([u32; 3], f64)], inputs: usize) -> Option<Canonical> {
+        let names: Vec<String> = (0..inputs).map(|k| format!("x{k}")).collect();
+        let inputs: Vec<Input> =
+            names.iter().map(|name| Input { name: name.clone(), unit: "1".into(), range, outside: Outside::Clamp }).collect();
+        let term = |(powers, coefficient): &([u32; 3], f64)| Term {
+            powers: powers[..names.len()].to_vec(),
+            coefficient: *coefficient,
+        };
+        let surface = Surface { inputs: names.clone(), coding, terms: terms.iter().map(term).collect(), ..Surface::default() };
+        analyse(&surface, &inputs)
+    }
+
+    fn is_near(found: &[f64], expected: &[f64]) {
+        assert!(
+            found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-13),
+            "{found:?} {expected:?}"
+        );
+    }
+
+    #[test]
+    fn a_product_of_two_inputs_turns_the_axes() {
+        // B = [[1, 2], [2, 1]] has eigenvalues 3 and -1; b = (2, -4): x_s = -1/2 B^-1 b = (5/3, -4/3).
+        let terms =
+            [([0, 0, 0], 5.0), ([1, 0, 0], 2.0), ([0, 1, 0], -4.0), ([2, 0, 0], 1.0), ([1, 1, 0], 4.0), ([0, 2, 0], 1.0)];
+        let found = analysed(Coding::None, [-9.0, 9.0], &terms, 2).unwrap();
+        is_near(&found.eigenvalues, &[3.0, -1.0]);
+        is_near(&found.stationary_point.0.iter().map(|(_, x)| *x).collect::<Vec<_>>(), &[5.0 / 3.0, -4.0 / 3.0]);
+        assert_eq!(found.kind, Kind::Saddle);
+        // Coded, over 0 to 10: xi = 5 + 5 x.
+        let found = analysed(Coding::Range, [0.0, 10.0], &terms, 2).unwrap();
+        is_near(&found.stationary_point.0.iter().map(|(_, x)| *x).collect::<Vec<_>>(), &[5.0 + 25.0 / 3.0, 5.0 - 20.0 / 3.0]);
+    }
+
+    #[test]
+    fn three_inputs_and_every_kind() {
+        // B = [[2, 0, 1], [0, 3, 0], [1, 0, 2]]: eigenvalues 3, 3, 1; b = (0, 6, 2): x_s = -1/2 (-2/3, 2, 4/3).
+        let terms =
+            [([2, 0, 0], 2.0), ([0, 2, 0], 3.0), ([0, 0, 2], 2.0), ([1, 0, 1], 2.0), ([0, 1, 0], 6.0), ([0, 0, 1], 2.0)];
+        let found = analysed(Coding::None, [-9.0, 9.0], &terms, 3).unwrap();
+        is_near(&found.eigenvalues, &[3.0, 3.0, 1.0]);
+        is_near(&found.stationary_point.0.iter().map(|(_, x)| *x).collect::<Vec<_>>(), &[1.0 / 3.0, -1.0, -2.0 / 3.0]);
+        assert_eq!(found.kind, Kind::Minimum);
+        let turned: Vec<([u32; 3], f64)> = terms.iter().map(|(powers, b)| (*powers, -b)).collect();
+        assert_eq!(analysed(Coding::None, [-9.0, 9.0], &turned, 3).unwrap().kind, Kind::Maximum);
+        // A ridge, a plane and a cubic have no single stationary point that this form tells.
+        assert_eq!(analysed(Coding::None, [-9.0, 9.0], &[([2, 0, 0], 1.0), ([1, 1, 0], 2.0), ([0, 2, 0], 1.0)], 2), None);
+        assert_eq!(analysed(Coding::None, [-9.0, 9.0], &[([1, 0, 0], 1.0)], 1), None);
+        assert_eq!(analysed(Coding::None, [-9.0, 9.0], &[([3, 0, 0], 1.0), ([2, 0, 0], 1.0)], 1), None);
+    }
+}

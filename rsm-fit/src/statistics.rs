@@ -523,4 +523,69 @@ mod tests {
         assert!((upper_f(1e6, [2.0, 2.0]).unwrap() * (1.0 + 1e6) - 1.0).abs() < 1e-11);
         assert_eq!(two_sided_t(0.0, 5.0), Some(1.0));
     }
+
+    /// The figures of some terms (powers of one natural variable) on points.
+    fn of_line(powers: &[u32], x: &[f64], y: &[f64]) -> ResponseStatistics {
+        use rsm_core::model::{Coding, Input, Outside, Surface};
+        let surface = Surface { inputs: vec!["x".into()], coding: Coding::None, ..Surface::default() };
+        let input = Input { name: "x".into(), unit: "1".into(), range: [-10.0, 10.0], outside: Outside::Clamp };
+        let design = Design::new(&surface, &[input], powers.iter().map(|power| vec![*power]).collect());
+        let columns: [&[f64]; 1] = [x];
+        let rows = Observations { inputs: &columns, response: y, weights: &[] };
+        let mut compressed = crate::qr::Compressed::new(powers.len() + 1);
+        for (row, y) in y.iter().enumerate() {
+            compressed.push(design.row_as_measured(&rows.point(row)).into_iter().chain([Dd::from(*y)]));
+        }
+        let all: Vec<usize> = (0..powers.len()).collect();
+        of_fit(&design, &Growing::of(&compressed.finish(), &all).unwrap(), rows)
+    }
+
+    #[test]
+    fn degrees_of_freedom_count_the_constant_only_where_there_is_one() {
+        // Through the origin: b = (1 + 4 + 12)/14, residual square 21 - 289/14 = 5/14 with 2 degrees, total 21 with all 3: 1 - (5/28)/7.
+        let found = of_line(&[1], &[1.0, 2.0, 3.0], &[1.0, 2.0, 4.0]);
+        assert!((found.r2_adjusted.unwrap() - (1.0 - 5.0 / 196.0)).abs() < 1e-15, "{found:?}");
+        assert!((found.r2.unwrap() - (1.0 - 5.0 / 294.0)).abs() < 1e-15);
+        // With a constant: slope 1.5, residual square 1/6 with 1 degree, total 14/3 with 2: 1 - (1/6)/(7/3).
+        let found = of_line(&[0, 1], &[1.0, 2.0, 3.0], &[1.0, 2.0, 4.0]);
+        assert!((found.r2_adjusted.unwrap() - (1.0 - 1.0 / 14.0)).abs() < 1e-15, "{found:?}");
+        assert!((found.residual_sd.unwrap() - (1.0f64 / 6.0).sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_negative_slope_is_as_significant_as_a_positive_one() {
+        let (x, y) = ([1.0, 2.0, 3.0, 4.0], [1.0, 2.5, 2.0, 4.0]);
+        let (up, down) = (of_line(&[0, 1], &x, &y), of_line(&[0, 1], &x, &y.map(|y| -y)));
+        assert!(down.terms[1].t.unwrap() < 0.0 && up.terms[1].t.unwrap() > 0.0);
+        assert_eq!(up.terms[1].t.map(|t| -t), down.terms[1].t);
+        assert_eq!(up.terms[1].p, down.terms[1].p);
+        // Two degrees of freedom: p = 1 - |t|/sqrt(2 + t^2).
+        let t = up.terms[1].t.unwrap();
+        assert!((down.terms[1].p.unwrap() - (1.0 - t / (2.0 + t * t).sqrt())).abs() < 1e-14);
+    }
+
+    #[test]
+    fn judged_parts_add_up_to_the_whole() {
+        let surface =
+            rsm_core::model::Surface { inputs: vec!["x".into()], coding: rsm_core::model::Coding::None, ..Default::default() };
+        let outside = rsm_core::model::Outside::Clamp;
+        let input = rsm_core::model::Input { name: "x".into(), unit: "1".into(), range: [0.0, 4.0], outside };
+        let design = Design::new(&surface, &[input], vec![vec![1]]);
+        // y = 2 x, held to 6, at 0, 1, 1, 4 and 5 (clamped to 4): predictions 0, 2, 2, 6, 6; errors 1, 1, -1, -2, 4.
+        let of = |x: &[f64], y: &[f64]| {
+            let columns: [&[f64]; 1] = [x];
+            let rows = Observations { inputs: &columns, response: y, weights: &[] };
+            Judged::of(&design, &[2.0], Some([0.0, 6.0]), rows, Dd::from(3.0))
+        };
+        let whole = of(&[0.0, 1.0, 1.0, 4.0, 5.0], &[1.0, 3.0, 1.0, 4.0, 10.0]);
+        let parts = of(&[0.0, 1.0, 1.0], &[1.0, 3.0, 1.0]).and(of(&[4.0, 5.0], &[4.0, 10.0]));
+        assert_eq!(whole, parts);
+        let found = whole.statistics().unwrap();
+        assert_eq!((found.rows, found.mean_abs_error, found.max_abs_error), (5, 9.0 / 5.0, 4.0));
+        assert_eq!(found.rmse, (23.0f64 / 5.0).sqrt());
+        // By means of repeated points: 1 + 2 0 + 4 + 16 = 21 of 1 + 2 4 + 16 + 100 = 125 about zero, of 4 + 2 1 + 1 + 49 = 56 about 3.
+        assert_eq!(found.confidence_c, Some(100.0 - 100.0 * 21.0 / 125.0));
+        assert_eq!(whole.explained(), Some(1.0 - 21.0 / 56.0));
+        assert_eq!((Judged::NOTHING.statistics(), Judged::NOTHING.explained()), (None, None));
+    }
 }

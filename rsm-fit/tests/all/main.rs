@@ -1,7 +1,9 @@
 //! Tests of the fitter through its public face. One binary: each further one would link everything again.
 
+mod constraint_family;
 mod constraints;
 mod data;
+mod honest;
 mod ladder;
 mod nist;
 mod plans;
