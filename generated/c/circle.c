@@ -42,9 +42,20 @@ typedef char circle_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 1 :
 #endif
 #endif
 
-#if defined(_MSC_VER) && !defined(__clang__)
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(push)
+#pragma float_control(precise, on)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC push_options
+#pragma GCC optimize ("no-associative-math", "no-reciprocal-math", "signed-zeros", "no-unsafe-math-optimizations", "trapping-math")
+#endif
+#elif defined(_MSC_VER)
 #pragma fp_contract(off)
-#elif !defined(__GNUC__) || defined(__clang__)
+#else
 #pragma STDC FP_CONTRACT OFF
 #endif
 
@@ -57,15 +68,9 @@ typedef char circle_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 1 :
 #define RSM_AARCH64
 #endif
 
-#if !defined(RSM_BARRIER) && defined(__has_builtin)
-#if __has_builtin(__builtin_assoc_barrier)
-#define RSM_BARRIER(product) __builtin_assoc_barrier(product)
-#endif
-#endif
-
 #if DBL_MANT_DIG == 53 /* double has 64 bits */
 
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define circle_rsm_keep(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -83,6 +88,8 @@ static inline double circle_rsm_keep(double product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif
@@ -158,7 +165,7 @@ static inline double circle_rsm_at_most(double value, double bound)
 
 #endif /* double has 64 bits */
 
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define circle_rsm_keep_f32(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -176,6 +183,8 @@ static inline float circle_rsm_keep_f32(float product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif
@@ -253,15 +262,18 @@ static inline float circle_rsm_at_most_f32(float value, float bound)
 
 double circle_sine(double quarter_turns)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = quarter_turns;
     const double r1 = -1.0;
     const double r3 = circle_rsm_at_least(r0, r1);
     const double r4 = 1.0;
     const double r6 = circle_rsm_at_most(r3, r4);
-    const double r7 = circle_rsm_keep(r6 * r6);
-    const double r8 = circle_rsm_keep(r7 * r6);
-    const double r9 = circle_rsm_keep(r8 * r7);
-    const double r10 = circle_rsm_keep(r9 * r7);
+    const double r7 = r6 * r6;
+    const double r8 = r7 * r6;
+    const double r9 = r8 * r7;
+    const double r10 = r9 * r7;
     const double r11 = -0.004332881653897759;
     const double r12 = circle_rsm_keep(r11 * r10);
     const double r13 = 0.07943397083919976;
@@ -278,6 +290,9 @@ double circle_sine(double quarter_turns)
 
 double circle_height(double square)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = square;
     const double r1 = 0.0;
     const double r3 = circle_rsm_at_least(r0, r1);
@@ -314,15 +329,18 @@ double circle_height(double square)
 
 float circle_sine_f32(float quarter_turns)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = quarter_turns;
     const float r1 = -1.0f;
     const float r3 = circle_rsm_at_least_f32(r0, r1);
     const float r4 = 1.0f;
     const float r6 = circle_rsm_at_most_f32(r3, r4);
-    const float r7 = circle_rsm_keep_f32(r6 * r6);
-    const float r8 = circle_rsm_keep_f32(r7 * r6);
-    const float r9 = circle_rsm_keep_f32(r8 * r7);
-    const float r10 = circle_rsm_keep_f32(r9 * r7);
+    const float r7 = r6 * r6;
+    const float r8 = r7 * r6;
+    const float r9 = r8 * r7;
+    const float r10 = r9 * r7;
     const float r11 = -0.004332882f;
     const float r12 = circle_rsm_keep_f32(r11 * r10);
     const float r13 = 0.07943397f;
@@ -339,6 +357,9 @@ float circle_sine_f32(float quarter_turns)
 
 float circle_height_f32(float square)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = square;
     const float r1 = 0.0f;
     const float r3 = circle_rsm_at_least_f32(r0, r1);
@@ -407,6 +428,18 @@ int circle_self_test(void)
 
 #if DBL_MANT_DIG == 53 /* double has 64 bits */
     {
+        volatile double smallest = DBL_MIN;
+        failures += !(smallest * 0.5 > 0.0);
+    }
+
+#endif /* double has 64 bits */
+    {
+        volatile float smallest = FLT_MIN;
+        failures += !(smallest * 0.5f > 0.0f);
+    }
+
+#if DBL_MANT_DIG == 53 /* double has 64 bits */
+    {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][2] = {
             { 0x0000000000000000ULL, 0x0000000000000000ULL },
@@ -419,11 +452,25 @@ int circle_self_test(void)
             { 0x3fecb3d2e01f344eULL, 0x3fef94ea5d07f2edULL }, /* other bits if fused */
         };
         double (*volatile function)(double) = circle_sine;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[2] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double y[8];
+        for (k = 0; k < 8; k++) {
             double x[1];
             (void)memcpy(x, points[k], sizeof x);
             failures += circle_rsm_differs(function(x[0]), points[k][1]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = circle_sine(x0[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += circle_rsm_differs(y[k], points[k][1]);
         }
     }
     {
@@ -439,11 +486,25 @@ int circle_self_test(void)
             { 0x3fecc1746a510af1ULL, 0x3fd46017b7ba2ba7ULL }, /* other bits if fused */
         };
         double (*volatile function)(double) = circle_height;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[2] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double y[8];
+        for (k = 0; k < 8; k++) {
             double x[1];
             (void)memcpy(x, points[k], sizeof x);
             failures += circle_rsm_differs(function(x[0]), points[k][1]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = circle_height(x0[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += circle_rsm_differs(y[k], points[k][1]);
         }
     }
 
@@ -461,11 +522,25 @@ int circle_self_test(void)
             { 0xbf333834UL, 0xbf641c8dUL }, /* other bits if fused */
         };
         float (*volatile function)(float) = circle_sine_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[2] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float y[8];
+        for (k = 0; k < 8; k++) {
             float x[1];
             (void)memcpy(x, points[k], sizeof x);
             failures += circle_rsm_differs_f32(function(x[0]), points[k][1]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = circle_sine_f32(x0[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += circle_rsm_differs_f32(y[k], points[k][1]);
         }
     }
     {
@@ -481,14 +556,39 @@ int circle_self_test(void)
             { 0x3e2b4d3dUL, 0x3f698f88UL }, /* other bits if fused */
         };
         float (*volatile function)(float) = circle_height_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[2] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float y[8];
+        for (k = 0; k < 8; k++) {
             float x[1];
             (void)memcpy(x, points[k], sizeof x);
             failures += circle_rsm_differs_f32(function(x[0]), points[k][1]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = circle_height_f32(x0[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += circle_rsm_differs_f32(y[k], points[k][1]);
         }
     }
     return failures;
 }
 
+#endif
+
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(pop)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC pop_options
+#endif
 #endif

@@ -42,9 +42,20 @@ typedef char driveline_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 
 #endif
 #endif
 
-#if defined(_MSC_VER) && !defined(__clang__)
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(push)
+#pragma float_control(precise, on)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC push_options
+#pragma GCC optimize ("no-associative-math", "no-reciprocal-math", "signed-zeros", "no-unsafe-math-optimizations", "trapping-math")
+#endif
+#elif defined(_MSC_VER)
 #pragma fp_contract(off)
-#elif !defined(__GNUC__) || defined(__clang__)
+#else
 #pragma STDC FP_CONTRACT OFF
 #endif
 
@@ -57,15 +68,9 @@ typedef char driveline_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 
 #define RSM_AARCH64
 #endif
 
-#if !defined(RSM_BARRIER) && defined(__has_builtin)
-#if __has_builtin(__builtin_assoc_barrier)
-#define RSM_BARRIER(product) __builtin_assoc_barrier(product)
-#endif
-#endif
-
 #if DBL_MANT_DIG == 53 /* double has 64 bits */
 
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define driveline_rsm_keep(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -83,6 +88,8 @@ static inline double driveline_rsm_keep(double product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif
@@ -185,7 +192,7 @@ static inline double driveline_rsm_at_most(double value, double bound)
 
 #endif /* double has 64 bits */
 
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define driveline_rsm_keep_f32(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -203,6 +210,8 @@ static inline float driveline_rsm_keep_f32(float product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif
@@ -307,6 +316,9 @@ static inline float driveline_rsm_at_most_f32(float value, float bound)
 
 double driveline_damping_ratio(double speed, double gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = speed;
     const double r1 = gear;
     const double r2 = 2.5;
@@ -333,7 +345,7 @@ double driveline_damping_ratio(double speed, double gear)
     const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
     const double r29 = 2.9578602329831946e-6;
-    const double r30 = driveline_rsm_keep(r29 * r17);
+    const double r30 = r29 * r17;
     const double r31 = driveline_rsm_keep(r30 * r17);
     const double r32 = -5.42454760380856e-5;
     const double r33 = r31 + r32;
@@ -343,7 +355,7 @@ double driveline_damping_ratio(double speed, double gear)
     const double r37 = driveline_rsm_keep(r36 * r17);
     const double r38 = -0.00016358183893049914;
     const double r39 = r37 + r38;
-    const double r40 = driveline_rsm_keep(r39 * r17);
+    const double r40 = r39 * r17;
     const double r41 = driveline_rsm_keep(r40 * r17);
     const double r42 = 0.0005708796890515051;
     const double r43 = r41 + r42;
@@ -371,6 +383,9 @@ double driveline_damping_ratio(double speed, double gear)
 
 int driveline_damping_ratio_support(double speed, double gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = driveline_rsm_keep(speed);
     const double r1 = driveline_rsm_keep(gear);
     const double r2 = 0.0;
@@ -378,21 +393,21 @@ int driveline_damping_ratio_support(double speed, double gear)
     const double r4 = 26.25;
     const double r5 = r0 - r4;
     const double r6 = -0.042105263157894736;
-    const double r7 = driveline_rsm_keep(r5 * r6);
+    const double r7 = r5 * r6;
     const double r8 = 0.9906500000000001;
     const double r10 = driveline_rsm_select(r7, r8, r3, r2);
     const double r11 = 0.042105263157894736;
-    const double r12 = driveline_rsm_keep(r5 * r11);
+    const double r12 = r5 * r11;
     const double r13 = 0.8828800000000001;
     const double r15 = driveline_rsm_select(r12, r13, r10, r2);
     const double r16 = 3.0;
     const double r17 = r1 - r16;
     const double r18 = -0.5;
-    const double r19 = driveline_rsm_keep(r17 * r18);
+    const double r19 = r17 * r18;
     const double r20 = 1.0001000000000002;
     const double r22 = driveline_rsm_select(r19, r20, r15, r2);
     const double r23 = 0.5;
-    const double r24 = driveline_rsm_keep(r17 * r23);
+    const double r24 = r17 * r23;
     const double r26 = driveline_rsm_select(r24, r20, r22, r2);
     const double r27 = driveline_rsm_keep(r5 * r11);
     const double r28 = -0.3772;
@@ -411,6 +426,9 @@ int driveline_damping_ratio_support(double speed, double gear)
 
 double driveline_damping_error(double speed, double gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = speed;
     const double r1 = gear;
     const double r2 = 2.5;
@@ -437,7 +455,7 @@ double driveline_damping_error(double speed, double gear)
     const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
     const double r29 = 5.796432029345189e-6;
-    const double r30 = driveline_rsm_keep(r29 * r17);
+    const double r30 = r29 * r17;
     const double r31 = driveline_rsm_keep(r30 * r17);
     const double r32 = 1.9063951749016505e-5;
     const double r33 = r31 + r32;
@@ -447,7 +465,7 @@ double driveline_damping_error(double speed, double gear)
     const double r37 = driveline_rsm_keep(r36 * r17);
     const double r38 = 5.506141795966225e-5;
     const double r39 = r37 + r38;
-    const double r40 = driveline_rsm_keep(r39 * r17);
+    const double r40 = r39 * r17;
     const double r41 = driveline_rsm_keep(r40 * r17);
     const double r42 = -0.0003654045580161986;
     const double r43 = r41 + r42;
@@ -475,6 +493,9 @@ double driveline_damping_error(double speed, double gear)
 
 double driveline_shuffle_frequency(double speed, double gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = speed;
     const double r1 = gear;
     const double r2 = 2.5;
@@ -522,6 +543,9 @@ void driveline_tip_in_init(driveline_tip_in_state *state)
 
 double driveline_tip_in_step(driveline_tip_in_state *state, double input, double speed, double gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = driveline_rsm_keep(input);
     const double r1 = driveline_rsm_keep(speed);
     const double r2 = driveline_rsm_keep(gear);
@@ -573,7 +597,7 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r52 = r47 + r51;
     const double r53 = driveline_rsm_keep(r52 * r12);
     const double r54 = 2.9578602329831946e-6;
-    const double r55 = driveline_rsm_keep(r54 * r20);
+    const double r55 = r54 * r20;
     const double r56 = driveline_rsm_keep(r55 * r20);
     const double r57 = -5.42454760380856e-5;
     const double r58 = r56 + r57;
@@ -583,7 +607,7 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r62 = driveline_rsm_keep(r61 * r20);
     const double r63 = -0.00016358183893049914;
     const double r64 = r62 + r63;
-    const double r65 = driveline_rsm_keep(r64 * r20);
+    const double r65 = r64 * r20;
     const double r66 = driveline_rsm_keep(r65 * r20);
     const double r67 = 0.0005708796890515051;
     const double r68 = r66 + r67;
@@ -618,7 +642,7 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r97 = r92 + r96;
     const double r98 = driveline_rsm_keep(r97 * r12);
     const double r99 = 5.796432029345189e-6;
-    const double r100 = driveline_rsm_keep(r99 * r20);
+    const double r100 = r99 * r20;
     const double r101 = driveline_rsm_keep(r100 * r20);
     const double r102 = 1.9063951749016505e-5;
     const double r103 = r101 + r102;
@@ -628,7 +652,7 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r107 = driveline_rsm_keep(r106 * r20);
     const double r108 = 5.506141795966225e-5;
     const double r109 = r107 + r108;
-    const double r110 = driveline_rsm_keep(r109 * r20);
+    const double r110 = r109 * r20;
     const double r111 = driveline_rsm_keep(r110 * r20);
     const double r112 = -0.0003654045580161986;
     const double r113 = r111 + r112;
@@ -671,7 +695,7 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r150 = driveline_rsm_keep(r140 * r140);
     const double r151 = r150 - r13;
     const double r152 = 0.5;
-    const double r153 = driveline_rsm_keep(r136 * r152);
+    const double r153 = r136 * r152;
     const double r154 = driveline_rsm_keep(r147 * r153);
     const double r155 = r143 - r154;
     const double r156 = driveline_rsm_keep(r155 * r151);
@@ -700,6 +724,9 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
 
 float driveline_damping_ratio_f32(float speed, float gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = speed;
     const float r1 = gear;
     const float r2 = 2.5f;
@@ -726,7 +753,7 @@ float driveline_damping_ratio_f32(float speed, float gear)
     const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
     const float r29 = 2.9578603e-6f;
-    const float r30 = driveline_rsm_keep_f32(r29 * r17);
+    const float r30 = r29 * r17;
     const float r31 = driveline_rsm_keep_f32(r30 * r17);
     const float r32 = -5.4245476e-5f;
     const float r33 = r31 + r32;
@@ -736,7 +763,7 @@ float driveline_damping_ratio_f32(float speed, float gear)
     const float r37 = driveline_rsm_keep_f32(r36 * r17);
     const float r38 = -0.00016358183f;
     const float r39 = r37 + r38;
-    const float r40 = driveline_rsm_keep_f32(r39 * r17);
+    const float r40 = r39 * r17;
     const float r41 = driveline_rsm_keep_f32(r40 * r17);
     const float r42 = 0.00057087967f;
     const float r43 = r41 + r42;
@@ -764,6 +791,9 @@ float driveline_damping_ratio_f32(float speed, float gear)
 
 int driveline_damping_ratio_support_f32(float speed, float gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = driveline_rsm_keep_f32(speed);
     const float r1 = driveline_rsm_keep_f32(gear);
     const float r2 = 0.0f;
@@ -771,21 +801,21 @@ int driveline_damping_ratio_support_f32(float speed, float gear)
     const float r4 = 26.25f;
     const float r5 = r0 - r4;
     const float r6 = -0.042105265f;
-    const float r7 = driveline_rsm_keep_f32(r5 * r6);
+    const float r7 = r5 * r6;
     const float r8 = 0.99065006f;
     const float r10 = driveline_rsm_select_f32(r7, r8, r3, r2);
     const float r11 = 0.042105265f;
-    const float r12 = driveline_rsm_keep_f32(r5 * r11);
+    const float r12 = r5 * r11;
     const float r13 = 0.88288003f;
     const float r15 = driveline_rsm_select_f32(r12, r13, r10, r2);
     const float r16 = 3.0f;
     const float r17 = r1 - r16;
     const float r18 = -0.5f;
-    const float r19 = driveline_rsm_keep_f32(r17 * r18);
+    const float r19 = r17 * r18;
     const float r20 = 1.0001f;
     const float r22 = driveline_rsm_select_f32(r19, r20, r15, r2);
     const float r23 = 0.5f;
-    const float r24 = driveline_rsm_keep_f32(r17 * r23);
+    const float r24 = r17 * r23;
     const float r26 = driveline_rsm_select_f32(r24, r20, r22, r2);
     const float r27 = driveline_rsm_keep_f32(r5 * r11);
     const float r28 = -0.3772f;
@@ -804,6 +834,9 @@ int driveline_damping_ratio_support_f32(float speed, float gear)
 
 float driveline_damping_error_f32(float speed, float gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = speed;
     const float r1 = gear;
     const float r2 = 2.5f;
@@ -830,7 +863,7 @@ float driveline_damping_error_f32(float speed, float gear)
     const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
     const float r29 = 5.796432e-6f;
-    const float r30 = driveline_rsm_keep_f32(r29 * r17);
+    const float r30 = r29 * r17;
     const float r31 = driveline_rsm_keep_f32(r30 * r17);
     const float r32 = 1.9063951e-5f;
     const float r33 = r31 + r32;
@@ -840,7 +873,7 @@ float driveline_damping_error_f32(float speed, float gear)
     const float r37 = driveline_rsm_keep_f32(r36 * r17);
     const float r38 = 5.5061417e-5f;
     const float r39 = r37 + r38;
-    const float r40 = driveline_rsm_keep_f32(r39 * r17);
+    const float r40 = r39 * r17;
     const float r41 = driveline_rsm_keep_f32(r40 * r17);
     const float r42 = -0.00036540456f;
     const float r43 = r41 + r42;
@@ -868,6 +901,9 @@ float driveline_damping_error_f32(float speed, float gear)
 
 float driveline_shuffle_frequency_f32(float speed, float gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = speed;
     const float r1 = gear;
     const float r2 = 2.5f;
@@ -915,6 +951,9 @@ void driveline_tip_in_init_f32(driveline_tip_in_state_f32 *state)
 
 float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, float speed, float gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = driveline_rsm_keep_f32(input);
     const float r1 = driveline_rsm_keep_f32(speed);
     const float r2 = driveline_rsm_keep_f32(gear);
@@ -966,7 +1005,7 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r52 = r47 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r12);
     const float r54 = 2.9578603e-6f;
-    const float r55 = driveline_rsm_keep_f32(r54 * r20);
+    const float r55 = r54 * r20;
     const float r56 = driveline_rsm_keep_f32(r55 * r20);
     const float r57 = -5.4245476e-5f;
     const float r58 = r56 + r57;
@@ -976,7 +1015,7 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r62 = driveline_rsm_keep_f32(r61 * r20);
     const float r63 = -0.00016358183f;
     const float r64 = r62 + r63;
-    const float r65 = driveline_rsm_keep_f32(r64 * r20);
+    const float r65 = r64 * r20;
     const float r66 = driveline_rsm_keep_f32(r65 * r20);
     const float r67 = 0.00057087967f;
     const float r68 = r66 + r67;
@@ -1011,7 +1050,7 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r97 = r92 + r96;
     const float r98 = driveline_rsm_keep_f32(r97 * r12);
     const float r99 = 5.796432e-6f;
-    const float r100 = driveline_rsm_keep_f32(r99 * r20);
+    const float r100 = r99 * r20;
     const float r101 = driveline_rsm_keep_f32(r100 * r20);
     const float r102 = 1.9063951e-5f;
     const float r103 = r101 + r102;
@@ -1021,7 +1060,7 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r107 = driveline_rsm_keep_f32(r106 * r20);
     const float r108 = 5.5061417e-5f;
     const float r109 = r107 + r108;
-    const float r110 = driveline_rsm_keep_f32(r109 * r20);
+    const float r110 = r109 * r20;
     const float r111 = driveline_rsm_keep_f32(r110 * r20);
     const float r112 = -0.00036540456f;
     const float r113 = r111 + r112;
@@ -1064,7 +1103,7 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r150 = driveline_rsm_keep_f32(r140 * r140);
     const float r151 = r150 - r13;
     const float r152 = 0.5f;
-    const float r153 = driveline_rsm_keep_f32(r136 * r152);
+    const float r153 = r136 * r152;
     const float r154 = driveline_rsm_keep_f32(r147 * r153);
     const float r155 = r143 - r154;
     const float r156 = driveline_rsm_keep_f32(r155 * r151);
@@ -1125,6 +1164,18 @@ int driveline_self_test(void)
 
 #if DBL_MANT_DIG == 53 /* double has 64 bits */
     {
+        volatile double smallest = DBL_MIN;
+        failures += !(smallest * 0.5 > 0.0);
+    }
+
+#endif /* double has 64 bits */
+    {
+        volatile float smallest = FLT_MIN;
+        failures += !(smallest * 0.5f > 0.0f);
+    }
+
+#if DBL_MANT_DIG == 53 /* double has 64 bits */
+    {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
             { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc28673fd93469bULL },
@@ -1137,11 +1188,27 @@ int driveline_self_test(void)
             { 0x4040e765ca8c2de1ULL, 0x40121774d56b0dc9ULL, 0x3fc5ea0b8414ea97ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_ratio;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double x1[8];
+        double y[8];
+        for (k = 0; k < 8; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_damping_ratio(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += driveline_rsm_differs(y[k], points[k][2]);
         }
     }
     {
@@ -1154,11 +1221,27 @@ int driveline_self_test(void)
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
         };
         int (*volatile function)(double, double) = driveline_damping_ratio_support;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 5;
+        unsigned int k, n;
+        double x0[5];
+        double x1[5];
+        int y[5];
+        for (k = 0; k < 5; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+        for (k = 0; k < 5; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_damping_ratio_support(x0[k], x1[k]);
+        }
+        for (k = 0; k < 5; k++) {
+            failures += y[k] != (points[k][2] != 0);
         }
     }
     {
@@ -1174,11 +1257,27 @@ int driveline_self_test(void)
             { 0x4046847b336de671ULL, 0x400a51d6e43da6c3ULL, 0x3fd93effe116e2feULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_error;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double x1[8];
+        double y[8];
+        for (k = 0; k < 8; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_damping_error(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += driveline_rsm_differs(y[k], points[k][2]);
         }
     }
     {
@@ -1194,11 +1293,27 @@ int driveline_self_test(void)
             { 0x4034c30fbe1fc594ULL, 0x3ff0515ee18b31ecULL, 0x403001ebe3c25469ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_shuffle_frequency;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double x1[8];
+        double y[8];
+        for (k = 0; k < 8; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_shuffle_frequency(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += driveline_rsm_differs(y[k], points[k][2]);
         }
     }
     {
@@ -1214,13 +1329,32 @@ int driveline_self_test(void)
             { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4aff6b821c030ULL }, /* other bits if fused */
         };
         double (*volatile function)(driveline_tip_in_state *, double, double, double) = driveline_tip_in_step;
-        unsigned int k;
+        const uint64_t (*volatile rows)[4] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double x1[8];
+        double x2[8];
+        double y[8];
         driveline_tip_in_state state;
         driveline_tip_in_init(&state);
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        for (k = 0; k < 8; k++) {
             double x[3];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(&state, x[0], x[1], x[2]), points[k][3]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+            (void)memcpy(&x2[k], &rows[k][2], sizeof x2[k]);
+        }
+        driveline_tip_in_init(&state);
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_tip_in_step(&state, x0[k], x1[k], x2[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += driveline_rsm_differs(y[k], points[k][3]);
         }
     }
 
@@ -1238,11 +1372,27 @@ int driveline_self_test(void)
             { 0x414eae97UL, 0x3fce58f2UL, 0x3de74972UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_ratio_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float x1[8];
+        float y[8];
+        for (k = 0; k < 8; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_damping_ratio_f32(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += driveline_rsm_differs_f32(y[k], points[k][2]);
         }
     }
     {
@@ -1255,11 +1405,27 @@ int driveline_self_test(void)
             { 0x7fc00000UL, 0x40400000UL, 0x00000000UL },
         };
         int (*volatile function)(float, float) = driveline_damping_ratio_support_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 5;
+        unsigned int k, n;
+        float x0[5];
+        float x1[5];
+        int y[5];
+        for (k = 0; k < 5; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+        for (k = 0; k < 5; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_damping_ratio_support_f32(x0[k], x1[k]);
+        }
+        for (k = 0; k < 5; k++) {
+            failures += y[k] != (points[k][2] != 0);
         }
     }
     {
@@ -1275,11 +1441,27 @@ int driveline_self_test(void)
             { 0x423423daUL, 0x40528eb7UL, 0x3ec9f7fcUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_error_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float x1[8];
+        float y[8];
+        for (k = 0; k < 8; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_damping_error_f32(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += driveline_rsm_differs_f32(y[k], points[k][2]);
         }
     }
     {
@@ -1295,11 +1477,27 @@ int driveline_self_test(void)
             { 0x4247b527UL, 0x3fcc0269UL, 0x41a7c6bcUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_shuffle_frequency_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float x1[8];
+        float y[8];
+        for (k = 0; k < 8; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_shuffle_frequency_f32(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += driveline_rsm_differs_f32(y[k], points[k][2]);
         }
     }
     {
@@ -1315,16 +1513,46 @@ int driveline_self_test(void)
             { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd257fc0UL }, /* other bits if fused */
         };
         float (*volatile function)(driveline_tip_in_state_f32 *, float, float, float) = driveline_tip_in_step_f32;
-        unsigned int k;
+        const uint32_t (*volatile rows)[4] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float x1[8];
+        float x2[8];
+        float y[8];
         driveline_tip_in_state_f32 state;
         driveline_tip_in_init_f32(&state);
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        for (k = 0; k < 8; k++) {
             float x[3];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(&state, x[0], x[1], x[2]), points[k][3]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+            (void)memcpy(&x2[k], &rows[k][2], sizeof x2[k]);
+        }
+        driveline_tip_in_init_f32(&state);
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = driveline_tip_in_step_f32(&state, x0[k], x1[k], x2[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += driveline_rsm_differs_f32(y[k], points[k][3]);
         }
     }
     return failures;
 }
 
+#endif
+
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(pop)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC pop_options
+#endif
 #endif

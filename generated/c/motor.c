@@ -42,9 +42,20 @@ typedef char motor_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 1 : 
 #endif
 #endif
 
-#if defined(_MSC_VER) && !defined(__clang__)
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(push)
+#pragma float_control(precise, on)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC push_options
+#pragma GCC optimize ("no-associative-math", "no-reciprocal-math", "signed-zeros", "no-unsafe-math-optimizations", "trapping-math")
+#endif
+#elif defined(_MSC_VER)
 #pragma fp_contract(off)
-#elif !defined(__GNUC__) || defined(__clang__)
+#else
 #pragma STDC FP_CONTRACT OFF
 #endif
 
@@ -57,15 +68,9 @@ typedef char motor_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 1 : 
 #define RSM_AARCH64
 #endif
 
-#if !defined(RSM_BARRIER) && defined(__has_builtin)
-#if __has_builtin(__builtin_assoc_barrier)
-#define RSM_BARRIER(product) __builtin_assoc_barrier(product)
-#endif
-#endif
-
 #if DBL_MANT_DIG == 53 /* double has 64 bits */
 
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define motor_rsm_keep(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -83,6 +88,8 @@ static inline double motor_rsm_keep(double product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif
@@ -185,7 +192,7 @@ static inline double motor_rsm_at_most(double value, double bound)
 
 #endif /* double has 64 bits */
 
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define motor_rsm_keep_f32(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -203,6 +210,8 @@ static inline float motor_rsm_keep_f32(float product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif
@@ -307,6 +316,9 @@ static inline float motor_rsm_at_most_f32(float value, float bound)
 
 double motor_weakening_current(double torque, double speed)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = torque;
     const double r1 = speed;
     const double r2 = -21.6;
@@ -319,8 +331,8 @@ double motor_weakening_current(double torque, double speed)
     const double r13 = motor_rsm_at_most(r10, r11);
     const double r14 = 620.0;
     const double r15 = r13 - r14;
-    const double r16 = motor_rsm_keep(r7 * r7);
-    const double r17 = motor_rsm_keep(r16 * r16);
+    const double r16 = r7 * r7;
+    const double r17 = r16 * r16;
     const double r18 = 2.1245873181220413e-7;
     const double r19 = motor_rsm_keep(r18 * r15);
     const double r20 = 5.3426337551171476e-5;
@@ -352,26 +364,29 @@ double motor_weakening_current(double torque, double speed)
 
 int motor_weakening_current_support(double torque, double speed)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = torque;
     const double r1 = motor_rsm_keep(speed);
     const double r2 = 0.0;
     const double r3 = 1.0;
     const double r4 = -0.046296296296296294;
-    const double r5 = motor_rsm_keep(r0 * r4);
+    const double r5 = r0 * r4;
     const double r6 = 0.9852000000000001;
     const double r8 = motor_rsm_select(r5, r6, r3, r2);
     const double r9 = 0.046296296296296294;
-    const double r10 = motor_rsm_keep(r0 * r9);
+    const double r10 = r0 * r9;
     const double r11 = 1.0001000000000002;
     const double r13 = motor_rsm_select(r10, r11, r8, r2);
     const double r14 = 620.0;
     const double r15 = r1 - r14;
     const double r16 = -0.005555555555555556;
-    const double r17 = motor_rsm_keep(r15 * r16);
+    const double r17 = r15 * r16;
     const double r18 = 0.9580000000000001;
     const double r20 = motor_rsm_select(r17, r18, r13, r2);
     const double r21 = 0.005555555555555556;
-    const double r22 = motor_rsm_keep(r15 * r21);
+    const double r22 = r15 * r21;
     const double r23 = 1.1310000000000002;
     const double r25 = motor_rsm_select(r22, r23, r20, r2);
     const double r26 = -0.009027777777777777;
@@ -403,6 +418,9 @@ int motor_weakening_current_support(double torque, double speed)
 
 double motor_limit_current(double torque, double current, double speed)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = torque;
     const double r1 = current;
     const double r2 = speed;
@@ -453,6 +471,9 @@ double motor_limit_current(double torque, double current, double speed)
 
 float motor_weakening_current_f32(float torque, float speed)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = torque;
     const float r1 = speed;
     const float r2 = -21.599998f;
@@ -465,8 +486,8 @@ float motor_weakening_current_f32(float torque, float speed)
     const float r13 = motor_rsm_at_most_f32(r10, r11);
     const float r14 = 620.0f;
     const float r15 = r13 - r14;
-    const float r16 = motor_rsm_keep_f32(r7 * r7);
-    const float r17 = motor_rsm_keep_f32(r16 * r16);
+    const float r16 = r7 * r7;
+    const float r17 = r16 * r16;
     const float r18 = 2.1245873e-7f;
     const float r19 = motor_rsm_keep_f32(r18 * r15);
     const float r20 = 5.3426338e-5f;
@@ -498,26 +519,29 @@ float motor_weakening_current_f32(float torque, float speed)
 
 int motor_weakening_current_support_f32(float torque, float speed)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = torque;
     const float r1 = motor_rsm_keep_f32(speed);
     const float r2 = 0.0f;
     const float r3 = 1.0f;
     const float r4 = -0.046296295f;
-    const float r5 = motor_rsm_keep_f32(r0 * r4);
+    const float r5 = r0 * r4;
     const float r6 = 0.98520005f;
     const float r8 = motor_rsm_select_f32(r5, r6, r3, r2);
     const float r9 = 0.046296295f;
-    const float r10 = motor_rsm_keep_f32(r0 * r9);
+    const float r10 = r0 * r9;
     const float r11 = 1.0001f;
     const float r13 = motor_rsm_select_f32(r10, r11, r8, r2);
     const float r14 = 620.0f;
     const float r15 = r1 - r14;
     const float r16 = -0.0055555557f;
-    const float r17 = motor_rsm_keep_f32(r15 * r16);
+    const float r17 = r15 * r16;
     const float r18 = 0.958f;
     const float r20 = motor_rsm_select_f32(r17, r18, r13, r2);
     const float r21 = 0.0055555557f;
-    const float r22 = motor_rsm_keep_f32(r15 * r21);
+    const float r22 = r15 * r21;
     const float r23 = 1.131f;
     const float r25 = motor_rsm_select_f32(r22, r23, r20, r2);
     const float r26 = -0.009027778f;
@@ -549,6 +573,9 @@ int motor_weakening_current_support_f32(float torque, float speed)
 
 float motor_limit_current_f32(float torque, float current, float speed)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = torque;
     const float r1 = current;
     const float r2 = speed;
@@ -631,6 +658,18 @@ int motor_self_test(void)
 
 #if DBL_MANT_DIG == 53 /* double has 64 bits */
     {
+        volatile double smallest = DBL_MIN;
+        failures += !(smallest * 0.5 > 0.0);
+    }
+
+#endif /* double has 64 bits */
+    {
+        volatile float smallest = FLT_MIN;
+        failures += !(smallest * 0.5f > 0.0f);
+    }
+
+#if DBL_MANT_DIG == 53 /* double has 64 bits */
+    {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
             { 0x0000000000000000ULL, 0x4083600000000000ULL, 0x3fd30bb7e5ec762aULL },
@@ -643,11 +682,27 @@ int motor_self_test(void)
             { 0xc03312925cc1c758ULL, 0x40811fd2c21864b6ULL, 0x4025a025c24052a8ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = motor_weakening_current;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double x1[8];
+        double y[8];
+        for (k = 0; k < 8; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = motor_weakening_current(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += motor_rsm_differs(y[k], points[k][2]);
         }
     }
     {
@@ -660,11 +715,27 @@ int motor_self_test(void)
             { 0x7ff8000000000000ULL, 0x4083600000000000ULL, 0x0000000000000000ULL },
         };
         int (*volatile function)(double, double) = motor_weakening_current_support;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 5;
+        unsigned int k, n;
+        double x0[5];
+        double x1[5];
+        int y[5];
+        for (k = 0; k < 5; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+        for (k = 0; k < 5; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = motor_weakening_current_support(x0[k], x1[k]);
+        }
+        for (k = 0; k < 5; k++) {
+            failures += y[k] != (points[k][2] != 0);
         }
     }
     {
@@ -680,11 +751,29 @@ int motor_self_test(void)
             { 0xc032281ccdf2122cULL, 0x4018c6bdbc9e2954ULL, 0x4088657f9b72eea7ULL, 0x40265ff4ad2d9874ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double, double) = motor_limit_current;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[4] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double x1[8];
+        double x2[8];
+        double y[8];
+        for (k = 0; k < 8; k++) {
             double x[3];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs(function(x[0], x[1], x[2]), points[k][3]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+            (void)memcpy(&x2[k], &rows[k][2], sizeof x2[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = motor_limit_current(x0[k], x1[k], x2[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += motor_rsm_differs(y[k], points[k][3]);
         }
     }
 
@@ -702,11 +791,27 @@ int motor_self_test(void)
             { 0xc16ee24eUL, 0x440dcc02UL, 0x409d5b43UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = motor_weakening_current_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float x1[8];
+        float y[8];
+        for (k = 0; k < 8; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = motor_weakening_current_f32(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += motor_rsm_differs_f32(y[k], points[k][2]);
         }
     }
     {
@@ -719,11 +824,27 @@ int motor_self_test(void)
             { 0x7fc00000UL, 0x441b0000UL, 0x00000000UL },
         };
         int (*volatile function)(float, float) = motor_weakening_current_support_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 5;
+        unsigned int k, n;
+        float x0[5];
+        float x1[5];
+        int y[5];
+        for (k = 0; k < 5; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += function(x[0], x[1]) != (points[k][2] != 0);
+        }
+        for (k = 0; k < 5; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = motor_weakening_current_support_f32(x0[k], x1[k]);
+        }
+        for (k = 0; k < 5; k++) {
+            failures += y[k] != (points[k][2] != 0);
         }
     }
     {
@@ -739,14 +860,43 @@ int motor_self_test(void)
             { 0xc19630b6UL, 0x42179e38UL, 0x4447dc8cUL, 0x41b642d6UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float, float) = motor_limit_current_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[4] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float x1[8];
+        float x2[8];
+        float y[8];
+        for (k = 0; k < 8; k++) {
             float x[3];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs_f32(function(x[0], x[1], x[2]), points[k][3]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+            (void)memcpy(&x2[k], &rows[k][2], sizeof x2[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = motor_limit_current_f32(x0[k], x1[k], x2[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += motor_rsm_differs_f32(y[k], points[k][3]);
         }
     }
     return failures;
 }
 
+#endif
+
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(pop)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC pop_options
+#endif
 #endif

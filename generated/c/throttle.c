@@ -42,9 +42,20 @@ typedef char throttle_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 1
 #endif
 #endif
 
-#if defined(_MSC_VER) && !defined(__clang__)
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(push)
+#pragma float_control(precise, on)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC push_options
+#pragma GCC optimize ("no-associative-math", "no-reciprocal-math", "signed-zeros", "no-unsafe-math-optimizations", "trapping-math")
+#endif
+#elif defined(_MSC_VER)
 #pragma fp_contract(off)
-#elif !defined(__GNUC__) || defined(__clang__)
+#else
 #pragma STDC FP_CONTRACT OFF
 #endif
 
@@ -57,15 +68,9 @@ typedef char throttle_rsm_constants_are_double[sizeof(1.0) == sizeof(double) ? 1
 #define RSM_AARCH64
 #endif
 
-#if !defined(RSM_BARRIER) && defined(__has_builtin)
-#if __has_builtin(__builtin_assoc_barrier)
-#define RSM_BARRIER(product) __builtin_assoc_barrier(product)
-#endif
-#endif
-
 #if DBL_MANT_DIG == 53 /* double has 64 bits */
 
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define throttle_rsm_keep(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -83,6 +88,8 @@ static inline double throttle_rsm_keep(double product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif
@@ -158,7 +165,7 @@ static inline double throttle_rsm_at_most(double value, double bound)
 
 #endif /* double has 64 bits */
 
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define throttle_rsm_keep_f32(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -176,6 +183,8 @@ static inline float throttle_rsm_keep_f32(float product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif
@@ -253,6 +262,9 @@ static inline float throttle_rsm_at_most_f32(float value, float bound)
 
 double throttle_damping_ratio(double speed, double gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const double r0 = speed;
     const double r1 = gear;
     const double r2 = 10.0;
@@ -290,6 +302,9 @@ double throttle_damping_ratio(double speed, double gear)
 
 float throttle_damping_ratio_f32(float speed, float gear)
 {
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
+#endif
     const float r0 = speed;
     const float r1 = gear;
     const float r2 = 10.0f;
@@ -359,6 +374,18 @@ int throttle_self_test(void)
 
 #if DBL_MANT_DIG == 53 /* double has 64 bits */
     {
+        volatile double smallest = DBL_MIN;
+        failures += !(smallest * 0.5 > 0.0);
+    }
+
+#endif /* double has 64 bits */
+    {
+        volatile float smallest = FLT_MIN;
+        failures += !(smallest * 0.5f > 0.0f);
+    }
+
+#if DBL_MANT_DIG == 53 /* double has 64 bits */
+    {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
             { 0x4044000000000000ULL, 0x4008000000000000ULL, 0x3fda1b089a027525ULL },
@@ -371,11 +398,27 @@ int throttle_self_test(void)
             { 0x404fdd3d4e6fdfb7ULL, 0x400a51d6e43da6c3ULL, 0xbfc2415cd6f65346ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = throttle_damping_ratio;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint64_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        double x0[8];
+        double x1[8];
+        double y[8];
+        for (k = 0; k < 8; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += throttle_rsm_differs(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = throttle_damping_ratio(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += throttle_rsm_differs(y[k], points[k][2]);
         }
     }
 
@@ -393,14 +436,41 @@ int throttle_self_test(void)
             { 0x41f63725UL, 0x40251ac0UL, 0x3f13c828UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = throttle_damping_ratio_f32;
-        unsigned int k;
-        for (k = 0; k < sizeof points / sizeof points[0]; k++) {
+        const uint32_t (*volatile rows)[3] = points;
+        volatile unsigned int count = 8;
+        unsigned int k, n;
+        float x0[8];
+        float x1[8];
+        float y[8];
+        for (k = 0; k < 8; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += throttle_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
+        }
+        for (k = 0; k < 8; k++) {
+            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
+            (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
+        }
+        n = count;
+        for (k = 0; k < n; k++) {
+            y[k] = throttle_damping_ratio_f32(x0[k], x1[k]);
+        }
+        for (k = 0; k < 8; k++) {
+            failures += throttle_rsm_differs_f32(y[k], points[k][2]);
         }
     }
     return failures;
 }
 
+#endif
+
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(pop)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC pop_options
+#endif
 #endif

@@ -119,7 +119,12 @@ fn compare(of_f64: &[&dyn Backend<f64>], of_f32: &[&dyn Backend<f32>], random: u
     assert!(failures.is_empty(), "{} functions differ\n\n{}", failures.len(), failures.join("\n"));
 }
 
-fn compare_function<T: Number>(case: &Case, function: usize, backends: &[&dyn Backend<T>], random: usize) -> Vec<String> {
+pub(crate) fn compare_function<T: Number>(
+    case: &Case,
+    function: usize,
+    backends: &[&dyn Backend<T>],
+    random: usize,
+) -> Vec<String> {
     let function = &case.unit.functions[function];
     let model = case.checked.model();
     let is_step = function.kind == Kind::Step;

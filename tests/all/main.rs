@@ -3,9 +3,11 @@
 mod bit_for_bit;
 mod effects;
 mod firmware;
+mod inlined;
 mod layers;
 mod lowering;
 mod measured;
+mod names;
 mod object_code;
 mod refuses;
 mod stale;

@@ -61,6 +61,37 @@ fn checked_in_c_is_free_of_branches_and_calls() {
     }
 }
 
+/// The sentence stands in every emitted header, in README.md and in ARCHITECTURE.md, word for word, and is true: with optimisation there is
+/// nothing, without it there are calls, and with software floats too.
+#[test]
+fn it_is_said_when_there_is_no_branch_and_no_call() {
+    let words = |text: &str| text.split_whitespace().filter(|word| *word != "*").collect::<Vec<_>>().join(" ");
+    let sentence = words(&rsm_core::emit::c::NO_BRANCH.join(" "));
+    let cases = cases::checked_in();
+    let folder = scratch("object-when");
+    let units: Vec<&Unit> = cases.iter().map(|case| &case.unit).collect();
+    compilers::write_c(units.iter().copied(), &folder);
+    let headers = units.iter().map(|unit| folder.join(format!("{}.h", unit.model)));
+    for file in headers.chain(["README.md", "ARCHITECTURE.md"].map(|name| cases::root().join(name))) {
+        let text = std::fs::read_to_string(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        assert!(words(&text).contains(&sentence), "{} does not say: {sentence}", file.display());
+    }
+    for compiler in ["gcc", "clang"] {
+        for level in ["-O1", "-Os", "-O3"] {
+            check_c(&units, &folder, &format!("{compiler} {level}"));
+        }
+        let of_ours: Vec<String> = units.iter().flat_map(|unit| compilers::c_symbols(unit)).map(|(symbol, _)| symbol).collect();
+        Compiler::new(&format!("{compiler} -O0")).must(&["-c", "models.c", "-o", "plain.o"], &folder);
+        let functions = object::disassemble(&folder.join("plain.o"));
+        let calls = of_ours.iter().filter(|symbol| !functions[*symbol].transfers().is_empty()).count();
+        assert!(2 * calls > of_ours.len(), "{compiler} -O0: {calls} of {} functions call helpers", of_ours.len());
+    }
+    // A Cortex-M3 has no floating-point unit. The library's names are in the text of the assembler.
+    Compiler::new("arm-none-eabi-gcc -O2 -mcpu=cortex-m3 -mthumb").must(&["-S", "models.c", "-o", "soft.s"], &folder);
+    let text = std::fs::read_to_string(folder.join("soft.s")).expect("written above");
+    assert!(text.contains("__aeabi_dmul") && text.contains("__aeabi_fadd"), "operations are calls");
+}
+
 #[test]
 fn emitted_c_is_free_of_branches_and_calls() {
     let cases = cases::random();
@@ -161,14 +192,15 @@ fn with_and_without_barrier(cases: &[cases::Case], folder: &Path, line: &str) ->
 }
 
 #[test]
-fn barrier_costs_no_instruction_in_the_checked_in_functions() {
+fn barrier_costs_a_copy_at_most_in_the_checked_in_functions() {
     let folder = scratch("object-barrier-checked-in");
     for line in WITHOUT_FUSING {
         for (symbol, kept, free) in with_and_without_barrier(&cases::checked_in(), &folder, line) {
             println!("{line}: {symbol} has {kept} instructions");
-            // A support test is one long row of independent products and comparisons: allocators of registers see other temporaries with the barrier, and copy
-            // one or two more (gcc 69 against 67, clang 40 against 39).
-            let copies = 2 * usize::from(symbol.contains("_support"));
+            // The asm takes and gives one register. Without AVX an instruction overwrites an operand, and the allocator of registers copies one or
+            // two more (gcc 26 against 24 at most); a support test, one long row of independent products, three (70 against 67).
+            let overwrites = 2 * usize::from(!line.contains("-mfma"));
+            let copies = overwrites + usize::from(symbol.contains("_support"));
             // As over all random models below, or one: 35 against 34, 167 against 166.
             let signs = if line.starts_with("clang") { 1 + free / 50 } else { 0 };
             let free = free + copies + signs;
@@ -177,10 +209,8 @@ fn barrier_costs_no_instruction_in_the_checked_in_functions() {
     }
 }
 
-/// Over all random models: no arithmetic more, and in all
-/// - gcc 1 in 1000: its allocator of registers sees other temporaries, and copies one or two more in 4 functions of 180, each of more
-///   than 180 instructions (8198 against 8193);
-/// - clang 1 in 50: it no longer moves signs through products (8253 against 8172; only in models with odd symmetry or reciprocals).
+/// Over all random models: no arithmetic more, and in all 1 instruction in 25: copies of registers (1157 against 1139 over the shipped models in gcc
+/// without AVX, 907 against 905 with it); clang no longer moves signs through products.
 #[test]
 #[ignore = "compiles every random model twelve times: run by `cargo xtask test`"]
 fn barrier_costs_next_to_nothing_in_any_model() {
@@ -190,7 +220,7 @@ fn barrier_costs_next_to_nothing_in_any_model() {
         let counts = with_and_without_barrier(&cases, &folder, line);
         let (kept, free) = counts.iter().fold((0, 0), |(kept, free), (_, k, f)| (kept + k, free + f));
         println!("{line}: {kept} instructions with the barrier, {free} without");
-        let allowed = if line.starts_with("gcc") { free / 1000 } else { free / 50 };
+        let allowed = free / 25;
         assert!(kept <= free + allowed, "{line}: {kept} instructions with the barrier, {free} without");
     }
 }

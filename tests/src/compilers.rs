@@ -91,8 +91,10 @@ pub fn write(folder: &Path, name: &str, text: &str) {
 
 /// Writes the emitted C of some models into a folder, and `models.c`, which includes every source.
 pub fn write_c<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
-    let (mut sources, mut batches) = (String::new(), String::from("#include <stddef.h>\n"));
+    let (mut sources, mut batches) = (String::new(), String::from(EXPORT));
+    let mut names: Vec<String> = vec![];
     for unit in units {
+        names.push(unit.model.clone());
         let files = emit::c::emit(unit);
         write(folder, &format!("{}.h", unit.model), &files.header);
         write(folder, &format!("{}.c", unit.model), &files.source);
@@ -112,7 +114,7 @@ pub fn write_c<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
             }
             writeln!(
                 batches,
-                "void batch_{model}_{name}(const {float} *x, {float} *y, size_t n);\n\
+                "RSM_TESTS_EXPORT void batch_{model}_{name}(const {float} *x, {float} *y, size_t n);\n\
                  void batch_{model}_{name}(const {float} *x, {float} *y, size_t n)\n\
                  {{\n    size_t i;\n    {state}for (i = 0; i < n; i++) {{ y[i] = ({float}){}({pass}{}); }}\n}}",
                 function.c_name(model),
@@ -121,10 +123,61 @@ pub fn write_c<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
             .expect("text");
         }
     }
+    let models: Vec<&str> = names.iter().map(String::as_str).collect();
+    write(folder, "self_tests.c", &self_tests(&models));
+    // The caller sees the sources: a compiler may inline every function into the loop that calls it.
+    write(folder, "unity.c", "#include \"models.c\"\n#include \"batches.c\"\n#include \"self_tests.c\"\n");
     // One translation unit: 36 starts of a compiler less, and the helpers of the sources must get along with each other. The calls are in
     // another one, so that functions are compiled as a user compiles them.
     write(folder, "models.c", &sources);
     write(folder, "batches.c", &batches);
+}
+
+/// Batch functions are found in a shared object also where everything else is hidden, as in a program: what is visible cannot be inlined by gcc.
+const EXPORT: &str = "#include <stddef.h>\n#define RSM_TESTS_EXPORT __attribute__((visibility(\"default\")))\n";
+
+/// `int self_tests(void)`: the failures of the self-tests of all models.
+fn self_tests(models: &[&str]) -> String {
+    let mut text = String::from("#if defined(RSM_SELF_TEST)\n");
+    for model in models {
+        writeln!(text, "#include \"{model}.h\"").expect("text");
+    }
+    let sum: Vec<String> = models.iter().map(|model| format!("{model}_self_test()")).collect();
+    let declaration = "__attribute__((visibility(\"default\"))) int self_tests(void)";
+    writeln!(text, "{declaration};\n{declaration}\n{{\n    return {};\n}}\n#endif", sum.join(" + ")).expect("text");
+    text
+}
+
+/// Every C compiler of a family (`gcc`, `clang`) on the search path: the family's name, then every numbered one that is another program.
+///
+/// # Panics
+/// When the family's own name is missing.
+#[must_use]
+pub fn installed(family: &str) -> Vec<String> {
+    let mut found: Vec<(String, PathBuf)> = vec![];
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let mut numbered: Vec<(u32, PathBuf)> = vec![];
+    for folder in std::env::split_paths(&path) {
+        let own = folder.join(family);
+        if found.is_empty() && own.is_file() {
+            found.push((family.to_string(), own.canonicalize().unwrap_or(own)));
+        }
+        let entries = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+        numbered.extend(entries.filter_map(|entry| {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let number = name.strip_prefix(family)?.strip_prefix('-')?.parse().ok()?;
+            Some((number, entry.path()))
+        }));
+    }
+    assert!(!found.is_empty(), "{family} is not on the search path; apt-get install {family}");
+    numbered.sort();
+    for (number, program) in numbered {
+        let program = program.canonicalize().unwrap_or(program);
+        if found.iter().all(|(_, known)| *known != program) {
+            found.push((format!("{family}-{number}"), program));
+        }
+    }
+    found.into_iter().map(|(name, _)| name).collect()
 }
 
 /// Compiles what [`write_c`] wrote to a shared object.

@@ -7,7 +7,7 @@
 //! | --- | --- | --- | --- | --- | --- |
 //! | clamp at one bound, the load of the bound included | 2 | 2 | 3 | 5 | 13 |
 //! | select | 4 | 2 | 2 | 5 | 10 |
-//! | keep a product | 0 | 0 | 0 | 0 | 0 |
+//! | keep a product that a sum reads | 0 | 0 | 0 | 0 | 0 |
 //!
 //! Why not the plain conditional: gcc sees that a clamped value is a constant on one side and makes a branch of it, on every machine;
 //! clang does so where a product of the clamped value follows, since a constant times a constant need not be computed.
@@ -42,7 +42,7 @@ pub(super) fn refusals(model: &str, f64_functions: bool, f32_functions: bool) ->
     if f32_functions {
         text.push_str(REFUSE_EXCESS_F32);
     }
-    text.push_str(CONTRACTION_OFF);
+    text.push_str(PRECISE);
     text.replace("@m", model)
 }
 
@@ -51,9 +51,6 @@ pub(super) fn machine(needs: &[Needs]) -> String {
     let mut text = String::new();
     if needs.iter().any(|needs| needs.keep || needs.any_choice()) {
         text.push_str(MACHINE);
-    }
-    if needs.iter().any(|needs| needs.keep) {
-        text.push_str(BARRIER);
     }
     text
 }
@@ -145,12 +142,47 @@ const REFUSE_EXCESS_F32: &str = r#"
 #endif
 "#;
 
-// gcc does not know the pragma (and warns of it); clang does not heed it under -ffp-contract=fast. Both have the barrier instead.
-const CONTRACTION_OFF: &str = r"
-#if defined(_MSC_VER) && !defined(__clang__)
+// clang shows the preprocessor nothing of -funsafe-math-optimizations and the options that it is made of. Its pragma float_control undoes
+// them, from the first version that has it (11) to the last; clang 22 with -ffp-model=fast too. It is pushed and popped, for who includes the
+// file. Where a target has no strict floating point (32-bit Arm among them) clang ignores it: so each function also forbids that sums be taken in
+// another order, which every target heeds. Compilers without the barrier have the standard pragma.
+const PRECISE: &str = r#"
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(push)
+#pragma float_control(precise, on)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC push_options
+#pragma GCC optimize ("no-associative-math", "no-reciprocal-math", "signed-zeros", "no-unsafe-math-optimizations", "trapping-math")
+#endif
+#elif defined(_MSC_VER)
 #pragma fp_contract(off)
-#elif !defined(__GNUC__) || defined(__clang__)
+#else
 #pragma STDC FP_CONTRACT OFF
+#endif
+"#;
+
+/// The last lines of the source: what [`refusals`] pushed is popped.
+pub(super) const PRECISE_ENDS: &str = r#"
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wignored-pragmas"
+#pragma float_control(pop)
+#pragma clang diagnostic pop
+#elif defined(__GNUC__)
+#if __GNUC__ < 12
+#pragma GCC pop_options
+#endif
+#endif
+"#;
+
+/// The first lines of a function.
+pub(super) const IN_ORDER: &str = "\
+#if defined(__clang__)
+#pragma clang fp reassociate(off)
 #endif
 ";
 
@@ -165,18 +197,12 @@ const MACHINE: &str = r"
 #endif
 ";
 
-const BARRIER: &str = r"
-#if !defined(RSM_BARRIER) && defined(__has_builtin)
-#if __has_builtin(__builtin_assoc_barrier)
-#define RSM_BARRIER(product) __builtin_assoc_barrier(product)
-#endif
-#endif
-";
-
-// Also on products that feed no sum here: a caller into which the function is inlined may add to its result. And on arguments: the
-// caller's product may not be fused into the first difference.
+// Why assembly: it is the one thing that no pass of a compiler looks through. gcc has __builtin_assoc_barrier, which its vectoriser takes for a
+// copy and drops, so that the loop into which a function was inlined had fused operations; its function attributes and pragmas of options
+// keep the bits, at the price of a call (callers with other options cannot inline) or of the options of a whole file that includes this one.
+// RSM_BARRIER is for the tests, which take the barrier away to see that it is needed.
 const KEEP: &str = r#"
-/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options. It costs no instruction. */
+/* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
 #define @m_rsm_keep@suffix(product) RSM_BARRIER(product)
 #elif defined(RSM_ISO_C)
@@ -194,6 +220,8 @@ static inline @type @m_rsm_keep@suffix(@type product)
     __asm__("" : "+f"(product));
 #elif defined(__arm__) || defined(__riscv) || defined(__AVR__)
     __asm__("" : "+r"(product));
+#elif defined(__s390x__) || (defined(__powerpc64__) && !defined(_SOFT_FLOAT) && !defined(__SPE__))
+    __asm__("" : "+f"(product));
 #else
     __asm__("" : "+m"(product));
 #endif

@@ -6,7 +6,7 @@
 mod reserved;
 
 use crate::number::Precision;
-use reserved::{FAMILIES, KEYWORDS, LIBRARY, MACRO_FAMILIES, MACROS};
+use reserved::{FAMILIES, FLOAT_FAMILIES, INTEGER_ENDINGS, INTEGER_FAMILIES, KEYWORDS, LIBRARY, MACRO_FAMILIES, MACROS};
 
 /// What is appended to the name of a surface or a compensator, now or by a later emitter: two names may not meet through them.
 const SUFFIXES: &[&str] = &[
@@ -108,9 +108,7 @@ pub fn refuse(name: &str) -> Option<String> {
     not_an_identifier(name)
         .or_else(|| reserved_form(name))
         .or_else(|| keyword(name))
-        .or_else(|| {
-            MACROS.contains(&name).then(|| "is replaced by the headers or the compilers of C; choose another name".to_string())
-        })
+        .or_else(|| is_macro(name).then(|| "is replaced by the headers or the compilers of C; choose another name".to_string()))
         .or_else(|| register(name))
 }
 
@@ -204,6 +202,16 @@ fn reserved_form(name: &str) -> Option<String> {
     let lower = name.to_ascii_lowercase();
     (lower == "rsm" || lower.starts_with("rsm_"))
         .then(|| "begins with `rsm`, which emitted code keeps for its own helpers".to_string())
+}
+
+/// Whether a header that emitted C includes, or a compiler by itself, may define a macro of this name. `tests/all/names.rs` asks the compilers.
+fn is_macro(name: &str) -> bool {
+    let without_width = |stem: &str| stem.trim_end_matches(|c: char| c.is_ascii_digit()).to_string();
+    let of_floats = name.split_once('_').is_some_and(|(stem, _)| FLOAT_FAMILIES.contains(&without_width(stem).as_str()));
+    let of_integers = name
+        .rsplit_once('_')
+        .is_some_and(|(stem, end)| INTEGER_ENDINGS.contains(&end) && INTEGER_FAMILIES.contains(&without_width(stem).as_str()));
+    MACROS.contains(&name) || of_floats || of_integers
 }
 
 fn keyword(name: &str) -> Option<String> {

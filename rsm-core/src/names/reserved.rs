@@ -121,15 +121,21 @@ pub(super) const KEYWORDS: &[(&str, &[&str])] = &[
 
 /// Words that a C compiler or a C header may replace by something else before the name is seen: a parameter may not have them.
 pub(super) const MACROS: &[&str] = &[
+    "AVR",
     "EOF",
+    "HAVE_INITFINI_ARRAY",
     "HUGE_VAL",
     "HUGE_VALF",
     "I",
     "INFINITY",
+    "MIPSEB",
+    "MIPSEL",
+    "MSP430",
     "NAN",
     "NULL",
     "arm",
     "assert",
+    "basename",
     "errno",
     "hppa",
     "i386",
@@ -142,10 +148,37 @@ pub(super) const MACROS: &[&str] = &[
     "stderr",
     "stdin",
     "stdout",
+    "strdupa",
+    "strndupa",
     "sun",
     "unix",
     "vax",
 ];
+
+/// What macros of `<float.h>` begin with, each followed by a width or none, and an underscore.
+pub(super) const FLOAT_FAMILIES: &[&str] = &["DBL", "DEC", "DECIMAL", "FLT", "LDBL"];
+
+/// What macros of `<stdint.h>` begin with, each followed by a width or none.
+pub(super) const INTEGER_FAMILIES: &[&str] = &[
+    "INT",
+    "INTMAX",
+    "INTPTR",
+    "INT_FAST",
+    "INT_LEAST",
+    "PTRDIFF",
+    "SIG_ATOMIC",
+    "SIZE",
+    "UINT",
+    "UINTMAX",
+    "UINTPTR",
+    "UINT_FAST",
+    "UINT_LEAST",
+    "WCHAR",
+    "WINT",
+];
+
+/// What they end in, after an underscore.
+pub(super) const INTEGER_ENDINGS: &[&str] = &["C", "MAX", "MIN", "WIDTH"];
 
 /// Functions and types of the C library (and of POSIX) whose names a model and a surface could make together.
 pub(super) const LIBRARY: &[&str] = &[

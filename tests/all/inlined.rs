@@ -1,0 +1,343 @@
+//! An evaluator keeps its bits when it is inlined into a caller's loop: by link-time optimisation, by including the source, under every option
+//! that invites a compiler to vectorise the loop, to fuse and to reorder. Each way of compiling is refused by the emitted text or gives the bits.
+//!
+//! Every gcc and clang of the machine takes part, found by name; which ones, the test prints. The models are random surfaces that extrapolate (a
+//! clamp is an instruction that keeps a loop from being vectorised), some of the other random models, and compensators.
+
+use std::path::{Path, PathBuf};
+
+use rsm_core::check::Checked;
+use rsm_core::compile;
+use rsm_core::emit::Unit;
+use rsm_core::model::{Coding, Input, Model, Outside, Surface, Term};
+use rsm_core::number::Precision;
+use rsm_tests::backend::{Backend, Loaded};
+use rsm_tests::cases::{self, Case};
+use rsm_tests::compilers::{self, Compiler};
+use rsm_tests::object;
+
+use crate::bit_for_bit::compare_function;
+
+/// Random points of each function beside those that hurt: some rounds of the widest vector.
+const POINTS: usize = 200;
+
+/// Options that change results, alone and in the sets that their compilers offer. Each is refused, or has no effect on an evaluator.
+const FAST: [&str; 12] = [
+    "-ffast-math",
+    "-Ofast",
+    "-funsafe-math-optimizations",
+    "-fassociative-math -fno-signed-zeros -fno-trapping-math",
+    "-freciprocal-math",
+    "-fno-signed-zeros",
+    "-ffinite-math-only",
+    "-fno-honor-nans",
+    "-fno-honor-infinities",
+    "-fapprox-func",
+    "-ffp-model=fast",
+    "-ffp-model=aggressive",
+];
+
+fn scratch(name: &str) -> PathBuf {
+    compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), name)
+}
+
+/// Splitmix64 (Steele, Lea, Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^= z >> 31;
+        low + (high - low) * ((z >> 11) as f64 * 2f64.powi(-53))
+    }
+}
+
+/// Surfaces of one to three inputs that all extrapolate, of order 1 to 4, centred or in natural powers, a second surface of the first input alone.
+fn extrapolating() -> Vec<Case> {
+    let mut random = Random(0x1a11);
+    (0..6)
+        .map(|index| {
+            let (count, order) = (1 + index % 3, 1 + (index as u32 + 1) % 4);
+            let inputs: Vec<Input> = ["x", "y", "z"][..count]
+                .iter()
+                .map(|name| {
+                    let low = random.between(-3.0, 1.0);
+                    let range = [low, low + random.between(0.5, 4.0)];
+                    Input { name: (*name).to_string(), unit: "1".to_string(), range, outside: Outside::Extrapolate }
+                })
+                .collect();
+            let mut surface = |name: &str, count: usize, order: u32| {
+                let powers = (0..(order + 1).pow(count as u32))
+                    .map(|k| (0..count as u32).map(|axis| k / (order + 1).pow(axis) % (order + 1)).collect::<Vec<u32>>());
+                let terms = powers
+                    .filter(|powers| powers.iter().sum::<u32>() <= order)
+                    .map(|powers| Term { powers, coefficient: random.between(-2.0, 2.0) })
+                    .collect();
+                Surface {
+                    name: name.to_string(),
+                    unit: "1".to_string(),
+                    inputs: inputs[..count].iter().map(|input| input.name.clone()).collect(),
+                    coding: if index % 2 == 0 { Coding::Range } else { Coding::None },
+                    terms,
+                    ..Surface::default()
+                }
+            };
+            let surfaces = vec![surface("s", count, order), surface("t", 1, 2)];
+            let model = Model { name: format!("e{index}"), inputs: inputs.clone(), surfaces, compensators: vec![] };
+            let checked = Checked::from_model(&model).unwrap_or_else(|faults| panic!("{faults}"));
+            let unit = compile::unit(&checked, &[]).unwrap_or_else(|faults| panic!("{faults}"));
+            Case { file: PathBuf::from(format!("{}.toml", model.name)), checked, unit }
+        })
+        .collect()
+}
+
+/// The extrapolating models; some of the random ones, with shared powers, reciprocals and hinges; two with compensators.
+fn some() -> Vec<Case> {
+    let others = cases::random().into_iter().filter(|case| {
+        let operations: usize = case.unit.functions.iter().map(|function| function.tape.operation_count()).sum();
+        ["n00", "n02"].contains(&case.unit.model.as_str()) || (case.unit.model.starts_with('m') && operations < 120)
+    });
+    extrapolating().into_iter().chain(others).collect()
+}
+
+fn every() -> Vec<Case> {
+    extrapolating().into_iter().chain(cases::random()).collect()
+}
+
+/// How the caller comes to see the evaluators.
+#[derive(Clone, Copy, PartialEq)]
+enum Seen {
+    /// It includes the source.
+    Unity,
+    /// The linker puts both together.
+    Linked,
+    /// The same, and the caller alone is compiled with -Ofast.
+    LinkedFromFast,
+}
+
+/// The shared object of one way of compiling; what the compiler said when the emitted text refused it; `None` where the compiler does not know an
+/// option. Objects are linked without the options: a program that is linked with -ffast-math may start in a mode that flushes subnormals.
+fn build(line: &str, seen: Seen, folder: &Path) -> Option<Result<PathBuf, String>> {
+    let compiler = Compiler::new(&format!("{line} -fPIC -fvisibility=hidden -DRSM_SELF_TEST"));
+    let unknown = compiler.run(&["-E", "-x", "c", "/dev/null", "-o", "nothing"], folder);
+    let said = String::from_utf8_lossy(&unknown.stderr).into_owned();
+    if !unknown.status.success() || said.contains("not supported") || said.contains("argument unused") {
+        return None;
+    }
+    let sources: &[(&str, &str)] = match seen {
+        Seen::Unity => &[("unity.c", "")],
+        Seen::Linked => &[("models.c", "-flto"), ("batches.c", "-flto"), ("self_tests.c", "-flto")],
+        Seen::LinkedFromFast => &[("models.c", "-flto"), ("batches.c", "-flto -Ofast"), ("self_tests.c", "-flto")],
+    };
+    let mut objects = vec![];
+    for (source, options) in sources {
+        let object = format!("{source}.o");
+        let arguments: Vec<&str> = options.split_whitespace().chain(["-c", source, "-o", &object]).collect();
+        let output = compiler.run(&arguments, folder);
+        if !output.status.success() {
+            return Some(Err(String::from_utf8_lossy(&output.stderr).into_owned()));
+        }
+        objects.push(object);
+    }
+    let name = line.replace(|c: char| !c.is_ascii_alphanumeric(), "_") + &format!("_{}.so", seen as u8);
+    let program = line.split_whitespace().next().expect("a program");
+    let level = if seen == Seen::Unity { "-O0" } else { "-flto -O3 -march=native" };
+    let mut arguments: Vec<&str> = vec!["-shared", "-fPIC", "-o", &name];
+    arguments.extend(objects.iter().map(String::as_str));
+    Compiler::new(&format!("{program} {level}")).must(&arguments, folder);
+    Some(Ok(folder.join(name)))
+}
+
+/// What is wrong with a library: functions that differ, self-tests that fail.
+fn faults(line: &str, library: &Path, cases: &[Case]) -> Vec<String> {
+    let loaded = Loaded::open(line, library);
+    let mut wrong = vec![];
+    for case in cases {
+        for (k, function) in case.unit.functions.iter().enumerate() {
+            wrong.extend(match function.tape.precision {
+                Precision::F64 => compare_function::<f64>(case, k, &[&loaded as &dyn Backend<f64>], POINTS),
+                Precision::F32 => compare_function::<f32>(case, k, &[&loaded as &dyn Backend<f32>], POINTS),
+            });
+        }
+    }
+    let failures = loaded.call("self_tests");
+    if failures != 0 {
+        wrong.push(format!("{line}: the self-tests find {failures} differences"));
+    }
+    wrong
+}
+
+/// Each way of compiling is refused in the words of the emitted text, or gives the bits. Gives how many were refused.
+fn judge(ways: &[(String, Seen)], cases: &[Case], folder: &Path) -> usize {
+    compilers::write_c(cases.iter().map(|case| &case.unit), folder);
+    let (mut wrong, mut refused, mut unknown) = (vec![], 0, 0);
+    for (line, seen) in ways {
+        match build(line, *seen, folder) {
+            None => unknown += 1,
+            Some(Err(said)) => {
+                let of_ours =
+                    said.contains("change the results") || said.contains("the x87 unit") || said.contains("excess precision");
+                assert!(of_ours, "{line} fails, and not because the emitted text refuses it:\n{said}");
+                refused += 1;
+            }
+            Some(Ok(library)) => wrong.extend(faults(line, &library, cases)),
+        }
+    }
+    assert!(wrong.is_empty(), "{} findings\n{}", wrong.len(), wrong.join("\n"));
+    println!("{} ways of compiling: {refused} refused, {unknown} with an option that the compiler does not know", ways.len());
+    assert!(unknown < ways.len(), "nothing was compiled");
+    refused
+}
+
+fn all_compilers() -> Vec<String> {
+    let all: Vec<String> = ["gcc", "clang"].iter().flat_map(|family| compilers::installed(family)).collect();
+    println!("compilers seen: {}", all.join(" "));
+    all
+}
+
+/// Options under which loops are vectorised. -march=native may have wider vectors than x86-64-v3, which has fused operations.
+fn vectorised(is_gcc: bool) -> [&'static str; 2] {
+    if is_gcc {
+        ["-O3 -march=native", "-O2 -ftree-vectorize -march=x86-64-v3"]
+    } else {
+        ["-O3 -march=native", "-O2 -mfma -ffp-contract=fast"]
+    }
+}
+
+#[test]
+fn an_evaluator_in_a_vectorised_loop_keeps_its_bits() {
+    let mut ways = vec![];
+    for compiler in all_compilers() {
+        let is_gcc = compiler.starts_with("gcc");
+        ways.push((format!("{compiler} {}", vectorised(is_gcc)[0]), Seen::Unity));
+        if compiler == "gcc" {
+            ways.push((format!("gcc {}", vectorised(true)[1]), Seen::Unity));
+            ways.push((format!("gcc {}", vectorised(true)[0]), Seen::Linked));
+            ways.push((format!("gcc {}", vectorised(true)[0]), Seen::LinkedFromFast));
+        }
+    }
+    assert_eq!(judge(&ways, &some(), &scratch("inlined")), 0, "these options keep IEEE 754");
+}
+
+#[test]
+fn options_that_change_results_are_refused_or_undone() {
+    let mut ways = vec![];
+    for compiler in all_compilers() {
+        ways.extend(FAST.map(|options| (format!("{compiler} -O2 -march=native {options}"), Seen::Unity)));
+    }
+    let refused = judge(&ways, &extrapolating(), &scratch("inlined-fast"));
+    assert!(refused > 4, "-ffast-math and -Ofast are refused at least: {refused}");
+}
+
+#[test]
+#[ignore = "every compiler, every option and every model: run by `cargo xtask test`"]
+fn every_way_of_inlining_every_model_keeps_the_bits() {
+    let mut ways = vec![];
+    for compiler in all_compilers() {
+        let is_gcc = compiler.starts_with("gcc");
+        for options in vectorised(is_gcc) {
+            ways.push((format!("{compiler} {options}"), Seen::Unity));
+            if is_gcc {
+                ways.push((format!("{compiler} {options}"), Seen::Linked));
+                ways.push((format!("{compiler} {options}"), Seen::LinkedFromFast));
+            }
+        }
+        ways.extend(FAST.map(|options| (format!("{compiler} -O3 -march=native {options}"), Seen::Unity)));
+    }
+    judge(&ways, &every(), &scratch("inlined-every"));
+}
+
+/// The suite sees what it is there to see: with the builtin of gcc in place of the barrier the loops are vectorised and fused, and the self-test,
+/// which has such a loop, says so too.
+#[test]
+fn the_builtin_barrier_of_gcc_would_not_do() {
+    let cases = extrapolating();
+    let folder = scratch("inlined-builtin");
+    compilers::write_c(cases.iter().map(|case| &case.unit), &folder);
+    let line = "gcc -O3 -march=native -DRSM_BARRIER=__builtin_assoc_barrier";
+    let library = build(line, Seen::Unity, &folder).expect("known options").expect("it compiles");
+    let wrong = faults(line, &library, &cases);
+    assert!(wrong.len() > 2 && wrong.iter().any(|it| it.contains("self-tests find")), "{wrong:?}");
+}
+
+/// The functions are in the loops themselves, without a call, but for the longest: else these tests would prove nothing.
+#[test]
+fn the_loops_have_the_evaluator_inside() {
+    let cases = extrapolating();
+    let folder = scratch("inlined-object");
+    compilers::write_c(cases.iter().map(|case| &case.unit), &folder);
+    for line in ["gcc -O3 -march=native", "clang -O3 -march=native"] {
+        Compiler::new(line).must(&["-c", "unity.c", "-o", "unity.o"], &folder);
+        let functions = object::disassemble(&folder.join("unity.o"));
+        let (mut inside, mut all) = (0, 0);
+        for case in &cases {
+            for function in &case.unit.functions {
+                let code = &functions[&format!("batch_{}_{}", case.unit.model, function.rust_name())];
+                assert!(code.fused().is_empty(), "{line}: {:?}", code.fused());
+                inside += usize::from(code.transfers().iter().all(|line| !line.starts_with("call")));
+                all += 1;
+            }
+        }
+        assert!(3 * inside > 2 * all, "{line}: {inside} of {all}");
+    }
+}
+
+/// rustc does not fuse, reorder or approximate: a vectorised loop over the same functions has packed products, and no fused operation.
+#[test]
+fn emitted_rust_in_a_vectorised_loop_keeps_its_bits() {
+    let cases = some();
+    let folder = scratch("inlined-rust");
+    compilers::write_rust(cases.iter().map(|case| &case.unit), &folder);
+    let options = "-C opt-level=3 -C target-cpu=native -C llvm-args=-inline-threshold=100000";
+    let library = compilers::rust_library(options, &folder, "inlined");
+    let functions = object::disassemble(&library);
+    let units: Vec<&Unit> = cases.iter().map(|case| &case.unit).collect();
+    let mut packed = 0;
+    for unit in units {
+        for function in &unit.functions {
+            let code = &functions[&format!("batch_{}_{}", unit.model, function.rust_name())];
+            assert!(code.fused().is_empty(), "{}: {:?}", unit.model, code.fused());
+            packed += usize::from(code.instructions.iter().any(|line| line.starts_with("vmulp") || line.starts_with("mulp")));
+        }
+    }
+    assert!(packed > 10, "{packed} loops are vectorised");
+    let loaded = Loaded::open("rustc", &library);
+    let mut wrong = vec![];
+    for case in &cases {
+        for (k, function) in case.unit.functions.iter().enumerate() {
+            wrong.extend(match function.tape.precision {
+                Precision::F64 => compare_function::<f64>(case, k, &[&loaded as &dyn Backend<f64>], POINTS),
+                Precision::F32 => compare_function::<f32>(case, k, &[&loaded as &dyn Backend<f32>], POINTS),
+            });
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// The self-tests on AArch64, whose vectors have fused operations in every machine, linked at -O3 with link-time optimisation, under qemu.
+#[test]
+fn self_tests_pass_on_an_emulated_aarch64() {
+    let has = |program: &str| {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
+    };
+    if !has("aarch64-linux-gnu-gcc") || !has("qemu-aarch64") {
+        assert!(std::env::var_os("CI").is_none(), "apt-get install gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user");
+        println!("SKIPPED: no AArch64 here; apt-get install gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user");
+        return;
+    }
+    let cases = extrapolating();
+    let folder = scratch("inlined-aarch64");
+    compilers::write_c(cases.iter().map(|case| &case.unit), &folder);
+    compilers::write(&folder, "main.c", "int self_tests(void);\nint main(void) { return self_tests() != 0; }\n");
+    for (barrier, keeps) in [("", true), (" -DRSM_BARRIER=__builtin_assoc_barrier", false)] {
+        let line = format!("aarch64-linux-gnu-gcc -O3 -flto -static -DRSM_SELF_TEST{barrier}");
+        Compiler::new(&line).must(&["models.c", "self_tests.c", "main.c", "-o", "self_tests"], &folder);
+        let program = folder.join("self_tests").display().to_string();
+        let passes = Compiler::new("qemu-aarch64").run(&[&program], &folder).status.success();
+        assert_eq!(passes, keeps, "{line}");
+    }
+}
