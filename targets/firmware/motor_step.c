@@ -1,4 +1,4 @@
-/* The steps of targets/motor-loop, operation by operation: src/references.rs, src/currents.rs and src/circle.rs say why each is as it is. */
+/* The steps of targets/motor-loop, operation by operation: src/references.rs, src/currents.rs, src/plausible.rs and src/circle.rs say why each is as it is. */
 #include "motor_step.h"
 
 #include "circle.h"
@@ -13,113 +13,258 @@
 #define PER_ROOT_3 0.57735026f
 #define TWO_THIRDS 0.6666667f
 
+/* Of references.rs. */
+#define FOLD_SPEED 780.0f
+#define FOLD_PER (1.0f / 780.0f)
+#define TRIM_FROM 0.96f
+#define TRIM_MOST 1.2f
+#define TRIM_A 5.5f
+
+/* Of currents.rs and plausible.rs. */
+#define BELIEVED 0.15f
+#define BELIEVED_LEVEL 0.25f
+#define INTEGRAL_SHARE 0.2f
+#define PERIODS_TO_CLOSE 1.0f
+#define FIRST_WAIT 11.0f
+
+EXACT_INLINE float part_of_turn(float turns)
+{
+    return turns - ((turns + WHOLE) - WHOLE);
+}
+
 EXACT_INLINE float cosine(float turns)
 {
-    float whole = (turns + WHOLE) - WHOLE;
-    return circle_sine_f32(1.0f - exact_product(4.0f, exact_magnitude(turns - whole)));
+    return circle_sine_f32(1.0f - exact_product(4.0f, exact_magnitude(part_of_turn(turns))));
+}
+
+typedef struct {
+    float value;
+    float good;
+} judged;
+
+EXACT_INLINE judged judge(const motor_band *band, float sample, float expected, float open, float fresh)
+{
+    judged found;
+    const float in_range = exact_select(exact_magnitude(sample - band->middle), band->half, 1.0f, 0.0f);
+    const float off = exact_select(0.0f, in_range, sample - expected, 0.0f);
+    float believed;
+    found.good = exact_product(in_range, exact_select(exact_magnitude(sample - expected), band->rate, 1.0f, fresh));
+    believed = exact_select(0.0f, found.good, BELIEVED_LEVEL, open);
+    found.value = expected + exact_product(exact_at_least(believed, fresh), off);
+    return found;
 }
 
 void motor_reference_init(motor_reference_state *state)
 {
-    static const motor_reference_state at_rest = {{0.0f, 0.0f, 0.0f, 0.0f}, {0u, 0u}};
+    static const motor_reference_state at_rest = {{0.0f, 0.0f}, 0.0f, 0.0f, 0.0f, 0.0f, {0u, 0u}};
     *state = at_rest;
 }
 
 void motor_current_init(motor_current_state *state)
 {
-    static const motor_current_state at_rest = {0.0f, 0.0f, {0.5f, 0.5f, 0.5f}, {0u, 0u}};
+    static const motor_current_state at_rest = {
+        0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, FIRST_WAIT, 0.0f, {{0.5f, 0.5f, 0.5f}, 0.0f}, {0u, 0u}};
     *state = at_rest;
 }
 
 void motor_references(motor_reference_state *state, const motor_drive *drive, const motor_demand *demand)
 {
-    const float torque = demand->torque_nm, speed = demand->speed_rad_s, bus = demand->bus_voltage_v;
-    const float circle_speed = exact_product(exact_magnitude(speed), drive->nominal_bus_v / bus);
-    const float mirror = exact_select(speed, 0.0f, -1.0f, 1.0f);
-    const float forwards = exact_product(mirror, torque);
+    const motor_limits *limits = &drive->limits;
+    const float coast = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, 1.0f, 0.0f);
+    const float good_torque = exact_select(exact_magnitude(demand->torque_nm), limits->torque_nm, 1.0f, 0.0f);
+    const float torque = exact_select(0.0f, good_torque, demand->torque_nm, state->torque_nm);
+    const float fresh = exact_select(0.0f, state->bus_voltage_v, 0.0f, 1.0f);
+    const judged speed = judge(&limits->speed_rad_s, demand->speed_rad_s, state->speed_rad_s, coast, fresh);
+    const judged bus = judge(&limits->bus_v, demand->bus_voltage_v, state->bus_voltage_v, coast, fresh);
+    const float good_share = exact_select(exact_magnitude(demand->voltage_share), 1e6f, 1.0f, 0.0f);
+    const float voltage_share = exact_select(0.0f, good_share, exact_at_most(demand->voltage_share, TRIM_MOST), TRIM_FROM);
+    const float all_good = exact_product(exact_product(good_torque, good_share), exact_product(speed.good, bus.good));
+
+    const float lowest_bus = limits->bus_v.middle - limits->bus_v.half;
+    const float circle_speed = exact_product(exact_magnitude(speed.value), drive->nominal_bus_v / exact_at_least(bus.value, lowest_bus));
+    const float asked = exact_at_most(circle_speed, FOLD_SPEED);
+    const float beyond = circle_speed - asked;
+    const float fold = exact_at_least(1.0f - exact_product(beyond, FOLD_PER), 0.0f);
+    const float moved = exact_at_least(state->trim_a + exact_product(TRIM_A, voltage_share - TRIM_FROM), 0.0f);
+    const float trim = exact_at_most(moved, drive->current_limit_a);
+    const float mirror = exact_select(speed.value, 0.0f, -1.0f, 1.0f);
+    const float forwards = exact_product(mirror, exact_product(torque, 1.0f - coast));
     const float limit = drive->current_limit_a;
     const float most_weakening = exact_product(LONGEST_LEG, limit);
     const float last_nm = exact_product(drive->newton_metres_per_ampere, exact_product(mirror, state->last.i_q_a));
-    const float at_limit_a = exact_within(motor_limit_current_f32(last_nm, limit, circle_speed), 0.0f, most_weakening);
+    const float at_limit_a = exact_within(motor_limit_current_f32(last_nm, limit, asked), 0.0f, most_weakening);
     const float at_limit = exact_product(at_limit_a, drive->per_ampere);
-    const float most = exact_product(limit, circle_height_f32(exact_product(at_limit, at_limit)));
+    const float most = exact_product(fold, exact_product(limit, circle_height_f32(exact_product(at_limit, at_limit))));
     const float wanted = exact_within(exact_product(forwards, drive->amperes_per_newton_metre), -most, most);
-    const float weakening = motor_weakening_current_f32(exact_product(drive->newton_metres_per_ampere, wanted), circle_speed);
+    const float surface = motor_weakening_current_f32(exact_product(drive->newton_metres_per_ampere, wanted), asked);
+    const float weakening = surface + (exact_product(beyond, drive->weakening_per_speed) + trim);
     const float i_d = -exact_within(weakening, 0.0f, most_weakening);
     const float share = exact_product(i_d, drive->per_ampere);
     const float most_q = exact_product(limit, circle_height_f32(exact_product(share, share)));
     const float i_q = exact_product(mirror, exact_within(wanted, -most_q, most_q));
-    const float resistive_d = exact_product(drive->resistance_ohm, i_d);
-    const float resistive_q = exact_product(drive->resistance_ohm, i_q);
 
-    float sum = exact_nothing(torque) + exact_nothing(speed) + exact_nothing(bus) + exact_nothing(circle_speed);
-    sum = sum + exact_nothing(resistive_d) + exact_nothing(resistive_q) + exact_nothing(most) + exact_nothing(most_q);
-    state->last.i_d_a = exact_select(sum, bus, i_d, state->last.i_d_a);
-    state->last.i_q_a = exact_select(sum, bus, i_q, state->last.i_q_a);
-    state->last.resistive_d_v = exact_select(sum, bus, resistive_d, state->last.resistive_d_v);
-    state->last.resistive_q_v = exact_select(sum, bus, resistive_q, state->last.resistive_q_v);
-    bad_samples_count(&state->bad, exact_less(sum, bus));
+    const float sum = exact_nothing(i_d) + exact_nothing(i_q) + exact_nothing(circle_speed);
+    state->last.i_d_a = exact_select(sum, 1.0f, i_d, state->last.i_d_a);
+    state->last.i_q_a = exact_select(sum, 1.0f, i_q, state->last.i_q_a);
+    state->torque_nm = torque;
+    state->speed_rad_s = speed.value;
+    state->bus_voltage_v = bus.value;
+    state->trim_a = exact_select(sum, 1.0f, trim, state->trim_a);
+    bad_samples_count(&state->bad, exact_less(0.0f, all_good));
+}
+
+EXACT_INLINE float per_root(float square)
+{
+    const float half = exact_product(0.5f, square);
+    uint32_t bits;
+    float guess, once;
+    __builtin_memcpy(&bits, &square, sizeof bits);
+    bits = 0x5F3759DFu - (bits >> 1);
+    __builtin_memcpy(&guess, &bits, sizeof guess);
+    once = exact_product(guess, 1.5f - exact_product(half, exact_product(guess, guess)));
+    return exact_product(once, 1.5f - exact_product(half, exact_product(once, once)));
+}
+
+EXACT_INLINE float move_d(const motor_drive *drive, const motor_current_state *state, float turned, float d, float q)
+{
+    return exact_product(drive->amperes_per_volt, state->v_d_v - exact_product(drive->resistance_ohm, d)) + exact_product(turned, q);
+}
+
+EXACT_INLINE float move_q(const motor_drive *drive, const motor_current_state *state, float turned, float d, float q)
+{
+    return exact_product(drive->amperes_per_volt, state->v_q_v - exact_product(drive->resistance_ohm, q))
+        - exact_product(turned, d + drive->characteristic_current_a);
 }
 
 EXACT_INLINE float duty(const motor_drive *drive, float v, float centre, float per_bus, float current)
 {
     const float lost = exact_product(drive->dead_time_share, exact_within(exact_product(current, drive->per_dead_time_ampere), -1.0f, 1.0f));
-    return exact_within((exact_product(v - centre, per_bus) + 0.5f) + lost, 0.0f, 1.0f);
+    const float on = exact_within((exact_product(v - centre, per_bus) + 0.5f) + lost, 0.0f, 1.0f);
+    return exact_select(on, 2.0f, on, 0.5f);
 }
 
 void motor_currents(motor_current_state *state, const motor_drive *drive, const motor_reference *reference, const motor_measured *measured)
 {
+    const motor_limits *limits = &drive->limits;
     const float a = measured->currents_a[0], b = measured->currents_a[1], c = measured->currents_a[2];
-    const float turns = measured->angle_turns, speed = measured->speed_rad_s, bus = measured->bus_voltage_v;
+    const float turns = measured->angle_turns;
+    const float open = exact_select(0.0f, state->waiting, 1.0f, 0.0f);
+    const float fresh = exact_select(0.0f, state->bus_voltage_v, 0.0f, 1.0f);
+    const judged bus = judge(&limits->bus_v, measured->bus_voltage_v, state->bus_voltage_v, open, fresh);
+    const judged speed = judge(&limits->speed_rad_s, measured->speed_rad_s, state->speed_rad_s, open, fresh);
+
+    const float off = part_of_turn(turns - state->angle_turns);
+    const float angle_in_range = exact_select(exact_magnitude(turns), limits->angle_turns, 1.0f, 0.0f);
+    const float angle_good = exact_product(angle_in_range, exact_select(exact_magnitude(off), limits->angle_rate_turns, 1.0f, fresh));
+    const float angle_believed = exact_select(0.0f, angle_good, BELIEVED, open);
+    const float angle = state->angle_turns + exact_product(angle_believed, exact_select(0.0f, angle_in_range, off, 0.0f));
+
     const float alpha = exact_product(a - exact_product(0.5f, b + c), TWO_THIRDS);
     const float beta = exact_product(b - c, PER_ROOT_3);
-    const float cos_now = cosine(turns), sin_now = cosine(turns - 0.25f);
-    const float i_d = exact_product(cos_now, alpha) + exact_product(sin_now, beta);
-    const float i_q = exact_product(cos_now, beta) - exact_product(sin_now, alpha);
+    const float cos_now = cosine(angle), sin_now = cosine(angle - 0.25f);
+    const float sampled_d = exact_product(cos_now, alpha) + exact_product(sin_now, beta);
+    const float sampled_q = exact_product(cos_now, beta) - exact_product(sin_now, alpha);
+    const float square = exact_product(sampled_d, sampled_d) + exact_product(sampled_q, sampled_q);
+    const float small = exact_select(square, limits->current_square_a2, 1.0f, 0.0f);
+    const float in_range = exact_select(exact_magnitude((a + b) + c), limits->current_sum_a, small, 0.0f);
+    const float seen_d = exact_select(0.0f, in_range, sampled_d - state->expected_d_a, 0.0f);
+    const float seen_q = exact_select(0.0f, in_range, sampled_q - state->expected_q_a, 0.0f);
+    const float seen = exact_product(seen_d, seen_d) + exact_product(seen_q, seen_q);
+    const float current_good = exact_product(in_range, exact_select(seen, limits->current_rate_square_a2, 1.0f, 0.0f));
+    const float taken = exact_at_least(current_good, open);
+    const float off_d = exact_product(taken, seen_d);
+    const float off_q = exact_product(taken, seen_q);
+    const float i_d = state->expected_d_a + off_d;
+    const float i_q = state->expected_q_a + off_q;
 
-    const float per_bus = 1.0f / bus;
-    const float radius = exact_product(bus, PER_ROOT_3);
-    const float w_e = exact_product(drive->pole_pairs, speed);
-    const float error_d = reference->i_d_a - i_d;
-    const float error_q = reference->i_q_a - i_q;
-    const float rotation_d = -exact_product(w_e, exact_product(drive->inductance_h, reference->i_q_a));
-    const float rotation_q = exact_product(w_e, exact_product(drive->inductance_h, reference->i_d_a) + drive->flux_linkage_wb);
-    const float wanted_d = (exact_product(drive->gain_v_per_a, error_d) + state->integral_d_v) + (reference->resistive_d_v + rotation_d);
-    const float wanted_q = (exact_product(drive->gain_v_per_a, error_q) + state->integral_q_v) + (reference->resistive_q_v + rotation_q);
+    const float believed = exact_select(0.0f, current_good, BELIEVED, open);
+    const float from_d = state->expected_d_a + exact_product(believed, off_d);
+    const float from_q = state->expected_q_a + exact_product(believed, off_q);
+    const float turned = exact_product(drive->turned_per_speed, speed.value);
+    const float half_d = from_d + exact_product(0.5f, move_d(drive, state, turned, from_d, from_q));
+    const float half_q = from_q + exact_product(0.5f, move_q(drive, state, turned, from_d, from_q));
+    const float expected_d = from_d + exact_select(0.0f, open, 0.0f, move_d(drive, state, turned, half_d, half_q));
+    const float expected_q = from_q + exact_select(0.0f, open, 0.0f, move_q(drive, state, turned, half_d, half_q));
 
-    const float most_d = exact_product(LONGEST_LEG, radius);
-    const float v_d = exact_within(wanted_d, -most_d, most_d);
-    const float share = exact_product(exact_product(v_d, per_bus), ROOT_3);
-    const float most_q = exact_product(radius, circle_height_f32(exact_product(share, share)));
-    const float v_q = exact_within(wanted_q, -most_q, most_q);
-    const float integral_d = state->integral_d_v
-        + (exact_product(drive->integral_gain_v_per_a, error_d) + exact_product(drive->tracking, v_d - wanted_d));
-    const float integral_q = state->integral_q_v
-        + (exact_product(drive->integral_gain_v_per_a, error_q) + exact_product(drive->tracking, v_q - wanted_q));
+    const float all_good = exact_product(exact_product(bus.good, speed.good), exact_product(angle_good, current_good));
+    const float now = exact_select(0.0f, in_range, square, 0.0f);
+    const float then_d = expected_d + seen_d;
+    const float then_q = expected_q + seen_q;
+    const float then = exact_product(then_d, then_d) + exact_product(then_q, then_q);
+    const float tripped = exact_select(limits->trip_square_a2, exact_at_least(now, then), 1.0f, 0.0f);
+    float too_many, not_yet, waiting, closed;
+    bad_samples_count(&state->bad, exact_less(0.0f, all_good));
+    too_many = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, 1.0f, 0.0f);
+    not_yet = (tripped + too_many) + exact_product(1.0f - all_good, open);
+    waiting = exact_select(0.0f, not_yet, limits->good_in_a_row + PERIODS_TO_CLOSE, exact_at_least(state->waiting - 1.0f, 0.0f));
+    closed = exact_select(waiting, PERIODS_TO_CLOSE + 0.5f, 1.0f, 0.0f);
 
-    const float later = turns + exact_product(drive->advance_turns_s, speed);
-    const float cos_then = cosine(later), sin_then = cosine(later - 0.25f);
-    const float v_alpha = exact_product(cos_then, v_d) - exact_product(sin_then, v_q);
-    const float v_beta = exact_product(sin_then, v_d) + exact_product(cos_then, v_q);
-    const float half = exact_product(0.5f, v_alpha);
-    const float side = exact_product(HALF_ROOT_3, v_beta);
-    const float v_a = v_alpha;
-    const float v_b = side - half;
-    const float v_c = -side - half;
-    const float highest = exact_at_least(exact_at_least(v_a, v_b), v_c);
-    const float lowest = exact_at_most(exact_at_most(v_a, v_b), v_c);
-    const float centre = exact_product(0.5f, highest + lowest);
-    const float duty_a = duty(drive, v_a, centre, per_bus, a);
-    const float duty_b = duty(drive, v_b, centre, per_bus, b);
-    const float duty_c = duty(drive, v_c, centre, per_bus, c);
+    {
+        const float to_d = reference->i_d_a - state->reference_d_a;
+        const float to_q = reference->i_q_a - state->reference_q_a;
+        const float farther = exact_at_least(exact_magnitude(to_d), exact_magnitude(to_q));
+        const float part = drive->slew_a / exact_at_least(farther, drive->slew_a);
+        const float step_d = exact_select(0.0f, open, 0.0f, exact_product(part, to_d));
+        const float step_q = exact_select(0.0f, open, 0.0f, exact_product(part, to_q));
+        const float wanted_d_a = exact_select(0.0f, open, i_d, state->reference_d_a + step_d);
+        const float wanted_q_a = exact_select(0.0f, open, i_q, state->reference_q_a + step_q);
 
-    float sum = exact_nothing(a) + exact_nothing(b) + exact_nothing(c) + exact_nothing(turns) + exact_nothing(speed);
-    sum = sum + exact_nothing(bus) + exact_nothing(per_bus) + exact_nothing(integral_d) + exact_nothing(integral_q);
-    sum = sum + exact_nothing(duty_a) + exact_nothing(duty_b) + exact_nothing(duty_c);
-    state->integral_d_v = exact_select(sum, bus, integral_d, state->integral_d_v);
-    state->integral_q_v = exact_select(sum, bus, integral_q, state->integral_q_v);
-    state->last[0] = exact_select(sum, bus, duty_a, state->last[0]);
-    state->last[1] = exact_select(sum, bus, duty_b, state->last[1]);
-    state->last[2] = exact_select(sum, bus, duty_c, state->last[2]);
-    bad_samples_count(&state->bad, exact_less(sum, bus));
+        const float per_bus = 1.0f / exact_at_least(bus.value, limits->bus_v.middle - limits->bus_v.half);
+        const float radius = exact_product(bus.value, PER_ROOT_3);
+        const float w_e = exact_product(drive->pole_pairs, speed.value);
+        const float error_d = wanted_d_a - i_d;
+        const float error_q = wanted_q_a - i_q;
+        const float model_d = (exact_product(drive->resistance_ohm, wanted_d_a) - exact_product(w_e, exact_product(drive->inductance_h, wanted_q_a)))
+            + exact_product(drive->slew_v_per_a, step_d);
+        const float flux = exact_product(drive->inductance_h, wanted_d_a) + drive->flux_linkage_wb;
+        const float model_q = (exact_product(drive->resistance_ohm, wanted_q_a) + exact_product(w_e, flux)) + exact_product(drive->slew_v_per_a, step_q);
+        const float wanted_d = (exact_product(drive->gain_v_per_a, error_d) + state->integral_d_v) + model_d;
+        const float wanted_q = (exact_product(drive->gain_v_per_a, error_q) + state->integral_q_v) + model_q;
+
+        const float per_radius = exact_product(per_bus, ROOT_3);
+        const float share = exact_product(exact_product(wanted_d, wanted_d) + exact_product(wanted_q, wanted_q), exact_product(per_radius, per_radius));
+        const float scale = exact_select(1.0f, share, per_root(exact_at_least(share, 1.0f)), 1.0f);
+        const float v_d = exact_product(scale, wanted_d);
+        const float v_q = exact_product(scale, wanted_q);
+        const float integral_d = state->integral_d_v
+            + (exact_product(drive->integral_gain_v_per_a, error_d) + exact_product(drive->tracking, v_d - wanted_d));
+        const float integral_q = state->integral_q_v
+            + (exact_product(drive->integral_gain_v_per_a, error_q) + exact_product(drive->tracking, v_q - wanted_q));
+        const float most = exact_product(INTEGRAL_SHARE, radius);
+
+        const float later = angle + exact_product(drive->advance_turns_s, speed.value);
+        const float cos_then = cosine(later), sin_then = cosine(later - 0.25f);
+        const float v_alpha = exact_product(cos_then, v_d) - exact_product(sin_then, v_q);
+        const float v_beta = exact_product(sin_then, v_d) + exact_product(cos_then, v_q);
+        const float half = exact_product(0.5f, v_alpha);
+        const float side = exact_product(HALF_ROOT_3, v_beta);
+        const float v_a = v_alpha;
+        const float v_b = side - half;
+        const float v_c = -side - half;
+        const float highest = exact_at_least(exact_at_least(v_a, v_b), v_c);
+        const float lowest = exact_at_most(exact_at_most(v_a, v_b), v_c);
+        const float centre = exact_product(0.5f, highest + lowest);
+        const float flow_alpha = exact_product(cos_then, wanted_d_a) - exact_product(sin_then, wanted_q_a);
+        const float flow_beta = exact_product(sin_then, wanted_d_a) + exact_product(cos_then, wanted_q_a);
+        const float flow_half = exact_product(0.5f, flow_alpha);
+        const float flow_side = exact_product(HALF_ROOT_3, flow_beta);
+        state->last.duties[0] = duty(drive, v_a, centre, per_bus, flow_alpha);
+        state->last.duties[1] = duty(drive, v_b, centre, per_bus, flow_side - flow_half);
+        state->last.duties[2] = duty(drive, v_c, centre, per_bus, -flow_side - flow_half);
+        state->last.closed = closed;
+
+        state->integral_d_v = exact_select(0.0f, open, 0.0f, exact_within(integral_d, -most, most));
+        state->integral_q_v = exact_select(0.0f, open, 0.0f, exact_within(integral_q, -most, most));
+        state->reference_d_a = wanted_d_a;
+        state->reference_q_a = wanted_q_a;
+        state->v_d_v = v_d;
+        state->v_q_v = v_q;
+        state->expected_d_a = expected_d;
+        state->expected_q_a = expected_q;
+        state->angle_turns = part_of_turn(angle + exact_product(drive->turns_per_speed, speed.value));
+        state->speed_rad_s = speed.value;
+        state->bus_voltage_v = bus.value;
+        state->waiting = waiting;
+        state->voltage_share = exact_select(0.0f, open, 0.0f, share);
+    }
 }

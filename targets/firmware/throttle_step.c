@@ -3,7 +3,14 @@
 
 #define FADE_PER_TICK 0.01f
 #define GEAR_PER_TICK 0.02f
+#define HOLD_TICKS 50.0f
+#define CLOSE_PER_TICK 0.004f
+#define REOPEN_PER_TICK 0.001f
+#define PEDAL_BAND 1.5f
+#define SPEED_BAND 100.0f
+#define SPEED_PER_TICK 2.0f
 #define PLATE_TOLERANCE 0.1f
+#define PLATE_TICKS 100.0f
 
 void throttle_init(throttle_state *state)
 {
@@ -12,6 +19,8 @@ void throttle_init(throttle_state *state)
     state->speed_m_s = 0.0f;
     state->gear = 1.0f;
     state->share = 0.0f;
+    state->lost = 0.0f;
+    state->cap = 1.0f;
     state->bad.all = 0u;
     state->bad.in_a_row = 0u;
 }
@@ -24,12 +33,20 @@ void throttle_raw_init(throttle_raw_state *state)
     state->plate.in_a_row = 0u;
 }
 
-EXACT_INLINE float advance(throttle_state *state, const throttle_inputs *inputs)
+EXACT_INLINE float advance(throttle_state *state, const throttle_inputs *inputs, float fault)
 {
-    const float pedal_nothing = exact_nothing(inputs->pedal);
-    const float speed_nothing = exact_nothing(inputs->speed_m_s);
-    const float pedal = exact_if_good(pedal_nothing, exact_within(inputs->pedal, 0.0f, 1.0f), state->pedal);
-    const float speed = exact_if_good(speed_nothing, exact_magnitude(inputs->speed_m_s), state->speed_m_s);
+    const float pedal_good = exact_select(exact_magnitude(inputs->pedal - 0.5f), PEDAL_BAND, 1.0f, 0.0f);
+    const float lost = exact_product(state->lost + 1.0f, 1.0f - pedal_good);
+    const float closing = exact_select(HOLD_TICKS, lost, 1.0f, fault);
+    const float shut = exact_at_least(exact_at_most(state->cap, state->pedal) - CLOSE_PER_TICK, 0.0f);
+    const float cap = exact_select(0.0f, closing, shut, exact_at_most(state->cap + REOPEN_PER_TICK, 1.0f));
+    const float pedal = exact_at_most(exact_select(0.0f, pedal_good, exact_within(inputs->pedal, 0.0f, 1.0f), state->pedal), cap);
+
+    const float road = exact_magnitude(inputs->speed_m_s);
+    const float in_range = exact_select(road, SPEED_BAND, 1.0f, 0.0f);
+    const float any = exact_select(0.0f, state->share, 0.0f, 1.0f);
+    const float speed_good = exact_product(in_range, exact_select(exact_magnitude(road - state->speed_m_s), SPEED_PER_TICK, 1.0f, any));
+    const float speed = exact_select(0.0f, speed_good, road, state->speed_m_s);
 
     const float lever = (float)inputs->gear;
     const float not_above = exact_select(lever, (float)THROTTLE_GEARS + 0.5f, 1.0f, 0.0f);
@@ -38,24 +55,26 @@ EXACT_INLINE float advance(throttle_state *state, const throttle_inputs *inputs)
     const float gear = state->gear + exact_within(wanted_gear - state->gear, -GEAR_PER_TICK, GEAR_PER_TICK);
 
     const float closed = (float)(exact_opaque(inputs->clutch) ^ 1u);
-    const float known = exact_product(exact_product(exact_if_good(speed_nothing, 1.0f, 0.0f), in_gear), closed);
+    const float known = exact_product(exact_product(speed_good, in_gear), closed);
     const float supported = (float)driveline_damping_ratio_support_f32(speed, gear);
     const float share = state->share + exact_within(exact_product(known, supported) - state->share, -FADE_PER_TICK, FADE_PER_TICK);
 
     const float compensated = driveline_tip_in_step_f32(&state->compensator, pedal, speed, gear);
-    const float throttle = exact_within(pedal + exact_product(share, compensated - pedal), 0.0f, 1.0f);
+    const float throttle = exact_within(pedal + exact_product(share, compensated - pedal), 0.0f, cap);
 
     state->pedal = pedal;
     state->speed_m_s = speed;
     state->gear = gear;
     state->share = share;
-    bad_samples_count(&state->bad, exact_less(pedal_nothing + speed_nothing, 1.0f) & (uint32_t)not_above);
+    state->lost = lost;
+    state->cap = cap;
+    bad_samples_count(&state->bad, exact_less(0.0f, exact_product(pedal_good, speed_good)) & (uint32_t)not_above);
     return throttle;
 }
 
 float throttle_step(throttle_state *state, const throttle_inputs *inputs)
 {
-    return advance(state, inputs);
+    return advance(state, inputs, 0.0f);
 }
 
 EXACT_INLINE float value(const throttle_channel *channel, uint16_t counts)
@@ -83,13 +102,14 @@ EXACT_INLINE uint32_t gear_of(uint32_t lines)
 uint16_t throttle_raw_step(throttle_raw_state *state, const throttle_scaling *scaling, const throttle_counts *counts)
 {
     throttle_inputs inputs;
-    float deviation, throttle;
+    float deviation, fault, throttle;
     inputs.pedal = value(&scaling->pedal, counts->pedal);
     inputs.speed_m_s = value(&scaling->speed, counts->speed);
     inputs.gear = gear_of(counts->lines);
     inputs.clutch = counts->lines >> THROTTLE_GEARS & 1u;
     deviation = exact_magnitude(value(&scaling->plate, counts->plate) - state->throttle);
-    throttle = advance(&state->step, &inputs);
+    fault = exact_select(PLATE_TICKS, (float)state->plate.in_a_row, 1.0f, 0.0f);
+    throttle = advance(&state->step, &inputs, fault);
     /* Good where the deviation is at most the tolerance: a number, and the tolerance not below it. */
     bad_samples_count(&state->plate, exact_less(exact_nothing(deviation), 1.0f) & (exact_less(PLATE_TOLERANCE, deviation) ^ 1u));
     state->throttle = throttle;

@@ -25,6 +25,9 @@ typedef struct {
     float speed_m_s;
     float gear;
     float share;
+    float lost;
+    /* The throttle is never above this: less than 1 after a fault. */
+    float cap;
     bad_samples bad;
 } throttle_state;
 

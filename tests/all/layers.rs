@@ -53,7 +53,17 @@ const LAWS: &[Law] = &[
     },
     Law {
         package: "rsm-tests",
-        ours: &["rsm-core", "rsm-macros", "rsm-fit", "rsm-lab", "host-loop", "motor-loop", "throttle-loop", "hidden-effects"],
+        ours: &[
+            "rsm-core",
+            "rsm-macros",
+            "rsm-fit",
+            "rsm-lab",
+            "host-loop",
+            "host-runners",
+            "motor-loop",
+            "throttle-loop",
+            "hidden-effects",
+        ],
         aside: &["rsm-core"],
         outside: None,
     },

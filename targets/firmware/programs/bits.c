@@ -58,38 +58,70 @@ static void line(const char *name, uint32_t tick)
     }
 }
 
+/* A number that stays what it is nearly always, and then moves by up to half of `span` either way, or is any bit pattern for one sample. */
+static float wander(float *held, float low, float high, float span)
+{
+    const uint32_t kind = next_random() & 255u;
+    const uint32_t bits = next_random();
+    float any;
+    if (kind == 0u) {
+        __builtin_memcpy(&any, &bits, sizeof any);
+        return any;
+    }
+    *held = exact_within(*held + exact_product(exact_product((float)(bits >> 8), 5.9604644775390625e-8f) - 0.5f, span), low, high);
+    return *held;
+}
+
 static void motor(void)
 {
     motor_reference_state outer;
     motor_current_state inner;
-    uint32_t tick, k;
+    uint32_t tick, k, any_currents = 0u, open = 0u;
+    float torque = 0.0f, wide_speed = 0.0f, speed = 0.0f, bus = 270.0f, angle = 0.0f;
     motor_reference_init(&outer);
     motor_current_init(&inner);
     for (tick = 0u; tick < TICKS; tick++) {
         motor_measured measured;
         if (tick % 10u == 0u) {
             motor_demand demand;
-            demand.torque_nm = number(-25.0f, 50.0f);
-            demand.speed_rad_s = number(-850.0f, 1700.0f);
-            demand.bus_voltage_v = number(200.0f, 100.0f);
+            demand.torque_nm = wander(&torque, -30.0f, 30.0f, 10.0f);
+            demand.speed_rad_s = wander(&wide_speed, -1050.0f, 1050.0f, 60.0f);
+            demand.bus_voltage_v = wander(&bus, 140.0f, 370.0f, 20.0f);
+            demand.voltage_share = number(0.0f, 1.3f);
             motor_references(&outer, &tables_drive, &demand);
             add(outer.last.i_d_a);
             add(outer.last.i_q_a);
-            add(outer.last.resistive_d_v);
-            add(outer.last.resistive_q_v);
+            add(outer.trim_a);
+            add(outer.speed_rad_s);
         }
-        for (k = 0u; k < 3u; k++) {
-            measured.currents_a[k] = number(-70.0f, 140.0f);
+        if (tick % 64u == 0u) {
+            /* Now and then anything, else what the model expects. */
+            any_currents = (next_random() & 15u) == 0u;
         }
-        measured.angle_turns = number(-2.0f, 5.0f);
-        measured.speed_rad_s = number(-850.0f, 1700.0f);
-        measured.bus_voltage_v = number(200.0f, 100.0f);
+        /* Any vector of up to 40 A; or the expected one, turned back by the angle to come, and a little beside it: so the bridge stays closed. */
+        if (any_currents) {
+            for (k = 0u; k < 3u; k++) {
+                measured.currents_a[k] = number(-40.0f, 80.0f);
+            }
+        } else {
+            measured.currents_a[0] = inner.expected_d_a + number(-1.0f, 2.0f);
+            measured.currents_a[1] = exact_product(0.8660254f, inner.expected_q_a) - exact_product(0.5f, inner.expected_d_a);
+            measured.currents_a[2] = -measured.currents_a[1] - inner.expected_d_a;
+        }
+        measured.speed_rad_s = wander(&speed, -30.0f, 30.0f, 4.0f);
+        measured.bus_voltage_v = wander(&bus, 140.0f, 370.0f, 4.0f);
+        measured.angle_turns = wander(&angle, -0.02f, 0.02f, 0.004f);
         motor_currents(&inner, &tables_drive, &outer.last, &measured);
         add(inner.integral_d_v);
         add(inner.integral_q_v);
+        add(inner.expected_d_a);
+        add(inner.voltage_share);
         for (k = 0u; k < 3u; k++) {
-            add(inner.last[k]);
+            add(inner.last.duties[k]);
         }
+        add(inner.last.closed);
+        open += inner.last.closed < 0.5f;
+        add_word(open);
         add_word(outer.bad.all);
         add_word(inner.bad.all);
         add_word(inner.bad.in_a_row);
@@ -101,18 +133,24 @@ static void throttle(void)
 {
     throttle_state state;
     throttle_inputs inputs = {0.0f, 0.0f, 0u, 0u};
-    uint32_t tick;
+    uint32_t tick, torn = 0u;
+    float speed = 10.0f;
     throttle_init(&state);
     for (tick = 0u; tick < TICKS; tick++) {
         inputs.pedal = number(-0.1f, 1.2f);
-        inputs.speed_m_s = number(0.0f, 40.0f);
-        /* Gear and clutch stay for some time, so that shares fade and gears move all the way. */
+        inputs.speed_m_s = wander(&speed, 0.0f, 40.0f, 2.5f);
+        /* Gear, clutch and a torn wire stay for some time, so that shares fade, gears move and the throttle closes all the way. */
         if ((next_random() & 255u) == 0u) {
             inputs.gear = next_random() & 7u;
             inputs.clutch = next_random() & 1u;
+            torn = (next_random() & 7u) == 0u;
+        }
+        if (torn) {
+            inputs.pedal = 3.0f;
         }
         add(throttle_step(&state, &inputs));
         add(state.share);
+        add(state.cap);
         add_word(state.bad.all);
         add_word(state.bad.in_a_row);
         line("throttle", tick);
@@ -123,20 +161,26 @@ static void raw(void)
 {
     throttle_raw_state state;
     throttle_counts counts = {0u, 0u, 0u, 0u};
-    uint32_t tick;
+    uint32_t tick, stuck = 0u, compare = 180u;
     throttle_raw_init(&state);
     for (tick = 0u; tick < TICKS; tick++) {
         const uint32_t wide = (next_random() & 31u) == 0u ? 0xFFFFu : 0xFFFu;
         counts.pedal = (uint16_t)(next_random() & wide);
-        counts.plate = (uint16_t)(next_random() & wide);
         counts.speed = (uint16_t)(next_random() & wide);
         if ((next_random() & 255u) == 0u) {
             /* One of six lines in three of four cases, else any pattern. */
             const uint32_t one = 1u << (next_random() % 6u);
             const uint32_t any = next_random();
             counts.lines = (next_random() & 3u) != 0u ? one : any;
+            stuck = (next_random() & 3u) == 0u;
         }
-        add_word(throttle_raw_step(&state, &tables_scaling, &counts));
+        /* The plate follows, or stands still. */
+        if (!stuck) {
+            counts.plate = (uint16_t)((compare - 180u) * 3276u / 3240u + 410u);
+        }
+        compare = throttle_raw_step(&state, &tables_scaling, &counts);
+        add_word(compare);
+        add(state.step.cap);
         add_word(state.step.bad.all);
         add_word(state.plate.all);
         add_word(state.plate.in_a_row);

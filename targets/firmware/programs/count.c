@@ -83,7 +83,7 @@ static float of_bits(uint32_t bits)
 
 static void all_floats(const char *kind, float value)
 {
-    demand.torque_nm = demand.speed_rad_s = demand.bus_voltage_v = value;
+    demand.torque_nm = demand.speed_rad_s = demand.bus_voltage_v = demand.voltage_share = value;
     measured.currents_a[0] = measured.currents_a[1] = measured.currents_a[2] = value;
     measured.angle_turns = measured.speed_rad_s = measured.bus_voltage_v = value;
     inputs.pedal = inputs.speed_m_s = value;

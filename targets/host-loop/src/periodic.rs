@@ -89,6 +89,7 @@ fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u
     let start_ns = clock.now_ns() + LEAD_NS;
     let mut lost = 0;
     let mut caught_up = 0;
+    let mut deadlines_missed = 0;
     let mut tick = 0;
     while tick < ticks {
         clock.sleep_until_ns(start_ns + tick * period_ns);
@@ -108,6 +109,7 @@ fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u
         // Both have room for one sample a tick, so that neither push allocates.
         lateness_ns.push(woke_ns.saturating_sub(start_ns + tick * period_ns));
         compute_ns.push(computing_ns);
+        deadlines_missed += u64::from(clock.now_ns() > start_ns + (tick + 1) * period_ns);
         tick += 1;
     }
 
@@ -119,6 +121,9 @@ fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u
         ticks_done: compute_ns.len() as u64,
         ticks_lost: lost,
         ticks_caught_up: caught_up,
+        drops: late == Late::Drop,
+        deadlines_missed,
+        skew_ns: lateness_ns.last().copied().unwrap_or(0),
         compute: Summary::of(&mut compute_ns),
         lateness: Summary::of(&mut lateness_ns),
         locked_memory,
@@ -203,6 +208,8 @@ mod tests {
         let report = run_with_clock(&settings, &mut clock, |tick| done.push(tick));
         assert_eq!(done, (0..10).collect::<Vec<_>>());
         assert_eq!((report.ticks_done, report.ticks_lost, report.ticks_caught_up), (10, 0, 2));
+        // The step takes no time: 3 and 4 end when they start.
+        assert_eq!((report.deadlines_missed, report.skew_ns), (2, 0));
         assert_eq!(report.lateness.max_ns, 2 * MS + MS / 4);
     }
 
@@ -243,6 +250,8 @@ mod tests {
         assert_eq!(done, [0, 2, 5, 7]);
         assert_eq!((report.ticks_done, report.ticks_lost), (4, 6));
         assert_eq!(report.compute.max_ns, 5 * MS / 2);
+        // All four end after their period; the last, 7, began at 7.5.
+        assert_eq!((report.deadlines_missed, report.skew_ns), (4, MS / 2));
     }
 
     #[test]

@@ -59,6 +59,12 @@ pub struct Report {
     pub ticks_lost: u64,
     /// How many of the done ones started only after their period had passed, in a loop that catches up.
     pub ticks_caught_up: u64,
+    /// Whether a tick can be lost at all: not in a loop that catches up.
+    pub drops: bool,
+    /// How many of the done ones ended after their period, whenever they started.
+    pub deadlines_missed: u64,
+    /// How far behind its time the last tick began: what the loop is behind the clock at its end.
+    pub skew_ns: u64,
     /// What the step computed: from its call to its end, or what it says itself.
     pub compute: Summary,
     /// From the start of the tick's time to waking, of the ticks that were done.
@@ -74,12 +80,14 @@ impl Report {
     #[must_use]
     pub fn json(&self) -> String {
         format!(
-            r#"{{"period_ns":{},"ticks_wanted":{},"ticks_done":{},"ticks_lost":{},"ticks_caught_up":{},"compute":{},"lateness":{},"locked_memory":{},"priority":{}}}"#,
+            r#"{{"period_ns":{},"ticks_wanted":{},"ticks_done":{},"ticks_lost":{},"ticks_caught_up":{},"deadlines_missed":{},"skew_ns":{},"compute":{},"lateness":{},"locked_memory":{},"priority":{}}}"#,
             self.period_ns,
             self.ticks_wanted,
             self.ticks_done,
             self.ticks_lost,
             self.ticks_caught_up,
+            self.deadlines_missed,
+            self.skew_ns,
             self.compute.json(),
             self.lateness.json(),
             json_string(&self.locked_memory.to_string()),
@@ -114,15 +122,14 @@ impl fmt::Display for Us {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Report { compute, lateness, .. } = self;
-        writeln!(
-            f,
-            "ticks     {} wanted, {} done, {} lost, {} caught up, period {}",
-            self.ticks_wanted,
-            self.ticks_done,
-            self.ticks_lost,
-            self.ticks_caught_up,
-            Us(self.period_ns)
-        )?;
+        write!(f, "ticks     {} wanted, {} done, ", self.ticks_wanted, self.ticks_done)?;
+        // Each kind of loop says what can go wrong in it: one that catches up loses nothing, and one that drops starts none after its period.
+        if self.drops {
+            write!(f, "{} lost, ", self.ticks_lost)?;
+        } else {
+            write!(f, "{} started after their period, ", self.ticks_caught_up)?;
+        }
+        writeln!(f, "{} ended after it, period {}", self.deadlines_missed, Us(self.period_ns))?;
         writeln!(
             f,
             "compute   p50 {}, p99 {}, p99.9 {}, max {}",
@@ -131,7 +138,14 @@ impl fmt::Display for Report {
             Us(compute.p999_ns),
             Us(compute.max_ns)
         )?;
-        writeln!(f, "wake-up   late by p50 {}, p99 {}, max {}", Us(lateness.p50_ns), Us(lateness.p99_ns), Us(lateness.max_ns))?;
+        writeln!(
+            f,
+            "wake-up   late by p50 {}, p99 {}, max {}; {} behind the clock at the end",
+            Us(lateness.p50_ns),
+            Us(lateness.p99_ns),
+            Us(lateness.max_ns),
+            Us(self.skew_ns)
+        )?;
         writeln!(f, "priority  {}", self.priority)?;
         write!(f, "memory    locked: {}", self.locked_memory)
     }
@@ -171,6 +185,9 @@ mod tests {
             ticks_done: 9,
             ticks_lost: 1,
             ticks_caught_up: 3,
+            drops: true,
+            deadlines_missed: 4,
+            skew_ns: 61_000,
             compute: Summary { p50_ns: 51, p99_ns: 1200, p999_ns: 1300, max_ns: 1_000_001 },
             lateness: Summary { p50_ns: 60_000, p99_ns: 90_000, p999_ns: 95_000, max_ns: 99_000 },
             locked_memory: Grant::Granted,
@@ -181,19 +198,25 @@ mod tests {
     #[test]
     fn the_report_is_five_lines() {
         let expected = "\
-ticks     10 wanted, 9 done, 1 lost, 3 caught up, period 1000.000 us
+ticks     10 wanted, 9 done, 1 lost, 4 ended after it, period 1000.000 us
 compute   p50 0.051 us, p99 1.200 us, p99.9 1.300 us, max 1000.001 us
-wake-up   late by p50 60.000 us, p99 90.000 us, max 99.000 us
+wake-up   late by p50 60.000 us, p99 90.000 us, max 99.000 us; 61.000 us behind the clock at the end
 priority  no: the \"limit\"
 memory    locked: yes";
         assert_eq!(example().to_string(), expected);
+        let catching = Report { drops: false, ticks_lost: 0, ..example() }.to_string();
+        assert!(
+            catching.starts_with("ticks     10 wanted, 9 done, 3 started after their period, 4 ended after it, period"),
+            "{catching}"
+        );
+        assert!(!catching.contains("lost"), "nothing can be lost in a loop that catches up: {catching}");
     }
 
     #[test]
     fn the_json_escapes_what_the_system_says() {
         let json = example().json();
         assert!(
-            json.starts_with(r#"{"period_ns":1000000,"ticks_wanted":10,"ticks_done":9,"ticks_lost":1,"ticks_caught_up":3,"compute":{"p50_ns":51,"#),
+            json.starts_with(r#"{"period_ns":1000000,"ticks_wanted":10,"ticks_done":9,"ticks_lost":1,"ticks_caught_up":3,"deadlines_missed":4,"skew_ns":61000,"compute":{"p50_ns":51,"#),
             "{json}"
         );
         assert!(json.ends_with(r#""locked_memory":"yes","priority":"no: the \"limit\""}"#), "{json}");

@@ -46,7 +46,15 @@ impl Exchange {
 impl std::fmt::Display for Exchange {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Exchange { lost, doubled, waits, under_runs } = self;
-        write!(f, "samples   {lost} lost, {doubled} doubled, {waits} waited for, {under_runs} under-runs of the buffer")
+        // Both rings have room for all that can be under way: a number that is missing or comes twice is a fault of the program, and is said only where it is there.
+        if lost + doubled > 0 {
+            writeln!(f, "samples   {lost} LOST, {doubled} DOUBLED")?;
+        }
+        write!(
+            f,
+            "samples   {waits} waited for, {under_runs} commands later than a buffer of {} ms hides",
+            BUFFER_NS / 1_000_000
+        )
     }
 }
 

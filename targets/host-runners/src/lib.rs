@@ -4,6 +4,7 @@
 //! those that a board would run. `run` is in real time, the plant in a thread of its own; `simulate` is the same plant and task without a clock.
 
 pub mod arguments;
+pub mod campaign;
 pub mod car;
 pub mod exchange;
 pub mod motor;

@@ -4,7 +4,9 @@
 //! inner step with inverter, motor and encoder in the plant's, as a drive has them on two processors: the inner one cannot wait for the outer.
 
 use host_loop::{Report, Settings};
-use motor_loop::{CurrentState, Demand, Drive, Measured, Motor, ReferenceState, References, Tuning, currents, references};
+use motor_loop::{
+    Command, CurrentState, Demand, Drive, Measured, Motor, ReferenceState, References, Tuning, currents, references,
+};
 use rsm_core::source::Source;
 use rsm_lab::motor::closed_loop::{self, ClosedLoop, Sensed, Task};
 use rsm_lab::motor::controller::{self, Controller, Known};
@@ -48,13 +50,15 @@ pub struct Steps {
     drive: Drive,
     outer: ReferenceState,
     inner: CurrentState,
+    /// Periods in which the bridge would have been open.
+    opened: u32,
 }
 
 impl Steps {
     /// At rest, with what a controller is told.
     #[must_use]
     pub fn new(known: &Known) -> Self {
-        Steps { drive: drive_of(known), outer: ReferenceState::default(), inner: CurrentState::default() }
+        Steps { drive: drive_of(known), outer: ReferenceState::default(), inner: CurrentState::default(), opened: 0 }
     }
 
     fn currents(&mut self, wanted: &References, measured: &controller::Measured) -> [f64; 3] {
@@ -66,13 +70,33 @@ impl Steps {
             speed_rad_s: measured.speed_rad_s as f32,
             bus_voltage_v: measured.bus_voltage_v as f32,
         };
-        currents(&mut self.inner, &self.drive, wanted, &sampled).map(f64::from)
+        // The simulated inverter has no open bridge: it starts as a board whose bridge has just closed, its ten good samples behind it. A safe state later would be a fault
+        // of this program, and is counted.
+        if self.inner.bus_voltage_v == 0.0 {
+            let a_period = self.drive.turns_per_speed * sampled.speed_rad_s;
+            let mut before = Measured { angle_turns: angle_turns - self.drive.limits.good_in_a_row * a_period, ..sampled };
+            while self.inner.last.closed < 0.5 {
+                currents(&mut self.inner, &self.drive, wanted, &before);
+                before.angle_turns = self.inner.angle_turns;
+            }
+        }
+        let command = currents(&mut self.inner, &self.drive, wanted, &sampled);
+        self.opened += u32::from(command.closed < 0.5);
+        let Command { duties, .. } = command;
+        duties.map(f64::from)
+    }
+
+    /// For how many periods the bridge would have been open.
+    #[must_use]
+    pub fn opened(&self) -> u32 {
+        self.opened
     }
 }
 
-fn demand_of(demand: &controller::Demand) -> Demand {
+fn demand_of(demand: &controller::Demand, voltage_share: f32) -> Demand {
     let controller::Demand { torque_nm, speed_rad_s, bus_voltage_v } = *demand;
-    Demand { torque_nm: torque_nm as f32, speed_rad_s: speed_rad_s as f32, bus_voltage_v: bus_voltage_v as f32 }
+    let (torque_nm, speed_rad_s, bus_voltage_v) = (torque_nm as f32, speed_rad_s as f32, bus_voltage_v as f32);
+    Demand { torque_nm, speed_rad_s, bus_voltage_v, voltage_share }
 }
 
 fn shown(wanted: &References) -> controller::References {
@@ -81,7 +105,7 @@ fn shown(wanted: &References) -> controller::References {
 
 impl Controller for Steps {
     fn references(&mut self, demand: &controller::Demand) -> controller::References {
-        shown(&references(&mut self.outer, &self.drive, &demand_of(demand)))
+        shown(&references(&mut self.outer, &self.drive, &demand_of(demand, self.inner.voltage_share)))
     }
 
     fn duties(&mut self, measured: &controller::Measured) -> [f64; 3] {
@@ -92,7 +116,7 @@ impl Controller for Steps {
 
 /// The plant's thread: the outer step is elsewhere, the inner one here.
 struct Remote<'e, 'r> {
-    end: &'e mut PlantEnd<'r, 3, 4>,
+    end: &'e mut PlantEnd<'r, 4, 2>,
     steps: Steps,
     wanted: References,
     period_ns: u64,
@@ -103,8 +127,9 @@ impl Controller for Remote<'_, '_> {
     fn references(&mut self, demand: &controller::Demand) -> controller::References {
         let controller::Demand { torque_nm, speed_rad_s, bus_voltage_v } = *demand;
         let speed = if crate::is_bad_sample(self.tick, self.period_ns) { f64::NAN } else { speed_rad_s };
-        let [i_d, i_q, r_d, r_q] = self.end.exchange([torque_nm, speed, bus_voltage_v]).map(|value| value as f32);
-        self.wanted = References { i_d_a: i_d, i_q_a: i_q, resistive_d_v: r_d, resistive_q_v: r_q };
+        let share = f64::from(self.steps.inner.voltage_share);
+        let [i_d_a, i_q_a] = self.end.exchange([torque_nm, speed, bus_voltage_v, share]).map(|value| value as f32);
+        self.wanted = References { i_d_a, i_q_a };
         self.tick += 1;
         shown(&self.wanted)
     }
@@ -190,15 +215,16 @@ pub fn run(settings: &Settings) -> Run {
     let (ticks, period_ns) = (settings.ticks, settings.period_ns);
     let drive = drive_of(&known);
     let mut outer = ReferenceState::default();
-    let plant_side = |end: &mut PlantEnd<'_, 3, 4>| {
+    let plant_side = |end: &mut PlantEnd<'_, 4, 2>| {
         let mut remote = Remote { end, steps: Steps::new(&known), wanted: References::default(), period_ns, tick: 0 };
         shuttle(&mut plant, &mut remote, ticks)
     };
-    let (report, exchange, figures) = exchange::run(settings, [0.0; 4], plant_side, |[torque, speed, bus]| {
-        let demand = Demand { torque_nm: torque as f32, speed_rad_s: speed as f32, bus_voltage_v: bus as f32 };
-        let References { i_d_a, i_q_a, resistive_d_v, resistive_q_v } = references(&mut outer, &drive, &demand);
-        [i_d_a, i_q_a, resistive_d_v, resistive_q_v].map(f64::from)
-    });
+    let (report, exchange, figures) =
+        exchange::run(settings, [0.0; 2], plant_side, |[torque_nm, speed_rad_s, bus_voltage_v, share]| {
+            let demand = demand_of(&controller::Demand { torque_nm, speed_rad_s, bus_voltage_v }, share as f32);
+            let References { i_d_a, i_q_a } = references(&mut outer, &drive, &demand);
+            [i_d_a, i_q_a].map(f64::from)
+        });
     Run { report, exchange, bad_samples: outer.bad.all, figures }
 }
 

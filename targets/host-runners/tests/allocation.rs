@@ -43,7 +43,7 @@ fn the_steps_allocate_nothing() {
         for tick in 0..10_000u16 {
             let torn = tick % 1000 == 500;
             let speed_rad_s = if torn { f32::NAN } else { f32::from(tick) * 0.08 };
-            let demand = motor_loop::Demand { torque_nm: 5.0, speed_rad_s, bus_voltage_v: 270.0 };
+            let demand = motor_loop::Demand { torque_nm: 5.0, speed_rad_s, bus_voltage_v: 270.0, voltage_share: 0.0 };
             let wanted = motor_loop::references(&mut outer, &drive, std::hint::black_box(&demand));
             let measured =
                 motor_loop::Measured { currents_a: [1.0, 2.0, -3.0], angle_turns: 0.3, speed_rad_s, bus_voltage_v: 270.0 };

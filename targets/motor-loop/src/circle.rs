@@ -9,7 +9,7 @@ rsm_macros::include_model!("../../generated/coefficients/circle.toml", precision
 
 /// 1.5 * 2^23: a number added to it is rounded to a whole one, since the numbers up to 2^24 are whole there; the difference is exact. This
 /// rounds to even and holds for magnitudes up to 2^22 (Goldberg, "What every computer scientist should know", 1991, names the device).
-const WHOLE: f32 = 12_582_912.0;
+pub(crate) const WHOLE: f32 = 12_582_912.0;
 
 /// A longer leg than this leaves less than sqrt(0.1) = 0.32 for the other: the range of the surface `height` ends there. sqrt(0.9), rounded down
 /// so that its square is inside.

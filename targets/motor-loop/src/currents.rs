@@ -1,25 +1,49 @@
 //! The inner step, once a PWM period: from references and measured phase currents to the duties of three legs.
 //!
-//! In: references of the outer step; phase currents, electrical angle, speed and bus voltage, sampled together. Out: duties that act in the next period.
-//! Never more than + - * /, comparisons and selects: C has the same bits.
+//! In: references of the outer step; phase currents, electrical angle, speed and bus voltage, sampled together. Out: duties that act in the next period, and
+//! whether the bridge is closed in it. Never more than + - * /, comparisons and selects: C has the same bits.
 //!
 //! ```text
-//! phase currents --Clarke, Park (19)--> i_d, i_q --PI, decoupling--> v_d, v_q --limit (20)--> --Park back, 1.5 T later--> three duties
+//! samples --plausible?--> phase currents --Clarke, Park (19)--> i_d, i_q --PI, decoupling--> v_d, v_q --limit (20)--> --Park back, 1.5 T later--> three duties
+//!             ^                                                    |
+//!             +---- where the rotor and the winding's model (17), (18) put them in the next period
 //! ```
 //!
 //! The angle is advanced by 1.5 T of rotation, from the sample to the middle of the period in which the duties act. A frame of amplitudes: a vector of
 //! length I is three phases of peak I.
+//!
+//! **A bad sample is replaced, and the control goes on.** Bus and speed by the last good ones; the angle by the last one and the speed; the currents by a model of the
+//! winding under the voltages that were commanded. So the voltages hold in the rotor's frame, and go on to where the references lead. The model is also what a current
+//! sample is compared with: a sensor that is stuck moves away from it.
+//!
+//! **The safe state is the open bridge** (`closed` = 0): all six switches off. It is entered after [`crate::Limits`]' number of bad samples in a row, or at once when the
+//! current leaves the circle by 7 %, or is about to. The README of `targets/firmware` says why this and not a short circuit, and what the caller must do. The way back: that many good
+//! samples in a row; the control then begins with the measured currents as its references and with no integral, so it is no bump.
 
-use branch_free::{BadSamples, at_least, at_most, nothing, select, within};
+use branch_free::{BadSamples, at_least, at_most, magnitude, select, within};
 
-use crate::circle::{Direction, LONGEST_LEG, other_leg};
+use crate::circle::{Direction, WHOLE};
 use crate::drive::Drive;
+use crate::plausible::judge;
 use crate::references::References;
 
 const ROOT_3: f32 = 1.732_050_8;
 const HALF_ROOT_3: f32 = 0.866_025_4;
 const PER_ROOT_3: f32 = 0.577_350_26;
 const TWO_THIRDS: f32 = 0.666_666_7;
+
+/// How much of the distance between a good sample of angle or currents and where it was expected is believed. Noise is 0.3 of itself behind it, and a sensor that is stuck is
+/// found: an angle from 94 rad/s on, where the rotor moves by 0.15 of the limit in a period, 60 A from 60 rad/s on. A speed that is 5 % off turns the frame by 6 degrees at top speed.
+const BELIEVED: f32 = 0.15;
+
+/// The integral parts hold what the constants miss; a fifth of the reachable voltage is 10 % of the flux linkage at top speed and 10 % of the inductance at the limit.
+const INTEGRAL_SHARE: f32 = 0.2;
+
+/// Periods between the command that closes the bridge and the first sample whose period had it closed.
+const PERIODS_TO_CLOSE: f32 = 1.0;
+
+/// Good samples before the bridge closes for the first time, and one more.
+const FIRST_WAIT: f32 = 11.0;
 
 /// What is sampled at the start of a PWM period.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +59,16 @@ pub struct Measured {
     pub bus_voltage_v: f32,
 }
 
+/// What the bridge does in the next period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
+pub struct Command {
+    /// The shares of the period for which the upper switches of legs a, b and c are on, 0 to 1.
+    pub duties: [f32; 3],
+    /// 1; or 0, the safe state: all six switches are to be off, whatever the duties say.
+    pub closed: f32,
+}
+
 /// What the inner step remembers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CurrentState {
@@ -42,58 +76,182 @@ pub struct CurrentState {
     pub integral_d_v: f32,
     /// The integral part of v_q, in V.
     pub integral_q_v: f32,
-    /// The duties of the last good sample.
-    pub last: [f32; 3],
+    /// The references on their way to those of the outer step, in A.
+    pub reference_d_a: f32,
+    /// See `reference_d_a`.
+    pub reference_q_a: f32,
+    /// The voltages that act in the period that begins, in V.
+    pub v_d_v: f32,
+    /// See `v_d_v`.
+    pub v_q_v: f32,
+    /// Where the currents are expected at the next sample, in A.
+    pub expected_d_a: f32,
+    /// See `expected_d_a`.
+    pub expected_q_a: f32,
+    /// Where the angle is expected at the next sample, in turns, -1/2 to 1/2.
+    pub angle_turns: f32,
+    /// The last good speed, in rad/s.
+    pub speed_rad_s: f32,
+    /// The last good bus voltage, in V.
+    pub bus_voltage_v: f32,
+    /// Good samples that are wanted until the bridge closes and one more; 0 in operation.
+    pub waiting: f32,
+    /// The square of the wanted voltage over the square of the reachable one; 0 while the bridge is open. The outer step trims the weakening current by it.
+    pub voltage_share: f32,
+    /// What the bridge does in the next period.
+    pub last: Command,
     /// Bad samples up to now.
     pub bad: BadSamples,
 }
 
 impl Default for CurrentState {
+    /// The bridge is open, until so many good samples have come as the way back from the safe state takes.
     fn default() -> Self {
-        CurrentState { integral_d_v: 0.0, integral_q_v: 0.0, last: [0.5; 3], bad: BadSamples::default() }
+        CurrentState {
+            integral_d_v: 0.0,
+            integral_q_v: 0.0,
+            reference_d_a: 0.0,
+            reference_q_a: 0.0,
+            v_d_v: 0.0,
+            v_q_v: 0.0,
+            expected_d_a: 0.0,
+            expected_q_a: 0.0,
+            angle_turns: 0.0,
+            speed_rad_s: 0.0,
+            bus_voltage_v: 0.0,
+            waiting: FIRST_WAIT,
+            voltage_share: 0.0,
+            last: Command { duties: [0.5; 3], closed: 0.0 },
+            bad: BadSamples::default(),
+        }
     }
 }
 
-/// One PWM period: the shares of the next one for which the upper switches of legs a, b and c are on, 0 to 1.
+/// 1/sqrt(square), to 5e-6 of it, for a square from 1 to 1e30: a line through the exponent, then two steps of Newton's method, y (3 - square y^2)/2. The first
+/// guess is within 3.5 % (Lomont, "Fast inverse square root", 2003, where the constant is derived).
+#[inline(always)]
+fn per_root(square: f32) -> f32 {
+    let half = 0.5 * square;
+    let guess = f32::from_bits(0x5F37_59DF - (square.to_bits() >> 1));
+    let once = guess * (1.5 - half * (guess * guess));
+    once * (1.5 - half * (once * once))
+}
+
+/// `turns` without its whole ones: -1/2 to 1/2.
+#[inline(always)]
+fn part_of_turn(turns: f32) -> f32 {
+    turns - ((turns + WHOLE) - WHOLE)
+}
+
+/// One PWM period: what the bridge does in the next one.
 ///
-/// The voltage limit takes v_d first and leaves v_q the rest of the circle of radius V/sqrt 3: at the limit it is i_d that keeps the back-EMF
-/// down, and a control that lets it go loses i_q as well. v_d may have 0.949 of the radius, so that a third is always left for v_q. What the
-/// limit took off goes back into the integrals, over the proportional gain (the conditioned controller of Hanus, 1987), so that they do
-/// not wind up.
+/// The axes are decoupled at the wanted currents, not at the measured ones, and a voltage beyond the reachable circle is scaled back to it. Together they
+/// leave one equilibrium and no other: with e = wanted - measured current, L/2 |e|^2 falls at the rate e (v - v_w) + r |e|^2, where v_w is the voltage of the wanted
+/// current; the coupling of the axes turns e and drops out. v is the point of the circle nearest to v_w + K e, and v_w is in the circle, so e (v - v_w) is never
+/// negative: a property of the nearest point in any convex set. Priority for one axis, or decoupling at the measured currents, has no such function, and had a trap.
+/// It wants the wanted currents inside the limits, which is the outer step's part; they move there along straight lines, and a straight line between two points of
+/// a circle is inside.
 ///
-/// A sample that is not a number, or a bus without voltage, gives the duties of the last good sample again, and is counted.
 /// `inline(never)` so that its object code stands under one name, where a test reads it.
 #[inline(never)]
-pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References, measured: &Measured) -> [f32; 3] {
+pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References, measured: &Measured) -> Command {
     let Measured { currents_a: [a, b, c], angle_turns, speed_rad_s, bus_voltage_v } = *measured;
+    let limits = &drive.limits;
+    // 1 while what is expected of angle and currents is out of date: the bridge was open in the period that ends here.
+    let open = select(0.0, state.waiting, 1.0, 0.0);
+    // 1 before the first good sample of the bus.
+    let fresh = select(0.0, state.bus_voltage_v, 0.0, 1.0);
+    let bus = judge(&limits.bus_v, bus_voltage_v, state.bus_voltage_v, open, fresh);
+    let speed = judge(&limits.speed_rad_s, speed_rad_s, state.speed_rad_s, open, fresh);
+
+    let off = part_of_turn(angle_turns - state.angle_turns);
+    let angle_in_range = select(magnitude(angle_turns), limits.angle_turns, 1.0, 0.0);
+    let angle_good = angle_in_range * select(magnitude(off), limits.angle_rate_turns, 1.0, fresh);
+    // Of a bad sample nothing, but while the bridge is open all of it: so the next one is compared with it.
+    let believed = select(0.0, angle_good, BELIEVED, open);
+    let angle = state.angle_turns + believed * select(0.0, angle_in_range, off, 0.0);
+
     let alpha = (a - 0.5 * (b + c)) * TWO_THIRDS;
     let beta = (b - c) * PER_ROOT_3;
-    let Direction { cos, sin } = Direction::of_turns(angle_turns);
-    let i_d = cos * alpha + sin * beta;
-    let i_q = cos * beta - sin * alpha;
+    let Direction { cos, sin } = Direction::of_turns(angle);
+    let sampled_d = cos * alpha + sin * beta;
+    let sampled_q = cos * beta - sin * alpha;
+    let square = sampled_d * sampled_d + sampled_q * sampled_q;
+    let small = select(square, limits.current_square_a2, 1.0, 0.0);
+    let in_range = select(magnitude((a + b) + c), limits.current_sum_a, small, 0.0);
+    let seen_d = select(0.0, in_range, sampled_d - state.expected_d_a, 0.0);
+    let seen_q = select(0.0, in_range, sampled_q - state.expected_q_a, 0.0);
+    let current_good = in_range * select(seen_d * seen_d + seen_q * seen_q, limits.current_rate_square_a2, 1.0, 0.0);
+    let taken = at_least(current_good, open);
+    let off_d = taken * seen_d;
+    let off_q = taken * seen_q;
+    let i_d = state.expected_d_a + off_d;
+    let i_q = state.expected_q_a + off_q;
 
-    let per_bus_v = 1.0 / bus_voltage_v;
-    let radius_v = bus_voltage_v * PER_ROOT_3;
-    let w_e = drive.pole_pairs * speed_rad_s;
-    let error_d = references.i_d_a - i_d;
-    let error_q = references.i_q_a - i_q;
-    // (17), (18): the voltages that the rotation of the frame and the magnets take, at the wanted currents. At the measured ones a drive that is switched on at a
-    // speed whose back-EMF is beyond the bus latches: v_d then fights the very coupling by which a braking i_q would weaken the flux, and a
-    // test of that case ends at -80 A.
-    let rotation_d = -(w_e * (drive.inductance_h * references.i_q_a));
-    let rotation_q = w_e * (drive.inductance_h * references.i_d_a + drive.flux_linkage_wb);
-    let wanted_d = (drive.gain_v_per_a * error_d + state.integral_d_v) + (references.resistive_d_v + rotation_d);
-    let wanted_q = (drive.gain_v_per_a * error_q + state.integral_q_v) + (references.resistive_q_v + rotation_q);
+    // Where the next sample is expected: the model's own state follows the samples by a part of what they are off, so that a sensor that is stuck does not lead it.
+    let believed = select(0.0, current_good, BELIEVED, open);
+    let from_d = state.expected_d_a + believed * off_d;
+    let from_q = state.expected_q_a + believed * off_q;
+    let turned = drive.turned_per_speed * speed.value;
+    let move_d = |d: f32, q: f32| drive.amperes_per_volt * (state.v_d_v - drive.resistance_ohm * d) + turned * q;
+    let move_q = |d: f32, q: f32| {
+        drive.amperes_per_volt * (state.v_q_v - drive.resistance_ohm * q) - turned * (d + drive.characteristic_current_a)
+    };
+    // By the middle of the period: a straight step of 0.3 rad would be 5 % too long.
+    let half_d = from_d + 0.5 * move_d(from_d, from_q);
+    let half_q = from_q + 0.5 * move_q(from_d, from_q);
+    // Under an open bridge the diodes hold the current where it is in the rotor's frame, but for their ripple.
+    let expected_d = from_d + select(0.0, open, 0.0, move_d(half_d, half_q));
+    let expected_q = from_q + select(0.0, open, 0.0, move_q(half_d, half_q));
 
-    let most_d = LONGEST_LEG * radius_v;
-    let v_d = within(wanted_d, -most_d, most_d);
-    let share = (v_d * per_bus_v) * ROOT_3;
-    let most_q = radius_v * other_leg(share * share);
-    let v_q = within(wanted_q, -most_q, most_q);
+    let all_good = (bus.good * speed.good) * (angle_good * current_good);
+    // Now, also where the model does not believe it; or at the next sample, if the currents go on to leave the model as they did.
+    let now = select(0.0, in_range, square, 0.0);
+    let then_d = expected_d + seen_d;
+    let then_q = expected_q + seen_q;
+    let then = then_d * then_d + then_q * then_q;
+    let tripped = select(limits.trip_square_a2, at_least(now, then), 1.0, 0.0);
+    state.bad.count(0.0 < all_good);
+    let too_many = select(limits.bad_in_a_row - 0.5, state.bad.in_a_row as f32, 1.0, 0.0);
+    let not_yet = (tripped + too_many) + (1.0 - all_good) * open;
+    let waiting = select(0.0, not_yet, limits.good_in_a_row + PERIODS_TO_CLOSE, at_least(state.waiting - 1.0, 0.0));
+    let closed = select(waiting, PERIODS_TO_CLOSE + 0.5, 1.0, 0.0);
+
+    // The references go straight to those of the outer step; from the measured currents where the bridge was open.
+    let to_d = references.i_d_a - state.reference_d_a;
+    let to_q = references.i_q_a - state.reference_q_a;
+    let farther = at_least(magnitude(to_d), magnitude(to_q));
+    let part = drive.slew_a / at_least(farther, drive.slew_a);
+    let step_d = select(0.0, open, 0.0, part * to_d);
+    let step_q = select(0.0, open, 0.0, part * to_q);
+    let wanted_d_a = select(0.0, open, i_d, state.reference_d_a + step_d);
+    let wanted_q_a = select(0.0, open, i_q, state.reference_q_a + step_q);
+
+    let per_bus_v = 1.0 / at_least(bus.value, limits.bus_v.middle - limits.bus_v.half);
+    let radius_v = bus.value * PER_ROOT_3;
+    let w_e = drive.pole_pairs * speed.value;
+    let error_d = wanted_d_a - i_d;
+    let error_q = wanted_q_a - i_q;
+    // (17), (18) at the wanted currents: resistance, rotation and magnets, and what moving them takes.
+    let model_d = (drive.resistance_ohm * wanted_d_a - w_e * (drive.inductance_h * wanted_q_a)) + drive.slew_v_per_a * step_d;
+    let flux = drive.inductance_h * wanted_d_a + drive.flux_linkage_wb;
+    let model_q = (drive.resistance_ohm * wanted_q_a + w_e * flux) + drive.slew_v_per_a * step_q;
+    let wanted_d = (drive.gain_v_per_a * error_d + state.integral_d_v) + model_d;
+    let wanted_q = (drive.gain_v_per_a * error_q + state.integral_q_v) + model_q;
+
+    let per_radius = per_bus_v * ROOT_3;
+    let share = (wanted_d * wanted_d + wanted_q * wanted_q) * (per_radius * per_radius);
+    let scale = select(1.0, share, per_root(at_least(share, 1.0)), 1.0);
+    let v_d = scale * wanted_d;
+    let v_q = scale * wanted_q;
+    // What the limit took off goes back into the integrals, over the proportional gain (the conditioned controller of Hanus, 1987), so that they do not wind up.
     let integral_d = state.integral_d_v + (drive.integral_gain_v_per_a * error_d + drive.tracking * (v_d - wanted_d));
     let integral_q = state.integral_q_v + (drive.integral_gain_v_per_a * error_q + drive.tracking * (v_q - wanted_q));
+    let most = INTEGRAL_SHARE * radius_v;
+    state.integral_d_v = select(0.0, open, 0.0, within(integral_d, -most, most));
+    state.integral_q_v = select(0.0, open, 0.0, within(integral_q, -most, most));
 
-    let Direction { cos, sin } = Direction::of_turns(angle_turns + drive.advance_turns_s * speed_rad_s);
+    let Direction { cos, sin } = Direction::of_turns(angle + drive.advance_turns_s * speed.value);
     let v_alpha = cos * v_d - sin * v_q;
     let v_beta = sin * v_d + cos * v_q;
     let half = 0.5 * v_alpha;
@@ -106,22 +264,31 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let highest = at_least(at_least(v_a, v_b), v_c);
     let lowest = at_most(at_most(v_a, v_b), v_c);
     let centre = 0.5 * (highest + lowest);
+    // While both switches of a leg are off its current flows through a diode: the leg loses dead time / T of the bus, against the current. The currents are
+    // those that are wanted in that period: a sample that is bad or noisy has no sign to go by.
+    let flow_alpha = cos * wanted_d_a - sin * wanted_q_a;
+    let flow_beta = sin * wanted_d_a + cos * wanted_q_a;
+    let flow_half = 0.5 * flow_alpha;
+    let flow_side = HALF_ROOT_3 * flow_beta;
     let duty = |v: f32, current: f32| {
-        // While both switches of a leg are off its current flows through a diode: the leg loses dead time / T of the bus, against the current.
         let lost = drive.dead_time_share * within(current * drive.per_dead_time_ampere, -1.0, 1.0);
-        within(((v - centre) * per_bus_v + 0.5) + lost, 0.0, 1.0)
+        // NaN, of constants that are none, is no voltage.
+        let duty = within(((v - centre) * per_bus_v + 0.5) + lost, 0.0, 1.0);
+        select(duty, 2.0, duty, 0.5)
     };
-    let duties = [duty(v_a, a), duty(v_b, b), duty(v_c, c)];
+    state.last.duties = [duty(v_a, flow_alpha), duty(v_b, flow_side - flow_half), duty(v_c, -flow_side - flow_half)];
+    state.last.closed = closed;
 
-    // 0, or NaN where anything was not a number. Bounds hide infinities, so the samples themselves are in it.
-    let sum = nothing(a) + nothing(b) + nothing(c) + nothing(angle_turns) + nothing(speed_rad_s);
-    let sum = sum + nothing(bus_voltage_v) + nothing(per_bus_v) + nothing(integral_d) + nothing(integral_q);
-    let sum = sum + nothing(duties[0]) + nothing(duties[1]) + nothing(duties[2]);
-    // It is below the voltage of a bus that has one.
-    let keep = |new: f32, old: f32| select(sum, bus_voltage_v, new, old);
-    state.integral_d_v = keep(integral_d, state.integral_d_v);
-    state.integral_q_v = keep(integral_q, state.integral_q_v);
-    state.last = [keep(duties[0], state.last[0]), keep(duties[1], state.last[1]), keep(duties[2], state.last[2])];
-    state.bad.count(sum < bus_voltage_v);
+    state.reference_d_a = wanted_d_a;
+    state.reference_q_a = wanted_q_a;
+    state.v_d_v = v_d;
+    state.v_q_v = v_q;
+    state.expected_d_a = expected_d;
+    state.expected_q_a = expected_q;
+    state.angle_turns = part_of_turn(angle + drive.turns_per_speed * speed.value);
+    state.speed_rad_s = speed.value;
+    state.bus_voltage_v = bus.value;
+    state.waiting = waiting;
+    state.voltage_share = select(0.0, open, 0.0, share);
     state.last
 }

@@ -4,8 +4,9 @@
 //! - [`currents`], once a PWM period (10 kHz or more). In: references, phase currents, angle, speed, bus voltage. Out: duties of three legs.
 //!
 //! Neither allocates, panics, loops or branches; they need nothing outside `core`, and nothing but + - * / and comparisons, so that
-//! `targets/firmware/motor_step.c` gives the same bits. A sample that is not a number (a torn wire, a failed conversion, a division by zero
-//! upstream) never reaches the inverter: what the last good sample gave is held, and counted.
+//! `targets/firmware/motor_step.c` gives the same bits. Every sample is asked whether it is plausible, in range and in rate ([`Limits`]). A bad one (a torn wire, a stuck
+//! encoder, a wild edge) is replaced by where the rotor and the winding should be, and counted; ten in a row lead to a safe state: the outer step asks for no torque, the inner one opens
+//! the bridge. Ten good ones lead back.
 //!
 //! ```
 //! use motor_loop::{CurrentState, Demand, Drive, Measured, Motor, ReferenceState, Tuning, currents, references};
@@ -21,15 +22,21 @@
 //! let tuning = Tuning { pwm_period_s: 1e-4, bandwidth_rad_s: 1500.0, dead_time_s: 0.0, dead_time_current_a: 1.0 };
 //! let drive = Drive::new(&motor, &tuning);
 //!
+//! let mut inner = CurrentState::default();
 //! let mut outer = ReferenceState::default();
-//! let demand = Demand { torque_nm: 3.6, speed_rad_s: 50.0, bus_voltage_v: 270.0 };
+//! let demand = Demand { torque_nm: 3.6, speed_rad_s: 0.0, bus_voltage_v: 270.0, voltage_share: inner.voltage_share };
 //! let wanted = references(&mut outer, &drive, &demand);
 //! assert_eq!((wanted.i_d_a, wanted.i_q_a), (0.0, 10.0));           // slow: no weakening; 3.6 N m over 0.36 N m/A
 //!
-//! let mut inner = CurrentState::default();
-//! let measured = Measured { currents_a: [0.0; 3], angle_turns: 0.0, speed_rad_s: 50.0, bus_voltage_v: 270.0 };
-//! let duties = currents(&mut inner, &drive, &wanted, &measured);
-//! assert!(duties[1] > 0.5 && duties[2] < 0.5);                      // the q axis is a quarter turn before phase a
+//! let measured = Measured { currents_a: [0.0; 3], angle_turns: 0.0, speed_rad_s: 0.0, bus_voltage_v: 270.0 };
+//! for _ in 0..10 {
+//!     assert_eq!(currents(&mut inner, &drive, &wanted, &measured).closed, 0.0);  // the bridge is still open
+//! }
+//! for _ in 0..2 {
+//!     currents(&mut inner, &drive, &wanted, &measured);
+//! }
+//! let command = currents(&mut inner, &drive, &wanted, &measured);
+//! assert!(command.closed == 1.0 && command.duties[1] > 0.5 && command.duties[2] < 0.5);  // the q axis is a quarter turn before phase a
 //! ```
 //!
 //! [`published`] is the surface of the paper, (26): the advance angle of another motor, kept for whoever has that motor.
@@ -40,14 +47,16 @@
 mod circle;
 mod currents;
 mod drive;
+mod plausible;
 pub mod published;
 mod references;
 
 pub use branch_free::BadSamples;
 pub use circle::Direction;
-pub use currents::{CurrentState, Measured, currents};
-pub use drive::{Drive, Motor, Tuning};
-pub use references::{Demand, ReferenceState, References, references};
+pub use currents::{Command, CurrentState, Measured, currents};
+pub use drive::{Drive, Limits, Motor, Tuning};
+pub use plausible::Band;
+pub use references::{Demand, FOLD_PER_RAD_S, FOLD_SPEED_RAD_S, ReferenceState, References, TRIM_FROM, references};
 
 // Single precision: the FPU of the drives that this is for (Cortex-M4F) has no other.
 rsm_macros::include_model!("../../generated/coefficients/motor.toml", precision = "f32");

@@ -35,7 +35,9 @@ pub mod raw;
 mod step;
 
 pub use branch_free::BadSamples;
-pub use step::{FADE_PER_TICK, GEAR_PER_TICK, GEARS, Inputs, Outputs, State, step};
+pub use step::{
+    CLOSE_PER_TICK, FADE_PER_TICK, GEAR_PER_TICK, GEARS, HOLD_TICKS, Inputs, Outputs, REOPEN_PER_TICK, State, step,
+};
 
 /// The evaluators and the compensator, made by build.rs from the coefficient file of the driveline.
 pub mod driveline {

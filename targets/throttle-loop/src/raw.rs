@@ -15,6 +15,10 @@ pub const CLUTCH_LINE: u32 = 1 << GEARS;
 /// The commanded and the measured throttle may differ by this much before it is counted: 10 % of the stroke.
 const PLATE_TOLERANCE: f32 = 0.1;
 
+/// After so many ticks in a row in which the plate is not where it was told to be the throttle is closed: 0.1 s, a third of the time that a plate takes over its whole stroke
+/// would be too short, three strokes are not.
+pub const PLATE_TICKS: f32 = 100.0;
+
 /// A linear sensor on a 12-bit converter: value = (counts - zero) * per_count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
@@ -79,8 +83,7 @@ pub struct RawState {
     pub step: State,
     /// The last command, 0 to 1.
     throttle: f32,
-    /// Ticks in which the plate was not where it was told to be, or its wire was torn. Only counted: whether a plate is stuck or slow is for the
-    /// caller to say.
+    /// Ticks in which the plate was not where it was told to be, or its wire was torn. [`PLATE_TICKS`] of them in a row close the throttle, until the plate follows again.
     pub plate: BadSamples,
 }
 
@@ -114,7 +117,9 @@ pub fn raw_step(state: &mut RawState, scaling: &Scaling, counts: &Counts) -> u16
         clutch: counts.lines & CLUTCH_LINE != 0,
     };
     let deviation = magnitude(value(&scaling.plate, counts.plate) - state.throttle);
-    let throttle = advance(&mut state.step, &inputs).throttle;
+    // A plate that is stuck or slow, or not seen, is no plate to be driven: closed, until it follows.
+    let fault = select(PLATE_TICKS, state.plate.in_a_row as f32, 1.0, 0.0);
+    let throttle = advance(&mut state.step, &inputs, fault).throttle;
     state.plate.count(deviation <= PLATE_TOLERANCE);
     state.throttle = throttle;
     // Rounded to the nearest count; a finite number in the range of the table, so the conversion only cuts off.

@@ -2,7 +2,7 @@
 //!
 //! In: pedal, road speed, gear, clutch. Out: the throttle. Never touches hardware: `raw.rs` has counts.
 
-use branch_free::{BadSamples, if_good, magnitude, nothing, select, within};
+use branch_free::{BadSamples, at_least, at_most, magnitude, select, within};
 
 use crate::driveline;
 
@@ -16,6 +16,25 @@ pub const FADE_PER_TICK: f32 = 0.01;
 /// By how much the gear that the surfaces see moves in a tick, in gears: one in 50 ms, about the time in which a clutch closes.
 pub const GEAR_PER_TICK: f32 = 0.02;
 
+/// So many bad pedal samples in a row are held; then the throttle closes. 50 ms: a loose contact is no fault of the driver's, and is not felt.
+pub const HOLD_TICKS: f32 = 50.0;
+
+/// How fast a lost pedal closes the throttle, in a tick: the whole stroke in 0.25 s. With the time that it is held that is 0.3 s; FMVSS 124 (49 CFR 571.124, S5.3) asks for
+/// idle within 1 s after a connection is lost.
+pub const CLOSE_PER_TICK: f32 = 0.004;
+
+/// How fast it may open again when the pedal is back, in a tick: the whole stroke in 1 s. A driver who stood on the pedal all the time is not thrown forward.
+pub const REOPEN_PER_TICK: f32 = 0.001;
+
+/// A pedal this far from the middle of its stroke, or farther, is bad: three times the half stroke. What is nearer counts as the end.
+const PEDAL_BAND: f32 = 1.5;
+
+/// A road speed that is no lower than this is bad, in m/s.
+const SPEED_BAND_M_S: f32 = 100.0;
+
+/// A road speed that moves by this in a tick, or by more, is bad, in m/s: 200 times what tyres can.
+const SPEED_PER_TICK_M_S: f32 = 2.0;
+
 /// What the step remembers.
 #[derive(Debug, Clone)]
 pub struct State {
@@ -28,7 +47,11 @@ pub struct State {
     gear: f32,
     /// How much of the compensator is in the throttle, 0 to 1.
     share: f32,
-    /// Ticks with a pedal or speed that was not finite, or a gear that is none.
+    /// Bad pedal samples in a row.
+    lost: f32,
+    /// The throttle is never above this: 1; less, down to 0, while it is closed by a fault or on its way back.
+    pub cap: f32,
+    /// Ticks with a pedal or speed that was not plausible, or a gear that is none.
     pub bad: BadSamples,
 }
 
@@ -36,7 +59,16 @@ impl Default for State {
     /// At rest: pedal up, standing, no compensation yet.
     fn default() -> Self {
         let compensator = driveline::tip_in_init_f32();
-        State { compensator, pedal: 0.0, speed_m_s: 0.0, gear: 1.0, share: 0.0, bad: BadSamples::default() }
+        State {
+            compensator,
+            pedal: 0.0,
+            speed_m_s: 0.0,
+            gear: 1.0,
+            share: 0.0,
+            lost: 0.0,
+            cap: 1.0,
+            bad: BadSamples::default(),
+        }
     }
 }
 
@@ -71,19 +103,29 @@ pub struct Outputs {
 ///
 /// A gear change moves the gear that the surfaces see at [`GEAR_PER_TICK`], through ratios between: the coefficients move, not jump.
 ///
-/// A pedal that is not a number stands where it stood; speed and gear likewise, while the share fades out.
+/// A pedal that is no number or far out of its stroke stands where it stood for [`HOLD_TICKS`]; then the throttle closes at [`CLOSE_PER_TICK`] and stays closed. When the pedal
+/// is back it may open at [`REOPEN_PER_TICK`]. The pedal itself may step over its whole stroke. A speed that is not plausible in range or rate, and a gear that is none, stand where they
+/// stood, while the share fades out; at a share of 0 any speed in the range is taken, so that a true jump is not refused for ever.
 #[inline(never)]
 pub fn step(state: &mut State, inputs: &Inputs) -> Outputs {
-    advance(state, inputs)
+    advance(state, inputs, 0.0)
 }
 
-/// The same, for [`step`] and the step from counts.
+/// The same, for [`step`] and the step from counts; `fault` is 1 where something else than the pedal is to close the throttle, else 0.
 #[inline(always)]
-pub(crate) fn advance(state: &mut State, inputs: &Inputs) -> Outputs {
-    let pedal_nothing = nothing(inputs.pedal);
-    let speed_nothing = nothing(inputs.speed_m_s);
-    let pedal = if_good(pedal_nothing, within(inputs.pedal, 0.0, 1.0), state.pedal);
-    let speed_m_s = if_good(speed_nothing, magnitude(inputs.speed_m_s), state.speed_m_s);
+pub(crate) fn advance(state: &mut State, inputs: &Inputs, fault: f32) -> Outputs {
+    let pedal_good = select(magnitude(inputs.pedal - 0.5), PEDAL_BAND, 1.0, 0.0);
+    let lost = (state.lost + 1.0) * (1.0 - pedal_good);
+    let closing = select(HOLD_TICKS, lost, 1.0, fault);
+    let closed = at_least(at_most(state.cap, state.pedal) - CLOSE_PER_TICK, 0.0);
+    let cap = select(0.0, closing, closed, at_most(state.cap + REOPEN_PER_TICK, 1.0));
+    let pedal = at_most(select(0.0, pedal_good, within(inputs.pedal, 0.0, 1.0), state.pedal), cap);
+
+    let road = magnitude(inputs.speed_m_s);
+    let in_range = select(road, SPEED_BAND_M_S, 1.0, 0.0);
+    let any = select(0.0, state.share, 0.0, 1.0);
+    let speed_good = in_range * select(magnitude(road - state.speed_m_s), SPEED_PER_TICK_M_S, 1.0, any);
+    let speed_m_s = select(0.0, speed_good, road, state.speed_m_s);
 
     let lever = f32::from(inputs.gear);
     // 1 where one of the gears is in, else 0.
@@ -91,17 +133,19 @@ pub(crate) fn advance(state: &mut State, inputs: &Inputs) -> Outputs {
     let wanted_gear = select(0.0, in_gear, lever, state.gear);
     let gear = state.gear + within(wanted_gear - state.gear, -GEAR_PER_TICK, GEAR_PER_TICK);
 
-    let known = if_good(speed_nothing, 1.0, 0.0) * in_gear * f32::from(u8::from(!inputs.clutch));
+    let known = speed_good * in_gear * f32::from(u8::from(!inputs.clutch));
     let supported = driveline::damping_ratio_support_f32(speed_m_s, gear) as f32;
     let share = state.share + within(known * supported - state.share, -FADE_PER_TICK, FADE_PER_TICK);
 
     let compensated = driveline::tip_in_step_f32(&mut state.compensator, pedal, speed_m_s, gear);
-    let throttle = within(pedal + share * (compensated - pedal), 0.0, 1.0);
+    let throttle = within(pedal + share * (compensated - pedal), 0.0, cap);
 
     state.pedal = pedal;
     state.speed_m_s = speed_m_s;
     state.gear = gear;
     state.share = share;
-    state.bad.count((pedal_nothing + speed_nothing < 1.0) & (inputs.gear <= GEARS));
+    state.lost = lost;
+    state.cap = cap;
+    state.bad.count((0.0 < pedal_good * speed_good) & (inputs.gear <= GEARS));
     Outputs { throttle, share }
 }

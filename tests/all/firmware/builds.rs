@@ -3,8 +3,9 @@
 //! In: a compiler line and a program. Out: what it printed, its objects, its sizes. Sources are compiled where they are; the evaluators are emitted into a
 //! scratch folder from the same coefficient files that the Rust steps include.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use rsm_core::check::Checked;
 use rsm_core::compile;
@@ -92,6 +93,24 @@ impl Build {
     pub fn on_host(&self, program: &str) -> Vec<String> {
         self.link(program, &[]);
         lines(&mut Command::new(self.folder.join(program)))
+    }
+
+    /// Links a program for this host and runs it on these bytes: what it wrote.
+    pub fn on_host_with(&self, program: &str, input: &[u8]) -> Vec<u8> {
+        self.link(program, &[]);
+        let mut child = Command::new(self.folder.join(program))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut stdin = child.stdin.take().expect("it was piped");
+        // A thread feeds it, so that neither pipe can fill up and stop both.
+        std::thread::scope(|scope| {
+            scope.spawn(move || stdin.write_all(input).expect("the program reads"));
+            let output = child.wait_with_output().expect("the program ends");
+            assert!(output.status.success(), "{program}: {}", output.status);
+            output.stdout
+        })
     }
 
     /// Links a program for the emulated board and runs it there: its lines.

@@ -1,13 +1,15 @@
 //! `targets/firmware`: the steps in C have the bits of the steps in Rust, on this host and on a Cortex-M4F, and cost the same for every input.
 
 mod builds;
+mod faults;
+mod readme;
 mod sequence;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use builds::{Build, CORTEX_M4F};
-use motor_loop::{Drive, Motor, Tuning};
+use motor_loop::{Band, Drive, Motor, Tuning};
 use rsm_lab::plant_file::PlantFile;
 use rsm_tests::{cases, object};
 use throttle_loop::raw::{Channel, Scaling};
@@ -59,20 +61,41 @@ fn tables_c() -> String {
         ("current_limit_a", d.current_limit_a),
         ("per_ampere", d.per_ampere),
         ("nominal_bus_v", d.nominal_bus_v),
+        ("weakening_per_speed", d.weakening_per_speed),
         ("resistance_ohm", d.resistance_ohm),
         ("inductance_h", d.inductance_h),
         ("flux_linkage_wb", d.flux_linkage_wb),
         ("pole_pairs", d.pole_pairs),
+        ("turned_per_speed", d.turned_per_speed),
+        ("turns_per_speed", d.turns_per_speed),
+        ("amperes_per_volt", d.amperes_per_volt),
+        ("characteristic_current_a", d.characteristic_current_a),
         ("gain_v_per_a", d.gain_v_per_a),
         ("integral_gain_v_per_a", d.integral_gain_v_per_a),
         ("tracking", d.tracking),
+        ("slew_a", d.slew_a),
+        ("slew_v_per_a", d.slew_v_per_a),
         ("advance_turns_s", d.advance_turns_s),
         ("dead_time_share", d.dead_time_share),
         ("per_dead_time_ampere", d.per_dead_time_ampere),
+        ("limits.torque_nm", d.limits.torque_nm),
+        ("limits.angle_turns", d.limits.angle_turns),
+        ("limits.angle_rate_turns", d.limits.angle_rate_turns),
+        ("limits.current_sum_a", d.limits.current_sum_a),
+        ("limits.current_square_a2", d.limits.current_square_a2),
+        ("limits.current_rate_square_a2", d.limits.current_rate_square_a2),
+        ("limits.trip_square_a2", d.limits.trip_square_a2),
+        ("limits.bad_in_a_row", d.limits.bad_in_a_row),
+        ("limits.good_in_a_row", d.limits.good_in_a_row),
     ];
     let mut text = String::from("#include \"tables.h\"\n\nconst motor_drive tables_drive = {\n");
     for (name, value) in drive {
         writeln!(text, "    .{name} = {},", literal(value)).expect("text");
+    }
+    text.push_str("    /* middle and half of the range, and the most from what is expected */\n");
+    for (name, Band { middle, half, rate }) in [("bus_v", d.limits.bus_v), ("speed_rad_s", d.limits.speed_rad_s)] {
+        let numbers = [middle, half, rate].map(literal).join(", ");
+        writeln!(text, "    .limits.{name} = {{{numbers}}},").expect("text");
     }
     text.push_str("};\n\nconst throttle_scaling tables_scaling = {\n    /* zero in counts, value of a count, lowest and highest counts of a whole wire */\n");
     let s = Scaling::BOARD;

@@ -6,6 +6,7 @@
 
 mod chain;
 mod driveline;
+mod faults;
 mod motor;
 mod paper;
 mod speed;
@@ -30,7 +31,7 @@ pub struct Arguments {
     /// The folder for everything that the demo makes
     #[arg(long, default_value = "rsm-demo")]
     out: PathBuf,
-    /// A minute of the real-time loop, all 180 points of the bench, longer profiles, other gearboxes and loads
+    /// A minute of the real-time loop, all 180 points of the bench, longer profiles, other gearboxes and loads, and the campaign of faults on the motor's loop
     #[arg(long)]
     full: bool,
     /// Seconds of the real-time loop (2; with --full 60)
@@ -83,18 +84,22 @@ pub fn run(arguments: &Arguments) -> Outcome {
         tell.say(&format!("         {line}"))?;
     }
     paper.note("ticks", run.report.ticks_done as f64);
-    paper.note("ticks_lost", (run.report.ticks_lost + run.exchange.lost + run.exchange.doubled) as f64);
+    paper.note("ticks_late", run.report.ticks_caught_up as f64);
+    paper.note("deadlines_missed", run.report.deadlines_missed as f64);
+    paper.note("under_runs", run.exchange.under_runs as f64);
     let looped: Value = serde_json::from_str(&run.json()).map_err(|error| Refusal::new(error.to_string()))?;
+
+    let faults = if arguments.full { Some(faults::run(&tell)?) } else { None };
 
     let missed = paper.missed();
     for what in &missed {
         tell.say(&format!("missed   {what}"))?;
     }
     let report_path = arguments.out.join("report.html");
-    let text = report(&paper, &motor, &driveline, &run.to_string());
+    let text = report(&paper, &motor, &driveline, &run.to_string(), faults.as_ref());
     output::write_all(&[(report_path.clone(), text)])?;
     tell.say(&format!("done     in {:.1} s; report {}", begin.elapsed().as_secs_f64(), report_path.display()))?;
-    let good = motor.good && driveline.good && missed.is_empty();
+    let good = motor.good && driveline.good && missed.is_empty() && faults.as_ref().is_none_or(|faults| faults.good);
     if arguments.json {
         let mut results = Map::new();
         results.insert("ok".into(), json!(good));
@@ -103,22 +108,26 @@ pub fn run(arguments: &Arguments) -> Outcome {
         results.insert("motor".into(), motor.json);
         results.insert("driveline".into(), driveline.json);
         results.insert("loop".into(), looped);
+        if let Some(faults) = faults {
+            results.insert("faults".into(), faults.json);
+        }
         results.insert("report".into(), json!(report_path.display().to_string()));
         output::json(&results)?;
     }
     Ok(if good { Answer::Positive } else { Answer::Negative })
 }
 
-fn report(paper: &Paper, motor: &Section, driveline: &Section, looped: &str) -> String {
+fn report(paper: &Paper, motor: &Section, driveline: &Section, looped: &str, faults: Option<&Section>) -> String {
     let body = format!(
         "<h1>Both experiments, measured again</h1>\n\
          <p>A motor controller that a response surface makes fast enough, and a car that surfaces keep from shuffling: the experiments of \"Real-time simulation and \
          control systems design by the Response Surface Methodology and designed experiments\", on simulated plants with sensor noise. Marked lines miss what they \
-         should keep.</p>\n{}{}{}<h2>The loop in real time</h2>\n<pre>{}</pre>\n",
+         should keep.</p>\n{}{}{}<h2>The loop in real time</h2>\n<pre>{}</pre>\n{}",
         paper.table(),
         motor.html,
         driveline.html,
-        crate::page::escaped(looped)
+        crate::page::escaped(looped),
+        faults.map_or("", |faults| faults.html.as_str())
     );
     page("rsm demo", &body)
 }

@@ -21,9 +21,23 @@ fn run(state: &mut RawState, counts: Counts, ticks: u32) -> u16 {
     (0..ticks).map(|_| raw_step(state, &BOARD, &counts)).last().expect("at least one tick")
 }
 
+/// The counts of a plate that stands where a compare value puts it.
+fn plate_at(compare: u16) -> u16 {
+    of_share((f32::from(compare) - 180.0) / 3240.0)
+}
+
+/// The same with a plate that follows at once.
+fn follow(state: &mut RawState, counts: Counts, ticks: u32) -> u16 {
+    let mut compare = 180;
+    for _ in 0..ticks {
+        compare = raw_step(state, &BOARD, &Counts { plate: plate_at(compare), ..counts });
+    }
+    compare
+}
+
 #[test]
 fn the_ends_of_the_table_are_the_ends_of_the_stroke() {
-    let at = |pedal: u16| run(&mut RawState::default(), Counts { pedal, ..CRUISE }, 3000);
+    let at = |pedal: u16| follow(&mut RawState::default(), Counts { pedal, ..CRUISE }, 3000);
     // 0 is 10 % of 4095, closed is 5 % of 3600; 1 is 90 %, open is 95 %.
     assert_eq!((at(410), at(3685)), (180, 3420));
     // Rounded: half a count of pedal is half a count of 3240/3276.
@@ -71,17 +85,65 @@ fn a_plate_that_is_not_where_it_was_told_to_be_is_counted() {
     assert_eq!(state.plate.in_a_row, 0);
 }
 
+/// Torn and shorted wires of every channel, and a plate that is stuck, after full pedal: the table of limp-home.
+#[test]
+fn broken_wires_and_a_stuck_plate_close_the_throttle_and_the_way_back_is_no_bump() {
+    let full = Counts { pedal: 3685, ..CRUISE };
+    // What is broken, and whether it closes the throttle within a second; else the pedal goes through.
+    let cases: [(&str, fn(&mut Counts), bool); 9] = [
+        ("pedal torn", |counts| counts.pedal = 0, true),
+        ("pedal shorted", |counts| counts.pedal = 4095, true),
+        ("plate torn", |counts| counts.plate = 0, true),
+        ("plate shorted", |counts| counts.plate = 4095, true),
+        ("plate stuck closed", |counts| counts.plate = 410, true),
+        ("plate stuck half open", |counts| counts.plate = 2048, true),
+        ("speed torn", |counts| counts.speed = 4095, false),
+        ("gear line torn", |counts| counts.lines = 0b00110, false),
+        ("another line", |counts| counts.lines = 1 << 20, false),
+    ];
+    for (name, break_it, closes) in cases {
+        let mut state = RawState::default();
+        let mut compare = follow(&mut state, full, 3000);
+        assert_eq!(compare, 3420, "{name}");
+        let mut closed_at = None;
+        for tick in 0..1000 {
+            let mut counts = Counts { plate: plate_at(compare), ..full };
+            break_it(&mut counts);
+            let next = raw_step(&mut state, &BOARD, &counts);
+            // 0.004 of 3240 a tick, and a rounding.
+            assert!(compare.saturating_sub(next) <= 14, "{name}, tick {tick}: {compare} to {next}");
+            compare = next;
+            if compare == 180 {
+                closed_at.get_or_insert(tick);
+            }
+        }
+        assert_eq!(closed_at.is_some(), closes, "{name}");
+        if closes && name != "plate stuck closed" {
+            assert!(closed_at.is_some_and(|tick| tick < 400) && compare == 180, "{name}: {closed_at:?}");
+        }
+        for tick in 0..4000 {
+            let next = raw_step(&mut state, &BOARD, &Counts { plate: plate_at(compare), ..full });
+            // 0.001 of 3240 a tick, twice for the compensator, and a rounding.
+            assert!(next.abs_diff(compare) <= 8, "{name}, tick {tick}: {compare} to {next}");
+            compare = next;
+        }
+        // The compensator rests within a count.
+        assert!(compare >= 3419, "{name}: the way back: {compare}");
+    }
+}
+
 #[test]
 fn it_is_the_same_step() {
     let (mut raw, mut plain) = (RawState::default(), State::default());
+    let mut compare = 180;
     for tick in 0u32..4000 {
         let pedal = if tick / 400 % 2 == 0 { 0.2 } else { 0.8 };
         let gear = [2, 3, 0, 5][(tick / 1000) as usize];
         let clutch = tick % 1000 < 50;
         let speed = 12.0 + tick as f32 / 400.0;
         let lines = if gear == 0 { 0 } else { 1 << (gear - 1) } | if clutch { CLUTCH_LINE } else { 0 };
-        let counts = Counts { pedal: of_share(pedal), plate: 2048, speed: of_speed(speed), lines };
-        let compare = raw_step(&mut raw, &BOARD, &counts);
+        let counts = Counts { pedal: of_share(pedal), plate: plate_at(compare), speed: of_speed(speed), lines };
+        compare = raw_step(&mut raw, &BOARD, &counts);
         let inputs = Inputs {
             pedal: (f32::from(counts.pedal) - 409.5) / 3276.0,
             speed_m_s: f32::from(counts.speed) * 60.0 / 4095.0,

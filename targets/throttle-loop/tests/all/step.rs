@@ -1,6 +1,6 @@
 //! The step in physical units.
 
-use throttle_loop::{FADE_PER_TICK, Inputs, Outputs, State, driveline, step};
+use throttle_loop::{CLOSE_PER_TICK, FADE_PER_TICK, HOLD_TICKS, Inputs, Outputs, REOPEN_PER_TICK, State, driveline, step};
 
 const CRUISE: Inputs = Inputs { pedal: 0.2, speed_m_s: 12.0, gear: 2, clutch: false };
 
@@ -113,6 +113,63 @@ fn a_bad_pedal_stands_where_it_stood_and_bad_samples_are_counted() {
         step(&mut state, &Inputs { gear: 0, clutch: true, ..CRUISE });
         assert_eq!((state.bad.all, state.bad.in_a_row), (5, 0));
     }
+}
+
+/// FMVSS 124 (49 CFR 571.124, S5.3): back to idle within 1 s after a connection is lost. It once stayed open for ever.
+#[test]
+fn a_pedal_wire_that_is_torn_at_full_pedal_closes_the_throttle() {
+    for value in [f32::NAN, f32::INFINITY, 2.0, -1.0, 1e30] {
+        let mut state = cruising();
+        let full = Inputs { pedal: 1.0, ..CRUISE };
+        let mut last = run(&mut state, full, 3000).throttle;
+        assert!(last > 0.99);
+        let torn = Inputs { pedal: value, ..full };
+        for tick in 0..3000 {
+            let now = step(&mut state, &torn).throttle;
+            if (tick as f32) < HOLD_TICKS {
+                assert!((now - last).abs() < 1e-5, "{value}, tick {tick}: held");
+            }
+            assert!(last - now < CLOSE_PER_TICK + 1e-6 && now <= last + 1e-6, "{value}, tick {tick}: {last} to {now}");
+            assert!(tick < 310 || now == 0.0, "{value}: {now} after {tick} ms");
+            last = now;
+        }
+        // Back, with the foot still down: no bump, and all of it after a second and what the compensator takes.
+        for tick in 0..3000 {
+            let now = step(&mut state, &full).throttle;
+            assert!((now - last).abs() < 2.0 * REOPEN_PER_TICK, "{value}, tick {tick}: {last} to {now}");
+            last = now;
+        }
+        assert!(last > 0.99 && state.cap == 1.0, "{value}: {last}");
+    }
+}
+
+#[test]
+fn a_loose_contact_is_not_felt() {
+    let mut state = cruising();
+    for tick in 0..5000 {
+        let pedal = if tick % 60 < 50 { f32::NAN } else { 0.2 };
+        assert!((step(&mut state, &Inputs { pedal, ..CRUISE }).throttle - 0.2).abs() < REST, "tick {tick}");
+    }
+    assert_eq!(state.cap, 1.0);
+}
+
+#[test]
+fn a_speed_that_jumps_is_bad_and_is_taken_when_the_share_is_gone() {
+    let mut state = cruising();
+    let jumped = Inputs { speed_m_s: 20.0, ..CRUISE };
+    for _ in 0..100 {
+        assert_eq!(state.bad.all, state.bad.in_a_row);
+        step(&mut state, &jumped);
+    }
+    assert!(state.bad.all >= 99, "{:?}", state.bad);
+    run(&mut state, jumped, 200);
+    let good = state.bad.in_a_row;
+    assert_eq!(good, 0);
+    // A single wild sample costs a hundredth of the share.
+    let mut state = cruising();
+    step(&mut state, &Inputs { speed_m_s: 60.0, ..CRUISE });
+    assert_eq!(state.bad.all, 1);
+    assert_eq!(run(&mut state, CRUISE, 2).share, 1.0);
 }
 
 #[test]

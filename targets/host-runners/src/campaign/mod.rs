@@ -1,0 +1,200 @@
+//! The campaign of faults: every sensor of the motor's loop, broken in every way, for 1 to 500 samples, at every operating point and bus voltage.
+//!
+//! In: which share of the cases. Out: a row for each sensor and fault: the longest current, the time until the torque is back, how often the bridge opened. The
+//! motor and its bridge are simulated in the frame of the stator ([`plant`]); a run without the fault is what a run with it is compared with.
+
+pub mod cases;
+pub mod plant;
+pub mod rig;
+
+use rsm_lab::motor::controller::{self, Controller, Known};
+use rsm_lab::motor::field_oriented::FullController;
+
+use cases::{BUSES, DURATIONS, Kind, POINTS, Point, Sensor, Spoiler};
+use plant::Plant;
+use rig::{Exchanged, PERIOD_S, PERIODS_A_TICK, Rig};
+
+/// Periods before a fault: the bridge has closed and the currents have settled.
+const LEAD: u32 = 300;
+
+/// Periods after a fault that are looked at; the torque is to be back within the first 500, 50 ms.
+const AFTER: u32 = 600;
+
+/// The longest current vector that a fault may make, in A: 1.2 of the limit of 60.
+pub const MOST_A: f64 = 72.0;
+
+/// The torque is to be back so soon after the last bad sample, in ms.
+pub const MOST_MS: f64 = 50.0;
+
+/// Back is within this of the torque without the fault, in N m, and a twentieth of it.
+const BACK_NM: f64 = 0.5;
+
+/// One run of the campaign.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Run {
+    /// The longest current vector from the fault on, in A.
+    pub longest_a: f64,
+    /// From the last bad sample until the bridge is closed and the torque is back for good, in ms.
+    pub back_ms: f64,
+    /// Whether the bridge was opened.
+    pub opened: bool,
+    /// Mean difference of the torque from that without the fault, while the fault was there, in N m.
+    pub torque_error_nm: f64,
+}
+
+/// What one sensor and one fault gave.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The sensor.
+    pub sensor: Sensor,
+    /// The fault.
+    pub kind: Kind,
+    /// How many runs.
+    pub runs: usize,
+    /// The worst of [`Run::longest_a`].
+    pub longest_a: f64,
+    /// The worst of [`Run::back_ms`].
+    pub back_ms: f64,
+    /// In how many runs the bridge was opened.
+    pub opened: usize,
+    /// The worst of [`Run::torque_error_nm`] of faults of 500 samples in which the bridge stayed closed: what a fault does that cannot be told from the truth.
+    pub torque_error_nm: f64,
+}
+
+impl Row {
+    /// Whether it keeps what is promised.
+    #[must_use]
+    pub fn kept(&self) -> bool {
+        self.longest_a <= MOST_A && self.back_ms <= MOST_MS
+    }
+}
+
+/// A loop at a point, settled, and the torques that follow without a fault.
+fn settled(point: &Point, bus: f64) -> (Rig, Vec<f64>) {
+    let mut plant = Plant::new(point.speed, bus);
+    plant.inertia = point.inertia;
+    let mut rig = Rig::new(plant);
+    while rig.period < LEAD {
+        rig.step(point.demand(rig.period), &mut |_, _| ());
+    }
+    rig.plant.longest = 0.0;
+    let mut clean = rig.clone();
+    let most = DURATIONS.into_iter().fold(0, u32::max) + AFTER;
+    let torques = (0..most)
+        .map(|_| {
+            clean.step(point.demand(clean.period), &mut |_, _| ());
+            clean.plant.torque()
+        })
+        .collect();
+    (rig, torques)
+}
+
+/// One fault of `samples` samples; `seen` gets what the steps were told and answered, period by period.
+fn one(settled: &(Rig, Vec<f64>), point: &Point, mut spoiler: Spoiler, samples: u32, seen: &mut dyn FnMut(&Exchanged)) -> Run {
+    let (rig, torques) = settled;
+    let mut rig = rig.clone();
+    let mut run = Run { longest_a: 0.0, back_ms: 0.0, opened: false, torque_error_nm: 0.0 };
+    for (k, clean) in (0..samples + AFTER).zip(torques) {
+        let exchanged = rig.step(point.demand(rig.period), &mut |demand, measured| {
+            if k < samples {
+                spoiler.spoil(demand, measured);
+            }
+        });
+        seen(&exchanged);
+        run.opened |= !rig.closed();
+        let off = (rig.plant.torque() - clean).abs();
+        if k < samples {
+            run.torque_error_nm += off / f64::from(samples);
+        } else if !rig.closed() || off > BACK_NM + 0.05 * clean.abs() {
+            run.back_ms = f64::from(k + 1 - samples) * PERIOD_S * 1e3;
+        }
+    }
+    run.longest_a = rig.plant.longest;
+    run
+}
+
+/// Every `every`-th case of the campaign, counted over all of them in a fixed order: 1 is all. A row for each sensor and fault.
+#[must_use]
+pub fn run(every: usize) -> Vec<Row> {
+    run_seen(every, &mut |_| ())
+}
+
+/// The same; `seen` gets what the steps were told and answered. Its memory starts anew with each case: what came before the fault is not among it.
+pub fn run_seen(every: usize, seen: &mut dyn FnMut(&Exchanged)) -> Vec<Row> {
+    let mut rows: Vec<Row> = Sensor::ALL
+        .into_iter()
+        .flat_map(|sensor| Kind::ALL.map(|kind| (sensor, kind)))
+        .map(|(sensor, kind)| Row { sensor, kind, runs: 0, longest_a: 0.0, back_ms: 0.0, opened: 0, torque_error_nm: 0.0 })
+        .collect();
+    let mut case = 0usize;
+    for bus in BUSES {
+        for point in &POINTS {
+            let settled = settled(point, bus);
+            for row in &mut rows {
+                for samples in DURATIONS {
+                    case += 1;
+                    if !case.is_multiple_of(every.max(1)) {
+                        continue;
+                    }
+                    let mut spoiler = Spoiler::new(row.sensor, row.kind, case as u64);
+                    let (demand, measured) = settled.0.truth(point.demand(settled.0.period));
+                    spoiler.whole(&demand, &measured);
+                    let run = one(&settled, point, spoiler, samples, seen);
+                    row.runs += 1;
+                    row.longest_a = row.longest_a.max(run.longest_a);
+                    row.back_ms = row.back_ms.max(run.back_ms);
+                    row.opened += usize::from(run.opened);
+                    if samples == 500 && !run.opened {
+                        row.torque_error_nm = row.torque_error_nm.max(run.torque_error_nm);
+                    }
+                }
+            }
+        }
+    }
+    rows
+}
+
+/// The longest current vector of the exact controller (the circle diagram in closed form, in double precision) without a fault, over all points and buses after it has settled,
+/// in A: what the campaign is to be measured by.
+#[must_use]
+pub fn exact_longest_a() -> f64 {
+    let mut longest = 0f64;
+    for bus in BUSES {
+        for point in &POINTS {
+            let mut plant = Plant::new(point.speed, bus);
+            plant.inertia = point.inertia;
+            let known = Known {
+                resistance: plant.resistance,
+                inductance: plant.inductance,
+                flux_linkage: plant.flux_linkage,
+                pole_pairs: plant.pole_pairs,
+                current_limit: 60.0,
+                bus_voltage: 270.0,
+                voltage_margin: 0.05,
+                pwm_period: PERIOD_S,
+                dead_time: 0.0,
+            };
+            let mut exact = FullController::full(known);
+            let mut duties = [0.5; 3];
+            for period in 0..LEAD + 1100 {
+                if period == LEAD {
+                    plant.longest = 0.0;
+                }
+                if period % PERIODS_A_TICK == 0 {
+                    let torque_nm = f64::from(point.demand(period));
+                    exact.references(&controller::Demand { torque_nm, speed_rad_s: plant.speed, bus_voltage_v: bus });
+                }
+                let next = exact.duties(&controller::Measured {
+                    currents_a: plant.phases(),
+                    angle_rad: plant.angle,
+                    speed_rad_s: plant.speed,
+                    bus_voltage_v: bus,
+                });
+                plant.run(Some(duties), PERIOD_S);
+                duties = next;
+            }
+            longest = longest.max(plant.longest);
+        }
+    }
+    longest
+}

@@ -1,0 +1,181 @@
+//! The motor's loop beside its limits and under faults: what stood wrong once, a grid of starts, the campaign.
+
+use host_runners::campaign::cases::{BUSES, Kind};
+use host_runners::campaign::plant::Plant;
+use host_runners::campaign::rig::{Rig, drive};
+use host_runners::campaign::{self, MOST_A, MOST_MS, Row};
+use motor_loop::Measured;
+
+/// A run of so many periods; the longest current and bad samples count from period 500 on.
+fn go(speed: f64, bus: f64, periods: u32, torque: impl Fn(u32) -> f32, fault: impl Fn(u32, &mut Measured)) -> Rig {
+    let mut rig = Rig::new(Plant::new(speed, bus));
+    for period in 0..periods {
+        if period == 500 {
+            // Before, the bridge was open, and at high speed its diodes made currents that nothing foresees.
+            rig.plant.longest = 0.0;
+            rig.inner.bad.all = 0;
+        }
+        rig.step(torque(period), &mut |_, measured| fault(period, measured));
+    }
+    rig
+}
+
+/// A surface at its edge, and the voltage of one axis alone, once gave -16.7 N m and 68 A here.
+#[test]
+fn a_sagging_bus_and_a_speed_beyond_the_surface_keep_torque_and_current() {
+    for (speed, bus, torque) in [(780.0, 230.0, 2.0), (900.0, 270.0, 0.0), (850.0, 270.0, -8.0)] {
+        let rig = go(speed, bus, 3000, |_| torque, |_, _| ());
+        // 1 % of the largest torque.
+        assert!((rig.plant.torque() - f64::from(torque)).abs() < 0.2, "{speed} {bus}: {} N m", rig.plant.torque());
+        assert!(rig.plant.longest < 40.0, "{speed} {bus}: {} A", rig.plant.longest);
+    }
+}
+
+/// It once went to -30 N m and 90 A and stayed there.
+#[test]
+fn one_wild_speed_sample_is_forgotten() {
+    for wild in [3e5, -3e5, 1e30, 990.0] {
+        let fault = |period, measured: &mut Measured| {
+            if period == 1000 {
+                measured.speed_rad_s = wild;
+            }
+        };
+        let rig = go(500.0, 270.0, 3000, |_| 8.0, fault);
+        assert!((rig.plant.torque() - 8.0).abs() < 0.1 && rig.plant.longest < 24.0, "{wild}: {:?}", rig.plant);
+        assert_eq!(rig.inner.bad.all, 1);
+    }
+}
+
+/// Duties that stood in the stator's frame once made 74, 196 and 1125 A of 5, 10 and 100 bad samples.
+#[test]
+fn bad_samples_hold_in_the_rotors_frame() {
+    for (samples, most) in [(5, 24.0), (9, 24.0), (100, 40.0)] {
+        let fault = |period, measured: &mut Measured| {
+            if (1000..1000 + samples).contains(&period) {
+                *measured = Measured {
+                    currents_a: [f32::NAN; 3],
+                    angle_turns: f32::NAN,
+                    speed_rad_s: f32::NAN,
+                    bus_voltage_v: f32::NAN,
+                };
+            }
+        };
+        let rig = go(785.0, 270.0, 3000, |_| 5.0, fault);
+        // 21.9 A are wanted.
+        assert!(rig.plant.longest < most, "{samples}: {} A", rig.plant.longest);
+        assert!((rig.plant.torque() - 5.0).abs() < 0.1);
+    }
+}
+
+/// 110 and 103 A, once.
+#[test]
+fn full_torque_steps_stay_in_the_circle() {
+    for bus in BUSES {
+        for speed in [0.0, 300.0, 600.0, 785.0, 900.0] {
+            let rig = go(speed, bus, 3000, |period| if period / 500 % 2 == 0 { 21.6 } else { -21.6 }, |_, _| ());
+            // 7 % above the limit the bridge would open.
+            assert!(rig.plant.longest < 64.2, "{speed} rad/s, {bus} V: {} A", rig.plant.longest);
+            assert_eq!(rig.inner.bad.all, 0);
+        }
+    }
+}
+
+/// From every state within 1.5 of the limits, whatever the step believes, at every speed and bus: one equilibrium. With the bridge that opens, and, so that this hides nothing,
+/// without.
+fn grid(trips: bool, every: usize) {
+    let mut case = 0usize;
+    for bus in BUSES {
+        for speed in [-900.0, -785.0, -600.0, -400.0, -100.0, 0.0, 50.0, 200.0, 450.0, 600.0, 700.0, 785.0, 900.0] {
+            for torque in [-21.6, 0.0, 8.0] {
+                case += 1;
+                if !case.is_multiple_of(every) {
+                    continue;
+                }
+                let mut constants = drive();
+                if !trips {
+                    constants.limits.trip_square_a2 = 1e30;
+                    constants.limits.bad_in_a_row = 1e9;
+                }
+                let mut rig = Rig::with_drive(Plant::new(speed, bus), constants);
+                rig.begin();
+                let mut settled = rig.clone();
+                for _ in 0..3000 {
+                    settled.step(torque, &mut |_, _| ());
+                }
+                let home = settled.plant.rotor_currents();
+                let length = home[0].hypot(home[1]);
+                assert!(length < 61.0, "{bus} V, {speed} rad/s, {torque} N m: {home:?}");
+                for (k, length) in [90.0, 60.0, 90.0, 30.0, 90.0, 75.0, 90.0, 90.0, 0.0].into_iter().enumerate() {
+                    let mut rig = rig.clone();
+                    // 0.7 rad: nine directions, none of them twice.
+                    let (sin, cos) = (0.7 * k as f64).sin_cos();
+                    rig.plant.set_rotor_currents(length * cos, length * sin);
+                    if k % 2 == 0 {
+                        rig.inner.expected_d_a = (length * cos) as f32;
+                        rig.inner.expected_q_a = (length * sin) as f32;
+                    }
+                    let (d, q) = [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)][k % 4];
+                    // 1.5 times what the integrals may hold.
+                    let integral = 1.5 * 0.2 * bus as f32 / 3f32.sqrt();
+                    (rig.inner.integral_d_v, rig.inner.integral_q_v) = (d * integral, q * integral);
+                    (rig.inner.reference_d_a, rig.inner.reference_q_a) = (-63.0 * d, 63.0 * q);
+                    rig.outer.trim_a = if k % 3 == 0 { 60.0 } else { 0.0 };
+                    for _ in 0..2000 {
+                        rig.step(torque, &mut |_, _| ());
+                    }
+                    let now = rig.plant.rotor_currents();
+                    let off = (now[0] - home[0]).hypot(now[1] - home[1]);
+                    // The integrals' tail has the time constant of the winding, 11 ms, behind a limit; 0.2 s leave less than 2 A of it.
+                    assert!(
+                        rig.closed() && off < 2.0,
+                        "{bus} V, {speed} rad/s, {torque} N m, start {k}: {now:?}, not {home:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn it_comes_back_from_a_grid_of_starts() {
+    grid(true, 13);
+    grid(false, 11);
+}
+
+#[test]
+#[ignore = "the whole grid: half a minute; run with --ignored"]
+fn it_comes_back_from_the_whole_grid_of_starts() {
+    grid(true, 1);
+    grid(false, 1);
+}
+
+fn check(rows: &[Row]) {
+    for row in rows {
+        println!("{row:?}");
+        assert!(row.kept(), "more than {MOST_A} A or {MOST_MS} ms: {row:?}");
+        if row.runs > 20 && matches!(row.kind, Kind::Nan | Kind::Infinity) && row.sensor.name() != "torque demand" {
+            assert!(row.opened > 0, "the safe state was never reached: {row:?}");
+        }
+    }
+}
+
+#[test]
+fn a_share_of_the_campaign_of_faults_keeps_its_limits() {
+    check(&campaign::run(23));
+}
+
+#[test]
+#[ignore = "the whole campaign: 10,560 runs, a minute; run with --ignored, or see the report of `rsm demo --full`"]
+fn the_whole_campaign_of_faults_keeps_its_limits() {
+    let rows = campaign::run(1);
+    assert_eq!(rows.iter().map(|row| row.runs).sum::<usize>(), 10_560);
+    check(&rows);
+}
+
+/// The bound on a fault is a bound beside what the exact controller does without one.
+#[test]
+fn the_exact_controller_without_a_fault_is_near_the_limit_too() {
+    let longest = campaign::exact_longest_a();
+    println!("{longest} A");
+    assert!((58.0..MOST_A).contains(&longest), "{longest}");
+}
