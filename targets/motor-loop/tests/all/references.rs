@@ -78,7 +78,8 @@ fn the_surface_is_asked_inside_its_support() {
             references(&mut state, &drive(), &demand);
             let found = references(&mut state, &drive(), &demand);
             let given = 0.36 * found.i_q_a;
-            if motor::weakening_current_support_f32(given, speed) == 0 {
+            // 1 % of the torque: the two surfaces do not meet to the last digit at the current limit.
+            if motor::weakening_current_support_f32(0.99 * given, speed) == 0 {
                 // The bench found no limit below 440 rad/s, and none for a strong braking torque below 520: data end where weakening does. There the surface says 0
                 // or as much as its worst error on unseen rows, 1.8 A, from what the circle diagram says.
                 let off = found.i_d_a + needed(f64::from(found.i_q_a), f64::from(speed)) as f32;
