@@ -27,7 +27,7 @@ use crate::units::Conversion;
 const RUN: &str = "run";
 
 /// Draws a wanted point before `where` is held to leave nothing of the box.
-const MOST_DRAWS: usize = 10_000;
+const MOST_DRAWS: usize = 1_000_000;
 
 /// The runs of an experiment, in the order in which they are made.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,6 +69,9 @@ impl Plan {
         let holds = |point: &Vec<f64>| specification.conditions.iter().all(|condition| condition.holds(point));
         let mut points = match &specification.design {
             Design::Random { runs } => random_points(specification, *runs, &mut random, &holds),
+            Design::LatinHypercube { runs } if !specification.conditions.is_empty() => {
+                hypercube_within(specification, *runs, &mut random, &holds)
+            }
             other => {
                 let mut points = all_points(specification, other, &mut random);
                 points.retain(holds);
@@ -81,6 +84,11 @@ impl Plan {
         let mut faults = Collector::new();
         if points.is_empty() {
             faults.push(specification.fault("where", "`where`: no point of the design fulfils it"));
+        }
+        if let Some(wanted) = specification.design.runs().filter(|wanted| !points.is_empty() && points.len() != *wanted) {
+            let what = format!("`where`: {} different points of the design fulfil it, `runs` asks for {wanted}", points.len());
+            let help = "ask for fewer runs, widen the ranges, or loosen `where`";
+            faults.push(specification.fault("where", what).help(help));
         }
         if specification.centre_points > 0 && !holds(&centre) {
             let what = format!("`where`: the centre ({}) does not fulfil it", list(&centre));
@@ -233,6 +241,45 @@ fn random_points(
     let mut next = || (0..MOST_DRAWS).map(|_| draw()).find(|point| holds(point));
     (0..runs).map_while(|_| next()).collect()
 }
+
+/// A Latin hypercube of which exactly `runs` points fulfil the conditions: one of more slices, as many as it takes. What is left out of a
+/// hypercube thins its slices, and each slice of the larger one still holds at most one run. The number of points that stay hardly ever hits `runs`
+/// at once: slices are added until there are enough, and the few points too many are left out at random. Fewer points where no number of slices
+/// leaves enough.
+fn hypercube_within(
+    specification: &DesignSpecification,
+    runs: usize,
+    random: &mut Random,
+    holds: &dyn Fn(&Vec<f64>) -> bool,
+) -> points::Points {
+    let mut slices = runs;
+    let mut best = points::Points::new();
+    for _ in 0..MOST_HYPERCUBES {
+        let mut points = all_points(specification, &Design::LatinHypercube { runs: slices }, random);
+        points.retain(holds);
+        if points.len() >= runs {
+            random.shuffle(&mut points);
+            points.truncate(runs);
+            return points;
+        }
+        // The share that stays says how many slices it takes, and one more so that it ends.
+        let wanted = if points.is_empty() { 4 * slices } else { slices * runs / points.len() + 1 };
+        if points.len() > best.len() {
+            best = points;
+        }
+        slices = wanted.clamp(slices + 1, (4 * slices).min(MOST_SLICES).max(slices + 1));
+        if slices > MOST_SLICES {
+            break;
+        }
+    }
+    best
+}
+
+/// Hypercubes that are tried for a region, each with more slices than the one before.
+const MOST_HYPERCUBES: usize = 60;
+
+/// No hypercube has more slices: a region of a thousandth of the box still gets a hundred runs.
+const MOST_SLICES: usize = MOST_RUNS;
 
 /// Puts `count` centre points among the others at equal distances, the first and the last run included; a single one in the middle.
 fn spread(order: &mut Vec<Vec<f64>>, centre: &[f64], count: usize) {

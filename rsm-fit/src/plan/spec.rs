@@ -8,7 +8,7 @@
 //! plan = "dynamometer"
 //! seed = 7                        # of the random run order, and of random points
 //! # design = "full-factorial"     # | "central-composite" | "box-behnken" | "latin-hypercube" | "random"
-//! # runs = 40                     # latin-hypercube and random: how many points
+//! # runs = 40                     # latin-hypercube and random: how many points, all within `where`; of the other designs `where` keeps some
 //! # alpha = "rotatable"           # central-composite: | "face-centred" | a number, the coded place of the axial points
 //! # replicates = 2                # every point so many times
 //! # centre_points = 3             # the centre so many times, spread over the run order
@@ -106,6 +106,15 @@ impl Design {
             Design::BoxBehnken => "box-behnken",
             Design::LatinHypercube { .. } => "latin-hypercube",
             Design::Random { .. } => "random",
+        }
+    }
+
+    /// How many different points were asked for; `None` where the design itself says how many there are, of which `where` keeps some.
+    #[must_use]
+    pub fn runs(&self) -> Option<usize> {
+        match self {
+            Design::LatinHypercube { runs } | Design::Random { runs } => Some(*runs),
+            Design::FullFactorial { .. } | Design::CentralComposite { .. } | Design::BoxBehnken => None,
         }
     }
 }

@@ -97,14 +97,40 @@ fn coded_designs_stand_in_physical_units() {
     for design in ["latin-hypercube", "random"] {
         let plan =
             made(&format!("{head}design = \"{design}\"\nwhere = [{{ sum = {{ torque = 1 }}, at_least = 0 }}]\n{factors}"));
-        // A hypercube has a run in each of 20 slices of torque, ten of them above 0; random points are drawn until there are 20.
-        assert_eq!(plan.runs.len(), if design == "random" { 20 } else { 10 });
+        assert_eq!((plan.runs.len(), plan.points()), (20, 20), "{design}");
         assert!(points(&plan).iter().all(|point| (100.0..=300.0).contains(&point[0]) && (0.0..=5.0).contains(&point[1])));
     }
     let third = "[factors.load]\nunit = \"kg\"\nrange = [0, 320]\n";
     let behnken =
         made(&format!("format = 1\nplan = \"p\"\nseed = 1\ndesign = \"box-behnken\"\ncentre_points = 3\n{factors}{third}"));
     assert_eq!((behnken.runs.len(), behnken.points()), (15, 13));
+}
+
+#[test]
+fn as_many_runs_as_asked_for_or_a_word_why_not() {
+    let head = "format = 1\nplan = \"p\"\nruns = 40\n[factors.a]\nunit = \"1\"\nrange = [0, 1]\n[factors.b]\nunit = \"1\"\nrange = [0, 1]\n";
+    for seed in 1..12 {
+        for design in ["latin-hypercube", "random"] {
+            // The region shrinks from the whole box to a triangle of a two-hundred-and-fortieth.
+            let bound = 1.0 / f64::from(seed);
+            let text = format!(
+                "seed = {seed}\ndesign = \"{design}\"\nwhere = [{{ sum = {{ a = 1, b = 1 }}, at_most = {bound} }}]\n{head}"
+            );
+            let plan = made(&text);
+            assert_eq!((plan.runs.len(), plan.points()), (40, 40), "{design}, seed {seed}");
+            assert!(points(&plan).iter().all(|point| point[0] + point[1] <= bound));
+            assert_eq!(made(&text).csv(), plan.csv());
+        }
+    }
+    // A region as thin as a hair holds a point of a factorial and hardly one of a draw.
+    for design in ["latin-hypercube", "random"] {
+        let text = format!("seed = 1\ndesign = \"{design}\"\nwhere = [{{ sum = {{ a = 1 }}, at_most = 1e-4 }}]\n{head}");
+        let specification = DesignSpecification::from_source(Source::new("plan.toml", text)).unwrap();
+        match Plan::make(&specification) {
+            Ok(plan) => assert_eq!(plan.runs.len(), 40),
+            Err(faults) => assert!(faults.to_string().contains("`where`: "), "{faults}"),
+        }
+    }
 }
 
 #[test]
