@@ -1,7 +1,20 @@
 //! The command `rsm`: arguments, progress, reports and plots. No mathematics of its own.
 //!
 //! Every subcommand: `--json` prints one JSON object on standard output and nothing else there; words go to standard error. Exit status 0:
-//! done; 1: done, and the answer is negative; 2: bad usage or bad input.
+//! done; 1: done, and the answer is negative; 2: bad usage or bad input. A reader of either stream that goes early (`| head`) changes nothing of this.
+
+// Both panic when the reader is gone: `output` has what does not.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+/// A line of words on standard error.
+macro_rules! tell {
+    ($($words:tt)*) => { $crate::output::tell(format_args!("{}\n", format_args!($($words)*))) };
+}
+
+/// Words on standard error, without an end of line.
+macro_rules! tell_part {
+    ($($words:tt)*) => { $crate::output::tell(format_args!($($words)*)) };
+}
 
 mod commands;
 mod evaluators;

@@ -46,7 +46,7 @@ pub fn exit(outcome: Outcome) -> ExitCode {
         Ok(Answer::Positive) => ExitCode::SUCCESS,
         Ok(Answer::Negative) => ExitCode::from(1),
         Err(refusal) => {
-            eprintln!("{refusal}");
+            tell!("{refusal}");
             ExitCode::from(2)
         }
     }

@@ -2,21 +2,38 @@
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
+use rsm_core::source::files_read;
 use serde::Serialize;
 
 use crate::outcome::Refusal;
 
+/// Files that this process has written itself: it may write them again.
+static WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
 /// Writes files all or none, as far as a file system allows: each is written beside its place first, and renamed when all of them are
-/// on the disk.
+/// on the disk. A symbolic link stays, and the file that it names is replaced; what is no regular file (a pipe, a device) is written through.
+///
+/// # Errors
+/// A file that cannot be written, and one that was read: whatever was read in this process stays as it is, under every name that it has.
 pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
+    for (path, _) in files {
+        refuse_what_was_read(path)?;
+    }
     let mut ready = Vec::new();
+    let mut through = Vec::new();
     for (path, bytes) in files {
-        let folder = match path.parent() {
+        let failed = |error: std::io::Error| Refusal::new(format!("{}: cannot be written: {error}", path.display()));
+        let place = place_of(path);
+        if is_stream(&place) {
+            through.push((place, path, bytes));
+            continue;
+        }
+        let folder = match place.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let failed = |error: std::io::Error| Refusal::new(format!("{}: cannot be written: {error}", path.display()));
         std::fs::create_dir_all(folder).map_err(failed)?;
         let mut builder = tempfile::Builder::new();
         builder.prefix(".rsm-").suffix(".part");
@@ -28,12 +45,71 @@ pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
         }
         let mut file = builder.tempfile_in(folder).map_err(failed)?;
         file.write_all(bytes.as_ref()).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
-        ready.push((file, path));
+        ready.push((file, place, path));
     }
-    for (file, path) in ready {
-        file.persist(path).map_err(|error| Refusal::new(format!("{}: cannot be written: {}", path.display(), error.error)))?;
+    for (file, place, path) in ready {
+        let failed = |error| Refusal::new(format!("{}: cannot be written: {error}", path.display()));
+        file.persist(&place).map_err(|error| failed(error.error))?;
+        WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).push(place);
+    }
+    for (place, path, bytes) in through {
+        let write = || std::fs::OpenOptions::new().write(true).open(&place)?.write_all(bytes.as_ref());
+        match write() {
+            // Its reader is gone: no fault of ours, as with standard output.
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+                return Err(Refusal::new(format!("{}: cannot be written: {error}", path.display())));
+            }
+            _ => {}
+        }
     }
     Ok(())
+}
+
+/// The file that a path names: at the end of its symbolic links, also where the last of them names nothing yet.
+fn place_of(path: &Path) -> PathBuf {
+    let mut place = path.to_path_buf();
+    // As many links as Linux follows.
+    for _ in 0..40 {
+        let Ok(target) = std::fs::read_link(&place) else { break };
+        place = match place.parent() {
+            Some(folder) => folder.join(target),
+            None => target,
+        };
+    }
+    place
+}
+
+/// Whether something is there that is written to and not replaced.
+fn is_stream(place: &Path) -> bool {
+    std::fs::metadata(place).is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+/// Whether two paths name one file, by whatever links.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        let identity = |path: &Path| std::fs::metadata(path).map(|found| (found.dev(), found.ino())).ok();
+        if let (Some(one), Some(other)) = (identity(one), identity(other)) {
+            return one == other;
+        }
+    }
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+}
+
+fn refuse_what_was_read(path: &Path) -> Result<(), Refusal> {
+    let place = place_of(path);
+    if is_stream(&place) || WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).iter().any(|it| is_same_file(it, &place)) {
+        return Ok(());
+    }
+    match files_read().iter().find(|read| is_same_file(read, &place)) {
+        None => Ok(()),
+        Some(read) => Err(Refusal::new(format!(
+            "{}: not written: it is the file `{}` that was read\n  help: give the output another name",
+            path.display(),
+            read.display()
+        ))),
+    }
 }
 
 /// Prints one JSON object on standard output.
@@ -51,6 +127,12 @@ pub fn line(text: &str) -> Result<(), Refusal> {
         }
         _ => Ok(()),
     }
+}
+
+/// Words on standard error. Whoever reads them may be gone (`2>&1 | head`): that is no fault of ours and no reason to stop, since the files
+/// and the exit status are what was asked for. `eprintln!` would panic.
+pub fn tell(words: std::fmt::Arguments<'_>) {
+    let _ = std::io::stderr().write_fmt(words);
 }
 
 /// A number for JSON: what is not finite becomes null.

@@ -66,6 +66,7 @@ pub mod run;
 
 pub mod certificate;
 pub mod exact;
+pub mod values;
 
 pub mod emit;
 

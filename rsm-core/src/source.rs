@@ -5,12 +5,24 @@
 
 use std::fmt;
 use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 /// A text file as it was read, with the name under which messages speak of it.
 #[derive(Debug, Clone)]
 pub struct Source {
     name: String,
     text: String,
+}
+
+/// Every file that [`Source::read`] has opened in this process.
+static READ: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// The files that this process has read, as they were named: whoever writes asks here what must not be overwritten. All files of ours are read in
+/// one place, so no subcommand can forget one.
+#[must_use]
+pub fn files_read() -> Vec<PathBuf> {
+    READ.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 impl Source {
@@ -26,6 +38,7 @@ impl Source {
     /// One fault that names the file and the reason of the operating system.
     pub fn read(path: &std::path::Path) -> Result<Self, Faults> {
         let name = path.display().to_string();
+        READ.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_path_buf());
         match std::fs::read(path) {
             Err(error) => Err(Faults::one(Fault::whole_file(&name, format!("cannot be read: {error}")))),
             Ok(bytes) => match String::from_utf8(bytes) {

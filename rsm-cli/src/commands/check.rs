@@ -1,4 +1,4 @@
-//! `rsm check`: the rules of the file, and what is certain about its surfaces and compensators.
+//! `rsm check`: the rules of the file, and what is certain about its surfaces and compensators; with `--limits`, about the loop around them.
 
 use std::path::PathBuf;
 
@@ -13,6 +13,7 @@ use rsm_core::source::Source;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::limits;
 use super::{PrecisionName, precisions, tell_left_out};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
@@ -27,6 +28,8 @@ pub struct Arguments {
     /// Print the tapes that the figures are about
     #[arg(long)]
     explain: bool,
+    #[command(flatten)]
+    limits: limits::Arguments,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -34,10 +37,10 @@ pub struct Arguments {
 
 /// What a check found that does not hold.
 #[derive(Serialize)]
-struct Problem {
-    r#where: String,
-    what: String,
-    at: Map<String, Value>,
+pub struct Problem {
+    pub r#where: String,
+    pub what: String,
+    pub at: Map<String, Value>,
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
@@ -85,25 +88,32 @@ pub fn run(arguments: &Arguments) -> Outcome {
             at: violation.at.iter().map(|(input, xi)| (input.clone(), json!(xi))).collect(),
         }));
     }
+    let of_loop = limits::check(&arguments.limits, &checked)?;
+    problems.extend(of_loop.iter().filter_map(limits::Checked::problem));
     if arguments.explain {
         for index in 0..checked.model().surfaces.len() {
             for precision in &held {
-                eprint!("{}", lower::surface(&checked, index, *precision));
+                tell_part!("{}", lower::surface(&checked, index, *precision));
                 if let Some(saturation) = lower::saturation(&checked, index, *precision) {
-                    eprintln!("{}", at_bounds(&saturation));
+                    tell!("{}", at_bounds(&saturation));
                 }
             }
         }
         for index in 0..compensators.len() {
             for precision in &held {
-                eprint!("{}", lower::compensator(&checked, index, *precision));
+                tell_part!("{}", lower::compensator(&checked, index, *precision));
             }
         }
     }
     if arguments.json {
-        output::json(&as_json(&certificates, &compensators, &problems))?;
+        let mut object = as_json(&certificates, &compensators, &problems);
+        if let Some(of_loop) = &of_loop {
+            object["limits"] = of_loop.json();
+        }
+        output::json(&object)?;
     } else {
-        in_words(&checked, &certificates, &compensators, &problems)?;
+        let lines = of_loop.iter().flat_map(limits::Checked::lines).collect::<Vec<String>>();
+        in_words(&checked, &certificates, &compensators, &lines, &problems)?;
     }
     Ok(if problems.is_empty() { Answer::Positive } else { Answer::Negative })
 }
@@ -156,6 +166,7 @@ fn in_words(
     checked: &Checked,
     certificates: &[SurfaceCertificate],
     compensators: &[CompensatorCertificate],
+    of_loop: &[String],
     problems: &[Problem],
 ) -> Result<(), crate::outcome::Refusal> {
     for (surface, certificate) in checked.model().surfaces.iter().zip(certificates) {
@@ -183,6 +194,9 @@ fn in_words(
             let unit = if name.ends_with("frequency") { " rad/s" } else { "" };
             output::line(&format!("  {name}: every value lies in [{:.6}, {:.6}]{unit}", range.low, range.high))?;
         }
+    }
+    for line in of_loop {
+        output::line(line)?;
     }
     for problem in problems {
         output::line(&format!("problem: {}: {}", problem.r#where, problem.what))?;

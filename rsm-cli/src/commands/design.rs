@@ -53,7 +53,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     } else {
         let names: Vec<&str> = plan.factors.iter().map(|factor| factor.name.as_str()).collect();
         let (runs, points) = (plan.runs.len(), plan.points());
-        eprintln!("{out}: {runs} runs of {points} points in {}, {}", names.join(", "), specification.design.name());
+        tell!("{out}: {runs} runs of {points} points in {}, {}", names.join(", "), specification.design.name());
     }
     Ok(Answer::Positive)
 }

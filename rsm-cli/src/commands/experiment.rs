@@ -107,7 +107,7 @@ fn pmac(arguments: &Pmac) -> Outcome {
         }))?;
     } else {
         let runs = outcomes.len();
-        eprintln!("{}: {runs} runs, {measured} of them at the voltage limit", arguments.out.display());
+        tell!("{}: {runs} runs, {measured} of them at the voltage limit", arguments.out.display());
     }
     Ok(Answer::Positive)
 }
@@ -142,9 +142,9 @@ fn driveline(arguments: &Driveline) -> Outcome {
             "out": arguments.out.display().to_string(),
         }))?;
     } else {
-        eprintln!("{}: {} runs, {} flagged", arguments.out.display(), measured.len(), flagged.len());
+        tell!("{}: {} runs, {} flagged", arguments.out.display(), measured.len(), flagged.len());
         for it in &flagged {
-            eprintln!("  run {}: {}", it.run.run, it.flags.join("; "));
+            tell!("  run {}: {}", it.run.run, it.flags.join("; "));
         }
     }
     // Of 25 runs two may be flagged: with more the experiment is no ground for a surface.

@@ -45,7 +45,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     output::write_all(&files)?;
     if arguments.json {
         output::json(&fitted.report())?;
-        eprint!("{}", in_words(&fitted));
+        tell_part!("{}", in_words(&fitted));
     } else if arguments.out.is_some() {
         output::line(in_words(&fitted).trim_end())?;
         // The words went to standard output, which may be a file.
@@ -54,7 +54,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             output::line(&format!("written: {}", path.display()))?;
         }
     } else {
-        eprint!("{}", in_words(&fitted));
+        tell_part!("{}", in_words(&fitted));
         if !fitted.model.surfaces.is_empty() {
             output::line(model_file::write(&fitted.model).trim_end())?;
         }

@@ -8,6 +8,7 @@ pub mod emit;
 pub mod eval;
 pub mod experiment;
 pub mod fit;
+pub mod limits;
 pub mod simulate;
 
 use clap::ValueEnum;
@@ -51,7 +52,7 @@ pub fn precisions(names: &[PrecisionName]) -> Result<Vec<Precision>, Refusal> {
 pub fn tell_left_out(checked: &Checked) {
     for precision in Precision::ALL {
         if let Some(faults) = checked.refusal(precision) {
-            eprintln!("{} is left out:\n{faults}", precision.name());
+            tell!("{} is left out:\n{faults}", precision.name());
         }
     }
 }

@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             "out": arguments.out.display().to_string(),
         }))?;
     } else {
-        eprintln!("{}: {} rows of {}", arguments.out.display(), record.rows(), plant.kind.name());
+        tell!("{}: {} rows of {}", arguments.out.display(), record.rows(), plant.kind.name());
     }
     Ok(Answer::Positive)
 }

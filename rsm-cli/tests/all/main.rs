@@ -9,3 +9,4 @@ mod driveline;
 mod made_up_runs;
 mod motor;
 mod readme;
+mod streams;

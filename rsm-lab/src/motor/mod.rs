@@ -37,3 +37,5 @@ pub mod tasks;
 pub mod figures;
 
 pub mod limit_points;
+
+pub mod limits;

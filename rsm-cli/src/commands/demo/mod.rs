@@ -50,7 +50,7 @@ struct Teller {
 impl Teller {
     fn say(&self, line: &str) -> Result<(), Refusal> {
         if self.json {
-            eprintln!("{line}");
+            tell!("{line}");
             Ok(())
         } else {
             output::line(line)
@@ -120,9 +120,10 @@ pub fn run(arguments: &Arguments) -> Outcome {
 fn report(paper: &Paper, motor: &Section, driveline: &Section, looped: &str, faults: Option<&Section>) -> String {
     let body = format!(
         "<h1>Both experiments, measured again</h1>\n\
-         <p>A motor controller that a response surface makes fast enough, and a car that surfaces keep from shuffling: the experiments of \"Real-time simulation and \
-         control systems design by the Response Surface Methodology and designed experiments\", on simulated plants with sensor noise. Marked lines miss what they \
-         should keep.</p>\n{}{}{}<h2>The loop in real time</h2>\n<pre>{}</pre>\n{}",
+         <p>A motor controller whose flux weakening is a response surface, and a car that surfaces keep from shuffling: the experiments of \"Real-time simulation and \
+         control systems design by the Response Surface Methodology and designed experiments\", on simulated plants with sensor noise. The table says what each costs: on this motor the \
+         circle diagram has a closed form, so a step with the surface is not the faster one; a surface pays where there is no closed form. Marked lines miss what \
+         they should keep.</p>\n{}{}{}<h2>The loop in real time</h2>\n<pre>{}</pre>\n{}",
         paper.table(),
         motor.html,
         driveline.html,

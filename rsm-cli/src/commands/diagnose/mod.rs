@@ -148,9 +148,9 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     words::tell(&found, plant.kind, began.elapsed().as_secs_f64());
     match refitted {
-        Some(Ok(refitted)) => refitted.words.iter().for_each(|line| eprintln!("  {line}")),
+        Some(Ok(refitted)) => refitted.words.iter().for_each(|line| tell!("  {line}")),
         Some(Err(why)) => {
-            eprintln!("  The extended plant could not be refitted: {why}");
+            tell!("  The extended plant could not be refitted: {why}");
             return Ok(Answer::Negative);
         }
         None => {}
@@ -185,7 +185,7 @@ fn is_model(source: &Source, arguments: &Arguments) -> Result<bool, Refusal> {
     }
 }
 
-/// DESIGN.md 5.3.
+/// docs/formats.md 4.3.
 pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     let causes: Vec<Value> = found
         .causes

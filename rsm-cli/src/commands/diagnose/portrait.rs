@@ -1,4 +1,4 @@
-//! What DESIGN.md 5.3 leaves room for: evidence, calibration, what is left and its correction, as JSON.
+//! What docs/formats.md 4.3 leaves room for: evidence, calibration, what is left and its correction, as JSON.
 //!
 //! In: a diagnosis. Out: values of diagnosis.json, and correction.toml. Decides nothing.
 

@@ -44,7 +44,7 @@ pub fn run(task: &Task<'_>) -> Outcome {
     let data = read(task.data, None)?;
     let compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| data.responses[*index].is_some()).collect();
     let unseen = if task.validate.is_empty() { None } else { Some(read(task.validate, Some(&compared))?) };
-    let found = diagnosis::diagnose(&checked, &data, unseen.as_ref(), &mut |name| eprintln!("{name} ..."))
+    let found = diagnosis::diagnose(&checked, &data, unseen.as_ref(), &mut |name| tell!("{name} ..."))
         .map_err(|why| Refusal::new(format!("{}: {why}", task.model.name())))?;
     let value = value(model, &data, &found);
     if let Some(folder) = task.out {
@@ -68,32 +68,32 @@ pub fn run(task: &Task<'_>) -> Outcome {
 /// Verdict and causes on standard error.
 fn words(model: &Model, data: &NewData, found: &Diagnosis) {
     for (column, why) in &data.ignored {
-        eprintln!("column `{column}` takes no part: {why}");
+        tell!("column `{column}` takes no part: {why}");
     }
-    eprintln!("{}", found.verdict.name());
+    tell!("{}", found.verdict.name());
     for response in &found.responses {
         let surface = &model.surfaces[response.surface];
         let unit = &surface.unit;
-        eprintln!("{}: {}, {} rows compared", surface.name, response.verdict.name(), response.rows);
+        tell!("{}: {}, {} rows compared", surface.name, response.verdict.name(), response.rows);
         if !response.outside.is_empty() {
             let places: Vec<String> = response.outside.iter().take(5).map(|row| data.place_of(*row)).collect();
             let more = if response.outside.len() > 5 { " ..." } else { "" };
-            eprintln!(
+            tell!(
                 "  {} rows are outside the ranges or the support, and take no part: {}{more}",
                 response.outside.len(),
                 places.join(", ")
             );
         }
         for cause in &response.causes {
-            eprintln!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
+            tell!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
             if !cause.indistinguishable_from.is_empty() {
-                eprintln!("    In these data this is not to be told from {}.", cause.indistinguishable_from.join(", "));
+                tell!("    In these data this is not to be told from {}.", cause.indistinguishable_from.join(", "));
             }
         }
         for note in &response.notes {
-            eprintln!("  Note: {note}.");
+            tell!("  Note: {note}.");
         }
-        eprintln!(
+        tell!(
             "  noise {:.4} {unit} (from {}); on unseen rows ({}): {:.2} times the noise before, {:.2} after",
             response.floor.sd,
             response.floor.from,
@@ -104,7 +104,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
     }
 }
 
-/// DESIGN.md 5.3, as far as it goes for surfaces; every cause has its `response`.
+/// docs/formats.md 4.3, as far as it goes for surfaces; every cause has its `response`.
 pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
     let name = |response: &ResponseDiagnosis| model.surfaces[response.surface].name.clone();
     let mut all: Vec<(&ResponseDiagnosis, &Cause)> =

@@ -113,31 +113,31 @@ fn and(names: &[String]) -> String {
 pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for it in &found.findings {
         let rows = (it.rows.0 + 1, it.rows.1 + 1);
-        eprintln!("{}: data rows {} to {}: {} {}, left out", it.record, rows.0, rows.1, it.channel, it.what);
+        tell!("{}: data rows {} to {}: {} {}, left out", it.record, rows.0, rows.1, it.channel, it.what);
     }
-    eprintln!("{} ({seconds:.1} s). {}", found.verdict.name(), verdict(kind, found));
+    tell!("{} ({seconds:.1} s). {}", found.verdict.name(), verdict(kind, found));
     for cause in &found.causes {
-        eprintln!("  {}: {} Confidence {:.2}.", label(cause), cause.sentence, cause.confidence);
+        tell!("  {}: {} Confidence {:.2}.", label(cause), cause.sentence, cause.confidence);
         if !cause.indistinguishable_from.is_empty() {
-            eprintln!("    In these records the same as {}.", cause.indistinguishable_from.join(", "));
+            tell!("    In these records the same as {}.", cause.indistinguishable_from.join(", "));
         }
-        eprintln!("    To be sure: {}", cause.check);
+        tell!("    To be sure: {}", cause.check);
     }
     let forces: Vec<String> = found.steps.iter().filter_map(force).collect();
     if !forces.is_empty() {
-        eprintln!("  Error of the force by the inverse model: {}.", forces.join(", "));
+        tell!("  Error of the force by the inverse model: {}.", forces.join(", "));
     }
     if let Some(sentence) = next::sentence(found) {
-        eprintln!("  {sentence}");
+        tell!("  {sentence}");
     }
     match &found.portrait.correction {
-        Some(Offer::Gains(it)) => eprintln!(
+        Some(Offer::Gains(it)) => tell!(
             "  A black-box correction (correction.toml) removes {:.0} % of what is left on {}.",
             100.0 * it.gain,
             judging(&found.portrait)
         ),
         Some(Offer::Nothing { .. }) => {
-            eprintln!("  A black-box correction of what is left gains nothing on {}.", judging(&found.portrait));
+            tell!("  A black-box correction of what is left gains nothing on {}.", judging(&found.portrait));
         }
         None => {}
     }

@@ -2,6 +2,7 @@
 
 mod bench;
 mod closed_loop;
+mod limits;
 mod parts;
 
 use rsm_core::check::Checked;
