@@ -1,6 +1,7 @@
 //! The tests that cross crates, in one binary.
 
 mod bit_for_bit;
+mod documents;
 mod effects;
 mod firmware;
 mod inlined;

@@ -46,13 +46,13 @@ use regions::Region;
 use sample::{Sample, Taken};
 use unseen::{Errors, Judged};
 
-/// False alarms of a whole diagnosis. 5 % are allowed (DESIGN.md 5.3 asks for no more); a fifth is kept back for the draws, which know a threshold to some 15 %.
+/// False alarms of a whole diagnosis. 5 % are allowed; a fifth is kept back for the draws, which know a threshold to some 15 %.
 const FALSE_ALARMS: f64 = 0.04;
 
 /// With fewer rows inside there is nothing to test.
 const LEAST_ROWS: usize = 6;
 
-/// How a diagnosis ends, of a surface as of a plant (DESIGN.md 5.3).
+/// How a diagnosis ends, of a surface as of a plant (docs/formats.md 4.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// The data are what the file says, within its tolerances, and noise.

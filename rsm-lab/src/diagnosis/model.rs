@@ -97,7 +97,7 @@ pub struct Model {
     pub unknowns: Vec<Unknown>,
 }
 
-/// The outputs whose first readings decide where a record starts (PLANTS.md, section 2).
+/// The outputs whose first readings decide where a record starts (docs/plants.md, section 2).
 #[must_use]
 pub fn starting(record: &Record, file: &PlantFile) -> &'static [usize] {
     use crate::kind::PlantKind;
@@ -121,7 +121,7 @@ impl Model {
                 unknowns.push(Unknown {
                     place: Place::Nominal(name),
                     logarithmic: false,
-                    // Beyond two standard deviations it is a cause, not calibration (DESIGN.md 5.3).
+                    // Beyond two standard deviations it is a cause, not calibration (docs/formats.md 4.3).
                     low: value - 2.0 * sd,
                     high: value + 2.0 * sd,
                     scale: sd,

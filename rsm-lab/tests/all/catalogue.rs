@@ -1,4 +1,4 @@
-//! The list of effects is that of the folder and that of PLANTS.md, and no plant knows any of them.
+//! The list of effects is that of the folder and that of docs/plants.md, and no plant knows any of them.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use rsm_lab::plant_file::PlantFile;
 
 use super::path;
 
-/// The first column of the table of PLANTS.md, section 3.
+/// The first column of the table of docs/plants.md, section 3.
 const KINDS: [&str; 31] = [
     "parameter-error",
     "coulomb-friction",

@@ -386,7 +386,7 @@ mod tests {
         let expected: usize = [Kind::Motor, Kind::Car, Kind::OpenAxis].iter().map(|kind| draw::catalogue(*kind).len()).sum();
         assert_eq!(of(Family::Singles).count(), expected);
         let kinds: BTreeSet<&str> = of(Family::Singles).flat_map(|plan| plan.effects.iter().copied()).collect();
-        // PLANTS.md, section 3, has 31.
+        // docs/plants.md, section 3, has 31.
         assert_eq!(kinds.len(), 31);
         for family in [Family::Pairs, Family::Nulls, Family::Outside] {
             assert!(of(family).count() >= 10, "{family:?}");
