@@ -68,6 +68,10 @@ pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
 /// The file that a path names: at the end of its symbolic links, also where the last of them names nothing yet.
 fn place_of(path: &Path) -> PathBuf {
     let mut place = path.to_path_buf();
+    // `/dev/stdout` is a link to a name that is none.
+    if is_stream(path) {
+        return place;
+    }
     // As many links as Linux follows.
     for _ in 0..40 {
         let Ok(target) = std::fs::read_link(&place) else { break };

@@ -29,7 +29,7 @@ pub struct Arguments {
     #[arg(long)]
     explain: bool,
     #[command(flatten)]
-    limits: limits::Arguments,
+    limits: limits::LimitsArguments,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,

@@ -16,7 +16,7 @@ use super::check::Problem;
 use crate::outcome::Refusal;
 
 #[derive(Args)]
-pub struct Arguments {
+pub struct LimitsArguments {
     /// Prove that the motor's loop keeps |v| <= V/sqrt 3 and |i| <= I over every torque, speed and bus voltage, or name a point where it does not
     #[arg(long, requires = "plant")]
     limits: bool,
@@ -44,7 +44,7 @@ pub struct Checked {
 }
 
 /// The answer, where it was asked for.
-pub fn check(arguments: &Arguments, model: &Model) -> Result<Option<Checked>, Refusal> {
+pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checked>, Refusal> {
     let (true, Some(path)) = (arguments.limits, &arguments.plant) else { return Ok(None) };
     let plant = PlantFile::read(&Source::read(path)?)?;
     let refuse = |what: String| Refusal::new(format!("{}: {what}", path.display()));
