@@ -1,4 +1,4 @@
-//! Random feasible problems with constraints, from a seed: each must end with a proof, and near the optimum.
+//! Random feasible problems with constraints, from a seed: each should end with a proof. Not all do yet.
 //!
 //! A constant keeps bounds that hold it, and is monotone and convex: with a constant term every problem here has a solution.
 
@@ -57,7 +57,7 @@ fn solved(problem: &Problem, scratch: &Scratch) -> Outcome {
 }
 
 #[test]
-#[ignore = "minutes: all 270; cargo test -p rsm-fit --release -- --ignored every_feasible"]
+#[ignore = "fails today, and takes long: with 3 and 4 inputs some problems use up their rounds of exchange; cargo test -p rsm-fit --release -- --ignored every_feasible"]
 fn every_feasible_problem_ends_with_a_proof() {
     let scratch = Scratch::new("family");
     let mut unproven = 0;
