@@ -49,7 +49,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     } else if arguments.out.is_some() {
         output::line(in_words(&fitted).trim_end())?;
         // The words went to standard output, which may be a file.
-        eprint!("{}", warnings(&fitted));
+        tell_part!("{}", warnings(&fitted));
         for (path, _) in &files {
             output::line(&format!("written: {}", path.display()))?;
         }
