@@ -71,6 +71,8 @@ struct Queued {
 }
 
 impl PartialEq for Queued {
+    // mutant `body to true`: `Ord` asks for it, a heap never calls it.
+    // mutant `body to false`: likewise.
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
@@ -90,6 +92,8 @@ impl Ord for Queued {
 /// A lower bound of the values in the cell, and where the least value was seen: branch and bound, until the best bound is as good as a
 /// value that was seen at a corner.
 fn lower_bound(root: &Cell) -> (f64, Vec<f64>) {
+    // mutant `1.0 doubled`: no cell is cut by an edge where all are inside, so the finest is not asked.
+    // mutant `1.0 to 0.0`: likewise.
     let everywhere = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
     let found = search(root, &everywhere);
     (found.bound, found.at)

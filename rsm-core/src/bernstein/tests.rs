@@ -253,3 +253,11 @@ fn a_least_value_inside_is_found_as_closely_as_promised() {
     // 1e-9 of the spread is promised, no less is done.
     assert_eq!((TIGHT_ENOUGH, ROUNDING), (1e-9, 1e-12));
 }
+
+#[test]
+fn the_corners_of_the_whole_box_are_seen_before_any_cut() {
+    // A constant has no side to cut.
+    let everywhere = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
+    let found = least(&[monomial(&[0], 3.5)], &[Interval::new(-1.0, 1.0)], &everywhere);
+    assert_eq!((found.bound, found.seen), (3.5, 3.5));
+}

@@ -117,3 +117,35 @@ fn second_order_in_two_inputs_is_nested_horner() {
         assert_eq!(squares(&lower::surface(&published(name), 0, Precision::F64)), 0);
     }
 }
+
+#[test]
+fn powers_that_leave_the_exponents_are_not_written() {
+    // x^4 is 1e48 at the end of the range, beyond f32; Horner's products are not: 1e-30 x is 1e-18, and the whole 1e18.
+    let text = |high: &str, fourth: &str| {
+        let term = |powers: &str, coefficient: &str| format!("{{ powers = {powers}, coefficient = {coefficient} }}");
+        let terms = [
+            term("[0, 0]", "0.3"),
+            term("[1, 0]", "-3.0"),
+            term("[2, 0]", "25.0"),
+            term("[4, 0]", fourth),
+            term("[0, 1]", "19.2"),
+            term("[2, 1]", "9.7"),
+            term("[4, 1]", fourth),
+        ];
+        format!(
+            "format = 1\nmodel = \"m\"\n[inputs.x]\nunit = \"1\"\nrange = [1.0, {high}]\n[inputs.y]\nunit = \"1\"\nrange = [-2.0, 2.0]\n\
+             [surfaces.s]\nunit = \"1\"\ninputs = [\"x\", \"y\"]\ncoding = \"none\"\nterms = [{}]\n",
+            terms.join(", ")
+        )
+    };
+    let lowered = |high: &str, fourth: &str| {
+        let checked = Checked::read(&Source::new("m.toml", text(high, fourth))).unwrap_or_else(|faults| panic!("{faults}"));
+        lower::surface(&checked, 0, Precision::F32)
+    };
+    let near = lowered("2.0", "11.6");
+    assert!(squares(&near) > 0, "the form of powers is the shorter one where it may stand\n{near}");
+    let far = lowered("1e12", "1e-30");
+    assert_eq!(squares(&far), 0, "{far}");
+    assert!(Interpreter::<f32>::new(&far).eval(&[1e12, 1.5]).is_finite());
+    assert!(rsm_core::rounding::error_bound(&far, &[[1.0, 1e12], [-2.0, 2.0]]).is_finite());
+}
