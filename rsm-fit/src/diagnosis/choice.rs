@@ -27,14 +27,14 @@ pub fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Threshold
     let mut pool: Vec<Hypothesis> = hypotheses.to_vec();
     let mut chosen = Vec::new();
     let mut finer = false;
+    let mut offered = candidates(&pool, thresholds, &space);
+    let mut search = Search::new(&offered, &residual);
     // Each turn takes shapes away, and the second kind of turn comes once; there are finitely many shapes, and more than a few in one search there never were.
     for _ in 0..MOST_SEARCHES {
-        let candidates = candidates(&pool, thresholds, &space);
-        let search = Search::new(&candidates, &residual);
         let mut found = search.best();
         // Costs are of one cause alone; in the set each must be worth its threshold.
         loop {
-            let worths: Vec<Worth> = found.set.iter().map(|member| worth(&search, &candidates, &found.set, *member)).collect();
+            let worths: Vec<Worth> = found.set.iter().map(|member| worth(&search, &offered, &found.set, *member)).collect();
             let weakest = (0..worths.len()).max_by(|a, b| worths[*a].ln_p.total_cmp(&worths[*b].ln_p));
             match weakest {
                 Some(weakest) if worths[weakest].ln_p > thresholds.ln_p_mean => {
@@ -45,15 +45,22 @@ pub fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Threshold
         }
         chosen = found.set.iter().map(|member| pool[*member].clone()).collect::<Vec<_>>();
         if let Some(member) =
-            found.set.iter().find(|member| is_shift(&pool, &candidates, &search, &found.set, **member, thresholds))
+            found.set.iter().find(|member| is_shift(&pool, &offered, &search, &found.set, **member, thresholds))
         {
-            let gone = pool[*member].clone();
-            pool.retain(|it| !is_nearer_a_shift(it, &gone));
+            let gone = &pool[*member];
+            let places: Vec<usize> = (0..pool.len()).filter(|place| !is_nearer_a_shift(&pool[*place], gone)).collect();
+            pool = places.iter().map(|place| pool[*place].clone()).collect();
+            offered = places.iter().map(|place| offered[*place].clone()).collect();
+            search = search.among(&places);
             continue;
         }
         // A change between runs is looked for on a grid first; then at every row about the best place.
         match finer_steps(sample, &chosen, &pool) {
-            Some(places) if !finer => pool.extend(places),
+            Some(places) if !finer => {
+                pool.extend(places);
+                offered = candidates(&pool, thresholds, &space);
+                search = Search::new(&offered, &residual);
+            }
             _ => break,
         }
         finer = true;
@@ -100,7 +107,7 @@ const FURTHEST_REFERENCE: f64 = 3.0;
 fn is_shift(
     pool: &[Hypothesis],
     candidates: &[Candidate],
-    search: &Search<'_>,
+    search: &Search,
     set: &[usize],
     member: usize,
     thresholds: &Thresholds,
@@ -205,7 +212,7 @@ pub fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, space: &Sp
 }
 
 /// What a member of a set is worth to it.
-pub fn worth(search: &Search<'_>, candidates: &[Candidate], set: &[usize], member: usize) -> Worth {
+pub fn worth(search: &Search, candidates: &[Candidate], set: &[usize], member: usize) -> Worth {
     let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
     let columns = |set: &[usize]| -> usize { set.iter().map(|it| candidates[*it].columns.len()).sum() };
     let (without, with) = (search.square(&rest), search.square(set));

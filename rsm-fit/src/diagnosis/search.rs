@@ -4,7 +4,7 @@
 //! grow along several paths at once (a beam), so that two causes that mask each other are found together, and are then improved by leaving out and exchanging. Never
 //! decides how much a cause must be worth: the costs say it.
 
-use super::whitening::dot;
+use super::whitening::{dot, subtract};
 
 /// A hypothesis as the search sees it.
 #[derive(Debug, Clone)]
@@ -31,40 +31,100 @@ pub const LEAST_BLOCK: usize = 3;
 /// A pivot below this share of a column's own square is rounding.
 const DEPENDENT: f64 = 1e-9;
 
-/// Products of all columns and the residual, in which some are swept in.
-#[derive(Clone)]
-struct Products {
+/// Products of all columns and the residual, before any column is in a set.
+struct Start {
     width: usize,
     values: Vec<f64>,
 }
 
-impl Products {
+impl Start {
     fn at(&self, i: usize, j: usize) -> f64 {
         self.values[i * self.width + j]
     }
+}
 
-    /// Takes a column into the set: what is left of all others is orthogonal to it.
-    fn sweep(&mut self, k: usize) {
-        let pivot = self.at(k, k);
-        let row: Vec<f64> = self.values[k * self.width..(k + 1) * self.width].to_vec();
-        for i in 0..self.width {
-            let factor = row[i] / pivot;
-            if factor != 0.0 {
-                for (value, entry) in self.values[i * self.width..(i + 1) * self.width].iter_mut().zip(&row) {
-                    *value -= factor * entry;
-                }
-            }
+/// The same with some columns swept in: what is left of all others is orthogonal to them. Only the pivots' rows are kept, as of a Cholesky factor, and an entry is worked out where it is asked for:
+/// a sweep costs the width times the columns that are in, not the width squared.
+#[derive(Clone)]
+struct Products<'a> {
+    start: &'a Start,
+    /// For each column that is in: its row when it came in, and that over its pivot.
+    swept: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Each column's own square.
+    own: Vec<f64>,
+    /// Each column's product with the residual.
+    with_residual: Vec<f64>,
+}
+
+impl<'a> Products<'a> {
+    fn new(start: &'a Start) -> Self {
+        let last = start.width - 1;
+        let own = (0..start.width).map(|k| start.at(k, k)).collect();
+        let with_residual = (0..start.width).map(|k| start.at(k, last)).collect();
+        Products { start, swept: Vec::new(), own, with_residual }
+    }
+
+    fn at(&self, i: usize, j: usize) -> f64 {
+        self.swept.iter().fold(self.start.at(i, j), |value, (row, factors)| value - factors[i] * row[j])
+    }
+
+    fn row(&self, i: usize) -> Vec<f64> {
+        let mut values = self.start.values[i * self.start.width..(i + 1) * self.start.width].to_vec();
+        for (row, factors) in &self.swept {
+            subtract(&mut values, row, factors[i]);
         }
+        values
+    }
+
+    fn sweep(&mut self, k: usize) {
+        let row = self.row(k);
+        let factors: Vec<f64> = row.iter().map(|value| value / row[k]).collect();
+        let last = self.start.width - 1;
+        for i in 0..=last {
+            self.own[i] -= factors[i] * row[i];
+            self.with_residual[i] -= factors[i] * row[last];
+        }
+        self.swept.push((row, factors));
     }
 }
 
+/// Columns that are multiplied with one another side by side: as many sums as fit into the registers.
+const SIDE_BY_SIDE: usize = 8;
+
+/// Products of one column with others, each summed in the order of the rows.
+fn products_with(column: &[f64], others: &[&[f64]]) -> Vec<f64> {
+    let mut products = Vec::with_capacity(others.len());
+    let mut blocks = others.chunks_exact(SIDE_BY_SIDE);
+    for block in &mut blocks {
+        let block: [&[f64]; SIDE_BY_SIDE] = std::array::from_fn(|k| &block[k][..column.len()]);
+        let mut sums = [0.0; SIDE_BY_SIDE];
+        for (row, x) in column.iter().enumerate() {
+            for (sum, other) in sums.iter_mut().zip(&block) {
+                *sum += other[row] * x;
+            }
+        }
+        products.extend(sums);
+    }
+    products.extend(blocks.remainder().iter().map(|other| dot(other, column)));
+    products
+}
+
+/// A candidate without its columns.
+#[derive(Clone)]
+struct Member {
+    width: usize,
+    group: usize,
+    change: Option<usize>,
+    cost: f64,
+}
+
 /// The search with everything that does not change.
-pub struct Search<'a> {
-    candidates: &'a [Candidate],
+pub struct Search {
+    candidates: Vec<Member>,
     /// The first column of each candidate.
     first: Vec<usize>,
     own: Vec<f64>,
-    start: Products,
+    start: Start,
     rows: f64,
 }
 
@@ -77,33 +137,47 @@ pub struct Found {
     pub score: f64,
 }
 
-impl<'a> Search<'a> {
+impl Search {
     /// Of a residual.
-    pub fn new(candidates: &'a [Candidate], residual: &[f64]) -> Self {
-        let mut first = Vec::new();
-        let mut columns: Vec<&[f64]> = Vec::new();
-        for candidate in candidates {
-            first.push(columns.len());
-            columns.extend(candidate.columns.iter().map(Vec::as_slice));
-        }
+    pub fn new(candidates: &[Candidate], residual: &[f64]) -> Self {
+        let mut columns: Vec<&[f64]> = candidates.iter().flat_map(|it| it.columns.iter().map(Vec::as_slice)).collect();
         columns.push(residual);
         let width = columns.len();
-        let mut start = Products { width, values: vec![0.0; width * width] };
+        let mut start = Start { width, values: vec![0.0; width * width] };
         for i in 0..width {
-            for j in 0..=i {
-                let product = dot(columns[i], columns[j]);
+            for (j, product) in products_with(columns[i], &columns[..=i]).into_iter().enumerate() {
                 start.values[i * width + j] = product;
                 start.values[j * width + i] = product;
             }
         }
-        let own = (0..width).map(|k| start.at(k, k)).collect();
-        Search { candidates, first, own, start, rows: residual.len() as f64 }
+        let member = |it: &Candidate| Member { width: it.columns.len(), group: it.group, change: it.change, cost: it.cost };
+        Search::of(candidates.iter().map(member).collect(), start, residual.len())
     }
 
-    fn residual(&self, products: &Products) -> f64 {
-        let last = products.width - 1;
+    fn of(candidates: Vec<Member>, start: Start, rows: usize) -> Self {
+        let mut first = Vec::new();
+        let mut next = 0;
+        for candidate in &candidates {
+            first.push(next);
+            next += candidate.width;
+        }
+        let own = (0..start.width).map(|k| start.at(k, k)).collect();
+        Search { candidates, first, own, start, rows: rows as f64 }
+    }
+
+    /// The same search among fewer candidates: those at these places, ascending.
+    pub fn among(&self, places: &[usize]) -> Search {
+        let mut columns: Vec<usize> = places.iter().flat_map(|place| self.columns_of(*place)).collect();
+        columns.push(self.start.width - 1);
+        let values = columns.iter().flat_map(|i| columns.iter().map(|j| self.start.at(*i, *j))).collect();
+        let candidates = places.iter().map(|place| self.candidates[*place].clone()).collect();
+        Search::of(candidates, Start { width: columns.len(), values }, self.rows as usize)
+    }
+
+    fn residual(&self, products: &Products<'_>) -> f64 {
+        let last = self.start.width - 1;
         // Below this share a sum of squares is what rounding of the products leaves of nothing.
-        products.at(last, last).max(1e-14 * self.own[last])
+        products.own[last].max(1e-14 * self.own[last])
     }
 
     /// n ln(sum of squares).
@@ -112,13 +186,13 @@ impl<'a> Search<'a> {
     }
 
     fn columns_of(&self, candidate: usize) -> std::ops::Range<usize> {
-        self.first[candidate]..self.first[candidate] + self.candidates[candidate].columns.len()
+        self.first[candidate]..self.first[candidate] + self.candidates[candidate].width
     }
 
-    fn with(&self, products: &Products, candidate: usize) -> Products {
+    fn with<'p>(&self, products: &Products<'p>, candidate: usize) -> Products<'p> {
         let mut grown = products.clone();
         for k in self.columns_of(candidate) {
-            if grown.at(k, k) > DEPENDENT * self.own[k] {
+            if grown.own[k] > DEPENDENT * self.own[k] {
                 grown.sweep(k);
             }
         }
@@ -126,30 +200,32 @@ impl<'a> Search<'a> {
     }
 
     /// What the residual's square falls to with a candidate.
-    fn square_with(&self, products: &Products, candidate: usize) -> f64 {
-        let last = products.width - 1;
+    fn square_with(&self, products: &Products<'_>, candidate: usize) -> f64 {
+        let last = self.start.width - 1;
         let columns = self.columns_of(candidate);
         if columns.len() == 1 {
             let k = columns.start;
-            let own = products.at(k, k);
-            let taken = if own > DEPENDENT * self.own[k] { products.at(k, last) * products.at(k, last) / own } else { 0.0 };
-            return (products.at(last, last) - taken).max(1e-14 * self.own[last]);
+            let own = products.own[k];
+            let product = products.with_residual[k];
+            let taken = if own > DEPENDENT * self.own[k] { product * product / own } else { 0.0 };
+            return (products.own[last] - taken).max(1e-14 * self.own[last]);
         }
         // A small matrix of its own: its columns and the residual.
         let places: Vec<usize> = columns.clone().chain([last]).collect();
         let width = places.len();
         let values = places.iter().flat_map(|i| places.iter().map(|j| products.at(*i, *j))).collect();
-        let mut small = Products { width, values };
+        let start = Start { width, values };
+        let mut small = Products::new(&start);
         for (k, column) in columns.enumerate() {
-            if small.at(k, k) > DEPENDENT * self.own[column] {
+            if small.own[k] > DEPENDENT * self.own[column] {
                 small.sweep(k);
             }
         }
-        small.at(width - 1, width - 1).max(1e-14 * self.own[last])
+        small.own[width - 1].max(1e-14 * self.own[last])
     }
 
-    fn products_of(&self, set: &[usize]) -> Products {
-        set.iter().fold(self.start.clone(), |products, candidate| self.with(&products, *candidate))
+    fn products_of(&self, set: &[usize]) -> Products<'_> {
+        set.iter().fold(Products::new(&self.start), |products, candidate| self.with(&products, *candidate))
     }
 
     fn cost(&self, set: &[usize]) -> f64 {
@@ -171,9 +247,8 @@ impl<'a> Search<'a> {
         let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
         let products = self.products_of(&rest);
         let columns: Vec<usize> = self.columns_of(member).collect();
-        let last = products.width - 1;
         let matrix = nalgebra::DMatrix::from_fn(columns.len(), columns.len(), |i, j| products.at(columns[i], columns[j]));
-        let right = nalgebra::DVector::from_fn(columns.len(), |i, _| products.at(columns[i], last));
+        let right = nalgebra::DVector::from_fn(columns.len(), |i, _| products.with_residual[columns[i]]);
         matrix.lu().solve(&right).map_or_else(|| vec![0.0; columns.len()], |it| it.as_slice().to_vec())
     }
 
@@ -193,7 +268,7 @@ impl<'a> Search<'a> {
         self.joined_to(&products, set)
     }
 
-    fn joined_to(&self, products: &Products, set: &[usize]) -> Vec<(usize, f64)> {
+    fn joined_to(&self, products: &Products<'_>, set: &[usize]) -> Vec<(usize, f64)> {
         let cost = self.cost(set);
         let of = |candidate: usize| {
             (candidate, self.misfit(self.square_with(products, candidate)) + cost + self.candidates[candidate].cost)
@@ -204,7 +279,7 @@ impl<'a> Search<'a> {
     /// The best set.
     pub fn best(&self) -> Found {
         let mut best = Found { set: Vec::new(), score: self.score(&[]) };
-        let mut paths = vec![(best.clone(), self.start.clone())];
+        let mut paths = vec![(best.clone(), Products::new(&self.start))];
         for depth in 1..=MOST {
             let mut grown: Vec<(Found, usize)> = Vec::new();
             for (path, (found, products)) in paths.iter().enumerate() {
@@ -279,8 +354,8 @@ impl<'a> Search<'a> {
 
     /// The two candidates that together win most beside a set. A candidate of one column is a row of the products, and two of them are solved by Cramer's rule; those of several columns are swept in,
     /// and then have all others as partners.
-    fn best_pair(&self, products: &Products, set: &[usize]) -> Option<([usize; 2], f64)> {
-        let last = products.width - 1;
+    fn best_pair(&self, products: &Products<'_>, set: &[usize]) -> Option<([usize; 2], f64)> {
+        let last = self.start.width - 1;
         let free: Vec<usize> = (0..self.candidates.len()).filter(|candidate| self.may_join(set, *candidate)).collect();
         let cost = self.cost(set);
         let left = self.residual(products);
@@ -292,23 +367,24 @@ impl<'a> Search<'a> {
             }
         };
         let (narrow, wide): (Vec<usize>, Vec<usize>) =
-            free.iter().copied().partition(|candidate| self.candidates[*candidate].columns.len() == 1);
+            free.iter().copied().partition(|candidate| self.candidates[*candidate].width == 1);
         // Logarithms cost more than the rest: for each first one only its best partner of a cost is scored.
         for (place, a) in narrow.iter().enumerate() {
             let i = self.first[*a];
-            let (own, product) = (products.at(i, i), products.at(i, last));
+            let (own, product) = (products.own[i], products.with_residual[i]);
             if own <= DEPENDENT * self.own[i] {
                 continue;
             }
+            let row = products.row(i);
             let mut of_costs: Vec<(f64, usize, f64)> = Vec::new();
             for b in narrow[place + 1..].iter().filter(|b| self.agree(*a, **b)) {
                 let j = self.first[*b];
-                let factor = products.at(i, j) / own;
-                let other = products.at(j, j) - factor * products.at(i, j);
+                let factor = row[j] / own;
+                let other = products.own[j] - factor * row[j];
                 if other <= DEPENDENT * self.own[j] {
                     continue;
                 }
-                let taken = (products.at(j, last) - factor * product).powi(2) / other;
+                let taken = (products.with_residual[j] - factor * product).powi(2) / other;
                 let cost = self.candidates[*b].cost;
                 match of_costs.iter_mut().find(|it| it.0 == cost) {
                     Some(it) if it.2 >= taken => {}

@@ -28,15 +28,21 @@ pub struct Effort {
     pub fit_steps: usize,
     /// Causes at most.
     pub causes: usize,
-    /// Sub-steps of all simulations after which no further competition begins.
+    /// Sub-steps of all simulations after which no cause is looked for any more.
     pub steps: u64,
+    /// Further sub-steps that are kept back for the question what else could stand for each cause.
+    pub steps_for_rivals: u64,
 }
+
+/// Of the work of a search so much again is kept back for rivals. A competition takes 300 to 1000 runs of the plant, a search at most 4000: one or two causes are asked about all the same.
+const FOR_RIVALS: f64 = 0.25;
 
 impl Effort {
     /// The usual counts, and so many sub-steps of simulations.
     #[must_use]
     pub fn within(steps: u64) -> Self {
-        Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps }
+        let steps_for_rivals = (FOR_RIVALS * steps as f64) as u64;
+        Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps, steps_for_rivals }
     }
 }
 
@@ -71,6 +77,8 @@ pub struct Believed {
     pub rivals: Vec<(String, f64)>,
     /// The rivals as models, for the next experiment.
     pub rival_models: Vec<(String, Model)>,
+    /// Whether rivals were looked for; false where the limit of work came first.
+    pub asked: bool,
     /// The plant without it, everything else fitted again: what the evidence compares with.
     pub without: Model,
 }
@@ -130,19 +138,26 @@ pub struct Path {
     exchanges: usize,
     /// Sub-steps of simulations up to which a competition may begin.
     until: Option<u64>,
+    /// Those up to which rivals may be asked.
+    until_rivals: Option<u64>,
     stopped: Option<Limit>,
 }
 
 impl Path {
-    /// A path on which competitions begin until simulations have taken so many sub-steps.
+    /// A path on which competitions begin until simulations have taken so many sub-steps, and those of rivals until so many more.
     #[must_use]
-    pub fn until(steps: u64) -> Self {
-        Path { until: Some(steps), ..Path::default() }
+    pub fn until(steps: u64, for_rivals: u64) -> Self {
+        Path { until: Some(steps), until_rivals: Some(steps + for_rivals), ..Path::default() }
     }
 
     /// Whether simulations that have taken so many sub-steps may go on.
     pub fn has_steps(&mut self, taken: u64) -> bool {
         self.until.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
+    }
+
+    /// Whether there is work left to ask for rivals.
+    pub fn has_steps_for_rivals(&mut self, taken: u64) -> bool {
+        self.until_rivals.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
     }
 
     /// Goes to a set of causes; false where the search was there before. The order of causes is no difference.
@@ -227,7 +242,7 @@ impl Search<'_> {
         screened.iter_mut().for_each(Screened::slim);
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
-        let mut path = Path::until(self.kernel.pace.taken() + self.effort.steps);
+        let mut path = Path::until(self.kernel.pace.taken() + self.effort.steps, self.effort.steps_for_rivals);
         path.visit(labels(&calibrated.model));
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
         let mut stages = self.grown(calibrated.clone(), Some(screened), threshold, &mut competed, &mut remaining, &mut path);
@@ -383,11 +398,11 @@ impl Search<'_> {
             let entries = fit.model.file.effects.clone();
             for (place, entry) in entries.iter().enumerate() {
                 let name = label(entry.description.kind, entry.arguments.subject.as_deref());
-                let (base, candidates) = if entries.len() == 1 {
+                let (base, asked) = if entries.len() == 1 {
                     // The first competition was for the place of a single cause.
                     let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
                     match known {
-                        Some((_, list)) => (calibrated.clone(), list.clone()),
+                        Some((_, list)) => (calibrated.clone(), Some(list.clone())),
                         None => (calibrated.clone(), self.anew(calibrated, threshold, path)),
                     }
                 } else {
@@ -402,9 +417,10 @@ impl Search<'_> {
                         drops += 1;
                         continue 'again;
                     }
-                    let candidates = self.anew(&base, threshold, path);
-                    (base, candidates)
+                    let asked = self.anew(&base, threshold, path);
+                    (base, asked)
                 };
+                let (asked, candidates) = (asked.is_some(), asked.unwrap_or_default());
                 let simpler = |it: &Candidate| it.numbers < entry.arguments.numbers.len() && it.fit.cost < fit.cost + threshold;
                 if let Some(winner) = self.winner(&base, &candidates, threshold)
                     && winner.label != name
@@ -427,6 +443,7 @@ impl Search<'_> {
                 causes.push(Believed {
                     label: name,
                     gain: base.cost - fit.cost,
+                    asked,
                     rival_models: rivals.iter().map(|it| (it.0.clone(), it.2.clone())).collect(),
                     rivals: rivals.into_iter().map(|it| (it.0, it.1)).collect(),
                     without: base.model,
@@ -436,14 +453,14 @@ impl Search<'_> {
         }
     }
 
-    /// What competes for a place; nobody, once the limit of work is met.
-    fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Vec<Candidate> {
-        if !self.goes_on(path) || !path.competes() {
-            return Vec::new();
+    /// What competes for a place; `None`, once the limit of work is met.
+    fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Option<Vec<Candidate>> {
+        if !path.has_steps_for_rivals(self.kernel.pace.taken()) || !path.competes() {
+            return None;
         }
         let mut screened = screen(self.kernel, base, self.nominal, self.hypotheses);
         screened.iter_mut().for_each(Screened::slim);
-        self.compete(base, &screened, threshold)
+        Some(self.compete(base, &screened, threshold))
     }
 }
 

@@ -70,6 +70,8 @@ pub struct Cause {
     pub gain: f64,
     /// Its rivals and how much worse they do, in the same unit.
     pub rivals: Vec<(String, f64)>,
+    /// Whether rivals were looked for; false where the limit of work came first.
+    pub asked: bool,
     /// A sentence of plain words.
     pub sentence: String,
     /// What to measure or look at to be sure.
@@ -334,6 +336,7 @@ fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, thres
         indistinguishable_from: alike,
         gain: believed.gain,
         rivals: believed.rivals.clone(),
+        asked: believed.asked,
         sentence,
         check: entry.description.check,
         witness,
@@ -385,6 +388,7 @@ fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> C
         // All rows are multiples of the step: about one squared standard deviation a row.
         gain: rows,
         rivals: Vec::new(),
+        asked: true,
         sentence: format!("The sensor of {} rounds to multiples of {step} {}.", signal.name, signal.unit),
         check: crate::effects::of("sensor-quantisation").map_or("", |description| description.check),
         witness: None,

@@ -124,7 +124,7 @@ fn a_search_that_goes_round_in_a_circle_is_stopped_and_says_so() {
         assert!((0..1000).any(|_| !count(&mut path)));
         assert_eq!(path.stopped(), Some(limit));
     }
-    let mut path = Path::until(100);
+    let mut path = Path::until(100, 20);
     assert!(path.has_steps(100) && !path.has_steps(101));
     assert_eq!(path.stopped(), Some(Limit::Steps));
 }

@@ -257,6 +257,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "threshold": found.threshold,
         "stopped": found.stopped.map(|limit| limit.to_string()),
         "structure_left": found.left.excess,
+        "structure_left_unseen": found.left_unseen.as_ref().map(|it| it.excess),
         "ranking": ranking,
         "next_experiment": next::sentence(found),
         "experiment": next::value(found),

@@ -31,7 +31,11 @@ pub fn regions(kind: PlantKind, regions: &[Region]) -> Value {
 /// What speaks for and against a cause, and what to do about it.
 pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
     let it = evidence::of(kind, found, cause);
-    json!({ "for": it.supports, "against": it.speaks_against, "check": cause.check })
+    let rivals = cause.rivals.iter().map(|(name, behind)| json!({ "cause": name, "behind": finite(*behind) }));
+    json!({
+        "for": it.supports, "against": it.speaks_against, "check": cause.check, "gain": finite(cause.gain),
+        "rivals": rivals.collect::<Vec<Value>>(), "rivals_asked": cause.asked,
+    })
 }
 
 /// Parameters that moved within their tolerances.
