@@ -10,6 +10,7 @@ use super::sample::Sample;
 use super::search::{Candidate, Search};
 use super::tails::ln_upper_f;
 use super::whitening::{Space, dot};
+use super::work::Work;
 
 /// What one cause of a set is worth.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,17 +22,25 @@ pub struct Worth {
 }
 
 /// The best set of causes, outliers and noise as they are.
-pub fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, now: &Explained) -> Vec<Hypothesis> {
+///
+/// `work` is a limit: where it is met, the best set so far is the answer.
+pub fn causes(
+    sample: &Sample,
+    hypotheses: &[Hypothesis],
+    thresholds: &Thresholds,
+    now: &Explained,
+    work: &Work,
+) -> Vec<Hypothesis> {
     let space = now.space(sample);
     let residual = space.carried(&sample.residual());
     let mut pool: Vec<Hypothesis> = hypotheses.to_vec();
     let mut chosen = Vec::new();
     let mut finer = false;
     let mut offered = candidates(&pool, thresholds, &space);
-    let mut search = Search::new(&offered, &residual);
+    let mut search = counted(&offered, &residual, work);
     // Each turn takes shapes away, and the second kind of turn comes once; there are finitely many shapes, and more than a few in one search there never were.
     for _ in 0..MOST_SEARCHES {
-        let mut found = search.best();
+        let mut found = search.best(work);
         // Costs are of one cause alone; in the set each must be worth its threshold.
         loop {
             let worths: Vec<Worth> = found.set.iter().map(|member| worth(&search, &offered, &found.set, *member)).collect();
@@ -59,7 +68,7 @@ pub fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Threshold
             Some(places) if !finer => {
                 pool.extend(places);
                 offered = candidates(&pool, thresholds, &space);
-                search = Search::new(&offered, &residual);
+                search = counted(&offered, &residual, work);
             }
             _ => break,
         }
@@ -73,14 +82,19 @@ pub fn causes(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Threshold
     let pool: Vec<Hypothesis> =
         singled.iter().chain(pool.iter().filter(|it| !matches!(it.claim, Claim::Order(_)))).cloned().collect();
     let candidates = candidates(&pool, thresholds, &space);
-    let search = Search::new(&candidates, &residual);
-    let (found, singles) = (search.best(), (0..singled.len()).collect::<Vec<_>>());
+    let search = counted(&candidates, &residual, work);
+    let (found, singles) = (search.best(work), (0..singled.len()).collect::<Vec<_>>());
     let is_worth = |member: &usize| worth(&search, &candidates, &found.set, *member).ln_p <= thresholds.ln_p_mean;
     if found.score < search.score(&singles) && found.set.iter().all(is_worth) {
         found.set.iter().map(|member| pool[*member].clone()).collect()
     } else {
         singled
     }
+}
+
+fn counted(candidates: &[Candidate], residual: &[f64], work: &Work) -> Search {
+    work.takes(Search::multiplications(candidates, residual.len()));
+    Search::new(candidates, residual)
 }
 
 fn claims(set: &[Hypothesis]) -> Vec<&Claim> {

@@ -9,6 +9,7 @@ use super::hypotheses::Hypothesis;
 use super::noise::{self, Growth};
 use super::null::Thresholds;
 use super::sample::Sample;
+use super::work::Work;
 use super::whitening::{Shape, Solved, Space, dot, ln_gram, orthonormal, solve};
 
 /// The noise as it is taken to be.
@@ -48,6 +49,9 @@ const LEAST_FREEDOM: usize = 20;
 /// So many runs in a row that do not stand out hide no further ones: scatter does not grow when they are left out.
 const HIDING: usize = 15;
 
+/// Up to so many rows outlying runs are taken out one by one, as Rosner does; of more rows as many at once as keep the rounds, each of which is a fit to all rows, from growing with them.
+const ONE_BY_ONE: usize = 400;
+
 /// Turns until causes, outliers and noise stay; where they circle, the best turn counts.
 const TURNS: usize = 5;
 
@@ -68,38 +72,52 @@ impl Explained {
     }
 }
 
-/// The best explanation.
-pub fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds) -> Explained {
+/// The best explanation. Where the work is spent, further kinds of noise are not tried: even noise, the plainest, is the first.
+pub fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, work: &Work) -> Explained {
     let mut best: Option<Explained> = None;
     let grown = Some(noise::growth(&plain(sample), &sample.nominal).0);
     let every: Vec<usize> = (0..sample.rows()).collect();
     let following = Some(noise::correlation(&plain(sample), &every).0);
     for looseness in loosenesses(sample) {
         for (growth, rho) in [(None, None), (grown, None), (None, following), (grown, following)] {
-            // Gross outliers hide behind terms that imitate them; a large cause makes outliers of honest runs. So both beginnings are tried.
-            let even = Explained {
-                set: Vec::new(),
-                outliers: Vec::new(),
-                noise: Noise { growth, rho },
-                looseness,
-                score: f64::INFINITY,
-                fitted: sample.nominal.clone(),
-                scale: vec![1.0; sample.rows()],
-            };
-            let outlying = outliers(sample, &even, thresholds);
-            let mut starts = vec![Vec::new()];
-            if !outlying.is_empty() {
-                starts.push(outlying);
+            let noise = Noise { growth, rho };
+            if best.is_some() && !work.goes_on() {
+                break;
             }
-            for outliers in starts {
-                let found = turns(sample, hypotheses, thresholds, Explained { outliers, ..even.clone() });
-                if best.as_ref().is_none_or(|best| found.score < best.score) {
-                    best = Some(found);
-                }
+            let found = from_noise(sample, hypotheses, thresholds, noise, looseness, work);
+            if best.as_ref().is_none_or(|best| found.score < best.score) {
+                best = Some(found);
             }
         }
     }
     best.expect("there are four kinds of noise")
+}
+
+/// The best explanation from one kind of noise. Gross outliers hide behind terms that imitate them; a large cause makes outliers of honest runs. So both beginnings are tried.
+pub fn from_noise(
+    sample: &Sample,
+    hypotheses: &[Hypothesis],
+    thresholds: &Thresholds,
+    noise: Noise,
+    looseness: f64,
+    work: &Work,
+) -> Explained {
+    let even = Explained {
+        set: Vec::new(),
+        outliers: Vec::new(),
+        noise,
+        looseness,
+        score: f64::INFINITY,
+        fitted: sample.nominal.clone(),
+        scale: vec![1.0; sample.rows()],
+    };
+    let outlying = outliers(sample, &even, thresholds);
+    let found = turns(sample, hypotheses, thresholds, even.clone(), work);
+    if outlying.is_empty() || !work.goes_on() {
+        return found;
+    }
+    let other = turns(sample, hypotheses, thresholds, Explained { outliers: outlying, ..even }, work);
+    if other.score < found.score { other } else { found }
 }
 
 /// Noise of the file's rows over that of the new ones: a variance of a hundredth or a hundred times is another instrument, and counts as that much.
@@ -162,13 +180,22 @@ pub fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, looseness: f64) 
 /// So often the knowledge of the coefficients follows the noise, which follows it: a variance of the noise of the file's rows moves that of the new ones by little.
 const AGREEING: usize = 2;
 
-fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, start: Explained) -> Explained {
+fn turns(
+    sample: &Sample,
+    hypotheses: &[Hypothesis],
+    thresholds: &Thresholds,
+    start: Explained,
+    work: &Work,
+) -> Explained {
     let mut now = start;
     now.scale = scale(now.noise, &sample.nominal);
     let mut best: Option<Explained> = None;
     for _ in 0..TURNS {
         let entered = now.looseness.max(f64::MIN_POSITIVE);
-        now.set = causes(sample, hypotheses, thresholds, &now);
+        if best.is_some() && !work.goes_on() {
+            break;
+        }
+        now.set = causes(sample, hypotheses, thresholds, &now, work);
         for _ in 0..AGREEING {
             know(sample, &mut now);
         }
@@ -280,29 +307,31 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
     let mut removed = Vec::new();
     let mut last = 0;
     let unknowns: usize = now.set.iter().map(|it| it.columns.len()).sum();
-    for _ in 0..((MOST_OUTLIERS * rows as f64).ceil() as usize) {
-        if kept.len() < unknowns + 5 {
-            break;
-        }
+    let most = (MOST_OUTLIERS * rows as f64).ceil() as usize;
+    let at_once = rows.div_ceil(ONE_BY_ONE);
+    while removed.len() < most && kept.len() >= unknowns + 5 {
         let space = space_of(sample, &kept, &shape, now.looseness);
-        let Some((place, t, freedom)) = most_studentised(sample, now, &space) else { break };
-        removed.push(kept.remove(place));
-        if thresholds.is_outlier(t, freedom, kept.len() + 1) {
-            last = removed.len();
-        } else if removed.len() > last + HIDING {
+        let (all, freedom) = studentised(sample, &now.set, &space);
+        let mut order: Vec<usize> = (0..all.len()).collect();
+        // Of equal ones the last, as a maximum is taken.
+        order.sort_by(|a, b| all[*b].abs().total_cmp(&all[*a].abs()).then(b.cmp(a)));
+        order.truncate(at_once.min(most - removed.len()));
+        let mut count = kept.len();
+        for place in &order {
+            removed.push(kept[*place]);
+            if thresholds.is_outlier(all[*place], freedom, count) {
+                last = removed.len();
+            }
+            count -= 1;
+        }
+        kept.retain(|row| !removed.contains(row));
+        if removed.len() > last + HIDING * at_once {
             break;
         }
     }
     removed.truncate(last);
     removed.sort_unstable();
     removed
-}
-
-/// Place among the rows kept, studentised residual, degrees of freedom of the row that stands out most.
-fn most_studentised(sample: &Sample, now: &Explained, space: &Space) -> Option<(usize, f64, f64)> {
-    let all = studentised(sample, &now.set, space);
-    let freedom = all.1;
-    all.0.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map(|(place, t)| (place, *t, freedom))
 }
 
 /// Externally studentised residuals of the rows kept, and their degrees of freedom.

@@ -30,6 +30,7 @@ mod tails;
 mod telling;
 pub mod unseen;
 mod whitening;
+mod work;
 
 use rsm_core::check::Checked;
 use rsm_core::model::{Evidence, Input, Model};
@@ -45,9 +46,16 @@ use null::Thresholds;
 use regions::Region;
 use sample::{Sample, Taken};
 use unseen::{Errors, Judged};
+use work::Work;
 
 /// False alarms of a whole diagnosis. 5 % are allowed; a fifth is kept back for the draws, which know a threshold to some 15 %.
 const FALSE_ALARMS: f64 = 0.04;
+
+/// The search for causes of a response may take so many multiplications, each of two explanations where there are two: some ten seconds. A hundred rows take a hundredth of it.
+const MOST_WORK: usize = 6_000_000_000;
+
+/// Each fold of a cross-validation may take so many.
+const MOST_WORK_OF_FOLD: usize = 1_000_000_000;
 
 /// With fewer rows inside there is nothing to test.
 const LEAST_ROWS: usize = 6;
@@ -135,6 +143,8 @@ pub struct ResponseDiagnosis {
     pub extended_file: Errors,
     /// The share of the squared error above the noise that goes away there.
     pub gain: f64,
+    /// Whether the search met its limit of work before every kind of noise and every exchange of causes was tried.
+    pub stopped: bool,
     /// What the reader of the extended file should know.
     pub notes: Vec<String>,
     /// Whether a part of the explanation (drift, offsets) is of the runs and stands in no file.
@@ -226,6 +236,8 @@ struct Answer {
     found: Explained,
     estimates: Estimates,
     tests: Vec<Test>,
+    /// Whether the search met its limit of work.
+    stopped: bool,
 }
 
 impl Answer {
@@ -238,11 +250,12 @@ impl Answer {
         let carried: Vec<Vec<Vec<f64>>> =
             hypotheses.iter().map(|it| it.columns.iter().map(|column| space.carried(column)).collect()).collect();
         let thresholds = Thresholds::new(&carried, &sample.nominal, sample.rows(), alpha);
-        let mut found = explain::explain(&sample, &hypotheses, &thresholds);
+        let work = Work::within(MOST_WORK);
+        let mut found = explain::explain(&sample, &hypotheses, &thresholds, &work);
         estimate::refine(&sample, &mut found);
         let estimates = estimate::numbers(&sample, &found);
         let tests = left_over::tests(&sample, &found);
-        Answer { sample, hypotheses, thresholds, found, estimates, tests }
+        Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped: work.ran_out() }
     }
 
     /// What each test must stay below to be structure.
@@ -306,7 +319,7 @@ fn of_response(
     }
     let answer = answer(&sample_of, alpha);
     let (threshold_p_structure, is_structure_left) = (answer.threshold_p_structure(), answer.is_structure_left());
-    let Answer { sample, hypotheses, thresholds, found, estimates, tests } = answer;
+    let Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped } = answer;
     let floor = left_over::floor(&sample, &found);
     let causes = causes::all(&sample, &hypotheses, &thresholds, &found, &estimates);
     let extension = extension::extend(&sample, &found, &estimates, taken);
@@ -325,7 +338,7 @@ fn of_response(
             (judged, "rows of the files for validation".to_string())
         }
         None => {
-            let judged = unseen::by_folds(&sample, &thresholds, &found.outliers, taken);
+            let judged = unseen::by_folds(&sample, &thresholds, &found, taken, MOST_WORK_OF_FOLD);
             (judged, format!("cross-validation in {} parts, causes chosen again without each", unseen::FOLDS))
         }
     };
@@ -359,6 +372,7 @@ fn of_response(
         gain: judged.gain(floor.sd),
         judged,
         judged_on,
+        stopped,
         has_offsets: !extension.offsets.is_empty(),
         notes: if verdict == Verdict::NoDiscrepancy { Vec::new() } else { extension.notes.clone() },
         shown: Shown {

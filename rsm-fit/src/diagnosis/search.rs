@@ -4,7 +4,8 @@
 //! grow along several paths at once (a beam), so that two causes that mask each other are found together, and are then improved by leaving out and exchanging. Never
 //! decides how much a cause must be worth: the costs say it.
 
-use super::whitening::{dot, subtract};
+use super::whitening::subtract;
+use super::work::Work;
 
 /// A hypothesis as the search sees it.
 #[derive(Debug, Clone)]
@@ -91,22 +92,29 @@ impl<'a> Products<'a> {
 /// Columns that are multiplied with one another side by side: as many sums as fit into the registers.
 const SIDE_BY_SIDE: usize = 8;
 
-/// Products of one column with others, each summed in the order of the rows.
-fn products_with(column: &[f64], others: &[&[f64]]) -> Vec<f64> {
-    let mut products = Vec::with_capacity(others.len());
-    let mut blocks = others.chunks_exact(SIDE_BY_SIDE);
-    for block in &mut blocks {
-        let block: [&[f64]; SIDE_BY_SIDE] = std::array::from_fn(|k| &block[k][..column.len()]);
-        let mut sums = [0.0; SIDE_BY_SIDE];
-        for (row, x) in column.iter().enumerate() {
-            for (sum, other) in sums.iter_mut().zip(&block) {
-                *sum += other[row] * x;
+/// Products of all columns with one another, each summed in the order of the rows.
+fn products(columns: &[&[f64]]) -> Vec<f64> {
+    let width = columns.len();
+    let mut values = vec![0.0; width * width];
+    for (block, some) in columns.chunks(SIDE_BY_SIDE).enumerate() {
+        let first = block * SIDE_BY_SIDE;
+        let rows = some.first().map_or(0, |column| column.len());
+        let packed: Vec<[f64; SIDE_BY_SIDE]> =
+            (0..rows).map(|row| std::array::from_fn(|k| some.get(k).map_or(0.0, |column| column[row]))).collect();
+        for (i, column) in columns.iter().enumerate().skip(first) {
+            let mut sums = [0.0; SIDE_BY_SIDE];
+            for (x, others) in column.iter().zip(&packed) {
+                for (sum, other) in sums.iter_mut().zip(others) {
+                    *sum += other * x;
+                }
+            }
+            for (k, product) in sums.into_iter().take(some.len()).enumerate() {
+                values[i * width + first + k] = product;
+                values[(first + k) * width + i] = product;
             }
         }
-        products.extend(sums);
     }
-    products.extend(blocks.remainder().iter().map(|other| dot(other, column)));
-    products
+    values
 }
 
 /// A candidate without its columns.
@@ -138,18 +146,18 @@ pub struct Found {
 }
 
 impl Search {
+    /// How many multiplications the products of a search take.
+    pub fn multiplications(candidates: &[Candidate], rows: usize) -> usize {
+        let width: usize = candidates.iter().map(|it| it.columns.len()).sum();
+        width * width / 2 * rows
+    }
+
     /// Of a residual.
     pub fn new(candidates: &[Candidate], residual: &[f64]) -> Self {
         let mut columns: Vec<&[f64]> = candidates.iter().flat_map(|it| it.columns.iter().map(Vec::as_slice)).collect();
         columns.push(residual);
         let width = columns.len();
-        let mut start = Start { width, values: vec![0.0; width * width] };
-        for i in 0..width {
-            for (j, product) in products_with(columns[i], &columns[..=i]).into_iter().enumerate() {
-                start.values[i * width + j] = product;
-                start.values[j * width + i] = product;
-            }
-        }
+        let start = Start { width, values: products(&columns) };
         let member = |it: &Candidate| Member { width: it.columns.len(), group: it.group, change: it.change, cost: it.cost };
         Search::of(candidates.iter().map(member).collect(), start, residual.len())
     }
@@ -276,11 +284,15 @@ impl Search {
         (0..self.candidates.len()).filter(|candidate| self.may_join(set, *candidate)).map(of).collect()
     }
 
-    /// The best set.
-    pub fn best(&self) -> Found {
+    /// The best set; as good as the work that is left finds, where that is not enough.
+    pub fn best(&self, work: &Work) -> Found {
         let mut best = Found { set: Vec::new(), score: self.score(&[]) };
         let mut paths = vec![(best.clone(), Products::new(&self.start))];
         for depth in 1..=MOST {
+            if !work.goes_on() {
+                break;
+            }
+            work.takes(paths.len() * self.start.width * depth);
             let mut grown: Vec<(Found, usize)> = Vec::new();
             for (path, (found, products)) in paths.iter().enumerate() {
                 let mut joined = self.joined_to(products, &found.set);
@@ -314,18 +326,23 @@ impl Search {
                 break;
             }
         }
-        self.improved(best)
+        self.improved(best, work)
     }
 
     /// Leaves out up to two members and takes in up to two others, whichever pays most, while that pays. One at a time is not enough: where a cause was taken in the wrong shape, a second one makes up for the
     /// difference (a drift that is right in the middle, and a bias), and neither goes without the other.
-    fn improved(&self, mut best: Found) -> Found {
+    fn improved(&self, mut best: Found, work: &Work) -> Found {
         // Each round lowers the criterion, and there are finitely many sets; a bound all the same, as rounding might circle.
         for _ in 0..4 * MOST {
+            if !work.goes_on() {
+                break;
+            }
             let mut next = best.clone();
+            let wide = self.candidates.iter().filter(|it| it.width > 1).count();
             for out in subsets_of_two(best.set.len()) {
                 let rest: Vec<usize> =
                     (0..best.set.len()).filter(|place| !out.contains(place)).map(|place| best.set[place]).collect();
+                work.takes(self.candidates.len() * self.candidates.len() / 2 + wide * self.start.width * (rest.len() + 1));
                 let products = self.products_of(&rest);
                 let alone = self.misfit(self.residual(&products)) + self.cost(&rest);
                 // Less than a thousandth is rounding, and would circle.
@@ -432,10 +449,10 @@ mod tests {
         let search = Search::new(&candidates, &y);
         let alone = search.joined(&[]);
         assert!(alone[2].1 < alone[0].1 && alone[2].1 < alone[1].1, "{alone:?}");
-        assert_eq!(search.best().set, [0, 1]);
+        assert_eq!(search.best(&Work::unbounded()).set, [0, 1]);
         // Of one group they may not stand together.
         let candidates = [candidate(&a, 0), candidate(&b, 0), candidate(&d, 2)];
-        assert!(!Search::new(&candidates, &y).best().set.starts_with(&[0, 1]));
+        assert!(!Search::new(&candidates, &y).best(&Work::unbounded()).set.starts_with(&[0, 1]));
     }
 
     #[test]
@@ -465,9 +482,9 @@ mod tests {
         let y: Vec<f64> = (0..n).map(|k| if k == 12 { 1.0 } else { 1e-3 * (k as f64).sin() }).collect();
         let candidate = |at: usize| Candidate { columns: vec![step(at)], group: at, change: Some(at), cost: 10.0 };
         let candidates = [candidate(12), candidate(13), candidate(15)];
-        let best = Search::new(&candidates, &y).best().set;
+        let best = Search::new(&candidates, &y).best(&Work::unbounded()).set;
         assert!(!best.starts_with(&[0, 1]), "{best:?}");
         let far = [candidate(12), Candidate { change: None, ..candidate(13) }];
-        assert_eq!(Search::new(&far, &y).best().set, [0, 1]);
+        assert_eq!(Search::new(&far, &y).best(&Work::unbounded()).set, [0, 1]);
     }
 }
