@@ -161,7 +161,7 @@ static void raw(void)
 {
     throttle_raw_state state;
     throttle_counts counts = {0u, 0u, 0u, 0u};
-    uint32_t tick, stuck = 0u, compare = 180u;
+    uint32_t tick, torn = 0u, compare = 180u;
     throttle_raw_init(&state);
     for (tick = 0u; tick < TICKS; tick++) {
         const uint32_t wide = (next_random() & 31u) == 0u ? 0xFFFFu : 0xFFFu;
@@ -172,11 +172,12 @@ static void raw(void)
             const uint32_t one = 1u << (next_random() % 6u);
             const uint32_t any = next_random();
             counts.lines = (next_random() & 3u) != 0u ? one : any;
-            stuck = (next_random() & 3u) == 0u;
+            torn = (next_random() & 3u) == 0u;
         }
-        /* The plate follows, or stands still. */
-        if (!stuck) {
-            counts.plate = (uint16_t)((compare - 180u) * 3276u / 3240u + 410u);
+        /* The plate follows, or its wire is torn. */
+        counts.plate = (uint16_t)((compare - 180u) * 3276u / 3240u + 410u);
+        if (torn) {
+            counts.plate = 0u;
         }
         compare = throttle_raw_step(&state, &tables_scaling, &counts);
         add_word(compare);

@@ -136,7 +136,7 @@ impl Run {
 
     fn raw(&mut self) {
         let mut state = RawState::default();
-        let (mut lines, mut stuck, mut plate, mut compare) = (0, false, 0, 180);
+        let (mut lines, mut torn, mut compare) = (0, false, 180);
         let mut closed = 0;
         for tick in 0..TICKS {
             let wide = if self.next() & 31 == 0 { 0xFFFF } else { 0xFFF };
@@ -145,11 +145,9 @@ impl Run {
                 let one = 1 << (self.next() % 6);
                 let any = self.next();
                 lines = if self.next() & 3 != 0 { one } else { any };
-                stuck = self.next() & 3 == 0;
+                torn = self.next() & 3 == 0;
             }
-            if !stuck {
-                plate = ((u32::from(compare) - 180) * 3276 / 3240 + 410) as u16;
-            }
+            let plate = if torn { 0 } else { ((u32::from(compare) - 180) * 3276 / 3240 + 410) as u16 };
             compare = raw_step(&mut state, &Scaling::BOARD, &Counts { pedal, plate, speed, lines });
             self.word(u32::from(compare));
             self.floats(&[state.step.cap]);
