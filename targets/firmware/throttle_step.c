@@ -29,6 +29,7 @@ void throttle_raw_init(throttle_raw_state *state)
 {
     throttle_init(&state->step);
     state->throttle = 0.0f;
+    state->closing = 0.0f;
     state->plate.all = 0u;
     state->plate.in_a_row = 0u;
 }
@@ -102,13 +103,15 @@ EXACT_INLINE uint32_t gear_of(uint32_t lines)
 uint16_t throttle_raw_step(throttle_raw_state *state, const throttle_scaling *scaling, const throttle_counts *counts)
 {
     throttle_inputs inputs;
-    float deviation, fault, throttle;
+    float deviation, still, fault, throttle;
     inputs.pedal = value(&scaling->pedal, counts->pedal);
     inputs.speed_m_s = value(&scaling->speed, counts->speed);
     inputs.gear = gear_of(counts->lines);
     inputs.clutch = counts->lines >> THROTTLE_GEARS & 1u;
     deviation = exact_magnitude(value(&scaling->plate, counts->plate) - state->throttle);
-    fault = exact_select(PLATE_TICKS, (float)state->plate.in_a_row, 1.0f, 0.0f);
+    still = exact_select(0.0f, state->step.cap, state->closing, 0.0f);
+    fault = exact_select(PLATE_TICKS, (float)state->plate.in_a_row, 1.0f, still);
+    state->closing = fault;
     throttle = advance(&state->step, &inputs, fault);
     /* Good where the deviation is at most the tolerance: a number, and the tolerance not below it. */
     bad_samples_count(&state->plate, exact_less(exact_nothing(deviation), 1.0f) & (exact_less(PLATE_TOLERANCE, deviation) ^ 1u));

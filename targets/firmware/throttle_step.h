@@ -56,6 +56,7 @@ typedef struct {
 typedef struct {
     throttle_state step;
     float throttle;
+    float closing;
     bad_samples plate;
 } throttle_raw_state;
 

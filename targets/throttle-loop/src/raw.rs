@@ -83,6 +83,8 @@ pub struct RawState {
     pub step: State,
     /// The last command, 0 to 1.
     throttle: f32,
+    /// 1 while the plate's fault closes the throttle, else 0.
+    closing: f32,
     /// Ticks in which the plate was not where it was told to be, or its wire was torn. [`PLATE_TICKS`] of them in a row close the throttle, until the plate follows again.
     pub plate: BadSamples,
 }
@@ -118,7 +120,10 @@ pub fn raw_step(state: &mut RawState, scaling: &Scaling, counts: &Counts) -> u16
     };
     let deviation = magnitude(value(&scaling.plate, counts.plate) - state.throttle);
     // A plate that is stuck or slow, or not seen, is no plate to be driven: closed, until it follows.
-    let fault = select(PLATE_TICKS, state.plate.in_a_row as f32, 1.0, 0.0);
+    // Until it is closed, also where the command passes the place at which the plate is stuck.
+    let still = select(0.0, state.step.cap, state.closing, 0.0);
+    let fault = select(PLATE_TICKS, state.plate.in_a_row as f32, 1.0, still);
+    state.closing = fault;
     let throttle = advance(&mut state.step, &inputs, fault).throttle;
     state.plate.count(deviation <= PLATE_TOLERANCE);
     state.throttle = throttle;
