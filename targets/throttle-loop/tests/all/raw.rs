@@ -126,8 +126,8 @@ fn broken_wires_and_a_stuck_plate_close_the_throttle_and_the_way_back_is_no_bump
         }
         for tick in 0..4000 {
             let next = raw_step(&mut state, &BOARD, &Counts { plate: plate_at(compare), ..full });
-            // 0.001 of 3240 a tick, twice for the compensator, and a rounding.
-            assert!(next.abs_diff(compare) <= 8, "{name}, tick {tick}: {compare} to {next}");
+            // Up by 0.001 of 3240 a tick, twice for the compensator, and a rounding; a plate that is still being closed goes down first.
+            assert!(next <= compare + 8 && compare <= next + 14, "{name}, tick {tick}: {compare} to {next}");
             compare = next;
         }
         // The compensator rests within a count.
