@@ -45,7 +45,10 @@ fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
     // The worst output's figure stands in the verdict; without unseen records the page says so; there is nothing to say of causes, and no place of an error.
     let ratio = |key: &str| value["extended"]["validate"][key]["noise_ratio"].as_f64().unwrap();
     let worst = ["i_d", "i_q", "speed"].map(ratio).into_iter().fold(0.0, f64::max);
-    assert!(page.contains(&format!("is {worst:.2} times its noise")) && page.contains("No record was kept unseen"), "{worst}");
+    assert!(
+        page.contains(&format!("is {worst:.2} times its noise")) && page.contains("No record was kept for validation"),
+        "{worst}"
+    );
     assert!(!page.contains("<h2>Causes") && page.contains("Nowhere: in every region"));
     assert_eq!((&value["where"], &value["left"]), (&serde_json::json!([]), &serde_json::json!([])));
     assert!(value["correction"].is_null() && !here.path().join("found/correction.toml").exists());
@@ -102,9 +105,22 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
         .collect();
     std::fs::write(here.path().join("train.csv"), spiked.join("\n") + "\n").unwrap();
     std::fs::write(here.path().join("unseen.csv"), noisy(here.path(), "true.toml", 2)).unwrap();
+    std::fs::write(here.path().join("test.csv"), noisy(here.path(), "true.toml", 3)).unwrap();
     let plant = shipped("pmac.toml");
     let output = rsm(
-        &["diagnose", &plant, "--record", "train.csv", "--validate", "unseen.csv", "--json", "--out", "found"],
+        &[
+            "diagnose",
+            &plant,
+            "--record",
+            "train.csv",
+            "--validate",
+            "unseen.csv",
+            "--test",
+            "test.csv",
+            "--json",
+            "--out",
+            "found",
+        ],
         here.path(),
     );
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -114,12 +130,31 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
 
     let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("the page does not say: {words}"));
     assert!(at("What is wrong with the data") < at("<td>speed</td><td>jump</td><td>78 to 78</td>"));
-    assert!(at("78 to 78") < at("<h2>Causes") && at("<h2>Causes") < at("<h2>Before and after, on 1 unseen record</h2>"));
-    at(&format!("On 1 unseen record {:.1} % of the error beyond the noise is gone", 100.0 * value["gain"].as_f64().unwrap()));
+    assert!(at("78 to 78") < at("<h2>Causes") && at("<h2>Causes") < at("<h2>Before and after, on 1 validation record</h2>"));
+    at(&format!(
+        "On 1 validation record (on the records that chose it) {:.1} % of the error beyond the noise is gone",
+        100.0 * value["gain"].as_f64().unwrap()
+    ));
+    // What the causes were chosen by is called so; the test record has figures of its own, beside the others.
+    assert_eq!(value["judged_on"], "on the records that chose it");
+    assert!(
+        value["test"]["judged_on"].as_str().unwrap().contains("which nothing has seen before: their starts are estimated on")
+    );
+    assert!(value["test"]["gain"].as_f64().unwrap() > 0.9, "{}", value["test"]);
+    for plant in ["nominal", "extended"] {
+        assert_eq!(keys(&value[plant]), ["test", "validate"]);
+        assert_eq!(keys(&value[plant]["test"]), keys(&value[plant]["validate"]));
+    }
+    at(&format!(
+        "On 1 test record, which nothing has seen before, {:.1} % is gone",
+        100.0 * value["test"]["gain"].as_f64().unwrap()
+    ));
     // Every sentence of the evidence stands in both, and the cause is what lowers the error of the speed.
     let evidence = &value["causes"][0]["evidence"];
     let sentences: Vec<&str> = evidence["for"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
-    assert!(sentences.iter().any(|it| it.starts_with("On unseen records it lowers the error") && it.contains("speed from ")));
+    assert!(
+        sentences.iter().any(|it| it.starts_with("On validation records it lowers the error") && it.contains("speed from "))
+    );
     assert!(sentences.iter().any(|it| it.contains("torque = 0.")), "{sentences:?}");
     for sentence in sentences.iter().chain([&evidence["check"].as_str().unwrap()]) {
         at(&sentence.replace('&', "&amp;").replace('"', "&quot;"));

@@ -29,7 +29,7 @@ pub fn causes(
     hypotheses: &[Hypothesis],
     thresholds: &Thresholds,
     now: &Explained,
-    work: &Work,
+    work: &Work<'_>,
 ) -> Vec<Hypothesis> {
     let space = now.space(sample);
     let residual = space.carried(&sample.residual());
@@ -92,7 +92,7 @@ pub fn causes(
     }
 }
 
-fn counted(candidates: &[Candidate], residual: &[f64], work: &Work) -> Search {
+fn counted(candidates: &[Candidate], residual: &[f64], work: &Work<'_>) -> Search {
     work.takes(Search::multiplications(candidates, residual.len()));
     Search::new(candidates, residual)
 }

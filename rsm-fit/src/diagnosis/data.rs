@@ -44,6 +44,20 @@ impl NewData {
     /// # Errors
     /// Every fault of every file.
     pub fn read(model: &Model, sources: &[Source], only: Option<&[usize]>) -> Result<Self, Refused> {
+        Self::read_as(model, sources, only, &[])
+    }
+
+    /// Reads files that judge what was found in others: the surfaces that those have, and their further columns as they are there. A column that varied there is the same quantity here, though it stands still, and levels
+    /// there are levels here, though there is one.
+    ///
+    /// # Errors
+    /// Every fault of every file.
+    pub fn read_like(model: &Model, sources: &[Source], like: &NewData) -> Result<Self, Refused> {
+        let compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| like.responses[*index].is_some()).collect();
+        Self::read_as(model, sources, Some(&compared), &like.extras)
+    }
+
+    fn read_as(model: &Model, sources: &[Source], only: Option<&[usize]>, known: &[Extra]) -> Result<Self, Refused> {
         let headers: Vec<Result<Table, Faults>> = sources.iter().map(header).collect();
         let faults: Vec<Faults> = headers.iter().filter_map(|it| it.as_ref().err().cloned()).collect();
         if !faults.is_empty() {
@@ -87,6 +101,13 @@ impl NewData {
             .filter(|column| !is_known(&column.name) && headers.iter().all(|table| table.column(&column.name).is_some()))
             .map(|column| (column.name.clone(), column.unit.clone()))
             .collect();
+        let mut lacking: Vec<(String, String)> = Vec::new();
+        for column in headers.iter().flat_map(|table| &table.columns).filter(|column| !is_known(&column.name)) {
+            let without = headers.iter().find(|table| table.column(&column.name).is_none());
+            if let Some(table) = without.filter(|_| !lacking.iter().any(|(name, _)| *name == column.name)) {
+                lacking.push((column.name.clone(), format!("{} does not have it", table.file)));
+            }
+        }
         let mut refused = Vec::new();
         let mut cells: Vec<Vec<String>> = vec![Vec::new(); others.len()];
         for (file, source) in sources.iter().enumerate() {
@@ -98,7 +119,8 @@ impl NewData {
         if !refused.is_empty() {
             return Err(Refused(refused));
         }
-        data.further(&others, cells);
+        data.ignored = lacking;
+        data.further(&others, cells, known);
         Ok(data)
     }
 
@@ -138,7 +160,7 @@ impl NewData {
     }
 
     /// Sorts out the further columns, and the rows by the column of the run order.
-    fn further(&mut self, others: &[(String, Option<String>)], cells: Vec<Vec<String>>) {
+    fn further(&mut self, others: &[(String, Option<String>)], cells: Vec<Vec<String>>, known: &[Extra]) {
         let rows = self.lines.len();
         let mut columns: Vec<(String, Option<String>, Vec<String>)> =
             others.iter().zip(cells).map(|((name, unit), cells)| (name.clone(), unit.clone(), cells)).collect();
@@ -169,7 +191,11 @@ impl NewData {
             }
         }
         for (name, unit, cells) in columns {
-            match kind_of(&name, unit.as_deref(), &cells) {
+            let kind = match known.iter().find(|it| it.name == name) {
+                Some(known) => as_known(known, unit.as_deref(), &cells),
+                None => kind_of(&name, unit.as_deref(), &cells),
+            };
+            match kind {
                 Ok(extra) => self.extras.push(extra),
                 Err(why) => self.ignored.push((name, why)),
             }
@@ -196,6 +222,27 @@ fn header(source: &Source) -> Result<Table, Faults> {
 
 fn numbers(cells: &[String]) -> Option<Vec<f64>> {
     cells.iter().map(|cell| cell.parse::<f64>().ok().filter(|value| value.is_finite())).collect()
+}
+
+/// A column as it is in other data: its numbers, its levels, or both.
+fn as_known(known: &Extra, unit: Option<&str>, cells: &[String]) -> Result<Extra, String> {
+    let unit = unit.unwrap_or("1");
+    if unit != known.unit {
+        return Err(format!("its unit is {unit}, and {} in the data that were diagnosed", known.unit));
+    }
+    let mut names: Vec<String> = Vec::new();
+    let of = |cell: &String| {
+        names.iter().position(|name| name == cell).unwrap_or_else(|| {
+            names.push(cell.clone());
+            names.len() - 1
+        })
+    };
+    let of: Vec<usize> = cells.iter().map(of).collect();
+    let values = known
+        .values
+        .as_ref()
+        .map(|_| numbers(cells).ok_or("its cells are not all numbers, and are in the data that were diagnosed"));
+    Ok(Extra { values: values.transpose()?, levels: known.levels.as_ref().map(|_| (names, of)), clock: false, ..known.clone() })
 }
 
 /// What a further column may be.

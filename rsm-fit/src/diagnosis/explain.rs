@@ -9,8 +9,8 @@ use super::hypotheses::Hypothesis;
 use super::noise::{self, Growth};
 use super::null::Thresholds;
 use super::sample::Sample;
-use super::work::Work;
 use super::whitening::{Shape, Solved, Space, dot, ln_gram, orthonormal, solve};
+use super::work::Work;
 
 /// The noise as it is taken to be.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -73,7 +73,7 @@ impl Explained {
 }
 
 /// The best explanation. Where the work is spent, further kinds of noise are not tried: even noise, the plainest, is the first.
-pub fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, work: &Work) -> Explained {
+pub fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, work: &Work<'_>) -> Explained {
     let mut best: Option<Explained> = None;
     let grown = Some(noise::growth(&plain(sample), &sample.nominal).0);
     let every: Vec<usize> = (0..sample.rows()).collect();
@@ -100,7 +100,7 @@ pub fn from_noise(
     thresholds: &Thresholds,
     noise: Noise,
     looseness: f64,
-    work: &Work,
+    work: &Work<'_>,
 ) -> Explained {
     let even = Explained {
         set: Vec::new(),
@@ -180,13 +180,7 @@ pub fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, looseness: f64) 
 /// So often the knowledge of the coefficients follows the noise, which follows it: a variance of the noise of the file's rows moves that of the new ones by little.
 const AGREEING: usize = 2;
 
-fn turns(
-    sample: &Sample,
-    hypotheses: &[Hypothesis],
-    thresholds: &Thresholds,
-    start: Explained,
-    work: &Work,
-) -> Explained {
+fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, start: Explained, work: &Work<'_>) -> Explained {
     let mut now = start;
     now.scale = scale(now.noise, &sample.nominal);
     let mut best: Option<Explained> = None;

@@ -15,6 +15,7 @@
 
 pub mod causes;
 mod choice;
+mod confidence;
 pub mod data;
 mod estimate;
 mod explain;
@@ -143,6 +144,8 @@ pub struct ResponseDiagnosis {
     pub extended_file: Errors,
     /// The share of the squared error above the noise that goes away there.
     pub gain: f64,
+    /// Figures of test rows, where there are any that can judge.
+    pub tested: Option<Tested>,
     /// Whether the search met its limit of work before every kind of noise and every exchange of causes was tried.
     pub stopped: bool,
     /// What the reader of the extended file should know.
@@ -166,14 +169,39 @@ pub struct Diagnosis {
     pub gain: f64,
 }
 
-/// Diagnoses every response that the data have. `progress` hears what is being done.
+/// Figures on rows that nothing has seen.
+#[derive(Debug, Clone)]
+pub struct Tested {
+    /// The file's errors there.
+    pub nominal: Errors,
+    /// Those of the extended file with offsets of drift and blocks, where a row names them.
+    pub extended: Errors,
+    /// The share of the squared error above the noise that goes away.
+    pub gain: f64,
+}
+
+/// Diagnoses every response that the data have, without test rows. `progress` hears what is being done.
 ///
 /// # Errors
-/// A sentence, when too few rows are inside, or unseen rows lack what the extension needs.
+/// A sentence, when too few rows are inside.
 pub fn diagnose(
     checked: &Checked,
     data: &NewData,
     unseen: Option<&NewData>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, String> {
+    diagnose_and_test(checked, data, unseen, None, progress)
+}
+
+/// Diagnoses every response that the data have. Test rows say at the end what the extension gains, and nothing else comes from them.
+///
+/// # Errors
+/// A sentence, when too few rows are inside.
+pub fn diagnose_and_test(
+    checked: &Checked,
+    data: &NewData,
+    unseen: Option<&NewData>,
+    test: Option<&NewData>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, String> {
     let model = checked.model();
@@ -182,8 +210,7 @@ pub fn diagnose(
     let mut responses = Vec::new();
     let mut extended = model.clone();
     for index in compared {
-        progress(&model.surfaces[index].name);
-        let (response, extension) = of_response(model, index, data, unseen, &model.inputs, alpha)?;
+        let (response, extension) = of_response(model, index, (data, unseen, test), &model.inputs, alpha, progress)?;
         if response.verdict != Verdict::NoDiscrepancy {
             let mut attempt = extended.clone();
             attempt.surfaces[index] = extension.surface.clone();
@@ -242,7 +269,7 @@ struct Answer {
 
 impl Answer {
     /// Thresholds on these rows, the explanation, its numbers, what is left.
-    fn new(sample: Sample, alpha: f64) -> Self {
+    fn new(sample: Sample, alpha: f64, told: &dyn Fn(usize)) -> Self {
         let hypotheses = hypotheses::all(&sample);
         let every: Vec<usize> = (0..sample.rows()).collect();
         let even = whitening::Shape { scale: vec![1.0; sample.rows()], rho: 0.0 };
@@ -250,7 +277,7 @@ impl Answer {
         let carried: Vec<Vec<Vec<f64>>> =
             hypotheses.iter().map(|it| it.columns.iter().map(|column| space.carried(column)).collect()).collect();
         let thresholds = Thresholds::new(&carried, &sample.nominal, sample.rows(), alpha);
-        let work = Work::within(MOST_WORK);
+        let work = Work::telling(MOST_WORK, told);
         let mut found = explain::explain(&sample, &hypotheses, &thresholds, &work);
         estimate::refine(&sample, &mut found);
         let estimates = estimate::numbers(&sample, &found);
@@ -274,16 +301,16 @@ const CHOICES: usize = 4;
 
 /// The answer, and the rows that it rests on. A reading beyond the range may be a faulty sensor's of a point inside, and such points (corners of a design) tell most about the sensor. So a second explanation begins
 /// with the rows nearby too; it counts if it names an input's sensor, if the rows that it rests on are those that were inside by what it says of that sensor, and if it leaves nothing unexplained.
-fn answer(sample_of: &dyn Fn(Taken<'_>) -> Sample, alpha: f64) -> Answer {
+fn answer(sample_of: &dyn Fn(Taken<'_>) -> Sample, alpha: f64, told: &dyn Fn(usize)) -> Answer {
     let inside = sample_of(Taken::Inside);
     let near = sample_of(Taken::Near);
     if near.rows() == inside.rows() {
-        return Answer::new(inside, alpha);
+        return Answer::new(inside, alpha, told);
     }
     // Two searches: each has half of the false alarms.
-    let (by_reading, mut places) = (Answer::new(inside, alpha / 2.0), near.places.clone());
+    let (by_reading, mut places) = (Answer::new(inside, alpha / 2.0, told), near.places.clone());
     for _ in 0..CHOICES {
-        let answer = Answer::new(sample_of(Taken::Places(&places)), alpha / 2.0);
+        let answer = Answer::new(sample_of(Taken::Places(&places)), alpha / 2.0, told);
         let Some(sensors) = estimate::sensors_believed(&answer.sample, &answer.found, &answer.estimates) else { break };
         let truly = near.truly_inside(&sensors);
         if truly == places {
@@ -301,10 +328,10 @@ fn answer(sample_of: &dyn Fn(Taken<'_>) -> Sample, alpha: f64) -> Answer {
 fn of_response(
     model: &Model,
     index: usize,
-    data: &NewData,
-    unseen: Option<&NewData>,
+    (data, unseen, test): (&NewData, Option<&NewData>, Option<&NewData>),
     taken: &[Input],
     alpha: f64,
+    progress: &mut dyn FnMut(&str),
 ) -> Result<(ResponseDiagnosis, Extension), String> {
     let surface = &model.surfaces[index];
     let response = data.responses[index].as_ref().expect("a compared surface has a response");
@@ -317,37 +344,61 @@ fn of_response(
             response.len()
         ));
     }
-    let answer = answer(&sample_of, alpha);
+    let progress = std::cell::RefCell::new(progress);
+    let say = |what: &str| (progress.borrow_mut())(&format!("{}: {what}", surface.name));
+    say("looking for causes");
+    let answer =
+        answer(&sample_of, alpha, &|percent| say(&format!("looking for causes, {percent} % of the work that is allowed")));
     let (threshold_p_structure, is_structure_left) = (answer.threshold_p_structure(), answer.is_structure_left());
     let Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped } = answer;
     let floor = left_over::floor(&sample, &found);
-    let causes = causes::all(&sample, &hypotheses, &thresholds, &found, &estimates);
+    let mut causes = causes::all(&sample, &hypotheses, &thresholds, &found, &estimates);
     let extension = extension::extend(&sample, &found, &estimates, taken);
-    let verdict = if is_structure_left {
+    // A search that was cut short has not shown that it knows the causes.
+    let verdict = if is_structure_left || stopped {
         Verdict::Unexplained
     } else if causes.is_empty() {
         Verdict::NoDiscrepancy
     } else {
         Verdict::Explained
     };
-    let (judged, judged_on) = match unseen {
-        Some(unseen) => {
-            let names: Vec<&str> = unseen.files.iter().map(|file| file.name.as_str()).collect();
-            let judged =
-                unseen::on_files(model, index, &extension, unseen).map_err(|why| format!("{}: {why}", names.join(", ")))?;
-            (judged, "rows of the files for validation".to_string())
+    for cause in &mut causes {
+        cause.confidence = confidence::beside_the_unknown(cause.confidence, verdict);
+    }
+    let mut notes = extension.notes.clone();
+    if stopped {
+        notes.push(
+            "the search met its limit of work: further kinds of noise and exchanges of causes were not asked".to_string(),
+        );
+    }
+    let names = |data: &NewData| data.files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>().join(", ");
+    let on_files = unseen.map(|unseen| (unseen, unseen::on_files(model, index, &extension, unseen)));
+    let (judged, judged_on) = match on_files {
+        Some((_, Ok(judged))) => {
+            (judged, "rows of the files for validation, from which nothing was chosen or estimated".to_string())
         }
-        None => {
+        other => {
+            if let Some((unseen, Err(why))) = &other {
+                notes.push(format!("{} cannot judge the extension: {why}; rows of the data do in turns", names(unseen)));
+            }
+            say("judging by cross-validation");
             let judged = unseen::by_folds(&sample, &thresholds, &found, taken, MOST_WORK_OF_FOLD);
             (judged, format!("cross-validation in {} parts, causes chosen again without each", unseen::FOLDS))
         }
     };
-    // Nothing wrong: the file stays as it is.
-    let judged = if verdict == Verdict::NoDiscrepancy {
-        Judged { file: judged.nominal.clone(), extended: judged.nominal.clone(), ..judged }
-    } else {
-        judged
-    };
+    // The last that is done: nothing after it looks at what comes out.
+    let tested = test.and_then(|test| match unseen::on_files(model, index, &extension, test) {
+        Ok(judged) => {
+            let judged = judged.of(verdict);
+            let of = |computed: &[f64]| judged.errors(computed, floor.sd);
+            Some(Tested { nominal: of(&judged.nominal), extended: of(&judged.extended), gain: judged.gain(floor.sd) })
+        }
+        Err(why) => {
+            notes.push(format!("{} cannot test the extension: {why}", names(test)));
+            None
+        }
+    });
+    let judged = judged.of(verdict);
     let kept = found.kept();
     let left: Vec<f64> = sample.response.iter().zip(&found.fitted).map(|(y, f)| y - f).collect();
     let diagnosis = ResponseDiagnosis {
@@ -374,7 +425,8 @@ fn of_response(
         judged_on,
         stopped,
         has_offsets: !extension.offsets.is_empty(),
-        notes: if verdict == Verdict::NoDiscrepancy { Vec::new() } else { extension.notes.clone() },
+        tested,
+        notes: if verdict == Verdict::NoDiscrepancy { Vec::new() } else { notes },
         shown: Shown {
             places: sample.places.clone(),
             points: sample.points.clone(),

@@ -285,7 +285,7 @@ impl Search {
     }
 
     /// The best set; as good as the work that is left finds, where that is not enough.
-    pub fn best(&self, work: &Work) -> Found {
+    pub fn best(&self, work: &Work<'_>) -> Found {
         let mut best = Found { set: Vec::new(), score: self.score(&[]) };
         let mut paths = vec![(best.clone(), Products::new(&self.start))];
         for depth in 1..=MOST {
@@ -331,7 +331,7 @@ impl Search {
 
     /// Leaves out up to two members and takes in up to two others, whichever pays most, while that pays. One at a time is not enough: where a cause was taken in the wrong shape, a second one makes up for the
     /// difference (a drift that is right in the middle, and a bias), and neither goes without the other.
-    fn improved(&self, mut best: Found, work: &Work) -> Found {
+    fn improved(&self, mut best: Found, work: &Work<'_>) -> Found {
         // Each round lowers the criterion, and there are finitely many sets; a bound all the same, as rounding might circle.
         for _ in 0..4 * MOST {
             if !work.goes_on() {
@@ -471,7 +471,7 @@ mod tests {
         ];
         let search = Search::new(&candidates, &y);
         let wrong = Found { set: vec![1, 2, 3], score: search.score(&[1, 2, 3]) };
-        assert_eq!(search.improved(wrong).set, [0, 3]);
+        assert_eq!(search.improved(wrong, &Work::unbounded()).set, [0, 3]);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use rsm_core::model::{Input, Model, Surface};
 
+use super::Verdict;
 use super::data::NewData;
 use super::estimate::{numbers, refine};
 use super::explain::{Explained, explain, from_noise};
@@ -61,6 +62,14 @@ impl Judged {
         if before > 0.0 { 1.0 - excess(&self.extended) / before } else { 0.0 }
     }
 
+    /// Where nothing is wrong the file stays as it is.
+    pub fn of(self, verdict: Verdict) -> Self {
+        match verdict {
+            Verdict::NoDiscrepancy => Judged { file: self.nominal.clone(), extended: self.nominal.clone(), ..self },
+            Verdict::Explained | Verdict::Unexplained => self,
+        }
+    }
+
     fn extend(&mut self, other: Judged) {
         self.measured.extend(other.measured);
         self.nominal.extend(other.nominal);
@@ -83,7 +92,7 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
     for name in &extension.columns {
         let column = rows.extras.iter().find(|it| it.name == *name).and_then(|it| it.values.as_ref());
         let column =
-            column.ok_or_else(|| format!("there is no column `{name}` of numbers, which the extended surface needs"))?;
+            column.ok_or_else(|| format!("they have no column `{name}` of numbers, which the extended surface needs"))?;
         points.push(rows.at.iter().map(|row| column[*row]).collect());
     }
     let file = evaluate(&extension.surface, &extension.inputs, &points);
@@ -110,7 +119,7 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
 /// # Errors
 /// A sentence, when a column is missing that the extension needs, or no row is inside.
 pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewData) -> Result<Judged, String> {
-    let response = data.responses[index].as_ref().ok_or("it has no column of the response")?;
+    let response = data.responses[index].as_ref().ok_or("they have no column of the response")?;
     let sample = Sample::new(model, index, &data.inputs, response, &data.extras, Taken::Inside);
     if sample.rows() == 0 {
         return Err("no row is inside the ranges and the support of the surface".to_string());

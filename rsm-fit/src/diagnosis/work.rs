@@ -5,17 +5,22 @@
 use std::cell::Cell;
 
 /// Counts work against a limit.
-#[derive(Debug)]
-pub struct Work {
+pub struct Work<'a> {
     taken: Cell<usize>,
     limit: usize,
     refused: Cell<bool>,
+    told: Option<&'a dyn Fn(usize)>,
 }
 
-impl Work {
+impl<'a> Work<'a> {
     /// So many multiplications, and no more begun.
     pub fn within(limit: usize) -> Self {
-        Work { taken: Cell::new(0), limit, refused: Cell::new(false) }
+        Work { taken: Cell::new(0), limit, refused: Cell::new(false), told: None }
+    }
+
+    /// The same, and somebody hears at every whole per cent of the limit.
+    pub fn telling(limit: usize, told: &'a dyn Fn(usize)) -> Self {
+        Work { told: Some(told), ..Work::within(limit) }
     }
 
     /// No limit.
@@ -26,7 +31,11 @@ impl Work {
 
     /// Counts.
     pub fn takes(&self, multiplications: usize) {
+        let before = self.percent();
         self.taken.set(self.taken.get().saturating_add(multiplications));
+        if let Some(told) = self.told.filter(|_| self.percent() > before) {
+            told(self.percent());
+        }
     }
 
     /// Whether there is work left; once it is asked for and is not there, the answer remembers.
@@ -43,9 +52,9 @@ impl Work {
         self.refused.get()
     }
 
-    /// The share of the limit that is spent, at most 1.
-    pub fn share(&self) -> f64 {
-        (self.taken.get() as f64 / self.limit as f64).min(1.0)
+    /// How much of the limit is spent, at most 100.
+    fn percent(&self) -> usize {
+        (100.0 * (self.taken.get() as f64 / self.limit as f64).min(1.0)) as usize
     }
 }
 
@@ -55,11 +64,15 @@ mod tests {
 
     #[test]
     fn work_ends_at_its_limit_and_says_so() {
-        let work = Work::within(10);
-        work.takes(9);
-        assert!(work.goes_on() && !work.ran_out() && work.share() == 0.9);
-        work.takes(5);
+        let heard = std::cell::RefCell::new(Vec::new());
+        let tell = |percent| heard.borrow_mut().push(percent);
+        let work = Work::telling(1000, &tell);
+        work.takes(900);
+        work.takes(1);
+        assert!(work.goes_on() && !work.ran_out());
+        work.takes(500);
         assert!(!work.ran_out(), "nobody has asked yet");
-        assert!(!work.goes_on() && work.ran_out() && work.share() == 1.0);
+        assert!(!work.goes_on() && work.ran_out());
+        assert_eq!(*heard.borrow(), [90, 100]);
     }
 }

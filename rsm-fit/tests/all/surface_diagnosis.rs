@@ -4,7 +4,7 @@ use rsm_core::check::Checked;
 use rsm_core::source::Source;
 use rsm_fit::diagnosis::causes::Cause;
 use rsm_fit::diagnosis::data::NewData;
-use rsm_fit::diagnosis::{Diagnosis, Verdict, diagnose};
+use rsm_fit::diagnosis::{Diagnosis, Verdict, diagnose, diagnose_and_test};
 
 use crate::data::shared;
 
@@ -203,4 +203,101 @@ fn a_change_three_runs_before_the_end_is_a_bias() {
     }
     let found = diagnosed(BENCH, &[Source::new("new.csv", lines.join("\n") + "\n")]);
     assert!(labels(&found).contains(&"sensor-bias:y"), "{:?}", labels(&found));
+}
+
+/// The grid with a further column, whose text is `cell` of its value, and a response that it moves by 2 V over its range.
+fn warm(header: &str, values: &dyn Fn(usize) -> f64, cell: &dyn Fn(f64) -> String) -> Source {
+    let plain = grid(&|a, b| (a, b, bench(a, b)));
+    let mut csv = String::new();
+    for (k, line) in plain.text().lines().enumerate() {
+        let (inputs, y) = line.rsplit_once(',').unwrap();
+        let Some(row) = k.checked_sub(1) else {
+            csv += &format!("{inputs}{header},y[V]\n");
+            continue;
+        };
+        let value = values(row);
+        let y = y.parse::<f64>().unwrap() + 2.0 * (value - 30.0) / 20.0;
+        csv += &format!("{inputs}{},{y:?}\n", if header.is_empty() { String::new() } else { format!(",{}", cell(value)) });
+    }
+    Source::new("rows.csv", csv)
+}
+
+/// What varies in the new data may stand still, lack or be text in the files that judge: the diagnosis stands in every case.
+#[test]
+fn columns_that_judging_files_have_otherwise_lose_no_diagnosis() {
+    let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
+    let number = |value: f64| format!("{value:?}");
+    let varies = |row: usize| 30.0 + 20.0 * ((row as f64) * 0.7).sin();
+    let data = NewData::read(checked.model(), &[warm(",temperature[degC]", &varies, &number)], None).unwrap();
+    let still = |_: usize| 45.0;
+    let judged = |source: Source| -> (bool, f64, f64) {
+        let judging = NewData::read_like(checked.model(), &[source], &data).unwrap();
+        let found = diagnose_and_test(&checked, &data, Some(&judging), Some(&judging), &mut |_| {}).unwrap();
+        assert_eq!((found.verdict, labels(&found)), (Verdict::Explained, vec!["missing-input:temperature"]));
+        let response = &found.responses[0];
+        let on_files = response.judged_on.contains("files for validation");
+        let notes = response.notes.iter().filter(|note| note.contains("rows.csv cannot")).count();
+        // One note for the files that judge, one for those that test.
+        assert_eq!(notes, if on_files { 0 } else { 2 }, "{:?}", response.notes);
+        (on_files, response.extended.noise_ratio, response.tested.as_ref().map_or(f64::NAN, |it| it.extended.noise_ratio))
+    };
+    for (header, values, cell) in [
+        (",temperature[degC]", &varies as &dyn Fn(usize) -> f64, &number as &dyn Fn(f64) -> String),
+        (",temperature[degC]", &still, &number),
+    ] {
+        let (on_files, ratio, on_test) = judged(warm(header, values, cell));
+        assert!(on_files && ratio == on_test && ratio < 1.5, "{ratio} {on_test}");
+    }
+    let text = |value: f64| if value > 45.0 { "hot".to_string() } else { number(value) };
+    for source in
+        [warm("", &varies, &number), warm(",temperature[degC]", &varies, &text), warm(",temperature[K]", &varies, &number)]
+    {
+        let (on_files, ratio, on_test) = judged(source);
+        assert!(!on_files && ratio < 1.5 && on_test.is_nan(), "{ratio} {on_test}");
+    }
+    // The other way round: what stands still in the new data says nothing there, and the reader hears why.
+    let quiet = NewData::read(checked.model(), &[warm(",temperature[degC]", &still, &number)], None).unwrap();
+    assert_eq!(quiet.ignored, [("temperature".to_string(), "it has one value only".to_string())]);
+    let judging = NewData::read_like(checked.model(), &[warm(",temperature[degC]", &varies, &number)], &quiet).unwrap();
+    let found = diagnose(&checked, &quiet, Some(&judging), &mut |_| {}).unwrap();
+    assert_eq!(labels(&found), ["sensor-bias:y"]);
+    // One of two files of new data lacks it.
+    let both = [warm(",temperature[degC]", &varies, &number), warm("", &varies, &number)];
+    let both = NewData::read(checked.model(), &both, None).unwrap();
+    assert_eq!(both.ignored[0], ("temperature".to_string(), "rows.csv does not have it".to_string()));
+}
+
+/// Levels that the new data have are levels in a file that has one of them.
+#[test]
+fn an_offset_of_a_level_is_judged_on_a_file_of_that_level_alone() {
+    let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
+    let rig = |value: f64| if value > 30.0 { "b".to_string() } else { "a".to_string() };
+    // Rig b, at 50 degC as `warm` counts it, reads 2 V too much.
+    let data = warm(",rig", &|row| if row % 3 == 0 { 50.0 } else { 30.0 }, &rig);
+    let data = NewData::read(checked.model(), &[data], None).unwrap();
+    let only_b = NewData::read_like(checked.model(), &[warm(",rig", &|_| 50.0, &rig)], &data).unwrap();
+    let found = diagnose(&checked, &data, Some(&only_b), &mut |_| {}).unwrap();
+    assert_eq!(labels(&found), ["block-offset:rig"]);
+    let response = &found.responses[0];
+    assert!(
+        response.nominal.noise_ratio > 5.0 && response.extended.noise_ratio < 1.5,
+        "{:?} {:?}",
+        response.nominal,
+        response.extended
+    );
+}
+
+/// Test rows are not looked at before everything else stands.
+#[test]
+fn test_rows_change_their_figures_and_nothing_else() {
+    let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
+    let read = |by: f64| NewData::read(checked.model(), &[grid(&|a, b| (a, b, bench(a, b) + by * a))], None).unwrap();
+    let data = read(0.3);
+    let tested = |test: &NewData| {
+        let mut found = diagnose_and_test(&checked, &data, None, Some(test), &mut |_| {}).unwrap();
+        let figures = found.responses[0].tested.take().unwrap();
+        (format!("{found:?}"), figures.gain)
+    };
+    let ((answer, like), (same, unlike)) = (tested(&read(0.3)), tested(&read(-0.3)));
+    assert!(answer == same && like > 0.9 && unlike < 0.0, "{like} {unlike}");
 }

@@ -2,8 +2,7 @@
 //!
 //! In: errors of two models on the same records. Out: a 95 % interval of the gain. Never simulates.
 
-use super::kernel::Kernel;
-use super::levenberg::Fit;
+use super::kernel::{Kernel, Simulated};
 use super::random::Random;
 
 /// Draws: the ends of a 95 % interval are the 25th values from either end.
@@ -17,7 +16,7 @@ type Sums = [[f64; 3]; 3];
 
 /// The interval of the share of squared error above the noise that is gone.
 #[must_use]
-pub fn gain_interval(kernel: &Kernel, before: &Fit, after: &Fit, gain: impl Fn(&Sums) -> f64) -> (f64, f64) {
+pub fn gain_interval(kernel: &Kernel, before: &[Simulated], after: &[Simulated], gain: impl Fn(&Sums) -> f64) -> (f64, f64) {
     let rows: usize = kernel.records.iter().map(|it| it.record.rows()).sum();
     let length = block(kernel, before, after).clamp(1, (rows / LEAST_BLOCKS).max(1));
     let mut blocks: Vec<Sums> = Vec::new();
@@ -29,7 +28,7 @@ pub fn gain_interval(kernel: &Kernel, before: &Fit, after: &Fit, gain: impl Fn(&
                 let floor = &kernel.floors[*output];
                 let measured = prepared.measured(k);
                 for row in (start..(start + length).min(rows)).filter(|row| prepared.used[k][*row]) {
-                    let error = |fit: &Fit| (measured[row] - floor.reads(fit.simulated[record][k][row])) / floor.sd;
+                    let error = |simulated: &[Simulated]| (measured[row] - floor.reads(simulated[record][k][row])) / floor.sd;
                     let sum = &mut sums[*output];
                     sum[0] += error(before) * error(before);
                     sum[1] += error(after) * error(after);
@@ -56,14 +55,14 @@ pub fn gain_interval(kernel: &Kernel, before: &Fit, after: &Fit, gain: impl Fn(&
 
 /// Rows after which errors know nothing of each other: twice the first lag at which the correlation of what the extension changes is below a tenth, over all
 /// records and outputs.
-fn block(kernel: &Kernel, before: &Fit, after: &Fit) -> usize {
+fn block(kernel: &Kernel, before: &[Simulated], after: &[Simulated]) -> usize {
     let mut longest = 1;
     for (record, prepared) in kernel.records.iter().enumerate() {
         for k in 0..prepared.outputs.len() {
             let measured = prepared.measured(k);
             let change: Vec<f64> = (0..measured.len())
                 .map(|row| {
-                    let error = |fit: &Fit| measured[row] - fit.simulated[record][k][row];
+                    let error = |simulated: &[Simulated]| measured[row] - simulated[record][k][row];
                     error(before) * error(before) - error(after) * error(after)
                 })
                 .collect();

@@ -18,6 +18,7 @@ pub mod chance;
 pub mod checks;
 pub mod compared;
 pub mod compete;
+mod confidence;
 pub mod correction;
 pub mod excitations;
 pub mod experiment;
@@ -43,6 +44,7 @@ pub mod selection;
 pub mod spectrum;
 pub mod steps;
 pub mod survey;
+pub mod tested;
 pub mod tracks;
 pub mod validation;
 pub mod valleys;
@@ -100,7 +102,7 @@ impl std::error::Error for Refused {}
 /// to 1000; what takes more is outside the catalogue, and the search goes round among helpers.
 const MOST_RUNS: u64 = 4000;
 
-/// Diagnoses a plant.
+/// Diagnoses a plant, without test records.
 ///
 /// # Errors
 /// [`Refused`], when there is nothing to compare.
@@ -108,6 +110,20 @@ pub fn diagnose(
     file: &PlantFile,
     training: &[Record],
     validation: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    diagnose_and_test(file, training, validation, &[], options)
+}
+
+/// Diagnoses a plant. Training records give the numbers, training and validation records together choose the causes, and test records, which nothing else sees, say at the end what the extension gains.
+///
+/// # Errors
+/// [`Refused`], when there is nothing to compare.
+pub fn diagnose_and_test(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    test: &[Record],
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
     let outputs = file.kind.outputs().len();
@@ -206,6 +222,7 @@ pub fn diagnose(
     let fit = selection.fit.clone();
     let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
+    found.tested = tested::tested(file, test, kernel.floors, options.threads, &nominal, &fit.model);
     Ok(found)
 }
 

@@ -2,7 +2,7 @@
 //!
 //! In: a model, validation records. Out: errors of each output, their starts being the only unknowns. Never moves a number of the plant.
 
-use super::kernel::{Kernel, Prepared};
+use super::kernel::{Kernel, Prepared, Simulated};
 use super::levenberg;
 use super::model::{Model, Place};
 use crate::record::Record;
@@ -86,8 +86,14 @@ pub struct Error {
 /// Errors of a fit, by output.
 #[must_use]
 pub fn errors(kernel: &Kernel, fit: &levenberg::Fit) -> Vec<Error> {
+    errors_of(kernel, &fit.simulated)
+}
+
+/// Errors of simulations of all records, by output.
+#[must_use]
+pub fn errors_of(kernel: &Kernel, simulated: &[Simulated]) -> Vec<Error> {
     let mut sums = [(0.0, 0usize); 3];
-    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+    for (prepared, simulated) in kernel.records.iter().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
             for ((measured, value), used) in prepared.measured(k).iter().zip(values).zip(&prepared.used[k]) {
                 if *used {

@@ -4,6 +4,7 @@
 
 use super::bootstrap;
 use super::checks::Finding;
+use super::confidence::{self, Case};
 use super::experiment::NextExperiment;
 use super::hypotheses::generalises;
 use super::kernel::Kernel;
@@ -14,6 +15,7 @@ use super::normal::Normal;
 use super::portrait::{self, Compared, Portrait, Witness};
 use super::selection::{Believed, Limit, Selection};
 use super::steps::{self, Step};
+use super::tested::Tested;
 use super::validation::{self, Error};
 use super::whiteness::{self, Left};
 use crate::effect::{Arguments, Subject};
@@ -24,6 +26,9 @@ pub use rsm_fit::diagnosis::Verdict;
 /// Structure smaller than this share of what the calibrated plant got wrong is none, in squares. Two simulations of the same equations, with steps of their own, differ
 /// by up to 7e-4 of what an effect moves (a contact; the comparison of all effects in `tests/hidden-effects`): a right cause leaves the square of that.
 const OF_THE_WHOLE: f64 = 5e-7;
+
+/// Whatever the plant got wrong before: beyond so much energy of the noise, twice its r.m.s., nothing is explained and nothing is without discrepancy.
+const MOST_LEFT: f64 = 3.0;
 
 /// Rivals are alike when they do worse by less than this share of the gain: between integrators and smoothings, formulas of one cause differ that much.
 const ALIKE: f64 = 1e-5;
@@ -62,7 +67,7 @@ pub struct Cause {
     pub of: Subject,
     /// Its numbers.
     pub parameters: Vec<Interval>,
-    /// Share of the evidence among it and its rivals.
+    /// The probability that it is right.
     pub confidence: f64,
     /// Causes that leave the same trace in these records.
     pub indistinguishable_from: Vec<String>,
@@ -134,6 +139,8 @@ pub struct Diagnosis {
     pub next: Option<NextExperiment>,
     /// What a report shows beside all this.
     pub portrait: Portrait,
+    /// Figures of test records, where there are any.
+    pub tested: Option<Tested>,
 }
 
 /// Everything that there is to say.
@@ -172,7 +179,8 @@ pub fn conclude(
     let told = |floor: &Floor| floor.rounding.is_some() && floor.correlation == 0.0;
     let told = rounded.iter().all(|(output, _)| told(&kernel.floors[*output]));
     let of_rounding = if told { 0.0 } else { OF_ROUNDING };
-    let structure = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess)) > of_rounding.max(OF_THE_WHOLE * wrong);
+    let most_left = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess));
+    let structure = most_left > allowed(of_rounding, wrong);
     let calibrated_there = validation::on(judged, &calibrated.model);
     let compared = match (&before, &calibrated_there, &after) {
         (Some(nominal_there), Some(before), Some(after)) => {
@@ -197,7 +205,16 @@ pub fn conclude(
                 aliases.push((one.gain, Alias { cause, rival, model, limit: same }));
             }
         }
-        causes.push(cause(&fit, place, one, alike, threshold, witnesses.get(place).cloned().flatten()));
+        let judged = Case {
+            gain: one.gain,
+            rivals: &one.rivals,
+            threshold,
+            left: most_left * fit.residual.len() as f64,
+            explained: !structure && stopped.is_none_or(|limit| limit == Limit::Steps),
+            asked: one.asked,
+        };
+        let sure = confidence::confidence(&judged);
+        causes.push(cause(&fit, place, one, alike, sure, witnesses.get(place).cloned().flatten()));
     }
     for (output, step) in rounded {
         causes.push(rounding(file.kind, *output, *step, off_lattice(kernel, *output, *step), fit.residual.len() as f64));
@@ -214,7 +231,7 @@ pub fn conclude(
     present.sort_unstable();
     present.dedup();
     let gain_interval = match (&before, &after) {
-        (Some(before), Some(after)) => bootstrap::gain_interval(judged, before, after, gain_of),
+        (Some(before), Some(after)) => bootstrap::gain_interval(judged, &before.simulated, &after.simulated, gain_of),
         _ => (0.0, 0.0),
     };
     Diagnosis {
@@ -237,6 +254,7 @@ pub fn conclude(
         aliases: aliases.into_iter().map(|it| it.1).collect(),
         next: None,
         portrait,
+        tested: None,
     }
 }
 
@@ -251,6 +269,11 @@ fn left_there(unseen: &Kernel, moved: Fit) -> Left {
     }
     let residual = there.residual(&moved.simulated);
     whiteness::look(&there, &Fit { residual, ..moved })
+}
+
+/// The energy beyond the noise that may be left, over that of the noise, where the calibrated plant had so much a row.
+fn allowed(of_rounding: f64, wrong: f64) -> f64 {
+    of_rounding.max(OF_THE_WHOLE * wrong).min(MOST_LEFT)
 }
 
 /// The verdict. Causes that leave noise stand, whatever work was still to be done about their rivals; a search that went round in a circle, or that added and exchanged
@@ -275,7 +298,7 @@ fn deviations(fit: &Fit) -> Vec<Option<f64>> {
 }
 
 /// Share of the squared error above the noise that is gone, pooled over outputs in units of their noise.
-fn gain(before: &[Error], after: &[Error]) -> f64 {
+pub fn gain(before: &[Error], after: &[Error]) -> f64 {
     let above = |errors: &[Error]| errors.iter().map(|it| (it.noise_ratio * it.noise_ratio - 1.0).max(0.0)).sum::<f64>();
     let all = above(before);
     // Without an error above the noise there is nothing to gain; 1e-3 of the noise's energy is its scatter over 10^6 rows.
@@ -283,13 +306,13 @@ fn gain(before: &[Error], after: &[Error]) -> f64 {
 }
 
 /// The same from sums of squares over the noise and counts, by output.
-fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
+pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
     let above = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| (it[which] / it[2] - 1.0).max(0.0)).sum::<f64>();
     let all = above(0);
     if all < 1e-3 { 0.0 } else { (1.0 - above(1) / all).max(-1.0) }
 }
 
-fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, threshold: f64, witness: Option<Witness>) -> Cause {
+fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, confidence: f64, witness: Option<Witness>) -> Cause {
     let entry = &fit.model.file.effects[place];
     let normal = Normal::new(&fit.matrix(), fit.free.len(), 0.0);
     // Where structure is left, the residual says how much less sure the numbers are.
@@ -324,15 +347,12 @@ fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, thres
         }
         sentence.replace_range(open..=close, "");
     }
-    // A rival that does worse by the threshold has a tenth of the evidence left: thresholds are where chance ends.
-    let evidence = |behind: f64| (-behind.max(0.0) / threshold * std::f64::consts::LN_10).exp();
-    let rivals: f64 = believed.rivals.iter().map(|it| evidence(it.1)).sum();
     Cause {
         kind: entry.description.kind,
         subject,
         of: entry.description.subject,
         parameters,
-        confidence: (1.0 - evidence(believed.gain)) / (1.0 + rivals),
+        confidence,
         indistinguishable_from: alike,
         gain: believed.gain,
         rivals: believed.rivals.clone(),
@@ -459,6 +479,14 @@ mod tests {
         assert_eq!(of(8.04761, "N*m"), "8.048 N m");
         assert_eq!(of(1.0757, "1"), "1.076");
         assert_eq!(of(-4.2e-7, "m/s"), "-0.00000042 m/s");
+    }
+
+    #[test]
+    fn twice_the_noise_is_never_explained_however_wrong_the_plant_was() {
+        // A plant that is wrong by 1000 times the noise may leave 0.5 of its energy; one that is wrong by 10^7 times no more than makes twice the noise of the whole.
+        assert_eq!(allowed(0.0, 1e6), 0.5);
+        assert_eq!(allowed(OF_ROUNDING, 1.0), OF_ROUNDING);
+        assert_eq!((1.0 + allowed(0.0, 1e14)).sqrt(), 2.0);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use crate::case::{Case, Family};
 use crate::plant::{Effect, Kind};
+use crate::reliability::Named;
 
 /// What is thought of an answer.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +20,8 @@ pub struct Judgement {
     pub errors: Vec<(String, f64)>,
     /// Of those, how many truths lie in the interval given.
     pub covered: usize,
+    /// Causes named, each with its confidence.
+    pub named: Vec<Named>,
 }
 
 /// The name of a cause in lists: KIND, parameter-error:NAME or sensor-...:OUTPUT.
@@ -55,6 +58,7 @@ struct Found<'j> {
     name: String,
     twins: Vec<&'j str>,
     parameters: &'j Value,
+    confidence: Option<f64>,
 }
 
 fn found(answer: &Value) -> Vec<Found<'_>> {
@@ -68,6 +72,7 @@ fn found(answer: &Value) -> Vec<Found<'_>> {
             name: which.map_or_else(|| kind.to_string(), |which| format!("{kind}:{which}")),
             twins: twins.iter().filter_map(Value::as_str).collect(),
             parameters: &cause["parameters"],
+            confidence: cause["confidence"].as_f64(),
         }
     };
     causes.iter().map(one).collect()
@@ -97,6 +102,16 @@ fn same(case: &Case, found: &[Found<'_>]) -> bool {
         }
     }
     open.is_empty()
+}
+
+/// Whether a cause that is named is in the truth by its own name, or is one of several that are the truth together. Of causes that leave one trace each has a part of the probability: being named for another is not being right.
+fn is_true(case: &Case, cause: &Found<'_>, all: &[Found<'_>]) -> bool {
+    let is_named = |name: &&str| all.iter().any(|found| found.name == *name);
+    case.causes.iter().any(|truth| {
+        let together = aliases(case.truth.kind, truth).into_iter().filter(|set| set.len() > 1);
+        name(truth) == cause.name
+            || together.into_iter().any(|set| set.contains(&cause.name.as_str()) && set.iter().all(&is_named))
+    })
 }
 
 /// Judges an answer. `words` is all that the command said, JSON included.
@@ -130,7 +145,10 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
     }
     let names: Vec<&str> = found.iter().map(|found| found.name.as_str()).collect();
     let answer = if names.is_empty() { verdict.to_string() } else { format!("{verdict}: {}", names.join(", ")) };
-    Judgement { right, answer, errors, covered }
+    // A cause without a confidence claims to be sure.
+    let named =
+        found.iter().map(|cause| Named { confidence: cause.confidence.unwrap_or(1.0), right: is_true(case, cause, &found) });
+    Judgement { right, answer, errors, covered, named: named.collect() }
 }
 
 /// Whether the truth lies in the interval given; of a phase any of its turns.
@@ -191,6 +209,19 @@ mod tests {
         assert!(judged(&case, "explained", &json!([{ "kind": "headwind", "indistinguishable_from": ["brake-drag"] }])));
         let everything = ["backlash", "headwind", "tyre-slip", "brake-drag"];
         assert!(!judged(&case, "explained", &json!([{ "kind": "clutch-slip", "indistinguishable_from": everything }])));
+    }
+
+    #[test]
+    fn a_cause_is_right_by_its_own_name_or_as_one_of_a_sum() {
+        let right = |name: &str, causes: &Value| -> Vec<bool> {
+            let answer = json!({ "verdict": "unexplained", "causes": causes });
+            judge(&case(name), &answer, "").named.iter().map(|it| it.right).collect()
+        };
+        let causes = json!([{ "kind": "headwind", "confidence": 0.5 }, { "kind": "brake-drag", "confidence": 0.2 }]);
+        assert_eq!(right("driveline-brake-drag", &causes), [false, true]);
+        // The same trace, another name: its confidence is to have room for it.
+        let grade = json!([{ "kind": "parameter-error", "parameter": "grade", "indistinguishable_from": ["brake-drag"] }]);
+        assert_eq!(right("driveline-brake-drag", &grade), [false]);
     }
 
     #[test]

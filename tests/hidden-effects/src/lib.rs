@@ -20,5 +20,6 @@ pub mod motor;
 pub mod outside;
 pub mod plant;
 pub mod random;
+pub mod reliability;
 pub mod surfaces;
 pub mod verification;

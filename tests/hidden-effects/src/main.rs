@@ -16,7 +16,7 @@ use hidden_effects::{files, judge, verification};
 use report::{Line, Report};
 
 const USAGE: &str = "\
-usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--family singles|nulls|pairs|outside|faults] [--case NAME] [--quick]
+usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults] [--case NAME] [--quick]
                               [--rows N] [--colour CORRELATION] [--stated FACTOR]
            makes cases, runs `rsm diagnose` on each, compares with the truth
            --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all
@@ -31,17 +31,19 @@ struct Words {
     rsm: PathBuf,
     out: PathBuf,
     seed: u64,
+    seeds: u64,
     choice: Choice,
 }
 
 fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Words, String> {
-    let (mut rsm, mut out, mut seed, mut choice) = (None, None, 1, Choice::default());
+    let (mut rsm, mut out, mut seed, mut seeds, mut choice) = (None, None, 1, 1, Choice::default());
     while let Some(word) = words.next() {
         let mut value = || words.next().ok_or(format!("{word} wants a value"));
         match word.as_str() {
             "--rsm" => rsm = Some(PathBuf::from(value()?)),
             "--out" => out = Some(PathBuf::from(value()?)),
             "--seed" => seed = value()?.parse().map_err(|error| format!("--seed: {error}"))?,
+            "--seeds" => seeds = value()?.parse().map_err(|error| format!("--seeds: {error}"))?,
             "--family" => {
                 let name = value()?;
                 let known = Family::ALL.into_iter().find(|family| family.name() == name);
@@ -60,7 +62,7 @@ fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Wor
     if needs_rsm && rsm.is_none() {
         return Err(format!("--rsm is missing\n{USAGE}"));
     }
-    Ok(Words { rsm: rsm.unwrap_or_default(), out: out.ok_or("--out is missing")?, seed, choice })
+    Ok(Words { rsm: rsm.unwrap_or_default(), out: out.ok_or("--out is missing")?, seed, seeds, choice })
 }
 
 fn main() -> ExitCode {
@@ -176,11 +178,13 @@ fn first_line(text: &str) -> String {
 
 fn judge_all(words: &Words) -> Result<bool, String> {
     let mut report = Report::default();
-    for case in asked(words) {
-        let folder = folder::write_case(&case, &words.out, words.seed)?;
-        let line = diagnose(words, &case, &folder)?;
-        println!("{line}");
-        report.lines.push(line);
+    for seed in words.seed..words.seed + words.seeds {
+        for case in cases(seed, words.choice.clone()) {
+            let folder = folder::write_case(&case, &words.out, seed)?;
+            let line = diagnose(words, &case, &folder)?;
+            println!("{line}");
+            report.lines.push(line);
+        }
     }
     if report.lines.is_empty() {
         return Err("no such case".to_string());

@@ -6,6 +6,7 @@ use std::fmt;
 
 use hidden_effects::case::{Case, Family};
 use hidden_effects::judge::Judgement;
+use hidden_effects::reliability::Reliability;
 
 /// Largest median of the relative errors of parameters, and largest value that nine of ten may have.
 const MEDIAN_ERROR: f64 = 0.03;
@@ -26,7 +27,7 @@ pub(crate) struct Line {
 impl Line {
     /// A case without an answer yet: wrong.
     pub(crate) fn new(case: &Case, seconds: f64) -> Self {
-        let judgement = Judgement { right: false, answer: String::new(), errors: vec![], covered: 0 };
+        let judgement = Judgement { right: false, answer: String::new(), errors: vec![], covered: 0, named: vec![] };
         Line {
             family: case.family,
             name: case.name.clone(),
@@ -50,10 +51,13 @@ impl fmt::Display for Line {
         for (parameter, error) in self.judgement.errors.iter().filter(|(_, error)| *error > NINTH_DECILE) {
             write!(f, "; {parameter} is {:.0} % off", 100.0 * error)?;
         }
-        match self.gain_share {
-            Some(share) if share < GAIN_SHARE => write!(f, "; gain {share:.3} of the true one"),
-            _ => Ok(()),
+        if let Some(share) = self.gain_share.filter(|share| *share < GAIN_SHARE) {
+            write!(f, "; gain {share:.3} of the true one")?;
         }
+        for it in &self.judgement.named {
+            write!(f, " [{:.3} {}]", it.confidence, if it.right { "right" } else { "wrong" })?;
+        }
+        Ok(())
     }
 }
 
@@ -103,14 +107,20 @@ impl Report {
         })
     }
 
-    /// Whether every family reached its thresholds. Time is printed and not judged: it depends on the machine.
+    fn reliability(&self) -> Reliability {
+        Reliability(self.lines.iter().flat_map(|line| line.judgement.named.clone()).collect())
+    }
+
+    /// Whether every family reached its thresholds, and no bin of confidences is right less often than it says. Time is printed and not judged: it depends on the machine.
     pub(crate) fn held(&self) -> bool {
-        Family::ALL.into_iter().filter_map(|family| Some((family, self.figures(family)?))).all(|(family, figures)| {
-            figures.right as f64 >= family.threshold() * figures.total as f64
-                && figures.median_error.is_none_or(|error| error <= MEDIAN_ERROR)
-                && figures.ninth_decile.is_none_or(|error| error <= NINTH_DECILE)
-                && figures.gain_share.is_none_or(|share| share >= GAIN_SHARE)
-        })
+        let families =
+            Family::ALL.into_iter().filter_map(|family| Some((family, self.figures(family)?))).all(|(family, figures)| {
+                figures.right as f64 >= family.threshold() * figures.total as f64
+                    && figures.median_error.is_none_or(|error| error <= MEDIAN_ERROR)
+                    && figures.ninth_decile.is_none_or(|error| error <= NINTH_DECILE)
+                    && figures.gain_share.is_none_or(|share| share >= GAIN_SHARE)
+            });
+        families && self.reliability().held()
     }
 }
 
@@ -134,6 +144,11 @@ impl fmt::Display for Report {
                 it.seconds
             )?;
         }
+        writeln!(
+            f,
+            "\nIs the confidence of a cause the share of them that is right? Rates of the unknown are from seeds 211 to 213.\n{}",
+            self.reliability()
+        )?;
         let held = if self.held() { "every threshold was reached" } else { "not every threshold was reached" };
         write!(f, "{held} (parameters: median 3 %, 9 of 10 within 10 %; gain share 95 %)")
     }
@@ -144,8 +159,13 @@ mod tests {
     use super::*;
 
     fn line(right: bool, error: f64, share: f64) -> Line {
-        let judgement =
-            Judgement { right, answer: "explained".to_string(), errors: vec![("backlash.gap".to_string(), error)], covered: 1 };
+        let judgement = Judgement {
+            right,
+            answer: "explained".to_string(),
+            errors: vec![("backlash.gap".to_string(), error)],
+            covered: 1,
+            named: vec![],
+        };
         Line {
             family: Family::Pairs,
             name: "a pair".to_string(),

@@ -52,7 +52,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
         it.supports.push(words);
     }
     let Some(witness) = &cause.witness else { return };
-    let records = if found.portrait.unseen { "unseen records" } else { "the records of the fit" };
+    let records = if found.portrait.unseen { "validation records" } else { "the records of the fit" };
     let mut outputs = witness.outputs.clone();
     outputs.sort_by(|a, b| (b.1 - b.2).total_cmp(&(a.1 - a.2)));
     // Below a hundredth of the noise a difference is not worth a word.
@@ -74,7 +74,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
     }
     let better = witness.records.iter().filter(|(_, without, with)| with < without).count();
     let all = witness.records.len();
-    let judged = if found.portrait.unseen { "unseen record" } else { "record of the fit" };
+    let judged = if found.portrait.unseen { "validation record" } else { "record of the fit" };
     let plural = if all == 1 { "" } else { "s" };
     if better == all {
         let each = if all == 1 { "The only".to_string() } else { format!("Every one of the {all}") };
@@ -88,7 +88,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
         it.supports.push(format!("Without it {}.", words::place(kind, place)));
     }
     if !found.portrait.unseen {
-        it.speaks_against.push("No record was kept unseen: the gain is that of a fit.".to_string());
+        it.speaks_against.push("No record was kept for validation: the gain is that of a fit.".to_string());
     }
 }
 
@@ -105,6 +105,10 @@ fn rivals(cause: &Cause, it: &mut Evidence) {
             // A rival that was fitted badly may do worse than nothing.
             100.0 * (1.0 - behind / cause.gain).max(0.0)
         )),
+        _ if !cause.asked => {
+            let words = "What else could stand in its place was not asked: the search met its limit of work before.";
+            it.speaks_against.push(words.to_string());
+        }
         None if cause.indistinguishable_from.is_empty() && cause.witness.is_some() => {
             it.supports.push("No other entry of the catalogue promised enough to be fitted in its place.".to_string());
         }
@@ -112,8 +116,10 @@ fn rivals(cause: &Cause, it: &mut Evidence) {
     }
     // What half of the evidence would be is a coin.
     if cause.confidence < 0.5 {
-        it.speaks_against
-            .push(format!("Its rivals together have more of the evidence than it has: confidence {:.2}.", cause.confidence));
+        it.speaks_against.push(format!(
+            "Its rivals, and what the catalogue does not hold, are together more probable than it is: confidence {:.2}.",
+            cause.confidence
+        ));
     }
 }
 
@@ -187,7 +193,7 @@ pub fn rejected(found: &Diagnosis) -> Vec<Rejected> {
             (None, Some(left)) if !causes.is_empty() && left < found.threshold => {
                 format!("what it promised is explained by the causes: {} is left for it", figure(Some(left)))
             }
-            _ => format!("a promise in first order that no full fit kept: less than {least}, or no gain on unseen records"),
+            _ => format!("a promise in first order that no full fit kept: less than {least}, or no gain on validation records"),
         };
         list.push(Rejected { label: name.clone(), promised: *promised, remaining, why });
     }

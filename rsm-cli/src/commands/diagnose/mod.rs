@@ -1,6 +1,6 @@
 //! `rsm diagnose`: what a simulation gets wrong, the cause, the extended plant, the gain.
 //!
-//! In: a plant file, training and validation records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html, correction.toml where
+//! In: a plant file, training, validation and test records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html, correction.toml where
 //! a black box gains, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or absent. Every
 //! verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
 
@@ -20,6 +20,8 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader;
+use rsm_lab::diagnosis::checks::Finding;
+use rsm_lab::diagnosis::tested::Tested;
 use rsm_lab::diagnosis::{self, Diagnosis, Options};
 use rsm_lab::effect::Subject;
 use rsm_lab::kind::PlantKind;
@@ -39,9 +41,12 @@ pub struct Arguments {
     /// A record from which causes are estimated; may be repeated
     #[arg(long)]
     record: Vec<PathBuf>,
-    /// A record on which they are judged; may be repeated
+    /// A record by which causes are chosen, too, though no number is estimated from it; may be repeated. With a model file: data on which the surface is judged
     #[arg(long)]
     validate: Vec<PathBuf>,
+    /// A record (with a model file: data) that nothing sees but the last figures: what the extension gains on it; may be repeated
+    #[arg(long)]
+    test: Vec<PathBuf>,
     /// New data for a model file; may be repeated
     #[arg(long)]
     data: Vec<PathBuf>,
@@ -66,6 +71,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             model: &source,
             data: &arguments.data,
             validate: &arguments.validate,
+            test: &arguments.test,
             out: arguments.out.as_deref(),
             json: arguments.json,
         });
@@ -90,6 +96,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     };
     let training = read(&arguments.record)?;
     let validation = read(&arguments.validate)?;
+    let test = read(&arguments.test)?;
     let began = Instant::now();
     let bar = ProgressBar::new_spinner();
     bar.set_style(
@@ -98,7 +105,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
     let progress = |words: &str| bar.set_message(words.to_string());
     let options = Options { threads: threads(), progress: &progress };
-    let found = diagnosis::diagnose(&plant, &training, &validation, &options);
+    let found = diagnosis::diagnose_and_test(&plant, &training, &validation, &test, &options);
     let found = found.map_err(|why| Refusal::new(format!("{}: {why}", arguments.plant.display())))?;
     let refitted = match (&arguments.out, arguments.refit) {
         (Some(folder), true) => {
@@ -185,6 +192,13 @@ fn is_model(source: &Source, arguments: &Arguments) -> Result<bool, Refusal> {
     }
 }
 
+fn findings(list: &[Finding]) -> Vec<Value> {
+    let each = list
+        .iter()
+        .map(|it| json!({ "record": it.record, "channel": it.channel, "what": it.what, "rows": [it.rows.0, it.rows.1] }));
+    each.collect()
+}
+
 /// docs/formats.md 4.3.
 pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     let causes: Vec<Value> = found
@@ -215,12 +229,20 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             Value::Object(one)
         })
         .collect();
-    let errors = |list: &[diagnosis::validation::Error]| -> Value {
+    let by_output = |list: &[diagnosis::validation::Error]| -> Value {
         let each = list.iter().map(|it| {
             let value = json!({ "rmse": output::finite(it.rmse), "noise_ratio": output::finite(it.noise_ratio) });
             (kind.outputs()[it.output].name.to_string(), value)
         });
-        json!({ "validate": each.collect::<Map<String, Value>>() })
+        Value::Object(each.collect::<Map<String, Value>>())
+    };
+    let errors = |list: &[diagnosis::validation::Error]| -> Value { json!({ "validate": by_output(list) }) };
+    let with_test = |list: &[diagnosis::validation::Error], test: fn(&Tested) -> &[diagnosis::validation::Error]| -> Value {
+        let mut value = errors(list);
+        if let Some(tested) = &found.tested {
+            value["test"] = by_output(test(tested));
+        }
+        value
     };
     let steps: Vec<Value> = found
         .steps
@@ -239,8 +261,14 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     json!({
         "verdict": found.verdict.name(),
         "causes": causes,
-        "nominal": errors(&found.nominal),
-        "extended": errors(&found.extended),
+        "nominal": with_test(&found.nominal, |it| &it.nominal),
+        "extended": with_test(&found.extended, |it| &it.extended),
+        "judged_on": words::CHOSEN,
+        "test": found.tested.as_ref().map(|it| json!({
+            "records": it.files, "judged_on": words::tested_on(), "gain": output::finite(it.gain),
+            "gain_interval": [output::finite(it.gain_interval.0), output::finite(it.gain_interval.1)],
+            "data": findings(&it.findings),
+        })),
         "gain": output::finite(found.gain),
         "gain_interval": [output::finite(found.gain_interval.0), output::finite(found.gain_interval.1)],
         "where": portrait::regions(kind, &found.portrait.before),
@@ -251,9 +279,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "noise": found.noise.iter().map(|(k, sd, correlation)| {
             (kind.outputs()[*k].name.to_string(), json!({ "sd": sd, "correlation": correlation }))
         }).collect::<Map<String, Value>>(),
-        "data": found.findings.iter().map(|it| json!({
-            "record": it.record, "channel": it.channel, "what": it.what, "rows": [it.rows.0, it.rows.1],
-        })).collect::<Vec<Value>>(),
+        "data": findings(&found.findings),
         "threshold": found.threshold,
         "stopped": found.stopped.map(|limit| limit.to_string()),
         "structure_left": found.left.excess,

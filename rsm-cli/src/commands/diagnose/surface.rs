@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::check::Checked;
 use rsm_core::model::Model;
 use rsm_core::model_file;
@@ -13,7 +14,7 @@ use rsm_fit::diagnosis::causes::{Cause, OutlyingRun};
 use rsm_fit::diagnosis::data::NewData;
 use rsm_fit::diagnosis::regions::Region;
 use rsm_fit::diagnosis::unseen::Errors;
-use rsm_fit::diagnosis::{self, Diagnosis, ResponseDiagnosis};
+use rsm_fit::diagnosis::{self, Diagnosis, ResponseDiagnosis, Tested};
 use serde_json::{Map, Value, json};
 
 use super::surface_report;
@@ -28,6 +29,8 @@ pub struct Task<'a> {
     pub data: &'a [PathBuf],
     /// Unseen rows.
     pub validate: &'a [PathBuf],
+    /// Rows for the last figures.
+    pub test: &'a [PathBuf],
     /// The folder for the files.
     pub out: Option<&'a Path>,
     /// Whether to print JSON.
@@ -37,15 +40,25 @@ pub struct Task<'a> {
 pub fn run(task: &Task<'_>) -> Outcome {
     let checked = Checked::read(task.model)?;
     let model = checked.model();
-    let read = |paths: &[PathBuf], only: Option<&[usize]>| -> Result<NewData, Refusal> {
-        let sources = paths.iter().map(|path| Source::read(path)).collect::<Result<Vec<_>, _>>()?;
-        NewData::read(model, &sources, only).map_err(|refused| Refusal::new(refused.to_string()))
+    let sources = |paths: &[PathBuf]| paths.iter().map(|path| Source::read(path)).collect::<Result<Vec<_>, _>>();
+    let refusal = |refused: rsm_fit::records::Refused| Refusal::new(refused.to_string());
+    let data = NewData::read(model, &sources(task.data)?, None).map_err(refusal)?;
+    let like = |paths: &[PathBuf]| -> Result<Option<NewData>, Refusal> {
+        if paths.is_empty() {
+            return Ok(None);
+        }
+        NewData::read_like(model, &sources(paths)?, &data).map(Some).map_err(refusal)
     };
-    let data = read(task.data, None)?;
-    let compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| data.responses[*index].is_some()).collect();
-    let unseen = if task.validate.is_empty() { None } else { Some(read(task.validate, Some(&compared))?) };
-    let found = diagnosis::diagnose(&checked, &data, unseen.as_ref(), &mut |name| tell!("{name} ..."))
-        .map_err(|why| Refusal::new(format!("{}: {why}", task.model.name())))?;
+    let (unseen, test) = (like(task.validate)?, like(task.test)?);
+    let bar = ProgressBar::new_spinner();
+    bar.set_style(
+        ProgressStyle::with_template("{elapsed} {spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
+    );
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
+    let mut progress = |words: &str| bar.set_message(words.to_string());
+    let found = diagnosis::diagnose_and_test(&checked, &data, unseen.as_ref(), test.as_ref(), &mut progress);
+    bar.finish_and_clear();
+    let found = found.map_err(|why| Refusal::new(format!("{}: {why}", task.model.name())))?;
     let value = value(model, &data, &found);
     if let Some(folder) = task.out {
         let text = serde_json::to_string_pretty(&value)
@@ -101,6 +114,12 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             response.nominal.noise_ratio,
             response.extended.noise_ratio
         );
+        if let Some(it) = &response.tested {
+            tell!(
+                "  on {} test rows, which nothing has seen before: {:.2} times the noise before, {:.2} after",
+                it.nominal.rows, it.nominal.noise_ratio, it.extended.noise_ratio
+            );
+        }
     }
 }
 
@@ -111,13 +130,21 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
         found.responses.iter().flat_map(|response| response.causes.iter().map(move |cause| (response, cause))).collect();
     all.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     let causes: Vec<Value> = all.iter().map(|(response, cause)| cause_value(&name(response), data, cause)).collect();
+    let figures =
+        |errors: &Errors| json!({ "rmse": output::finite(errors.rmse), "noise_ratio": output::finite(errors.noise_ratio) });
     let errors = |of: fn(&ResponseDiagnosis) -> &Errors| -> Value {
-        let each = found.responses.iter().map(|response| {
-            let errors = of(response);
-            let value = json!({ "rmse": output::finite(errors.rmse), "noise_ratio": output::finite(errors.noise_ratio) });
-            (name(response), value)
-        });
+        let each = found.responses.iter().map(|response| (name(response), figures(of(response))));
         json!({ "validate": each.collect::<Map<String, Value>>() })
+    };
+    let with_test = |of: fn(&ResponseDiagnosis) -> &Errors, on_test: fn(&Tested) -> &Errors| -> Value {
+        let mut value = errors(of);
+        let each =
+            found.responses.iter().filter_map(|response| Some((name(response), figures(on_test(response.tested.as_ref()?)))));
+        let test: Map<String, Value> = each.collect();
+        if !test.is_empty() {
+            value["test"] = Value::Object(test);
+        }
+        value
     };
     let regions = |of: fn(&ResponseDiagnosis) -> &Vec<Region>| -> Vec<Value> {
         let each = found.responses.iter().flat_map(|response| {
@@ -132,8 +159,8 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
     json!({
         "verdict": found.verdict.name(),
         "causes": causes,
-        "nominal": errors(|response| &response.nominal),
-        "extended": errors(|response| &response.extended),
+        "nominal": with_test(|response| &response.nominal, |it| &it.nominal),
+        "extended": with_test(|response| &response.extended, |it| &it.extended),
         "extended_file": errors(|response| &response.extended_file),
         "gain": output::finite(found.gain),
         "where": regions(|response| &response.regions),
@@ -195,6 +222,10 @@ fn response_value(data: &NewData, response: &ResponseDiagnosis) -> Value {
         "noise": { "sd": output::finite(response.floor.sd), "from": response.floor.from },
         "gain": output::finite(response.gain),
         "judged_on": response.judged_on,
+        "stopped": response.stopped,
+        "test": response.tested.as_ref().map(|it| json!({
+            "rows": it.nominal.rows, "gain": output::finite(it.gain), "judged_on": "test rows, which nothing has seen before",
+        })),
         "threshold": output::finite(response.threshold),
         "structure_tests": tests.collect::<Vec<Value>>(),
         "structure_threshold_p": response.threshold_p_structure,

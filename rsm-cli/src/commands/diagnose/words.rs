@@ -6,6 +6,7 @@ use rsm_lab::diagnosis::correction::Offer;
 use rsm_lab::diagnosis::portrait::Portrait;
 use rsm_lab::diagnosis::regions::{Region, telling};
 use rsm_lab::diagnosis::steps::Step;
+use rsm_lab::diagnosis::tested::FIRST_PART;
 use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
 use rsm_lab::effect::Subject;
 use rsm_lab::kind::PlantKind;
@@ -14,11 +15,26 @@ use super::evidence::label;
 use super::next;
 use crate::page::figure;
 
+/// What the figures of training and validation records rest on: validation records give no number, and choose among causes.
+pub const CHOSEN: &str = "on the records that chose it";
+
+/// What the figures of test records rest on.
+pub fn tested_on() -> String {
+    format!(
+        "on test records, which nothing has seen before: their starts are estimated on the first {} % of each, errors are of the rest",
+        100 / FIRST_PART
+    )
+}
+
 /// The records that judge, in words.
 pub fn judging(portrait: &Portrait) -> String {
     let count = if portrait.unseen { portrait.records[1].len() } else { portrait.records[0].len() };
     let plural = if count == 1 { "" } else { "s" };
-    if portrait.unseen { format!("{count} unseen record{plural}") } else { format!("the {count} record{plural} of the fit") }
+    if portrait.unseen {
+        format!("{count} validation record{plural}")
+    } else {
+        format!("the {count} record{plural} of the fit")
+    }
 }
 
 /// The verdict with its numbers.
@@ -31,8 +47,9 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
     let ((before, most), (after, least)) = (worst(&found.nominal), worst(&found.extended));
     let names = and(&found.causes.iter().map(label).collect::<Vec<_>>());
     let gain = format!(
-        "On {judging} {:.1} % of the error beyond the noise is gone: the worst output was {before}, {most:.2} times its noise, and is {after} now, {least:.2} times.",
-        100.0 * found.gain
+        "On {judging} ({CHOSEN}) {:.1} % of the error beyond the noise is gone: the worst output was {before}, {most:.2} times its noise, and is {after} now, {least:.2} times.{}",
+        100.0 * found.gain,
+        test(kind, found)
     );
     match found.verdict {
         Verdict::NoDiscrepancy => {
@@ -46,7 +63,8 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             });
             format!(
                 "Nothing is wrong with the simulation that these records show: with its parameters inside their tolerances it leaves noise. On {judging} the worst \
-                 output, {after}, is {least:.2} times its noise.{moved}"
+                 output, {after}, is {least:.2} times its noise.{moved}{}",
+                test(kind, found)
             )
         }
         Verdict::Explained => {
@@ -71,6 +89,24 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             )
         }
     }
+}
+
+/// What test records say, where there are any.
+fn test(kind: PlantKind, found: &Diagnosis) -> String {
+    let Some(it) = &found.tested else { return String::new() };
+    let count = it.files.len();
+    let plural = if count == 1 { "" } else { "s" };
+    let worst = it.extended.iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio));
+    let worst = worst.map_or(String::new(), |it| {
+        format!("; the worst output, {}, is {:.2} times its noise", kind.outputs()[it.output].name, it.noise_ratio)
+    });
+    format!(
+        " On {count} test record{plural}, which nothing has seen before, {:.1} % is gone ({:.1} to {:.1} %){worst}. Starts are estimated on the first {} % of each, errors are of the rest.",
+        100.0 * it.gain,
+        100.0 * it.gain_interval.0,
+        100.0 * it.gain_interval.1,
+        100 / FIRST_PART
+    )
 }
 
 /// A region with its output and share.

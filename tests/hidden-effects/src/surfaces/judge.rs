@@ -6,6 +6,7 @@
 use serde_json::Value;
 
 use super::Case;
+use crate::reliability::Named;
 
 /// What is said of one answer.
 #[derive(Debug, Clone, Default)]
@@ -16,6 +17,8 @@ pub struct Judgement {
     pub answer: String,
     /// For each number that was hidden: relative error, and whether the interval holds it.
     pub numbers: Vec<(f64, bool)>,
+    /// Causes named, each with its confidence.
+    pub named: Vec<Named>,
 }
 
 /// KIND, or KIND:NAME.
@@ -69,5 +72,10 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
     }
     let causes_right = case.verdict == "unexplained" || (found == case.truths.len() && free.is_empty());
     let answer = format!("{verdict}: {}", if labels.is_empty() { "nothing".to_string() } else { labels.join(", ") });
-    Judgement { right: verdict == case.verdict && causes_right, answer, numbers }
+    let named = causes.iter().zip(&labels).map(|(cause, label)| Named {
+        // A cause without a confidence claims to be sure.
+        confidence: cause["confidence"].as_f64().unwrap_or(1.0),
+        right: case.truths.iter().any(|truth| truth.label == *label),
+    });
+    Judgement { right: verdict == case.verdict && causes_right, answer, numbers, named: named.collect() }
 }

@@ -55,14 +55,18 @@ fn data(body: &mut String, found: &Diagnosis) {
     let [training, unseen] = &found.portrait.records;
     body.push_str("<h2>What was compared</h2>\n<p>The simulation of the plant file, free running, against ");
     if unseen.is_empty() {
-        let _ = write!(body, "{}. No record was kept unseen: every figure below is one of the fit.", list(training));
+        let _ = write!(body, "{}. No record was kept for validation: every figure below is one of the fit.", list(training));
     } else {
         let _ = write!(
             body,
-            "{}, from which causes and numbers were found, and {}, which no fit has seen and which judge.",
+            "{}, from which causes and numbers were found, and {}, from which no number was estimated, and by which causes were chosen, too: figures below are of these, the records that chose it.",
             list(training),
             list(unseen)
         );
+    }
+    if let Some(tested) = &found.tested {
+        let files: Vec<String> = tested.files.iter().map(|name| escaped(name)).collect();
+        let _ = write!(body, " Nothing has seen the test records before the last figures: {}.", files.join(", "));
     }
     body.push_str("</p>\n");
     if found.findings.is_empty() {

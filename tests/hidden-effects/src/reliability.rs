@@ -1,0 +1,133 @@
+//! Is confidence a probability? Of causes named at 0.9, nine of ten must be right.
+//!
+//! In: confidences of causes that were named, each with whether it is in the truth. Out: a table of bins with counts, mean confidence, share right and its binomial interval; and whether any bin contradicts its
+//! confidence. Judges no answer itself.
+
+use std::fmt;
+
+/// Lower ends of the bins.
+const BINS: [f64; 6] = [0.0, 0.1, 0.3, 0.6, 0.8, 0.95];
+
+/// 95 % of a normal distribution lie within so many standard deviations.
+const WITHIN: f64 = 1.96;
+
+/// A cause that was named.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Named {
+    /// What the answer says of it.
+    pub confidence: f64,
+    /// Whether it is in the truth.
+    pub right: bool,
+}
+
+/// Causes in a range of confidences.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bin {
+    /// The range.
+    pub from: f64,
+    /// See `from`.
+    pub to: f64,
+    /// How many causes.
+    pub count: usize,
+    /// How many of them are right.
+    pub right: usize,
+    /// Their mean confidence.
+    pub said: f64,
+}
+
+impl Bin {
+    /// The share right that the count does not rule out, 95 % (E. B. Wilson, 1927).
+    pub fn interval(&self) -> (f64, f64) {
+        let n = self.count as f64;
+        let (share, z2) = (self.right as f64 / n, WITHIN * WITHIN);
+        let middle = (share + z2 / (2.0 * n)) / (1.0 + z2 / n);
+        let half = WITHIN / (1.0 + z2 / n) * (share * (1.0 - share) / n + z2 / (4.0 * n * n)).sqrt();
+        (middle - half, middle + half)
+    }
+
+    /// Whether the causes may be right as often as they say.
+    pub fn holds(&self) -> bool {
+        let (low, high) = self.interval();
+        low <= self.said && self.said <= high
+    }
+}
+
+/// The table.
+#[derive(Debug, Clone, Default)]
+pub struct Reliability(pub Vec<Named>);
+
+impl Reliability {
+    /// Bins that hold causes.
+    pub fn bins(&self) -> Vec<Bin> {
+        let ends = BINS.iter().skip(1).copied().chain([f64::INFINITY]);
+        let bins = BINS.iter().zip(ends).map(|(from, to)| {
+            let of: Vec<&Named> = self.0.iter().filter(|it| *from <= it.confidence && it.confidence < to).collect();
+            let said = of.iter().map(|it| it.confidence).sum::<f64>() / of.len().max(1) as f64;
+            Bin { from: *from, to: to.min(1.0), count: of.len(), right: of.iter().filter(|it| it.right).count(), said }
+        });
+        bins.filter(|bin| bin.count > 0).collect()
+    }
+
+    /// Whether no bin is right less often than it says, as far as its count shows. A cause that is right more often than it says misleads nobody, and shows in the table.
+    pub fn held(&self) -> bool {
+        self.bins().iter().all(|bin| bin.interval().1 >= bin.said)
+    }
+}
+
+impl fmt::Display for Reliability {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "confidence     causes  right  mean said  share right  95 % of it")?;
+        for bin in self.bins() {
+            let (low, high) = bin.interval();
+            let mark = if bin.holds() {
+                ""
+            } else if high < bin.said {
+                "  TOO SURE"
+            } else {
+                "  too modest"
+            };
+            writeln!(
+                f,
+                "{:.2} to {:.2} {:>8} {:>6} {:>10.3} {:>12.3}  {low:.3} to {high:.3}{mark}",
+                bin.from,
+                bin.to,
+                bin.count,
+                bin.right,
+                bin.said,
+                bin.right as f64 / bin.count as f64
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(confidence: f64, right: usize, wrong: usize) -> Vec<Named> {
+        (0..right + wrong).map(|k| Named { confidence, right: k < right }).collect()
+    }
+
+    #[test]
+    fn causes_that_say_nine_of_ten_are_to_be_right_nine_times_in_ten() {
+        assert!(Reliability(of(0.9, 18, 2)).held());
+        assert!(!Reliability(of(0.9, 10, 10)).held());
+        assert!(Reliability(of(0.05, 10, 10)).held() && !Reliability(of(0.05, 10, 10)).bins()[0].holds());
+        // 52 of 63 wrong at 0.99.
+        assert!(!Reliability([of(0.99, 11, 52), of(0.2, 5, 20)].concat()).held());
+    }
+
+    #[test]
+    fn the_interval_is_wilsons() {
+        // 8 of 10: 0.490 to 0.943 (Wilson 1927; Newcombe 1998, method 3).
+        let (low, high) = Reliability(of(0.7, 8, 2)).bins()[0].interval();
+        assert!((low - 0.4902).abs() < 1e-3 && (high - 0.9433).abs() < 1e-3, "{low} {high}");
+    }
+
+    #[test]
+    fn bins_part_at_their_lower_ends() {
+        let bins = Reliability([of(0.95, 1, 0), of(0.9499, 0, 1), of(1.0, 1, 0)].concat()).bins();
+        assert_eq!(bins.iter().map(|bin| (bin.from, bin.count, bin.right)).collect::<Vec<_>>(), [(0.8, 1, 0), (0.95, 2, 2)]);
+    }
+}
