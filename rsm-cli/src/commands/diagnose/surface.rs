@@ -117,7 +117,9 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
         if let Some(it) = &response.tested {
             tell!(
                 "  on {} test rows, which nothing has seen before: {:.2} times the noise before, {:.2} after",
-                it.nominal.rows, it.nominal.noise_ratio, it.extended.noise_ratio
+                it.nominal.rows,
+                it.nominal.noise_ratio,
+                it.extended.noise_ratio
             );
         }
     }

@@ -89,8 +89,9 @@ fn a_plate_that_is_not_where_it_was_told_to_be_is_counted() {
 #[test]
 fn broken_wires_and_a_stuck_plate_close_the_throttle_and_the_way_back_is_no_bump() {
     let full = Counts { pedal: 3685, ..CRUISE };
-    // What is broken, and whether it closes the throttle within a second; else the pedal goes through.
-    let cases: [(&str, fn(&mut Counts), bool); 9] = [
+    // What is broken, how, and whether it closes the throttle within a second; else the pedal goes through.
+    type Case = (&'static str, fn(&mut Counts), bool);
+    let cases: [Case; 9] = [
         ("pedal torn", |counts| counts.pedal = 0, true),
         ("pedal shorted", |counts| counts.pedal = 4095, true),
         ("plate torn", |counts| counts.plate = 0, true),
