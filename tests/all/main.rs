@@ -10,6 +10,7 @@ mod lowering;
 mod measured;
 mod names;
 mod object_code;
+mod reference_step;
 mod refuses;
 mod stale;
 mod warnings;
