@@ -55,6 +55,8 @@ pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checke
         let kind = effect.description.kind;
         return Err(refuse(format!("found the effect `{kind}`; --limits is about the nominal motor: leave the effects out")));
     }
+    // A model that is not the loop's has no speed either: that is said first.
+    limits::step::Tapes::new(model)?;
     let top = model.model().input("speed").map_or(0.0, |input| input.range[1]);
     let top_speed_rad_s = arguments.speed.unwrap_or(top as f32);
     let nominal = plant.parameters.number("bus_voltage");

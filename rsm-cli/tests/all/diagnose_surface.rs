@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::command::{folder, json, keys, rsm, text};
 
-const MODEL: &str = r#"format = 1
+pub(crate) const MODEL: &str = r#"format = 1
 model = "pump"
 
 [inputs.speed]
@@ -43,7 +43,7 @@ impl Draws {
 
 /// 60 runs of a pump whose flow also hangs on the temperature of the oil, -4 l/min from the middle of its range to the end, and which lacks the product of its inputs, 5 l/min. The speed is written in rpm. Run 41 is off by
 /// 20 l/min, and run 8 is above the range of the speed.
-fn runs(file: &Path, hidden: bool) {
+pub(crate) fn runs(file: &Path, hidden: bool) {
     let mut draws = Draws(7);
     let mut table = String::from("run,speed[rpm],valve[%],oil_temperature[degC],rig,flow[l/min]\n");
     for run in 1..=60 {

@@ -23,6 +23,7 @@ fn inputs() -> tempfile::TempDir {
     write("data.csv", DATA.as_bytes());
     write("fit.toml", FIT.as_bytes());
     write("design.toml", DESIGN.as_bytes());
+    write("bench.csv", b"run[1],depth[%],advance[deg]\n1,20,0\n");
     for (name, copy) in [("pmac.toml", "plant.toml"), ("pmac.csv", "record.csv")] {
         write(copy, &std::fs::read(shipped(name)).unwrap());
     }
@@ -76,6 +77,7 @@ const WRITERS: &[(&[&str], &[&str])] = &[
     (&["fit", "fit.toml", "--out"], &["fit.toml", "data.csv"]),
     (&["design", "design.toml", "--out"], &["design.toml"]),
     (&["simulate", "plant.toml", "--record", "record.csv", "--out"], &["plant.toml", "record.csv"]),
+    (&["experiment", "pmac", "--plan", "bench.csv", "--plant", "plant.toml", "--out"], &["bench.csv", "plant.toml"]),
 ];
 
 #[test]
@@ -102,6 +104,32 @@ fn nothing_that_was_read_is_written_over() {
                 assert!(std::fs::read(here.path().join(name)).unwrap() == before, "{arguments:?} {out} ({by})");
             }
         }
+    }
+    let here = inputs();
+    std::fs::create_dir(here.path().join("made")).unwrap();
+    std::fs::rename(here.path().join("data.csv"), here.path().join("made/report.html")).unwrap();
+    std::fs::write(here.path().join("fit.toml"), FIT.replace("data.csv", "made/report.html")).unwrap();
+    let output = rsm(&["fit", "fit.toml", "--report", "made", "--out", "model.toml"], here.path());
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("that was read"), "{}", text(&output.stderr));
+    assert_eq!(std::fs::read(here.path().join("made/report.html")).unwrap(), DATA.as_bytes());
+    assert!(!here.path().join("model.toml").exists());
+    for name in ["extended.toml", "diagnosis.json"] {
+        let here = folder();
+        let made = here.path().join("made");
+        std::fs::create_dir(&made).unwrap();
+        // The model, or its data, under the name of an output.
+        let (model, data) =
+            if name == "extended.toml" { ("made/extended.toml", "data.csv") } else { ("m.toml", "made/diagnosis.json") };
+        std::fs::write(here.path().join(model), crate::diagnose_surface::MODEL).unwrap();
+        crate::diagnose_surface::runs(&here.path().join(data), false);
+        let before = std::fs::read(made.join(name)).unwrap();
+        let output = rsm(&["diagnose", model, "--data", data, "--out", "made"], here.path());
+        let words = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{name}: {words}");
+        assert!(words.contains("that was read"), "{words}");
+        assert!(std::fs::read(made.join(name)).unwrap() == before, "{name}");
+        assert_eq!(std::fs::read_dir(&made).unwrap().count(), 1, "{name}: something else was written");
     }
     // A folder of outputs into which a file that was read falls.
     let here = inputs();
