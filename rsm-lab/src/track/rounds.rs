@@ -47,6 +47,9 @@ const SMOOTH: &str = "[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2], [0, 3], [1
 const WITH_GAP: &str =
     "[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [0, 3], [4, 0], [3, 1], [2, 2], [1, 3], [0, 4], [5, 0], [1, 4]";
 
+/// The paper's own form: second order in speed and gear.
+pub const SECOND_ORDER: &str = "[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]";
+
 /// The text of the specification of the surfaces. Without lash all are smooth in gear and nearly straight in speed, whose slope falls with the gear (it goes
 /// with engine speed). Both dampings have the same terms ([`Poles::damping_terms`]), so that the noise of the one leaves their sum.
 #[must_use]
