@@ -138,8 +138,18 @@ pub fn least(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>) -> Lea
     search(&Cell::new(terms, sides), wanted)
 }
 
-/// Branch and bound.
+/// As [`least`], with so many times the work.
+#[must_use]
+pub fn least_with_patience(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>, times: usize) -> Least {
+    search_within(&Cell::new(terms, sides), wanted, times * BUDGET)
+}
+
 fn search(root: &Cell, wanted: &Search<'_>) -> Least {
+    search_within(root, wanted, BUDGET)
+}
+
+/// Branch and bound.
+fn search_within(root: &Cell, wanted: &Search<'_>, budget: usize) -> Least {
     let (root_low, root_high) = root.bounds();
     let dimensions = root.degrees.len();
     let mut best = Least { bound: f64::INFINITY, seen: f64::INFINITY, at: vec![0.5; dimensions] };
@@ -152,7 +162,7 @@ fn search(root: &Cell, wanted: &Search<'_>) -> Least {
         best.bound = bound;
         let missing = wanted.enough - best.seen;
         let is_known = bound >= wanted.enough || (missing.is_finite() && best.seen - bound <= missing * DEEP_ENOUGH);
-        if is_known || best.seen - bound <= tolerance || work > BUDGET || !bound.is_finite() {
+        if is_known || best.seen - bound <= tolerance || work > budget || !bound.is_finite() {
             return best;
         }
         work += 4 * cell.coefficients.len() * cell.degrees.iter().max().map_or(1, |degree| degree + 1);

@@ -433,13 +433,12 @@ impl Task<'_> {
         // Of a response that is everywhere the same, its magnitude; 1 for one that is 0.
         let spread = [high - low, high.abs()].into_iter().find(|spread| *spread > 0.0).unwrap_or(1.0);
         let task = constrain::Task { surface, inputs: &self.inputs, constraints, problem, spread };
-        let shift = constrain::SHIFT * spread;
         let (mut statistics, told) = match task.run() {
             Constrained::Inactive { constraints } => {
                 let told = ConstraintStatistics {
                     active: false,
                     constraints,
-                    shift,
+                    shift: constrain::SHIFT * spread,
                     rounds: 0,
                     residual_sd_without: free.residual_sd,
                     validation_without: free.validation.clone(),
@@ -447,12 +446,12 @@ impl Task<'_> {
                 };
                 (free, told)
             }
-            Constrained::Active { coefficients, constraints, rounds, largest_change } => {
+            Constrained::Active { coefficients, constraints, rounds, shift, largest_change } => {
                 let statistics = self.fit.observed(|fitted| statistics::of_constrained(design, &coefficients, fitted));
                 let told = ConstraintStatistics {
                     active: true,
                     constraints,
-                    shift,
+                    shift: shift * spread,
                     rounds,
                     residual_sd_without: free.residual_sd,
                     validation_without: free.validation,

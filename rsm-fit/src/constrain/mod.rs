@@ -6,12 +6,14 @@
 //!
 //! A semi-infinite program by exchange (Hettich, Kortanek 1993, SIAM Review 35): the constraints are enforced at points, then
 //! [`bernstein::least`] looks for the worst place of the whole region and either proves that there is none or gives it as a new
-//! point. At the points a constraint is enforced [`SHIFT`] inside, so that the dips between them, which shrink with the square of
-//! their distance, end at 0 and not only tend to it. Region: the box cut by the support; a cell of the search that the
-//! support's edge cuts counts as a whole once it is small.
+//! point, with the other local minima where a constraint is broken ([`valleys`]). At the points a constraint is enforced [`SHIFT`]
+//! inside, so that the dips between them, which shrink with the square of their distance, end at 0 and not only tend to it. Where
+//! they still have not after [`SHIFTED_ROUNDS`], or only the proof is missing, the shift grows up to [`MOST_SHIFT`]. Region: the
+//! box cut by the support; a cell of the search that the support's edge cuts counts as a whole once it is small.
 
 mod claim;
 mod program;
+mod valleys;
 
 use rsm_core::basis::{Factor, Variable};
 use rsm_core::bernstein::{self, Place, Search};
@@ -22,13 +24,15 @@ use serde::Serialize;
 use crate::dd::Dd;
 use crate::design::Coded;
 use crate::qr::Growing;
+use crate::random::Random;
 use crate::spec::Constraint;
 use crate::statistics::{Named, ValidationStatistics};
 use crate::support::Region;
 use claim::Claim;
 use program::{Row, Solution};
+use valleys::Landscape;
 
-/// How far inside a constraint is enforced, as a share of the spread of the response.
+/// How far inside a constraint is enforced at first, as a share of the spread of the response.
 pub const SHIFT: f64 = 1e-7;
 
 /// What a proof may miss, as a share of that spread: where a surface is 0 whatever its coefficients, rounding leaves so much.
@@ -36,6 +40,34 @@ pub const SLACK: f64 = 1e-12;
 
 /// Rounds of exchange; a dozen is usual.
 const MOST_ROUNDS: usize = 100;
+
+/// Rounds with the first shift, unless one finds no further place before. Each later one takes [`GROWTH`] times the shift of the one
+/// before it.
+const SHIFTED_ROUNDS: usize = 25;
+
+/// Ten rounds for a digit: exchange gains a digit faster than that, so the two meet near where it stands when the shift begins to grow.
+const GROWTH: f64 = 1.25;
+
+/// The same where all places are known, and only the proof is missing: cells of half the width have a quarter of the excess.
+const GROWTH_OF_PROOF: f64 = 2.0;
+
+/// The largest shift: below the noise of usual measurements. Beyond it the outcome is "not proven".
+const MOST_SHIFT: f64 = 1e-4;
+
+/// Work of a search that must prove, and not only find, as a multiple of the usual: with four inputs and order 4 some sixty places
+/// hold a surface, and each has its cloud of small cells.
+const PATIENCE: usize = 10;
+
+/// Points drawn in each round and claim, from which a descent looks for a place where the claim is broken. The points that hold the
+/// surface are further ones.
+const DRAWN: usize = 48;
+
+/// Places that a round adds for one claim at most.
+const MOST_PLACES: usize = 48;
+
+/// A point that has not held the surface for so many rounds is dropped: the residual sum of squares rises from round to round, so
+/// that the points of an earlier round do not come back for ever.
+const IDLE_ROUNDS: usize = 6;
 
 /// Points of the first round, all claims together. A search takes a millisecond and gives the worst place; the program takes ten
 /// times as long with a thousand rows as with a hundred.
@@ -48,7 +80,7 @@ pub struct ConstraintStatistics {
     pub active: bool,
     /// Every constraint.
     pub constraints: Vec<ConstraintReport>,
-    /// How far inside they are enforced, in the unit of the response.
+    /// How far inside they are enforced at points, in the unit of the response.
     pub shift: f64,
     /// Rounds of exchange.
     pub rounds: usize,
@@ -97,6 +129,8 @@ pub enum Constrained {
         constraints: Vec<ConstraintReport>,
         /// Rounds of exchange.
         rounds: usize,
+        /// How far inside they are enforced at points, as a share of the spread.
+        shift: f64,
         /// Where the surface was changed most.
         largest_change: Change,
     },
@@ -146,33 +180,46 @@ impl Task<'_> {
             return Constrained::Inactive { constraints: self.reports(&claims, &found, &[]) };
         }
         let free = self.problem.coefficients();
-        let mut points =
-            Points { task: self, free: &free, claims: &claims, lengths: Vec::new(), rows: Vec::new(), of: Vec::new() };
+        let mut points = Points { task: self, free: &free, claims: &claims, lengths: Vec::new(), points: Vec::new() };
         if let Err(constraint) = points.first() {
             return Constrained::Infeasible { constraints: vec![self.constraints[constraint].to_string()] };
         }
+        let mut random = Random::new(0);
+        let mut shift = SHIFT;
+        let mut is_complete = false;
         for rounds in 1..=MOST_ROUNDS {
-            let (c, active) = match program::shortest(&points.rows, free.len()) {
+            shift *= match (is_complete, rounds > SHIFTED_ROUNDS) {
+                (true, _) => GROWTH_OF_PROOF,
+                (false, true) => GROWTH,
+                (false, false) => 1.0,
+            };
+            if shift > MOST_SHIFT {
+                break;
+            }
+            let (c, active) = match program::shortest(&points.rows(shift), free.len()) {
                 Solution::Shortest { c, active } => (c, active),
-                Solution::Infeasible(rows) => {
-                    return Constrained::Infeasible {
-                        constraints: self.names(rows.iter().map(|k| claims[points.of[*k].0].constraint)),
-                    };
-                }
+                // What contradicts itself with the first shift does so; what needs a larger one to do so may not.
+                Solution::Infeasible(_) if shift > SHIFT => match program::shortest(&points.rows(SHIFT), free.len()) {
+                    Solution::Infeasible(rows) => return self.infeasible(&points, &rows),
+                    _ => break,
+                },
+                Solution::Infeasible(rows) => return self.infeasible(&points, &rows),
                 Solution::Failed => break,
             };
             let step = self.problem.coefficients_of(c);
             coefficients = free.iter().zip(&step).map(|(free, step)| (*free + *step).to_f64()).collect();
             found = self.search(&claims, &coefficients);
             if self.is_proven(&found) {
-                let held: Vec<(usize, Vec<f64>)> = active.iter().map(|k| points.of[*k].clone()).collect();
+                let held: Vec<(usize, Vec<f64>)> =
+                    active.iter().map(|k| (points.points[*k].claim, points.points[*k].at.clone())).collect();
                 let constraints = self.reports(&claims, &found, &held);
                 let largest_change = self.largest_change(&coefficients);
-                return Constrained::Active { coefficients, constraints, rounds, largest_change };
+                return Constrained::Active { coefficients, constraints, rounds, shift, largest_change };
             }
-            match points.add(&found) {
-                Ok(true) => {}
-                Ok(false) => break,
+            let valleys = points.valleys(&coefficients, &active, &mut random);
+            match points.exchange(&active, &found, &valleys) {
+                // A shift that grows leaves the proof more room.
+                Ok(is_new) => is_complete = !is_new,
                 Err(constraint) => {
                     return Constrained::Infeasible { constraints: vec![self.constraints[constraint].to_string()] };
                 }
@@ -180,6 +227,11 @@ impl Task<'_> {
         }
         let without = claims.iter().zip(&found).filter(|(_, found)| found.bound < -SLACK * self.spread);
         Constrained::NotProven { constraints: self.names(without.map(|(claim, _)| claim.constraint)) }
+    }
+
+    fn infeasible(&self, points: &Points<'_>, rows: &[usize]) -> Constrained {
+        let constraint = |k: &usize| points.claims[points.points[*k].claim].constraint;
+        Constrained::Infeasible { constraints: self.names(rows.iter().map(constraint)) }
     }
 
     fn names(&self, constraints: impl Iterator<Item = usize>) -> Vec<String> {
@@ -201,7 +253,10 @@ impl Task<'_> {
     fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
         let wanted = Search { place: &place, finest: finest(self.inputs.len()), enough };
-        let found = bernstein::least(monomials, &claim.sides, &wanted);
+        let mut found = bernstein::least(monomials, &claim.sides, &wanted);
+        if enough.is_finite() && found.seen >= enough && found.bound < enough {
+            found = bernstein::least_with_patience(monomials, &claim.sides, &wanted, PATIENCE);
+        }
         Found { bound: found.bound, seen: found.seen, at: claim.point(&found.at) }
     }
 
@@ -319,9 +374,21 @@ struct Points<'a> {
     claims: &'a [Claim],
     /// The longest row of each claim among its first points.
     lengths: Vec<f64>,
-    rows: Vec<Row>,
-    /// The claim and the point of every row.
-    of: Vec<(usize, Vec<f64>)>,
+    points: Vec<Point>,
+}
+
+/// A point at which a claim is enforced: normal . c >= least + shift * gain.
+struct Point {
+    claim: usize,
+    at: Vec<f64>,
+    /// Of length 1.
+    normal: Vec<Dd>,
+    least: Dd,
+    gain: Dd,
+    /// Rounds in which it did not hold the surface.
+    idle: usize,
+    /// One of the grid, which stays.
+    is_first: bool,
 }
 
 impl Points<'_> {
@@ -332,7 +399,7 @@ impl Points<'_> {
             let length = |point: &Vec<f64>| norm(&claim.row(point));
             self.lengths.push(points.iter().map(length).fold(0.0, f64::max));
             for point in points {
-                self.push(k, point)?;
+                self.push(k, point, true)?;
             }
         }
         Ok(())
@@ -357,26 +424,60 @@ impl Points<'_> {
         shares.into_iter().filter(is_inside).map(|shares| claim.point(&shares)).collect()
     }
 
-    /// The worst places that a search found. Whether there is a new one among them.
-    fn add(&mut self, found: &[Found]) -> Result<bool, usize> {
-        let count = self.rows.len();
-        for (k, found) in found.iter().enumerate() {
-            let is_known = self.of.iter().any(|(claim, point)| *claim == k && *point == found.at);
-            if found.seen < -SLACK * self.task.spread && !is_known {
-                self.push(k, found.at.clone())?;
-            }
-        }
-        Ok(self.rows.len() > count)
+    /// What the program is asked.
+    fn rows(&self, shift: f64) -> Vec<Row> {
+        let row = |point: &Point| Row { normal: point.normal.clone(), distance: point.least + Dd::from(shift) * point.gain };
+        self.points.iter().map(row).collect()
     }
 
-    fn push(&mut self, k: usize, point: Vec<f64>) -> Result<(), usize> {
+    /// The local minima where a claim is broken: descents begin at the points that hold the surface and at random ones.
+    fn valleys(&self, coefficients: &[f64], active: &[usize], random: &mut Random) -> Vec<(usize, Vec<f64>)> {
+        let mut found = Vec::new();
+        for (k, claim) in self.claims.iter().enumerate() {
+            let sides: Vec<[f64; 2]> = claim.sides.iter().map(|side| [side.low, side.high]).collect();
+            let shares = |at: &[f64]| -> Vec<f64> {
+                let share = |(x, [low, high]): (&f64, &[f64; 2])| if high > low { (x - low) / (high - low) } else { 0.0 };
+                at.iter().zip(&sides).map(share).collect()
+            };
+            let held = active.iter().map(|point| &self.points[*point]).filter(|point| point.claim == k);
+            let mut starts: Vec<Vec<f64>> = held.map(|point| shares(&point.at)).collect();
+            starts.extend((0..DRAWN).map(|_| sides.iter().map(|_| random.share()).collect()));
+            let is_inside = |shares: &[f64]| {
+                let cell: Vec<[f64; 2]> = shares.iter().map(|share| [*share, *share]).collect();
+                self.task.surface.support.is_empty() || self.task.place(claim, &cell) != Place::Outside
+            };
+            let landscape = Landscape::new(&claim.monomials(coefficients), sides.clone());
+            let broken = landscape.below(-SLACK * self.task.spread, &starts, &is_inside);
+            found.extend(broken.iter().take(MOST_PLACES).map(|valley| (k, claim.point(&valley.shares))));
+        }
+        found
+    }
+
+    /// Drops points that no longer matter and adds places where claims are broken: the worst ones that a search found and further
+    /// ones. Whether there is a new one among them.
+    fn exchange(&mut self, active: &[usize], found: &[Found], valleys: &[(usize, Vec<f64>)]) -> Result<bool, usize> {
+        for (k, point) in self.points.iter_mut().enumerate() {
+            point.idle = if active.contains(&k) { 0 } else { point.idle + 1 };
+        }
+        self.points.retain(|point| point.is_first || point.idle < IDLE_ROUNDS);
+        let count = self.points.len();
+        let worst = found.iter().enumerate().filter(|(_, found)| found.seen < -SLACK * self.task.spread);
+        let worst = worst.map(|(k, found)| (k, found.at.clone()));
+        for (k, at) in worst.chain(valleys.iter().cloned()).collect::<Vec<_>>() {
+            if !self.points.iter().any(|point| point.claim == k && point.at == at) {
+                self.push(k, at, false)?;
+            }
+        }
+        Ok(self.points.len() > count)
+    }
+
+    fn push(&mut self, k: usize, at: Vec<f64>, is_first: bool) -> Result<(), usize> {
         let claim = &self.claims[k];
-        let row = claim.row(&point);
+        let row = claim.row(&at);
         let value: Dd = row.iter().zip(self.free).map(|(x, b)| *x * *b).sum::<Dd>() + claim.offset();
         // Where a claim hardly depends on the coefficients (a surface without constant term, near the origin), the shift gets small
         // with it.
         let share = if self.lengths[k] > 0.0 { (NEAR_ZERO * norm(&row) / self.lengths[k]).min(1.0) } else { 0.0 };
-        let missing = Dd::from(SHIFT * self.task.spread * share) - value;
         let projected = self.task.problem.projected(row);
         let length = projected.iter().map(|x| *x * *x).sum::<Dd>().sqrt();
         if length == Dd::ZERO {
@@ -384,8 +485,10 @@ impl Points<'_> {
             let holds = value.to_f64() >= -SLACK * self.task.spread;
             return if holds { Ok(()) } else { Err(claim.constraint) };
         }
-        self.rows.push(Row { normal: projected.into_iter().map(|x| x / length).collect(), distance: missing / length });
-        self.of.push((k, point));
+        let gain = Dd::from(self.task.spread * share) / length;
+        let normal = projected.into_iter().map(|x| x / length).collect();
+        let least = Dd::ZERO - value / length;
+        self.points.push(Point { claim: k, at, normal, least, gain, idle: 0, is_first });
         Ok(())
     }
 }

@@ -1,7 +1,11 @@
-//! Random feasible problems with constraints, from a seed: each should end with a proof. Not all do yet.
+//! Random feasible problems with constraints, from a seed: each should end with a proof, near the least residual sum of squares. Convex in 3
+//! and 4 inputs some do not yet: the search has a variable more for each direction.
 //!
 //! A constant keeps bounds that hold it, and is monotone and convex: with a constant term every problem here has a solution.
 
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT};
+use nalgebra::{DMatrix, DVector};
 use rsm_fit::fit::{Outcome, Verdict};
 use rsm_fit::random::Random;
 
@@ -13,6 +17,18 @@ struct Problem {
     specification: String,
     data: String,
     name: String,
+    order: usize,
+    rows: Vec<(Vec<f64>, f64)>,
+    asked: Asked,
+}
+
+/// A constraint over [-1, 1] for every input.
+#[derive(Clone, Copy)]
+enum Asked {
+    Bounds(f64, f64),
+    /// The sign of the slope with respect to the first input.
+    Monotone(f64),
+    Convex,
 }
 
 fn problem(seed: u64) -> Problem {
@@ -22,25 +38,32 @@ fn problem(seed: u64) -> Problem {
     let kind = seed / 16 % 3;
     // Rows for all terms and half as many again.
     let terms = (1..=inputs).fold(1, |count, k| count * (order + k) / k);
-    let rows = terms * 3 / 2 + 10;
+    let count = terms * 3 / 2 + 10;
     let slopes: Vec<f64> = (0..inputs).map(|_| normal(&mut random)).collect();
     let curves: Vec<f64> = (0..inputs).map(|_| normal(&mut random)).collect();
     let noise = 0.3 + random.share();
     let names: Vec<String> = (0..inputs).map(|k| format!("x{k}")).collect();
     let mut data = names.iter().map(|name| format!("{name}[1],")).collect::<String>() + "y[1]\n";
-    for _ in 0..rows {
+    let mut rows = Vec::new();
+    for _ in 0..count {
         let x: Vec<f64> = (0..inputs).map(|_| 2.0 * random.share() - 1.0).collect();
         let y: f64 = (0..inputs).map(|k| slopes[k] * x[k] + curves[k] * x[k] * x[k]).sum::<f64>() + (2.0 * x[0]).sin();
+        let y = y + noise * normal(&mut random);
         data += &x.iter().map(|x| format!("{x:e},")).collect::<String>();
-        data += &format!("{:e}\n", y + noise * normal(&mut random));
+        data += &format!("{y:e}\n");
+        rows.push((x, y));
     }
-    let constraint = match kind {
-        0 => format!("{{ kind = \"bounds\", min = {}, max = {} }}", -0.5 - random.share(), 0.5 + random.share()),
-        1 => {
-            let direction = if slopes[0] > 0.0 { "increasing" } else { "decreasing" };
-            format!("{{ kind = \"monotone\", input = \"x0\", direction = \"{direction}\" }}")
+    let (constraint, asked) = match kind {
+        0 => {
+            let (min, max) = (-0.5 - random.share(), 0.5 + random.share());
+            (format!("{{ kind = \"bounds\", min = {min}, max = {max} }}"), Asked::Bounds(min, max))
         }
-        _ => "{ kind = \"convex\" }".to_string(),
+        1 => {
+            let (direction, sign) = if slopes[0] > 0.0 { ("increasing", 1.0) } else { ("decreasing", -1.0) };
+            let constraint = format!("{{ kind = \"monotone\", input = \"x0\", direction = \"{direction}\" }}");
+            (constraint, Asked::Monotone(sign))
+        }
+        _ => ("{ kind = \"convex\" }".to_string(), Asked::Convex),
     };
     let sections: String = names.iter().map(|name| format!("[inputs.{name}]\nrange = [-1.0, 1.0]\n")).collect();
     let list = names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
@@ -48,7 +71,8 @@ fn problem(seed: u64) -> Problem {
         "format = 1\nmodel = \"m\"\ndata = [\"data.csv\"]\n{sections}[responses.y]\ninputs = [{list}]\n\
          select = {{ method = \"fixed\", order = {order} }}\nconstraints = [{constraint}]\n"
     );
-    Problem { specification, data, name: format!("seed {seed}: {inputs} inputs, order {order}, {constraint}") }
+    let name = format!("seed {seed}: {inputs} inputs, order {order}, {constraint}");
+    Problem { specification, data, name, order, rows, asked }
 }
 
 fn solved(problem: &Problem, scratch: &Scratch) -> Outcome {
@@ -56,23 +80,171 @@ fn solved(problem: &Problem, scratch: &Scratch) -> Outcome {
     fitted(&problem.specification, &scratch.0)
 }
 
-#[test]
-#[ignore = "fails today, and takes long: with 3 and 4 inputs some problems use up their rounds of exchange; cargo test -p rsm-fit --release -- --ignored every_feasible"]
-fn every_feasible_problem_ends_with_a_proof() {
-    let scratch = Scratch::new("family");
-    let mut unproven = 0;
-    for seed in 0..270 {
-        let problem = problem(seed);
-        let begin = std::time::Instant::now();
-        let outcome = solved(&problem, &scratch);
-        if outcome.responses[0].verdict != Verdict::Fitted {
-            unproven += 1;
-            println!("{}: {}", problem.name, outcome.responses[0].verdict);
+/// A lower bound of the least residual sum of squares: a quadratic program in plain monomials with the constraint at some points
+/// only. Points come in where the solution breaks it, so that the bound ends near the least sum; it is one in each round.
+fn relaxed(problem: &Problem, near: &[Vec<f64>]) -> f64 {
+    let inputs = problem.rows[0].0.len();
+    let powers: Vec<Vec<i32>> = (0..inputs).fold(vec![vec![]], |begun: Vec<Vec<i32>>, _| {
+        let longer = |start: &Vec<i32>| {
+            let left = problem.order as i32 - start.iter().sum::<i32>();
+            (0..=left).map(|power| [&start[..], &[power]].concat()).collect::<Vec<_>>()
+        };
+        begun.iter().flat_map(longer).collect()
+    });
+    // The value of each monomial, derived `orders[k]` times with respect to input k.
+    let derived = |x: &[f64], orders: &[i32]| -> Vec<f64> {
+        let one = |x: f64, power: i32, order: i32| {
+            let factor: f64 = (0..order).map(|k| f64::from(power - k)).product();
+            if power < order { 0.0 } else { factor * x.powi(power - order) }
+        };
+        powers.iter().map(|term| (0..inputs).map(|k| one(x[k], term[k], orders[k])).product()).collect()
+    };
+    let unit =
+        |axes: &[usize]| (0..inputs).map(|k| axes.iter().filter(|axis| **axis == k).count() as i32).collect::<Vec<i32>>();
+    // The rows n . b >= d that the constraint asks at a point; of a convex surface the one across its least curvature.
+    let asked = |x: &[f64], b: &DVector<f64>| -> Vec<(Vec<f64>, f64)> {
+        match problem.asked {
+            Asked::Bounds(low, high) => {
+                let value = derived(x, &unit(&[]));
+                let opposite = value.iter().map(|v| -v).collect();
+                vec![(value, low), (opposite, -high)]
+            }
+            Asked::Monotone(sign) => vec![(derived(x, &unit(&[0])).iter().map(|v| sign * v).collect(), 0.0)],
+            Asked::Convex => {
+                let second: Vec<Vec<DVector<f64>>> =
+                    (0..inputs).map(|a| (0..inputs).map(|c| DVector::from(derived(x, &unit(&[a, c])))).collect()).collect();
+                let curvature = DMatrix::from_fn(inputs, inputs, |a, c| second[a][c].dot(b)).symmetric_eigen();
+                let least = curvature.eigenvalues.imin();
+                let u = curvature.eigenvectors.column(least);
+                let mut row = DVector::zeros(powers.len());
+                for a in 0..inputs {
+                    for c in 0..inputs {
+                        row += u[a] * u[c] * &second[a][c];
+                    }
+                }
+                vec![(row.as_slice().to_vec(), 0.0)]
+            }
         }
-        let seconds = begin.elapsed().as_secs_f64();
-        if seconds > 2.0 {
-            println!("{}: {seconds:.1} s", problem.name);
+    };
+    let design = DMatrix::from_row_iterator(
+        problem.rows.len(),
+        powers.len(),
+        problem.rows.iter().flat_map(|(x, _)| derived(x, &unit(&[]))),
+    );
+    let response = DVector::from_iterator(problem.rows.len(), problem.rows.iter().map(|(_, y)| *y));
+    let square = design.transpose() * &design;
+    let right = design.transpose() * &response;
+    let mut b = square.clone().cholesky().unwrap().solve(&right);
+    let mut random = Random::new(7);
+    let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
+    let mut known = near.to_vec();
+    for _ in 0..40 {
+        let mut points = known.clone();
+        points.extend((0..4000).map(|_| {
+            // Half of the coordinates at an end: that is where much happens.
+            (0..inputs).map(|_| (4.0 * random.share() - 2.0).clamp(-1.0, 1.0)).collect::<Vec<f64>>()
+        }));
+        for point in &known {
+            for reach in [0.1, 0.01] {
+                let moved = |x: &f64, share: f64| (x + reach * (2.0 * share - 1.0)).clamp(-1.0, 1.0);
+                points.extend((0..8).map(|_| point.iter().map(|x| moved(x, random.share())).collect::<Vec<f64>>()));
+            }
         }
+        let mut broken: Vec<(f64, Vec<f64>, (Vec<f64>, f64))> = Vec::new();
+        for x in points {
+            for (row, least) in asked(&x, &b) {
+                let missing = least - row.iter().zip(b.iter()).map(|(n, b)| n * b).sum::<f64>();
+                if missing > 1e-7 {
+                    broken.push((missing, x.clone(), (row, least)));
+                }
+            }
+        }
+        if broken.is_empty() {
+            break;
+        }
+        broken.sort_by(|one, other| other.0.total_cmp(&one.0));
+        // Not all at one place.
+        let mut apart: Vec<Vec<f64>> = Vec::new();
+        for (_, x, row) in broken {
+            let is_near = |other: &Vec<f64>| other.iter().zip(&x).all(|(a, b)| (a - b).abs() < 0.03);
+            if apart.len() < 40 && !apart.iter().any(is_near) {
+                apart.push(x.clone());
+                known.push(x);
+                rows.push(row);
+            }
+        }
+        b = program(&square, &right, &rows);
     }
-    assert_eq!(unproven, 0);
+    (design * b - response).norm_squared()
+}
+
+/// b with the least b'Sb/2 - r'b whose rows hold.
+fn program(square: &DMatrix<f64>, right: &DVector<f64>, rows: &[(Vec<f64>, f64)]) -> DVector<f64> {
+    let width = right.len();
+    let column = |k: usize, values: Vec<f64>| (k, values);
+    let sparse = |height: usize, columns: Vec<(usize, Vec<f64>)>| {
+        let starts = columns.iter().scan(0, |end, (_, values)| {
+            *end += values.len();
+            Some(*end)
+        });
+        let starts: Vec<usize> = std::iter::once(0).chain(starts).collect();
+        let places = columns.iter().flat_map(|(_, values)| 0..values.len()).collect();
+        CscMatrix::new(height, width, starts, places, columns.into_iter().flat_map(|(_, values)| values).collect())
+    };
+    let upper = sparse(width, (0..width).map(|k| column(k, (0..=k).map(|row| square[(row, k)]).collect())).collect());
+    let asked = sparse(rows.len(), (0..width).map(|k| column(k, rows.iter().map(|(n, _)| -n[k]).collect())).collect());
+    let bounds: Vec<f64> = rows.iter().map(|(_, least)| -least).collect();
+    let settings = DefaultSettingsBuilder::default().verbose(false).max_threads(1).build().unwrap();
+    let linear: Vec<f64> = right.iter().map(|r| -r).collect();
+    let mut solver = DefaultSolver::new(&upper, &linear, &asked, &bounds, &[NonnegativeConeT(rows.len())], settings).unwrap();
+    solver.solve();
+    DVector::from(solver.solution.x.clone())
+}
+
+/// Fits the problem of a seed. What is wrong with it, if anything.
+fn fault(seed: u64, scratch: &Scratch) -> Option<String> {
+    let problem = problem(seed);
+    let begin = std::time::Instant::now();
+    let outcome = solved(&problem, scratch);
+    let seconds = begin.elapsed().as_secs_f64();
+    if outcome.responses[0].verdict != Verdict::Fitted {
+        return Some(format!("{}: {} after {seconds:.1} s", problem.name, outcome.responses[0].verdict));
+    }
+    let statistics = outcome.responses[0].statistics.as_ref().unwrap();
+    let told = statistics.constraints.as_ref().unwrap();
+    let near: Vec<Vec<f64>> =
+        told.constraints[0].points.iter().map(|point| point.0.iter().map(|(_, x)| *x).collect()).collect();
+    let freedom = statistics.rows - statistics.terms.len();
+    let found = statistics.residual_sd.unwrap().powi(2) * freedom as f64;
+    let bound = relaxed(&problem, &near);
+    let excess = found / bound - 1.0;
+    println!(
+        "{}: {} rounds, shift {:.1e}, {seconds:.1} s, {excess:.1e} above the bound",
+        problem.name, told.rounds, told.shift
+    );
+    // Not below a lower bound, to the tolerance of the solver, 1e-8; not far above.
+    (!(-1e-6..1e-4).contains(&excess)).then(|| format!("{}: {excess:e} above the least sum of squares", problem.name))
+}
+
+fn expect_none(seeds: impl Iterator<Item = u64>, name: &str) {
+    let scratch = Scratch::new(name);
+    let faults: Vec<String> = seeds.filter_map(|seed| fault(seed, &scratch)).collect();
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn feasible_bounds_and_slopes_end_with_a_proof_near_the_least_sum_of_squares() {
+    // Two that exchange of the worst place alone leaves unproven (10, 26), and some of one and two inputs.
+    expect_none([4, 5, 10, 21, 26, 29].into_iter(), "family-quick");
+}
+
+#[test]
+#[ignore = "fails today for convex with 3 and 4 inputs, and takes long: SEEDS=0-32 cargo test -p rsm-fit --test all -- --ignored --nocapture every_feasible"]
+fn every_feasible_problem_ends_with_a_proof() {
+    let seeds = std::env::var("SEEDS")
+        .unwrap_or("0-270".into())
+        .split_once('-')
+        .map(|(a, b)| a.parse::<u64>().unwrap()..b.parse().unwrap())
+        .unwrap();
+    expect_none(seeds, "family");
 }

@@ -1,0 +1,137 @@
+//! The local minima of a claim: places where it may be broken, all at once.
+//!
+//! In: a claim with its coefficients and points to begin from. Out: where a descent from each of them ends. Values are plain f64 and
+//! prove nothing: [`rsm_core::bernstein::least`] alone does. A round of exchange that adds only the worst place makes the next
+//! valley the worst one, and needs as many rounds as there are valleys for each digit.
+
+use rsm_core::bernstein::Monomial;
+
+/// The first step of a descent, as a share of a side: valleys of a polynomial of order 5 are wider.
+const FIRST_STEP: f64 = 1.0 / 16.0;
+
+/// The last step. The vertex of the parabola through the last three values then leaves some 10^-9 of the depth.
+const LAST_STEP: f64 = 1.0 / 2048.0;
+
+/// Moves of a descent; twenty are usual.
+const MOST_MOVES: usize = 400;
+
+/// Minima nearer than this share of every side are one place.
+const APART: f64 = 0.01;
+
+/// A polynomial over shares of its sides, for many values.
+pub(super) struct Landscape {
+    terms: Vec<(Vec<u32>, f64)>,
+    sides: Vec<[f64; 2]>,
+}
+
+/// A place and the value there.
+#[derive(Debug, Clone)]
+pub(super) struct Valley {
+    pub value: f64,
+    /// Shares of the sides.
+    pub shares: Vec<f64>,
+}
+
+impl Landscape {
+    pub(super) fn new(monomials: &[Monomial], sides: Vec<[f64; 2]>) -> Self {
+        let middle = |term: &Monomial| (term.powers.clone(), term.coefficient.low.midpoint(term.coefficient.high));
+        Landscape { terms: monomials.iter().map(middle).collect(), sides }
+    }
+
+    pub(super) fn value(&self, shares: &[f64]) -> f64 {
+        let x: Vec<f64> = self.sides.iter().zip(shares).map(|([low, high], share)| low + share * (high - low)).collect();
+        let product = |powers: &[u32]| {
+            let power = |(x, power): (&f64, &u32)| (0..*power).fold(1.0, |product, _| product * x);
+            x.iter().zip(powers).filter(|(_, power)| **power > 0).map(power).product::<f64>()
+        };
+        self.terms.iter().map(|(powers, coefficient)| coefficient * product(powers)).sum()
+    }
+
+    /// The local minima below a value that descents from `starts` reach, the lowest first, each place once.
+    pub(super) fn below(&self, most: f64, starts: &[Vec<f64>], is_inside: &dyn Fn(&[f64]) -> bool) -> Vec<Valley> {
+        let inside = starts.iter().filter(|start| is_inside(start));
+        let mut found: Vec<Valley> = inside.map(|start| self.descent(start, is_inside)).collect();
+        found.retain(|valley| valley.value < most);
+        found.sort_by(|a, b| a.value.total_cmp(&b.value));
+        let mut apart: Vec<Valley> = Vec::new();
+        for valley in found {
+            let is_near = |other: &Valley| other.shares.iter().zip(&valley.shares).all(|(a, b)| (a - b).abs() < APART);
+            if !apart.iter().any(is_near) {
+                apart.push(valley);
+            }
+        }
+        apart
+    }
+
+    /// Along one side after the other to a lower value; where no step helps, to the vertex of a parabola, and on with half the step.
+    fn descent(&self, start: &[f64], is_inside: &dyn Fn(&[f64]) -> bool) -> Valley {
+        let mut at = Valley { value: self.value(start), shares: start.to_vec() };
+        let mut step = FIRST_STEP;
+        let mut moves = 0;
+        while step >= LAST_STEP && moves < MOST_MOVES {
+            let mut has_moved = false;
+            let before = at.shares.clone();
+            for axis in 0..at.shares.len() {
+                let tried = |share: f64| {
+                    let mut shares = at.shares.clone();
+                    shares[axis] = share.clamp(0.0, 1.0);
+                    Valley { value: if is_inside(&shares) { self.value(&shares) } else { f64::INFINITY }, shares }
+                };
+                let here = at.shares[axis];
+                let (below, above) = (tried(here - step), tried(here + step));
+                let bend = below.value - 2.0 * at.value + above.value;
+                let vertex = here + 0.5 * step * (below.value - above.value) / bend;
+                let lowest = if below.value < above.value { below } else { above };
+                if lowest.value < at.value {
+                    (at, has_moved) = (lowest, true);
+                } else if vertex.is_finite() {
+                    let vertex = tried(vertex);
+                    if vertex.value < at.value {
+                        at = vertex;
+                    }
+                }
+            }
+            // Once more as far the same way, along a valley that lies across the sides (Hooke, Jeeves 1961, J. ACM 8).
+            let further: Vec<f64> =
+                at.shares.iter().zip(&before).map(|(now, before)| (2.0 * now - before).clamp(0.0, 1.0)).collect();
+            if further != at.shares && is_inside(&further) {
+                let value = self.value(&further);
+                if value < at.value {
+                    at = Valley { value, shares: further };
+                }
+            }
+            moves += 1;
+            if !has_moved {
+                step /= 2.0;
+            }
+        }
+        at
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rsm_core::interval::Interval;
+
+    #[test]
+    fn both_valleys_of_a_double_well_are_found_and_only_inside() {
+        // (x^2 - 1/4)^2 + (y - x/2)^2 - 1/10 over [-1, 1]: minima -1/10 at (1/2, 1/4) and (-1/2, -1/4).
+        let term = |powers: [u32; 2], value: f64| Monomial { powers: powers.to_vec(), coefficient: Interval::point(value) };
+        let terms =
+            [term([4, 0], 1.0), term([2, 0], -0.5 + 0.25), term([0, 2], 1.0), term([1, 1], -1.0), term([0, 0], 0.0625 - 0.1)];
+        let landscape = Landscape::new(&terms, vec![[-1.0, 1.0]; 2]);
+        let starts: Vec<Vec<f64>> = (0..9).map(|k| vec![f64::from(k % 3) / 2.0, f64::from(k / 3) / 2.0]).collect();
+        let found = landscape.below(0.0, &starts, &|_| true);
+        assert_eq!(found.len(), 2, "{found:?}");
+        for valley in &found {
+            let sign = if valley.shares[0] > 0.5 { 1.0 } else { -1.0 };
+            // The last step is 5e-4 of a side; the vertex is far nearer.
+            assert!((valley.shares[0] - (0.5 + 0.25 * sign)).abs() < 5e-4, "{valley:?}");
+            assert!((valley.shares[1] - (0.5 + 0.125 * sign)).abs() < 5e-4, "{valley:?}");
+            assert!((valley.value + 0.1).abs() < 1e-6, "{valley:?}");
+        }
+        assert_eq!(landscape.below(0.0, &starts, &|shares| shares[0] >= 0.5).len(), 1);
+        assert!(landscape.below(-0.11, &starts, &|_| true).is_empty());
+    }
+}
