@@ -67,7 +67,7 @@ fn sample(drive: &Drive, draw: &mut Draw) -> Demand {
     let limits = &drive.limits;
     let (speed, bus) = (limits.speed_rad_s.half, limits.bus_v);
     let (low, high) = (bus.middle - bus.half, bus.middle + bus.half);
-    let at_edge: [bool; 4] = std::array::from_fn(|_| draw.bits() % 4 == 0);
+    let at_edge: [bool; 4] = std::array::from_fn(|_| draw.bits().is_multiple_of(4));
     let bus_voltage_v = if at_edge[0] { draw.near(&[low, high, drive.nominal_bus_v]) } else { draw.between(low, high) };
     // At this speed the surfaces end on this bus.
     let end = FOLD_SPEED_RAD_S * bus_voltage_v / drive.nominal_bus_v;
@@ -84,10 +84,10 @@ fn state(drive: &Drive, draw: &mut Draw) -> ReferenceState {
     let limit = drive.current_limit_a;
     let last = References {
         i_d_a: 0.0,
-        i_q_a: if draw.bits() % 4 == 0 { draw.near(&[0.0, limit, -limit]) } else { draw.between(-limit, limit) },
+        i_q_a: if draw.bits().is_multiple_of(4) { draw.near(&[0.0, limit, -limit]) } else { draw.between(-limit, limit) },
     };
-    let trim_a = if draw.bits() % 2 == 0 { draw.near(&[0.0, limit]).max(0.0) } else { draw.between(0.0, limit) };
-    let in_a_row = [0, 9, 10][draw.bits() as usize % 3] * u32::from(draw.bits() % 8 == 0);
+    let trim_a = if draw.bits().is_multiple_of(2) { draw.near(&[0.0, limit]).max(0.0) } else { draw.between(0.0, limit) };
+    let in_a_row = [0, 9, 10][draw.bits() as usize % 3] * u32::from(draw.bits().is_multiple_of(8));
     ReferenceState { last, trim_a, bad: BadSamples { all: in_a_row, in_a_row }, ..ReferenceState::default() }
 }
 
