@@ -18,7 +18,7 @@
 //! Every stage collects all faults of its input; numerical outcomes are data. Nothing here writes a file, prints, or knows an
 //! emitter. The same bytes in give the same model, to the bit, on every machine with IEEE 754.
 //!
-//! A line through four points, from CSV text to a model file:
+//! A line through seven points, from CSV text to a model file:
 //!
 //! ```
 //! use rsm_core::source::Source;
@@ -27,7 +27,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let folder = std::env::temp_dir().join(format!("rsm-fit-example-{}", std::process::id()));
 //! # std::fs::create_dir_all(&folder)?;
-//! std::fs::write(folder.join("bench.csv"), "speed[km/h],drag[N]\n0,5\n36,25\n72,45\n108,65\n")?;
+//! std::fs::write(folder.join("bench.csv"), "speed[km/h],drag[N]\n0,5\n18,15\n36,25\n54,35\n72,45\n90,55\n108,65\n")?;
 //! let text = r#"
 //!     format = 1
 //!     model = "car"

@@ -150,7 +150,8 @@ fn relaxed(problem: &Problem, near: &[Vec<f64>]) -> f64 {
                 points.extend((0..8).map(|_| point.iter().map(|x| moved(x, random.share())).collect::<Vec<f64>>()));
             }
         }
-        let mut broken: Vec<(f64, Vec<f64>, (Vec<f64>, f64))> = Vec::new();
+        type Broken = (f64, Vec<f64>, (Vec<f64>, f64));
+        let mut broken: Vec<Broken> = Vec::new();
         for x in points {
             for (row, least) in asked(&x, &b) {
                 let missing = least - row.iter().zip(b.iter()).map(|(n, b)| n * b).sum::<f64>();

@@ -29,7 +29,7 @@
 //! assert_eq!((wanted.i_d_a, wanted.i_q_a), (0.0, 10.0));           // slow: no weakening; 3.6 N m over 0.36 N m/A
 //!
 //! let measured = Measured { currents_a: [0.0; 3], angle_turns: 0.0, speed_rad_s: 0.0, bus_voltage_v: 270.0 };
-//! for _ in 0..10 {
+//! for _ in 0..9 {
 //!     assert_eq!(currents(&mut inner, &drive, &wanted, &measured).closed, 0.0);  // the bridge is still open
 //! }
 //! for _ in 0..2 {
