@@ -183,7 +183,7 @@ fn the_rows_that_chose_flatter_and_the_others_do_not() {
 }
 
 #[test]
-#[ignore = "minutes: 1 to 6 inputs, 30 to 500 rows, with and without validation and test rows; cargo test -p rsm-fit --release -- --ignored told"]
+#[ignore = "minutes: 1 to 6 inputs, 30 to 500 rows, with and without validation and test rows; cargo test -p rsm-fit --release --test all -- --ignored told"]
 fn the_error_that_is_told_is_the_true_one_whatever_the_rows() {
     for top in [
         "",

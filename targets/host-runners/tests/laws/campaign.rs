@@ -143,7 +143,7 @@ fn it_comes_back_from_a_grid_of_starts() {
 }
 
 #[test]
-#[ignore = "the whole grid: half a minute; run with --ignored"]
+#[ignore = "the whole grid: half a minute: cargo test -p host-runners --test laws -- --ignored grid"]
 fn it_comes_back_from_the_whole_grid_of_starts() {
     grid(true, 1);
     grid(false, 1);
@@ -165,7 +165,7 @@ fn a_share_of_the_campaign_of_faults_keeps_its_limits() {
 }
 
 #[test]
-#[ignore = "the whole campaign: 10,560 runs, a minute; run with --ignored, or see the report of `rsm demo --full`"]
+#[ignore = "the whole campaign: 10,560 runs, a minute: cargo test -p host-runners --test laws -- --ignored campaign, or see the report of `rsm demo --full`"]
 fn the_whole_campaign_of_faults_keeps_its_limits() {
     let rows = campaign::run(1);
     assert_eq!(rows.iter().map(|row| row.runs).sum::<usize>(), 10_560);
