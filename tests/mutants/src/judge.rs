@@ -133,10 +133,11 @@ fn command(program: &Path, folder: &Path) -> Command {
     command
 }
 
-/// Does the work of each index, on as many threads as there are cores.
+/// Does the work of each index, on as many threads as there are cores, or as `RSM_MUTANTS_THREADS` says.
 fn in_parallel(count: usize, work: impl Fn(usize) + Sync) {
     let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let wanted = std::env::var("RSM_MUTANTS_THREADS").ok().and_then(|text| text.parse().ok());
+    let threads: usize = wanted.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get));
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {

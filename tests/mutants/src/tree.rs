@@ -144,13 +144,11 @@ fn compile(tree: &Path, scratch: &Path, package: &str) -> Result<Compiled, Strin
         }
         let found = &message["message"];
         if message["reason"] == "compiler-message" && found["level"] == "error" {
-            let mut places: Vec<(bool, Place)> = Vec::new();
-            for span in found["spans"].as_array().into_iter().flatten() {
-                let number = |key: &str| span[key].as_u64().unwrap_or(0) as usize;
-                let file = span["file_name"].as_str().unwrap_or_default().to_owned();
-                places.push((span["is_primary"] == false, (file, number("line_start"), number("column_start"))));
-            }
+            // The error's own place first, then the labels beside it, then its notes: a value that a left-out assignment should have given back is moved twice
+            // elsewhere, and only a note names the assignment.
+            let mut places: Vec<(bool, Place)> = spans(found);
             places.sort();
+            places.extend(found["children"].as_array().into_iter().flatten().flat_map(spans));
             let places: Vec<Place> = places.into_iter().map(|(_, place)| place).collect();
             if !places.is_empty() {
                 errors.push((found["rendered"].as_str().unwrap_or_default().to_owned(), places));
@@ -161,6 +159,16 @@ fn compile(tree: &Path, scratch: &Path, package: &str) -> Result<Compiled, Strin
         return Err(format!("cargo failed:\n{}", String::from_utf8_lossy(&output.stderr)));
     }
     Ok(Compiled { programs, errors })
+}
+
+/// The places that a message names, each with whether it stands beside the main one.
+fn spans(message: &Value) -> Vec<(bool, Place)> {
+    let place = |span: &Value| {
+        let number = |key: &str| span[key].as_u64().unwrap_or(0) as usize;
+        let file = span["file_name"].as_str().unwrap_or_default().to_owned();
+        (span["is_primary"] == false, (file, number("line_start"), number("column_start")))
+    };
+    message["spans"].as_array().into_iter().flatten().map(place).collect()
 }
 
 /// The mutants that the errors are about.
