@@ -70,6 +70,7 @@ pub fn analyse(surface: &Surface, inputs: &[Input]) -> Option<Canonical> {
     }
     let stationary = matrix.lu().solve(&(slope * -0.5))?;
     let natural = |(input, x): (&Input, &f64)| (input.name.clone(), natural(surface.coding, input, Coded(*x)).0);
+    // mutant `> to >=`: none of them is 0, which is at most 1e-14 of the largest.
     let kind = match (eigenvalues.first()? > &0.0, eigenvalues.last()? > &0.0) {
         (true, true) => Kind::Minimum,
         (false, _) => Kind::Maximum,
@@ -141,5 +142,97 @@ mod tests {
         assert_eq!(analysed(Coding::None, [-9.0, 9.0], &[([2, 0, 0], 1.0), ([1, 1, 0], 2.0), ([0, 2, 0], 1.0)], 2), None);
         assert_eq!(analysed(Coding::None, [-9.0, 9.0], &[([1, 0, 0], 1.0)], 1), None);
         assert_eq!(analysed(Coding::None, [-9.0, 9.0], &[([3, 0, 0], 1.0), ([2, 0, 0], 1.0)], 1), None);
+    }
+
+    /// The surface in natural variables, by its definition.
+    fn value(terms: &[([u32; 3], f64)], x: &[f64]) -> f64 {
+        terms
+            .iter()
+            .map(|(powers, b)| x.iter().zip(powers).fold(*b, |product, (x, power)| product * x.powi(*power as i32)))
+            .sum()
+    }
+
+    #[test]
+    fn around_the_stationary_point_the_surface_is_the_sum_of_its_curvatures() {
+        // y(x_s + d) - y(x_s) = d'Bd for every d: no slope is left. Its sum over an orthonormal basis is the sum of the eigenvalues, and over the
+        // range that coded variables have it is the same surface.
+        let mut random = crate::random::Random::new(4);
+        for inputs in 1..=3 {
+            for _ in 0..20 {
+                let mut draw = || crate::reference::whole(&mut random, 9) + 0.5;
+                let powers: [[u32; 3]; 10] = [
+                    [0, 0, 0],
+                    [1, 0, 0],
+                    [0, 1, 0],
+                    [0, 0, 1],
+                    [2, 0, 0],
+                    [1, 1, 0],
+                    [1, 0, 1],
+                    [0, 2, 0],
+                    [0, 1, 1],
+                    [0, 0, 2],
+                ];
+                let is_here = |powers: &&[u32; 3]| powers[inputs..].iter().all(|power| *power == 0);
+                let terms: Vec<([u32; 3], f64)> = powers.iter().filter(is_here).map(|powers| (*powers, draw())).collect();
+                let Some(found) = analysed(Coding::None, [-9.0, 9.0], &terms, inputs) else { continue };
+                let at: Vec<f64> = found.stationary_point.0.iter().map(|(_, x)| *x).collect();
+                let size = 1.0 + at.iter().fold(0.0f64, |size, x| size.max(x.abs()));
+                let moved = |k: usize, by: f64| {
+                    at.iter().enumerate().map(|(j, x)| if j == k { x + by } else { *x }).collect::<Vec<_>>()
+                };
+                let mut trace = 0.0;
+                for k in 0..inputs {
+                    let (above, below) = (value(&terms, &moved(k, size)), value(&terms, &moved(k, -size)));
+                    // Of 2^-53 of values of 10 * 10 * size^2, some of them.
+                    assert!((above - below).abs() < 1e-11 * size * size, "{terms:?} {found:?}");
+                    trace += ((above + below) / 2.0 - value(&terms, &at)) / (size * size);
+                }
+                assert!((trace - found.eigenvalues.iter().sum::<f64>()).abs() < 1e-11, "{terms:?} {found:?}");
+                assert!(found.eigenvalues.is_sorted_by(|a, b| a >= b) && found.eigenvalues.len() == inputs);
+                let kind = match found.eigenvalues.iter().filter(|e| **e > 0.0).count() {
+                    0 => Kind::Maximum,
+                    up if up == inputs => Kind::Minimum,
+                    _ => Kind::Saddle,
+                };
+                assert_eq!(found.kind, kind);
+                // Coded over [2, 12]: xi = 7 + 5 x.
+                let coded = analysed(Coding::Range, [2.0, 12.0], &terms, inputs).unwrap();
+                is_near(&coded.eigenvalues, &found.eigenvalues);
+                for ((_, natural), x) in coded.stationary_point.0.iter().zip(&at) {
+                    assert!((natural - (7.0 + 5.0 * x)).abs() < 1e-14 * (7.0 + 5.0 * x.abs()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_curvature_that_rounding_may_have_made_is_a_ridge() {
+        let of =
+            |a: f64, b: f64| analysed(Coding::None, [-9.0, 9.0], &[([2, 0, 0], a), ([0, 2, 0], b)], 2).map(|found| found.kind);
+        for small in [1.0, 1e-20] {
+            assert_eq!([of(small, 1e-14 * small), of(small, -0.5e-14 * small)], [None, None]);
+            assert_eq!([of(-small, -1e-14 * small), of(-small, 0.5e-14 * small)], [None, None]);
+            assert_eq!(of(small, 1.5e-14 * small), Some(Kind::Minimum));
+            assert_eq!(of(-small, -1.5e-14 * small), Some(Kind::Maximum));
+            assert_eq!([of(small, -small), of(-small, 1.5e-14 * small)], [Some(Kind::Saddle); 2]);
+            assert_eq!(of(-small, -0.5 * small), Some(Kind::Maximum));
+        }
+    }
+
+    #[test]
+    fn surfaces_of_other_forms_have_no_canonical_analysis() {
+        use rsm_core::model::{Knot, Symmetry};
+        let input = Input { name: "x".into(), unit: "1".into(), range: [1.0, 9.0], outside: Outside::Clamp };
+        let parabola = |powers: &[u32]| Surface {
+            inputs: vec!["x".into()],
+            terms: vec![Term { powers: powers.to_vec(), coefficient: 1.0 }],
+            ..Surface::default()
+        };
+        let of = |surface: &Surface| analyse(surface, std::slice::from_ref(&input)).is_some();
+        assert!(of(&parabola(&[2])));
+        assert!(!of(&Surface { symmetry: vec![("x".into(), Symmetry::Even)], ..parabola(&[2]) }));
+        assert!(!of(&Surface { reciprocal: vec!["x".into()], ..parabola(&[2]) }));
+        assert!(!of(&Surface { knots: vec![Knot { input: "x".into(), at: 5.0 }], ..parabola(&[2, 0]) }));
+        assert!(!of(&Surface { terms: Vec::new(), ..parabola(&[2]) }));
     }
 }

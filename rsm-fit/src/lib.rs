@@ -93,3 +93,6 @@ pub mod recursive;
 pub mod plan;
 
 pub mod diagnosis;
+
+#[cfg(test)]
+mod reference;

@@ -26,15 +26,14 @@ type Columns = Vec<Vec<Dd>>;
 #[derive(Debug, Clone)]
 pub struct Compressed {
     columns: Columns,
-    rows_seen: usize,
-    pending: usize,
+    rows: usize,
 }
 
 impl Compressed {
     /// No rows yet; `width` counts the response.
     #[must_use]
     pub fn new(width: usize) -> Self {
-        Compressed { columns: vec![Vec::new(); width], rows_seen: 0, pending: 0 }
+        Compressed { columns: vec![Vec::new(); width], rows: 0 }
     }
 
     /// Takes a row in: the terms, then the response.
@@ -45,9 +44,9 @@ impl Compressed {
             count += 1;
         }
         assert_eq!(count, self.columns.len(), "a row has a number for every column");
-        self.rows_seen += 1;
-        self.pending += 1;
-        if self.pending >= BLOCK.max(self.columns.len()) {
+        self.rows += 1;
+        let width = self.columns.len();
+        if self.columns[0].len() >= width + BLOCK.max(width) {
             self.reduce();
         }
     }
@@ -55,12 +54,12 @@ impl Compressed {
     /// How many rows were taken in.
     #[must_use]
     pub fn rows(&self) -> usize {
-        self.rows_seen
+        self.rows
     }
 
     fn reduce(&mut self) {
         let width = self.columns.len();
-        for k in 0..width.min(self.columns[0].len()) {
+        for k in 0..width {
             let (before, after) = self.columns.split_at_mut(k + 1);
             if let Some(reflection) = Reflection::of(&mut before[k], k) {
                 for column in after {
@@ -71,17 +70,16 @@ impl Compressed {
         for column in &mut self.columns {
             column.truncate(width);
         }
-        self.pending = 0;
     }
 
     /// The triangle, as columns of at most as many rows as there are columns.
     #[must_use]
     pub fn finish(mut self) -> Triangle {
         // Fewer rows than columns are small already.
-        if self.rows_seen > self.columns.len() {
+        if self.rows > self.columns.len() {
             self.reduce();
         }
-        Triangle { columns: self.columns, rows: self.rows_seen }
+        Triangle { columns: self.columns, rows: self.rows }
     }
 }
 
@@ -105,12 +103,7 @@ impl Triangle {
                 column.extend(more);
             }
         }
-        let rows = parts.iter().map(|part| part.rows).sum();
-        let mut all = Compressed { columns, rows_seen: rows, pending: 0 };
-        if all.columns[0].len() > all.columns.len() {
-            all.reduce();
-        }
-        Triangle { columns: all.columns, rows }
+        Compressed { columns, rows: parts.iter().map(|part| part.rows).sum() }.finish()
     }
 
     /// How many rows went in.
@@ -161,6 +154,7 @@ impl Reflection {
         }
         let norm = (tail[0] * tail[0] + below).sqrt();
         // The sign that adds, so that nothing cancels.
+        // mutant `> to >=`: nothing is added to 0, so either sign does.
         let turned = if tail[0] > Dd::ZERO { -norm } else { norm };
         let mut v = tail.to_vec();
         v[0] = tail[0] - turned;
@@ -424,53 +418,4 @@ impl Growing {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn triangle(rows: &[[f64; 4]]) -> Triangle {
-        let mut compressed = Compressed::new(4);
-        for row in rows {
-            compressed.push(row.map(Dd::from));
-        }
-        compressed.finish()
-    }
-
-    #[test]
-    fn a_line_through_points_that_lie_on_one() {
-        // y = 3 - 2 x, with x^2 as third candidate; more rows than a block, so that the triangle is folded in.
-        let rows: Vec<[f64; 4]> = (0..1500).map(|k| f64::from(k) / 8.0).map(|x| [1.0, x, x * x, 3.0 - 2.0 * x]).collect();
-        let triangle = triangle(&rows);
-        assert_eq!(triangle.rows(), 1500);
-        let mut growing = Growing::new(&triangle);
-        growing.add(0).unwrap();
-        let ahead = growing.coefficients_with(1).unwrap();
-        growing.add(1).unwrap();
-        for found in [ahead, growing.coefficients()] {
-            assert_eq!(found.iter().map(|x| x.to_f64()).collect::<Vec<_>>(), [3.0, -2.0]);
-        }
-        assert!(growing.residual_square().to_f64() < 1e-40);
-    }
-
-    #[test]
-    fn a_column_that_others_make_up_is_named_with_them() {
-        // Third column = first + 2 second; the fourth candidate is free.
-        let rows: Vec<[f64; 4]> = (0..9).map(f64::from).map(|x| [0.1, x.sin(), 0.1 + 2.0 * x.sin(), x]).collect();
-        let triangle = triangle(&rows);
-        let dependent = Growing::of(&triangle, &[1, 0, 2]).unwrap_err();
-        assert_eq!(dependent.candidates, [1, 0, 2]);
-        assert!(dependent.condition > 1e14);
-        // Fewer rows than columns is the same case.
-        assert_eq!(Growing::of(&self::triangle(&rows[1..2]), &[0, 1]).unwrap_err().candidates, [0, 1]);
-    }
-
-    #[test]
-    fn leverages_sum_to_the_number_of_terms() {
-        let rows: Vec<[f64; 4]> = (0..20).map(f64::from).map(|x| [1.0, x, x * x, x.cos()]).collect();
-        let growing = Growing::of(&triangle(&rows), &[0, 1, 2]).unwrap();
-        let sum: Dd = rows.iter().map(|row| growing.leverage(&[row[0], row[1], row[2]].map(Dd::from))).sum();
-        assert!((sum.to_f64() - 3.0).abs() < 1e-15);
-        // The variance of the mean of 20: 1/20 for a constant alone.
-        let mean = Growing::of(&triangle(&rows), &[0]).unwrap();
-        assert!((mean.variances()[0].to_f64() - 0.05).abs() < 1e-17);
-    }
-}
+mod tests;

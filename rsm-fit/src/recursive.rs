@@ -68,7 +68,7 @@ impl RecursiveLeastSquares {
             if new[k] == Dd::ZERO {
                 continue;
             }
-            // The rotation that takes new[k] into the diagonal.
+            // The rotation that takes new[k] into the diagonal, which is never negative.
             let radius = (old[k] * old[k] + new[k] * new[k]).sqrt();
             let (cosine, sine) = (old[k] / radius, new[k] / radius);
             for (above, below) in old.iter_mut().zip(&mut new).skip(k) {
@@ -93,7 +93,7 @@ impl RecursiveLeastSquares {
         let mut b = vec![Dd::ZERO; terms];
         for k in (0..terms).rev() {
             let diagonal = self.triangle[k][k];
-            if diagonal.abs().to_f64() <= DEPENDENT * self.squares[k].sqrt().to_f64() {
+            if diagonal.to_f64() <= DEPENDENT * self.squares[k].sqrt().to_f64() {
                 return None;
             }
             let known: Dd = (k + 1..terms).map(|j| self.triangle[k][j] * b[j]).sum();
@@ -110,61 +110,4 @@ impl RecursiveLeastSquares {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_constant_is_followed_and_the_old_one_forgotten() {
-        // Weighted mean with weights 0.5^age: after 2, 2, 6 it is (6 + 0.5 2 + 0.25 2)/(1 + 0.5 + 0.25) = 7.5/1.75.
-        let mut state = RecursiveLeastSquares::new(1, 0.5);
-        assert_eq!(state.coefficients(), None);
-        for y in [2.0, 2.0, 6.0] {
-            assert!(state.update(&[Dd::ONE], y));
-        }
-        assert_eq!(state.coefficients(), Some(vec![7.5 / 1.75]));
-    }
-
-    #[test]
-    fn what_is_forgotten_counts_for_nothing() {
-        // The weighted square about the weighted mean of 2, 2, 6: (1/4 + 1/2) (2 - m)^2 + (6 - m)^2 with m = 7.5/1.75.
-        let mut state = RecursiveLeastSquares::new(1, 0.5);
-        for y in [2.0, 2.0, 6.0] {
-            state.update(&[Dd::ONE], y);
-        }
-        let mean: f64 = 7.5 / 1.75;
-        let expected = 0.75 * (2.0 - mean).powi(2) + (6.0 - mean).powi(2);
-        assert!((state.residual_square() / expected - 1.0).abs() < 1e-14, "{}", state.residual_square());
-        // A line through two points, then one point for a thousand rows: the other has a weight of 0.9^1000 and tells nothing.
-        let row = |x: f64| [Dd::ONE, Dd::from(x)];
-        let mut state = RecursiveLeastSquares::new(2, 0.9);
-        state.update(&row(1.0), 1.0);
-        state.update(&row(3.0), 2.0);
-        assert!(state.coefficients().is_some());
-        for _ in 0..1000 {
-            state.update(&row(3.0), 2.0);
-        }
-        assert_eq!(state.coefficients(), None);
-        // And a row that was 10^16 times larger does not hide what the new ones tell.
-        let mut state = RecursiveLeastSquares::new(2, 0.5);
-        state.update(&row(1e16), 1.0);
-        for k in 0..400 {
-            let x = f64::from(k % 2);
-            state.update(&row(x), 5.0 - 2.0 * x);
-        }
-        let found = state.coefficients().expect("the large row is forgotten");
-        assert!((found[0] - 5.0).abs() < 1e-12 && (found[1] + 2.0).abs() < 1e-12, "{found:?}");
-    }
-
-    #[test]
-    fn there_is_no_answer_before_the_rows_determine_it_and_none_is_lost_to_a_bad_row() {
-        let mut state = RecursiveLeastSquares::new(2, 1.0);
-        let row = |x: f64| [Dd::ONE, Dd::from(x)];
-        state.update(&row(3.0), 7.0);
-        state.update(&row(3.0), 7.0);
-        assert_eq!(state.coefficients(), None);
-        assert!(!state.update(&row(f64::NAN), 1.0) && !state.update(&row(1.0), f64::INFINITY));
-        state.update(&row(5.0), 11.0);
-        assert_eq!(state.coefficients(), Some(vec![1.0, 2.0]));
-        assert_eq!((state.rows(), state.residual_square()), (3, 0.0));
-    }
-}
+mod tests;

@@ -172,3 +172,69 @@ impl std::fmt::Display for Verdict {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_verdict_asks_each_criterion_at_its_limit() {
+        let good =
+            Criterion { wanted: 90.0, centred: Some(0.95), explained: Some(0.75), is_lacking: false, has_no_spread: false };
+        let (confidence, wanted) = (95.0, 90.0);
+        let reached = Verdict::Reached { confidence, wanted };
+        let about_zero = |why| Verdict::ReachedAboutZero { confidence, wanted, why };
+        let of = |asked: &Criterion| of_ladder(Some(confidence), asked);
+        assert_eq!(of(&good), reached);
+        // C about zero: at the wanted one, below it, and none.
+        assert_eq!(of_ladder(Some(90.0), &good), Verdict::Reached { confidence: 90.0, wanted });
+        assert_eq!(of_ladder(Some(89.5), &good), Verdict::NotReached { best: 89.5, wanted });
+        assert_eq!(of_ladder(None, &good), Verdict::NotReached { best: f64::NEG_INFINITY, wanted });
+        // On rows that chose nothing: a half, less, and no such rows.
+        assert_eq!(of(&Criterion { explained: Some(0.5), ..good }), reached);
+        assert_eq!(of(&Criterion { explained: Some(0.4375), ..good }), about_zero(AboutZero::ExplainsLittle { share: 0.4375 }));
+        let nobody = Criterion { explained: None, ..good };
+        assert_eq!(of(&nobody), about_zero(AboutZero::NobodyJudges));
+        assert_eq!(of(&Criterion { has_no_spread: true, ..nobody }), reached, "nothing is to be explained");
+        // C about the mean matters only where a lack of fit is significant.
+        let below = Criterion { centred: Some(0.875), ..good };
+        assert_eq!(of(&below), reached);
+        assert_eq!(of(&Criterion { is_lacking: true, ..below }), about_zero(AboutZero::LacksFit { centred: 87.5 }));
+        assert_eq!(of(&Criterion { is_lacking: true, centred: Some(0.90625), ..good }), reached);
+        assert_eq!(
+            of(&Criterion { is_lacking: true, centred: Some(0.75), wanted: 75.0, ..good }),
+            Verdict::Reached { confidence, wanted: 75.0 }
+        );
+        assert_eq!(of(&Criterion { is_lacking: true, centred: None, ..good }), reached);
+    }
+
+    #[test]
+    fn every_verdict_has_its_words() {
+        let told = |verdict: Verdict| verdict.to_string();
+        let (confidence, wanted) = (95.0, 90.0);
+        assert_eq!(told(Verdict::Fitted), "fitted");
+        assert_eq!(told(Verdict::Reached { confidence, wanted }), "confidence 95.0000 % reached (90 % wanted)");
+        assert_eq!(told(Verdict::NotReached { best: 81.5, wanted }), "confidence 90 % not reached, best 81.5000 %");
+        let about_zero = |why| told(Verdict::ReachedAboutZero { confidence, wanted, why });
+        let begin = "confidence 95.0000 % about zero (90 % wanted), but not reached about the mean: ";
+        for (why, words) in [
+            (
+                AboutZero::ExplainsLittle { share: 0.125 },
+                "on rows that chose nothing it explains 12.5 % of the spread about the mean, 50 % wanted",
+            ),
+            (AboutZero::LacksFit { centred: 87.5 }, "87.5000 % of the spread about it, and a significant lack of fit"),
+            (AboutZero::NobodyJudges, "no rows are left that chose nothing"),
+        ] {
+            assert_eq!(about_zero(why), format!("{begin}{words}"));
+        }
+        let infeasible = |is_certain| told(Verdict::Infeasible { constraints: vec!["a".into(), "b".into()], is_certain });
+        assert_eq!(infeasible(true), "infeasible: no coefficients of the chosen terms keep: a; b");
+        assert_eq!(infeasible(false), "not proven to keep over the whole region: a; b");
+        assert_eq!(
+            told(Verdict::IllConditioned { condition: 2e15, columns: vec!["x".into(), "z".into()] }),
+            "ill-conditioned (2.0e15): the data cannot tell apart the terms x, z; vary their inputs independently or drop a term"
+        );
+        let who = [ChosenBy::Nobody, ChosenBy::Validation, ChosenBy::LeftOut { parts: 5 }, ChosenBy::FittedRows];
+        assert!(who.iter().enumerate().all(|(k, one)| who[..k].iter().all(|other| other.words() != one.words())));
+    }
+}

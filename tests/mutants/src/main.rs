@@ -19,13 +19,14 @@ use instrument::Mutant;
 use judge::Fate;
 
 const USAGE: &str = "\
-usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--list]
+usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--unit] [--list]
   --package NAME    rsm-core, rsm-fit or rsm-lab; without it all three, each with the files that are listed below
   --file PART       only files whose name contains PART (several may be given)
   --function NAME   only mutants inside this function
   --line N          only mutants of this line
   --change TEXT     only this change, as it is printed
   --sample N        N mutants only, spread evenly over all
+  --unit            only the unit tests of the library: nothing else is compiled or run, and what they leave is known in minutes
   --list            names the mutants, runs no test
 A mutant that means the same is argued in a comment on its line or right above: // mutant `< to <=`: why no test can notice it";
 
@@ -59,6 +60,7 @@ struct Request {
     line: Option<usize>,
     change: Option<String>,
     sample: Option<usize>,
+    unit: bool,
     list: bool,
 }
 
@@ -89,9 +91,16 @@ fn main() -> ExitCode {
 fn request(mut words: impl Iterator<Item = String>) -> Result<Request, String> {
     let mut request = Request::default();
     while let Some(word) = words.next() {
-        if word == "--list" {
-            request.list = true;
-            continue;
+        match word.as_str() {
+            "--list" => {
+                request.list = true;
+                continue;
+            }
+            "--unit" => {
+                request.unit = true;
+                continue;
+            }
+            _ => {}
         }
         let value = words.next().ok_or_else(|| format!("{word} wants a value"))?;
         let number = || value.parse::<usize>().map_err(|_| format!("{word} wants a number, found {value}"));
@@ -122,7 +131,7 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     println!("{package}: {} files", files.len());
     let scratch = request.scratch.join(package);
     std::fs::create_dir_all(&scratch).map_err(|error| format!("{}: {error}", scratch.display()))?;
-    let built = tree::build(&request.root, &scratch, package, &files)?;
+    let built = tree::build(&request.root, &scratch, package, &files, request.unit)?;
     let texts = texts(&request.root, &files)?;
     let wanted = |mutant: &&Mutant| {
         request.function.as_ref().is_none_or(|name| *name == mutant.function)

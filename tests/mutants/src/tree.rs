@@ -26,8 +26,8 @@ pub(crate) struct Built {
     pub(crate) folder: PathBuf,
 }
 
-/// Copies, changes and compiles.
-pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String]) -> Result<Built, String> {
+/// Copies, changes and compiles. `unit`: the unit tests of the library alone.
+pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String], unit: bool) -> Result<Built, String> {
     // One folder deeper than the copy stands what the tests read beside the workspace.
     let tree = scratch.join("tree").join("workspace");
     let beside = scratch.join("tree").join("shared");
@@ -61,7 +61,7 @@ pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String]
         let from = if changed.contains(&library) { tree.join(&library) } else { root.join(&library) };
         let text = std::fs::read_to_string(from).map_err(|error| format!("{library}: {error}"))?;
         write(&tree.join(&library), format!("{text}\nmod mutant_switch;\n").as_bytes())?;
-        let Compiled { programs, errors } = compile(&tree, scratch, package)?;
+        let Compiled { programs, errors } = compile(&tree, scratch, package, unit)?;
         if errors.is_empty() {
             return Ok(Built { mutants, refused: left_out.len(), programs, folder: tree.join(package) });
         }
@@ -122,9 +122,13 @@ struct Compiled {
 }
 
 /// Compiles the tests of the copy.
-fn compile(tree: &Path, scratch: &Path, package: &str) -> Result<Compiled, String> {
+fn compile(tree: &Path, scratch: &Path, package: &str, unit: bool) -> Result<Compiled, String> {
+    // Unit tests take seconds without optimisation, and a package with its switches takes minutes to optimise.
+    let plain = format!("--config=profile.dev.package.{package}.opt-level=0");
+    let targets: &[&str] = if unit { &["--lib", &plain] } else { &["--lib", "--tests"] };
     let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-        .args(["test", "-p", package, "--lib", "--tests", "--no-run", "--message-format=json"])
+        .args(["test", "-p", package, "--no-run", "--message-format=json"])
+        .args(targets)
         .current_dir(tree)
         .env("CARGO_TARGET_DIR", scratch.join("build"))
         // A changed program has code that a lint refuses: unused results, comparisons that are always true.

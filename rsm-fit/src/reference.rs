@@ -1,0 +1,127 @@
+//! Least squares by normal equations in exact rational arithmetic: what the double-double way is compared with.
+//!
+//! In: rows, responses and weights, as rational numbers. Out: coefficients, (X'WX)^-1, sums of squares, all exact. Shares nothing with `qr.rs`: no
+//! reflection, no root, no rounding. For tests alone.
+
+use num_traits::ToPrimitive;
+use rsm_core::number::{Rational, exact, integer};
+
+use crate::dd::Dd;
+use crate::random::Random;
+
+/// Rows of terms, responses and weights.
+#[derive(Debug, Clone)]
+pub(crate) struct Problem {
+    pub rows: Vec<Vec<Rational>>,
+    pub response: Vec<Rational>,
+    pub weights: Vec<Rational>,
+}
+
+/// The answer.
+#[derive(Debug)]
+pub(crate) struct Answer {
+    pub coefficients: Vec<Rational>,
+    /// (X'WX)^-1.
+    pub inverse: Vec<Vec<Rational>>,
+    pub residual_square: Rational,
+}
+
+impl Problem {
+    pub fn of(rows: &[Vec<f64>], response: &[f64]) -> Self {
+        let all = |values: &[f64]| values.iter().map(|value| exact(*value)).collect::<Vec<Rational>>();
+        Problem {
+            rows: rows.iter().map(|row| all(row)).collect(),
+            response: all(response),
+            weights: vec![integer(1); response.len()],
+        }
+    }
+
+    pub fn weighted(self, weights: &[f64]) -> Self {
+        Problem { weights: weights.iter().map(|weight| exact(*weight)).collect(), ..self }
+    }
+
+    /// Some of the columns.
+    pub fn only(&self, columns: &[usize]) -> Self {
+        let rows = self.rows.iter().map(|row| columns.iter().map(|k| row[*k].clone()).collect()).collect();
+        Problem { rows, ..self.clone() }
+    }
+
+    /// All rows but one.
+    pub fn without(&self, row: usize) -> Self {
+        let mut other = self.clone();
+        other.rows.remove(row);
+        other.response.remove(row);
+        other.weights.remove(row);
+        other
+    }
+
+    /// sum of weight (response - row b)^2.
+    pub fn left_by(&self, coefficients: &[Rational]) -> Rational {
+        let each = self.rows.iter().zip(&self.response).zip(&self.weights);
+        each.map(|((row, y), weight)| {
+            let error = y - dot(row, coefficients);
+            weight * &error * &error
+        })
+        .sum()
+    }
+
+    /// None where the columns make each other up.
+    pub fn solve(&self) -> Option<Answer> {
+        let width = self.rows.first().map_or(0, Vec::len);
+        let sum =
+            |of: &dyn Fn(usize) -> Rational| (0..self.rows.len()).map(|row| of(row) * &self.weights[row]).sum::<Rational>();
+        // X'WX beside the unit matrix, then Gauss and Jordan.
+        let mut lines: Vec<Vec<Rational>> = (0..width)
+            .map(|a| {
+                let square = (0..width).map(|b| sum(&|row| &self.rows[row][a] * &self.rows[row][b]));
+                square.chain((0..width).map(|b| integer(i64::from(a == b)))).collect()
+            })
+            .collect();
+        for k in 0..width {
+            let pivot = (k..width).find(|row| lines[*row][k] != integer(0))?;
+            lines.swap(k, pivot);
+            let scale = lines[k][k].clone();
+            lines[k].iter_mut().for_each(|entry| *entry = &*entry / &scale);
+            for other in (0..width).filter(|other| *other != k) {
+                let factor = lines[other][k].clone();
+                for entry in 0..2 * width {
+                    let part = &factor * &lines[k][entry];
+                    lines[other][entry] -= part;
+                }
+            }
+        }
+        let inverse: Vec<Vec<Rational>> = lines.into_iter().map(|line| line[width..].to_vec()).collect();
+        let right: Vec<Rational> = (0..width).map(|a| sum(&|row| &self.rows[row][a] * &self.response[row])).collect();
+        let coefficients: Vec<Rational> = inverse.iter().map(|line| dot(line, &right)).collect();
+        let residual_square = self.left_by(&coefficients);
+        Some(Answer { coefficients, inverse, residual_square })
+    }
+}
+
+impl Answer {
+    /// x (X'WX)^-1 x'.
+    pub fn leverage(&self, row: &[Rational]) -> Rational {
+        dot(row, &self.inverse.iter().map(|line| dot(line, row)).collect::<Vec<_>>())
+    }
+}
+
+pub(crate) fn dot(a: &[Rational], b: &[Rational]) -> Rational {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// The exact value of a double-double, as far as its public face tells: its high part, and what is left below.
+pub(crate) fn rational(value: Dd) -> Rational {
+    let high = value.to_f64();
+    exact(high) + exact((value - Dd::from(high)).to_f64())
+}
+
+/// Whether two numbers agree to a share of the second, or of 1 where that is smaller.
+pub(crate) fn agree(found: &Rational, expected: &Rational, share: f64) -> bool {
+    let scale = expected.to_f64().expect("a number").abs().max(1.0);
+    (found - expected).to_f64().expect("a number").abs() <= share * scale
+}
+
+/// Whole numbers from -`largest` to `largest`.
+pub(crate) fn whole(random: &mut Random, largest: u64) -> f64 {
+    random.below(2 * largest + 1) as f64 - largest as f64
+}

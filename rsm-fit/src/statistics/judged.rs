@@ -1,0 +1,99 @@
+//! Errors on rows that were not fitted: sums of them, which add up over parts, and their figures.
+//!
+//! In: a model as it is written, saturated, and rows. Out: [`Judged`]. A row counts by its place in the range, as an evaluator sees it. Never
+//! fits anything.
+
+use super::{Observations, ValidationStatistics, lack, value};
+use crate::dd::Dd;
+use crate::design::Design;
+
+/// Sums of the errors of a model on rows that were not fitted. Sums of several parts add up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Judged {
+    rows: usize,
+    absolute: Dd,
+    largest: f64,
+    square: Dd,
+    lack: Dd,
+    about_zero: Dd,
+    about_mean: Dd,
+}
+
+impl Judged {
+    /// Nothing judged yet.
+    pub const NOTHING: Judged = Judged {
+        rows: 0,
+        absolute: Dd::ZERO,
+        largest: 0.0,
+        square: Dd::ZERO,
+        lack: Dd::ZERO,
+        about_zero: Dd::ZERO,
+        about_mean: Dd::ZERO,
+    };
+
+    /// The errors of a model as it is written, saturated, on some rows. `mean`: what would be predicted without a surface.
+    #[must_use]
+    pub fn of(
+        design: &Design,
+        coefficients: &[f64],
+        output_range: Option<[f64; 2]>,
+        observations: Observations<'_>,
+        mean: Dd,
+    ) -> Self {
+        let coefficients: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
+        let saturated = |y: Dd| match output_range.map(|range| range.map(Dd::from)) {
+            Some([low, _]) if y < low => low,
+            Some([_, high]) if y > high => high,
+            _ => y,
+        };
+        let predict = |row: usize| saturated(value(&design.row(&observations.point(row)), &coefficients));
+        let predictions: Vec<Dd> = (0..observations.response.len()).map(predict).collect();
+        let mut judged = Judged { rows: observations.response.len(), ..Judged::NOTHING };
+        for (prediction, y) in predictions.iter().zip(observations.response) {
+            let error = (Dd::from(*y) - *prediction).abs();
+            judged.absolute += error;
+            judged.square += error * error;
+            judged.largest = error.to_f64().max(judged.largest);
+        }
+        (judged.lack, judged.about_zero) = lack(observations, &predictions);
+        let none = vec![mean; observations.response.len()];
+        judged.about_mean = lack(observations, &none).0;
+        judged
+    }
+
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Judged) -> Self {
+        Judged {
+            rows: self.rows + other.rows,
+            absolute: self.absolute + other.absolute,
+            largest: self.largest.max(other.largest),
+            square: self.square + other.square,
+            lack: self.lack + other.lack,
+            about_zero: self.about_zero + other.about_zero,
+            about_mean: self.about_mean + other.about_mean,
+        }
+    }
+
+    /// The share of the spread about the mean that the surface explains, replicates taken by their means; negative where the mean alone
+    /// does better. `None` where there is no spread.
+    #[must_use]
+    pub fn explained(&self) -> Option<f64> {
+        let explained = (Dd::ONE - self.lack / self.about_mean).to_f64();
+        (self.rows > 0 && explained.is_finite()).then_some(explained)
+    }
+
+    /// The figures. None without rows.
+    #[must_use]
+    pub fn statistics(&self) -> Option<ValidationStatistics> {
+        let count = Dd::from(self.rows as f64);
+        let confidence = 100.0 - 100.0 * (self.lack / self.about_zero).to_f64();
+        (self.rows > 0).then(|| ValidationStatistics {
+            rows: self.rows,
+            mean_abs_error: (self.absolute / count).to_f64(),
+            max_abs_error: self.largest,
+            rmse: (self.square / count).sqrt().to_f64(),
+            confidence_c: confidence.is_finite().then_some(confidence),
+        })
+    }
+}
