@@ -117,7 +117,7 @@ const MOST_FOR_EXCHANGE: usize = 12;
 /// The order of the first rung: 1, or the lowest that there is where odd symmetry asks for more.
 #[must_use]
 pub fn first_rung(terms: &[Vec<u32>]) -> u32 {
-    terms.iter().map(|powers| order(powers)).min().unwrap_or(0).max(1)
+    terms.iter().map(|powers| order(powers)).min().map_or(1, |lowest| lowest.max(1))
 }
 
 /// One climb: a problem that grows, and the order that is open.
@@ -228,9 +228,9 @@ impl Ladder<'_> {
     }
 
     /// Takes out terms one at a time, the least missed first, while C is still reached. The constant is not a regressor and
-    /// stays.
+    /// stays. No terms at all have a C of 0.
     fn prune(&self, climb: &mut Climb) {
-        while climb.chosen.len() > 1 {
+        loop {
             let without = |out: &usize| -> Option<Climb> {
                 let chosen: Vec<usize> = climb.chosen.iter().copied().filter(|term| term != out).collect();
                 let rating = self.rating_of(&chosen).filter(|rating| rating.reaches(self.wanted))?;
@@ -248,7 +248,7 @@ impl Ladder<'_> {
     fn exchange(&self, climb: &mut Climb) -> bool {
         let regressors: Vec<usize> = climb.chosen.iter().copied().filter(|term| order(&self.terms[*term]) > 0).collect();
         let [Part { fit: None, rows }] = &self.judge.parts[..] else { return false };
-        if regressors.len() < 2 || climb.chosen.len() > MOST_FOR_EXCHANGE {
+        if climb.chosen.len() > MOST_FOR_EXCHANGE {
             return false;
         }
         for (k, first) in regressors.iter().enumerate() {
@@ -275,3 +275,6 @@ impl Ladder<'_> {
         false
     }
 }
+
+#[cfg(test)]
+mod tests;
