@@ -46,7 +46,8 @@ impl Compressed {
         assert_eq!(count, self.columns.len(), "a row has a number for every column");
         self.rows += 1;
         let width = self.columns.len();
-        if self.columns[0].len() >= width + BLOCK.max(width) {
+        let height = self.columns.first().expect("the response, at least").len();
+        if height >= width + BLOCK.max(width) {
             self.reduce();
         }
     }
@@ -315,18 +316,17 @@ impl Growing {
         Some(rest)
     }
 
-    /// The norm of the part of a candidate that the chosen ones do not make up.
+    /// The norm of the part of a candidate that the chosen ones do not make up. There are never more chosen ones than rows.
     fn own_part(&self, candidate: usize) -> Result<Dd, Dependent> {
         let k = self.chosen.len();
         let column = &self.columns[candidate];
-        let own = column.get(k..).unwrap_or(&[]).iter().map(|x| *x * *x).sum::<Dd>().sqrt();
+        let own = column[k..].iter().map(|x| *x * *x).sum::<Dd>().sqrt();
         let norm = self.norms[candidate];
         if own.to_f64() > DEPENDENT * norm {
             return Ok(own);
         }
         // How the chosen ones make it up: R w = column. Those with a share above the threshold's root count as involved.
-        let mut weights: Vec<Dd> = column[..k.min(column.len())].to_vec();
-        weights.resize(k, Dd::ZERO);
+        let mut weights: Vec<Dd> = column[..k].to_vec();
         self.back_substitute(&mut weights);
         let share = |(weight, chosen): &(&Dd, &usize)| weight.to_f64().abs() * self.norms[**chosen] > DEPENDENT.sqrt() * norm;
         let mut candidates: Vec<usize> = weights.iter().zip(&self.chosen).filter(share).map(|(_, chosen)| *chosen).collect();
@@ -388,7 +388,7 @@ impl Growing {
     #[must_use]
     pub fn residual_square(&self) -> Dd {
         let response = &self.columns[self.columns.len() - 1];
-        response.get(self.chosen.len()..).unwrap_or(&[]).iter().map(|x| *x * *x).sum()
+        response[self.chosen.len()..].iter().map(|x| *x * *x).sum()
     }
 
     /// The diagonal of (X'X)^-1.

@@ -96,7 +96,8 @@ impl RecursiveLeastSquares {
             if diagonal.to_f64() <= DEPENDENT * self.squares[k].sqrt().to_f64() {
                 return None;
             }
-            let known: Dd = (k + 1..terms).map(|j| self.triangle[k][j] * b[j]).sum();
+            // What is not known yet is 0.
+            let known: Dd = self.triangle[k].iter().zip(&b).map(|(r, b)| *r * *b).sum();
             b[k] = (self.triangle[k][terms] - known) / diagonal;
         }
         Some(b.into_iter().map(Dd::to_f64).collect())

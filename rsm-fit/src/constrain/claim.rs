@@ -221,3 +221,6 @@ fn kinks(k: usize, surface: &Surface, pieces: &[Piece], halves: &[Rational], sig
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

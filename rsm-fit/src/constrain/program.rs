@@ -67,8 +67,8 @@ pub(super) fn shortest(rows: &[Row], width: usize) -> Solution {
     let heaviest = found.z.iter().copied().fold(0.0, f64::max);
     let heavy = |share: f64| (0..rows.len()).filter(|k| found.z[*k] > share * heaviest).collect::<Vec<usize>>();
     match found.status {
-        // The multipliers are then the proof: a sum of rows that no c fulfils. A tenth: the rows that matter in it.
-        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Solution::Infeasible(heavy(0.1)),
+        // The multipliers are then the proof: a sum of rows that no c fulfils.
+        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Solution::Infeasible(heavy(NO_MULTIPLIER)),
         SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress => {
             let guess = heavy(NO_MULTIPLIER);
             match polished(rows, width, guess.clone(), largest) {
@@ -164,51 +164,4 @@ fn multipliers(rows: &[Row], active: &mut Vec<usize>) -> Vec<Dd> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn row(normal: [f64; 2], distance: f64) -> Row {
-        let length = Dd::from(normal[0] * normal[0] + normal[1] * normal[1]).sqrt();
-        Row { normal: normal.map(|n| Dd::from(n) / length).to_vec(), distance: Dd::from(distance) / length }
-    }
-
-    fn solved(rows: &[Row]) -> ([f64; 2], Vec<usize>) {
-        match shortest(rows, 2) {
-            Solution::Shortest { c, active } => ([c[0].to_f64(), c[1].to_f64()], active),
-            other => panic!("{other:?}"),
-        }
-    }
-
-    #[test]
-    fn hand_worked_programs_are_met_to_the_last_digit() {
-        // The foot of the perpendicular on x + 2 y = 5; the second row does not matter, nor does the double of the first.
-        let rows = [row([1.0, 2.0], 5.0), row([1.0, 0.0], -3.0), row([2.0, 4.0], 10.0)];
-        assert_eq!(solved(&rows).0, [1.0, 2.0]);
-        // A corner: x >= 3, y >= 4, x + y >= 5 is implied.
-        let rows = [row([1.0, 0.0], 3.0), row([0.0, 1.0], 4.0), row([1.0, 1.0], 5.0)];
-        assert_eq!(solved(&rows), ([3.0, 4.0], vec![0, 1]));
-        assert_eq!(solved(&[row([1.0, 0.0], 0.0)]), ([0.0, 0.0], vec![]));
-    }
-
-    #[test]
-    fn rows_that_contradict_each_other_are_named() {
-        let rows = [row([1.0, 0.0], 1.0), row([0.0, 1.0], -7.0), row([-1.0, 0.0], 0.5)];
-        let Solution::Infeasible(rows) = shortest(&rows, 2) else { panic!("x >= 1 and x <= -0.5") };
-        assert_eq!(rows, [0, 2]);
-    }
-
-    #[test]
-    fn nearly_parallel_rows_are_told_apart_to_the_last_digit() {
-        // Rows a thousandth of a radian apart that ask n . (c - (2, 0)) >= 1: by symmetry c is on the axis, and the outermost, at
-        // 0.5 rad, ask most of it: c = 2 + 1/cos 0.5.
-        let rows: Vec<Row> = (-500..=500)
-            .map(|k| f64::from(k) * 1e-3)
-            .map(|angle| row([angle.cos(), angle.sin()], 2.0 * angle.cos() + 1.0))
-            .collect();
-        let (c, active) = solved(&rows);
-        assert_eq!(active.len(), 2);
-        assert!(active.contains(&0) && active.contains(&1000), "{active:?}");
-        // One rounding of cos 0.5 and of the quotient; the solver alone is 10^-10 off.
-        assert!((c[0] - (2.0 + 1.0 / 0.5f64.cos())).abs() < 1e-15 && c[1].abs() < 1e-15, "{c:?}");
-    }
-}
+mod tests;

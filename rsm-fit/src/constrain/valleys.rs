@@ -110,28 +110,4 @@ impl Landscape {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rsm_core::interval::Interval;
-
-    #[test]
-    fn both_valleys_of_a_double_well_are_found_and_only_inside() {
-        // (x^2 - 1/4)^2 + (y - x/2)^2 - 1/10 over [-1, 1]: minima -1/10 at (1/2, 1/4) and (-1/2, -1/4).
-        let term = |powers: [u32; 2], value: f64| Monomial { powers: powers.to_vec(), coefficient: Interval::point(value) };
-        let terms =
-            [term([4, 0], 1.0), term([2, 0], -0.5 + 0.25), term([0, 2], 1.0), term([1, 1], -1.0), term([0, 0], 0.0625 - 0.1)];
-        let landscape = Landscape::new(&terms, vec![[-1.0, 1.0]; 2]);
-        let starts: Vec<Vec<f64>> = (0..9).map(|k| vec![f64::from(k % 3) / 2.0, f64::from(k / 3) / 2.0]).collect();
-        let found = landscape.below(0.0, &starts, &|_| true);
-        assert_eq!(found.len(), 2, "{found:?}");
-        for valley in &found {
-            let sign = if valley.shares[0] > 0.5 { 1.0 } else { -1.0 };
-            // The last step is 5e-4 of a side; the vertex is far nearer.
-            assert!((valley.shares[0] - (0.5 + 0.25 * sign)).abs() < 5e-4, "{valley:?}");
-            assert!((valley.shares[1] - (0.5 + 0.125 * sign)).abs() < 5e-4, "{valley:?}");
-            assert!((valley.value + 0.1).abs() < 1e-6, "{valley:?}");
-        }
-        assert_eq!(landscape.below(0.0, &starts, &|shares| shares[0] >= 0.5).len(), 1);
-        assert!(landscape.below(-0.11, &starts, &|_| true).is_empty());
-    }
-}
+mod tests;

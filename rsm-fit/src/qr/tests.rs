@@ -213,9 +213,9 @@ fn few_rows_stay_as_they_are() {
 
 #[test]
 fn a_column_that_is_nearly_turned_already_loses_no_digit() {
-    // The norm of (1, 1e-9) is 1 + 5e-19: a difference of the two would keep 14 digits of 32.
+    // The norm of (1, 1e-14) is 1 + 5e-29: a difference of the two would keep 4 digits of 32.
     for sign in [1.0, -1.0] {
-        let rows = vec![vec![sign, 1.0], vec![1e-9, 2.0], vec![-1e-9, 5.0], vec![2e-9, -3.0]];
+        let rows = vec![vec![sign, 1.0], vec![1e-14, 2.0], vec![-1e-14, 5.0], vec![2e-14, -3.0]];
         let problem = Problem::of(&rows, &[1.0, 2.0, -4.0, 7.0]);
         let growing = Growing::of(&pushed(&problem, &rows).finish(), &[0, 1]).unwrap();
         let answer = problem.solve().unwrap();
@@ -258,7 +258,7 @@ fn the_own_part_of_a_column_is_judged_against_the_whole() {
 #[test]
 fn columns_with_a_share_in_another_are_named() {
     // 2^46 - 1 = 8388607^2 + 4093^2 + 153^2 + 34^2: with 1 behind them the length is 2^23, and 1 is the root of the threshold of it. Not above: not
-    // involved; -1.5 is.
+    // involved; -1.25 is.
     let unit = |place: usize| (0..5).map(|k| f64::from(u8::from(k == place))).collect::<Vec<f64>>();
     let units: Vec<Vec<f64>> = (0..5).map(unit).collect();
     let named = |last: f64| {
@@ -267,11 +267,14 @@ fn columns_with_a_share_in_another_are_named() {
         Growing::of(&as_written(&columns), &[4, 0, 1, 2, 3, 5]).unwrap_err().candidates
     };
     assert_eq!(named(1.0), [0, 1, 2, 3, 5]);
-    assert_eq!(named(1.5), [4, 0, 1, 2, 3, 5]);
-    assert_eq!(named(-1.5), [4, 0, 1, 2, 3, 5]);
+    assert_eq!(named(1.25), [4, 0, 1, 2, 3, 5]);
+    assert_eq!(named(-1.25), [4, 0, 1, 2, 3, 5]);
     // The share is that of the column, not of its weight: 0.75 times a column of length 0.5 is 0.375, and the threshold here 0.5.
     let short = as_written(&[&[0.0, 0.5], &[1.0, 0.0], &[2.0f64.powi(22), 0.375], &[1.0, 1.0]]);
     assert_eq!(Growing::of(&short, &[0, 1, 2]).unwrap_err().candidates, [1, 2]);
+    // Twice the second column, which itself has a part in the first.
+    let leaning = as_written(&[&[1.0, 0.0], &[1.0, 1.0], &[2.0, 2.0], &[1.0, 1.0]]);
+    assert_eq!(Growing::of(&leaning, &[0, 1, 2]).unwrap_err().candidates, [1, 2]);
 }
 
 #[test]

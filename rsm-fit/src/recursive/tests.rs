@@ -99,13 +99,13 @@ fn every_row_gives_what_batch_gives_with_fading_weights() {
 
 #[test]
 fn a_column_is_judged_by_its_own_part() {
-    // The second column is (1, own): its part beside the first is `own`, its length 1 to the last bit.
+    // The second column is (2, own): its part beside the first is `own`, its length 2 to the last bit.
     let of = |own: f64| {
         let mut state = RecursiveLeastSquares::new(2, 1.0);
-        state.update(&[Dd::ONE, Dd::ONE], 1.0);
+        state.update(&[Dd::ONE, Dd::from(2.0)], 1.0);
         state.update(&[Dd::ZERO, Dd::from(own)], 2.0);
         state.coefficients()
     };
-    assert_eq!(of(DEPENDENT), None);
-    assert!(of(1.5 * DEPENDENT).is_some() && of(-1.5 * DEPENDENT).is_some());
+    assert_eq!(of(2.0 * DEPENDENT), None);
+    assert!(of(3.0 * DEPENDENT).is_some() && of(-3.0 * DEPENDENT).is_some());
 }

@@ -42,7 +42,9 @@ impl Judged {
     ) -> Self {
         let coefficients: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
         let saturated = |y: Dd| match output_range.map(|range| range.map(Dd::from)) {
+            // mutant `< to <=`: at the bound the value is the bound.
             Some([low, _]) if y < low => low,
+            // mutant `> to >=`: likewise.
             Some([_, high]) if y > high => high,
             _ => y,
         };
@@ -76,11 +78,11 @@ impl Judged {
     }
 
     /// The share of the spread about the mean that the surface explains, replicates taken by their means; negative where the mean alone
-    /// does better. `None` where there is no spread.
+    /// does better. `None` where there is no spread, as without rows.
     #[must_use]
     pub fn explained(&self) -> Option<f64> {
         let explained = (Dd::ONE - self.lack / self.about_mean).to_f64();
-        (self.rows > 0 && explained.is_finite()).then_some(explained)
+        explained.is_finite().then_some(explained)
     }
 
     /// The figures. None without rows.

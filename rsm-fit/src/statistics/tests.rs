@@ -290,6 +290,8 @@ fn replicates_that_do_not_scatter_give_no_f() {
     let data = Data::line(&[0.0, -0.0, 1.0, 2.0], &[1.0, 2.0, 3.0, 5.0]);
     assert_eq!(data.figures(&powers(&[0, 1])).lack_of_fit.unwrap().df, [1, 1]);
     assert_eq!(data.observed(|rows| rows.replicates()), [vec![0, 1], vec![2], vec![3]]);
+    let near = Data::line(&[0.0, 1e-20, 0.0], &[1.0, 2.0, 3.0]);
+    assert_eq!(near.observed(|rows| rows.replicates()), [vec![0, 2], vec![1]]);
 }
 
 #[test]
@@ -298,12 +300,12 @@ fn what_rounding_leaves_of_zero_is_zero_and_nothing_more() {
     let big = 2.0f64.powi(84);
     let of = |b: f64| Data::line(&[0.0, 2.0], &[big, 2.0 * b]).figures(&powers(&[1])).terms[0].coefficient;
     assert_eq!([of(0.5), of(-0.5), of(0.75), of(-0.75)], [0.0, 0.0, 0.75, -0.75]);
-    // The residual at x = 0 alone: a share of 2^-84 of |y|, and more.
-    let of = |left: f64| Data::line(&[0.0, 1.0, 0.0], &[left, big, 0.0]).figures(&powers(&[1]));
-    let nothing = of(1.0);
+    // The residual at x = 0 alone: a share of 2^-84 of |y| = 2^86, and more.
+    let of = |left: f64| Data::line(&[0.0, 1.0, 0.0], &[left, 4.0 * big, 0.0]).figures(&powers(&[1]));
+    let nothing = of(4.0);
     assert_eq!((nothing.residual_sd, nothing.r2, nothing.press, nothing.r2_predicted), (Some(0.0), Some(1.0), None, None));
     assert_eq!((nothing.terms[0].t, nothing.terms[0].p), (None, None));
-    is_near("residual sd", of(1.5).residual_sd, 1.5 / 2.0f64.sqrt());
+    is_near("residual sd", of(6.0).residual_sd, 6.0 / 2.0f64.sqrt());
     // No residual, and no row alone with a term: PRESS is nothing too.
     let line = Data::line(&[0.0, 1.0, 2.0, 4.0], &[0.1, 0.1 + 0.3, 0.1 + 0.6, 0.1 + 1.2]);
     let exact = Data { response: line.columns[0].iter().map(|x| 3.0 - x).collect(), ..line };
