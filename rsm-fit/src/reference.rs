@@ -82,11 +82,11 @@ impl Problem {
             lines.swap(k, pivot);
             let scale = lines[k][k].clone();
             lines[k].iter_mut().for_each(|entry| *entry = &*entry / &scale);
-            for other in (0..width).filter(|other| *other != k) {
-                let factor = lines[other][k].clone();
-                for entry in 0..2 * width {
-                    let part = &factor * &lines[k][entry];
-                    lines[other][entry] -= part;
+            let pivot = lines[k].clone();
+            for line in lines.iter_mut().enumerate().filter(|(other, _)| *other != k).map(|(_, line)| line) {
+                let factor = line[k].clone();
+                for (entry, of_pivot) in line.iter_mut().zip(&pivot) {
+                    *entry -= &factor * of_pivot;
                 }
             }
         }

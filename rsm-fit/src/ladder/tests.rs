@@ -31,6 +31,9 @@ fn orders(of: &[u32]) -> Vec<Vec<u32>> {
     of.iter().map(|order| vec![*order]).collect()
 }
 
+/// Order, number of terms and C of a step.
+type Step = (u32, usize, f64);
+
 /// A climb and all that `progress` heard.
 fn climbed(
     fit: &Triangle,
@@ -38,7 +41,7 @@ fn climbed(
     terms: &[Vec<u32>],
     max_order: u32,
     wanted: f64,
-) -> (Result<Climb, Dependent>, Vec<(u32, usize, f64)>) {
+) -> (Result<Climb, Dependent>, Vec<Step>) {
     let mut heard = Vec::new();
     let climb = Ladder { fit, judge, terms, max_order, wanted }.climb(&mut |order, size, c| heard.push((order, size, c)));
     (climb, heard)
