@@ -27,13 +27,7 @@ pub struct Monomial {
     pub coefficient: Interval,
 }
 
-/// An enclosure of every value of the polynomial for variables in `sides`.
-#[must_use]
-pub fn range(terms: &[Monomial], sides: &[Interval]) -> Interval {
-    extent(terms, sides).range
-}
-
-/// An enclosure, and where in the box the least and the greatest value were seen.
+/// An enclosure of a polynomial's values over a box, and where in the box the least and the greatest value were seen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Extent {
     /// Holds every value.
@@ -44,7 +38,7 @@ pub struct Extent {
     pub greatest_at: Vec<f64>,
 }
 
-/// As [`range`], with the places of the extremes.
+/// The extent of the polynomial for variables in `sides`.
 #[must_use]
 pub fn extent(terms: &[Monomial], sides: &[Interval]) -> Extent {
     let root = Cell::new(terms, sides);
@@ -141,45 +135,49 @@ pub fn least(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>) -> Lea
 /// As [`least`], with so many times the work.
 #[must_use]
 pub fn least_with_patience(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>, times: usize) -> Least {
-    search_within(&Cell::new(terms, sides), wanted, times * BUDGET)
+    search_within(&Cell::new(terms, sides), wanted, times * BUDGET).0
 }
 
 fn search(root: &Cell, wanted: &Search<'_>) -> Least {
-    search_within(root, wanted, BUDGET)
+    search_within(root, wanted, BUDGET).0
 }
 
-/// Branch and bound.
-fn search_within(root: &Cell, wanted: &Search<'_>, budget: usize) -> Least {
-    let (root_low, root_high) = root.bounds();
+/// Branch and bound; with the work that was done.
+fn search_within(root: &Cell, wanted: &Search<'_>, budget: usize) -> (Least, usize) {
+    let whole = root.bounds();
     let dimensions = root.degrees.len();
     let mut best = Least { bound: f64::INFINITY, seen: f64::INFINITY, at: vec![0.5; dimensions] };
-    let Some(root) = root.clone().placed(wanted) else { return best };
+    let Some(root) = root.clone().placed(wanted) else { return (best, 0) };
     root.look(wanted, &mut best);
-    let tolerance = (TIGHT_ENOUGH * (root_high - root_low)).max(ROUNDING * root_low.abs().max(root_high.abs()));
-    let mut queue = BinaryHeap::from([Queued { bound: root_low, cell: root }]);
+    let tolerance = (TIGHT_ENOUGH * (whole.high - whole.low)).max(ROUNDING * whole.magnitude());
+    let mut queue = BinaryHeap::from([Queued { bound: whole.low, cell: root }]);
     let mut work = 0;
     while let Some(Queued { bound, cell }) = queue.pop() {
         best.bound = bound;
         let missing = wanted.enough - best.seen;
         let is_known = bound >= wanted.enough || (missing.is_finite() && best.seen - bound <= missing * DEEP_ENOUGH);
         if is_known || best.seen - bound <= tolerance || work > budget || !bound.is_finite() {
-            return best;
+            return (best, work);
         }
-        work += 4 * cell.coefficients.len() * cell.degrees.iter().max().map_or(1, |degree| degree + 1);
-        let may_be_cut = |k: &usize| cell.degrees[*k] > 0 || (cell.is_partly && cell.width(*k) > wanted.finest);
-        let Some(axis) = (0..dimensions).filter(may_be_cut).reduce(|k, other| cell.better_cut(k, other)) else { return best };
+        // What is linear along a side is enclosed without a cut of it.
+        let may_be_cut = |k: &usize| cell.is_partly || cell.degrees[*k] > 1;
+        let Some(axis) = (0..dimensions).filter(may_be_cut).reduce(|k, other| cell.better_cut(k, other)) else {
+            return (best, work);
+        };
+        let length = cell.degrees.iter().max().expect("a cell that is cut has a side") + 1;
+        work += 4 * cell.coefficients.len() * length;
         let (left, right) = cell.halved(axis);
         for half in [left, right] {
             let Some(half) = half.placed(wanted) else { continue };
             half.look(wanted, &mut best);
             // A half lies in the whole: its bound is never worse.
-            let bound = half.bounds().0.max(bound);
+            let bound = half.bounds().low.max(bound);
             queue.push(Queued { bound, cell: half });
         }
     }
     // Every cell was left out.
     best.bound = f64::INFINITY;
-    best
+    (best, work)
 }
 
 /// A value below what is enough is deep enough when the deepest is at most this share deeper.
@@ -222,10 +220,9 @@ impl Cell {
         }
     }
 
-    fn bounds(&self) -> (f64, f64) {
-        let low = self.coefficients.iter().map(|entry| entry.low).fold(f64::INFINITY, f64::min);
-        let high = self.coefficients.iter().map(|entry| entry.high).fold(f64::NEG_INFINITY, f64::max);
-        (low, high)
+    /// Holds every value.
+    fn bounds(&self) -> Interval {
+        self.coefficients.iter().copied().reduce(Interval::hull).expect("a polynomial has a coefficient")
     }
 
     fn width(&self, axis: usize) -> f64 {
@@ -233,8 +230,8 @@ impl Cell {
     }
 
     /// Which of two sides to halve, the first of equals. A cell that a region's edge may cut: the longer. Else the one along which the
-    /// coefficients are bent more: what is linear along a side is enclosed without a cut of it. Sides taken in turn over all cells
-    /// would be wrong: the same side of one cell may come up for ever, and its bound then stays.
+    /// coefficients are bent more. Sides taken in turn over all cells would be wrong: the same side of one cell may come up for ever, and its
+    /// bound then stays.
     fn better_cut(&self, one: usize, other: usize) -> usize {
         let [(a, b), (c, d)] = [one, other].map(|axis| {
             let bend = if self.is_partly { 0.0 } else { self.bend(axis) };

@@ -98,3 +98,6 @@ fn times_difference(terms: &Polynomial, input: usize, knot: &Rational) -> Polyno
     let lowered = terms.iter().map(|(powers, coefficient)| (powers.clone(), -(coefficient * knot)));
     raised.chain(lowered).collect()
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -90,3 +90,6 @@ fn extent_of_piece(surface: &Surface, factors: &[Factor], piece: &Piece) -> Exte
     };
     Extent { range: found.range, least_at: point(&found.least_at), greatest_at: point(&found.greatest_at) }
 }
+
+#[cfg(test)]
+mod tests;

@@ -87,7 +87,7 @@ struct Known {
 
 impl Known {
     fn magnitude(self) -> f64 {
-        (-self.low).max(self.high)
+        magnitude(self.low, self.high)
     }
 
     /// k, where the register holds nothing but 2^k or nothing but -2^k.
@@ -142,8 +142,10 @@ impl<'t> Analysis<'t> {
                 Op::Less(..) => Known::NOTHING,
                 Op::Select { condition, then, otherwise } => self.select(reg, condition, then, otherwise),
             };
-            self.known[reg.0 as usize] =
-                if known.magnitude() <= self.tape.precision.largest() { known } else { Known::NOTHING };
+            let largest = self.tape.precision.largest();
+            // Not so for a NaN.
+            let is_known = known.low >= -largest && known.high <= largest && known.error.is_finite();
+            self.known[reg.0 as usize] = if is_known { known } else { Known::NOTHING };
         }
         self.of(self.tape.output).error
     }
@@ -169,8 +171,8 @@ impl<'t> Analysis<'t> {
         }
         let (b_low, b_high) = if subtract { (-b.high, -b.low) } else { (b.low, b.high) };
         let (low, high) = (self.rounded(a.low + b_low), self.rounded(a.high + b_high));
-        let rounding = if is_exact_difference(a, b_low, b_high) { 0.0 } else { self.half_ulp(low, high) };
-        finite(low, high, sum_up(sum_up(a.error, b.error), rounding))
+        let rounding = if is_exact_difference(a, b_low, b_high) { 0.0 } else { self.half_ulp(magnitude(low, high)) };
+        Known { low, high, error: sum_up(sum_up(a.error, b.error), rounding) }
     }
 
     fn product(&self, a: Known, b: Known, square: bool) -> Known {
@@ -185,9 +187,9 @@ impl<'t> Analysis<'t> {
         let from_a = product_up(sum_up(b.magnitude(), b.error), a.error);
         let rounding = match (a.exponent_of_two(), b.exponent_of_two()) {
             (_, Some(exponent)) | (Some(exponent), None) => self.rounding_of_shift(exponent, low, high),
-            (None, None) => self.half_ulp(low, high),
+            (None, None) => self.half_ulp(magnitude(low, high)),
         };
-        finite(low, high, sum_up(sum_up(from_b, from_a), rounding))
+        Known { low, high, error: sum_up(sum_up(from_b, from_a), rounding) }
     }
 
     fn quotient(&self, a: Known, b: Known) -> Known {
@@ -203,11 +205,11 @@ impl<'t> Analysis<'t> {
         // a/b - A/B = (a - A)/B + (a/b) (B - b)/B
         let rounding = match b.exponent_of_two() {
             Some(exponent) => self.rounding_of_shift(-exponent, low, high),
-            None => self.half_ulp(low, high),
+            None => self.half_ulp(magnitude(low, high)),
         };
-        let largest = sum_up((-low).max(high), rounding);
+        let largest = sum_up(magnitude(low, high), rounding);
         let propagated = quotient_up(sum_up(a.error, product_up(largest, b.error)), ideal_nearest);
-        finite(low, high, sum_up(propagated, rounding))
+        Known { low, high, error: sum_up(propagated, rounding) }
     }
 
     fn select(&self, reg: Reg, condition: Reg, then: Reg, otherwise: Reg) -> Known {
@@ -255,12 +257,11 @@ impl<'t> Analysis<'t> {
         let smallest_normal =
             power_of_two(self.tape.precision.smallest_exponent() + self.tape.precision.significand_bits() - 1);
         let is_normal = low > smallest_normal || high < -smallest_normal;
-        if exponent >= 0 || is_normal { 0.0 } else { self.half_ulp(0.0, 0.0) }
+        if exponent >= 0 || is_normal { 0.0 } else { self.half_ulp(0.0) }
     }
 
-    /// The rounding error of a result in [low, high]: half a unit in the last place of its largest magnitude. Holds for subnormal results too.
-    fn half_ulp(&self, low: f64, high: f64) -> f64 {
-        let magnitude = (-low).max(high);
+    /// The rounding error of a result of at most this magnitude: half a unit in its last place. Holds for subnormal results too.
+    fn half_ulp(&self, magnitude: f64) -> f64 {
         if !magnitude.is_finite() {
             return f64::INFINITY;
         }
@@ -271,16 +272,21 @@ impl<'t> Analysis<'t> {
     }
 }
 
+/// The largest magnitude in [low, high].
+fn magnitude(low: f64, high: f64) -> f64 {
+    (-low).max(high)
+}
+
 /// floor(log2 |x|) of a normal x; one less than the smallest of these for 0 (of either sign) and subnormals.
 fn floor_log2(value: f64) -> i64 {
     (value.abs().to_bits() >> 52) as i64 - 1023
 }
 
-/// Sterbenz: a - b is exact when b/2 <= a <= 2 b, both of one sign. `b` comes negated.
+/// Sterbenz: a - b is exact when b/2 <= a <= 2 b, both of one sign. `b` comes negated. That it is positive need not be asked: if b < 0, no a is
+/// at least b/2 and at most 2 b, and 0 - 0 is exact.
 fn is_exact_difference(a: Known, minus_b_low: f64, minus_b_high: f64) -> bool {
     let (b_low, b_high) = (-minus_b_high, -minus_b_low);
-    let within =
-        |a_low: f64, a_high: f64, b_low: f64, b_high: f64| b_low > 0.0 && a_low >= b_high / 2.0 && a_high <= 2.0 * b_low;
+    let within = |a_low: f64, a_high: f64, b_low: f64, b_high: f64| a_low >= b_high / 2.0 && a_high <= 2.0 * b_low;
     within(a.low, a.high, b_low, b_high) || within(-a.high, -a.low, -b_high, -b_low)
 }
 
@@ -289,13 +295,9 @@ fn negated(a: Known) -> Known {
 }
 
 fn absolute(a: Known) -> Known {
-    if a.low >= 0.0 {
-        a
-    } else if a.high <= 0.0 {
-        negated(a)
-    } else {
-        Known { low: 0.0, high: a.magnitude(), error: a.error }
-    }
+    // Neither end is positive where the range holds 0.
+    let nearest = a.low.max(-a.high);
+    Known { low: nearest.max(0.0), high: a.magnitude(), error: a.error }
 }
 
 /// The maximum moves by no more than the larger of two moves. An exact value that is never below a bound which was rounded upward
@@ -304,10 +306,6 @@ fn at_least(value: Known, bound: Known, bound_rounded_upward: bool) -> Known {
     let (low, high) = (value.low.max(bound.low), value.high.max(bound.high));
     let is_value = value.error == 0.0 && value.low >= bound.high && bound_rounded_upward;
     Known { low, high, error: if is_value { 0.0 } else { value.error.max(bound.error) } }
-}
-
-fn finite(low: f64, high: f64, error: f64) -> Known {
-    if low.is_finite() && high.is_finite() && error.is_finite() { Known { low, high, error } } else { Known::NOTHING }
 }
 
 // Bounds of the exact results for operands that are not negative. Errors are summed, multiplied and divided by these alone, so

@@ -59,15 +59,14 @@ enum Condition {
 #[must_use]
 pub fn certify(checked: &Checked, index: usize) -> CompensatorCertificate {
     let (model, compensator) = (checked.model(), &checked.model().compensators[index]);
-    // pi/2 of f64 is below pi/2, and the quotient is moved below the exact one.
-    let quarter_of_sample_rate = (std::f64::consts::FRAC_PI_2 / compensator.sample_time).next_down();
+    let limit = quarter_of_sample_rate(compensator.sample_time);
     let mut ranges = vec![];
     let mut violations = vec![];
     for (part, (key, scheduled)) in compensator.parts().into_iter().enumerate() {
         let enclosed = Enclosed::of(model, scheduled);
         let mut conditions = vec![Condition::Positive];
         if key.ends_with("_frequency") {
-            conditions.push(Condition::Below(quarter_of_sample_rate));
+            conditions.push(Condition::Below(limit));
         }
         for condition in conditions.into_iter().filter(|condition| !condition.holds(enclosed.range)) {
             violations.push(enclosed.violation(model, scheduled, part, key, condition));
@@ -82,6 +81,11 @@ pub fn certify(checked: &Checked, index: usize) -> CompensatorCertificate {
         pole_frequency: ranges.get(3).copied(),
         violations,
     }
+}
+
+/// 2 pi/(4 T) in rad/s, rounded down: pi/2 of f64 is below pi/2, and the quotient is moved below the exact one.
+fn quarter_of_sample_rate(sample_time: f64) -> f64 {
+    (std::f64::consts::FRAC_PI_2 / sample_time).next_down()
 }
 
 /// Refuses a compensator that is not certain to be stable over the whole box.
@@ -262,3 +266,6 @@ fn short(value: f64) -> String {
     let is_handy = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs());
     if is_handy { format!("{rounded}") } else { format!("{rounded:e}") }
 }
+
+#[cfg(test)]
+mod tests;

@@ -63,3 +63,6 @@ pub fn surface(checked: &Checked, index: usize, precisions: &[Precision]) -> Sur
     });
     SurfaceCertificate { name: surface.name.clone(), range: range::range(surface, &inputs), tapes: tapes.collect() }
 }
+
+#[cfg(test)]
+mod tests;
