@@ -233,11 +233,8 @@ impl Cell {
     /// coefficients are bent more. Sides taken in turn over all cells would be wrong: the same side of one cell may come up for ever, and its
     /// bound then stays.
     fn better_cut(&self, one: usize, other: usize) -> usize {
-        let [(a, b), (c, d)] = [one, other].map(|axis| {
-            let bend = if self.is_partly { 0.0 } else { self.bend(axis) };
-            (bend, self.width(axis))
-        });
-        if (c, d) > (a, b) { other } else { one }
+        let [one_size, other_size] = [one, other].map(|axis| ((!self.is_partly).then(|| self.bend(axis)), self.width(axis)));
+        if other_size > one_size { other } else { one }
     }
 
     /// The largest second difference of the coefficients along an axis.
@@ -246,6 +243,7 @@ impl Cell {
         let is_inner = |k: &usize| (1..self.degrees[axis]).contains(&(k / stride % (self.degrees[axis] + 1)));
         let low = |k: usize| self.coefficients[k].low;
         let second = |k: usize| (low(k - stride) - 2.0 * low(k) + low(k + stride)).abs();
+        // mutant `0 up`: the first coefficient is at a corner, which is not inside.
         (0..self.coefficients.len()).filter(is_inner).map(second).fold(0.0, f64::max)
     }
 
@@ -290,21 +288,22 @@ impl Cell {
         let [low, high] = self.spans[axis];
         let middle = (low + high) / 2.0;
         (left.spans[axis], right.spans[axis]) = ([low, middle], [middle, high]);
-        left.each_line(axis, |line| {
-            for first in 1..line.len() {
-                for k in (first..line.len()).rev() {
-                    line[k] = (line[k - 1] + line[k]).halved();
-                }
-            }
-        });
+        left.each_line(axis, to_lower_half);
         right.each_line(axis, |line| {
-            for last in (1..line.len()).rev() {
-                for k in 0..last {
-                    line[k] = (line[k] + line[k + 1]).halved();
-                }
-            }
+            line.reverse();
+            to_lower_half(line);
+            line.reverse();
         });
         (left, right)
+    }
+}
+
+/// The coefficients of a line over its lower half.
+fn to_lower_half(line: &mut [Interval]) {
+    for first in 1..line.len() {
+        for k in (first..line.len()).rev() {
+            line[k] = (line[k - 1] + line[k]).halved();
+        }
     }
 }
 

@@ -56,7 +56,8 @@ fn a_search_leaves_out_what_does_not_belong_to_the_region() {
     // A polynomial that does not know the variable which bounds the region.
     let nowhere = |cell: &[[f64; 2]]| if cell[0][0] <= 2.0 { Place::Outside } else { Place::Inside };
     let empty = Search { place: &nowhere, finest: 0.5, enough: 0.0 };
-    assert_eq!(least(&[monomial(&[0, 1], -1.0)], &[side, side], &empty).bound, f64::INFINITY);
+    let (found, work) = search_within(&Cell::new(&[monomial(&[0, 1], -1.0)], &[side, side]), &empty, BUDGET);
+    assert_eq!((found.bound, work), (f64::INFINITY, 0));
 }
 
 #[test]
@@ -291,6 +292,20 @@ fn no_cell_is_cut_more_than_the_enclosure_needs() {
     // At least e - c, where e is enough: w^2/3 <= (c - w^2/9)/4, so w^2 <= 9/13 c = 0.9 4^-4.
     let c = 0.9 / 256.0 * 13.0 / 9.0;
     assert_eq!([cuts(-c, 0.0), cuts(2.0 - c, 2.0), cuts(-3.0 - c, -3.0)], [5; 3]);
+    // Just deep enough: what was seen lies below what is enough by exactly four times what may be missing.
+    let mut is_exact = 0;
+    for c in 0..40 {
+        let c = f64::from(c) / 64.0;
+        let whole = cell_of_a_third(c);
+        let seen = whole.coefficients[0].high;
+        let missing = seen - whole.bounds().low;
+        let enough = seen + 4.0 * missing;
+        if enough - seen == 4.0 * missing {
+            is_exact += 1;
+            assert_eq!(cuts(c, enough), 0, "{c}");
+        }
+    }
+    assert!(is_exact > 4, "{is_exact}");
     // What is enough and no more: the root's own bound.
     let whole = cell_of_a_third(0.0).bounds();
     assert_eq!(cuts(0.0, whole.low), 0);
@@ -424,4 +439,6 @@ fn every_corner_is_seen_and_of_equals_the_first_is_named() {
         assert!(found.bound <= -7.0 && found.bound > -7.0 - 1e-14);
     }
     assert_eq!(least(&[monomial(&[1, 1], 0.0)], &[side; 2], &EVERYWHERE).at, [0.0, 0.0]);
+    // No term at all is one coefficient.
+    assert_eq!(Cell::new(&[], &[side; 2]).coefficients, [Interval::point(0.0)]);
 }
