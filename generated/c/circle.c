@@ -446,6 +446,10 @@ int circle_self_test(void)
             { 0xbff0000000000000ULL, 0xbfeffffec57f9c5bULL },
             { 0x3ff0000000000000ULL, 0x3feffffec57f9c5bULL },
             { 0x4000000000000000ULL, 0x3feffffec57f9c5bULL },
+            { 0xc000000000000000ULL, 0xbfeffffec57f9c5bULL },
+            { 0x7ff0000000000000ULL, 0x3feffffec57f9c5bULL },
+            { 0xfff0000000000000ULL, 0xbfeffffec57f9c5bULL },
+            { 0x8000000000000000ULL, 0x0000000000000000ULL },
             { 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0xbfe9fd320803b28aULL, 0xbfee9df8b69e9049ULL }, /* other bits if fused */
             { 0x3fdf0db3e9f302acULL, 0x3fe61882b07aaff8ULL }, /* other bits if fused */
@@ -453,23 +457,23 @@ int circle_self_test(void)
         };
         double (*volatile function)(double) = circle_sine;
         const uint64_t (*volatile rows)[2] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 12;
         unsigned int k, n;
-        double x0[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[12];
+        double y[12];
+        for (k = 0; k < 12; k++) {
             double x[1];
             (void)memcpy(x, points[k], sizeof x);
             failures += circle_rsm_differs(function(x[0]), points[k][1]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 12; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
         }
         n = count;
         for (k = 0; k < n; k++) {
             y[k] = circle_sine(x0[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 12; k++) {
             failures += circle_rsm_differs(y[k], points[k][1]);
         }
     }
@@ -480,6 +484,10 @@ int circle_self_test(void)
             { 0x0000000000000000ULL, 0x3feffe8b0b07e5a6ULL }, /* other bits if fused */
             { 0x3feccccccccccccdULL, 0x3fd43d01b4a702e7ULL }, /* other bits if fused */
             { 0x3ff599999999999aULL, 0x3fd43d01b4a702e7ULL }, /* other bits if fused */
+            { 0xbfdccccccccccccdULL, 0x3feffe8b0b07e5a6ULL }, /* other bits if fused */
+            { 0x7ff0000000000000ULL, 0x3fd43d01b4a702e7ULL }, /* other bits if fused */
+            { 0xfff0000000000000ULL, 0x3feffe8b0b07e5a6ULL }, /* other bits if fused */
+            { 0x8000000000000000ULL, 0x3feffe8b0b07e5a6ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0x3fc453a813936b39ULL, 0x3fed57f6e3066850ULL }, /* other bits if fused */
             { 0x3fe5f704986615b6ULL, 0x3fe1e9917fc228b8ULL }, /* other bits if fused */
@@ -487,23 +495,23 @@ int circle_self_test(void)
         };
         double (*volatile function)(double) = circle_height;
         const uint64_t (*volatile rows)[2] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 12;
         unsigned int k, n;
-        double x0[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[12];
+        double y[12];
+        for (k = 0; k < 12; k++) {
             double x[1];
             (void)memcpy(x, points[k], sizeof x);
             failures += circle_rsm_differs(function(x[0]), points[k][1]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 12; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
         }
         n = count;
         for (k = 0; k < n; k++) {
             y[k] = circle_height(x0[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 12; k++) {
             failures += circle_rsm_differs(y[k], points[k][1]);
         }
     }
@@ -516,6 +524,10 @@ int circle_self_test(void)
             { 0xbf800000UL, 0xbf7ffff6UL },
             { 0x3f800000UL, 0x3f7ffff6UL },
             { 0x40000000UL, 0x3f7ffff6UL },
+            { 0xc0000000UL, 0xbf7ffff6UL },
+            { 0x7f800000UL, 0x3f7ffff6UL },
+            { 0xff800000UL, 0xbf7ffff6UL },
+            { 0x80000000UL, 0x00000000UL },
             { 0x7fc00000UL, 0x7fc00000UL },
             { 0xbf2d265eUL, 0xbf5fa07fUL }, /* other bits if fused */
             { 0xbf3aa12aUL, 0xbf69282cUL }, /* other bits if fused */
@@ -523,23 +535,23 @@ int circle_self_test(void)
         };
         float (*volatile function)(float) = circle_sine_f32;
         const uint32_t (*volatile rows)[2] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 12;
         unsigned int k, n;
-        float x0[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[12];
+        float y[12];
+        for (k = 0; k < 12; k++) {
             float x[1];
             (void)memcpy(x, points[k], sizeof x);
             failures += circle_rsm_differs_f32(function(x[0]), points[k][1]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 12; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
         }
         n = count;
         for (k = 0; k < n; k++) {
             y[k] = circle_sine_f32(x0[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 12; k++) {
             failures += circle_rsm_differs_f32(y[k], points[k][1]);
         }
     }
@@ -550,6 +562,10 @@ int circle_self_test(void)
             { 0x00000000UL, 0x3f7ff459UL }, /* other bits if fused */
             { 0x3f666666UL, 0x3ea1e80fUL },
             { 0x3faccccdUL, 0x3ea1e80fUL },
+            { 0xbee66666UL, 0x3f7ff459UL }, /* other bits if fused */
+            { 0x7f800000UL, 0x3ea1e80fUL },
+            { 0xff800000UL, 0x3f7ff459UL }, /* other bits if fused */
+            { 0x80000000UL, 0x3f7ff459UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x7fc00000UL },
             { 0x3df9bbcfUL, 0x3f6fd6f2UL }, /* other bits if fused */
             { 0x3f291fa2UL, 0x3f151016UL }, /* other bits if fused */
@@ -557,23 +573,23 @@ int circle_self_test(void)
         };
         float (*volatile function)(float) = circle_height_f32;
         const uint32_t (*volatile rows)[2] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 12;
         unsigned int k, n;
-        float x0[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[12];
+        float y[12];
+        for (k = 0; k < 12; k++) {
             float x[1];
             (void)memcpy(x, points[k], sizeof x);
             failures += circle_rsm_differs_f32(function(x[0]), points[k][1]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 12; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
         }
         n = count;
         for (k = 0; k < n; k++) {
             y[k] = circle_height_f32(x0[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 12; k++) {
             failures += circle_rsm_differs_f32(y[k], points[k][1]);
         }
     }

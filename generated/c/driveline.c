@@ -1182,24 +1182,29 @@ int driveline_self_test(void)
             { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
             { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fe10ac7649f15f2ULL },
             { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fe10ac7649f15f2ULL },
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fe10ac7649f15f2ULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
+            { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fdaab48515a146aULL }, /* other bits if fused */
             { 0x40166e1c2350b3ceULL, 0x400ae8083a2b5aebULL, 0x3fc224818d728ca0ULL }, /* other bits if fused */
             { 0x4040e765ca8c2de1ULL, 0x40121774d56b0dc9ULL, 0x3fc5ea0b8414ea97ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_ratio;
         const uint64_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        double x0[8];
-        double x1[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[13];
+        double x1[13];
+        double y[13];
+        for (k = 0; k < 13; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -1207,7 +1212,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_damping_ratio(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += driveline_rsm_differs(y[k], points[k][2]);
         }
     }
@@ -1218,21 +1223,26 @@ int driveline_self_test(void)
             { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x0000000000000000ULL },
             { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x0000000000000000ULL },
             { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x0000000000000000ULL },
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x0000000000000000ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x0000000000000000ULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x0000000000000000ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x0000000000000000ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
+            { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x0000000000000000ULL },
         };
         int (*volatile function)(double, double) = driveline_damping_ratio_support;
         const uint64_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 5;
+        volatile unsigned int count = 10;
         unsigned int k, n;
-        double x0[5];
-        double x1[5];
-        int y[5];
-        for (k = 0; k < 5; k++) {
+        double x0[10];
+        double x1[10];
+        int y[10];
+        for (k = 0; k < 10; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += function(x[0], x[1]) != (points[k][2] != 0);
         }
-        for (k = 0; k < 5; k++) {
+        for (k = 0; k < 10; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -1240,7 +1250,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_damping_ratio_support(x0[k], x1[k]);
         }
-        for (k = 0; k < 5; k++) {
+        for (k = 0; k < 10; k++) {
             failures += y[k] != (points[k][2] != 0);
         }
     }
@@ -1251,24 +1261,29 @@ int driveline_self_test(void)
             { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe5f054c746584eULL },
             { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fbdfee0f70103b8ULL }, /* other bits if fused */
             { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fbdfee0f70103b8ULL }, /* other bits if fused */
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fe5f054c746584eULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fbdfee0f70103b8ULL }, /* other bits if fused */
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fe5f054c746584eULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fe5f054c746584eULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
+            { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0x4011619a3a88ec9dULL, 0x4002a64e82c377f0ULL, 0x3fe1919fb224dcf8ULL }, /* other bits if fused */
             { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fd63de58cdf5903ULL }, /* other bits if fused */
             { 0x4046847b336de671ULL, 0x400a51d6e43da6c3ULL, 0x3fd93effe116e2feULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_error;
         const uint64_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        double x0[8];
-        double x1[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[13];
+        double x1[13];
+        double y[13];
+        for (k = 0; k < 13; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -1276,7 +1291,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_damping_error(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += driveline_rsm_differs(y[k], points[k][2]);
         }
     }
@@ -1287,24 +1302,29 @@ int driveline_self_test(void)
             { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf1444f6a3aa1ULL },
             { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e788e349e2ULL },
             { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x403e83e788e349e2ULL },
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x402bf1444f6a3aa1ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x403e83e788e349e2ULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x402bf1444f6a3aa1ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x402bf1444f6a3aa1ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
+            { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0x4048f6a4e41e633fULL, 0x3ff9804d27fbc21eULL, 0x4034f8d790f8a590ULL }, /* other bits if fused */
             { 0x4031ed70740eaf9eULL, 0x3ffee89e28e590e8ULL, 0x40355c06652c08c5ULL }, /* other bits if fused */
             { 0x4034c30fbe1fc594ULL, 0x3ff0515ee18b31ecULL, 0x403001ebe3c25469ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_shuffle_frequency;
         const uint64_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        double x0[8];
-        double x1[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[13];
+        double x1[13];
+        double y[13];
+        for (k = 0; k < 13; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -1312,7 +1332,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_shuffle_frequency(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += driveline_rsm_differs(y[k], points[k][2]);
         }
     }
@@ -1323,27 +1343,33 @@ int driveline_self_test(void)
             { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b1322f878962ULL },
             { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0798c56b6c634ULL }, /* other bits if fused */
             { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0c83573d790e0ULL }, /* other bits if fused */
+            { 0xc000000000000000ULL, 0xc035400000000000ULL, 0xbff0000000000000ULL, 0xbff3fb2721a7c03eULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0xfff8000000000000ULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0xfff8000000000000ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3f28847327cb8402ULL },
             { 0x7ff8000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
-            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbfc601bb571eea9cULL }, /* other bits if fused */
-            { 0xbfbe5ac92705bb60ULL, 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0xbf981ecf67714b40ULL }, /* other bits if fused */
-            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4aff6b821c030ULL }, /* other bits if fused */
+            { 0x0000000000000000ULL, 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
+            { 0x0000000000000000ULL, 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
+            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbfc5a5c159ed8648ULL }, /* other bits if fused */
+            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4ccd1e06de4e0ULL }, /* other bits if fused */
+            { 0xbfe04bdca98d3030ULL, 0x4032f2ca4e668e0aULL, 0x4004a358085f4f69ULL, 0xbfb59f745fc047d0ULL }, /* other bits if fused */
         };
         double (*volatile function)(driveline_tip_in_state *, double, double, double) = driveline_tip_in_step;
         const uint64_t (*volatile rows)[4] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 14;
         unsigned int k, n;
-        double x0[8];
-        double x1[8];
-        double x2[8];
-        double y[8];
+        double x0[14];
+        double x1[14];
+        double x2[14];
+        double y[14];
         driveline_tip_in_state state;
         driveline_tip_in_init(&state);
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             double x[3];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs(function(&state, x[0], x[1], x[2]), points[k][3]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
             (void)memcpy(&x2[k], &rows[k][2], sizeof x2[k]);
@@ -1353,7 +1379,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_tip_in_step(&state, x0[k], x1[k], x2[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             failures += driveline_rsm_differs(y[k], points[k][3]);
         }
     }
@@ -1366,24 +1392,29 @@ int driveline_self_test(void)
             { 0x40200000UL, 0x3f800000UL, 0x3d7d6a58UL }, /* other bits if fused */
             { 0x42480000UL, 0x40a00000UL, 0x3f08563bUL }, /* other bits if fused */
             { 0x42938000UL, 0x40e00000UL, 0x3f08563bUL }, /* other bits if fused */
+            { 0xc1aa0000UL, 0xbf800000UL, 0x3d7d6a58UL }, /* other bits if fused */
+            { 0x7f800000UL, 0x7f800000UL, 0x3f08563bUL }, /* other bits if fused */
+            { 0xff800000UL, 0xff800000UL, 0x3d7d6a58UL }, /* other bits if fused */
+            { 0x80000000UL, 0x80000000UL, 0x3d7d6a58UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
+            { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
             { 0x422c449bUL, 0x3ffda11bUL, 0x3e4d2999UL }, /* other bits if fused */
             { 0x42409348UL, 0x3fa4e790UL, 0x3ed55a44UL }, /* other bits if fused */
             { 0x414eae97UL, 0x3fce58f2UL, 0x3de74972UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_ratio_f32;
         const uint32_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        float x0[8];
-        float x1[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[13];
+        float x1[13];
+        float y[13];
+        for (k = 0; k < 13; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -1391,7 +1422,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_damping_ratio_f32(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += driveline_rsm_differs_f32(y[k], points[k][2]);
         }
     }
@@ -1402,21 +1433,26 @@ int driveline_self_test(void)
             { 0x40200000UL, 0x3f800000UL, 0x00000000UL },
             { 0x42480000UL, 0x40a00000UL, 0x00000000UL },
             { 0x42938000UL, 0x40e00000UL, 0x00000000UL },
+            { 0xc1aa0000UL, 0xbf800000UL, 0x00000000UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x00000000UL },
+            { 0xff800000UL, 0xff800000UL, 0x00000000UL },
+            { 0x80000000UL, 0x80000000UL, 0x00000000UL },
             { 0x7fc00000UL, 0x40400000UL, 0x00000000UL },
+            { 0x41d20000UL, 0x7fc00000UL, 0x00000000UL },
         };
         int (*volatile function)(float, float) = driveline_damping_ratio_support_f32;
         const uint32_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 5;
+        volatile unsigned int count = 10;
         unsigned int k, n;
-        float x0[5];
-        float x1[5];
-        int y[5];
-        for (k = 0; k < 5; k++) {
+        float x0[10];
+        float x1[10];
+        int y[10];
+        for (k = 0; k < 10; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += function(x[0], x[1]) != (points[k][2] != 0);
         }
-        for (k = 0; k < 5; k++) {
+        for (k = 0; k < 10; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -1424,7 +1460,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_damping_ratio_support_f32(x0[k], x1[k]);
         }
-        for (k = 0; k < 5; k++) {
+        for (k = 0; k < 10; k++) {
             failures += y[k] != (points[k][2] != 0);
         }
     }
@@ -1435,24 +1471,29 @@ int driveline_self_test(void)
             { 0x40200000UL, 0x3f800000UL, 0x3f2f82a6UL },
             { 0x42480000UL, 0x40a00000UL, 0x3deff708UL }, /* other bits if fused */
             { 0x42938000UL, 0x40e00000UL, 0x3deff708UL }, /* other bits if fused */
+            { 0xc1aa0000UL, 0xbf800000UL, 0x3f2f82a6UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x3deff708UL }, /* other bits if fused */
+            { 0xff800000UL, 0xff800000UL, 0x3f2f82a6UL },
+            { 0x80000000UL, 0x80000000UL, 0x3f2f82a6UL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
+            { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
             { 0x42409348UL, 0x3fa4e790UL, 0x3eb1ef2aUL }, /* other bits if fused */
             { 0x421ae84dUL, 0x40352cd6UL, 0x3efb7fa2UL }, /* other bits if fused */
             { 0x423423daUL, 0x40528eb7UL, 0x3ec9f7fcUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_error_f32;
         const uint32_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        float x0[8];
-        float x1[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[13];
+        float x1[13];
+        float y[13];
+        for (k = 0; k < 13; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -1460,7 +1501,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_damping_error_f32(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += driveline_rsm_differs_f32(y[k], points[k][2]);
         }
     }
@@ -1471,24 +1512,29 @@ int driveline_self_test(void)
             { 0x40200000UL, 0x3f800000UL, 0x415f8a23UL },
             { 0x42480000UL, 0x40a00000UL, 0x41f41f3cUL },
             { 0x42938000UL, 0x40e00000UL, 0x41f41f3cUL },
+            { 0xc1aa0000UL, 0xbf800000UL, 0x415f8a23UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x41f41f3cUL },
+            { 0xff800000UL, 0xff800000UL, 0x415f8a23UL },
+            { 0x80000000UL, 0x80000000UL, 0x415f8a23UL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
+            { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
             { 0x410ef8c5UL, 0x3fda575dUL, 0x41998d26UL }, /* other bits if fused */
             { 0x42409348UL, 0x3fa4e790UL, 0x419c5d0aUL }, /* other bits if fused */
             { 0x4247b527UL, 0x3fcc0269UL, 0x41a7c6bcUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_shuffle_frequency_f32;
         const uint32_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        float x0[8];
-        float x1[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[13];
+        float x1[13];
+        float y[13];
+        for (k = 0; k < 13; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -1496,7 +1542,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_shuffle_frequency_f32(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += driveline_rsm_differs_f32(y[k], points[k][2]);
         }
     }
@@ -1507,27 +1553,33 @@ int driveline_self_test(void)
             { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d8991UL },
             { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e03cc64UL }, /* other bits if fused */
             { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e8641acUL }, /* other bits if fused */
+            { 0xc0000000UL, 0xc1aa0000UL, 0xbf800000UL, 0xbf9fd938UL }, /* other bits if fused */
+            { 0x7f800000UL, 0x7f800000UL, 0x7f800000UL, 0xffc00000UL },
+            { 0xff800000UL, 0xff800000UL, 0xff800000UL, 0xffc00000UL },
+            { 0x80000000UL, 0x80000000UL, 0x80000000UL, 0x394423b3UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x41d20000UL, 0x40400000UL, 0x7fc00000UL },
-            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe300ddcUL }, /* other bits if fused */
-            { 0xbdf2d649UL, 0x4096f11fUL, 0x401eb7f9UL, 0xbcc0f67cUL }, /* other bits if fused */
-            { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd257fc0UL }, /* other bits if fused */
+            { 0x00000000UL, 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
+            { 0x00000000UL, 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
+            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe2d2e08UL }, /* other bits if fused */
+            { 0xbdf2d649UL, 0x4096f11fUL, 0x401eb7f9UL, 0xbca9234cUL }, /* other bits if fused */
+            { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd26db50UL }, /* other bits if fused */
         };
         float (*volatile function)(driveline_tip_in_state_f32 *, float, float, float) = driveline_tip_in_step_f32;
         const uint32_t (*volatile rows)[4] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 14;
         unsigned int k, n;
-        float x0[8];
-        float x1[8];
-        float x2[8];
-        float y[8];
+        float x0[14];
+        float x1[14];
+        float x2[14];
+        float y[14];
         driveline_tip_in_state_f32 state;
         driveline_tip_in_init_f32(&state);
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             float x[3];
             (void)memcpy(x, points[k], sizeof x);
             failures += driveline_rsm_differs_f32(function(&state, x[0], x[1], x[2]), points[k][3]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
             (void)memcpy(&x2[k], &rows[k][2], sizeof x2[k]);
@@ -1537,7 +1589,7 @@ int driveline_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = driveline_tip_in_step_f32(&state, x0[k], x1[k], x2[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             failures += driveline_rsm_differs_f32(y[k], points[k][3]);
         }
     }

@@ -676,24 +676,29 @@ int motor_self_test(void)
             { 0xc03599999999999aULL, 0x407b800000000000ULL, 0x0000000000000000ULL },
             { 0x403599999999999aULL, 0x4089000000000000ULL, 0x404e000000000000ULL },
             { 0x404599999999999aULL, 0x408ea00000000000ULL, 0x404e000000000000ULL },
+            { 0xc04599999999999aULL, 0x4070400000000000ULL, 0x0000000000000000ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x404e000000000000ULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x0000000000000000ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x0000000000000000ULL },
             { 0x7ff8000000000000ULL, 0x4083600000000000ULL, 0x7ff8000000000000ULL },
+            { 0x0000000000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0x4033e96fb6c5df58ULL, 0x407d1f2d1723e20bULL, 0x3fed133882ddff90ULL }, /* other bits if fused */
             { 0x401b7e94d8de45bcULL, 0x4087a87e260f45b1ULL, 0x4030ce9f15c33eedULL }, /* other bits if fused */
             { 0xc03312925cc1c758ULL, 0x40811fd2c21864b6ULL, 0x4025a025c24052a8ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = motor_weakening_current;
         const uint64_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        double x0[8];
-        double x1[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[13];
+        double x1[13];
+        double y[13];
+        for (k = 0; k < 13; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -701,7 +706,7 @@ int motor_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = motor_weakening_current(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += motor_rsm_differs(y[k], points[k][2]);
         }
     }
@@ -712,21 +717,26 @@ int motor_self_test(void)
             { 0xc03599999999999aULL, 0x407b800000000000ULL, 0x0000000000000000ULL },
             { 0x403599999999999aULL, 0x4089000000000000ULL, 0x0000000000000000ULL },
             { 0x404599999999999aULL, 0x408ea00000000000ULL, 0x0000000000000000ULL },
+            { 0xc04599999999999aULL, 0x4070400000000000ULL, 0x0000000000000000ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x0000000000000000ULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x0000000000000000ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x0000000000000000ULL },
             { 0x7ff8000000000000ULL, 0x4083600000000000ULL, 0x0000000000000000ULL },
+            { 0x0000000000000000ULL, 0x7ff8000000000000ULL, 0x0000000000000000ULL },
         };
         int (*volatile function)(double, double) = motor_weakening_current_support;
         const uint64_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 5;
+        volatile unsigned int count = 10;
         unsigned int k, n;
-        double x0[5];
-        double x1[5];
-        int y[5];
-        for (k = 0; k < 5; k++) {
+        double x0[10];
+        double x1[10];
+        int y[10];
+        for (k = 0; k < 10; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += function(x[0], x[1]) != (points[k][2] != 0);
         }
-        for (k = 0; k < 5; k++) {
+        for (k = 0; k < 10; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -734,7 +744,7 @@ int motor_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = motor_weakening_current_support(x0[k], x1[k]);
         }
-        for (k = 0; k < 5; k++) {
+        for (k = 0; k < 10; k++) {
             failures += y[k] != (points[k][2] != 0);
         }
     }
@@ -745,25 +755,31 @@ int motor_self_test(void)
             { 0xc03599999999999aULL, 0x4018000000000000ULL, 0x407b800000000000ULL, 0x0000000000000000ULL },
             { 0x403599999999999aULL, 0x404e000000000000ULL, 0x4089000000000000ULL, 0x4045262902e4a10dULL },
             { 0x404599999999999aULL, 0x4055c00000000000ULL, 0x408ea00000000000ULL, 0x4045262902e4a10dULL },
+            { 0xc04599999999999aULL, 0xc035000000000000ULL, 0x4070400000000000ULL, 0x0000000000000000ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x4045262902e4a10dULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x0000000000000000ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x8000000000000000ULL, 0x0000000000000000ULL },
             { 0x7ff8000000000000ULL, 0x4040800000000000ULL, 0x4083600000000000ULL, 0x7ff8000000000000ULL },
+            { 0x0000000000000000ULL, 0x7ff8000000000000ULL, 0x4083600000000000ULL, 0x7ff8000000000000ULL },
+            { 0x0000000000000000ULL, 0x4040800000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0x4013b445d027728cULL, 0x404cf1e5d23bab97ULL, 0x407d1f2d1723e20bULL, 0x3fec112000fde5c0ULL }, /* other bits if fused */
             { 0xc022f09296d3e4fcULL, 0x4046d1b509fa1a9fULL, 0x4086547dcb87e07bULL, 0x403743df8ec5aa80ULL }, /* other bits if fused */
             { 0xc032281ccdf2122cULL, 0x4018c6bdbc9e2954ULL, 0x4088657f9b72eea7ULL, 0x40265ff4ad2d9874ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double, double) = motor_limit_current;
         const uint64_t (*volatile rows)[4] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 14;
         unsigned int k, n;
-        double x0[8];
-        double x1[8];
-        double x2[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[14];
+        double x1[14];
+        double x2[14];
+        double y[14];
+        for (k = 0; k < 14; k++) {
             double x[3];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs(function(x[0], x[1], x[2]), points[k][3]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
             (void)memcpy(&x2[k], &rows[k][2], sizeof x2[k]);
@@ -772,7 +788,7 @@ int motor_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = motor_limit_current(x0[k], x1[k], x2[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             failures += motor_rsm_differs(y[k], points[k][3]);
         }
     }
@@ -785,24 +801,29 @@ int motor_self_test(void)
             { 0xc1accccdUL, 0x43dc0000UL, 0x00000000UL },
             { 0x41accccdUL, 0x44480000UL, 0x42700000UL },
             { 0x422ccccdUL, 0x44750000UL, 0x42700000UL },
+            { 0xc22ccccdUL, 0x43820000UL, 0x00000000UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x42700000UL },
+            { 0xff800000UL, 0xff800000UL, 0x00000000UL },
+            { 0x80000000UL, 0x80000000UL, 0x00000000UL },
             { 0x7fc00000UL, 0x441b0000UL, 0x7fc00000UL },
+            { 0x00000000UL, 0x7fc00000UL, 0x7fc00000UL },
             { 0x4174b6bfUL, 0x44041552UL, 0x405d38a0UL }, /* other bits if fused */
             { 0x41ac44a8UL, 0x43f6b8d9UL, 0x413753c6UL }, /* other bits if fused */
             { 0xc16ee24eUL, 0x440dcc02UL, 0x409d5b43UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = motor_weakening_current_f32;
         const uint32_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        float x0[8];
-        float x1[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[13];
+        float x1[13];
+        float y[13];
+        for (k = 0; k < 13; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -810,7 +831,7 @@ int motor_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = motor_weakening_current_f32(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += motor_rsm_differs_f32(y[k], points[k][2]);
         }
     }
@@ -821,21 +842,26 @@ int motor_self_test(void)
             { 0xc1accccdUL, 0x43dc0000UL, 0x00000000UL },
             { 0x41accccdUL, 0x44480000UL, 0x00000000UL },
             { 0x422ccccdUL, 0x44750000UL, 0x00000000UL },
+            { 0xc22ccccdUL, 0x43820000UL, 0x00000000UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x00000000UL },
+            { 0xff800000UL, 0xff800000UL, 0x00000000UL },
+            { 0x80000000UL, 0x80000000UL, 0x00000000UL },
             { 0x7fc00000UL, 0x441b0000UL, 0x00000000UL },
+            { 0x00000000UL, 0x7fc00000UL, 0x00000000UL },
         };
         int (*volatile function)(float, float) = motor_weakening_current_support_f32;
         const uint32_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 5;
+        volatile unsigned int count = 10;
         unsigned int k, n;
-        float x0[5];
-        float x1[5];
-        int y[5];
-        for (k = 0; k < 5; k++) {
+        float x0[10];
+        float x1[10];
+        int y[10];
+        for (k = 0; k < 10; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += function(x[0], x[1]) != (points[k][2] != 0);
         }
-        for (k = 0; k < 5; k++) {
+        for (k = 0; k < 10; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -843,7 +869,7 @@ int motor_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = motor_weakening_current_support_f32(x0[k], x1[k]);
         }
-        for (k = 0; k < 5; k++) {
+        for (k = 0; k < 10; k++) {
             failures += y[k] != (points[k][2] != 0);
         }
     }
@@ -854,25 +880,31 @@ int motor_self_test(void)
             { 0xc1accccdUL, 0x40c00000UL, 0x43dc0000UL, 0x00000000UL },
             { 0x41accccdUL, 0x42700000UL, 0x44480000UL, 0x42293148UL },
             { 0x422ccccdUL, 0x42ae0000UL, 0x44750000UL, 0x42293148UL },
+            { 0xc22ccccdUL, 0xc1a80000UL, 0x43820000UL, 0x00000000UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x7f800000UL, 0x42293148UL },
+            { 0xff800000UL, 0xff800000UL, 0xff800000UL, 0x00000000UL },
+            { 0x80000000UL, 0x80000000UL, 0x80000000UL, 0x00000000UL },
             { 0x7fc00000UL, 0x42040000UL, 0x441b0000UL, 0x7fc00000UL },
+            { 0x00000000UL, 0x7fc00000UL, 0x441b0000UL, 0x7fc00000UL },
+            { 0x00000000UL, 0x42040000UL, 0x7fc00000UL, 0x7fc00000UL },
             { 0x409da22fUL, 0x42678f2fUL, 0x43e8f969UL, 0x3f608920UL }, /* other bits if fused */
             { 0xbfe9d12fUL, 0x42596c20UL, 0x4421862cUL, 0x41c855dfUL }, /* other bits if fused */
             { 0xc19630b6UL, 0x42179e38UL, 0x4447dc8cUL, 0x41b642d6UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float, float) = motor_limit_current_f32;
         const uint32_t (*volatile rows)[4] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 14;
         unsigned int k, n;
-        float x0[8];
-        float x1[8];
-        float x2[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[14];
+        float x1[14];
+        float x2[14];
+        float y[14];
+        for (k = 0; k < 14; k++) {
             float x[3];
             (void)memcpy(x, points[k], sizeof x);
             failures += motor_rsm_differs_f32(function(x[0], x[1], x[2]), points[k][3]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
             (void)memcpy(&x2[k], &rows[k][2], sizeof x2[k]);
@@ -881,7 +913,7 @@ int motor_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = motor_limit_current_f32(x0[k], x1[k], x2[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 14; k++) {
             failures += motor_rsm_differs_f32(y[k], points[k][3]);
         }
     }

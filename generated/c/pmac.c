@@ -390,24 +390,29 @@ int pmac_self_test(void)
             { 0x0000000000000000ULL, 0x0000000000000000ULL, 0x4022b33333333334ULL }, /* other bits if fused */
             { 0x403599999999999aULL, 0x4089000000000000ULL, 0x4046dae147ae147bULL },
             { 0x4040333333333334ULL, 0x4092c00000000000ULL, 0x4046dae147ae147bULL },
+            { 0xc02599999999999aULL, 0xc079000000000000ULL, 0x4022b33333333334ULL }, /* other bits if fused */
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x4046dae147ae147bULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x4022b33333333334ULL }, /* other bits if fused */
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x4022b33333333334ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4079000000000000ULL, 0x7ff8000000000000ULL },
+            { 0x402599999999999aULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0x401f822dde3942e6ULL, 0x407609225b3070b4ULL, 0x403f410a110b3882ULL }, /* other bits if fused */
             { 0x3ff02143f89db75fULL, 0x40727feeaa832507ULL, 0x401bdd94c1803690ULL }, /* other bits if fused */
             { 0x4033579cc7d5ab51ULL, 0x407c9fdfc4a05491ULL, 0x4048e9acd7d1eaf3ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = pmac_current_advance;
         const uint64_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        double x0[8];
-        double x1[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[13];
+        double x1[13];
+        double y[13];
+        for (k = 0; k < 13; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += pmac_rsm_differs(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -415,7 +420,7 @@ int pmac_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = pmac_current_advance(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += pmac_rsm_differs(y[k], points[k][2]);
         }
     }
@@ -428,24 +433,29 @@ int pmac_self_test(void)
             { 0x00000000UL, 0x00000000UL, 0x41159994UL }, /* other bits if fused */
             { 0x41accccdUL, 0x44480000UL, 0x4236d70aUL },
             { 0x4201999aUL, 0x44960000UL, 0x4236d70aUL },
+            { 0xc12ccccdUL, 0xc3c80000UL, 0x41159994UL }, /* other bits if fused */
+            { 0x7f800000UL, 0x7f800000UL, 0x4236d70aUL },
+            { 0xff800000UL, 0xff800000UL, 0x41159994UL }, /* other bits if fused */
+            { 0x80000000UL, 0x80000000UL, 0x41159994UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x43c80000UL, 0x7fc00000UL },
+            { 0x412ccccdUL, 0x7fc00000UL, 0x7fc00000UL },
             { 0x3f56d166UL, 0x43851ed5UL, 0x40d49b00UL }, /* other bits if fused */
             { 0x3f810a20UL, 0x4393ff75UL, 0x40deeca8UL }, /* other bits if fused */
             { 0x3fb4e0b9UL, 0x43ec5467UL, 0x40f0e5d0UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = pmac_current_advance_f32;
         const uint32_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        float x0[8];
-        float x1[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[13];
+        float x1[13];
+        float y[13];
+        for (k = 0; k < 13; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += pmac_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -453,7 +463,7 @@ int pmac_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = pmac_current_advance_f32(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += pmac_rsm_differs_f32(y[k], points[k][2]);
         }
     }

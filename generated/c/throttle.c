@@ -392,24 +392,29 @@ int throttle_self_test(void)
             { 0x4024000000000000ULL, 0x3ff0000000000000ULL, 0x3fea7e28240b7803ULL },
             { 0x4051800000000000ULL, 0x4014000000000000ULL, 0xbf92bd3c36113400ULL }, /* other bits if fused */
             { 0x4059000000000000ULL, 0x401c000000000000ULL, 0xbf92bd3c36113400ULL }, /* other bits if fused */
+            { 0xc034000000000000ULL, 0xbff0000000000000ULL, 0x3fea7e28240b7803ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0xbf92bd3c36113400ULL }, /* other bits if fused */
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fea7e28240b7803ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fea7e28240b7803ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
+            { 0x4044000000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
             { 0x404947b36d93e41cULL, 0x400ba61fe42d3b23ULL, 0x3fcb84907312bd9aULL }, /* other bits if fused */
             { 0x404be14f74150149ULL, 0x4006a59ab064636aULL, 0xbfa073abbad745d8ULL }, /* other bits if fused */
             { 0x404fdd3d4e6fdfb7ULL, 0x400a51d6e43da6c3ULL, 0xbfc2415cd6f65346ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = throttle_damping_ratio;
         const uint64_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        double x0[8];
-        double x1[8];
-        double y[8];
-        for (k = 0; k < 8; k++) {
+        double x0[13];
+        double x1[13];
+        double y[13];
+        for (k = 0; k < 13; k++) {
             double x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += throttle_rsm_differs(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -417,7 +422,7 @@ int throttle_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = throttle_damping_ratio(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += throttle_rsm_differs(y[k], points[k][2]);
         }
     }
@@ -430,24 +435,29 @@ int throttle_self_test(void)
             { 0x41200000UL, 0x3f800000UL, 0x3f53f142UL }, /* other bits if fused */
             { 0x428c0000UL, 0x40a00000UL, 0xbc95e9c0UL }, /* other bits if fused */
             { 0x42c80000UL, 0x40e00000UL, 0xbc95e9c0UL }, /* other bits if fused */
+            { 0xc1a00000UL, 0xbf800000UL, 0x3f53f142UL }, /* other bits if fused */
+            { 0x7f800000UL, 0x7f800000UL, 0xbc95e9c0UL }, /* other bits if fused */
+            { 0xff800000UL, 0xff800000UL, 0x3f53f142UL }, /* other bits if fused */
+            { 0x80000000UL, 0x80000000UL, 0x3f53f142UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
+            { 0x42200000UL, 0x7fc00000UL, 0x7fc00000UL },
             { 0x41454b77UL, 0x40153274UL, 0x3f876202UL }, /* other bits if fused */
             { 0x4274f858UL, 0x3ffda11bUL, 0xbeac17a2UL }, /* other bits if fused */
             { 0x41f63725UL, 0x40251ac0UL, 0x3f13c828UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = throttle_damping_ratio_f32;
         const uint32_t (*volatile rows)[3] = points;
-        volatile unsigned int count = 8;
+        volatile unsigned int count = 13;
         unsigned int k, n;
-        float x0[8];
-        float x1[8];
-        float y[8];
-        for (k = 0; k < 8; k++) {
+        float x0[13];
+        float x1[13];
+        float y[13];
+        for (k = 0; k < 13; k++) {
             float x[2];
             (void)memcpy(x, points[k], sizeof x);
             failures += throttle_rsm_differs_f32(function(x[0], x[1]), points[k][2]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
             (void)memcpy(&x1[k], &rows[k][1], sizeof x1[k]);
         }
@@ -455,7 +465,7 @@ int throttle_self_test(void)
         for (k = 0; k < n; k++) {
             y[k] = throttle_damping_ratio_f32(x0[k], x1[k]);
         }
-        for (k = 0; k < 8; k++) {
+        for (k = 0; k < 13; k++) {
             failures += throttle_rsm_differs_f32(y[k], points[k][2]);
         }
     }

@@ -95,6 +95,11 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
         &self.states
     }
 
+    /// How each comparison of the last execution went, by its register; false where there is none.
+    pub(crate) fn flags(&self) -> &[bool] {
+        &self.flags
+    }
+
     /// Sets the states.
     ///
     /// # Panics

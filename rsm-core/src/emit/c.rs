@@ -157,8 +157,7 @@ fn signature(unit: &Unit, function: &Function) -> String {
     if function.kind == Kind::Step {
         arguments.insert(0, format!("{} *{}", state_type(unit, function), names::STATE));
     }
-    let arguments = if arguments.is_empty() { "void".to_string() } else { arguments.join(", ") };
-    format!("{result} {}({arguments})", function.c_name(&unit.model))
+    format!("{result} {}({})", function.c_name(&unit.model), arguments.join(", "))
 }
 
 fn state_type(unit: &Unit, function: &Function) -> String {
@@ -373,7 +372,6 @@ fn test_block(unit: &Unit, function: &Function) -> String {
         state = format!("        {name} state;\n");
         rest = format!("        {init}(&state);\n");
     }
-    let types = if types.is_empty() { "void".to_string() } else { types.join(", ") };
     let judged = |value: &str| match function.kind {
         Kind::Surface | Kind::Step => {
             format!("{}_rsm_differs{}({value}, points[k][{arity}])", unit.model, suffix(tape.precision))
@@ -381,33 +379,26 @@ fn test_block(unit: &Unit, function: &Function) -> String {
         // The tape's 1 or 0 as bits against the function's int.
         Kind::Support => format!("{value} != (points[k][{arity}] != 0)"),
     };
-    let copy = if arity == 0 {
-        String::new()
-    } else {
-        format!("            {float} x[{arity}];\n            (void)memcpy(x, points[k], sizeof x);\n")
-    };
     let count = points.len();
     let arrays: String = (0..arity).map(|k| format!("        {float} x{k}[{count}];\n")).collect();
     let fill: String =
         (0..arity).map(|k| format!("            (void)memcpy(&x{k}[k], &rows[k][{k}], sizeof x{k}[k]);\n")).collect();
-    // Without arguments there is nothing to fill.
-    let fill = if arity == 0 { String::new() } else { format!("        for (k = 0; k < {count}; k++) {{\n{fill}        }}\n") };
-    let rows =
-        if arity == 0 { String::new() } else { format!("        const {bits} (*volatile rows)[{}] = points;\n", arity + 1) };
     text.push_str(&format!(
         "        }};\n        \
-         {result} (*volatile function)({types}) = {name};\n\
-         {rows}        \
+         {result} (*volatile function)({}) = {name};\n        \
+         const {bits} (*volatile rows)[{}] = points;\n        \
          volatile unsigned int count = {count};\n        \
          unsigned int k, n;\n\
          {arrays}        \
          {result} y[{count}];\n\
          {state}{rest}        \
-         for (k = 0; k < {count}; k++) {{\n\
-         {copy}            \
+         for (k = 0; k < {count}; k++) {{\n            \
+             {float} x[{arity}];\n            \
+             (void)memcpy(x, points[k], sizeof x);\n            \
              failures += {by_pointer};\n        \
-         }}\n\
-         {fill}{rest}        \
+         }}\n        \
+         for (k = 0; k < {count}; k++) {{\n{fill}        }}\n\
+         {rest}        \
          n = count;\n        \
          for (k = 0; k < n; k++) {{\n            \
              y[k] = {name}({call_by_name});\n        \
@@ -416,6 +407,8 @@ fn test_block(unit: &Unit, function: &Function) -> String {
              failures += {in_loop};\n        \
          }}\n    \
          }}\n",
+        types.join(", "),
+        arity + 1,
         name = function.c_name(&unit.model),
         by_pointer = judged(&format!("function({})", by_pointer.join(", "))),
         call_by_name = by_name.join(", "),

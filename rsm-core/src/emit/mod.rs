@@ -35,7 +35,7 @@ pub struct Function {
     pub kind: Kind,
     /// The unit of the result, as text; of a step, when it is to be taken.
     pub unit: String,
-    /// The arguments, in order. Those of a step begin with the signal, whose range is only what a self-test uses.
+    /// The arguments, one or more, in order. Those of a step begin with the signal, whose range is only what a self-test uses.
     pub inputs: Vec<Input>,
     /// What the result does at the bounds of `output_range`.
     pub saturation: Option<Saturation>,

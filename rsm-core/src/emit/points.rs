@@ -1,7 +1,9 @@
 //! The points of a self-test.
 //!
 //! In: a function. Out: arguments and the result that the interpreter gives, as bits, and which points tell a fused multiply-add from a
-//! product and a sum. Of a compensator the points are one sequence, a step each from the state that the step before left. The same points for the same function: the random ones have a fixed seed. Never looks at emitted text.
+//! product and a sum. Every comparison goes both ways at some of them, where random points of the box show both. Of a compensator
+//! the points are one sequence, a step each from the state that the step before left. The same points for the same function: the random ones have a
+//! fixed seed. Never looks at emitted text.
 
 use crate::model::Input;
 use crate::run::{Interpreter, Scalar};
@@ -10,7 +12,7 @@ use crate::tape::{Op, Reg, Tape};
 /// How many points that a fused operation changes are looked for. Three: a compiler that fuses only some sums is likely to meet one.
 const SENSITIVE: usize = 3;
 
-/// How many random candidates are tried for them. Of a polynomial of second order one in three is sensitive in its last bit; where the
+/// How many random candidates are tried for them, and for comparisons that go as at no point before. Of a polynomial of second order one in three is sensitive in its last bit; where the
 /// constant term outweighs the others by a factor of a thousand, one in a thousand.
 const CANDIDATES: usize = 3000;
 
@@ -47,7 +49,8 @@ impl Fused for f32 {
     }
 }
 
-/// The points of a function: the middle, two corners, one outside, a NaN, then random ones that fusing changes.
+/// The points of a function: the middle, two corners, outside on either side, infinities, -0, a NaN in each argument; then random ones that fusing changes,
+/// or at which a comparison goes as at no point before.
 pub(super) fn points(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
     match tape.precision {
         crate::number::Precision::F64 => chosen::<f64>(tape, inputs),
@@ -57,47 +60,55 @@ pub(super) fn points(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
 
 fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
     let mut interpreter = Interpreter::<T>::new(tape);
-    // `None` where only a point that fusing changes is wanted and this is none: then no step was taken.
-    let mut point = |natural: &[f64], sensitive: bool| {
+    // Of each operation: whether a comparison that stands there was false at some point, whether it was true.
+    let mut seen = vec![[false; 2]; tape.ops.len()];
+    // `is_wanted`: of whether a comparison goes as at no point before, and whether fusing changes the result.
+    let mut point = |natural: &[f64], is_wanted: &dyn Fn(bool, bool) -> bool| {
         let arguments: Vec<T> = natural.iter().map(|xi| T::of_f64(*xi)).collect();
         let states = interpreter.states().to_vec();
         let result = interpreter.step(&arguments);
         // A compiler that sees two products in a sum may fuse either one: both ways must differ.
         let changes = [false, true].iter().all(|left_first| !same(fused(tape, &states, &arguments, *left_first), result));
-        if sensitive && !changes {
+        let is_new = interpreter.flags().iter().zip(&seen).any(|(flag, seen)| !seen[usize::from(*flag)]);
+        if !is_wanted(is_new, changes) {
+            // Then no step was taken.
             interpreter.set_states(&states);
             return None;
+        }
+        for (flag, seen) in interpreter.flags().iter().zip(&mut seen) {
+            seen[usize::from(*flag)] = true;
         }
         let arguments = arguments.iter().map(|xi| xi.bits()).collect();
         Some(Point { arguments, result: result.bits(), changes_under_fusing: changes })
     };
-    let at = |share: f64| -> Vec<f64> {
-        inputs.iter().map(|input| input.range[0] * (1.0 - share) + input.range[1] * share).collect()
-    };
-    let mut points: Vec<Point> = [0.5, 0.0, 1.0, 1.5].iter().filter_map(|share| point(&at(*share), false)).collect();
-    if !inputs.is_empty() {
-        let mut one_nan = at(0.5);
-        one_nan[0] = f64::NAN;
-        points.extend(point(&one_nan, false));
-    }
+    let mut points: Vec<Point> = special(inputs).iter().filter_map(|natural| point(natural, &|_, _| true)).collect();
     let mut random = SplitMix(0x5eed);
     let mut found = 0;
     for _ in 0..CANDIDATES {
-        let natural: Vec<f64> = inputs
-            .iter()
-            .map(|input| {
-                let share = random.next_share();
-                input.range[0] * (1.0 - share) + input.range[1] * share
-            })
-            .collect();
-        if let Some(sensitive) = point(&natural, true) {
-            points.push(sensitive);
-            found += 1;
-        }
-        if found == SENSITIVE {
-            break;
+        let natural: Vec<f64> = inputs.iter().map(|input| between(input, random.next_share())).collect();
+        if let Some(point) = point(&natural, &|is_new, changes| is_new || changes && found < SENSITIVE) {
+            found += usize::from(point.changes_under_fusing);
+            points.push(point);
         }
     }
+    points
+}
+
+/// The value of an input at a share of the way through its range.
+fn between(input: &Input, share: f64) -> f64 {
+    input.range[0] * (1.0 - share) + input.range[1] * share
+}
+
+/// What every function is asked.
+fn special(inputs: &[Input]) -> Vec<Vec<f64>> {
+    let at = |share: f64| -> Vec<f64> { inputs.iter().map(|input| between(input, share)).collect() };
+    let mut points: Vec<Vec<f64>> = [0.5, 0.0, 1.0, 1.5, -0.5].into_iter().map(at).collect();
+    points.extend([f64::INFINITY, f64::NEG_INFINITY, -0.0].map(|value| vec![value; inputs.len()]));
+    points.extend((0..inputs.len()).map(|k| {
+        let mut one_nan = at(0.5);
+        one_nan[k] = f64::NAN;
+        one_nan
+    }));
     points
 }
 
@@ -167,49 +178,4 @@ impl SplitMix {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::Outside;
-    use crate::number::{Precision, exact};
-    use crate::tape::{Port, TapeBuilder};
-
-    fn quadratic(precision: Precision) -> Tape {
-        let mut tape = TapeBuilder::new(precision);
-        let x = tape.push(Op::Input(Port(0)));
-        let (a, b) = (tape.constant(exact(0.1)), tape.constant(exact(0.7)));
-        let product = tape.push(Op::Multiply(x, a));
-        let sum = tape.push(Op::Add(product, b));
-        tape.finish("s", vec!["x".to_string()], sum)
-    }
-
-    fn input() -> Input {
-        Input { name: "x".to_string(), unit: "1".to_string(), range: [0.0, 1.0], outside: Outside::Extrapolate }
-    }
-
-    #[test]
-    fn points_that_fusing_changes_are_found_in_both_precisions() {
-        for precision in Precision::ALL {
-            let points = points(&quadratic(precision), &[input()]);
-            let found = points.iter().filter(|point| point.changes_under_fusing).count();
-            assert!(found >= SENSITIVE, "{precision:?}: {found}");
-        }
-    }
-
-    #[test]
-    fn fusing_by_hand_gives_what_the_search_says() {
-        // 0.1 x + 0.7: the search must mark exactly the points at which mul_add and the two roundings differ.
-        for point in points(&quadratic(Precision::F64), &[input()]) {
-            let x = f64::from_bits(point.arguments[0]);
-            assert_eq!(point.changes_under_fusing, !x.is_nan() && x.mul_add(0.1, 0.7) != x * 0.1 + 0.7);
-        }
-    }
-
-    #[test]
-    fn a_tape_without_a_sum_has_no_such_point() {
-        let mut tape = TapeBuilder::new(Precision::F64);
-        let x = tape.push(Op::Input(Port(0)));
-        let square = tape.push(Op::Multiply(x, x));
-        let tape = tape.finish("s", vec!["x".to_string()], square);
-        assert!(points(&tape, &[input()]).iter().all(|point| !point.changes_under_fusing));
-    }
-}
+mod tests;

@@ -247,5 +247,8 @@ pub(super) fn with_power<'l, 'a>(leaves: &[&'l Leaf<'a>], factor: usize, exponen
 
 /// The highest power of a factor among some terms.
 pub(super) fn degree(leaves: &[&Leaf<'_>], factor: usize) -> u32 {
-    leaves.iter().map(|leaf| leaf.powers[factor]).max().unwrap_or(0)
+    leaves.iter().map(|leaf| leaf.powers[factor]).max().expect("there is at least one term")
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,7 +8,7 @@ use crate::model::{Surface, Term};
 use crate::number::{Precision, Rational, exact, integer, power};
 use crate::tape::{Op, Reg, TapeBuilder};
 
-use super::nest::{Leaf, Nest, Written};
+use super::nest::{Leaf, Nest, Written, degree};
 use super::scheme::{self, Candidate};
 use super::variables::Variables;
 
@@ -52,13 +52,12 @@ pub(super) fn lower(tape: &mut TapeBuilder, variables: &mut Variables<'_>, surfa
         .iter()
         .zip(&scales)
         .map(|(k, (_, scale))| {
-            let degree = terms.iter().map(|term| term.powers[*k]).max().unwrap_or(0);
             let coded = variables.magnitude(*k);
             let magnitude = if folds { coded / scale } else { coded };
             Candidate {
                 factor: *k,
                 is_bounded: variables.is_bounded(*k),
-                has_powers: i64::from(degree) * magnitude_bits(&magnitude) <= widest(tape.precision()),
+                has_powers: i64::from(degree(&leaves, *k)) * magnitude_bits(&magnitude) <= widest(tape.precision()),
             }
         })
         .collect();
@@ -96,3 +95,6 @@ fn magnitude_bits(value: &Rational) -> i64 {
     let difference = value.numer().bits() as i64 - value.denom().bits() as i64;
     difference.abs() + 1
 }
+
+#[cfg(test)]
+mod tests;

@@ -20,11 +20,11 @@ pub(super) fn addends<'l, S: Sheet>(
     let groups: Vec<_> = exponents.map(|k| (k, with_power(leaves, factor, k))).filter(|(_, group)| !group.is_empty()).collect();
     // Low powers first: the higher are made of them.
     let powers: Vec<S::Value> = groups.iter().map(|(k, _)| nest.power(factor, *k)).collect();
-    let mut addends = Vec::with_capacity(groups.len() + 1);
-    for ((_, group), power) in groups.iter().zip(powers).rev() {
+    let product = |((_, group), power): (&(u32, Vec<&'l Leaf<'_>>), S::Value)| {
         let coefficient = nest.part(group, inner);
-        addends.push(nest.product(coefficient, power));
-    }
+        nest.product(coefficient, power)
+    };
+    let mut addends: Vec<Part<'l, S::Value>> = groups.iter().zip(powers).rev().map(product).collect();
     let rest = with_power(leaves, factor, 0);
     if !rest.is_empty() {
         addends.extend(nest.addends(&rest, inner));

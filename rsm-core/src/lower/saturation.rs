@@ -35,12 +35,7 @@ impl Saturation {
     pub(super) fn of(surface: &Surface, inputs: &[Input], bounds: [f64; 2], tape: &Tape) -> Self {
         let both = Saturation { bounds, below: true, above: true, values: None };
         let precision = tape.precision;
-        // A box without a number of the type has no argument to speak of.
-        let holds_a_number = |input: &Input| {
-            let [low, high] = input.range.map(exact);
-            precision.round_up(&low) <= precision.round_down(&high)
-        };
-        if !inputs.iter().all(|input| is_clamped(input) && holds_a_number(input)) {
+        if !inputs.iter().all(is_clamped) {
             return both;
         }
         let [low, high] = inward(bounds, precision);
@@ -53,6 +48,7 @@ impl Saturation {
         if !error.is_finite() {
             return both;
         }
+        // mutant `+ to -`: the interval of the errors is its own opposite.
         let values = truth + Interval::new(-error, error);
         Saturation { bounds, below: values.low < low, above: values.high > high, values: Some(values) }
     }

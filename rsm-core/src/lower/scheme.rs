@@ -61,8 +61,7 @@ pub(super) fn best(leaves: &[&Leaf<'_>], candidates: &[Candidate], ready: &[Opti
     let mut consider = |order: &[Candidate]| {
         for levels in forms(order) {
             let cost = cost(leaves, &levels, ready);
-            let departures = levels.iter().filter(|level| level.form == Form::Powers).count();
-            let key = (cost.score(), departures, cost.operations);
+            let key = (cost.score(), departures(&levels), cost.operations);
             if best.as_ref().is_none_or(|(lowest, _)| key < *lowest) {
                 best = Some((key, levels));
             }
@@ -92,21 +91,21 @@ pub(super) fn cost(leaves: &[&Leaf<'_>], levels: &[Level], ready: &[Option<usize
 
 /// The choices of forms for an order of nesting, Horner throughout first.
 fn forms(order: &[Candidate]) -> Vec<Vec<Level>> {
-    // A power that underflows to 0 makes a NaN of an infinite coefficient, so what is nested inside must be finite too.
-    let may: Vec<bool> =
-        (0..order.len()).map(|k| order[k].has_powers && order[k..].iter().all(|candidate| candidate.is_bounded)).collect();
-    let scheme = |is_powers: &dyn Fn(usize) -> bool| -> Vec<Level> {
-        let form = |k| if is_powers(k) { Form::Powers } else { Form::Horner };
-        order.iter().enumerate().map(|(k, candidate)| Level { factor: candidate.factor, form: form(k) }).collect()
-    };
-    let mut all = vec![scheme(&|_| false)];
-    if order.len() <= ALL_FORMS_UP_TO {
-        let subsets = (1..1usize << order.len()).filter(|set| (0..order.len()).all(|k| set >> k & 1 == 0 || may[k]));
-        all.extend(subsets.map(|set| scheme(&|k| set >> k & 1 == 1)));
-    } else {
-        all.extend((0..order.len()).filter(|k| may[*k]).map(|level| scheme(&|k| k == level)));
+    let most = if order.len() <= ALL_FORMS_UP_TO { order.len() } else { 1 };
+    let mut all = vec![vec![]];
+    for (k, candidate) in order.iter().enumerate() {
+        let with = |levels: &Vec<Level>, form| [levels.as_slice(), &[Level { factor: candidate.factor, form }]].concat();
+        // A power that underflows to 0 makes a NaN of an infinite coefficient, so what is nested inside must be finite too.
+        let may = candidate.has_powers && order[k..].iter().all(|inside| inside.is_bounded);
+        let powers = all.iter().filter(|levels| may && departures(levels) < most).map(|levels| with(levels, Form::Powers));
+        all = all.iter().map(|levels| with(levels, Form::Horner)).chain(powers).collect();
     }
     all
+}
+
+/// How many levels are not in Horner form.
+fn departures(levels: &[Level]) -> usize {
+    levels.iter().filter(|level| level.form == Form::Powers).count()
 }
 
 /// Every order of `rest` after `prefix`, in lexicographic order of `rest`.
@@ -124,53 +123,4 @@ fn permutations(rest: &[Candidate], prefix: &mut Vec<Candidate>, visit: &mut imp
 }
 
 #[cfg(test)]
-mod tests {
-    use crate::lower::nest::Written;
-    use crate::number::{Precision, integer};
-    use crate::tape::{Op, Port, TapeBuilder};
-
-    use super::*;
-
-    /// Terms and schemes of every kind, by a linear congruential generator (Knuth, MMIX): deterministic, and nothing is asked of it but variety.
-    #[test]
-    fn a_cost_is_that_of_the_written_tape() {
-        let mut seed = 1u64;
-        let mut below = |limit: u64| {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 33) % limit
-        };
-        for _ in 0..300 {
-            let factors = 1 + below(4) as usize;
-            let mut powers: Vec<Vec<u32>> =
-                (0..1 + below(12)).map(|_| (0..factors).map(|_| below(8) as u32).collect()).collect();
-            powers.sort();
-            powers.dedup();
-            // 1 and -1 among them.
-            let number = |k: usize| integer([-2, -1, 3, 1, 5][k % 5]);
-            let leaves: Vec<Leaf<'_>> =
-                powers.iter().enumerate().map(|(k, powers)| Leaf { powers, coefficient: number(k) }).collect();
-            let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
-            let mut levels: Vec<Level> = (0..factors)
-                .map(|factor| Level { factor, form: if below(2) == 0 { Form::Horner } else { Form::Powers } })
-                .collect();
-            levels.rotate_left(below(factors as u64) as usize);
-
-            let mut tape = TapeBuilder::new(Precision::F64);
-            let mut variables = vec![];
-            for k in 0..factors {
-                let mut reg = tape.push(Op::Input(Port(k as u32)));
-                for _ in 0..below(4) {
-                    reg = tape.push(Op::Absolute(reg));
-                }
-                variables.push(Some((reg, tape.depth_of(reg))));
-            }
-            let ready: Vec<Option<usize>> = variables.iter().map(|variable| variable.map(|(_, ready)| ready)).collect();
-            let (output, told) = Nest::new(&mut Written(&mut tape), &variables).value(&leaves, &levels);
-            let counted = cost(&leaves, &levels, &ready);
-            let tape = tape.finish("s", vec![], output);
-            let of_the_sums = |op: &&Op| matches!(op, Op::Add(..) | Op::Subtract(..) | Op::Multiply(..) | Op::Negate(_));
-            let written = Cost { operations: tape.ops.iter().filter(of_the_sums).count(), ready: tape.depth() };
-            assert_eq!((counted, told), (written, written.ready), "{powers:?} {levels:?}");
-        }
-    }
-}
+mod tests;

@@ -16,6 +16,8 @@
 //! Subtracting in natural units, before any division, keeps narrow ranges far from 0 accurate: the difference of two numbers within a
 //! factor of two of each other is exact (Sterbenz).
 
+use num_traits::Signed;
+
 use crate::basis::{Factor, Variable};
 use crate::model::{Input, Surface};
 use crate::number::{Rational, exact, integer};
@@ -116,6 +118,7 @@ impl<'a> Variables<'a> {
             Some(_) => {
                 // The scale of a hinge may be negative (reciprocal of a negative input): then it opens where v is negative.
                 let zero = tape.constant(integer(0));
+                // mutant `< to <=`: a scale is not 0.
                 if scale < integer(0) { tape.at_most(value, zero) } else { tape.at_least(value, zero) }
             }
         };
@@ -132,9 +135,8 @@ impl<'a> Variables<'a> {
     /// The largest |x| of a factor in its range: every x is monotone on it, or, a magnitude, largest at its ends.
     pub(super) fn magnitude(&self, factor: usize) -> Rational {
         let factor = &self.factors[factor];
-        let ends = self.inputs[factor.input].range.map(|end| factor.value(exact(end)));
-        let [low, high] = ends.map(|x| if x < integer(0) { -x } else { x });
-        if low < high { high } else { low }
+        let [low, high] = self.inputs[factor.input].range.map(|end| factor.value(exact(end)).abs());
+        low.max(high)
     }
 
     fn half(&self, input: usize) -> Rational {

@@ -149,3 +149,98 @@ fn powers_that_leave_the_exponents_are_not_written() {
     assert!(Interpreter::<f32>::new(&far).eval(&[1e12, 1.5]).is_finite());
     assert!(rsm_core::rounding::error_bound(&far, &[[1.0, 1e12], [-2.0, 2.0]]).is_finite());
 }
+
+/// A surface of x in [1, 2] and y in [1, 2] unless said otherwise; keys of the surface in lines of their own.
+fn small(x: &str, y: Option<&str>, keys: &str, terms: &[(&[u32], f64)]) -> Checked {
+    let terms: Vec<String> =
+        terms.iter().map(|(powers, coefficient)| format!("{{ powers = {powers:?}, coefficient = {coefficient:?} }}")).collect();
+    let second = y.map_or(String::new(), |y| format!("[inputs.y]\nunit = \"1\"\n{y}\n"));
+    let names = if y.is_some() { "\"x\", \"y\"" } else { "\"x\"" };
+    let text = format!(
+        "format = 1\nmodel = \"m\"\n[inputs.x]\nunit = \"1\"\n{x}\n{second}[surfaces.s]\nunit = \"1\"\ninputs = [{names}]\n{keys}\nterms = [{}]\n",
+        terms.join(", ")
+    );
+    Checked::read(&Source::new("m.toml", text)).unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+const FREE: &str = "range = [1.0, 2.0]\noutside = \"extrapolate\"";
+const CLAMPED: &str = "range = [1.0, 2.0]";
+const EVEN_SIDED: &str = "range = [-2.0, 2.0]";
+const NATURAL: &str = "coding = \"none\"";
+
+/// Operations and depth, counted by hand from the formulas.
+#[test]
+fn known_forms_cost_what_they_cost_by_hand() {
+    let cost = |checked: &Checked| {
+        let tape = lower::surface(checked, 0, Precision::F64);
+        println!("{tape}");
+        (tape.operation_count(), tape.depth())
+    };
+    let one = |x: &str, keys: &str, terms: &[(&[u32], f64)]| cost(&small(x, None, keys, terms));
+    let (a, b, c) = (0.3, 0.5, 0.7);
+
+    // Sums of one natural variable, nothing but Horner: a coefficient of 1 or -1 is no product, a sign is no operation where a sum takes it.
+    assert_eq!(one(FREE, NATURAL, &[(&[1], 1.0)]), (0, 0));
+    assert_eq!(one(FREE, NATURAL, &[(&[1], -1.0)]), (1, 1));
+    assert_eq!(one(FREE, NATURAL, &[(&[1], b)]), (1, 1));
+    assert_eq!(one(FREE, NATURAL, &[(&[0], a), (&[1], b)]), (2, 2));
+    assert_eq!(one(FREE, NATURAL, &[(&[0], a), (&[1], -1.0)]), (1, 1));
+    assert_eq!(one(FREE, NATURAL, &[(&[2], 1.0)]), (1, 1));
+    assert_eq!(one(FREE, NATURAL, &[(&[2], -1.0)]), (2, 2));
+    assert_eq!(one(FREE, NATURAL, &[(&[2], b)]), (2, 2));
+    assert_eq!(one(FREE, NATURAL, &[(&[0], a), (&[1], b), (&[2], c)]), (4, 4));
+    // A coefficient of 0 is no term: a is left, and x - x lets NaN through.
+    assert_eq!(one(FREE, NATURAL, &[(&[0], a), (&[1], 0.0)]), (2, 2));
+    // No term at all: 0, and x - x.
+    assert_eq!(one(FREE, NATURAL, &[(&[1], 0.0)]), (2, 2));
+
+    // (c x + (d y + e)) x + ((f y + g) y + h): five products and five sums; d y, + e, + c x, times x, the last sum.
+    let full: [(&[u32], f64); 6] =
+        [(&[2, 0], 0.3), (&[1, 1], 0.4), (&[1, 0], 0.5), (&[0, 2], 0.6), (&[0, 1], 0.7), (&[0, 0], 0.8)];
+    let two = |x: &str, y: &str, keys: &str| cost(&small(x, Some(y), keys, &full));
+    assert_eq!(two(FREE, FREE, NATURAL), (10, 5));
+    // A subtraction of the middle a variable, whose scales are in the coefficients.
+    assert_eq!(two(FREE, FREE, ""), (12, 6));
+    // Less, select, less, select before it.
+    assert_eq!(two(CLAMPED, CLAMPED, ""), (20, 10));
+    // The middle is 0.
+    assert_eq!(two(EVEN_SIDED, EVEN_SIDED, ""), (18, 9));
+    // A magnitude and one bound: three in place of four.
+    assert_eq!(two(EVEN_SIDED, EVEN_SIDED, "symmetry = { x = \"even\", y = \"even\" }"), (16, 8));
+
+    // Odd: b |x| clamped is 4 deep, its opposite 5, the choice 6; x < 0 waits for nothing.
+    assert_eq!(one(EVEN_SIDED, "symmetry = { x = \"odd\" }", &[(&[1], b)]), (7, 6));
+    // 1/x; (g - x)/x as -(x - g)/x.
+    assert_eq!(one(FREE, "coding = \"none\"\nreciprocal = [\"x\"]", &[(&[1], b)]), (2, 2));
+    assert_eq!(one(FREE, "reciprocal = [\"x\"]", &[(&[1], b)]), (4, 4));
+    // A hinge is x - k and a bound at 0; its x has no other use. Of a reciprocal the same division comes before the bound.
+    let hinge = "knots = [{ input = \"x\", at = 1.5 }]";
+    assert_eq!(one(FREE, hinge, &[(&[0, 1], c)]), (4, 4));
+    assert_eq!(one(FREE, &format!("{hinge}\nreciprocal = [\"x\"]"), &[(&[0, 1], c)]), (6, 6));
+    // The middle of 17 numbers' width of f32 is none of them, 1000001 + 17/32: two subtractions. In f64 it is a number.
+    let narrow = small("range = [1000001.0, 1000002.0625]\noutside = \"extrapolate\"", None, "", &[(&[1], b)]);
+    assert_eq!(lower::surface(&narrow, 0, Precision::F32).operation_count(), 3);
+    assert_eq!(lower::surface(&narrow, 0, Precision::F64).operation_count(), 2);
+    // A saturation at both ends: four; at one end: two.
+    assert_eq!(one(FREE, "output_range = [0.0, 1.0]", &[(&[1], c)]), (6, 6));
+    // 0.7 x between 0.7 and 1.4.
+    assert_eq!(one(CLAMPED, "coding = \"none\"\noutput_range = [1.0, 2.0]", &[(&[1], c)]), (7, 7));
+    assert_eq!(one(CLAMPED, "coding = \"none\"\noutput_range = [0.0, 1.0]", &[(&[1], c)]), (7, 7));
+    assert_eq!(one(CLAMPED, "coding = \"none\"\noutput_range = [0.0, 2.0]", &[(&[1], c)]), (5, 5));
+}
+
+/// By hand, in f32: 2^23 + 1/2 lies between the numbers 2^23 and 2^23 + 1, 2^23 + 3/2 between 2^23 + 1 and 2^23 + 2. Either is a tie, which goes to the even
+/// one, so a half is lost, downwards and upwards. Two units of roundoff of the coded variable are 2^-23 times half of the width of the range: a half where that
+/// is 2^22.
+#[test]
+fn a_middle_is_mended_where_its_rounding_costs_more_than_two_units_of_roundoff() {
+    for middle in [8_388_608.5, 8_388_609.5] {
+        for (half, subtractions) in [(4_194_304.0, 1), (4_194_303.0, 2)] {
+            let range = format!("range = [{:?}, {:?}]\noutside = \"extrapolate\"", middle - half, middle + half);
+            let checked = small(&range, None, "", &[(&[1], 0.7)]);
+            let tape = lower::surface(&checked, 0, Precision::F32);
+            let found = tape.ops.iter().filter(|op| matches!(op, Op::Subtract(..))).count();
+            assert_eq!(found, subtractions, "{middle} {half}\n{tape}");
+        }
+    }
+}

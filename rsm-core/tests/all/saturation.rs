@@ -266,3 +266,52 @@ fn the_range_of_the_polynomial_is_not_that_of_its_tape() {
     }
     assert!(passed > 20, "only {passed} values pass the true range: they prove nothing");
 }
+
+/// y = x is computed without an error, so what is known of it is an enclosure of the true polynomial: a bound right at its end leaves every value as it is, and
+/// is not written.
+#[test]
+fn a_bound_at_the_end_of_what_is_known_is_not_written() {
+    let input = Input { name: "x".to_string(), unit: "1".to_string(), range: [-1.0, 2.0], outside: Outside::Clamp };
+    let surface = Surface {
+        name: "s".to_string(),
+        unit: "1".to_string(),
+        inputs: vec!["x".to_string()],
+        coding: Coding::None,
+        terms: vec![Term { powers: vec![1], coefficient: 1.0 }],
+        ..Surface::default()
+    };
+    let model = Model { name: "m".to_string(), inputs: vec![input], surfaces: vec![surface], compensators: vec![] };
+    let of = |bounds: [f64; 2]| {
+        lower::saturation(&checked(&with_bounds(&model, bounds)), 0, Precision::F64).expect("there is a range")
+    };
+    let known = of([-4.0, 4.0]).values.expect("it was asked");
+    assert!(-1.0 - 1e-15 < known.low && known.low <= -1.0 && 2.0 <= known.high && known.high < 2.0 + 2e-15, "{known:?}");
+    let written = |low: f64, high: f64| (of([low, high]).below, of([low, high]).above);
+    let (inside_low, inside_high) = (known.low.next_up(), known.high.next_down());
+    assert_eq!(written(known.low, known.high), (false, false));
+    assert_eq!(written(inside_low, known.high), (true, false));
+    assert_eq!(written(known.low, inside_high), (false, true));
+    assert_eq!(written(inside_low, inside_high), (true, true));
+}
+
+/// 0.1 and 0.9 lie between two numbers of f32: a value at the outer one is outside of the range, and is brought in to the inner one.
+#[test]
+fn a_bound_between_two_numbers_is_the_inner_one() {
+    let outer = [Precision::F32.round_down(&exact(0.1)), Precision::F32.round_up(&exact(0.9))];
+    let input = Input { name: "x".to_string(), unit: "1".to_string(), range: outer, outside: Outside::Clamp };
+    let surface = Surface {
+        name: "s".to_string(),
+        unit: "1".to_string(),
+        inputs: vec!["x".to_string()],
+        coding: Coding::None,
+        output_range: Some([0.1, 0.9]),
+        terms: vec![Term { powers: vec![1], coefficient: 1.0 }],
+        ..Surface::default()
+    };
+    let model = Model { name: "m".to_string(), inputs: vec![input], surfaces: vec![surface], compensators: vec![] };
+    let tape = lower::surface(&checked(&model), 0, Precision::F32);
+    for end in outer {
+        let found = f64::from(Interpreter::<f32>::new(&tape).eval(&[end as f32]));
+        assert!((0.1..=0.9).contains(&found) && (found - end).abs() < 1e-7, "{found} for {end}\n{tape}");
+    }
+}

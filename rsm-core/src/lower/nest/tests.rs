@@ -1,0 +1,130 @@
+//! What the nest writes, against hand-worked lists, and the depth of its sums against every other way to take them.
+
+use super::*;
+use crate::number::Precision;
+use crate::tape::Port;
+
+/// The powers of one variable that are written when some are asked for, in the order in which they are written: the exponents of both factors of each product.
+fn products(asked: &[u32]) -> Vec<[u32; 2]> {
+    let mut tape = TapeBuilder::new(Precision::F64);
+    let variable = tape.push(Op::Input(Port(0)));
+    let mut sheet = Written(&mut tape);
+    let mut nest = Nest::new(&mut sheet, &[Some((variable, 0))]);
+    let mut last = (variable, 0);
+    for exponent in asked {
+        last = nest.power(0, *exponent);
+    }
+    let tape = tape.finish("powers", vec!["x".to_owned()], last.0);
+    assert_eq!(last.1, tape.depth(), "a power says when it is ready");
+    let mut exponents = vec![1];
+    tape.ops[1..]
+        .iter()
+        .map(|op| {
+            let Op::Multiply(a, b) = op else { panic!("{op:?} is no product") };
+            let of = [exponents[a.0 as usize], exponents[b.0 as usize]];
+            exponents.push(of[0] + of[1]);
+            of
+        })
+        .collect()
+}
+
+#[test]
+fn powers_are_shared_and_shallow() {
+    // By hand: a power that is there costs nothing; else one product of two that are there, of those the shallowest; else halves.
+    assert_eq!(products(&[1]), [[0; 2]; 0]);
+    assert_eq!(products(&[2]), [[1, 1]]);
+    assert_eq!(products(&[2, 2]), [[1, 1]]);
+    assert_eq!(products(&[3]), [[1, 1], [2, 1]]);
+    assert_eq!(products(&[4]), [[1, 1], [2, 2]]);
+    assert_eq!(products(&[5]), [[1, 1], [2, 1], [3, 2]]);
+    // x^4 from x^2 twice (2 deep), not from x^3 and x (3 deep).
+    assert_eq!(products(&[3, 4]), [[1, 1], [2, 1], [2, 2]]);
+    // x^7 = x^5 x^2 has one product, x^4 x^3 would have two.
+    assert_eq!(products(&[5, 7]), [[1, 1], [2, 1], [3, 2], [5, 2]]);
+    // x^6: of x^3 x^3, x^4 x^2 and x^5 x the last is one deeper; x^3 x^3 comes first.
+    assert_eq!(products(&[3, 4, 5, 6]), [[1, 1], [2, 1], [2, 2], [3, 2], [3, 3]]);
+    assert_eq!(products(&[2, 4, 8]), [[1, 1], [2, 2], [4, 4]]);
+}
+
+/// The least depth of a sum, by trying every pair first, of the pairs of what is left, and so on.
+fn shallowest(ready: &[usize]) -> usize {
+    if let [only] = ready {
+        return *only;
+    }
+    let mut least = usize::MAX;
+    for b in 1..ready.len() {
+        for a in 0..b {
+            let mut left = ready.to_vec();
+            let (of_b, of_a) = (left.remove(b), left.remove(a));
+            left.push(of_a.max(of_b) + 1);
+            least = least.min(shallowest(&left));
+        }
+    }
+    least
+}
+
+#[test]
+fn no_other_order_of_a_sum_is_shallower() {
+    let one_half = integer(1) / integer(2);
+    // Every way to be ready of up to five addends, with a constant among them or not.
+    for count in 1..=5u32 {
+        for number in 0..4usize.pow(count) {
+            for has_constant in [false, true] {
+                let mut ready: Vec<usize> = (0..count).map(|k| number / 4usize.pow(k) % 4).collect();
+                let mut counted = Counted::default();
+                let mut nest = Nest::new(&mut counted, &[]);
+                let mut parts: Vec<Part<'_, usize>> = ready.iter().map(|ready| Part::Value(*ready)).collect();
+                if has_constant {
+                    // It is there from the beginning.
+                    ready.push(0);
+                    parts.push(Part::Constant(&one_half));
+                }
+                let sum = powers::sum(&mut nest, parts);
+                let (found, operations) = (nest.written(sum), ready.len() - 1);
+                assert_eq!((found, counted.operations), (shallowest(&ready), operations), "{ready:?} {has_constant}");
+            }
+        }
+    }
+}
+
+/// A sign and what it stands before: a constant of 3, the variable x, its opposite.
+#[test]
+fn a_sign_costs_an_operation_only_where_no_sum_takes_it() {
+    #[derive(Clone, Copy, Debug)]
+    enum Kind {
+        Constant,
+        Value,
+        Opposite,
+    }
+    let three = integer(3);
+    let all = [Kind::Constant, Kind::Value, Kind::Opposite];
+    for (a, b) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
+        let mut tape = TapeBuilder::new(Precision::F64);
+        let x = tape.push(Op::Input(Port(0)));
+        let mut sheet = Written(&mut tape);
+        let mut nest = Nest::new(&mut sheet, &[]);
+        let part = |kind| match kind {
+            Kind::Constant => Part::Constant(&three),
+            Kind::Value => Part::Value((x, 0)),
+            Kind::Opposite => Part::Opposite((x, 0)),
+        };
+        let value = |kind| match kind {
+            Kind::Constant => three.clone(),
+            Kind::Value => integer(7),
+            Kind::Opposite => integer(-7),
+        };
+        let sum = nest.sum(part(a), part(b));
+        let (sum, ready) = nest.written(sum);
+        let product = nest.product(part(a), (x, 0));
+        let (product, _) = nest.written(product);
+        let output = tape.push(Op::Subtract(sum, product));
+        let tape = tape.finish("t", vec!["x".to_owned()], output);
+        // Both in one number: the product is told from the sum by its size.
+        let expected = value(a) + value(b) - value(a) * integer(7);
+        assert_eq!(crate::exact::ideal(&tape, &[integer(7)]), Some(expected), "{a:?} {b:?}\n{tape}");
+        // Of two opposites one keeps its sign; the opposite of a product is written, because nothing takes it here.
+        let signs = usize::from(matches!((a, b), (Kind::Opposite, Kind::Opposite))) + usize::from(matches!(a, Kind::Opposite));
+        assert_eq!(tape.operation_count(), 3 + signs, "{a:?} {b:?}\n{tape}");
+        assert_eq!(ready, 1 + usize::from(matches!((a, b), (Kind::Opposite, Kind::Opposite))), "{a:?} {b:?}");
+    }
+}

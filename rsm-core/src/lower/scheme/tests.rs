@@ -1,0 +1,173 @@
+//! A cost is that of the tape that is written, and the scheme that is chosen is the cheapest of all that may stand.
+
+use crate::lower::nest::Written;
+use crate::number::{Precision, Rational, integer};
+use crate::tape::{Op, Port, Reg, TapeBuilder};
+
+use super::*;
+
+/// A linear congruential generator (Knuth, MMIX): deterministic, and nothing is asked of it but variety.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % limit
+    }
+}
+
+/// Some terms of some factors, and how many operations each factor waits for.
+struct Polynomial {
+    terms: Vec<(Vec<u32>, Rational)>,
+    waits: Vec<usize>,
+}
+
+impl Polynomial {
+    /// Up to `count` terms with powers up to `order`, 1 and -1 among the coefficients.
+    fn random(random: &mut Random, factors: usize, count: usize, order: usize) -> Self {
+        let mut powers: Vec<Vec<u32>> =
+            (0..1 + random.below(count)).map(|_| (0..factors).map(|_| random.below(order + 1) as u32).collect()).collect();
+        powers.sort();
+        powers.dedup();
+        let terms = powers.into_iter().enumerate().map(|(k, powers)| (powers, integer([-2, -1, 3, 1, 5][k % 5]))).collect();
+        Polynomial { terms, waits: (0..factors).map(|_| random.below(4)).collect() }
+    }
+
+    fn leaves(&self) -> Vec<Leaf<'_>> {
+        self.terms.iter().map(|(powers, coefficient)| Leaf { powers, coefficient: coefficient.clone() }).collect()
+    }
+
+    fn ready(&self) -> Vec<Option<usize>> {
+        self.waits.iter().copied().map(Some).collect()
+    }
+
+    /// The cost by a tape: its operations behind the variables, its depth. The second number is what the writer says of its depth.
+    fn written(&self, levels: &[Level]) -> (Cost, usize) {
+        let mut tape = TapeBuilder::new(Precision::F64);
+        let mut variables: Vec<Option<(Reg, usize)>> = vec![];
+        for (k, waits) in self.waits.iter().enumerate() {
+            let input = tape.push(Op::Input(Port(k as u32)));
+            let reg = (0..*waits).fold(input, |reg, _| tape.push(Op::Absolute(reg)));
+            variables.push(Some((reg, *waits)));
+        }
+        let leaves = self.leaves();
+        let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
+        let (output, told) = Nest::new(&mut Written(&mut tape), &variables).value(&leaves, levels);
+        let tape = tape.finish("s", vec![], output);
+        let of_the_sums = |op: &&Op| matches!(op, Op::Add(..) | Op::Subtract(..) | Op::Multiply(..) | Op::Negate(_));
+        (Cost { operations: tape.ops.iter().filter(of_the_sums).count(), ready: tape.depth() }, told)
+    }
+}
+
+#[test]
+fn a_cost_is_that_of_the_written_tape() {
+    let mut random = Random(1);
+    for _ in 0..300 {
+        let factors = 1 + random.below(4);
+        let polynomial = Polynomial::random(&mut random, factors, 12, 7);
+        let form = |random: &mut Random| if random.below(2) == 0 { Form::Horner } else { Form::Powers };
+        let mut levels: Vec<Level> = (0..factors).map(|factor| Level { factor, form: form(&mut random) }).collect();
+        levels.rotate_left(random.below(factors));
+        let leaves = polynomial.leaves();
+        let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
+        let counted = cost(&leaves, &levels, &polynomial.ready());
+        let (written, told) = polynomial.written(&levels);
+        assert_eq!((counted, told), (written, written.ready), "{:?} {levels:?}", polynomial.terms);
+    }
+}
+
+/// All orders of the candidates: the place of the first is taken by each in turn.
+fn all_orders(candidates: &[Candidate]) -> Vec<Vec<Candidate>> {
+    let Some(last) = candidates.len().checked_sub(1) else { return vec![vec![]] };
+    (0..=last)
+        .flat_map(|first| {
+            let others = [&candidates[..first], &candidates[first + 1..]].concat();
+            all_orders(&others).into_iter().map(move |rest| [vec![candidates[first]], rest].concat())
+        })
+        .collect()
+}
+
+/// The order of the file, then those with one exchange.
+fn orders_of_one_exchange(candidates: &[Candidate]) -> Vec<Vec<Candidate>> {
+    let count = candidates.len();
+    let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
+    let exchanged = pairs.map(|(a, b)| {
+        let mut order = candidates.to_vec();
+        order.swap(a, b);
+        order
+    });
+    std::iter::once(candidates.to_vec()).chain(exchanged).collect()
+}
+
+/// Every scheme of an order with at most `most` levels in the form of powers, nothing but Horner first, then counted like a binary number whose last digit
+/// is the outermost level. A level may have that form only where its powers are numbers, and where nothing at it and inside can be infinite.
+fn schemes(order: &[Candidate], most: u32) -> Vec<Vec<Level>> {
+    let may = |k: usize| order[k].has_powers && order[k..].iter().all(|inside| inside.is_bounded);
+    (0..1usize << order.len())
+        .filter(|set| set.count_ones() <= most && (0..order.len()).all(|k| set & (1 << k) == 0 || may(k)))
+        .map(|set| {
+            let form = |k: usize| if set & (1 << k) == 0 { Form::Horner } else { Form::Powers };
+            order.iter().enumerate().map(|(k, candidate)| Level { factor: candidate.factor, form: form(k) }).collect()
+        })
+        .collect()
+}
+
+/// The scheme that is chosen against all that may stand, each written on a tape of its own. Gives the levels in the form of powers.
+fn compare(polynomial: &Polynomial, candidates: &[Candidate], all: &[Vec<Level>]) -> usize {
+    let leaves = polynomial.leaves();
+    let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
+    let found = best(&leaves, candidates, &polynomial.ready());
+    let powers = |levels: &[Level]| levels.iter().filter(|level| level.form == Form::Powers).count();
+    let price = |levels: &&Vec<Level>| {
+        let (cost, _) = polynomial.written(levels);
+        // An operation is worth two steps of the chain.
+        (2 * cost.operations + cost.ready, powers(levels), cost.operations)
+    };
+    // `min_by_key` takes the first of equal ones.
+    let expected = all.iter().min_by_key(price).expect("there is a scheme");
+    assert_eq!(&found, expected, "{:?} {:?} {candidates:?}", polynomial.terms, polynomial.waits);
+    powers(&found)
+}
+
+fn candidates(random: &mut Random, factors: usize) -> Vec<Candidate> {
+    // Most may have powers, so that the form is often a choice.
+    (0..factors).map(|factor| Candidate { factor, is_bounded: random.below(6) > 0, has_powers: random.below(6) > 0 }).collect()
+}
+
+#[test]
+fn up_to_three_factors_the_cheapest_of_all_orders_and_forms_is_chosen() {
+    let (mut random, mut seen) = (Random(2), [0; 4]);
+    for _ in 0..160 {
+        let factors = 1 + random.below(3);
+        let polynomial = Polynomial::random(&mut random, factors, 10, 6);
+        let candidates = candidates(&mut random, factors);
+        let all: Vec<Vec<Level>> = all_orders(&candidates).iter().flat_map(|order| schemes(order, 3)).collect();
+        seen[compare(&polynomial, &candidates, &all)] += 1;
+    }
+    assert!(seen[..3].iter().all(|count| *count > 5), "forms are not often a choice: {seen:?}");
+}
+
+#[test]
+fn up_to_six_factors_the_cheapest_of_all_orders_with_one_form_of_powers_is_chosen() {
+    let (mut random, mut seen) = (Random(3), [0; 2]);
+    for (factors, count) in [(4, 12), (5, 3), (6, 1)] {
+        for _ in 0..count {
+            let polynomial = Polynomial::random(&mut random, factors, 6, 4);
+            let candidates = candidates(&mut random, factors);
+            let all: Vec<Vec<Level>> = all_orders(&candidates).iter().flat_map(|order| schemes(order, 1)).collect();
+            seen[compare(&polynomial, &candidates, &all)] += 1;
+        }
+    }
+    assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
+}
+
+#[test]
+fn of_more_factors_the_cheapest_of_one_exchange_is_chosen() {
+    let mut random = Random(4);
+    for _ in 0..10 {
+        let polynomial = Polynomial::random(&mut random, 7, 8, 4);
+        let candidates = candidates(&mut random, 7);
+        let all: Vec<Vec<Level>> = orders_of_one_exchange(&candidates).iter().flat_map(|order| schemes(order, 1)).collect();
+        compare(&polynomial, &candidates, &all);
+    }
+}
