@@ -188,26 +188,26 @@ fn what_cancels_in_a_sum_is_not_counted_twice() {
 
 #[test]
 fn the_point_that_is_named_may_lie_inside_for_one_and_in_the_middle_for_the_others() {
-    // x (x - 2) over [0.5, 3] falls to -1 at 1. y has no say in it: it is named in the middle of [1, 4], where -(y - 2.5)^2/100 is 0; in the corners
-    // x (x - 2) is -0.75 at least, the other summand -0.0225.
+    // x (x - 2) over [0.5, 3] falls to -1 at 1. y has no say in it: it is named in the middle of [2, 4], where -(y - 3)^2/100 is 0; in the corners
+    // x (x - 2) is -0.75 at least, the other summand -0.01.
     let bowl: &[(&[u32], f64)] = &[(&[2], 1.0), (&[1], -2.0)];
-    let hill: &[(&[u32], f64)] = &[(&[2], -0.01), (&[1], 0.05), (&[0], -0.0625)];
+    let hill: &[(&[u32], f64)] = &[(&[2], -0.01), (&[1], 0.06), (&[0], -0.09)];
     let mut held = surface("hill", &["y"], hill);
     held.output_range = Some([-9.0, 9.0]);
     let mut model = Model {
-        inputs: vec![input("x", [0.5, 3.0]), input("y", [1.0, 4.0])],
+        inputs: vec![input("x", [0.5, 3.0]), input("y", [2.0, 4.0])],
         surfaces: vec![surface("bowl", &["x"], bowl), held],
         ..Model::default()
     };
     let found = violation_of(&model, &sum(&["bowl", "hill"]), Condition::Positive);
-    assert_eq!((found.at[1].0.as_str(), found.at[1].1), ("y", 2.5), "{found:?}");
+    assert_eq!((found.at[1].0.as_str(), found.at[1].1), ("y", 3.0), "{found:?}");
     assert!((found.at[0].1 - 1.0).abs() < 1e-3 && found.what.starts_with("found -1 at x = "), "{found:?}");
     // The same upside down, against the other limit.
     for surface in &mut model.surfaces {
         surface.terms.iter_mut().for_each(|term| term.coefficient = -term.coefficient);
     }
     let found = violation_of(&model, &sum(&["bowl", "hill"]), Condition::Below(0.9));
-    assert_eq!(found.at[1].1, 2.5, "{found:?}");
+    assert_eq!(found.at[1].1, 3.0, "{found:?}");
     assert!((found.at[0].1 - 1.0).abs() < 1e-3 && found.what.starts_with("found 1 at x = "), "{found:?}");
 }
 

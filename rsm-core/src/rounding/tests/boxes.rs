@@ -1,0 +1,162 @@
+//! Boxes and their cells, and tapes of any operations over any box.
+
+use super::*;
+
+#[test]
+fn cells_hold_every_number_of_the_range() {
+    let mut random = Random(11);
+    for precision in Precision::ALL {
+        for _ in 0..300 {
+            // Ranges of a few numbers, whose ends are none of the type, or are.
+            let mut low = f64::from((random.between(-4.0, 4.0) * power_of_two(random.below(40) as i64 - 20)) as f32);
+            let mut numbers = vec![low];
+            for _ in 0..random.below(12) {
+                low = precision.next_up(low);
+                numbers.push(low);
+            }
+            let mut range = [numbers[0], *numbers.last().unwrap()];
+            if precision == Precision::F32 && random.chance(2) {
+                range = [range[0].next_down(), range[1].next_up()];
+            }
+            let n = 1 << random.below(7);
+            let sides: Vec<Side> = (0..n).filter_map(|k| side(precision, range, k, n)).collect();
+            for number in numbers {
+                assert!(sides.iter().any(|[low, high]| *low <= number && number <= *high), "{number} of {range:?} in {n}");
+            }
+            for [low, high] in sides {
+                assert!(range[0] <= low && low <= high && high <= range[1], "{range:?}");
+                assert!([low, high].iter().all(|end| precision.round(&exact(*end)) == *end));
+            }
+        }
+    }
+    // No number of f32 in it.
+    assert_eq!(side(Precision::F32, [1.0 + 1e-12, 1.0 + 2e-12], 0, 1), None);
+    assert_eq!(side(Precision::F64, [0.0, 8.0], 1, 4), Some([2.0, 4.0]));
+}
+
+#[test]
+fn the_number_of_cells_stays_within_the_budget() {
+    let expected = [(0, 10, 256), (1, 10, 256), (2, 10, 64), (3, 10, 16), (4, 10, 8), (6, 10, 4), (12, 10, 2), (13, 10, 1)];
+    for (dimensions, operations, side) in expected {
+        assert_eq!(cells_per_side(dimensions, operations), side, "{dimensions}");
+    }
+    // 4096 cells of 1000 operations: longer tapes have fewer.
+    assert_eq!(cells_per_side(2, 1000), 64);
+    assert_eq!(cells_per_side(2, 4000), 32);
+    assert_eq!(cells_per_side(1, 1_000_000), 4);
+    assert_eq!(cells_per_side(1, 0), 256);
+    assert_eq!([cells_per_side(1, 256_000), cells_per_side(1, 256_001)], [16, 8]);
+    // So long that a cell is too many: one all the same.
+    assert_eq!(cells_per_side(1, 10_000_000), 1);
+    // As many inputs as a file may name.
+    for dimensions in [31, 32, 63, 64, 65, 100, 1000] {
+        assert_eq!(cells_per_side(dimensions, 10), 1, "{dimensions}");
+    }
+}
+
+#[test]
+fn the_worst_cell_counts_wherever_it_lies() {
+    // The error is the sum of the arguments' magnitudes over 64: largest in one corner.
+    for precision in Precision::ALL {
+        for arity in 1..=3usize {
+            for corner in 0..1 << arity {
+                let range = |k: usize| if corner >> k & 1 == 1 { [0.0, 1.0] } else { [-1.0, 0.0] };
+                let ranges: Vec<[f64; 2]> = (0..arity).map(range).collect();
+                let tape = write_tape(precision, arity, |builder, x| {
+                    let factor = off(builder, 1.0, 1.0 / 64.0);
+                    let products: Vec<Reg> = x.iter().map(|x| builder.push(Op::Absolute(*x))).collect();
+                    let products: Vec<Reg> = products.iter().map(|x| builder.push(Op::Multiply(*x, factor))).collect();
+                    products.into_iter().reduce(|sum, product| builder.push(Op::Add(sum, product))).unwrap()
+                });
+                let found = tightness(&tape, &ranges, 1);
+                assert!(found > 0.999, "{found} over {ranges:?}");
+            }
+        }
+        // Cells make the bound tight where a whole range would not: x (1 - x) is no more than a quarter, which one range takes for 1.
+        let hump = write_tape(precision, 1, |builder, x| {
+            let (one, factor) = (builder.constant(integer(1)), off(builder, 1.0, 1.0 / 64.0));
+            let rest = builder.push(Op::Subtract(one, x[0]));
+            let product = builder.push(Op::Multiply(x[0], rest));
+            builder.push(Op::Multiply(product, factor))
+        });
+        let found = tightness(&hump, &[[0.0, 1.0]], 400);
+        assert!(found > 0.98, "{found}");
+    }
+}
+
+/// Tapes of any operations, over any ranges, whose constants may stand for other numbers.
+fn any_tape(random: &mut Random, precision: Precision) -> (Tape, Vec<[f64; 2]>) {
+    let arity = 1 + random.below(3);
+    let ranges: Vec<[f64; 2]> = (0..arity)
+        .map(|_| {
+            let low = random.between(-4.0, 4.0) * power_of_two(random.below(12) as i64 - 6);
+            [low, low + random.between(0.0, 3.0) * power_of_two(random.below(10) as i64 - 6)]
+        })
+        .map(|range| crate::adversary::inside(precision, range))
+        .collect();
+    let written = write_tape(precision, arity, |builder, x| {
+        let mut registers = x.to_vec();
+        for _ in 0..2 + random.below(3) {
+            let value = f64::from((random.between(-3.0, 3.0)) as f32);
+            let by = random.pick(&[0.0, 0.0, value * 1e-9, value / 64.0, -value / 512.0]);
+            registers.push(off(builder, value, by));
+        }
+        for _ in 0..2 + random.below(6) {
+            let a = random.pick(&registers);
+            // Late registers more often: chains, not bushes.
+            let b = if random.chance(2) { *registers.last().unwrap() } else { random.pick(&registers) };
+            let made = match random.below(12) {
+                0 | 1 => builder.push(Op::Add(a, b)),
+                2 | 3 => builder.push(Op::Subtract(a, b)),
+                4..=6 => builder.push(Op::Multiply(a, b)),
+                7 => builder.push(Op::Divide(a, b)),
+                8 => builder.push(Op::Negate(b)),
+                9 => builder.push(Op::Absolute(b)),
+                10 => builder.at_least(b, a),
+                _ => {
+                    if random.chance(2) {
+                        builder.at_most(b, a)
+                    } else {
+                        let (left, right) = (random.pick(x), random.pick(&registers));
+                        let condition = builder.push(Op::Less(left, right));
+                        builder.push(Op::Select { condition, then: a, otherwise: b })
+                    }
+                }
+            };
+            registers.push(made);
+        }
+        *registers.last().unwrap()
+    });
+    (written, ranges)
+}
+
+/// Whether the result depends on every quotient: a tape in rational arithmetic has no value where any divisor is zero.
+fn divides_to_the_end(tape: &Tape) -> bool {
+    let mut live = vec![false; tape.ops.len()];
+    live[tape.output.0 as usize] = true;
+    for k in (0..live.len()).rev() {
+        if live[k] {
+            tape.ops[k].operands().iter().for_each(|operand| live[operand.0 as usize] = true);
+        } else if matches!(tape.ops[k], Op::Divide(..)) {
+            return false;
+        }
+    }
+    true
+}
+
+#[test]
+fn no_tape_errs_by_more_than_its_bound() {
+    let mut random = Random(12);
+    let (mut promised, mut tight) = (0, 0);
+    for round in 0..160 {
+        let precision = Precision::ALL[round % 2];
+        let (tape, ranges) =
+            std::iter::repeat_with(|| any_tape(&mut random, precision)).find(|(tape, _)| divides_to_the_end(tape)).unwrap();
+        let bound = error_bound(&tape, &ranges);
+        let found = worst_ratio(&mut random, &tape, &ranges, bound, 60);
+        promised += usize::from(bound.is_finite());
+        tight += usize::from(found > 0.5);
+    }
+    // Most have a bound, and of many the search finds more than half.
+    assert!(promised > 80 && tight > 40, "{promised} promised, {tight} tight");
+}

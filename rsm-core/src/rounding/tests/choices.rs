@@ -1,0 +1,110 @@
+//! Maxima, minima and choices by comparison.
+
+use super::*;
+
+#[test]
+fn a_maximum_moves_by_no_more_than_what_it_compares() {
+    for precision in Precision::ALL {
+        // The error of the value where it wins, that of the bound where that wins; the same mirrored.
+        for (of_value, of_bound) in [(0.25, 0.0), (0.0, 0.25), (0.25, 0.125), (0.125, 0.25), (-0.25, -0.125)] {
+            for is_minimum in [false, true] {
+                let tape = write_tape(precision, 1, |builder, x| {
+                    let shift = off(builder, 2.0, of_value);
+                    let value = builder.push(Op::Add(x[0], shift));
+                    let bound = off(builder, 2.0, of_bound);
+                    if is_minimum { builder.at_most(value, bound) } else { builder.at_least(value, bound) }
+                });
+                let found = tightness(&tape, &[[-1.0, 1.0]], 100);
+                assert!(found > 0.999, "{found} {of_value} {of_bound}\n{tape}");
+            }
+        }
+        // A bound that is never reached but might be, were it exact: an exact value that stays on the safe side costs nothing if the
+        // bound was rounded towards it, else what the bound is off by.
+        for (by, is_minimum, range) in
+            [(-0.125, false, [1.0, 2.0]), (0.125, false, [1.0, 2.0]), (0.125, true, [0.0, 1.0]), (-0.125, true, [0.0, 1.0])]
+        {
+            let tape = write_tape(precision, 1, |builder, x| {
+                let bound = off(builder, 1.0, by);
+                if is_minimum { builder.at_most(x[0], bound) } else { builder.at_least(x[0], bound) }
+            });
+            let bound = error_bound(&tape, &[range]);
+            let is_free = (by < 0.0) != is_minimum;
+            assert_eq!(bound, if is_free { 0.0 } else { 0.125 }, "{by} {is_minimum}");
+            worst_ratio(&mut Random(5), &tape, &[range], bound, 50);
+            // Where the value may pass the bound, the bound's error counts in any case.
+            let wider = [0.0, 2.0];
+            assert_eq!(error_bound(&tape, &[wider]), 0.125);
+            assert!(tightness(&tape, &[wider], 50) > 0.999);
+            // An exact bound costs nothing.
+            let exactly = write_tape(precision, 1, |builder, x| {
+                let bound = builder.constant(integer(1));
+                if is_minimum { builder.at_most(x[0], bound) } else { builder.at_least(x[0], bound) }
+            });
+            assert_eq!(error_bound(&exactly, &[range]), 0.0);
+        }
+        // A computed bound says nothing of how it was rounded: here 0.9 that stands for 1.4.
+        for is_minimum in [false, true] {
+            let sign = if is_minimum { -1.0 } else { 1.0 };
+            let computed = write_tape(precision, 2, |builder, x| {
+                let shift = off(builder, 0.0, sign * 0.5);
+                let bound = builder.push(Op::Add(x[1], shift));
+                if is_minimum { builder.at_most(x[0], bound) } else { builder.at_least(x[0], bound) }
+            });
+            let point = [1.0 * sign, 0.75 * sign];
+            let ranges = point.map(|x| [x, x]);
+            assert_eq!(seen_error(&computed, &point), Some(exact(0.25)));
+            worst_ratio(&mut Random(6), &computed, &ranges, error_bound(&computed, &ranges), 1);
+        }
+    }
+}
+
+#[test]
+fn a_choice_by_exact_numbers_is_charged_what_it_may_choose() {
+    let choice = |precision, of_then: f64, of_otherwise: f64, of_left: f64| {
+        write_tape(precision, 2, |builder, x| {
+            let (then, otherwise) = (off(builder, 1.0, of_then), off(builder, 2.0, of_otherwise));
+            let shift = off(builder, 0.0, of_left);
+            let left = builder.push(Op::Add(x[0], shift));
+            // Straight from the argument where nothing is off: a sum with zero is charged.
+            let left = if of_left == 0.0 { x[0] } else { left };
+            let condition = builder.push(Op::Less(left, x[1]));
+            builder.push(Op::Select { condition, then, otherwise })
+        })
+    };
+    for precision in Precision::ALL {
+        let (small, large) = (0.125, 0.5);
+        let charged = |of_then, of_otherwise, ranges: [[f64; 2]; 2]| {
+            let tape = choice(precision, of_then, of_otherwise, 0.0);
+            let bound = error_bound(&tape, &ranges);
+            worst_ratio(&mut Random(7), &tape, &ranges, bound, 60);
+            bound
+        };
+        // Always less, never less (a tie is not less), and both.
+        assert_eq!(charged(small, large, [[0.0, 0.5], [1.0, 2.0]]), small);
+        assert_eq!(charged(small, large, [[0.0, 1.0], [1.0, 2.0]]), large);
+        assert_eq!(charged(large, small, [[2.0, 3.0], [1.0, 2.0]]), small);
+        assert_eq!(charged(large, small, [[2.5, 3.0], [1.0, 2.0]]), small);
+        assert_eq!(charged(large, small, [[1.0, 3.0], [1.0, 2.0]]), large);
+        assert_eq!(charged(small, large, [[1.0, 3.0], [1.0, 2.0]]), large);
+        // An inexact comparison may choose the other one: nothing is known.
+        let inexact = choice(precision, 0.0, 0.0, 0.25);
+        assert_eq!(error_bound(&inexact, &[[0.0, 2.0], [1.0, 1.0]]), f64::INFINITY);
+        let other_side = write_tape(precision, 1, |builder, x| {
+            let (one, two) = (builder.constant(integer(1)), builder.constant(integer(2)));
+            let limit = off(builder, 1.0, 0.25);
+            let condition = builder.push(Op::Less(x[0], limit));
+            builder.push(Op::Select { condition, then: one, otherwise: two })
+        });
+        assert_eq!(error_bound(&other_side, &[[0.0, 2.0]]), f64::INFINITY);
+        // The sign of an odd input.
+        let odd = write_tape(precision, 1, |builder, x| {
+            let (zero, factor) = (builder.constant(integer(0)), off(builder, 3.0, 0.25));
+            let magnitude = builder.push(Op::Absolute(x[0]));
+            let value = builder.push(Op::Multiply(magnitude, factor));
+            let condition = builder.push(Op::Less(x[0], zero));
+            let opposite = builder.push(Op::Negate(value));
+            builder.push(Op::Select { condition, then: opposite, otherwise: value })
+        });
+        assert!(tightness(&odd, &[[-2.0, 2.0]], 50) > 0.999);
+    }
+}
