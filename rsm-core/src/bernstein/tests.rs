@@ -235,6 +235,21 @@ fn an_enclosure_is_reached() {
 }
 
 #[test]
+fn what_is_said_to_be_seen_is_seen_there() {
+    let mut random = Random(6);
+    for _ in 0..40 {
+        let dimensions = 1 + random.below(2);
+        let terms = random_terms(&mut random, dimensions, 3, 4);
+        let sides: Vec<Interval> = (0..dimensions).map(|_| random_side(&mut random)).collect();
+        let found = least(&terms, &sides, &EVERYWHERE);
+        let truth = value(&terms, &place(&sides, &found.at));
+        // Values of up to some hundred.
+        assert!(truth <= exact(found.seen) && exact(found.seen - 1e-10) < truth, "{found:?} of {terms:?} over {sides:?}");
+        assert!(exact(found.bound) <= truth);
+    }
+}
+
+#[test]
 fn a_least_value_inside_is_found_as_closely_as_promised() {
     // (x - a)^2 + (y - b)^2 + c over [-1, 1]^2, its least c at (a, b); the spread is below 10.
     let mut random = Random(5);

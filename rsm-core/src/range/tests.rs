@@ -135,3 +135,20 @@ fn a_term_without_weight_changes_nothing() {
     assert!(found.range.low <= -0.25 && found.range.low > -0.25 - 4e-15, "{found:?}");
     assert!(found.range.high >= 1.25 && found.range.high < 1.25 + 4e-15, "{found:?}");
 }
+
+#[test]
+fn a_coefficient_that_no_f64_holds_is_enclosed() {
+    // c max(0, x + k) is c x + c k above 0, and c k there: nothing else is computed at that end.
+    let mut random = Random(3);
+    for _ in 0..60 {
+        let (c, k) = (random.between(0.1, 1.0), random.between(0.1, 0.9));
+        let inputs = [input("x", [-1.0, 1.0])];
+        let mut surface = surface_of(&inputs, Coding::None);
+        surface.knots = vec![knot("x", -k), knot("x", 0.0)];
+        surface.terms = vec![term(&[0, 1, 0], c)];
+        let above: Vec<Piece> = pieces::all(&surface, &inputs).into_iter().filter(|it| it.cell == [[0.0, 1.0]]).collect();
+        let found = extent_of_piece(&surface, &Factor::all(&surface, &inputs), &above[0]).range;
+        let truth = exact(c) * exact(k);
+        assert!(exact(found.low) <= truth && truth < exact(found.low.next_up().next_up()), "{c} {k}");
+    }
+}
