@@ -8,6 +8,7 @@ mod choices;
 mod exact;
 mod limits;
 mod operations;
+mod tapes;
 
 use super::*;
 use crate::adversary::{Random, seen_error, worst_ratio};

@@ -1,4 +1,4 @@
-//! Boxes and their cells, and tapes of any operations over any box.
+//! Boxes and their cells.
 
 use super::*;
 
@@ -82,81 +82,4 @@ fn the_worst_cell_counts_wherever_it_lies() {
         let found = tightness(&hump, &[[0.0, 1.0]], 400);
         assert!(found > 0.98, "{found}");
     }
-}
-
-/// Tapes of any operations, over any ranges, whose constants may stand for other numbers.
-fn any_tape(random: &mut Random, precision: Precision) -> (Tape, Vec<[f64; 2]>) {
-    let arity = 1 + random.below(3);
-    let ranges: Vec<[f64; 2]> = (0..arity)
-        .map(|_| {
-            let low = random.between(-4.0, 4.0) * power_of_two(random.below(12) as i64 - 6);
-            [low, low + random.between(0.0, 3.0) * power_of_two(random.below(10) as i64 - 6)]
-        })
-        .map(|range| crate::adversary::inside(precision, range))
-        .collect();
-    let written = write_tape(precision, arity, |builder, x| {
-        let mut registers = x.to_vec();
-        for _ in 0..2 + random.below(3) {
-            let value = f64::from((random.between(-3.0, 3.0)) as f32);
-            let by = random.pick(&[0.0, 0.0, value * 1e-9, value / 64.0, -value / 512.0]);
-            registers.push(off(builder, value, by));
-        }
-        for _ in 0..2 + random.below(6) {
-            let a = random.pick(&registers);
-            // Late registers more often: chains, not bushes.
-            let b = if random.chance(2) { *registers.last().unwrap() } else { random.pick(&registers) };
-            let made = match random.below(12) {
-                0 | 1 => builder.push(Op::Add(a, b)),
-                2 | 3 => builder.push(Op::Subtract(a, b)),
-                4..=6 => builder.push(Op::Multiply(a, b)),
-                7 => builder.push(Op::Divide(a, b)),
-                8 => builder.push(Op::Negate(b)),
-                9 => builder.push(Op::Absolute(b)),
-                10 => builder.at_least(b, a),
-                _ => {
-                    if random.chance(2) {
-                        builder.at_most(b, a)
-                    } else {
-                        let (left, right) = (random.pick(x), random.pick(&registers));
-                        let condition = builder.push(Op::Less(left, right));
-                        builder.push(Op::Select { condition, then: a, otherwise: b })
-                    }
-                }
-            };
-            registers.push(made);
-        }
-        *registers.last().unwrap()
-    });
-    (written, ranges)
-}
-
-/// Whether the result depends on every quotient: a tape in rational arithmetic has no value where any divisor is zero.
-fn divides_to_the_end(tape: &Tape) -> bool {
-    let mut live = vec![false; tape.ops.len()];
-    live[tape.output.0 as usize] = true;
-    for k in (0..live.len()).rev() {
-        if live[k] {
-            tape.ops[k].operands().iter().for_each(|operand| live[operand.0 as usize] = true);
-        } else if matches!(tape.ops[k], Op::Divide(..)) {
-            return false;
-        }
-    }
-    true
-}
-
-#[test]
-fn no_tape_errs_by_more_than_its_bound() {
-    let mut random = Random(12);
-    let (mut promised, mut tight) = (0, 0);
-    for round in 0..160 {
-        let precision = Precision::ALL[round % 2];
-        let (tape, ranges) =
-            std::iter::repeat_with(|| any_tape(&mut random, precision)).find(|(tape, _)| divides_to_the_end(tape)).unwrap();
-        let bound = error_bound(&tape, &ranges);
-        let found = worst_ratio(&mut random, &tape, &ranges, bound, 60);
-        promised += usize::from(bound.is_finite());
-        tight += usize::from(found > 0.5);
-    }
-    // Most have a bound, and of many the search finds more than half.
-    assert!(promised > 80 && tight > 40, "{promised} promised, {tight} tight");
 }
