@@ -416,3 +416,6 @@ fn test_block(unit: &Unit, function: &Function) -> String {
     ));
     text
 }
+
+#[cfg(test)]
+mod tests;

@@ -120,7 +120,6 @@ fn same<T: Scalar>(a: T, b: T) -> bool {
 /// What the tape gives when every product (negated or not) that feeds a sum or a difference is fused into it.
 fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool) -> T {
     let mut values: Vec<T> = Vec::with_capacity(tape.ops.len());
-    let zero = T::from_constant(0.0);
     for op in &tape.ops {
         let r = |reg: Reg| values[reg.0 as usize];
         // A product, and whether it is negated on its way into a sum.
@@ -152,7 +151,8 @@ fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool)
             Op::Subtract(a, b) => sum(a, b, true),
             Op::Multiply(a, b) => r(a) * r(b),
             Op::Divide(a, b) => r(a) / r(b),
-            Op::Less(..) => zero,
+            // Nobody reads it: a choice compares for itself.
+            Op::Less(a, _) => r(a),
             Op::Select { condition, then, otherwise } => {
                 let (left, right) = super::compared(tape, condition);
                 if r(left) < r(right) { r(then) } else { r(otherwise) }

@@ -70,3 +70,19 @@ impl Saturation {
 pub(super) fn inward([low, high]: [f64; 2], precision: Precision) -> [f64; 2] {
     [precision.round_up(&exact(low)), precision.round_down(&exact(high))]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_are_rounded_into_their_range_to_the_nearest_number() {
+        for [low, high] in [[0.1, 0.9], [-0.9, -0.1], [-0.1, 0.1]] {
+            let [inner_low, inner_high] = inward([low, high], Precision::F32);
+            let number = |value: f64| f64::from(value as f32) == value;
+            assert!(number(inner_low) && number(inner_high) && low <= inner_low && inner_high <= high);
+            assert!(Precision::F32.next_down(inner_low) < low && high < Precision::F32.next_up(inner_high));
+            assert_eq!(inward([low, high], Precision::F64), [low, high]);
+        }
+    }
+}

@@ -70,9 +70,9 @@ pub(super) fn best(leaves: &[&Leaf<'_>], candidates: &[Candidate], ready: &[Opti
     if candidates.len() <= ALL_ORDERS_UP_TO {
         permutations(candidates, &mut Vec::with_capacity(candidates.len()), &mut consider);
     } else {
-        consider(candidates);
         for a in 0..candidates.len() {
-            for b in a + 1..candidates.len() {
+            // A place exchanged with itself is the order of the file, the first of all.
+            for b in a..candidates.len() {
                 let mut order = candidates.to_vec();
                 order.swap(a, b);
                 consider(&order);

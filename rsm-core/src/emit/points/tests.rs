@@ -132,16 +132,13 @@ fn the_points_of_a_step_are_a_sequence() {
     assert_eq!(points[9..].iter().filter(|point| point.changes_under_fusing).count(), SENSITIVE);
 }
 
-/// Four arguments at which fusing changes the last bits of most sums of their products.
-const AT: [f64; 4] = [0.1, 0.3, 0.7, -1.1];
-
 /// What `fused` gives on a tape of four inputs and a state of 0.9.
-fn fused_of(left_first: bool, write: impl FnOnce(&mut TapeBuilder, [Reg; 4]) -> Reg) -> f64 {
+fn fused_of(at: [f64; 4], left_first: bool, write: impl FnOnce(&mut TapeBuilder, [Reg; 4]) -> Reg) -> f64 {
     let mut tape = TapeBuilder::new(Precision::F64);
     let inputs = [0, 1, 2, 3].map(|k| tape.push(Op::Input(Port(k))));
     let output = write(&mut tape, inputs);
     let names = ["a", "b", "c", "d"].map(str::to_owned).to_vec();
-    fused(&tape.finish("s", names, output), &[0.9], &AT, left_first)
+    fused(&tape.finish("s", names, output), &[0.9], &at, left_first)
 }
 
 /// Writes what an operation reads, and gives the operation.
@@ -149,14 +146,23 @@ type Write<'w> = &'w dyn Fn(&mut TapeBuilder, [Reg; 4]) -> Op;
 
 #[test]
 fn what_feeds_a_sum_is_fused_and_nothing_else() {
-    let [a, b, c, d] = AT;
+    // Fusing changes the last bits of a sum at some arguments and not at others: thirty show each of the changes.
+    let mut random = SplitMix(1);
+    for _ in 0..30 {
+        let mut share = || random.next_share() + 0.5;
+        fuses([share(), share(), share(), -share()]);
+    }
+}
+
+fn fuses(at: [f64; 4]) {
+    let [a, b, c, d] = at;
     let product = |tape: &mut TapeBuilder, x: Reg, y: Reg| tape.push(Op::Multiply(x, y));
     let opposite = |tape: &mut TapeBuilder, x: Reg, y: Reg| {
         let product = tape.push(Op::Multiply(x, y));
         tape.push(Op::Negate(product))
     };
     for left_first in [false, true] {
-        let one = |write: &dyn Fn(&mut TapeBuilder, [Reg; 4]) -> Reg| fused_of(left_first, write);
+        let one = |write: &dyn Fn(&mut TapeBuilder, [Reg; 4]) -> Reg| fused_of(at, left_first, write);
         // One product, on either side, its sign before it or not.
         let cases: [(Write<'_>, f64); 8] = [
             (&|t, [a, b, c, _]| Op::Add(product(t, a, b), c), a.mul_add(b, c)),
@@ -211,7 +217,8 @@ fn what_feeds_a_sum_is_fused_and_nothing_else() {
         });
         assert_eq!(difference, a - b);
         // Choices compare what was fused; at equality and with NaN the other is taken.
-        for (left, right, expected) in [(0, 1, c), (1, 0, d), (0, 0, d)] {
+        let (less, more) = if a < b { (0, 1) } else { (1, 0) };
+        for (left, right, expected) in [(less, more, c), (more, less, d), (0, 0, d)] {
             let found = one(&|tape, inputs| {
                 let condition = tape.push(Op::Less(inputs[left], inputs[right]));
                 tape.push(Op::Select { condition, then: inputs[2], otherwise: inputs[3] })
@@ -234,4 +241,25 @@ fn shares_are_those_of_splitmix() {
     let mut random = SplitMix(0x5eed);
     let found: Vec<f64> = (0..3).map(|_| random.next_share()).collect();
     assert_eq!(found, [0.038848734697185194, 0.3328011087394298, 0.3646818563781382]);
+}
+
+/// A window around the share of one candidate alone is found up to the last candidate.
+#[test]
+fn three_thousand_candidates_are_tried() {
+    let mut random = SplitMix(0x5eed);
+    let shares: Vec<f64> = (0..=3000).map(|_| random.next_share()).collect();
+    for (candidate, found) in [(0, 1), (2999, 1), (3000, 0)] {
+        let share = shares[candidate];
+        let mut tape = TapeBuilder::new(Precision::F64);
+        let x = tape.push(Op::Input(Port(0)));
+        let [low, high, one, zero] = [share.next_down(), share.next_up(), 1.0, 0.0].map(|value| tape.constant(exact(value)));
+        let above = tape.push(Op::Less(low, x));
+        let above = tape.push(Op::Select { condition: above, then: one, otherwise: zero });
+        let below = tape.push(Op::Less(x, high));
+        let inside = tape.push(Op::Select { condition: below, then: above, otherwise: zero });
+        let is_inside = tape.push(Op::Less(zero, inside));
+        let output = tape.push(Op::Select { condition: is_inside, then: x, otherwise: zero });
+        let tape = tape.finish("s", vec!["x".to_string()], output);
+        assert_eq!(points(&tape, &[input([0.0, 1.0])])[9..].len(), found, "candidate {candidate}");
+    }
 }
