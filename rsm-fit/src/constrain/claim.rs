@@ -180,6 +180,7 @@ fn convex(k: usize, surface: &Surface, piece: &Piece, halves: &[Rational], sign:
         let mut sides = piece.sides.clone();
         sides.extend(vec![Interval::new(-1.0, 1.0); inputs - 1]);
         // Where the entry of the direction for an input stands among the variables; the largest is 1.
+        // mutant `> to >=`: the largest itself has none.
         let entry = |input: usize| (input != largest).then(|| inputs + input - usize::from(input > largest));
         let basis = terms.iter().map(|term| {
             let mut sum = Polynomial::new();

@@ -12,6 +12,7 @@
 //! box cut by the support; a cell of the search that the support's edge cuts counts as a whole once it is small.
 
 mod claim;
+mod points;
 mod program;
 mod valleys;
 
@@ -21,7 +22,6 @@ use rsm_core::interval::Interval;
 use rsm_core::model::{HalfSpace, Input, Surface};
 use serde::Serialize;
 
-use crate::dd::Dd;
 use crate::design::Coded;
 use crate::qr::Growing;
 use crate::random::Random;
@@ -29,8 +29,8 @@ use crate::spec::Constraint;
 use crate::statistics::{Named, ValidationStatistics};
 use crate::support::Region;
 use claim::Claim;
-use program::{Row, Solution};
-use valleys::Landscape;
+use points::Points;
+use program::Solution;
 
 /// How far inside a constraint is enforced at first, as a share of the spread of the response.
 pub const SHIFT: f64 = 1e-7;
@@ -57,21 +57,6 @@ const MOST_SHIFT: f64 = 1e-4;
 /// Work of a search that must prove, and not only find, as a multiple of the usual: with four inputs and order 4 some sixty places
 /// hold a surface, and each has its cloud of small cells.
 const PATIENCE: usize = 10;
-
-/// Points drawn in each round and claim, from which a descent looks for a place where the claim is broken. The points that hold the
-/// surface are further ones.
-const DRAWN: usize = 48;
-
-/// Places that a round adds for one claim at most.
-const MOST_PLACES: usize = 48;
-
-/// A point that has not held the surface for so many rounds is dropped: the residual sum of squares rises from round to round, so
-/// that the points of an earlier round do not come back for ever.
-const IDLE_ROUNDS: usize = 6;
-
-/// Points of the first round, all claims together. A search takes a millisecond and gives the worst place; the program takes ten
-/// times as long with a thousand rows as with a hundred.
-const FIRST_POINTS: usize = 150;
 
 /// What is told of the constraints on a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -164,7 +149,8 @@ pub struct Task<'a> {
 struct Found {
     bound: f64,
     seen: f64,
-    at: Vec<f64>,
+    /// Where it was seen, shares of the sides of the claim.
+    shares: Vec<f64>,
 }
 
 impl Task<'_> {
@@ -199,19 +185,22 @@ impl Task<'_> {
             let (c, active) = match program::shortest(&points.rows(shift), free.len()) {
                 Solution::Shortest { c, active } => (c, active),
                 // What contradicts itself with the first shift does so; what needs a larger one to do so may not.
-                Solution::Infeasible(_) if shift > SHIFT => match program::shortest(&points.rows(SHIFT), free.len()) {
-                    Solution::Infeasible(rows) => return self.infeasible(&points, &rows),
+                Solution::Infeasible if shift > SHIFT => match program::shortest(&points.rows(SHIFT), free.len()) {
+                    Solution::Infeasible => return self.infeasible(&points),
                     _ => break,
                 },
-                Solution::Infeasible(rows) => return self.infeasible(&points, &rows),
+                Solution::Infeasible => return self.infeasible(&points),
                 Solution::Failed => break,
             };
             let step = self.problem.coefficients_of(c);
             coefficients = free.iter().zip(&step).map(|(free, step)| (*free + *step).to_f64()).collect();
             found = self.search(&claims, &coefficients);
             if self.is_proven(&found) {
-                let held: Vec<(usize, Vec<f64>)> =
-                    active.iter().map(|k| (points.points[*k].claim, points.points[*k].at.clone())).collect();
+                let held: Vec<(usize, Vec<f64>)> = active
+                    .iter()
+                    .map(|k| &points.points[*k])
+                    .map(|point| (point.claim, claims[point.claim].point(&point.shares)))
+                    .collect();
                 let constraints = self.reports(&claims, &found, &held);
                 let largest_change = self.largest_change(&coefficients);
                 return Constrained::Active { coefficients, constraints, rounds, shift, largest_change };
@@ -229,9 +218,20 @@ impl Task<'_> {
         Constrained::NotProven { constraints: self.names(without.map(|(claim, _)| claim.constraint)) }
     }
 
-    fn infeasible(&self, points: &Points<'_>, rows: &[usize]) -> Constrained {
-        let constraint = |k: &usize| points.claims[points.points[*k].claim].constraint;
-        Constrained::Infeasible { constraints: self.names(rows.iter().map(constraint)) }
+    /// The constraints that contradict each other: without any one of them the others do not, as far as these points tell.
+    fn infeasible(&self, points: &Points<'_>) -> Constrained {
+        let mut kept: Vec<usize> = (0..self.constraints.len()).collect();
+        for k in 0..self.constraints.len() {
+            let is_asked = |row: usize| {
+                let constraint = points.claims[points.points[row].claim].constraint;
+                constraint != k && kept.contains(&constraint)
+            };
+            let rows = points.rows(SHIFT).into_iter().enumerate().filter(|(row, _)| is_asked(*row)).map(|(_, row)| row);
+            if matches!(program::shortest(&rows.collect::<Vec<_>>(), points.free.len()), Solution::Infeasible) {
+                kept.retain(|other| *other != k);
+            }
+        }
+        Constrained::Infeasible { constraints: self.names(kept.into_iter()) }
     }
 
     fn names(&self, constraints: impl Iterator<Item = usize>) -> Vec<String> {
@@ -252,12 +252,12 @@ impl Task<'_> {
 
     fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
-        let wanted = Search { place: &place, finest: finest(self.inputs.len()), enough };
+        let wanted = Search { place: &place, finest: FINEST[self.inputs.len().min(FINEST.len() - 1)], enough };
         let mut found = bernstein::least(monomials, &claim.sides, &wanted);
         if enough.is_finite() && found.seen >= enough && found.bound < enough {
             found = bernstein::least_with_patience(monomials, &claim.sides, &wanted, PATIENCE);
         }
-        Found { bound: found.bound, seen: found.seen, at: claim.point(&found.at) }
+        Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
 
     /// Where a cell of a claim, given as shares of its sides, lies in the support.
@@ -332,7 +332,7 @@ impl Task<'_> {
                     .collect();
                 let found = self.least(&claim, &turned, f64::INFINITY);
                 if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
-                    largest = (sign * found.seen, found.at);
+                    largest = (sign * found.seen, claim.point(&found.shares));
                 }
             }
         }
@@ -340,16 +340,8 @@ impl Task<'_> {
     }
 }
 
-/// Cells of the support's edge no wider than this share of a side count as a whole: some thousand of them with each number of
-/// inputs.
-fn finest(inputs: usize) -> f64 {
-    match inputs {
-        0..=2 => 1.0 / 1024.0,
-        3 => 1.0 / 64.0,
-        4 => 1.0 / 16.0,
-        _ => 1.0 / 8.0,
-    }
-}
+/// Cells of the support's edge no wider than this share of a side count as a whole, by the number of inputs: some thousand of them with each number.
+const FINEST: [f64; 6] = [1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 8.0];
 
 /// xi of x, within the range of the input; of a symmetric one its magnitude.
 fn natural(variable: Variable, Coded(x): Coded, input: &Input) -> f64 {
@@ -364,135 +356,5 @@ fn natural(variable: Variable, Coded(x): Coded, input: &Input) -> f64 {
     xi.clamp(input.range[0], input.range[1])
 }
 
-/// A row counts as long from the share 1/100 of the longest row of its claim.
-const NEAR_ZERO: f64 = 100.0;
-
-/// The points at which claims are enforced.
-struct Points<'a> {
-    task: &'a Task<'a>,
-    free: &'a [Dd],
-    claims: &'a [Claim],
-    /// The longest row of each claim among its first points.
-    lengths: Vec<f64>,
-    points: Vec<Point>,
-}
-
-/// A point at which a claim is enforced: normal . c >= least + shift * gain.
-struct Point {
-    claim: usize,
-    at: Vec<f64>,
-    /// Of length 1.
-    normal: Vec<Dd>,
-    least: Dd,
-    gain: Dd,
-    /// Rounds in which it did not hold the surface.
-    idle: usize,
-    /// One of the grid, which stays.
-    is_first: bool,
-}
-
-impl Points<'_> {
-    /// A grid for every claim. An error names the constraint that no coefficient can meet.
-    fn first(&mut self) -> Result<(), usize> {
-        for (k, claim) in self.claims.iter().enumerate() {
-            let points = self.grid(claim);
-            let length = |point: &Vec<f64>| norm(&claim.row(point));
-            self.lengths.push(points.iter().map(length).fold(0.0, f64::max));
-            for point in points {
-                self.push(k, point, true)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Points of a grid over the sides of a claim that lie in the region.
-    fn grid(&self, claim: &Claim) -> Vec<Vec<f64>> {
-        let axes = claim.sides.len();
-        let wanted = FIRST_POINTS / self.claims.len().max(1);
-        let steps = (2..=16usize).take_while(|steps| steps.pow(axes as u32) <= wanted.max(1 << axes)).last().unwrap_or(2);
-        let mut shares = vec![Vec::new()];
-        for _ in 0..axes {
-            let next = |begun: &Vec<f64>| {
-                (0..steps).map(|k| [&begun[..], &[k as f64 / (steps - 1) as f64]].concat()).collect::<Vec<_>>()
-            };
-            shares = shares.iter().flat_map(next).collect();
-        }
-        let is_inside = |shares: &Vec<f64>| {
-            let cell: Vec<[f64; 2]> = shares.iter().map(|share| [*share, *share]).collect();
-            self.task.place(claim, &cell) != Place::Outside
-        };
-        shares.into_iter().filter(is_inside).map(|shares| claim.point(&shares)).collect()
-    }
-
-    /// What the program is asked.
-    fn rows(&self, shift: f64) -> Vec<Row> {
-        let row = |point: &Point| Row { normal: point.normal.clone(), distance: point.least + Dd::from(shift) * point.gain };
-        self.points.iter().map(row).collect()
-    }
-
-    /// The local minima where a claim is broken: descents begin at the points that hold the surface and at random ones.
-    fn valleys(&self, coefficients: &[f64], active: &[usize], random: &mut Random) -> Vec<(usize, Vec<f64>)> {
-        let mut found = Vec::new();
-        for (k, claim) in self.claims.iter().enumerate() {
-            let sides: Vec<[f64; 2]> = claim.sides.iter().map(|side| [side.low, side.high]).collect();
-            let shares = |at: &[f64]| -> Vec<f64> {
-                let share = |(x, [low, high]): (&f64, &[f64; 2])| if high > low { (x - low) / (high - low) } else { 0.0 };
-                at.iter().zip(&sides).map(share).collect()
-            };
-            let held = active.iter().map(|point| &self.points[*point]).filter(|point| point.claim == k);
-            let mut starts: Vec<Vec<f64>> = held.map(|point| shares(&point.at)).collect();
-            starts.extend((0..DRAWN).map(|_| sides.iter().map(|_| random.share()).collect()));
-            let is_inside = |shares: &[f64]| {
-                let cell: Vec<[f64; 2]> = shares.iter().map(|share| [*share, *share]).collect();
-                self.task.surface.support.is_empty() || self.task.place(claim, &cell) != Place::Outside
-            };
-            let landscape = Landscape::new(&claim.monomials(coefficients), sides.clone());
-            let broken = landscape.below(-SLACK * self.task.spread, &starts, &is_inside);
-            found.extend(broken.iter().take(MOST_PLACES).map(|valley| (k, claim.point(&valley.shares))));
-        }
-        found
-    }
-
-    /// Drops points that no longer matter and adds places where claims are broken: the worst ones that a search found and further
-    /// ones. Whether there is a new one among them.
-    fn exchange(&mut self, active: &[usize], found: &[Found], valleys: &[(usize, Vec<f64>)]) -> Result<bool, usize> {
-        for (k, point) in self.points.iter_mut().enumerate() {
-            point.idle = if active.contains(&k) { 0 } else { point.idle + 1 };
-        }
-        self.points.retain(|point| point.is_first || point.idle < IDLE_ROUNDS);
-        let count = self.points.len();
-        let worst = found.iter().enumerate().filter(|(_, found)| found.seen < -SLACK * self.task.spread);
-        let worst = worst.map(|(k, found)| (k, found.at.clone()));
-        for (k, at) in worst.chain(valleys.iter().cloned()).collect::<Vec<_>>() {
-            if !self.points.iter().any(|point| point.claim == k && point.at == at) {
-                self.push(k, at, false)?;
-            }
-        }
-        Ok(self.points.len() > count)
-    }
-
-    fn push(&mut self, k: usize, at: Vec<f64>, is_first: bool) -> Result<(), usize> {
-        let claim = &self.claims[k];
-        let row = claim.row(&at);
-        let value: Dd = row.iter().zip(self.free).map(|(x, b)| *x * *b).sum::<Dd>() + claim.offset();
-        // Where a claim hardly depends on the coefficients (a surface without constant term, near the origin), the shift gets small
-        // with it.
-        let share = if self.lengths[k] > 0.0 { (NEAR_ZERO * norm(&row) / self.lengths[k]).min(1.0) } else { 0.0 };
-        let projected = self.task.problem.projected(row);
-        let length = projected.iter().map(|x| *x * *x).sum::<Dd>().sqrt();
-        if length == Dd::ZERO {
-            // No coefficient counts here: it holds or it does not.
-            let holds = value.to_f64() >= -SLACK * self.task.spread;
-            return if holds { Ok(()) } else { Err(claim.constraint) };
-        }
-        let gain = Dd::from(self.task.spread * share) / length;
-        let normal = projected.into_iter().map(|x| x / length).collect();
-        let least = Dd::ZERO - value / length;
-        self.points.push(Point { claim: k, at, normal, least, gain, idle: 0, is_first });
-        Ok(())
-    }
-}
-
-fn norm(row: &[Dd]) -> f64 {
-    row.iter().map(|x| *x * *x).sum::<Dd>().sqrt().to_f64()
-}
+#[cfg(test)]
+mod tests;

@@ -24,8 +24,8 @@ pub(super) struct Row {
 pub(super) enum Solution {
     /// The shortest c, and the rows that hold it.
     Shortest { c: Vec<Dd>, active: Vec<usize> },
-    /// There is none: these rows contradict each other.
-    Infeasible(Vec<usize>),
+    /// There is none: rows contradict each other.
+    Infeasible,
     /// The solver gave up.
     Failed,
 }
@@ -35,6 +35,9 @@ const TOLERANCE: f64 = 1e-10;
 
 /// A multiplier below this share of the largest is none.
 const NO_MULTIPLIER: f64 = 1e-6;
+
+/// Changes of the active rows before they are given up: as many as there are rows at most are usual, ten of them often.
+const MOST_CHANGES: usize = 300;
 
 /// A row may be missed by this share of the largest distance: the double-double equations leave 10^-25 of it.
 const MISSED: f64 = 1e-16;
@@ -48,12 +51,15 @@ pub(super) fn shortest(rows: &[Row], width: usize) -> Solution {
     if largest == 0.0 {
         return Solution::Shortest { c: vec![Dd::ZERO; width], active: Vec::new() };
     }
+    // What the solver finds is a guess of the active rows, which is polished: a little more or less of its digits changes no answer.
     let settings = DefaultSettingsBuilder::default()
-        .verbose(false)
+        .verbose(false) // mutant `false to true`: prints.
+        // mutant `1 up`: how many threads share the work changes no result of this size.
+        // mutant `1 down`: likewise, 0 leaves the number to the solver.
         .max_threads(1)
-        .tol_gap_abs(TOLERANCE)
-        .tol_gap_rel(TOLERANCE)
-        .tol_feas(TOLERANCE)
+        .tol_gap_abs(TOLERANCE) // mutant `TOLERANCE doubled`: a guess, see above.
+        .tol_gap_rel(TOLERANCE) // mutant `TOLERANCE doubled`: likewise.
+        .tol_feas(TOLERANCE) // mutant `TOLERANCE doubled`: likewise.
         .build()
         .expect("the settings are ours");
     let bounds: Vec<f64> = rows.iter().map(|row| -(row.distance / Dd::from(largest)).to_f64()).collect();
@@ -64,13 +70,14 @@ pub(super) fn shortest(rows: &[Row], width: usize) -> Solution {
     };
     solver.solve();
     let found = &solver.solution;
-    let heaviest = found.z.iter().copied().fold(0.0, f64::max);
-    let heavy = |share: f64| (0..rows.len()).filter(|k| found.z[*k] > share * heaviest).collect::<Vec<usize>>();
+    let heaviest = found.z.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // mutant `> to >=`: a multiplier of just the share, to the last bit, of a solver whose ninth digit is not right.
+    // mutant `NO_MULTIPLIER doubled`: multipliers of rows that matter lie far above it, those of others far below.
+    let is_heavy = |k: &usize| found.z[*k] > NO_MULTIPLIER * heaviest;
     match found.status {
-        // The multipliers are then the proof: a sum of rows that no c fulfils.
-        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Solution::Infeasible(heavy(NO_MULTIPLIER)),
+        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Solution::Infeasible,
         SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress => {
-            let guess = heavy(NO_MULTIPLIER);
+            let guess: Vec<usize> = (0..rows.len()).filter(is_heavy).collect();
             match polished(rows, width, guess.clone(), largest) {
                 Some((c, active)) => Solution::Shortest { c, active },
                 None => {
@@ -102,7 +109,9 @@ fn negated(rows: &[Row], width: usize) -> CscMatrix<f64> {
 /// From a guess of the active rows to the exact ones: a row with a negative multiplier leaves, a row that is missed comes in. None
 /// when that does not end.
 fn polished(rows: &[Row], width: usize, mut active: Vec<usize>, largest: f64) -> Option<(Vec<Dd>, Vec<usize>)> {
-    for _ in 0..4 * width + 40 {
+    // mutant `0 up`: one change of very many that no program is known to need.
+    // mutant `MOST_CHANGES doubled`: more of them.
+    for _ in 0..MOST_CHANGES {
         let multipliers = multipliers(rows, &mut active);
         let least = (0..active.len()).min_by(|a, b| multipliers[*a].to_f64().total_cmp(&multipliers[*b].to_f64()));
         if let Some(least) = least.filter(|k| multipliers[*k] < Dd::ZERO) {
@@ -144,6 +153,7 @@ fn multipliers(rows: &[Row], active: &mut Vec<usize>) -> Vec<Dd> {
             line.push((product(&rows[*k].normal, &rows[*other].normal) - known) / factor[j][j]);
         }
         let pivot = product(&rows[*k].normal, &rows[*k].normal) - line.iter().map(|x| *x * *x).sum();
+        // mutant `> to >=`: a pivot of just so much, to the last bit.
         if pivot.to_f64() > NO_PIVOT {
             line.push(pivot.sqrt());
             factor.push(line);

@@ -42,7 +42,7 @@ impl Landscape {
         let x: Vec<f64> = self.sides.iter().zip(shares).map(|([low, high], share)| low + share * (high - low)).collect();
         let product = |powers: &[u32]| {
             let power = |(x, power): (&f64, &u32)| (0..*power).fold(1.0, |product, _| product * x);
-            x.iter().zip(powers).filter(|(_, power)| **power > 0).map(power).product::<f64>()
+            x.iter().zip(powers).map(power).product::<f64>()
         };
         self.terms.iter().map(|(powers, coefficient)| coefficient * product(powers)).sum()
     }
@@ -67,8 +67,9 @@ impl Landscape {
     fn descent(&self, start: &[f64], is_inside: &dyn Fn(&[f64]) -> bool) -> Valley {
         let mut at = Valley { value: self.value(start), shares: start.to_vec() };
         let mut step = FIRST_STEP;
-        let mut moves = 0;
-        while step >= LAST_STEP && moves < MOST_MOVES {
+        // mutant `0 up`: one move less of hundreds that no descent is known to need.
+        // mutant `MOST_MOVES doubled`: more of them.
+        for _ in 0..MOST_MOVES {
             let mut has_moved = false;
             let before = at.shares.clone();
             for axis in 0..at.shares.len() {
@@ -86,6 +87,7 @@ impl Landscape {
                     (at, has_moved) = (lowest, true);
                 } else if vertex.is_finite() {
                     let vertex = tried(vertex);
+                    // mutant `< to <=`: of two places of one value either does.
                     if vertex.value < at.value {
                         at = vertex;
                     }
@@ -94,15 +96,18 @@ impl Landscape {
             // Once more as far the same way, along a valley that lies across the sides (Hooke, Jeeves 1961, J. ACM 8).
             let further: Vec<f64> =
                 at.shares.iter().zip(&before).map(|(now, before)| (2.0 * now - before).clamp(0.0, 1.0)).collect();
-            if further != at.shares && is_inside(&further) {
+            if is_inside(&further) {
                 let value = self.value(&further);
+                // mutant `< to <=`: of two places of one value either does.
                 if value < at.value {
                     at = Valley { value, shares: further };
                 }
             }
-            moves += 1;
             if !has_moved {
                 step /= 2.0;
+                if step < LAST_STEP {
+                    break;
+                }
             }
         }
         at

@@ -145,6 +145,7 @@ fn a_row_stays_for_the_residual() {
     // One row, and one term.
     let one = triangle(&[dd(&[1.0]), dd(&[3.0])]);
     assert_eq!(chosen(&one, &Judge::new(one.clone()), &orders(&[0]), 1, 99.0), [0]);
+    assert_eq!(chosen(&one, &Judge::new(one.clone()), &orders(&[1]), 1, 99.0), [0]);
 }
 
 #[test]
@@ -164,6 +165,9 @@ fn columns_that_make_each_other_up_are_refused_on_the_first_rung_and_passed_over
     let fit = units(3, &[twice], &response);
     let judge = Judge::new(fit.clone());
     assert_eq!(climbed(&fit, &judge, &orders(&[0, 1, 2, 1]), 2, 100.0).0.unwrap_err().candidates, [1, 3]);
+    let constant = units(2, &[&[3.0, 0.0, 0.0, 0.0]], &response);
+    let refused = climbed(&constant, &Judge::new(constant.clone()), &orders(&[0, 1, 1]), 1, 100.0).0.unwrap_err();
+    assert_eq!(refused.candidates, [0, 2], "a column that is constant");
     let (climb, heard) = climbed(&fit, &judge, &orders(&[0, 1, 2, 2]), 2, 100.0);
     assert_eq!((climb.unwrap().chosen, heard.len()), (vec![0, 1, 2], 3));
 }
@@ -181,7 +185,9 @@ fn terms_leave_while_c_is_reached_the_least_missed_first() {
     assert_eq!(chosen(&fit, &judge, &terms, 2, c(4.0, 150.0)), [0, 1, 2, 4]);
     // The constant is not asked, however little it gives.
     let small = units(3, &[], &[0.5, 1.0, 6.0, 0.0]);
-    assert_eq!(chosen(&small, &Judge::new(small.clone()), &orders(&[0, 1, 2]), 2, c(1.5, 37.25)), [0, 2]);
+    let (climb, heard) = climbed(&small, &Judge::new(small.clone()), &orders(&[0, 1, 2]), 2, c(1.5, 37.25));
+    assert_eq!(climb.unwrap().chosen, [0, 2]);
+    assert_eq!(heard[0], (1, 1, c(37.0, 37.25)), "and it comes first");
 }
 
 #[test]
@@ -218,6 +224,13 @@ fn after_an_exchange_terms_leave_again() {
     assert_eq!(climb.chosen, [0, 4]);
     let left = 29.0 - 28.0 * 28.0 / 27.25;
     assert!((climb.confidence - c(left, 129.0)).abs() < 1e-12, "{climb:?}");
+    // The least missed first, here too: 6, 4, 3, 1.75 and 1.5 of order 1, and one of order 2 for 4, 3 and what nothing else explains, 2. With it one of the
+    // last two is not needed.
+    let response = [10.0, 6.0, 4.0, 3.0, 1.75, 1.5, 2.0, 0.0];
+    let most: &[f64] = &[0.0, 0.0, 4.0, 3.0, 0.0, 0.0, 2.0, 0.0];
+    let fit = units(6, &[most], &response);
+    let whole = response.iter().map(|y| y * y).sum::<f64>();
+    assert_eq!(chosen(&fit, &Judge::new(fit.clone()), &orders(&[0, 1, 1, 1, 1, 1, 2]), 2, c(4.5, whole)), [0, 1, 4, 6]);
 }
 
 #[test]

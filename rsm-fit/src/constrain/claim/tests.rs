@@ -70,7 +70,9 @@ impl Form {
         let term = |term: &Monomial| {
             term.coefficient.low.midpoint(term.coefficient.high) * point.iter().zip(&term.powers).map(power).product::<f64>()
         };
-        let sum: f64 = claim.monomials(&self.coefficients).iter().map(term).sum();
+        let monomials = claim.monomials(&self.coefficients);
+        assert!(monomials.iter().all(|term| term.powers.len() == claim.sides.len()));
+        let sum: f64 = monomials.iter().map(term).sum();
         near("row and polynomial", row.to_f64(), sum);
         row.to_f64()
     }
@@ -107,7 +109,9 @@ fn bounds_and_slopes_are_those_of_the_surface() {
             let value = form.value(&point, &point);
             near("bounds", form.claimed(claim, &point), if k % 2 == 0 { value + 0.75 } else { 2.5 - value });
         }
-        for claim in values(&form.surface, &form.inputs) {
+        let values = values(&form.surface, &form.inputs);
+        assert!(values.len() == pieces && values.iter().all(|claim| claim.constraint == 0));
+        for claim in values {
             let point = drawn(&claim, &mut random);
             near("value", form.claimed(&claim, &point), form.value(&point, &point));
         }
@@ -231,4 +235,16 @@ fn a_place_is_a_share_of_each_side() {
     assert_eq!(claims[0].point(&[1.0, 1.0, 1.0]), [3.0, 3.0, 1.0]);
     let third = double_double(&(integer(1) / integer(3)));
     assert_eq!(third, Dd::ONE / Dd::from(3.0));
+}
+
+#[test]
+fn a_kink_is_looked_for_in_all_of_an_interval_that_holds_its_knot() {
+    // Coded over [0, 3], the knot at 1 is -1/3: no f64.
+    let mut random = Random::new(7);
+    let mut form = form(&[[0.0, 3.0]], &[(0, 1.0)], 2, &mut random);
+    form.surface.coding = Coding::Range;
+    let claims = form.claims(&[Constraint::Convex]);
+    let side = claims.last().unwrap().sides[0];
+    let third = -integer(1) / integer(3);
+    assert!(exact(side.low) < third && third < exact(side.high) && side.high == side.low.next_up(), "{side:?}");
 }

@@ -1,0 +1,160 @@
+//! The points at which constraints are enforced, and how they are exchanged.
+//!
+//! In: claims, the solved problem. Out: the rows of the least-distance program, and after each round the points that no longer matter dropped and the
+//! places where a claim is broken added. Never solves, never proves.
+
+use rsm_core::bernstein::Place;
+
+use super::claim::Claim;
+use super::program::Row;
+use super::valleys::Landscape;
+use super::{Found, SLACK, Task};
+use crate::dd::Dd;
+use crate::random::Random;
+
+/// Points drawn in each round and claim, from which a descent looks for a place where the claim is broken. The points that hold the
+/// surface are further ones.
+const DRAWN: usize = 48;
+
+/// Places that a round adds for one claim at most.
+const MOST_PLACES: usize = 48;
+
+/// A point that has not held the surface for so many rounds is dropped: the residual sum of squares rises from round to round, so
+/// that the points of an earlier round do not come back for ever.
+const IDLE_ROUNDS: usize = 6;
+
+/// Points of the first round, all claims together. A search takes a millisecond and gives the worst place; the program takes ten
+/// times as long with a thousand rows as with a hundred.
+const FIRST_POINTS: usize = 150;
+
+/// A row counts as long from the share 1/100 of the longest row of its claim.
+const NEAR_ZERO: f64 = 100.0;
+
+/// The points at which claims are enforced.
+pub(super) struct Points<'a> {
+    pub task: &'a Task<'a>,
+    pub free: &'a [Dd],
+    pub claims: &'a [Claim],
+    /// The longest row of each claim among its first points.
+    pub lengths: Vec<f64>,
+    pub points: Vec<Point>,
+}
+
+/// A point at which a claim is enforced: normal . c >= least + shift * gain.
+pub(super) struct Point {
+    pub claim: usize,
+    /// Shares of the sides of the claim.
+    pub shares: Vec<f64>,
+    /// Of length 1.
+    normal: Vec<Dd>,
+    least: Dd,
+    gain: Dd,
+    /// Rounds in which it did not hold the surface.
+    idle: usize,
+    /// One of the grid, which stays.
+    is_first: bool,
+}
+
+impl Points<'_> {
+    /// A grid for every claim. An error names the constraint that no coefficient can meet.
+    pub(super) fn first(&mut self) -> Result<(), usize> {
+        for (k, claim) in self.claims.iter().enumerate() {
+            let points = self.grid(claim);
+            let length = |shares: &Vec<f64>| norm(&claim.row(&claim.point(shares)));
+            self.lengths.push(points.iter().map(length).fold(0.0, f64::max));
+            for point in points {
+                self.push(k, point, true)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Points of a grid over the sides of a claim that lie in the region, as shares of the sides.
+    fn grid(&self, claim: &Claim) -> Vec<Vec<f64>> {
+        let axes = claim.sides.len();
+        let wanted = FIRST_POINTS / self.claims.len();
+        let steps = (3..=16usize).take_while(|steps| steps.pow(axes as u32) <= wanted).last().unwrap_or(2);
+        let mut shares = vec![Vec::new()];
+        for _ in 0..axes {
+            let next = |begun: &Vec<f64>| {
+                (0..steps).map(|k| [&begun[..], &[k as f64 / (steps - 1) as f64]].concat()).collect::<Vec<_>>()
+            };
+            shares = shares.iter().flat_map(next).collect();
+        }
+        shares.retain(|shares| self.is_inside(claim, shares));
+        shares
+    }
+
+    /// Whether a place of a claim may lie in the region.
+    fn is_inside(&self, claim: &Claim, shares: &[f64]) -> bool {
+        let cell: Vec<[f64; 2]> = shares.iter().map(|share| [*share, *share]).collect();
+        self.task.place(claim, &cell) != Place::Outside
+    }
+
+    /// What the program is asked.
+    pub(super) fn rows(&self, shift: f64) -> Vec<Row> {
+        let row = |point: &Point| Row { normal: point.normal.clone(), distance: point.least + Dd::from(shift) * point.gain };
+        self.points.iter().map(row).collect()
+    }
+
+    /// The local minima where a claim is broken: descents begin at the points that hold the surface and at random ones.
+    pub(super) fn valleys(&self, coefficients: &[f64], active: &[usize], random: &mut Random) -> Vec<(usize, Vec<f64>)> {
+        let mut found = Vec::new();
+        for (k, claim) in self.claims.iter().enumerate() {
+            let sides: Vec<[f64; 2]> = claim.sides.iter().map(|side| [side.low, side.high]).collect();
+            let held = active.iter().map(|point| &self.points[*point]).filter(|point| point.claim == k);
+            let mut starts: Vec<Vec<f64>> = held.map(|point| point.shares.clone()).collect();
+            starts.extend((0..DRAWN).map(|_| sides.iter().map(|_| random.share()).collect()));
+            let landscape = Landscape::new(&claim.monomials(coefficients), sides);
+            let broken = landscape.below(-SLACK * self.task.spread, &starts, &|shares| self.is_inside(claim, shares));
+            found.extend(broken.into_iter().take(MOST_PLACES).map(|valley| (k, valley.shares)));
+        }
+        found
+    }
+
+    /// Drops points that no longer matter and adds places where claims are broken: the worst ones that a search found and further
+    /// ones. Whether there is a new one among them.
+    pub(super) fn exchange(&mut self, active: &[usize], found: &[Found], valleys: &[(usize, Vec<f64>)]) -> Result<bool, usize> {
+        for (k, point) in self.points.iter_mut().enumerate() {
+            point.idle = if active.contains(&k) { 0 } else { point.idle + 1 };
+        }
+        self.points.retain(|point| point.is_first || point.idle < IDLE_ROUNDS);
+        let count = self.points.len();
+        let worst = found.iter().enumerate().filter(|(_, found)| found.seen < -SLACK * self.task.spread);
+        let worst = worst.map(|(k, found)| (k, found.shares.clone()));
+        for (k, shares) in worst.chain(valleys.iter().cloned()) {
+            if !self.points.iter().any(|point| point.claim == k && point.shares == shares) {
+                self.push(k, shares, false)?;
+            }
+        }
+        Ok(self.points.len() > count)
+    }
+
+    fn push(&mut self, k: usize, shares: Vec<f64>, is_first: bool) -> Result<(), usize> {
+        let claim = &self.claims[k];
+        let row = claim.row(&claim.point(&shares));
+        let value: Dd = row.iter().zip(self.free).map(|(x, b)| *x * *b).sum::<Dd>() + claim.offset();
+        // Where a claim hardly depends on the coefficients (a surface without constant term, near the origin), the shift gets small
+        // with it.
+        let share = (NEAR_ZERO * norm(&row) / self.lengths[k]).min(1.0);
+        let projected = self.task.problem.projected(row);
+        let length = projected.iter().map(|x| *x * *x).sum::<Dd>().sqrt();
+        if length == Dd::ZERO {
+            // No coefficient counts here: it holds or it does not.
+            let holds = value.to_f64() >= -SLACK * self.task.spread;
+            return if holds { Ok(()) } else { Err(claim.constraint) };
+        }
+        let gain = Dd::from(self.task.spread * share) / length;
+        let normal = projected.into_iter().map(|x| x / length).collect();
+        let least = Dd::ZERO - value / length;
+        self.points.push(Point { claim: k, shares, normal, least, gain, idle: 0, is_first });
+        Ok(())
+    }
+}
+
+fn norm(row: &[Dd]) -> f64 {
+    row.iter().map(|x| *x * *x).sum::<Dd>().sqrt().to_f64()
+}
+
+#[cfg(test)]
+mod tests;
