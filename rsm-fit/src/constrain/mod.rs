@@ -17,7 +17,7 @@ mod program;
 mod valleys;
 
 use rsm_core::basis::{Factor, Variable};
-use rsm_core::bernstein::{self, Place, Search};
+use rsm_core::bernstein::{self, Least, Place, Search};
 use rsm_core::interval::Interval;
 use rsm_core::model::{HalfSpace, Input, Surface};
 use serde::Serialize;
@@ -37,9 +37,6 @@ pub const SHIFT: f64 = 1e-7;
 
 /// What a proof may miss, as a share of that spread: where a surface is 0 whatever its coefficients, rounding leaves so much.
 pub const SLACK: f64 = 1e-12;
-
-/// Rounds of exchange; a dozen is usual.
-const MOST_ROUNDS: usize = 100;
 
 /// Rounds with the first shift, unless one finds no further place before. Each later one takes [`GROWTH`] times the shift of the one
 /// before it.
@@ -170,26 +167,19 @@ impl Task<'_> {
         if let Err(constraint) = points.first() {
             return Constrained::Infeasible { constraints: vec![self.constraints[constraint].to_string()] };
         }
+        // mutant `0 up`: any seed does.
         let mut random = Random::new(0);
         let mut shift = SHIFT;
         let mut is_complete = false;
-        for rounds in 1..=MOST_ROUNDS {
-            shift *= match (is_complete, rounds > SHIFTED_ROUNDS) {
-                (true, _) => GROWTH_OF_PROOF,
-                (false, true) => GROWTH,
-                (false, false) => 1.0,
-            };
-            if shift > MOST_SHIFT {
-                break;
-            }
+        for rounds in 1.. {
+            let Some(next) = grown(shift, is_complete, rounds) else { break };
+            shift = next;
             let (c, active) = match program::shortest(&points.rows(shift), free.len()) {
                 Solution::Shortest { c, active } => (c, active),
-                // What contradicts itself with the first shift does so; what needs a larger one to do so may not.
-                Solution::Infeasible if shift > SHIFT => match program::shortest(&points.rows(SHIFT), free.len()) {
-                    Solution::Infeasible => return self.infeasible(&points),
-                    _ => break,
+                Solution::Infeasible => match self.contradiction(&points) {
+                    Some(constraints) => return Constrained::Infeasible { constraints },
+                    None => break,
                 },
-                Solution::Infeasible => return self.infeasible(&points),
                 Solution::Failed => break,
             };
             let step = self.problem.coefficients_of(c);
@@ -214,24 +204,34 @@ impl Task<'_> {
                 }
             }
         }
-        let without = claims.iter().zip(&found).filter(|(_, found)| found.bound < -SLACK * self.spread);
-        Constrained::NotProven { constraints: self.names(without.map(|(claim, _)| claim.constraint)) }
+        Constrained::NotProven { constraints: self.without_proof(&claims, &found) }
     }
 
-    /// The constraints that contradict each other: without any one of them the others do not, as far as these points tell.
-    fn infeasible(&self, points: &Points<'_>) -> Constrained {
+    /// The constraints that contradict each other at these points: without any one of them the others do not. None where they do so only with a shift
+    /// that has grown: what needs a larger one than the first may be possible.
+    fn contradiction(&self, points: &Points<'_>) -> Option<Vec<String>> {
+        let contradict = |constraints: &[usize]| {
+            let is_asked = |k: &usize| constraints.contains(&points.claims[points.points[*k].claim].constraint);
+            let rows = points.rows(SHIFT).into_iter().enumerate().filter(|(k, _)| is_asked(k)).map(|(_, row)| row);
+            matches!(program::shortest(&rows.collect::<Vec<_>>(), points.free.len()), Solution::Infeasible)
+        };
         let mut kept: Vec<usize> = (0..self.constraints.len()).collect();
-        for k in 0..self.constraints.len() {
-            let is_asked = |row: usize| {
-                let constraint = points.claims[points.points[row].claim].constraint;
-                constraint != k && kept.contains(&constraint)
-            };
-            let rows = points.rows(SHIFT).into_iter().enumerate().filter(|(row, _)| is_asked(*row)).map(|(_, row)| row);
-            if matches!(program::shortest(&rows.collect::<Vec<_>>(), points.free.len()), Solution::Infeasible) {
-                kept.retain(|other| *other != k);
+        if !contradict(&kept) {
+            return None;
+        }
+        for k in kept.clone() {
+            let others: Vec<usize> = kept.iter().copied().filter(|other| *other != k).collect();
+            if contradict(&others) {
+                kept = others;
             }
         }
-        Constrained::Infeasible { constraints: self.names(kept.into_iter()) }
+        Some(self.names(kept.into_iter()))
+    }
+
+    /// The constraints with a claim whose bound is not enough.
+    fn without_proof(&self, claims: &[Claim], found: &[Found]) -> Vec<String> {
+        let without = claims.iter().zip(found).filter(|(_, found)| found.bound < self.enough());
+        self.names(without.map(|(claim, _)| claim.constraint))
     }
 
     fn names(&self, constraints: impl Iterator<Item = usize>) -> Vec<String> {
@@ -241,22 +241,24 @@ impl Task<'_> {
         indices.into_iter().map(|k| self.constraints[k].to_string()).collect()
     }
 
+    /// What a proof may miss, in the unit of the response, below zero.
+    fn enough(&self) -> f64 {
+        -SLACK * self.spread
+    }
+
     fn is_proven(&self, found: &[Found]) -> bool {
-        found.iter().all(|found| found.bound >= -SLACK * self.spread)
+        found.iter().all(|found| found.bound >= self.enough())
     }
 
     /// The least value of every claim over the region.
     fn search(&self, claims: &[Claim], coefficients: &[f64]) -> Vec<Found> {
-        claims.iter().map(|claim| self.least(claim, &claim.monomials(coefficients), -SLACK * self.spread)).collect()
+        claims.iter().map(|claim| self.least(claim, &claim.monomials(coefficients), self.enough())).collect()
     }
 
     fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
-        let wanted = Search { place: &place, finest: FINEST[self.inputs.len().min(FINEST.len() - 1)], enough };
-        let mut found = bernstein::least(monomials, &claim.sides, &wanted);
-        if enough.is_finite() && found.seen >= enough && found.bound < enough {
-            found = bernstein::least_with_patience(monomials, &claim.sides, &wanted, PATIENCE);
-        }
+        let wanted = Search { place: &place, finest: finest(self.inputs.len()), enough };
+        let found = patiently(enough, |times| bernstein::least_with_patience(monomials, &claim.sides, &wanted, times));
         Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
 
@@ -331,6 +333,7 @@ impl Task<'_> {
                     .map(|term| bernstein::Monomial { coefficient: term.coefficient * Interval::point(sign), ..term.clone() })
                     .collect();
                 let found = self.least(&claim, &turned, f64::INFINITY);
+                // mutant `< to <=`: of two changes of one size either is the largest.
                 if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
                     largest = (sign * found.seen, claim.point(&found.shares));
                 }
@@ -340,8 +343,27 @@ impl Task<'_> {
     }
 }
 
-/// Cells of the support's edge no wider than this share of a side count as a whole, by the number of inputs: some thousand of them with each number.
-const FINEST: [f64; 6] = [1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 8.0];
+/// The shift of a round, from that of the round before. None where it would be too large.
+fn grown(shift: f64, is_complete: bool, rounds: usize) -> Option<f64> {
+    let growth = match (is_complete, rounds > SHIFTED_ROUNDS) {
+        (true, _) => GROWTH_OF_PROOF,
+        (false, true) => GROWTH,
+        (false, false) => 1.0,
+    };
+    Some(shift * growth).filter(|shift| *shift <= MOST_SHIFT)
+}
+
+/// A search that finds no place where a claim is broken and no proof either is made once more, with more work.
+fn patiently(enough: f64, search: impl Fn(usize) -> Least) -> Least {
+    let found = search(1);
+    if found.seen >= enough && found.bound < enough { search(PATIENCE) } else { found }
+}
+
+/// Cells of the support's edge no wider than this share of a side count as a whole: some thousand of them with each number of inputs.
+fn finest(inputs: usize) -> f64 {
+    const OF_INPUTS: [f64; 6] = [1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 8.0];
+    OF_INPUTS[inputs.min(OF_INPUTS.len() - 1)]
+}
 
 /// xi of x, within the range of the input; of a symmetric one its magnitude.
 fn natural(variable: Variable, Coded(x): Coded, input: &Input) -> f64 {

@@ -8,7 +8,7 @@ use rsm_core::bernstein::Place;
 use super::claim::Claim;
 use super::program::Row;
 use super::valleys::Landscape;
-use super::{Found, SLACK, Task};
+use super::{Found, Task};
 use crate::dd::Dd;
 use crate::random::Random;
 
@@ -73,6 +73,7 @@ impl Points<'_> {
     fn grid(&self, claim: &Claim) -> Vec<Vec<f64>> {
         let axes = claim.sides.len();
         let wanted = FIRST_POINTS / self.claims.len();
+        // mutant `3 down`: two steps are the least.
         let steps = (3..=16usize).take_while(|steps| steps.pow(axes as u32) <= wanted).last().unwrap_or(2);
         let mut shares = vec![Vec::new()];
         for _ in 0..axes {
@@ -104,9 +105,12 @@ impl Points<'_> {
             let sides: Vec<[f64; 2]> = claim.sides.iter().map(|side| [side.low, side.high]).collect();
             let held = active.iter().map(|point| &self.points[*point]).filter(|point| point.claim == k);
             let mut starts: Vec<Vec<f64>> = held.map(|point| point.shares.clone()).collect();
+            // mutant `0 up`: one start less of many.
+            // mutant `DRAWN doubled`: more of them; what they miss the search finds, a round later.
             starts.extend((0..DRAWN).map(|_| sides.iter().map(|_| random.share()).collect()));
             let landscape = Landscape::new(&claim.monomials(coefficients), sides);
-            let broken = landscape.below(-SLACK * self.task.spread, &starts, &|shares| self.is_inside(claim, shares));
+            let broken = landscape.below(self.task.enough(), &starts, &|shares| self.is_inside(claim, shares));
+            // mutant `MOST_PLACES doubled`: the others come in the next round.
             found.extend(broken.into_iter().take(MOST_PLACES).map(|valley| (k, valley.shares)));
         }
         found
@@ -120,7 +124,7 @@ impl Points<'_> {
         }
         self.points.retain(|point| point.is_first || point.idle < IDLE_ROUNDS);
         let count = self.points.len();
-        let worst = found.iter().enumerate().filter(|(_, found)| found.seen < -SLACK * self.task.spread);
+        let worst = found.iter().enumerate().filter(|(_, found)| found.seen < self.task.enough());
         let worst = worst.map(|(k, found)| (k, found.shares.clone()));
         for (k, shares) in worst.chain(valleys.iter().cloned()) {
             if !self.points.iter().any(|point| point.claim == k && point.shares == shares) {
@@ -141,7 +145,7 @@ impl Points<'_> {
         let length = projected.iter().map(|x| *x * *x).sum::<Dd>().sqrt();
         if length == Dd::ZERO {
             // No coefficient counts here: it holds or it does not.
-            let holds = value.to_f64() >= -SLACK * self.task.spread;
+            let holds = value.to_f64() >= self.task.enough();
             return if holds { Ok(()) } else { Err(claim.constraint) };
         }
         let gain = Dd::from(self.task.spread * share) / length;

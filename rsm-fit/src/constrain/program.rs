@@ -73,6 +73,7 @@ pub(super) fn shortest(rows: &[Row], width: usize) -> Solution {
     let heaviest = found.z.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     // mutant `> to >=`: a multiplier of just the share, to the last bit, of a solver whose ninth digit is not right.
     // mutant `NO_MULTIPLIER doubled`: multipliers of rows that matter lie far above it, those of others far below.
+    // mutant `* to /`: the heaviest is about 1, and a guess is polished.
     let is_heavy = |k: &usize| found.z[*k] > NO_MULTIPLIER * heaviest;
     match found.status {
         SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Solution::Infeasible,

@@ -118,6 +118,10 @@ fn a_line_is_turned_about_the_point_that_costs_least() {
     assert_eq!((told.rounds, told.shift, told.points), (1, SHIFT, vec![vec![vec![4.0]]]));
     near(&[told.change, told.changed_at[0]], &[-d, 4.0]);
     is_proven_at(told.distances[0], SHIFT * 4.0);
+    // An eighth of it all.
+    let eighth = line(&[0.0, 1.0, 2.0, 3.0, 4.0], |x| x / 8.0);
+    let told = active(Case::new(&[[0.0, 4.0]], &[&[0], &[1]], &eighth, &[bounds(None, Some(0.375))]).task().run());
+    near(&[told.change, told.changed_at[0]], &[-d / 8.0, 4.0]);
     // The same from below: y = -x, above -3.
     let mirrored =
         Case::new(&[[0.0, 4.0]], &[&[0], &[1]], &line(&[0.0, 1.0, 2.0, 3.0, 4.0], |x| -x), &[bounds(Some(-3.0), None)]);
@@ -128,12 +132,12 @@ fn a_line_is_turned_about_the_point_that_costs_least() {
 
 #[test]
 fn a_falling_line_that_shall_rise_becomes_the_mean() {
-    // Slopes are per half side, 2: slope 2 = shift 4. About the mean of x, 2, where y is 2.6.
-    let rows = line(&[0.0, 1.0, 2.0, 3.0, 4.0], |x| if x == 0.0 { 5.0 } else { 4.0 - x });
-    let case = Case::new(&[[0.0, 4.0]], &[&[0], &[1]], &rows, &[rising()]);
+    // Slopes are per half side, 2: slope 2 = shift 5. About the mean of x, 7, where y is 2.2.
+    let rows = line(&[5.0, 6.0, 7.0, 8.0, 9.0], |x| if x == 5.0 { 5.0 } else { 9.0 - x });
+    let case = Case::new(&[[5.0, 9.0]], &[&[0], &[1]], &rows, &[rising()]);
     let told = active(case.task().run());
     let slope = SHIFT * 5.0 / 2.0;
-    near(&told.coefficients, &[2.2 - 2.0 * slope, slope]);
+    near(&told.coefficients, &[2.2 - 7.0 * slope, slope]);
     is_proven_at(told.distances[0], SHIFT * 5.0);
     // The slope is the same everywhere: one of the places is told.
     assert_eq!(told.points[0].len(), 1);
@@ -195,10 +199,11 @@ fn contradictions_are_named() {
     let names = [above.to_string(), below.to_string()];
     let free = bounds(None, Some(9.0));
     assert_eq!(infeasible([0.0, 4.0], &[&[0], &[1]], &[above.clone(), free.clone(), below]), names);
+    assert_eq!(infeasible([0.0, 4.0], &[&[0], &[1]], &[free.clone(), above.clone(), bounds(None, Some(1.0))]), names);
     // Without a constant the surface is 0 at 0, whatever its slope: at a point of the grid, between them, and at none of them where the solver finds it.
     let one = bounds(Some(1.0), None);
     assert_eq!(infeasible([0.0, 4.0], &[&[1]], &[free.clone(), one.clone()]), [one.to_string()]);
-    assert_eq!(infeasible([-4.0, 4.0], &[&[1]], &[one.clone()]), [one.to_string()]);
+    assert_eq!(infeasible([-4.0, 4.0], &[&[1]], std::slice::from_ref(&one)), [one.to_string()]);
     // A steep parabola keeps it at the grid, and the search finds the place between.
     assert_eq!(infeasible([-4.0, 4.0], &[&[2]], &[bounds(None, Some(1e9)), one.clone()]), [one.to_string()]);
     // A bound of 0 holds there.
@@ -301,4 +306,76 @@ fn each_place_that_holds_is_told_once_with_its_constraint() {
     assert_eq!(points, [vec![1.0, 3.0], vec![2.0]]);
     assert_eq!(told.iter().map(|report| report.distance).collect::<Vec<_>>(), [0.25, 7.0]);
     assert_eq!(case.task().names([1, 0, 1].into_iter()), [case.constraints[0].to_string(), case.constraints[1].to_string()]);
+}
+
+#[test]
+fn a_contradiction_is_one_with_the_first_shift() {
+    // The constant between two bounds, each of which is enforced a shift inside: a share of 2 shifts must lie between them.
+    let between = |shifts: f64| {
+        let rows = line(&[0.0, 1.0, 2.0], |x| x);
+        let case = Case::new(
+            &[[0.0, 2.0]],
+            &[&[0]],
+            &rows,
+            &[bounds(Some(0.5), Some(0.5 + 2.0 * shifts * SHIFT)), bounds(Some(-9.0), None)],
+        );
+        let (task, free, claims) = (case.task(), case.problem.coefficients(), case.claims());
+        let mut points = Points { task: &task, free: &free, claims: &claims, lengths: Vec::new(), points: Vec::new() };
+        points.first().unwrap();
+        (task.contradiction(&points), case.constraints[0].to_string())
+    };
+    let (names, name) = between(1.0);
+    assert_eq!(names, Some(vec![name]));
+    assert_eq!([between(3.0).0, between(5.0).0], [None, None]);
+}
+
+#[test]
+fn the_shift_grows_for_the_proof_and_late() {
+    assert_eq!(
+        [grown(SHIFT, false, 1), grown(SHIFT, false, 25), grown(SHIFT, false, 26)],
+        [Some(SHIFT), Some(SHIFT), Some(1.25 * SHIFT)]
+    );
+    assert_eq!([grown(SHIFT, true, 1), grown(SHIFT, true, 26)], [Some(2.0 * SHIFT); 2]);
+    assert_eq!([grown(MOST_SHIFT, false, 1), grown(MOST_SHIFT / 2.0, true, 1)], [Some(MOST_SHIFT); 2]);
+    assert_eq!(
+        [grown(MOST_SHIFT, false, 26), grown(0.75 * MOST_SHIFT, true, 2), grown(0.875 * MOST_SHIFT, false, 30)],
+        [None; 3]
+    );
+    // So every search for coefficients ends: after 25 rounds and 30 that grow.
+    let rounds = (1..).scan(SHIFT, |shift, round| grown(*shift, false, round).inspect(|next| *shift = *next)).count();
+    assert_eq!(rounds, 55);
+}
+
+#[test]
+fn what_is_not_proven_is_named() {
+    let case = Case::new(
+        &[[0.0, 4.0]],
+        &[&[0], &[1]],
+        &line(&[0.0, 4.0], |x| x),
+        &[bounds(Some(-1.0), Some(9.0)), rising(), bounds(None, Some(8.0))],
+    );
+    let slack = 4e-12;
+    let found = [1.0, -1.0, -slack, -1.5 * slack].map(|bound| Found { bound, seen: 0.0, shares: vec![0.0] });
+    assert!(case.task().is_proven(&found[2..3]) && !case.task().is_proven(&found[2..]));
+    assert_eq!(
+        case.task().without_proof(&case.claims(), &found),
+        [case.constraints[0].to_string(), case.constraints[2].to_string()]
+    );
+}
+
+#[test]
+fn only_a_search_that_says_nothing_is_repeated() {
+    let asked = |bound: f64, seen: f64| {
+        let times = std::cell::RefCell::new(Vec::new());
+        let found = patiently(-1.0, |now| {
+            times.borrow_mut().push(now);
+            Least { bound: if now == 1 { bound } else { 7.0 }, seen, at: Vec::new() }
+        });
+        (times.into_inner(), found.bound)
+    };
+    assert_eq!(asked(-1.0, -1.0), (vec![1], -1.0), "proven");
+    assert_eq!(asked(-2.0, -1.5), (vec![1], -2.0), "broken");
+    assert_eq!(asked(-2.0, -1.0), (vec![1, 10], 7.0));
+    let shares: Vec<f64> = [0, 1, 2, 3, 4, 5, 9].map(|inputs| 1.0 / finest(inputs)).to_vec();
+    assert_eq!(shares, [1024.0, 1024.0, 1024.0, 64.0, 16.0, 8.0, 8.0]);
 }

@@ -125,7 +125,7 @@ fn points_come_where_a_claim_is_broken_and_go_when_they_are_idle() {
         points.first().unwrap();
         let first = points.points.len();
         let found = |seen: f64, share: f64| Found { bound: seen, seen, shares: vec![share] };
-        let slack = SLACK * spread;
+        let slack = crate::constrain::SLACK * spread;
         // Not where it holds, to the slack.
         assert_eq!(points.exchange(&[], &[found(0.0, 0.3), found(-slack, 0.41)], &[]), Ok(false));
         assert_eq!(points.points.len(), first);
@@ -186,5 +186,14 @@ fn valleys_are_looked_for_where_points_hold_and_where_chance_wants() {
         assert_eq!(points.valleys(&[-1.0, 0.0], &[], &mut Random::new(0)), []);
         assert_eq!(points.valleys(&[-1.0, 0.0], &[0], &mut Random::new(0)), [(0, vec![0.0])]);
         assert_eq!(points.valleys(&[-1.0, 0.0], &[1], &mut Random::new(0)), []);
+    });
+}
+
+#[test]
+fn the_longest_row_of_a_claim_is_that_of_its_grid() {
+    let case = Case::new(&[[0.0, 0.5]], &[&[1]], &line(&[0.0, 0.5], |x| x), &[bounds(Some(-9.0), None)]);
+    with(&case, |points| {
+        points.first().unwrap();
+        assert_eq!(points.lengths, [0.5]);
     });
 }
