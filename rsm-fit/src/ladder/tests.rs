@@ -212,6 +212,17 @@ fn one_term_takes_the_place_of_two_where_it_does_as_well() {
 }
 
 #[test]
+fn the_first_of_the_terms_may_take_the_place_of_two() {
+    // Without a constant. Fitted: (4, 1), of which the first term, of order 2, gets 2.5 of (1, 1). Judged: (2.5, 2.5), of which it leaves nothing,
+    // the other two (-1.5, 1.5).
+    let rows = |response: &[f64]| triangle(&[dd(&[1.0, 1.0, 0.0]), dd(&[1.0, 0.0, 0.0]), dd(&[0.0, 1.0, 0.0]), dd(response)]);
+    let (fit, judge) = (rows(&[4.0, 1.0, 0.0]), Judge::new(rows(&[2.5, 2.5, 0.0])));
+    let (climb, heard) = climbed(&fit, &judge, &orders(&[2, 1, 1]), 2, c(4.5, 12.5));
+    assert_eq!(heard, [(1, 1, c(8.5, 12.5)), (1, 2, c(4.5, 12.5))]);
+    assert_eq!(climb.unwrap(), Climb { chosen: vec![0], confidence: 100.0, centred: None });
+}
+
+#[test]
 fn after_an_exchange_terms_leave_again() {
     // 4, 3 and 2 of order 1, and one of order 2 that does what the first two do and a part of the third: it takes the place of two, and then the third
     // is not needed.
