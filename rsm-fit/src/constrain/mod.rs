@@ -6,7 +6,7 @@
 //!
 //! A semi-infinite program by exchange (Hettich, Kortanek 1993, SIAM Review 35): the constraints are enforced at points, then
 //! [`bernstein::least`] looks for the worst place of the whole region and either proves that there is none or gives it as a new
-//! point, with the other local minima where a constraint is broken (`valleys.rs`). At the points a constraint is enforced [`SHIFT`]
+//! point, with the other local minima where a constraint is broken (`valleys.rs`); points that no longer hold are dropped (`points.rs`). At the points a constraint is enforced [`SHIFT`]
 //! inside, so that the dips between them, which shrink with the square of their distance, end at 0 and not only tend to it. Where
 //! they still have not after `SHIFTED_ROUNDS`, or only the proof is missing, the shift grows up to `MOST_SHIFT`. Region: the
 //! box cut by the support; a cell of the search that the support's edge cuts counts as a whole once it is small.
