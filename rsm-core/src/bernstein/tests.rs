@@ -179,6 +179,20 @@ fn the_coefficients_of_any_line_are_held() {
 }
 
 #[test]
+fn a_width_that_no_f64_holds_is_enclosed() {
+    // x over [low, high], where high - low is rounded by far more than high itself.
+    let mut random = Random(7);
+    for _ in 0..100 {
+        let (low, high) = (-random.between(1.0, 2.0), random.between(1.0, 2.0) * 2f64.powi(-20 - random.below(60) as i32));
+        for (low, high) in [(low, high), (-high, -low)] {
+            let mut line = [Interval::point(0.0), Interval::point(1.0)];
+            to_bernstein(&mut line, Interval::new(low, high));
+            assert!(is_held(line[0], &exact(low)) && is_held(line[1], &exact(high)), "{line:?} over {low} {high}");
+        }
+    }
+}
+
+#[test]
 fn both_halves_have_the_coefficients_of_the_same_polynomial() {
     let mut random = Random(3);
     for _ in 0..40 {
