@@ -169,11 +169,9 @@ impl Task<'_> {
         }
         // mutant `0 up`: any seed does.
         let mut random = Random::new(0);
-        let mut shift = SHIFT;
+        let mut rounds = Rounds { count: 0, shift: SHIFT };
         let mut is_complete = false;
-        for rounds in 1.. {
-            let Some(next) = grown(shift, is_complete, rounds) else { break };
-            shift = next;
+        while let Some(shift) = rounds.next(is_complete) {
             let (c, active) = match program::shortest(&points.rows(shift), free.len()) {
                 Solution::Shortest { c, active } => (c, active),
                 Solution::Infeasible => match self.contradiction(&points) {
@@ -193,7 +191,7 @@ impl Task<'_> {
                     .collect();
                 let constraints = self.reports(&claims, &found, &held);
                 let largest_change = self.largest_change(&coefficients);
-                return Constrained::Active { coefficients, constraints, rounds, shift, largest_change };
+                return Constrained::Active { coefficients, constraints, rounds: rounds.count, shift, largest_change };
             }
             let valleys = points.valleys(&coefficients, &active, &mut random);
             match points.exchange(&active, &found, &valleys) {
@@ -343,14 +341,23 @@ impl Task<'_> {
     }
 }
 
-/// The shift of a round, from that of the round before. None where it would be too large.
-fn grown(shift: f64, is_complete: bool, rounds: usize) -> Option<f64> {
-    let growth = match (is_complete, rounds > SHIFTED_ROUNDS) {
-        (true, _) => GROWTH_OF_PROOF,
-        (false, true) => GROWTH,
-        (false, false) => 1.0,
-    };
-    Some(shift * growth).filter(|shift| *shift <= MOST_SHIFT)
+/// Rounds of exchange, and how far inside each enforces the constraints.
+struct Rounds {
+    count: usize,
+    shift: f64,
+}
+
+impl Rounds {
+    /// The shift of the next round. `is_complete`: all places are known, and only the proof is missing. None where it would be too large.
+    fn next(&mut self, is_complete: bool) -> Option<f64> {
+        self.count += 1;
+        self.shift *= match (is_complete, self.count > SHIFTED_ROUNDS) {
+            (true, _) => GROWTH_OF_PROOF,
+            (false, true) => GROWTH,
+            (false, false) => 1.0,
+        };
+        (self.shift <= MOST_SHIFT).then_some(self.shift)
+    }
 }
 
 /// A search that finds no place where a claim is broken and no proof either is made once more, with more work.

@@ -331,19 +331,19 @@ fn a_contradiction_is_one_with_the_first_shift() {
 
 #[test]
 fn the_shift_grows_for_the_proof_and_late() {
+    let next = |shift: f64, is_complete: bool, count: usize| Rounds { count: count - 1, shift }.next(is_complete);
     assert_eq!(
-        [grown(SHIFT, false, 1), grown(SHIFT, false, 25), grown(SHIFT, false, 26)],
+        [next(SHIFT, false, 1), next(SHIFT, false, 25), next(SHIFT, false, 26)],
         [Some(SHIFT), Some(SHIFT), Some(1.25 * SHIFT)]
     );
-    assert_eq!([grown(SHIFT, true, 1), grown(SHIFT, true, 26)], [Some(2.0 * SHIFT); 2]);
-    assert_eq!([grown(MOST_SHIFT, false, 1), grown(MOST_SHIFT / 2.0, true, 1)], [Some(MOST_SHIFT); 2]);
-    assert_eq!(
-        [grown(MOST_SHIFT, false, 26), grown(0.75 * MOST_SHIFT, true, 2), grown(0.875 * MOST_SHIFT, false, 30)],
-        [None; 3]
-    );
-    // So every search for coefficients ends: after 25 rounds and 30 that grow.
-    let rounds = (1..).scan(SHIFT, |shift, round| grown(*shift, false, round).inspect(|next| *shift = *next)).count();
-    assert_eq!(rounds, 55);
+    assert_eq!([next(SHIFT, true, 1), next(SHIFT, true, 26)], [Some(2.0 * SHIFT); 2]);
+    assert_eq!([next(MOST_SHIFT, false, 1), next(MOST_SHIFT / 2.0, true, 1)], [Some(MOST_SHIFT); 2]);
+    assert_eq!([next(MOST_SHIFT, false, 26), next(0.75 * MOST_SHIFT, true, 2), next(0.875 * MOST_SHIFT, false, 30)], [None; 3]);
+    // So every search for coefficients ends: after 25 rounds and 30 that grow, or 9 of the proof alone.
+    let mut rounds = Rounds { count: 0, shift: SHIFT };
+    assert_eq!(std::iter::from_fn(|| rounds.next(false)).count(), 55);
+    let mut rounds = Rounds { count: 0, shift: SHIFT };
+    assert_eq!(std::iter::from_fn(|| rounds.next(true)).count(), 9);
 }
 
 #[test]
