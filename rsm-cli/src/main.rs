@@ -22,6 +22,7 @@ mod outcome;
 mod output;
 mod page;
 mod plot;
+mod replace;
 mod report;
 mod weakening;
 
@@ -35,6 +36,9 @@ use commands::{check, demo, design, diagnose, emit, eval, experiment, fit, simul
 #[derive(Parser)]
 #[command(name = "rsm", version, max_term_width = 100)]
 struct Arguments {
+    /// Replace an output that stands there already, also where it is no output of rsm
+    #[arg(long, global = true)]
+    force: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -62,7 +66,9 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
+    let arguments = Arguments::parse();
+    replace::force(arguments.force);
+    let result = match arguments.command {
         Command::Design(arguments) => design::run(&arguments),
         Command::Experiment(arguments) => experiment::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),

@@ -8,6 +8,14 @@ use rsm_core::source::files_read;
 use serde::Serialize;
 
 use crate::outcome::Refusal;
+use crate::replace;
+
+/// Names of files that are not whole yet.
+const PREFIX: &str = ".rsm-";
+const SUFFIX: &str = ".part";
+
+/// A file that is not whole lives for the time of a write: a second, a minute on a slow network. After an hour nobody writes it any more.
+const LEFTOVER: std::time::Duration = std::time::Duration::from_secs(3600);
 
 /// Files that this process has written itself: it may write them again.
 static WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -16,10 +24,12 @@ static WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// on the disk. A symbolic link stays, and the file that it names is replaced; what is no regular file (a pipe, a device) is written through.
 ///
 /// # Errors
-/// A file that cannot be written, and one that was read: whatever was read in this process stays as it is, under every name that it has.
+/// A file that cannot be written, and one that was read: whatever was read in this process stays as it is, under every name that it has. What stands
+/// there already and is of another kind is replaced by `--force` alone.
 pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
-    for (path, _) in files {
+    for (path, bytes) in files {
         refuse_what_was_read(path)?;
+        refuse_what_is_foreign(path, bytes.as_ref())?;
     }
     let mut ready = Vec::new();
     let mut through = Vec::new();
@@ -35,8 +45,9 @@ pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
             _ => Path::new("."),
         };
         std::fs::create_dir_all(folder).map_err(failed)?;
+        remove_leftovers(folder);
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".rsm-").suffix(".part");
+        builder.prefix(PREFIX).suffix(SUFFIX);
         #[cfg(unix)]
         {
             // A temporary file is private by default; what is renamed into place must be as readable as any other output.
@@ -113,6 +124,34 @@ fn refuse_what_was_read(path: &Path) -> Result<(), Refusal> {
             path.display(),
             read.display()
         ))),
+    }
+}
+
+/// What stands there and is no output of this kind may be somebody's work.
+fn refuse_what_is_foreign(path: &Path, new: &[u8]) -> Result<(), Refusal> {
+    let place = place_of(path);
+    let is_ours = WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).iter().any(|it| is_same_file(it, &place));
+    if is_ours || !place.is_file() {
+        return Ok(());
+    }
+    match std::fs::read(&place) {
+        Ok(old) if !replace::may(&old, new) => Err(Refusal::new(format!(
+            "{}: not written: a file stands there that is no such output of rsm\n  help: give the output another name, or --force to replace the file",
+            path.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Removes what a run that was killed has left half written. Another run may be writing in the same folder now: only what is old is a leftover.
+fn remove_leftovers(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let is_part = name.to_str().is_some_and(|name| name.starts_with(PREFIX) && name.ends_with(SUFFIX));
+        let age = entry.metadata().and_then(|found| found.modified()).ok().and_then(|time| time.elapsed().ok());
+        if is_part && age.is_some_and(|age| age > LEFTOVER) {
+            let _ = std::fs::remove_file(entry.path());
+        }
     }
 }
 

@@ -232,15 +232,6 @@ fn options_that_change_results_are_refused_or_undone() {
     assert!(refused > 4, "-ffast-math and -Ofast are refused at least: {refused}");
 }
 
-/// Not kept yet: clang 13 to 19 reorder sums in 4 of the random models under these, against `float_control(precise, on)`. README.md says so.
-const REORDERED: [&str; 2] = ["-funsafe-math-optimizations", "-fassociative-math -fno-signed-zeros -fno-trapping-math"];
-
-/// clang 21 and older (19 is the newest seen to do it); Debian's `clang` without a number is 14.
-fn is_old_clang(compiler: &str) -> bool {
-    compiler == "clang"
-        || compiler.strip_prefix("clang-").and_then(|text| text.parse::<u32>().ok()).is_some_and(|version| version < 22)
-}
-
 #[test]
 #[ignore = "every compiler and option, every model by the machine's own: run by `cargo xtask test`"]
 fn every_way_of_inlining_every_model_keeps_the_bits() {
@@ -256,8 +247,7 @@ fn every_way_of_inlining_every_model_keeps_the_bits() {
                 ways.push((format!("{compiler} {options}"), Seen::LinkedFromFast));
             }
         }
-        let kept = FAST.into_iter().filter(|options| !(is_old_clang(&compiler) && REORDERED.contains(options)));
-        ways.extend(kept.map(|options| (format!("{compiler} -O3 -march=native {options}"), Seen::Unity)));
+        ways.extend(FAST.map(|options| (format!("{compiler} -O3 -march=native {options}"), Seen::Unity)));
     }
     judge(&own, &every(), &scratch("inlined-every"));
     judge(&others, &extrapolating(), &scratch("inlined-others"));
@@ -333,24 +323,76 @@ fn emitted_rust_in_a_vectorised_loop_keeps_its_bits() {
 /// The self-tests on AArch64, whose vectors have fused operations in every machine, linked at -O3 with link-time optimisation, under qemu.
 #[test]
 fn self_tests_pass_on_an_emulated_aarch64() {
-    let has = |program: &str| {
-        let path = std::env::var_os("PATH").unwrap_or_default();
-        std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
-    };
-    if !has("aarch64-linux-gnu-gcc") || !has("qemu-aarch64") {
-        assert!(std::env::var_os("CI").is_none(), "apt-get install gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user");
-        println!("SKIPPED: no AArch64 here; apt-get install gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user");
+    if !is_there(&["aarch64-linux-gnu-gcc", "qemu-aarch64"], "gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user") {
         return;
     }
-    let cases = extrapolating();
-    let folder = scratch("inlined-aarch64");
-    compilers::write_c(cases.iter().map(|case| &case.unit), &folder);
-    compilers::write(&folder, "main.c", "int self_tests(void);\nint main(void) { return self_tests() != 0; }\n");
+    let folder = emulated(&extrapolating(), "inlined-aarch64");
     for (barrier, keeps) in [("", true), (" -DRSM_BARRIER=__builtin_assoc_barrier", false)] {
         let line = format!("aarch64-linux-gnu-gcc -O3 -flto -static -DRSM_SELF_TEST{barrier}");
         Compiler::new(&line).must(&["models.c", "self_tests.c", "main.c", "-o", "self_tests"], &folder);
-        let program = folder.join("self_tests").display().to_string();
-        let passes = Compiler::new("qemu-aarch64").run(&[&program], &folder).status.success();
+        let passes = Compiler::new("qemu-aarch64").run(&[&program(&folder)], &folder).status.success();
         assert_eq!(passes, keeps, "{line}");
     }
+}
+
+/// On 32-bit Arm clang ignores the pragma that undoes its options: all that is left is what the text hides. Every clang, every option, compensators
+/// and reciprocals too, under qemu. The canary hides nothing.
+#[test]
+fn self_tests_pass_on_an_emulated_arm_whatever_clang_is_told() {
+    if !is_there(&["arm-linux-gnueabihf-gcc", "qemu-arm"], "gcc-arm-linux-gnueabihf libc6-dev-armhf-cross qemu-user") {
+        return;
+    }
+    let folder = emulated(&some(), "inlined-arm");
+    let machine = "--target=arm-linux-gnueabihf -march=armv7-a -mfpu=vfpv4-d16 -mfloat-abi=hard -O2 -DRSM_SELF_TEST";
+    let link = Compiler::new("arm-linux-gnueabihf-gcc -static");
+    let (mut passed, mut refused, mut seen_to_fail) = (0, 0, 0);
+    for compiler in compilers::installed("clang") {
+        for options in FAST {
+            for hides in [true, false] {
+                let canary = if hides { "" } else { " -DRSM_BARRIER(product)=(product)" };
+                let clang = Compiler::new(&format!("{compiler} {machine} {options}{canary}"));
+                if !clang.run(&["-E", "-x", "c", "/dev/null", "-o", "nothing"], &folder).status.success() {
+                    continue;
+                }
+                let is_made = ["models", "self_tests"]
+                    .iter()
+                    .all(|name| clang.run(&["-c", &format!("{name}.c"), "-o", &format!("{name}.o")], &folder).status.success());
+                if !is_made {
+                    refused += 1;
+                    continue;
+                }
+                link.must(&["models.o", "self_tests.o", "main.c", "-o", "self_tests"], &folder);
+                let passes = Compiler::new("qemu-arm").run(&[&program(&folder)], &folder).status.success();
+                assert!(passes || !hides, "{compiler} {options}");
+                passed += usize::from(hides);
+                seen_to_fail += usize::from(!passes);
+            }
+        }
+    }
+    println!("{passed} ways give the bits, {refused} are refused, {seen_to_fail} differ where nothing is hidden");
+    assert!(passed > 4 && refused > 2 && seen_to_fail > 1, "{passed}, {refused}, {seen_to_fail}");
+}
+
+/// Sources of models, their self-tests and a main program that ends with status 0 where all hold.
+fn emulated(cases: &[Case], name: &str) -> PathBuf {
+    let folder = scratch(name);
+    compilers::write_c(cases.iter().map(|case| &case.unit), &folder);
+    compilers::write(&folder, "main.c", "int self_tests(void);\nint main(void) { return self_tests() != 0; }\n");
+    folder
+}
+
+fn program(folder: &Path) -> String {
+    folder.join("self_tests").display().to_string()
+}
+
+/// Whether these programs are here; in CI they must be.
+fn is_there(programs: &[&str], packages: &str) -> bool {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let has = |program: &&str| std::env::split_paths(&path).any(|folder| folder.join(program).is_file());
+    let all = programs.iter().all(has);
+    if !all {
+        assert!(std::env::var_os("CI").is_none(), "apt-get install {packages}");
+        rsm_tests::skipped(&format!("apt-get install {packages}"));
+    }
+    all
 }

@@ -54,7 +54,7 @@ fn the_measured_flux_map_becomes_c_with_the_bits_of_the_interpreter() {
     let folder = cases::root().join("../shared/data/pmsyrm-flux-map");
     if !folder.is_dir() {
         assert!(std::env::var_os("CI").is_none(), "../shared/data/pmsyrm-flux-map is missing, and in CI this test must run");
-        eprintln!("SKIPPED: ../shared/data/pmsyrm-flux-map is missing; this test has shown NOTHING");
+        rsm_tests::skipped("../shared/data/pmsyrm-flux-map is missing");
         return;
     }
     let specification = Specification::from_source(Source::new("fit.toml", SPECIFICATION), folder).unwrap();

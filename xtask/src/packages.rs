@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A program or file whose presence tells that a package is installed, and the package.
-const NEEDED: [(&str, &str); 11] = [
+const NEEDED: [(&str, &str); 13] = [
     ("gcc", "gcc"),
     ("clang", "clang"),
     ("valgrind", "valgrind"),
@@ -17,10 +17,12 @@ const NEEDED: [(&str, &str); 11] = [
     ("arm-none-eabi-gcc", "gcc-arm-none-eabi"),
     ("/usr/lib/arm-none-eabi/lib/rdimon.specs", "libnewlib-arm-none-eabi"),
     ("qemu-system-arm", "qemu-system-arm"),
-    // Self-tests on an emulated AArch64.
+    // Self-tests on emulated AArch64 and 32-bit Arm.
     ("aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu"),
     ("/usr/aarch64-linux-gnu/include/stdio.h", "libc6-dev-arm64-cross"),
     ("qemu-aarch64", "qemu-user"),
+    ("arm-linux-gnueabihf-gcc", "gcc-arm-linux-gnueabihf"),
+    ("/usr/arm-linux-gnueabihf/include/stdio.h", "libc6-dev-armhf-cross"),
 ];
 
 /// Makes sure that everything is there.

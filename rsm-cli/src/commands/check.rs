@@ -9,18 +9,17 @@ use rsm_core::check::Checked;
 use rsm_core::interval::Interval;
 use rsm_core::lower::{self, Saturation};
 use rsm_core::number::Precision;
-use rsm_core::source::Source;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::limits;
-use super::{PrecisionName, precisions, tell_left_out};
+use super::{PrecisionName, model_source, precisions, tell_left_out};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The model file
+    /// The model file; - is standard input
     model: PathBuf,
     /// The precisions to certify; all that can hold the model when not given
     #[arg(long, value_delimiter = ',')]
@@ -44,8 +43,8 @@ pub struct Problem {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let asked = precisions(&arguments.precision)?;
-    let checked = Checked::read(&Source::read(&arguments.model)?)?;
+    let asked = precisions(&arguments.precision);
+    let checked = Checked::read(&model_source(&arguments.model)?)?;
     let mut problems = Vec::new();
     let wanted = if asked.is_empty() { Precision::ALL.to_vec() } else { asked.clone() };
     if asked.is_empty() {

@@ -4,17 +4,16 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use rsm_core::check::Checked;
-use rsm_core::source::Source;
 use rsm_core::{compile, emit};
 use serde_json::json;
 
-use super::{PrecisionName, precisions, tell_left_out};
-use crate::outcome::{Answer, Outcome, Refusal};
+use super::{PrecisionName, model_source, precisions, tell_left_out};
+use crate::outcome::{Answer, Outcome};
 use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The model file
+    /// The model file; - is standard input
     model: PathBuf,
     /// The language
     #[arg(long)]
@@ -37,15 +36,11 @@ enum Language {
     Rust,
     /// C99, a header and a source file
     C,
-    /// calibration file (not in this version)
-    A2l,
-    /// co-simulation unit (not in this version)
-    Fmu,
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let asked = precisions(&arguments.precision)?;
-    let checked = Checked::read(&Source::read(&arguments.model)?)?;
+    let asked = precisions(&arguments.precision);
+    let checked = Checked::read(&model_source(&arguments.model)?)?;
     let unit = compile::unit(&checked, &asked)?;
     let model = &unit.model;
     let files: Vec<(PathBuf, String)> = match arguments.lang {
@@ -56,9 +51,6 @@ pub fn run(arguments: &Arguments) -> Outcome {
                 (arguments.out.join(format!("{model}.h")), files.header),
                 (arguments.out.join(format!("{model}.c")), files.source),
             ]
-        }
-        Language::A2l | Language::Fmu => {
-            return Err(Refusal::new("--lang: this version emits rust and c"));
         }
     };
     output::write_all(&files)?;

@@ -15,13 +15,13 @@ use rsm_core::tape::Tape;
 use rsm_fit::table::{Table, Wanted};
 use serde_json::json;
 
-use super::PrecisionName;
+use super::{PrecisionName, model_source};
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The model file
+    /// The model file; - is standard input
     model: PathBuf,
     /// The surface to evaluate; may be left out when the model has only one
     #[arg(long)]
@@ -54,8 +54,8 @@ struct Evaluated {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let precision = arguments.precision.precision()?;
-    let checked = Checked::read(&Source::read(&arguments.model)?)?;
+    let precision = arguments.precision.precision();
+    let checked = Checked::read(&model_source(&arguments.model)?)?;
     compile::held(&checked, &[precision])?;
     if let Some(name) = &arguments.compensator {
         return sequence(arguments, &checked, name, precision);
@@ -63,14 +63,18 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let index = surface_index(&checked, arguments.surface.as_deref())?;
     let surface = &checked.model().surfaces[index];
     let tape = lower::surface(&checked, index, precision);
-    let points: Vec<Vec<f64>> = match (&arguments.at, &arguments.data) {
-        (Some(at), _) => vec![point(at, surface, precision)?],
-        (None, Some(path)) => table(path, None, &checked.inputs_of(surface))?,
-        (None, None) => return Err(Refusal::new("give a point with --at or a table with --data")),
-    };
-    let results = evaluate(&tape, &points);
     let (name, unit) = (&surface.name, &surface.unit);
-    print(arguments, &results, json!({ "surface": name, "unit": unit, "precision": precision.name() }))
+    let object = json!({ "surface": name, "unit": unit, "precision": precision.name() });
+    match (&arguments.at, &arguments.data) {
+        (Some(at), _) => print(arguments, None, &evaluate(&tape, &[point(at, surface, precision)?]), object),
+        (None, Some(path)) => {
+            let inputs = checked.inputs_of(surface);
+            let points = table(path, None, &inputs)?;
+            let header = header(None, &inputs, &with_unit(name, unit));
+            print(arguments, Some((&header, &points)), &evaluate(&tape, &points), object)
+        }
+        (None, None) => Err(Refusal::new("give a point with --at or a table with --data")),
+    }
 }
 
 /// A compensator over the rows of a table, in order.
@@ -83,20 +87,45 @@ fn sequence(arguments: &Arguments, checked: &Checked, name: &str, precision: Pre
     })?;
     require_stable(checked, index)?;
     let path = arguments.data.as_ref().ok_or_else(|| Refusal::new("give the sequence of the compensator with --data"))?;
-    let points = table(path, Some(lower::SIGNAL), &checked.schedule_of(&compensators[index]))?;
+    let schedule = checked.schedule_of(&compensators[index]);
+    let points = table(path, Some(lower::SIGNAL), &schedule)?;
     let results = evaluate(&lower::compensator(checked, index, precision), &points);
-    print(arguments, &results, json!({ "compensator": name, "precision": precision.name() }))
+    // The signal has the unit that it came in, before and after.
+    let header = header(Some(lower::SIGNAL), &schedule, name);
+    print(arguments, Some((&header, &points)), &results, json!({ "compensator": name, "precision": precision.name() }))
 }
 
-/// Prints results a line each, or as an object that has them beside what it is about.
-fn print(arguments: &Arguments, results: &[Evaluated], mut object: serde_json::Value) -> Outcome {
+/// The header of a table of points and results.
+fn header(signal: Option<&str>, inputs: &[Input], result: &str) -> String {
+    let inputs = inputs.iter().map(|input| with_unit(&input.name, &input.unit));
+    signal.map(str::to_string).into_iter().chain(inputs).chain([result.to_string()]).collect::<Vec<_>>().join(",")
+}
+
+fn with_unit(name: &str, unit: &str) -> String {
+    format!("{name}[{unit}]")
+}
+
+/// Prints the results of a table beside its points, as CSV; bits and the result of one point a line each; or an object that has them beside what it is about.
+fn print(
+    arguments: &Arguments,
+    table: Option<(&str, &[Vec<f64>])>,
+    results: &[Evaluated],
+    mut object: serde_json::Value,
+) -> Outcome {
     if arguments.json {
         object["values"] = results.iter().map(|result| output::finite(result.value)).collect();
         object["bits"] = results.iter().map(|result| result.bits.as_str()).collect();
         output::json(&object)?;
     } else {
-        let lines: Vec<&str> =
-            results.iter().map(|it| if arguments.bits { it.bits.as_str() } else { it.text.as_str() }).collect();
+        let lines: Vec<String> = match table {
+            Some((header, points)) if !arguments.bits => {
+                let row = |(point, result): (&Vec<f64>, &Evaluated)| {
+                    point.iter().map(|value| format!("{value:?},")).chain([result.text.clone()]).collect::<String>()
+                };
+                [header.to_string()].into_iter().chain(points.iter().zip(results).map(row)).collect()
+            }
+            _ => results.iter().map(|it| if arguments.bits { it.bits.clone() } else { it.text.clone() }).collect(),
+        };
         output::line(&lines.join("\n"))?;
     }
     Ok(Answer::Positive)

@@ -11,11 +11,28 @@ pub mod fit;
 pub mod limits;
 pub mod simulate;
 
+use std::io::Read as _;
+use std::path::Path;
+
 use clap::ValueEnum;
 use rsm_core::check::Checked;
 use rsm_core::number::Precision;
+use rsm_core::source::{Fault, Faults, Source};
 
-use crate::outcome::Refusal;
+/// The text of a model file; `-` is standard input.
+///
+/// # Errors
+/// One fault that names the file and the reason.
+pub fn model_source(path: &Path) -> Result<Source, Faults> {
+    if path != Path::new("-") {
+        return Source::read(path);
+    }
+    let mut text = String::new();
+    match std::io::stdin().read_to_string(&mut text) {
+        Ok(_) => Ok(Source::new("standard input", text)),
+        Err(error) => Err(Faults::one(Fault::whole_file("standard input", format!("cannot be read: {error}")))),
+    }
+}
 
 /// A precision on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -24,27 +41,24 @@ pub enum PrecisionName {
     F64,
     /// IEEE 754 binary32
     F32,
-    /// fixed point (not in this version)
-    Fixed,
 }
 
 impl PrecisionName {
-    /// The precision, or why there is none.
-    pub fn precision(self) -> Result<Precision, Refusal> {
+    /// The precision.
+    pub fn precision(self) -> Precision {
         match self {
-            PrecisionName::F64 => Ok(Precision::F64),
-            PrecisionName::F32 => Ok(Precision::F32),
-            PrecisionName::Fixed => Err(Refusal::new("--precision: found fixed, this version has f64 and f32")),
+            PrecisionName::F64 => Precision::F64,
+            PrecisionName::F32 => Precision::F32,
         }
     }
 }
 
 /// The precisions that were asked for, each once, in the order of files.
-pub fn precisions(names: &[PrecisionName]) -> Result<Vec<Precision>, Refusal> {
-    let mut found = names.iter().map(|name| name.precision()).collect::<Result<Vec<_>, _>>()?;
+pub fn precisions(names: &[PrecisionName]) -> Vec<Precision> {
+    let mut found: Vec<Precision> = names.iter().map(|name| name.precision()).collect();
     found.sort_unstable();
     found.dedup();
-    Ok(found)
+    found
 }
 
 /// Says on standard error which precisions cannot hold the model, and why: where none was asked for by name, that is worth a word and no

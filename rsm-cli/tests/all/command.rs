@@ -66,8 +66,13 @@ fn eval_prints_a_value_or_its_bits_a_line_a_point() {
     // A table, in other units and another order of columns: 0.4 krad/s would be wrong by 1000 without conversion.
     std::fs::write(here.path().join("points.csv"), "speed[rpm],torque[N*m]\n0,21.6\n3819.718634205488,10.8\n").unwrap();
     let output = rsm(&["eval", &model, "--surface", "current_advance", "--data", "points.csv"], here.path());
-    let values: Vec<f64> = text(&output.stdout).lines().map(|line| line.parse().unwrap()).collect();
-    assert_eq!(values.len(), 2);
+    let printed = text(&output.stdout);
+    let mut lines = printed.lines();
+    // The points in the order and in the units of the model, the result beside them.
+    assert_eq!(lines.next(), Some("torque[N*m],speed[rad/s],current_advance[deg]"));
+    let rows: Vec<Vec<f64>> = lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    assert!(rows.len() == 2 && rows[0][..2] == [21.6, 0.0] && rows.iter().all(|row| row.len() == 3), "{rows:?}");
+    let values: Vec<f64> = rows.iter().map(|row| row[2]).collect();
     // The corner (1, -1) of (26), by hand 71.97; and 3819.7186 rpm = 400 rad/s, to the rounding of the conversion.
     assert!((values[0] - 71.97).abs() < 1e-12 && (values[1] - 38.19).abs() < 1e-9, "{values:?}");
     let output = rsm(&["eval", &model, "--data", "points.csv", "--json"], here.path());
@@ -159,6 +164,7 @@ fn bad_input_leaves_everything_as_it_was() {
         &["eval", &published("pmac.toml"), "--at", "torque=1,speed=two"],
         &["eval", &published("pmac.toml"), "--surface", "nothing", "--at", "torque=1,speed=2"],
         &["check", &published("pmac.toml"), "--precision", "fixed"],
+        &["check", "-"],
         &["emit", &published("pmac.toml"), "--lang", "fmu", "--out", "out"],
         &["emit", &published("pmac.toml"), "--lang", "cobol", "--out", "out"],
         &["fit", "missing.toml"],

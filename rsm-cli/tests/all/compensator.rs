@@ -39,7 +39,10 @@ fn eval_runs_a_compensator_over_a_sequence() {
     let arguments = ["eval", "car.toml", "--compensator", "tip_in", "--data", "sequence.csv"];
     let output = rsm(&arguments, here.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let lines: Vec<f64> = text(&output.stdout).lines().map(|line| line.parse().unwrap()).collect();
+    let printed = text(&output.stdout);
+    assert_eq!(printed.lines().next(), Some("input,gear[1],tip_in"));
+    assert_eq!(printed.lines().nth(3).map(|line| line.starts_with("1.0,2.0,")), Some(true), "{printed}");
+    let lines: Vec<f64> = printed.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse().unwrap()).collect();
     // g = 0.01: the first step of the demand gives u = 2 g/(1 + g (g + 1.4)) = 0.0197220, y = 1 + (0.1 - 0.7) u.
     let u = 0.02 / (1.0 + 0.01 * 1.41);
     assert!(lines.len() == 4 && lines[0] == 0.0 && (lines[1] - (1.0 - 0.6 * u)).abs() < 1e-15, "{lines:?}");

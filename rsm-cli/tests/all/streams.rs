@@ -80,6 +80,83 @@ const WRITERS: &[(&[&str], &[&str])] = &[
     (&["experiment", "pmac", "--plan", "bench.csv", "--plant", "plant.toml", "--out"], &["bench.csv", "plant.toml"]),
 ];
 
+/// Every subcommand with one output, onto somebody's notes, then with `--force`, then onto its own output.
+#[test]
+fn somebody_elses_file_is_replaced_by_force_alone() {
+    for (arguments, _) in WRITERS {
+        let here = inputs();
+        let out = here.path().join("out");
+        let notes = "my own notes\n";
+        std::fs::write(&out, notes).unwrap();
+        let output = rsm(&[*arguments, &["out"]].concat(), here.path());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(text(&output.stderr).contains("--force"), "{}", text(&output.stderr));
+        assert_eq!(std::fs::read_to_string(&out).unwrap(), notes);
+        for more in [&["out", "--force"][..], &["out"]] {
+            let output = rsm(&[*arguments, more].concat(), here.path());
+            assert_eq!(output.status.code(), Some(0), "{arguments:?} {more:?}: {}", text(&output.stderr));
+        }
+        assert_ne!(std::fs::read_to_string(&out).unwrap(), notes);
+    }
+    // Folders of outputs, twice.
+    for arguments in [
+        &["emit", "motor.toml", "--lang", "c", "--out", "made"][..],
+        &["emit", "motor.toml", "--lang", "rust", "--out", "made"],
+        &["fit", "fit.toml", "--out", "model.toml", "--report", "made"],
+    ] {
+        let here = inputs();
+        for _ in 0..2 {
+            let output = rsm(arguments, here.path());
+            assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+        }
+        let made = std::fs::read_dir(here.path().join("made")).unwrap().next().unwrap().unwrap().path();
+        std::fs::write(&made, "my own notes\n").unwrap();
+        assert_eq!(rsm(arguments, here.path()).status.code(), Some(2), "{arguments:?}");
+    }
+}
+
+#[test]
+fn what_a_killed_run_left_is_removed_by_the_next() {
+    let here = inputs();
+    let (old, young) = (here.path().join(".rsm-old.part"), here.path().join(".rsm-young.part"));
+    let other = here.path().join(".rsm-notes");
+    for path in [&old, &young, &other] {
+        std::fs::write(path, "half").unwrap();
+    }
+    let hours_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(2 * 3600);
+    for path in [&old, &other] {
+        std::fs::File::options().write(true).open(path).unwrap().set_modified(hours_ago).unwrap();
+    }
+    assert_eq!(rsm(&["fit", "fit.toml", "--out", "model.toml"], here.path()).status.code(), Some(0));
+    assert!(!old.exists() && young.exists() && other.exists());
+}
+
+/// A model from a pipe is the model from its file.
+#[test]
+fn a_model_comes_from_standard_input_too() {
+    let here = inputs();
+    for arguments in [
+        &["check", "MODEL", "--json"][..],
+        &["eval", "MODEL", "--surface", "weakening_current", "--at", "torque=1,speed=500"],
+        &["emit", "MODEL", "--lang", "c", "--out", "made", "--json"],
+    ] {
+        let with =
+            |model: &'static str| arguments.iter().map(|it| if *it == "MODEL" { model } else { *it }).collect::<Vec<_>>();
+        let expected = rsm(&with("motor.toml"), here.path());
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rsm"));
+        command.args(with("-")).current_dir(here.path());
+        command.stdin(std::fs::File::open(here.path().join("motor.toml")).unwrap());
+        let output = command.output().unwrap();
+        assert_eq!((output.status.code(), text(&output.stdout)), (Some(0), text(&expected.stdout)), "{arguments:?}");
+    }
+    std::fs::write(here.path().join("broken"), "format = 2\n").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rsm"));
+    command.args(["check", "-"]).stdin(std::fs::File::open(here.path().join("broken")).unwrap());
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("standard input:1"), "{}", text(&output.stderr));
+}
+
 #[test]
 fn nothing_that_was_read_is_written_over() {
     for (arguments, read) in WRITERS {

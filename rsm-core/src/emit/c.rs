@@ -224,6 +224,8 @@ fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
                 Op::Multiply(..) => needs.keep |= is_kept(tape, reg),
                 Op::Add(a, b) => needs.keep |= a == b,
                 Op::Input(_) => needs.keep |= feeds_sum(tape, reg),
+                Op::Negate(_) | Op::Divide(..) => needs.hide = true,
+                Op::Subtract(a, b) => needs.hide |= a == b,
                 Op::Absolute(_) => needs.absolute = true,
                 Op::Select { .. } => match tape.extremum(reg) {
                     Some(Extremum::AtLeast { .. }) => needs.at_least = true,
@@ -255,15 +257,17 @@ fn define(unit: &Unit, function: &Function) -> String {
             Op::Input(port) => tape.inputs[port.0 as usize].clone(),
             // Only a select wrote it: there is no product that could be fused.
             Op::State(state) => format!("{}->s{}", names::STATE, state.0),
-            Op::Negate(a) => format!("-{a}"),
+            Op::Negate(a) => format!("-{}({a})", helper("hide")),
             Op::Absolute(a) => format!("{}({a})", helper("absolute")),
             // gcc makes 2 a of it, a product that it would fuse.
             Op::Add(a, b) if a == b => format!("{}({a} + {b})", helper("keep")),
             Op::Add(a, b) => format!("{a} + {b}"),
+            // Zero, but for a NaN or an infinity.
+            Op::Subtract(a, b) if a == b => format!("{a} - {}({b})", helper("hide")),
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) if is_kept(tape, reg) => format!("{}({a} * {b})", helper("keep")),
             Op::Multiply(a, b) => format!("{a} * {b}"),
-            Op::Divide(a, b) => format!("{a} / {b}"),
+            Op::Divide(a, b) => format!("{a} / {}({b})", helper("hide")),
             Op::Select { condition, then, otherwise } => match tape.extremum(reg) {
                 Some(Extremum::AtLeast { value, bound }) => format!("{}({value}, {bound})", helper("at_least")),
                 Some(Extremum::AtMost { value, bound }) => format!("{}({value}, {bound})", helper("at_most")),

@@ -8,6 +8,7 @@
 //! | clamp at one bound, the load of the bound included | 2 | 2 | 3 | 5 | 13 |
 //! | select | 4 | 2 | 2 | 5 | 10 |
 //! | keep a product that a sum reads | 0 | 0 | 0 | 0 | 0 |
+//! | hide a divisor or what is negated, from clang | 0 | 0 | 0 | 0 | 0 |
 //!
 //! Why not the plain conditional: gcc sees that a clamped value is a constant on one side and makes a branch of it, on every machine;
 //! clang does so where a product of the clamped value follows, since a constant times a constant need not be computed.
@@ -18,6 +19,7 @@ use crate::number::Precision;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Needs {
     pub keep: bool,
+    pub hide: bool,
     pub absolute: bool,
     pub at_least: bool,
     pub at_most: bool,
@@ -49,7 +51,7 @@ pub(super) fn refusals(model: &str, f64_functions: bool, f32_functions: bool) ->
 /// The macros that say which machine this is; every helper below asks them.
 pub(super) fn machine(needs: &[Needs]) -> String {
     let mut text = String::new();
-    if needs.iter().any(|needs| needs.keep || needs.any_choice()) {
+    if needs.iter().any(|needs| needs.keep || needs.hide || needs.any_choice()) {
         text.push_str(MACHINE);
     }
     text
@@ -63,7 +65,8 @@ pub(super) fn helpers(model: &str, needs: Needs, precision: Precision) -> String
             text.push_str(&fill(template, precision).replace("@m", model));
         }
     };
-    put(needs.keep, KEEP);
+    put(needs.keep || needs.hide, KEEP);
+    put(needs.hide, HIDE);
     put(needs.absolute, ABSOLUTE);
     put(needs.any_choice(), CHOOSE);
     put(needs.select, SELECT);
@@ -227,6 +230,17 @@ static inline @type @m_rsm_keep@suffix(@type product)
 #endif
     return product;
 }
+#endif
+"#;
+
+// clang before 22 takes the options of the command line for a negation whatever the pragma says, and so -(a - b) + c for a sum that it may order
+// anew; where it ignores the pragma (32-bit Arm) it makes reciprocals of divisors and 0 of x - x, which asks whether x is finite.
+const HIDE: &str = r#"
+/* The value; clang does not see where it comes from. */
+#if defined(__clang__)
+#define @m_rsm_hide@suffix(value) @m_rsm_keep@suffix(value)
+#else
+#define @m_rsm_hide@suffix(value) (value)
 #endif
 "#;
 

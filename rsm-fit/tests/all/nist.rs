@@ -7,7 +7,7 @@
 
 use serde_json::Value;
 
-use crate::data::{fitted, shared};
+use crate::data::{fitted, nist};
 
 /// Coefficients, standard errors, residual standard deviation, R^2.
 const FLOORS: &[(&str, [f64; 4])] = &[
@@ -68,7 +68,7 @@ fn agreement(set: &str, certified: &Value, folder: &std::path::Path) -> [f64; 4]
 
 #[test]
 fn all_eleven_sets_keep_the_digits_that_the_data_hold() {
-    let Some(folder) = shared("nist-strd") else { return };
+    let folder = nist();
     let certified: Value = serde_json::from_str(&std::fs::read_to_string(folder.join("certified.json")).unwrap()).unwrap();
     println!("{:10} {:>12} {:>12} {:>12} {:>12}", "set", "coefficient", "error", "residual", "R^2");
     let mut failures = Vec::new();

@@ -4,7 +4,7 @@ use rsm_fit::dd::Dd;
 use rsm_fit::qr::{Compressed, Growing};
 use rsm_fit::recursive::RecursiveLeastSquares;
 
-use crate::data::shared;
+use crate::data::nist;
 
 /// Powers 0 to `order` of x, in double-double.
 fn powers(x: f64, order: usize) -> Vec<Dd> {
@@ -58,7 +58,7 @@ fn factor_one_is_batch_on_random_rows() {
 
 #[test]
 fn factor_one_is_batch_on_the_worst_of_the_nist_sets() {
-    let Some(folder) = shared("nist-strd") else { return };
+    let folder = nist();
     for (set, order) in [("Filip", 10), ("Wampler5", 5), ("Pontius", 2)] {
         let text = std::fs::read_to_string(folder.join(format!("{set}.csv"))).unwrap();
         let row = |line: &str| {

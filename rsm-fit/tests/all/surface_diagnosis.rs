@@ -6,7 +6,7 @@ use rsm_fit::diagnosis::causes::Cause;
 use rsm_fit::diagnosis::data::NewData;
 use rsm_fit::diagnosis::{Diagnosis, Verdict, diagnose, diagnose_and_test};
 
-use crate::data::shared;
+use crate::data::{nist, shared};
 
 fn diagnosed(model: &str, data: &[Source]) -> Diagnosis {
     let checked = Checked::read(&Source::new("model.toml", model)).unwrap_or_else(|faults| panic!("{faults}"));
@@ -100,7 +100,7 @@ terms = [
 /// NIST's load cell (Pontius): a line leaves the square; with the certified square nothing is wrong. Its responses of both rounds are in the order of loads, so that the order of runs and the load are one.
 #[test]
 fn a_load_cell_shows_its_square() {
-    let Some(folder) = shared("nist-strd") else { return };
+    let folder = nist();
     let text = std::fs::read_to_string(folder.join("Pontius.csv")).unwrap();
     let model = |terms: &str| {
         format!(

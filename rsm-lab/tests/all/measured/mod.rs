@@ -4,6 +4,7 @@ mod emps;
 mod flux_map;
 mod rolling;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use rsm_lab::diagnosis::Diagnosis;
@@ -15,7 +16,8 @@ fn folder(set: &str) -> Option<PathBuf> {
         return Some(folder);
     }
     assert!(std::env::var_os("CI").is_none(), "../shared/data/{set} is missing, and in CI these tests must run");
-    eprintln!("SKIPPED: ../shared/data/{set} is missing; this test has shown NOTHING");
+    // Written past the test harness, which would keep the words of a test that passes; `cargo xtask test` counts such lines.
+    let _ = writeln!(std::io::stdout(), "\nSKIPPED: ../shared/data/{set} is missing");
     None
 }
 

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use super::{Refitted, Request, collected, gain, usable, workshop};
 use crate::outcome::Refusal;
-use crate::weakening::{self, PLANS};
+use crate::weakening::{self, PLANS, UNSEEN};
 use crate::{evaluators, output, report};
 
 /// The delay is that of a record: in closed loop the drive has its own. A drift is nothing that a surface can learn.
@@ -82,8 +82,7 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     };
     let (bench, _) = weakening::for_motor(&judge);
     // The depths of the whole map that no surface was fitted to.
-    let (_, mut unseen) = weakening::plan(PLANS[1].0, PLANS[1].1)?;
-    unseen.retain(|it| settings.iter().all(|fitted| fitted.depth != it.depth));
+    let (_, unseen) = weakening::plan(UNSEEN.0, UNSEEN.1)?;
     let at_bench = within(limit_points::of_bench(&bench.run(&judge, &unseen, JUDGE)?));
     let recorded = within(request.records.iter().flat_map(|it| limit_points::of_record(it, &after.known)).collect());
     let errors = |points: &[LimitPoint]| -> Result<Option<[Errors; 2]>, Refusal> {
