@@ -97,6 +97,13 @@ static inline double driveline_rsm_keep(double product)
 }
 #endif
 
+/* The value; clang does not see where it comes from. */
+#if defined(__clang__)
+#define driveline_rsm_hide(value) driveline_rsm_keep(value)
+#else
+#define driveline_rsm_hide(value) (value)
+#endif
+
 /* then where the flag is 1, otherwise where it is 0, by masks: machines without an idiom below. */
 #if !defined(RSM_SSE) && !defined(RSM_AARCH64) && !(defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 8))
 #if defined(__GNUC__)
@@ -217,6 +224,13 @@ static inline float driveline_rsm_keep_f32(float product)
 #endif
     return product;
 }
+#endif
+
+/* The value; clang does not see where it comes from. */
+#if defined(__clang__)
+#define driveline_rsm_hide_f32(value) driveline_rsm_keep_f32(value)
+#else
+#define driveline_rsm_hide_f32(value) (value)
 #endif
 
 /* then where the flag is 1, otherwise where it is 0, by masks: machines without an idiom below. */
@@ -682,14 +696,14 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r137 = driveline_rsm_keep(r136 * r135);
     const double r138 = r137 + r13;
     const double r139 = 11.0;
-    const double r140 = r139 / r42;
+    const double r140 = r139 / driveline_rsm_hide(r42);
     const double r141 = driveline_rsm_keep(r87 * r140);
     const double r142 = r141 - r133;
     const double r143 = r0 - r4;
     const double r144 = driveline_rsm_keep(r143 * r135);
     const double r145 = r3 + r144;
     const double r146 = driveline_rsm_keep(r145 + r145);
-    const double r147 = r146 / r138;
+    const double r147 = r146 / driveline_rsm_hide(r138);
     const double r148 = driveline_rsm_keep(r147 * r142);
     const double r149 = r0 + r148;
     const double r150 = driveline_rsm_keep(r140 * r140);
@@ -703,15 +717,15 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r158 = r147 - r3;
     const double r159 = driveline_rsm_keep(r147 * r135);
     const double r160 = r4 + r159;
-    const double r161 = r0 - r0;
-    const double r162 = r1 - r1;
+    const double r161 = r0 - driveline_rsm_hide(r0);
+    const double r162 = r1 - driveline_rsm_hide(r1);
     const double r163 = r161 + r162;
-    const double r164 = r2 - r2;
+    const double r164 = r2 - driveline_rsm_hide(r2);
     const double r165 = r163 + r164;
     const double r166 = r157 + r165;
-    const double r167 = r158 - r158;
+    const double r167 = r158 - driveline_rsm_hide(r158);
     const double r168 = r165 + r167;
-    const double r169 = r160 - r160;
+    const double r169 = r160 - driveline_rsm_hide(r160);
     const double r170 = r168 + r169;
     const double r172 = driveline_rsm_select(r170, r13, r158, r3);
     const double r173 = driveline_rsm_select(r170, r13, r160, r4);
@@ -1090,14 +1104,14 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r137 = driveline_rsm_keep_f32(r136 * r135);
     const float r138 = r137 + r13;
     const float r139 = 11.0f;
-    const float r140 = r139 / r42;
+    const float r140 = r139 / driveline_rsm_hide_f32(r42);
     const float r141 = driveline_rsm_keep_f32(r87 * r140);
     const float r142 = r141 - r133;
     const float r143 = r0 - r4;
     const float r144 = driveline_rsm_keep_f32(r143 * r135);
     const float r145 = r3 + r144;
     const float r146 = driveline_rsm_keep_f32(r145 + r145);
-    const float r147 = r146 / r138;
+    const float r147 = r146 / driveline_rsm_hide_f32(r138);
     const float r148 = driveline_rsm_keep_f32(r147 * r142);
     const float r149 = r0 + r148;
     const float r150 = driveline_rsm_keep_f32(r140 * r140);
@@ -1111,15 +1125,15 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r158 = r147 - r3;
     const float r159 = driveline_rsm_keep_f32(r147 * r135);
     const float r160 = r4 + r159;
-    const float r161 = r0 - r0;
-    const float r162 = r1 - r1;
+    const float r161 = r0 - driveline_rsm_hide_f32(r0);
+    const float r162 = r1 - driveline_rsm_hide_f32(r1);
     const float r163 = r161 + r162;
-    const float r164 = r2 - r2;
+    const float r164 = r2 - driveline_rsm_hide_f32(r2);
     const float r165 = r163 + r164;
     const float r166 = r157 + r165;
-    const float r167 = r158 - r158;
+    const float r167 = r158 - driveline_rsm_hide_f32(r158);
     const float r168 = r165 + r167;
-    const float r169 = r160 - r160;
+    const float r169 = r160 - driveline_rsm_hide_f32(r160);
     const float r170 = r168 + r169;
     const float r172 = driveline_rsm_select_f32(r170, r13, r158, r3);
     const float r173 = driveline_rsm_select_f32(r170, r13, r160, r4);
