@@ -203,3 +203,15 @@ fn a_refit_without_a_designed_experiment_is_refused_before_any_work() {
     assert!(text(&nowhere.stderr).contains("--out"));
     assert!(!here.path().join("found").exists());
 }
+
+/// Each shipped record holds the inputs of its plant, and outputs that nobody measured: nothing to compare with.
+#[test]
+fn shipped_records_say_that_they_hold_inputs_only() {
+    let here = folder();
+    for plant in ["pmac", "driveline", "servo-axis"] {
+        let (file, record) = (shipped(&format!("{plant}.toml")), shipped(&format!("{plant}.csv")));
+        let output = rsm(&["diagnose", &file, "--record", &record], here.path());
+        assert_eq!(output.status.code(), Some(2), "{plant}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("the records hold inputs only"), "{}", text(&output.stderr));
+    }
+}

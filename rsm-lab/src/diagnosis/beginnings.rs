@@ -251,7 +251,8 @@ mod tests {
     fn a_clutch_that_swings_at_its_limit_is_followed_from_its_first_slip() {
         let (mut kernel, file) = slipping(140.0);
         let (nominal, calibrated) = calibrate(&mut kernel, &file).unwrap();
-        let all = hypotheses::all(file.kind, &survey::survey(&kernel, &calibrated), &[0, 1, 2]);
+        let survey = survey::survey(&kernel, &calibrated);
+        let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
         let unseen = kernel.on(Vec::new());
         let search = Search {
@@ -259,6 +260,7 @@ mod tests {
             unseen: &unseen,
             nominal: &nominal,
             hypotheses: &slips,
+            survey: &survey,
             looks: 0,
             rounded: &[],
             effort: Effort::within(u64::MAX / 2),

@@ -29,6 +29,15 @@ const FIRST_PART: f64 = 0.25;
 /// What a wrong first state moves counts as gone when this share of it is left.
 const GONE: f64 = 1e-3;
 
+/// A sensor that reads exactly 0 says rest where the nominal plant, which may have no dry friction, is slower than this share of its largest reading.
+const AT_REST: f64 = 0.1;
+
+/// A channel that has one value from a row to the end hangs there, whatever the value, where that is this part of the record.
+const STAYS: usize = 4;
+
+/// A channel is judged noisy beside its longest run of equal readings where so many others are left.
+const ENOUGH_BESIDE: usize = 50;
+
 /// What was found in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
@@ -36,7 +45,7 @@ pub struct Finding {
     pub record: String,
     /// The channel, "row" or "time".
     pub channel: String,
-    /// What it is: "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block", "shifted".
+    /// What it is: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block", "shifted".
     pub what: &'static str,
     /// First and last row, from 0.
     pub rows: (usize, usize),
@@ -44,8 +53,9 @@ pub struct Finding {
 
 /// Finds what is wrong with a record and takes those rows out.
 pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
-    let mut findings = Vec::new();
+    let mut findings = without_constant(prepared, file);
     let names = file.kind.outputs();
+    let nominal = along(prepared, file);
     let record = prepared.record.file.clone();
     let rows = prepared.record.rows();
     let count = prepared.outputs.len();
@@ -59,7 +69,9 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     for row in &prepared.record.breaks {
         findings.push(finding("time", "gap", (row - 1, *row)));
     }
-    let blocks = twice(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
+    let mut blocks = twice(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
+    // A plant at rest repeats itself; a recorder that repeats a block repeats its noise.
+    blocks.retain(|(from, to)| (0..count).any(|k| noisy[k] && !is_constant(&prepared.measured(k)[*from..*to])));
     for block in &blocks {
         findings.push(finding("row", "duplicated block", (block.0, block.1 - 1)));
     }
@@ -88,9 +100,15 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
                 continue;
             }
             let extreme = values[first] == low || values[first] == high;
+            if row - first >= STUCK / 2 && rests(nominal[k].as_deref(), values, first..row) {
+                first = row;
+                continue;
+            }
             // At the end of the range a few equal readings are enough: noise does not repeat its extreme.
             if row - first >= STUCK || (extreme && row - first >= STUCK / 2) {
-                let what = if extreme { "clipped" } else { "stuck" };
+                // A limit is left again; what stays to the end of the record, for a good part of it, hangs.
+                let stays = row == rows && row - first >= rows / STAYS;
+                let what = if extreme && !stays { "clipped" } else { "stuck" };
                 findings.push(finding(&channel, what, (first, row - 1)));
             }
             first = row;
@@ -117,6 +135,47 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
         prepared.keep(unbroken);
     }
     findings
+}
+
+/// The nominal plant along a record, output by output; nothing where it cannot be simulated. It decides no size: only whether a channel should move at all.
+fn along(prepared: &Prepared, file: &PlantFile) -> Vec<Option<Vec<f64>>> {
+    let run = Simulator::new(file, &prepared.record).ok().and_then(|mut it| it.run(&prepared.record).ok());
+    let of = |output: &usize| run.as_ref()?.of(file.kind.outputs()[*output].name).map(<[f64]>::to_vec);
+    prepared.outputs.iter().map(of).collect()
+}
+
+/// Takes channels out that read one value in all rows, though the nominal plant moves there: such a sensor hangs, or the column was never filled in.
+fn without_constant(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let nominal = along(prepared, file);
+    for k in (0..prepared.outputs.len()).rev() {
+        let values = prepared.measured(k);
+        let moves = nominal[k].as_deref().is_some_and(|it| !is_constant(it));
+        if values.len() >= STUCK && is_constant(values) && moves {
+            let channel = file.kind.outputs()[prepared.outputs[k]].name.to_string();
+            findings.push(Finding {
+                record: prepared.record.file.clone(),
+                channel,
+                what: "constant",
+                rows: (0, values.len() - 1),
+            });
+            prepared.outputs.remove(k);
+            prepared.used.remove(k);
+        }
+    }
+    findings
+}
+
+/// Whether all values are one.
+fn is_constant(values: &[f64]) -> bool {
+    values.windows(2).all(|pair| pair[0] == pair[1])
+}
+
+/// Whether equal readings are a plant at rest: the sensor reads exactly 0, and the nominal plant, which may lack the friction that holds it, is slow there.
+fn rests(nominal: Option<&[f64]>, measured: &[f64], rows: std::ops::Range<usize>) -> bool {
+    let Some(nominal) = nominal else { return false };
+    let largest = nominal.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    measured[rows.start] == 0.0 && nominal[rows].iter().all(|value| value.abs() < AT_REST * largest)
 }
 
 /// Takes the rows of findings out.
@@ -225,8 +284,23 @@ fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -
     prepared.outputs.iter().filter_map(|output| of_output(file.kind.outputs()[*output].name)).max().unwrap_or(0)
 }
 
-/// Few readings that repeat the one before.
+/// Few readings that repeat the one before, beside the longest time for which the channel hangs.
 fn is_noisy(values: &[f64]) -> bool {
+    let mut hangs = 0..0;
+    let mut first = 0;
+    for row in 1..=values.len() {
+        if row == values.len() || values[row] != values[first] {
+            if row - first > hangs.len() {
+                hangs = first..row;
+            }
+            first = row;
+        }
+    }
+    let others: Vec<f64> = values[..hangs.start].iter().chain(&values[hangs.end..]).copied().collect();
+    if hangs.len() >= STUCK && others.len() >= ENOUGH_BESIDE { repeats_little(&others) } else { repeats_little(values) }
+}
+
+fn repeats_little(values: &[f64]) -> bool {
     // A channel that hangs for a while repeats for that long: what moves between other rows decides.
     let mut repeats = 0;
     let mut runs = 0;
@@ -322,6 +396,46 @@ mod tests {
             }
         });
         assert_eq!(clipped, vec![("i_q".to_string(), "clipped", (300, 329))]);
+    }
+
+    #[test]
+    fn a_plant_at_rest_is_no_fault_and_a_channel_that_hangs_for_most_of_a_record_is_one() {
+        // A speed that is made from an encoder's counts reads 0 at rest; the motor turns by 100 rad/s at most, and rests where no voltage drives it.
+        let file = {
+            let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/plants/pmac.toml")).unwrap();
+            PlantFile::read(&Source::new("pmac.toml", text)).unwrap()
+        };
+        let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
+        for k in 0..1200 {
+            csv += &format!("{},0,{},0,0,0,0\n", f64::from(k) / 1000.0, if (300..600).contains(&k) { 20.0 } else { 0.0 });
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
+        let mut random = Random::new(8);
+        for (k, name) in ["i_d", "i_q", "speed"].iter().enumerate() {
+            let values = simulated.of(name).unwrap().iter().map(|value| value + 0.1 * random.normal());
+            record.measured[k] = Some(values.collect());
+        }
+        let resting = |record: &Record| {
+            let mut record = record.clone();
+            for value in record.measured[2].as_mut().unwrap().iter_mut().take(200) {
+                *value = 0.0;
+            }
+            record
+        };
+        let found = |record: Record| {
+            let mut prepared = Prepared::new(record, 3);
+            check(&mut prepared, &file).into_iter().map(|it| (it.channel, it.what, it.rows)).collect::<Vec<_>>()
+        };
+        assert_eq!(found(resting(&record)), vec![]);
+        let mut hanging = record.clone();
+        let speed = hanging.measured[2].as_mut().unwrap();
+        let value = speed[400];
+        speed[400..].fill(value);
+        assert_eq!(found(hanging), vec![("speed".to_string(), "stuck", (400, 1199))]);
+        let mut constant = record.clone();
+        constant.measured[2].as_mut().unwrap().fill(0.0);
+        assert_eq!(found(constant), vec![("speed".to_string(), "constant", (0, 1199))]);
     }
 
     #[test]

@@ -31,6 +31,9 @@ const SETTLE: usize = 3;
 /// What promises a third of what is needed may hold more: the screen sees the first order only.
 const PROMISING: f64 = 0.3;
 
+/// Forms of one trace that compete, those that promise most: more would keep another trace out, and none of them is told from these.
+const MOST_ALIKE: usize = 4;
+
 /// Steps of a fit of a wave in free run: where the axis creeps over crests, neighbours part, and a step goes only as far as they are together.
 const LED_STEPS: usize = 16;
 
@@ -50,6 +53,38 @@ pub struct Candidate {
     pub score: f64,
     /// Squared residual on validation records.
     pub unseen: f64,
+    /// Hypotheses that promise as much by the same trace, and were not fitted for that.
+    pub alike: Vec<String>,
+}
+
+/// Forms that share a trace with others that promise more: they are not fitted. By group, with what the best of it promises.
+struct Crowd {
+    /// Guesses that compete.
+    kept: Vec<Screened>,
+    /// Group and hypothesis of those that do not.
+    aside: Vec<(usize, usize)>,
+}
+
+/// Divides guesses into those that compete and those that only say the same again. `least` is by how much two promises must differ to be two.
+fn crowd(screened: &[Screened], least: f64) -> Crowd {
+    let mut forms: Vec<(usize, (usize, usize), f64)> = Vec::new();
+    for it in best_guesses(screened, 1) {
+        if let Some(group) = it.group {
+            forms.push((group, form_of(it), it.gain));
+        }
+    }
+    let mut out: Vec<(usize, usize)> = Vec::new();
+    let mut aside = Vec::new();
+    for (place, (group, form, gain)) in forms.iter().enumerate() {
+        let before: Vec<f64> = forms[..place].iter().filter(|it| it.0 == *group).map(|it| it.2).collect();
+        if before.len() >= MOST_ALIKE {
+            out.push(*form);
+            if before[0] - gain < least {
+                aside.push((*group, form.0));
+            }
+        }
+    }
+    Crowd { kept: screened.iter().filter(|it| !out.contains(&form_of(it))).cloned().collect(), aside }
 }
 
 /// A hypothesis with and without its optional numbers is two: each is fitted, and the simpler one wins a tie.
@@ -98,16 +133,23 @@ impl Search<'_> {
     /// Refines the best of the screen, fits the best of those in full, and judges them: the best first.
     pub(super) fn compete(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Candidate> {
         let mut candidates = Vec::new();
-        for it in self.refined(fit, screened, threshold) {
+        let crowd = crowd(screened, self.decides(fit, threshold));
+        for it in self.refined(fit, &crowd.kept, threshold) {
             (self.progress)(&format!("fitting {}", self.hypotheses[it.hypothesis].label()));
-            candidates.extend(self.fitted(fit, &it.entry));
+            let mut found = self.fitted(fit, &it.entry);
+            if let (Some(found), Some(group)) = (found.as_mut(), group_of(&crowd.kept, it.form())) {
+                let same = crowd.aside.iter().filter(|aside| aside.0 == group);
+                found.alike = same.map(|aside| self.hypotheses[aside.1].label()).collect();
+            }
+            candidates.extend(found);
         }
         candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
         // The best one is fitted to its end: what its steps left to do would look like one more cause.
         if let Some(best) = candidates.first_mut()
             && let Some(settled) = self.settled(fit, best, threshold)
         {
-            *best = settled;
+            let alike = std::mem::take(&mut best.alike);
+            *best = Candidate { alike, ..settled };
         }
         candidates
     }
@@ -176,10 +218,23 @@ impl Search<'_> {
         let mut chosen = leading(pool, 2 * self.effort.fitted, 1, |it| it.form());
         let best = chosen.first().map_or(0.0, |it| it.cost);
         let alike = best + (1.0 - AS_GOOD) * (fit.cost - best);
-        let mut place = 0;
+        // Forms of one trace have one place among those that are fitted.
+        let mut places: Vec<Result<usize, (usize, usize)>> = Vec::new();
         chosen.retain(|it| {
-            place += 1;
-            place <= self.effort.fitted || it.cost <= alike
+            let its = group_of(screened, it.form()).ok_or(it.form());
+            let place = places.iter().position(|known| *known == its).unwrap_or_else(|| {
+                places.push(its);
+                places.len() - 1
+            });
+            place < self.effort.fitted || it.cost <= alike
+        });
+        // The best of each trace, and all of the best one's.
+        let mut fitted: Vec<Result<usize, (usize, usize)>> = Vec::new();
+        chosen.retain(|it| {
+            let its = group_of(screened, it.form()).ok_or(it.form());
+            let again = fitted.contains(&its);
+            fitted.push(its);
+            !again || it.cost <= alike
         });
         chosen
     }
@@ -209,7 +264,7 @@ impl Search<'_> {
     pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
         let come_again = fit.model.file.effects.iter().all(|it| waves::comes_again(self.kernel, it));
-        if within_tolerance(self.nominal, entry) || !is_physical(entry) || !come_again {
+        if within_tolerance(self.nominal, entry) || !self.may_be(entry) || !come_again {
             return None;
         }
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
@@ -217,7 +272,12 @@ impl Search<'_> {
         (self.progress)(&format!("{label} gains {:.0}", without.cost - fit.cost));
         // Whole numbers and steps count, although no fit moves them: each was chosen among many.
         let numbers = entry.arguments.numbers.len();
-        Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit })
+        Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit, alike: Vec::new() })
+    }
+
+    /// Whether numbers stand to one another as physics has it, and each within what is plausible.
+    pub(super) fn may_be(&self, entry: &Entry) -> bool {
+        is_physical(entry) && super::plausible::why_not(entry, self.survey, &self.nominal.file).is_none()
     }
 
     /// A fit with a wave that ended beside the record: led along what it lacks, it may find on.
@@ -250,7 +310,7 @@ impl Search<'_> {
     pub(super) fn winner<'c>(&self, fit: &Fit, candidates: &'c [Candidate], threshold: f64) -> Option<&'c Candidate> {
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let before = fit.cost + unseen;
-        let least = threshold.max(worth::least(fit.cost, self.kernel.rows()));
+        let least = self.decides(fit, threshold);
         let least_unseen = worth::least(unseen, self.unseen.rows());
         let pays = |it: &&Candidate| {
             fit.cost - it.fit.cost > least
@@ -290,6 +350,12 @@ impl Profiled {
     }
 }
 
+/// The group of a form's best guess.
+fn group_of(screened: &[Screened], form: (usize, usize)) -> Option<usize> {
+    let its = screened.iter().filter(|it| form_of(it) == form);
+    its.max_by(|a, b| a.gain.total_cmp(&b.gain))?.group
+}
+
 /// How many numbers the causes of a model have.
 #[must_use]
 pub fn count(model: &Model) -> usize {
@@ -326,6 +392,18 @@ mod tests {
         let list = vec![(0, 'a'), (0, 'b'), (1, 'c'), (0, 'd'), (2, 'e'), (1, 'f')];
         let kept: String = leading(list, 2, 2, |it| (it.0, 0)).into_iter().map(|it| it.1).collect();
         assert_eq!(kept, "abcf");
+    }
+
+    #[test]
+    fn four_forms_of_one_trace_compete_and_no_more() {
+        // Six hypotheses of one trace promise most, and the seventh is another.
+        let promised = [100.0, 99.0, 98.0, 97.0, 96.0, 60.0, 50.0];
+        let one = |(hypothesis, gain): (usize, &f64)| Screened::told(hypothesis, *gain, Some(usize::from(hypothesis == 6)));
+        let screened: Vec<Screened> = promised.iter().enumerate().map(one).collect();
+        let crowd = crowd(&screened, 10.0);
+        assert_eq!(crowd.kept.iter().map(|it| it.hypothesis).collect::<Vec<_>>(), [0, 1, 2, 3, 6]);
+        // What promises as much is an alias; what promises less is none.
+        assert_eq!(crowd.aside, [(0, 4)]);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 
 use super::chance::best_of;
 use super::compete::{count, within_tolerance};
+use super::hypotheses::{LEVELS, generalises};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::selection::Search;
@@ -64,6 +65,25 @@ impl Search<'_> {
         self.or_plainer(fit, model, best_of(1, fewer))
     }
 
+    /// A law with more numbers gives way to the one that it holds as a special case, where the records do not tell them apart: a Stribeck curve, or two levels, to one level.
+    pub(super) fn narrowed(&self, fit: Fit, threshold: f64) -> Fit {
+        let entries = &fit.model.file.effects;
+        let special =
+            |it: &Entry| self.hypotheses.iter().find(|other| generalises(it.description.kind, other.description.kind));
+        let Some((place, special)) = entries.iter().enumerate().find_map(|(place, it)| Some((place, special(it)?))) else {
+            return fit;
+        };
+        if entries.iter().any(|it| special.is(it)) {
+            return fit;
+        }
+        let levels: Vec<f64> =
+            entries[place].arguments.numbers.iter().filter(|it| LEVELS.contains(&it.0)).map(|it| it.1).collect();
+        let level = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
+        let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
+        let worse = self.decides(&fit, threshold);
+        self.or_plainer(fit, model, worse)
+    }
+
     /// The entry of a hypothesis with its one number, where it is one of this plant.
     fn with_one_number(&self, name: &str, subject: Option<&str>, value: f64) -> Option<Entry> {
         let found = self.hypotheses.iter().find(|it| it.description.kind == name && it.subject == subject);
@@ -92,7 +112,8 @@ mod tests {
         let file = |effects: &str| axis_under_steps::file(tolerances, effects);
         let (kernel, nominal) = axis_under_steps::kernel(&file(""), &file(truth), true);
         let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
-        let hypotheses = hypotheses::all(nominal.file.kind, &survey::survey(&kernel, &calibrated), &[0]);
+        let survey = survey::survey(&kernel, &calibrated);
+        let hypotheses = hypotheses::all(nominal.file.kind, &survey, &[0]);
         let unseen = Kernel::new(Vec::new(), kernel.floors, 1);
         let effort = Effort::within(u64::MAX);
         let search = Search {
@@ -100,13 +121,14 @@ mod tests {
             unseen: &unseen,
             nominal: &nominal,
             hypotheses: &hypotheses,
+            survey: &survey,
             looks: 0,
             rounded: &[],
             effort,
             progress: &|_| {},
         };
         let model = nominal.with_effects(&nominal, file(entries).effects);
-        let fit = search.levelled(levenberg::fit(&kernel, model, 20).unwrap());
+        let fit = search.narrowed(search.levelled(levenberg::fit(&kernel, model, 20).unwrap()), 30.0);
         let kinds = fit.model.file.effects.iter();
         kinds.map(|it| (it.description.kind, it.arguments.numbers.iter().map(|number| number.1).collect())).collect()
     }
@@ -144,6 +166,10 @@ mod tests {
                 "[[effects]]\nkind = \"stribeck-friction\"\nparameters = {{ coulomb = {coulomb}, static = {rest}, stribeck_velocity = 0.05 }}\n"
             )
         };
+        // A curve that the records do not show gives way to one level.
+        let found = plainer(&axis_under_steps::friction(1.2), &curve(1.1, 1.3));
+        assert_eq!((found.len(), found[0].0), (1, "coulomb-friction"));
+        assert!((found[0].1[0] - 1.2).abs() < 0.02, "{found:?}");
         let found = plainer(&curve(1.0, 2.0), &(levels(0.6, 0.6, "") + &curve(0.4, 1.4)));
         assert_eq!((found.len(), found[0].0), (1, "stribeck-friction"));
         assert!((found[0].1[0] - 1.0).abs() < 0.05, "{found:?}");

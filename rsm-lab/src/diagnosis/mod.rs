@@ -19,6 +19,7 @@ pub mod checks;
 pub mod compared;
 pub mod compete;
 mod confidence;
+pub mod configurations;
 pub mod correction;
 pub mod excitations;
 pub mod experiment;
@@ -33,6 +34,7 @@ pub mod normal;
 pub mod nuisance;
 pub mod octaves;
 pub mod orders;
+pub mod plausible;
 pub mod portrait;
 pub mod profile;
 pub mod quantities;
@@ -49,6 +51,7 @@ pub mod tracks;
 pub mod validation;
 pub mod valleys;
 pub mod verdict;
+pub mod veto;
 pub mod waves;
 pub mod whiteness;
 pub mod worth;
@@ -79,6 +82,8 @@ pub struct Options<'a> {
 pub enum Refused {
     /// No training record holds an output.
     NoOutputs,
+    /// Every output that training records hold reads one value throughout, though the plant moves: channels with their records.
+    OnlyInputs(Vec<String>),
     /// The nominal plant cannot be simulated along the records.
     CannotSimulate,
 }
@@ -88,6 +93,14 @@ impl std::fmt::Display for Refused {
         match self {
             Refused::NoOutputs => {
                 write!(f, "no training record holds an output of the plant: there is nothing to compare with")
+            }
+            Refused::OnlyInputs(channels) => {
+                write!(
+                    f,
+                    "the records hold inputs only: {} read one value in all rows, though the plant moves there; found nothing to compare with, expected measured outputs \
+                     (`rsm simulate` makes them from the inputs)",
+                    channels.join(", ")
+                )
             }
             Refused::CannotSimulate => {
                 write!(f, "the nominal plant cannot be simulated along the records: are their inputs those of this plant?")
@@ -141,7 +154,9 @@ pub fn diagnose_and_test(
     let mut kernel = Kernel::new(prepare(training), white, options.threads);
     let mut unseen = Kernel::new(prepare(validation), white, options.threads);
     if kernel.records.iter().all(|it| it.outputs.is_empty()) {
-        return Err(Refused::NoOutputs);
+        let constant = findings.iter().filter(|it| it.what == "constant");
+        let channels: Vec<String> = constant.map(|it| format!("{} of {}", it.channel, regions::name_of(&it.record))).collect();
+        return Err(if channels.is_empty() { Refused::NoOutputs } else { Refused::OnlyInputs(channels) });
     }
     (options.progress)("calibrating within tolerances");
     let (mut nominal, mut calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
@@ -181,6 +196,25 @@ pub fn diagnose_and_test(
     kernel.pace = kernel.pace.beside(run, rows);
     unseen.pace = kernel.pace.clone();
     let effort = Effort::within(MOST_RUNS * run);
+    let own = if rounded.is_empty() {
+        configurations::apart(&kernel, &unseen, &nominal, &|kernel, fit| floors(kernel, fit, file))
+    } else {
+        None
+    };
+    if let Some(own) = own {
+        let its = Search {
+            kernel: &own.alone,
+            unseen: &own.alone.on(Vec::new()),
+            nominal: &own.nominal,
+            hypotheses: &hypotheses,
+            survey: &survey,
+            looks: if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 },
+            rounded: &rounded,
+            effort,
+            progress: options.progress,
+        };
+        return of_one_record(file, &own, &its, findings, test, options);
+    }
     let mut selection = None;
     let mut start = calibrated;
     // The noise floor of the first round may hold structure: once causes are known, it is estimated again, and the search is repeated where it moved.
@@ -190,6 +224,7 @@ pub fn diagnose_and_test(
             unseen: &unseen,
             nominal: &nominal,
             hypotheses: &hypotheses,
+            survey: &survey,
             // The wave lengths of an axis are the best of many.
             looks: if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 },
             rounded: &rounded,
@@ -224,6 +259,52 @@ pub fn diagnose_and_test(
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
     found.tested = tested::tested(file, test, kernel.floors, options.threads, &nominal, &fit.model);
     Ok(found)
+}
+
+/// The answer where one record alone is wrong: the others are a null, and its causes are its own.
+fn of_one_record(
+    file: &PlantFile,
+    own: &configurations::Apart,
+    search: &Search<'_>,
+    findings: Vec<Finding>,
+    test: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    let record = own.alone.records[0].record.file.clone();
+    (options.progress)(&format!("looking at {record} alone"));
+    let start = levenberg::fit(&own.alone, own.nominal.clone(), 8).ok_or(Refused::CannotSimulate)?;
+    let found = search.run(start);
+    let (ranking, threshold, stopped) = (found.ranking.clone(), found.threshold, found.stopped);
+    let its = verdict::conclude(file, &own.alone, search.unseen, &own.nominal, found, Vec::new(), &[]);
+    let nothing = selection::Selection {
+        calibrated: own.fit.clone(),
+        fit: own.fit.clone(),
+        causes: Vec::new(),
+        refused: its.refused,
+        threshold,
+        ranking,
+        remaining: Vec::new(),
+        stopped,
+    };
+    let mut nominal = Model::nominal(file, &[], own.kernel.floors.map(|floor| floor.sd));
+    let records: Vec<&Record> = own.kernel.records.iter().map(|it| &it.record).collect();
+    nominal.take_starts(&records, own.kernel.floors.map(|floor| floor.sd));
+    let mut whole = verdict::conclude(file, &own.kernel, &own.unseen, &nominal, nothing, findings, &[]);
+    whole.verdict = match (whole.verdict, its.verdict) {
+        (Verdict::NoDiscrepancy, Verdict::Explained) => Verdict::Explained,
+        _ => Verdict::Unexplained,
+    };
+    let of_record = |mut cause: Cause| {
+        cause.only_in = Some(record.clone());
+        cause.sentence =
+            format!("In {} alone: {} The other records are noise without it.", regions::name_of(&record), cause.sentence);
+        cause
+    };
+    whole.causes = its.causes.into_iter().map(of_record).collect();
+    whole.helpers = its.helpers.into_iter().map(of_record).collect();
+    whole.own_record = Some(record.clone());
+    whole.tested = tested::tested(file, test, own.kernel.floors, options.threads, &nominal, &own.fit.model);
+    Ok(whole)
 }
 
 /// What only the simulation shows of the data; whether it changes what counts.
@@ -266,8 +347,68 @@ pub fn calibrate(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> 
     nominal = Model::nominal(file, &records, kernel.floors.map(|floor| floor.sd));
     let fit = levenberg::fit(kernel, nominal.clone(), 8)?;
     kernel.floors = floors(kernel, &fit, file);
-    let fit = levenberg::fit(kernel, fit.model, 8)?;
+    let fit = converged(kernel, levenberg::fit(kernel, fit.model, 8)?)?;
+    if is_near_noise(&fit) {
+        return Some((nominal, fit));
+    }
+    // Another valley may be the right one: from the beginnings of the records, and from the other side of what was found.
+    let mut best = fit;
+    let from_beginnings = from_beginnings(kernel, &nominal);
+    for start in from_beginnings.into_iter().chain([mirrored(&nominal, &best.model)]) {
+        let Some(other) = levenberg::fit(kernel, start, 8) else { continue };
+        if other.cost < 0.9 * best.cost {
+            best = converged(kernel, other)?;
+        }
+        if is_near_noise(&best) {
+            break;
+        }
+    }
+    let floors_there = floors(kernel, &best, file);
+    kernel.floors = floors_there;
+    let fit = levenberg::fit(kernel, best.model, 8)?;
     Some((nominal, fit))
+}
+
+/// Twice the noise and less: no other start would find much.
+fn is_near_noise(fit: &Fit) -> bool {
+    fit.cost < 4.0 * fit.residual.len() as f64
+}
+
+/// A fit that goes on while it gains a thousandth of its cost, four times at most: eight steps are enough near a best, and none from far away.
+fn converged(kernel: &Kernel, mut fit: Fit) -> Option<Fit> {
+    for _ in 0..4 {
+        let further = levenberg::onward(kernel, fit.model.clone(), 8, Some(&fit))?;
+        let done = fit.cost - further.cost < (1e-3 * fit.cost).max(1.0);
+        if further.cost < fit.cost {
+            fit = further;
+        }
+        if done {
+            break;
+        }
+    }
+    Some(fit)
+}
+
+/// A calibration to the first eighth of each record, then to twice as much, and so on: what turns or swings is in step there.
+fn from_beginnings(kernel: &Kernel, nominal: &Model) -> Option<Model> {
+    let mut model = nominal.clone();
+    for share in [8, 4, 2] {
+        let records = kernel.records.iter().map(|it| it.shortened(it.record.rows() / share)).collect();
+        model = levenberg::fit(&kernel.on(records), model, 6)?.model;
+    }
+    Some(model)
+}
+
+/// Calibrated parameters on the other side of their nominal values, each start as it was found.
+fn mirrored(nominal: &Model, found: &Model) -> Model {
+    let mut model = found.clone();
+    for k in 0..model.unknowns.len() {
+        if let model::Place::Nominal(name) = model.unknowns[k].place {
+            let value = 2.0 * nominal.file.parameters.number(name) - found.file.parameters.number(name);
+            model.set(k, value);
+        }
+    }
+    model
 }
 
 /// The noise of each output from what a fit leaves.

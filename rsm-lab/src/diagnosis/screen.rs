@@ -25,6 +25,12 @@ const LEAST_OF_ITS_OWN: f64 = 1e-7;
 /// A trace that is longer than the residual by more than this belongs to a guess that is too large to be in proportion.
 const IN_PROPORTION: f64 = 3.0;
 
+/// Traces are one where the square of the sine between them is less: what two smoothings or two sizes of one cause differ by is as much.
+const COLLINEAR: f64 = 1e-3;
+
+/// Guesses that are put into groups: those that promise most. What stands behind them is not fitted anyway.
+const GROUPED: usize = 40;
+
 /// A guess that was simulated.
 #[derive(Debug, Clone)]
 pub struct Screened {
@@ -34,6 +40,8 @@ pub struct Screened {
     pub values: Vec<f64>,
     /// Predicted gain.
     pub gain: f64,
+    /// Guesses of one number in one group have one trace, beside what is free anyway; `None` of guesses with several traces and of those that promise little.
+    pub group: Option<usize>,
     /// As it was simulated.
     guess: Guess,
     /// Its traces: whitened changes of the simulation.
@@ -87,7 +95,29 @@ pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothe
             }
         }
     }
+    grouped(&nuisance, &mut list);
     list
+}
+
+/// Puts guesses whose traces are one, without what is free anyway, into groups: the one that promises most leads.
+fn grouped(nuisance: &Nuisance<'_>, list: &mut [Screened]) {
+    let mut order: Vec<usize> = (0..list.len()).filter(|k| list[*k].traces.len() == 1 && list[*k].gain > 0.0).collect();
+    order.sort_by(|a, b| list[*b].gain.total_cmp(&list[*a].gain));
+    order.truncate(GROUPED);
+    let between =
+        |a: &Screened, b: &Screened| nuisance.between(dot(&a.traces[0], &b.traces[0]), &a.products[0], &b.products[0], 0);
+    let mut leaders: Vec<(usize, f64)> = Vec::new();
+    for place in order {
+        let own = between(&list[place], &list[place]);
+        let same = leaders.iter().position(|(leader, its)| {
+            let both = between(&list[*leader], &list[place]);
+            both * both > (1.0 - COLLINEAR) * own * its
+        });
+        list[place].group = Some(same.unwrap_or(leaders.len()));
+        if same.is_none() {
+            leaders.push((place, own));
+        }
+    }
 }
 
 /// The traces of guesses: whitened changes of the simulation, two where a phase is free; none where one cannot be simulated.
@@ -227,7 +257,7 @@ fn judge(
     let asked = scaled(guess, &share, &hypotheses[which], nuisance.fit.model.file.kind);
     let gain = if asked.is_some() { gain.max(0.0) } else { 0.0 };
     let values = asked.unwrap_or_else(|| guess.values.clone());
-    Some(Screened { hypothesis: which, values, gain, guess: guess.clone(), traces, products })
+    Some(Screened { hypothesis: which, values, gain, group: None, guess: guess.clone(), traces, products })
 }
 
 /// Two guesses that explain together what neither explains alone.
@@ -344,6 +374,13 @@ fn drawn(kernel: &Kernel, fit: &Fit, rounded: &[(usize, f64)], random: &mut Rand
 }
 
 impl Screened {
+    /// For tests: a guess of one number with what it promises.
+    #[cfg(test)]
+    pub fn told(hypothesis: usize, gain: f64, group: Option<usize>) -> Self {
+        let guess = Guess::scaled(vec![1.0], 0.0);
+        Screened { hypothesis, values: vec![1.0], gain, group, guess, traces: Vec::new(), products: Vec::new() }
+    }
+
     /// Forgets the traces, which are large.
     pub fn slim(&mut self) {
         self.traces = Vec::new();
@@ -352,9 +389,26 @@ impl Screened {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{axis_under_steps, levenberg};
+    use super::super::{axis_under_steps, hypotheses, levenberg, survey};
     use super::*;
     use crate::effects;
+
+    #[test]
+    fn causes_of_one_trace_are_one_group_and_others_are_not() {
+        // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one; friction is another, and so is a bias beside a free start.
+        let file = |effects: &str| axis_under_steps::file("", effects);
+        let (kernel, model) = axis_under_steps::kernel(&file(""), &file(&axis_under_steps::friction(0.02)), true);
+        let fit = levenberg::fit(&kernel, model.clone(), 8).unwrap();
+        let all = hypotheses::all(model.file.kind, &survey::survey(&kernel, &fit), &[0]);
+        let screened = screen(&kernel, &fit, &model, &all);
+        let group = |label: &str| {
+            let it = screened.iter().filter(|it| all[it.hypothesis].label() == label && it.group.is_some());
+            it.max_by(|a, b| a.gain.total_cmp(&b.gain)).unwrap().group
+        };
+        assert_eq!(group("input-gain"), group("parameter-error:force_gain"));
+        assert_eq!(group("input-gain"), group("sensor-gain:position"));
+        assert_ne!(group("input-gain"), group("coulomb-friction"));
+    }
 
     #[test]
     fn a_guess_that_stops_the_plant_is_taken_smaller() {

@@ -4,7 +4,7 @@
 //! from what is worth naming; ties go to the simpler cause. Never looks at validation records to fit, only to judge.
 
 use super::chance::best_of;
-use super::compete::{Candidate, best_guesses, count, form_of, is_physical, leading, within_tolerance};
+use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::hypotheses::{Hypothesis, label};
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
@@ -12,7 +12,9 @@ use super::model::Model;
 use super::nuisance::Nuisance;
 use super::profile::profile;
 use super::screen::{Pair, Screened, null, pairs, screen};
-use super::{waves, whiteness};
+use super::veto::Refusal;
+use super::{waves, whiteness, worth};
+use crate::effect::Survey;
 use crate::plant_file::Entry;
 
 /// How much work a stage may be. Counts, not seconds: the same records give the same answer on every machine.
@@ -63,6 +65,12 @@ const MOST_COMPETITIONS: usize = 16;
 /// Exchanges of one cause for another at most; beyond, two causes are likely to take turns.
 const MOST_EXCHANGES: usize = 3;
 
+/// One cause that stands for two promises this share of what both gain, at least: first order sees most of it.
+const OF_BOTH: f64 = 0.8;
+
+/// Hypotheses that are tried in the place of two.
+const MERGED: usize = 2;
+
 /// Draws of the null simulation: 60 know the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
 const DRAWS: usize = 60;
 
@@ -75,6 +83,8 @@ pub struct Believed {
     pub gain: f64,
     /// What competed, with how much worse it does: the best first.
     pub rivals: Vec<(String, f64)>,
+    /// Hypotheses of the same trace that were not fitted for that.
+    pub alike: Vec<String>,
     /// The rivals as models, for the next experiment.
     pub rival_models: Vec<(String, Model)>,
     /// Whether rivals were looked for; false where the limit of work came first.
@@ -92,6 +102,8 @@ pub struct Selection {
     pub fit: Fit,
     /// The causes, in the order of the effects of the fit.
     pub causes: Vec<Believed>,
+    /// What was believed for a while and refused at the end.
+    pub refused: Vec<Refusal>,
     /// What a cause has to gain.
     pub threshold: f64,
     /// What the screen of the calibrated plant predicted, by hypothesis: the best first.
@@ -216,6 +228,8 @@ pub struct Search<'a> {
     pub nominal: &'a Model,
     /// The hypotheses.
     pub hypotheses: &'a [Hypothesis],
+    /// Sizes of the records, by which numbers are plausible.
+    pub survey: &'a Survey,
     /// How many more guesses were looked at before these were chosen.
     pub looks: usize,
     /// Outputs whose readings are rounded, with their steps.
@@ -265,13 +279,15 @@ impl Search<'_> {
                 }
             }
         }
-        let fit = self.split(self.levelled(fit));
+        let fit = self.split(self.narrowed(self.levelled(fit), threshold));
+        let fit = self.merged(fit, threshold, &mut path);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
+        let (fit, causes, refused) = self.vetoed(&calibrated, fit, causes, threshold);
         let stopped = path.stopped();
         if let Some(limit) = stopped {
             (self.progress)(&format!("the search stopped {limit}"));
         }
-        Selection { calibrated, fit, causes, threshold, ranking, remaining, stopped }
+        Selection { calibrated, fit, causes, refused, threshold, ranking, remaining, stopped }
     }
 
     /// Adds causes, one after another, while they pay: the fits on the way, the last one last. Empty where nothing pays.
@@ -312,6 +328,11 @@ impl Search<'_> {
         stages
     }
 
+    /// By how much two explanations must differ, one of which is this, before the better one is believed.
+    pub(super) fn decides(&self, fit: &Fit, threshold: f64) -> f64 {
+        worth::decides(threshold, fit.cost, self.kernel.rows())
+    }
+
     /// Whether there is work left for one more competition or pair.
     fn goes_on(&self, path: &mut Path) -> bool {
         path.has_steps(self.kernel.pace.taken())
@@ -346,7 +367,7 @@ impl Search<'_> {
             let Some((model, _)) = profile(self.kernel, &nuisance, model, 0, self.effort.profile_steps) else { continue };
             let Some(fit) = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(calibrated)) else { continue };
             let sound =
-                |it: &Entry| !within_tolerance(self.nominal, it) && is_physical(it) && waves::comes_again(self.kernel, it);
+                |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.kernel, it);
             if !fit.model.file.effects.iter().all(sound) {
                 continue;
             }
@@ -373,7 +394,7 @@ impl Search<'_> {
             for place in 0..count.saturating_sub(1) {
                 let without = fit.model.minus(self.nominal, place);
                 if let Some(other) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit))
-                    && other.cost - fit.cost < threshold
+                    && other.cost - fit.cost < self.decides(&fit, threshold)
                 {
                     fit = other;
                     continue 'again;
@@ -411,7 +432,7 @@ impl Search<'_> {
                     let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else {
                         continue;
                     };
-                    if base.cost - fit.cost < threshold && drops < self.effort.causes {
+                    if base.cost - fit.cost < self.decides(&fit, threshold) && drops < self.effort.causes {
                         // It paid while the others were not at their best.
                         fit = base;
                         drops += 1;
@@ -421,10 +442,11 @@ impl Search<'_> {
                     (base, asked)
                 };
                 let (asked, candidates) = (asked.is_some(), asked.unwrap_or_default());
-                let simpler = |it: &Candidate| it.numbers < entry.arguments.numbers.len() && it.fit.cost < fit.cost + threshold;
+                let least = self.decides(&fit, threshold);
+                let simpler = |it: &Candidate| it.numbers < entry.arguments.numbers.len() && it.fit.cost < fit.cost + least;
                 if let Some(winner) = self.winner(&base, &candidates, threshold)
                     && winner.label != name
-                    && (winner.fit.cost < fit.cost - threshold || simpler(winner))
+                    && (winner.fit.cost < fit.cost - least || simpler(winner))
                     && path.exchanges()
                 {
                     let other = self.without_needless(winner.fit.clone(), threshold);
@@ -440,8 +462,10 @@ impl Search<'_> {
                     .map(|it| (it.label.clone(), it.fit.cost - fit.cost, it.fit.model.clone()))
                     .collect();
                 rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
+                let alike = candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.alike.clone());
                 causes.push(Believed {
                     label: name,
+                    alike,
                     gain: base.cost - fit.cost,
                     asked,
                     rival_models: rivals.iter().map(|it| (it.0.clone(), it.2.clone())).collect(),
@@ -450,6 +474,40 @@ impl Search<'_> {
                 });
             }
             return (fit, causes);
+        }
+    }
+
+    /// Two of three causes and more may be one in other words: all forces of an axis that are off alike are a mass that is off. One hypothesis in the place of any two, where it is as good.
+    fn merged(&self, mut fit: Fit, threshold: f64, path: &mut Path) -> Fit {
+        'again: loop {
+            let count = fit.model.file.effects.len();
+            if count < 3 {
+                return fit;
+            }
+            for (a, b) in (1..count).flat_map(|b| (0..b).map(move |a| (a, b))) {
+                if !path.has_steps_for_rivals(self.kernel.pace.taken()) {
+                    return fit;
+                }
+                let without = fit.model.minus(self.nominal, b).minus(self.nominal, a);
+                let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else { continue };
+                let screened = screen(self.kernel, &base, self.nominal, self.hypotheses);
+                // Both together gain so much: what promises a part of it may hold it all.
+                let promising = best_guesses(&screened, 1).into_iter().filter(|it| it.gain > OF_BOTH * (base.cost - fit.cost));
+                let promising: Vec<Entry> = promising
+                    .take(MERGED)
+                    .map(|it| self.hypotheses[it.hypothesis].entry(fit.model.file.kind, &it.values))
+                    .collect();
+                for entry in promising {
+                    let enough = fit.cost + self.decides(&fit, threshold);
+                    let Some(one) = self.fitted(&base, &entry).filter(|it| it.fit.cost < enough) else { continue };
+                    if count_of(&one.fit) <= count_of(&fit) && path.visit(labels(&one.fit.model)) {
+                        (self.progress)(&format!("{} in place of two", one.label));
+                        fit = one.fit;
+                        continue 'again;
+                    }
+                }
+            }
+            return fit;
         }
     }
 
@@ -462,6 +520,11 @@ impl Search<'_> {
         screened.iter_mut().for_each(Screened::slim);
         Some(self.compete(base, &screened, threshold))
     }
+}
+
+/// How many numbers the causes of a fit have.
+fn count_of(fit: &Fit) -> usize {
+    count(&fit.model)
 }
 
 /// The names of a model's causes.

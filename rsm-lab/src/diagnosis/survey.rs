@@ -7,6 +7,7 @@ use super::levenberg::Fit;
 use super::waves;
 use crate::effect::Survey;
 use crate::kind::PlantKind;
+use crate::plant_file::Parameters;
 use crate::record::Drive;
 
 /// Samples on either side for a derivative: the noise of a second difference falls with the square.
@@ -51,6 +52,9 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
         PlantKind::Pmac => {
             effort =
                 1.5 * parameters.number("pole_pairs") * parameters.number("flux_linkage") * spread[1].max(0.3 * largest[1]);
+            if effort == 0.0 {
+                effort = torque_without_current(kernel, &parameters);
+            }
             speed = 0.5 * largest[2];
         }
         PlantKind::Driveline => {
@@ -106,6 +110,33 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
         nominal: 0.0,
         parameters,
     }
+}
+
+/// The usual torque of a motor whose record holds no current: the largest of its load, of what accelerates its inertia, and of what the voltage beyond the EMF drives
+/// through the resistance, each as a root mean square.
+fn torque_without_current(kernel: &Kernel, parameters: &Parameters) -> f64 {
+    let of = |name| parameters.number(name);
+    let linkage = of("pole_pairs") * of("flux_linkage");
+    let mut sums = [(0.0, 0.0); 3];
+    let mut add = |which: usize, value: f64| {
+        sums[which].0 += value * value;
+        sums[which].1 += 1.0;
+    };
+    for prepared in &kernel.records {
+        let record = &prepared.record;
+        let speed = prepared.outputs.iter().position(|it| *it == 2).map(|k| prepared.measured(k));
+        record.inputs.get(2).into_iter().flatten().for_each(|load| add(0, *load));
+        let Some(speed) = speed else { continue };
+        for w in speed.windows(2 * WIDTH + 1) {
+            add(1, of("inertia") * (w[2 * WIDTH] - w[0]) / (2.0 * WIDTH as f64 * record.period));
+        }
+        for (voltage, speed) in record.inputs[1].iter().zip(speed) {
+            let current = (voltage - linkage * speed) / of("phase_resistance").max(f64::MIN_POSITIVE);
+            add(2, 1.5 * linkage * current.clamp(-of("current_limit"), of("current_limit")));
+        }
+    }
+    let [load, inertia, voltage] = sums.map(|(sum, count)| (sum / f64::max(count, 1.0)).sqrt());
+    if load.max(inertia) > 0.0 { load.max(inertia) } else { voltage }
 }
 
 /// The step of which all readings are multiples, where there is one that stands out of the noise.

@@ -8,16 +8,17 @@ use super::confidence::{self, Case};
 use super::experiment::NextExperiment;
 use super::hypotheses::generalises;
 use super::kernel::Kernel;
-use super::levenberg::{self, Fit};
+use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::noise::Floor;
-use super::normal::Normal;
 use super::portrait::{self, Compared, Portrait, Witness};
 use super::selection::{Believed, Limit, Selection};
 use super::steps::{self, Step};
 use super::tested::Tested;
 use super::validation::{self, Error};
+use super::veto::{self, Refusal};
 use super::whiteness::{self, Left};
+use super::worth;
 use crate::effect::{Arguments, Subject};
 use crate::kind::PlantKind;
 use crate::plant_file::{Entry, PlantFile};
@@ -36,6 +37,15 @@ const ALIKE: f64 = 1e-5;
 /// Rounding that is taken for noise is not white where the motion is slow, and noise that is not white before it is rounded has another colour at every speed: so much
 /// of its energy comes back as structure.
 const OF_ROUNDING: f64 = 0.3;
+
+/// Structure of less than a hundredth of the noise's energy, half a per cent of its r.m.s., changes nothing that anybody does with a simulation.
+const FOR_PRACTICE: f64 = 0.01;
+
+/// And only beside causes that remove all but a thousandth of what was wrong.
+const NEARLY_ALL: f64 = 0.999;
+
+/// Where structure is left, a cause is named that is at least as probable as all else together; any other helps, and is listed as a helper.
+const NAMED: f64 = 0.5;
 
 /// Unseen records may have so many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
 /// is beyond shows as structure.
@@ -83,6 +93,17 @@ pub struct Cause {
     pub check: &'static str,
     /// What it does on the records that judge; of the strongest causes.
     pub witness: Option<Witness>,
+    /// The only record in which it acts, by its file; absent where it acts in all.
+    pub only_in: Option<String>,
+}
+
+/// What causes do, where they leave too little to matter for practice, though more than chance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Practical {
+    /// Share of the error beyond the noise that is gone, in squares.
+    pub gone: f64,
+    /// Energy of what is left over that of the noise.
+    pub left: f64,
 }
 
 /// A rival that the records do not tell from a cause.
@@ -105,6 +126,14 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Causes, the strongest first.
     pub causes: Vec<Cause>,
+    /// Entries of the extended plant that help against what nothing explains, and are not believed to be its causes; the strongest first.
+    pub helpers: Vec<Cause>,
+    /// The record that alone is of another configuration, by its file: the causes are its own.
+    pub own_record: Option<String>,
+    /// What was believed for a while, and why it was refused.
+    pub refused: Vec<Refusal>,
+    /// Where causes explain for practical purposes only.
+    pub practical: Option<Practical>,
     /// Errors of the nominal plant on validation records (on training records where there are none).
     pub nominal: Vec<Error>,
     /// Errors of the extended plant there.
@@ -143,6 +172,13 @@ pub struct Diagnosis {
     pub tested: Option<Tested>,
 }
 
+impl Diagnosis {
+    /// The entries of the extended plant, causes and helpers.
+    pub fn entries(&self) -> impl Iterator<Item = &Cause> {
+        self.causes.iter().chain(&self.helpers)
+    }
+}
+
 /// Everything that there is to say.
 #[must_use]
 pub fn conclude(
@@ -154,7 +190,7 @@ pub fn conclude(
     findings: Vec<Finding>,
     rounded: &[(usize, f64)],
 ) -> Diagnosis {
-    let Selection { calibrated, fit, causes: believed, threshold, ranking, remaining, stopped } = selection;
+    let Selection { calibrated, fit, causes: believed, refused, threshold, ranking, remaining, stopped } = selection;
     let judged = if unseen.records.is_empty() { kernel } else { unseen };
     let before = validation::on(judged, nominal);
     // From the calibrated plant's starts or from first readings, whichever suits.
@@ -172,7 +208,7 @@ pub fn conclude(
     let left = whiteness::look(kernel, &fit);
     // On unseen records the numbers of the plant may move as far as they are unsure.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
-    let moved = moved.and_then(|after| validation::within(unseen, &fit.model, &deviations(&fit), after));
+    let moved = moved.and_then(|after| validation::within(unseen, &fit.model, &veto::deviations(&fit), after));
     let left_unseen = moved.map(|moved| left_there(unseen, moved));
     // What the calibrated plant gets wrong, a row.
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
@@ -180,7 +216,11 @@ pub fn conclude(
     let told = rounded.iter().all(|(output, _)| told(&kernel.floors[*output]));
     let of_rounding = if told { 0.0 } else { OF_ROUNDING };
     let most_left = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess));
-    let structure = most_left > allowed(of_rounding, wrong);
+    let beyond = most_left > allowed(of_rounding, wrong);
+    let gone = 1.0 - most_left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
+    let practical = (beyond && !believed.is_empty() && most_left < FOR_PRACTICE && gone > NEARLY_ALL)
+        .then_some(Practical { gone, left: most_left });
+    let structure = beyond && practical.is_none();
     let calibrated_there = validation::on(judged, &calibrated.model);
     let compared = match (&before, &calibrated_there, &after) {
         (Some(nominal_there), Some(before), Some(after)) => {
@@ -193,22 +233,25 @@ pub fn conclude(
     let mut aliases: Vec<(f64, Alias)> = Vec::new();
     let mut causes: Vec<Cause> = Vec::new();
     for (place, one) in believed.iter().enumerate() {
-        let same = threshold.max(ALIKE * one.gain);
+        let decides = worth::decides(threshold, fit.cost, fit.residual.len());
+        let same = decides.max(ALIKE * one.gain);
         let one = &Believed {
             rivals: one.rivals.iter().filter(|it| !generalises(&it.0, &one.label)).cloned().collect(),
             ..one.clone()
         };
-        let alike: Vec<String> = one.rivals.iter().filter(|it| it.1 < same).map(|it| it.0.clone()).collect();
+        let mut alike: Vec<String> = one.rivals.iter().filter(|it| it.1 < same).map(|it| it.0.clone()).collect();
         for rival in &alike {
             if let Some((_, model)) = one.rival_models.iter().find(|it| it.0 == *rival) {
                 let (cause, rival, model) = (one.label.clone(), rival.clone(), model.clone());
                 aliases.push((one.gain, Alias { cause, rival, model, limit: same }));
             }
         }
+        // Those of the same trace were not fitted, for they would do as well.
+        alike.extend(one.alike.iter().filter(|it| !one.rivals.iter().any(|rival| rival.0 == **it)).cloned());
         let judged = Case {
             gain: one.gain,
             rivals: &one.rivals,
-            threshold,
+            unit: decides,
             left: most_left * fit.residual.len() as f64,
             explained: !structure && stopped.is_none_or(|limit| limit == Limit::Steps),
             asked: one.asked,
@@ -222,6 +265,8 @@ pub fn conclude(
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
     let verdict = judged_by(structure, stopped, causes.is_empty());
+    let sure = |cause: &Cause| verdict != Verdict::Unexplained || cause.confidence >= NAMED;
+    let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(sure);
     let mut plant = fit.model.file.clone();
     plant.initial = file.initial.clone();
     for (output, step) in rounded {
@@ -237,6 +282,10 @@ pub fn conclude(
     Diagnosis {
         verdict,
         causes,
+        helpers,
+        own_record: None,
+        refused,
+        practical,
         gain_interval,
         gain: gain(&nominal_errors, &extended_errors),
         nominal: nominal_errors,
@@ -260,7 +309,7 @@ pub fn conclude(
 
 /// What is left on unseen records, by the noise that they have themselves: its level is known from the others to a per cent, and a day's is not that of the next.
 /// Far more of it is none, and records that are too short to show theirs have that of the others.
-fn left_there(unseen: &Kernel, moved: Fit) -> Left {
+pub(super) fn left_there(unseen: &Kernel, moved: Fit) -> Left {
     let mut there = unseen.clone();
     for (floor, shown) in there.floors.iter_mut().zip(super::shown(unseen, &moved.simulated)) {
         if let Some(own) = shown.floor.filter(|own| floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd) {
@@ -287,16 +336,6 @@ fn judged_by(structure: bool, stopped: Option<Limit>, nothing: bool) -> Verdict 
     }
 }
 
-/// Standard deviations of a fit's unknowns on the scale of their search; `None` where one does not move.
-fn deviations(fit: &Fit) -> Vec<Option<f64>> {
-    let normal = Normal::new(&fit.matrix(), fit.free.len(), 0.0);
-    let mut list = vec![None; fit.model.unknowns.len()];
-    for (place, unknown) in fit.free.iter().enumerate() {
-        list[*unknown] = Some(normal.variance(place).max(0.0).sqrt());
-    }
-    list
-}
-
 /// Share of the squared error above the noise that is gone, pooled over outputs in units of their noise.
 pub fn gain(before: &[Error], after: &[Error]) -> f64 {
     let above = |errors: &[Error]| errors.iter().map(|it| (it.noise_ratio * it.noise_ratio - 1.0).max(0.0)).sum::<f64>();
@@ -314,24 +353,11 @@ pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
 
 fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, confidence: f64, witness: Option<Witness>) -> Cause {
     let entry = &fit.model.file.effects[place];
-    let normal = Normal::new(&fit.matrix(), fit.free.len(), 0.0);
-    // Where structure is left, the residual says how much less sure the numbers are.
-    let spread = (levenberg::cost(&fit.model, &fit.residual) / fit.residual.len().max(1) as f64).max(1.0).sqrt();
     let plant = entry.arguments.plant;
     let subject = entry.arguments.subject.clone();
     let parameters = entry.arguments.numbers.iter().map(|(name, value)| {
         let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry: place, number: name });
-        let free = unknown.and_then(|unknown| fit.free.iter().position(|k| *k == unknown));
-        let (low, high) = match (unknown, free) {
-            (Some(unknown), Some(free)) => {
-                // 1.96 standard deviations are 95 % of a normal distribution.
-                let reach = 1.96 * spread * normal.variance(free).max(0.0).sqrt();
-                let unknown = &fit.model.unknowns[unknown];
-                let at = unknown.inward(*value);
-                (unknown.outward(at - reach), unknown.outward(at + reach))
-            }
-            _ => (*value, *value),
-        };
+        let (low, high) = unknown.and_then(|unknown| veto::interval(fit, unknown)).unwrap_or((*value, *value));
         Interval { name, value: *value, low, high, unit: unit(plant, entry.description, subject.as_deref(), name) }
     });
     let parameters: Vec<Interval> = parameters.collect();
@@ -360,6 +386,7 @@ fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, confi
         sentence,
         check: entry.description.check,
         witness,
+        only_in: None,
     }
 }
 
@@ -412,6 +439,7 @@ fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> C
         sentence: format!("The sensor of {} rounds to multiples of {step} {}.", signal.name, signal.unit),
         check: crate::effects::of("sensor-quantisation").map_or("", |description| description.check),
         witness: None,
+        only_in: None,
     }
 }
 
@@ -447,6 +475,7 @@ fn unit(plant: PlantKind, description: &crate::effect::Description, subject: Opt
 
 #[cfg(test)]
 mod tests {
+    use super::super::levenberg;
     use super::*;
 
     #[test]

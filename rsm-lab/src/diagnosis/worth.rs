@@ -15,6 +15,13 @@ pub fn least(squared: f64, rows: usize) -> f64 {
     SHARE * (squared - rows as f64).max(0.0)
 }
 
+/// What decides between two explanations: what chance does, `threshold`, and where more than noise is left, a twentieth of that. One scale for naming a cause, for leaving it out
+/// again, for its rivals and for what an unseen record says.
+#[must_use]
+pub fn decides(threshold: f64, squared: f64, rows: usize) -> f64 {
+    threshold.max(least(squared, rows))
+}
+
 /// By how much a simpler cause may do worse and still be as good: `tie`, but no more than what a cause of its own would have to be worth where the better one leaves more
 /// than as much again as the noise.
 #[must_use]
@@ -30,6 +37,7 @@ mod tests {
     fn noise_asks_for_nothing_and_structure_for_its_twentieth() {
         assert_eq!(least(900.0, 1000), 0.0);
         assert_eq!(least(21_000.0, 1000), 1000.0);
+        assert_eq!((decides(30.0, 900.0, 1000), decides(30.0, 21_000.0, 1000)), (30.0, 1000.0));
         assert_eq!(tie(500.0, 1900.0, 1000), 500.0);
         assert_eq!(tie(500.0, 5000.0, 1000), 200.0);
     }

@@ -13,12 +13,17 @@ const ROWS: usize = 1500;
 
 /// A motor along a profile of speed, with its noise.
 fn motor(true_plant: &PlantFile, seed: u64) -> Record {
+    motor_between(true_plant, seed, -120.0, 120.0)
+}
+
+/// The same with speeds from one to another.
+fn motor_between(true_plant: &PlantFile, seed: u64, low: f64, high: f64) -> Record {
     let mut random = Random::new(seed);
     let mut text = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
-    let (mut target, mut speed, mut v_d, mut load) = (0.0, 0.0, 0.0, 0.3);
+    let (mut target, mut speed, mut v_d, mut load) = (low.max(0.0), low.max(0.0), 0.0, 0.3);
     for k in 0..ROWS {
         if k % 300 == 100 {
-            target = 240.0 * random.uniform() - 120.0;
+            target = low + (high - low) * random.uniform();
             v_d = random.uniform() - 0.5;
         }
         if k % 400 == 200 {
@@ -164,4 +169,89 @@ fn a_sensor_that_rounds_ends_and_is_named() {
     let causes: Vec<_> = found.causes.iter().map(|cause| (cause.kind, cause.subject.as_deref())).collect();
     assert_eq!(causes, [("sensor-quantisation", Some("i_q"))]);
     assert!((found.causes[0].parameters[0].value - 1.0).abs() < 1e-9, "{:?}", found.causes[0].parameters);
+}
+
+/// Three training records and two unseen ones, of which one has an effect of its own.
+#[test]
+fn a_record_of_another_configuration_is_said_to_be_one() {
+    let nominal = plant("pmac", "");
+    let loaded = plant("pmac", &effect("constant-load", "torque = 0.3"));
+    for odd in [1, 4] {
+        let records: Vec<Record> = (0..5)
+            .map(|k| Record { file: format!("run-{k}.csv"), ..motor(if k == odd { &loaded } else { &nominal }, 20 + k as u64) })
+            .collect();
+        let options = Options { threads: 2, progress: &|_| {} };
+        let found = diagnose(&nominal, &records[..3], &records[3..], &options).unwrap();
+        let causes: Vec<_> = found.causes.iter().map(|it| (it.kind, it.only_in.clone())).collect();
+        assert_eq!((found.verdict, causes), (Verdict::Explained, vec![("constant-load", Some(format!("run-{odd}.csv")))]));
+        let torque = &found.causes[0].parameters[0];
+        assert!((torque.value - 0.3).abs() < 0.03, "{torque:?}");
+        // The plant of all other records has no load.
+        assert!(found.plant.effects.is_empty() && found.own_record == Some(format!("run-{odd}.csv")));
+    }
+}
+
+/// Voltage, speed and load are what most motors' loggers hold: dry friction shows in them.
+#[test]
+fn friction_is_found_in_records_without_current() {
+    let rubbing = plant("pmac", &effect("coulomb-friction", "torque = 0.15"));
+    let records: Vec<Record> = (1..=3)
+        .map(|seed| {
+            let mut record = motor(&rubbing, seed);
+            (record.measured[0], record.measured[1]) = (None, None);
+            record
+        })
+        .collect();
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&plant("pmac", ""), &records[..2], &records[2..], &options).unwrap();
+    let kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();
+    assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["coulomb-friction"]));
+    assert!((found.causes[0].parameters[0].value / 0.15 - 1.0).abs() < 0.1, "{:?}", found.causes[0].parameters);
+}
+
+#[test]
+fn records_that_hold_inputs_only_are_refused_and_a_frozen_channel_is_left_out() {
+    let nominal = plant("pmac", "");
+    let mut records: Vec<Record> = (1..=3).map(|seed| motor(&nominal, seed)).collect();
+    // The speed hangs in every record from its third row in ten on: most of the rows repeat.
+    for record in &mut records {
+        let speed = record.measured[2].as_mut().unwrap();
+        let value = speed[450];
+        speed[450..].fill(value);
+    }
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&nominal, &records[..2], &records[2..], &options).unwrap();
+    let stuck = found.findings.iter().filter(|it| it.what == "stuck" && it.channel == "speed" && it.rows == (450, ROWS - 1));
+    assert_eq!((stuck.count(), found.verdict), (3, Verdict::NoDiscrepancy));
+
+    for record in &mut records {
+        record.measured.iter_mut().flatten().for_each(|values| values.fill(1.0));
+    }
+    let refused = diagnose(&nominal, &records[..2], &records[2..], &options).unwrap_err().to_string();
+    assert!(refused.contains("the records hold inputs only") && refused.contains("speed of"), "{refused}");
+}
+
+/// A drive that turns one way does not tell a dry friction from a load: whichever is named, the other is said to be the same, and neither is a bias of the speed beyond its readings.
+#[test]
+fn friction_and_load_are_one_thing_where_a_motor_turns_one_way() {
+    let rubbing = plant("pmac", &effect("coulomb-friction", "torque = 0.15"));
+    let records: Vec<Record> = (1..=3)
+        .map(|seed| {
+            let mut record = motor_between(&rubbing, seed, 60.0, 160.0);
+            (record.measured[0], record.measured[1]) = (None, None);
+            // The start from rest is cut off: the record begins while the motor turns.
+            let rows = record.rows();
+            record.piece(400..rows)
+        })
+        .collect();
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&plant("pmac", ""), &records[..2], &records[2..], &options).unwrap();
+    assert_eq!((found.verdict, found.causes.len()), (Verdict::Explained, 1), "{:?}", found.causes);
+    let cause = &found.causes[0];
+    let mut names = cause.indistinguishable_from.clone();
+    names.push(cause.kind.to_string());
+    for name in ["coulomb-friction", "constant-load"] {
+        assert!(names.iter().any(|it| it == name), "{names:?}");
+    }
+    assert!(cause.confidence < 0.6, "{}", cause.confidence);
 }

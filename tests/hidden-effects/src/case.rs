@@ -23,11 +23,26 @@ pub enum Family {
     Outside,
     /// Nothing but damaged data.
     Faults,
+    /// An effect in one of the records alone: that record is of another configuration.
+    Records,
+    /// Causes beside a symmetry: an axis whose forces and mass may grow together.
+    Symmetries,
+    /// Nothing, with tolerances four times as wide and parameters near their ends: a calibration that begins far away.
+    Far,
 }
 
 impl Family {
     /// All, in the order of the table.
-    pub const ALL: [Family; 5] = [Family::Singles, Family::Nulls, Family::Pairs, Family::Outside, Family::Faults];
+    pub const ALL: [Family; 8] = [
+        Family::Singles,
+        Family::Nulls,
+        Family::Pairs,
+        Family::Outside,
+        Family::Faults,
+        Family::Records,
+        Family::Symmetries,
+        Family::Far,
+    ];
 
     /// Its word on the command line.
     pub fn name(self) -> &'static str {
@@ -37,14 +52,17 @@ impl Family {
             Family::Nulls => "nulls",
             Family::Outside => "outside",
             Family::Faults => "faults",
+            Family::Records => "records",
+            Family::Symmetries => "symmetries",
+            Family::Far => "far",
         }
     }
 
     /// The share of right answers to reach. Of damaged data nothing is said: they are nulls, and judged like them.
     pub fn threshold(self) -> f64 {
         match self {
-            Family::Singles | Family::Nulls | Family::Faults => 0.95,
-            Family::Pairs => 0.85,
+            Family::Singles | Family::Nulls | Family::Faults | Family::Far => 0.95,
+            Family::Pairs | Family::Records | Family::Symmetries => 0.85,
             Family::Outside => 0.90,
         }
     }
@@ -63,16 +81,22 @@ pub enum Fault {
     Duplicated,
     /// A channel is late by some rows.
     Shifted,
+    /// A channel keeps its value from a row to the end.
+    Frozen,
+    /// A channel has one value in all training records.
+    Constant,
 }
 
 impl Fault {
-    const ALL: [Fault; 5] = [Fault::Gap, Fault::Stuck, Fault::Clipped, Fault::Duplicated, Fault::Shifted];
+    const ALL: [Fault; 7] =
+        [Fault::Gap, Fault::Stuck, Fault::Clipped, Fault::Duplicated, Fault::Shifted, Fault::Frozen, Fault::Constant];
 
     /// A word that a report of this fault contains.
     pub fn word(self) -> &'static str {
         match self {
             Fault::Gap => "gap",
-            Fault::Stuck => "stuck",
+            Fault::Stuck | Fault::Frozen => "stuck",
+            Fault::Constant => "constant",
             Fault::Clipped => "clip",
             Fault::Duplicated => "duplicat",
             Fault::Shifted => "shift",
@@ -108,6 +132,8 @@ pub struct Case {
     pub causes: Vec<Effect>,
     /// The fault, if the data are damaged.
     pub fault: Option<Fault>,
+    /// The record that alone has an effect, by its file, and that effect.
+    pub own: Option<(String, Effect)>,
     /// Training records.
     pub train: Vec<Run>,
     /// Validation records.
@@ -133,6 +159,14 @@ struct Plan {
     effects: Vec<&'static str>,
     outside: Option<&'static str>,
     fault: Option<Fault>,
+    /// Acts in one record alone.
+    own: Option<&'static str>,
+}
+
+impl Plan {
+    fn new(name: String, family: Family, kind: Kind, effects: Vec<&'static str>) -> Self {
+        Plan { name, family, kind, effects, outside: None, fault: None, own: None }
+    }
 }
 
 /// Pairs whose traces differ, and whose order does not matter.
@@ -148,6 +182,21 @@ const PAIRS: [(Kind, &str, &str); 10] = [
     (Kind::ClosedAxis, "cogging-torque", "input-delay"),
     (Kind::OpenAxis, "stribeck-friction", "parameter-error"),
 ];
+
+/// Effects of one record alone: a slope, a wind, a load that nobody wrote down.
+const OWN: [(Kind, &str); 4] =
+    [(Kind::Car, "road-grade"), (Kind::Car, "headwind"), (Kind::Motor, "constant-load"), (Kind::ClosedAxis, "constant-load")];
+
+/// Axes of which records know forces against the mass only: dry friction beside a mass that is off, in open and in closed loop, and forces that all grow together.
+const SYMMETRIES: &[(&str, Kind, &[&str])] = &[
+    ("mass-open", Kind::OpenAxis, &["coulomb-friction", "mass-error"]),
+    ("mass-closed", Kind::ClosedAxis, &["coulomb-friction", "mass-error"]),
+    ("gain-open", Kind::OpenAxis, &["input-gain"]),
+    ("gain-closed", Kind::ClosedAxis, &["input-gain", "coulomb-friction"]),
+];
+
+/// How many times as wide the tolerances of a calibration from far away are, and between how many of their standard deviations parameters lie off.
+const FAR: (f64, f64, f64) = (4.0, 1.5, 1.9);
 
 /// A plant a null: three and three, and each way of running an axis twice.
 const NULLS: [Kind; 10] = [
@@ -184,24 +233,35 @@ fn plans() -> Vec<Plan> {
             let is_open = ["parameter-error", "stribeck-friction", "cogging-torque", "shaft-compliance"].contains(effect);
             let kind = if kind == Kind::ClosedAxis && is_open { Kind::OpenAxis } else { kind };
             let name = format!("{}-{effect}", kind.name());
-            plans.push(Plan { name, family: Family::Singles, kind, effects: vec![effect], outside: None, fault: None });
+            plans.push(Plan::new(name, Family::Singles, kind, vec![effect]));
         }
     }
     for (number, kind) in NULLS.into_iter().enumerate() {
         let name = format!("null-{number}-{}", kind.name());
-        plans.push(Plan { name, family: Family::Nulls, kind, effects: vec![], outside: None, fault: None });
+        plans.push(Plan::new(name, Family::Nulls, kind, vec![]));
     }
     for (kind, one, other) in PAIRS {
         let name = format!("{}-{one}+{other}", kind.name());
-        plans.push(Plan { name, family: Family::Pairs, kind, effects: vec![one, other], outside: None, fault: None });
+        plans.push(Plan::new(name, Family::Pairs, kind, vec![one, other]));
     }
     for (kind, disturbance) in outside::ALL {
         let name = format!("outside-{}-{disturbance}", kind.name());
-        plans.push(Plan { name, family: Family::Outside, kind, effects: vec![], outside: Some(disturbance), fault: None });
+        plans.push(Plan { outside: Some(disturbance), ..Plan::new(name, Family::Outside, kind, vec![]) });
     }
-    for (fault, kind) in Fault::ALL.into_iter().zip([Kind::Motor, Kind::Car, Kind::ClosedAxis, Kind::Motor, Kind::Car]) {
+    let damaged = [Kind::Motor, Kind::Car, Kind::ClosedAxis, Kind::Motor, Kind::Car, Kind::Motor, Kind::Car];
+    for (fault, kind) in Fault::ALL.into_iter().zip(damaged) {
         let name = format!("fault-{}-{}", format!("{fault:?}").to_lowercase(), kind.name());
-        plans.push(Plan { name, family: Family::Faults, kind, effects: vec![], outside: None, fault: Some(fault) });
+        plans.push(Plan { fault: Some(fault), ..Plan::new(name, Family::Faults, kind, vec![]) });
+    }
+    for (kind, effect) in OWN {
+        let name = format!("record-{}-{effect}", kind.name());
+        plans.push(Plan { own: Some(effect), ..Plan::new(name, Family::Records, kind, vec![]) });
+    }
+    for (name, kind, effects) in SYMMETRIES {
+        plans.push(Plan::new(format!("symmetry-{name}"), Family::Symmetries, *kind, effects.to_vec()));
+    }
+    for kind in [Kind::Motor, Kind::Car, Kind::OpenAxis, Kind::ClosedAxis] {
+        plans.push(Plan::new(format!("far-{kind:?}").to_lowercase(), Family::Far, kind, vec![]));
     }
     plans
 }
@@ -264,6 +324,14 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     for (name, sigma) in &true_plant.tolerance {
         nominal.parameters.set(name, true_plant.parameters.get(name) / (1.0 + sigma * random.uniform(-1.5, 1.5)));
     }
+    if plan.family == Family::Far {
+        for (name, sigma) in &mut nominal.tolerance {
+            // A relative deviation of half at most: what is built is above zero.
+            *sigma = (FAR.0 * *sigma).min(0.25);
+            let off = *sigma * random.sign() * random.uniform(FAR.1, FAR.2);
+            nominal.parameters.set(name, true_plant.parameters.get(name) / (1.0 + off));
+        }
+    }
     for cause in causes.iter().filter(|cause| cause.kind == "parameter-error") {
         // The file keeps the drawn value, exactly: the error is what the cause says and no tolerance on top of it.
         let (_, name) = cause.which.expect("a parameter error names its parameter");
@@ -273,6 +341,9 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let outside = plan.outside.iter().map(|name| outside::disturbance(name, &true_plant, &mut random)).collect();
     let effects = causes.iter().filter(|cause| cause.kind != "parameter-error").cloned().collect();
     let truth = Truth { kind, parameters, effects, outside };
+    let own = plan
+        .own
+        .map(|name| (random.whole(0, (RUNS.0 + RUNS.1 - 1) as u64) as usize, own_effect(name, &true_plant, &mut random)));
 
     // A third of the cases has coloured noise, by output.
     let colours: Vec<f64> =
@@ -287,11 +358,14 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
             let stream = Random::new(random.whole(0, u64::from(u32::MAX)), "run");
             let gear = gears[run];
             let (start, mut drive) = excitation(&true_plant, gear, stream.clone());
-            let exact = plant::run(&truth, start, nominal.period, nominal.rows, &mut drive);
+            let mut truth = truth.clone();
+            truth.effects.extend(own.iter().filter(|(its, _)| *its == run).map(|(_, effect)| effect.clone()));
+            let truth = &truth;
+            let exact = plant::run(truth, start, nominal.period, nominal.rows, &mut drive);
             let without = again(&bare, &exact, &true_plant, gear, &stream);
             // What a coarse sensor rounds off is its signal, so rounding counts here.
             let mut read = exact.clone();
-            plant::quantise(&truth, &mut read);
+            plant::quantise(truth, &mut read);
             for (output, sums) in moved.iter_mut().enumerate() {
                 let sum = &mut sums[usize::from(run >= RUNS.0)];
                 let pairs = read.outputs[output].iter().zip(&without.outputs[output]);
@@ -303,9 +377,9 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
                 let noise = random.noise(nominal.rows, nominal.noise[output], colours[output]);
                 column.iter_mut().zip(noise).for_each(|(value, noise)| *value += noise);
             }
-            outside::on_readings(&truth, &mut noisy);
+            outside::on_readings(truth, &mut noisy);
             // A coarse sensor rounds what it reads, noise and all.
-            plant::quantise(&truth, &mut noisy);
+            plant::quantise(truth, &mut noisy);
             Run { noisy, exact, left_out: 0..0 }
         })
         .collect();
@@ -314,9 +388,15 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let shown = |which: usize| moved.iter().map(|sums| (sums[which].0 / sums[which].1).sqrt()).fold(0.0, f64::max);
     let signal_to_noise = shown(0).min(shown(1));
     let signal_to_noise = signal_to_noise.max(outside::signal_on_readings(&truth, &nominal));
-    if let Some(fault) = plan.fault {
-        damage(&mut runs[0], fault, &mut random);
+    match plan.fault {
+        Some(Fault::Constant) => runs.iter_mut().for_each(|run| damage(run, Fault::Constant, &mut random)),
+        Some(fault) => damage(&mut runs[0], fault, &mut random),
+        None => {}
     }
+    let own = own.map(|(run, effect)| {
+        let file = if run < RUNS.0 { format!("train-{}.csv", run + 1) } else { format!("validate-{}.csv", run - RUNS.0 + 1) };
+        (file, effect)
+    });
     let name = plan.name.clone();
     let stated = nominal.noise.iter().map(|sigma| sigma * choice.stated.unwrap_or(1.0)).collect();
     Case {
@@ -327,9 +407,20 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
         truth,
         causes,
         fault: plan.fault,
+        own,
         train: runs,
         validate,
         signal_to_noise,
+    }
+}
+
+/// An effect of one record alone, clearly visible.
+fn own_effect(name: &'static str, nominal: &Nominal, random: &mut Random) -> Effect {
+    match (name, nominal.kind) {
+        ("road-grade", _) => Effect::new("road-grade", &[("grade", random.sign() * random.uniform(0.03, 0.06))]),
+        ("headwind", _) => Effect::new("headwind", &[("wind", random.sign() * random.uniform(6.0, 12.0))]),
+        (_, Kind::Motor) => Effect::new("constant-load", &[("torque", random.sign() * random.uniform(0.2, 0.6))]),
+        _ => Effect::new("constant-load", &[("force", random.sign() * random.uniform(4.0, 12.0))]),
     }
 }
 
@@ -367,6 +458,16 @@ fn damage(run: &mut Run, fault: Fault, random: &mut Random) {
                 column.copy_within(first..first + length, first + length);
             }
         }
+        Fault::Frozen => {
+            // From the first third on: most of the record.
+            let first = rows / 10 + first / 2;
+            let value = column[first];
+            column[first..].fill(value);
+        }
+        Fault::Constant => {
+            let value = column[0];
+            column.fill(value);
+        }
         Fault::Shifted => {
             let late = 8 + random.whole(0, 12) as usize;
             column.copy_within(0..rows - late, late);
@@ -388,6 +489,9 @@ mod tests {
         let kinds: BTreeSet<&str> = of(Family::Singles).flat_map(|plan| plan.effects.iter().copied()).collect();
         // docs/plants.md, section 3, has 31.
         assert_eq!(kinds.len(), 31);
+        for family in [Family::Records, Family::Symmetries, Family::Far] {
+            assert!(of(family).count() >= 4, "{family:?}");
+        }
         for family in [Family::Pairs, Family::Nulls, Family::Outside] {
             assert!(of(family).count() >= 10, "{family:?}");
         }

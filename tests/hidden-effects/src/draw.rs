@@ -215,6 +215,11 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
     let seconds = nominal.period * nominal.rows as f64;
     match name {
         "parameter-error" => parameter_error(nominal, random),
+        "mass-error" => {
+            let (least, most) = OF_FORCE;
+            let value = nominal.parameters.get("mass") * off(random, least, most);
+            Effect { kind: "parameter-error", which: Some(("parameter", "mass")), values: vec![("value", value)] }
+        }
         "input-gain" => {
             let (least, most) = if matches!(kind, Kind::OpenAxis | Kind::ClosedAxis) { OF_FORCE } else { (0.03, 0.12) };
             Effect::new("input-gain", &[("gain", off(random, least, most))])

@@ -46,6 +46,14 @@ fn aliases(kind: Kind, effect: &Effect) -> Vec<Vec<&'static str>> {
             sets.extend(group.iter().filter(|other| **other != this).map(|other| vec![*other]));
         }
     }
+    // Of forces and mass an axis shows the ratios alone: a mass that is off is a gain of the command that is off, with frictions that calibration or their own number moves along.
+    if this == "parameter-error:mass" {
+        sets.push(vec!["input-gain"]);
+        sets.push(vec!["parameter-error:force_gain"]);
+    }
+    if matches!(kind, Kind::OpenAxis | Kind::ClosedAxis) && pushing.contains(&this.as_str()) {
+        sets.push(vec!["parameter-error:mass"]);
+    }
     // Two levels are their mean and half their difference, as long as the viscous part is the nominal one.
     if effect.kind == "asymmetric-friction" && effect.values.iter().all(|(name, _)| !name.starts_with("viscous")) {
         sets.push(vec!["constant-load", "coulomb-friction"]);
@@ -59,6 +67,8 @@ struct Found<'j> {
     twins: Vec<&'j str>,
     parameters: &'j Value,
     confidence: Option<f64>,
+    /// Files of the records in which alone it acts.
+    only_in: Vec<&'j str>,
 }
 
 fn found(answer: &Value) -> Vec<Found<'_>> {
@@ -73,6 +83,7 @@ fn found(answer: &Value) -> Vec<Found<'_>> {
             twins: twins.iter().filter_map(Value::as_str).collect(),
             parameters: &cause["parameters"],
             confidence: cause["confidence"].as_f64(),
+            only_in: cause["only_in"].as_array().into_iter().flatten().filter_map(Value::as_str).collect(),
         }
     };
     causes.iter().map(one).collect()
@@ -104,9 +115,22 @@ fn same(case: &Case, found: &[Found<'_>]) -> bool {
     open.is_empty()
 }
 
+/// Whether a cause is the effect of the one record that has one, said to be of that record: by its name, a name of the same trace, or as one of few twins.
+fn is_own(case: &Case, found: &Found<'_>) -> bool {
+    let Some((file, effect)) = &case.own else { return false };
+    let this = name(effect);
+    let sets = aliases(case.truth.kind, effect);
+    let of = |other: &str| other == this || sets.iter().any(|set| set == &[other]);
+    let named = of(&found.name) || found.twins.len() <= TWINS && found.twins.iter().any(|twin| of(twin));
+    named && found.only_in.len() == 1 && found.only_in[0].ends_with(file.as_str())
+}
+
 /// Whether a cause that is named is in the truth by its own name, or is one of several that are the truth together. Of causes that leave one trace each has a part of the probability: being named for another is not being right.
 fn is_true(case: &Case, cause: &Found<'_>, all: &[Found<'_>]) -> bool {
     let is_named = |name: &&str| all.iter().any(|found| found.name == *name);
+    if case.own.is_some() {
+        return is_own(case, cause);
+    }
     case.causes.iter().any(|truth| {
         let together = aliases(case.truth.kind, truth).into_iter().filter(|set| set.len() > 1);
         name(truth) == cause.name
@@ -119,14 +143,15 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
     let verdict = answer["verdict"].as_str().unwrap_or("no verdict");
     let found = found(answer);
     let right = match case.family {
-        Family::Nulls => verdict == "no-discrepancy" && found.is_empty(),
+        Family::Nulls | Family::Far => verdict == "no-discrepancy" && found.is_empty(),
         Family::Faults => {
             let told = case.fault.is_some_and(|fault| words.to_lowercase().contains(fault.word()));
             verdict == "no-discrepancy" && found.is_empty() && told
         }
         // Causes that help may be named beside it (docs/formats.md 4.3).
         Family::Outside => verdict == "unexplained",
-        Family::Singles | Family::Pairs => verdict == "explained" && same(case, &found),
+        Family::Records => verdict == "explained" && found.len() == 1 && is_own(case, &found[0]),
+        Family::Singles | Family::Pairs | Family::Symmetries => verdict == "explained" && same(case, &found),
     };
     let mut errors = vec![];
     let mut covered = 0;

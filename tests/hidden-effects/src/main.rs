@@ -16,7 +16,7 @@ use hidden_effects::{files, judge, verification};
 use report::{Line, Report};
 
 const USAGE: &str = "\
-usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults] [--case NAME] [--quick]
+usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far] [--case NAME] [--quick]
                               [--rows N] [--colour CORRELATION] [--stated FACTOR]
            makes cases, runs `rsm diagnose` on each, compares with the truth
            --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all

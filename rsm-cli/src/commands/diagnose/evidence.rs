@@ -177,16 +177,18 @@ pub struct Rejected {
 
 /// Why the others were not believed, those that promised most first.
 pub fn rejected(found: &Diagnosis) -> Vec<Rejected> {
-    let causes: Vec<String> = found.causes.iter().map(label).collect();
+    let causes: Vec<String> = found.causes.iter().chain(&found.helpers).map(label).collect();
     let mut list = Vec::new();
     for (name, promised) in found.ranking.iter().filter(|(name, _)| !causes.contains(name)) {
         let remaining = found.remaining.iter().find(|(label, _)| label == name).map(|(_, gain)| *gain);
-        let as_rival = found.causes.iter().find_map(|cause| {
+        let refused = found.refused.iter().find(|it| it.cause == *name);
+        let as_rival = found.causes.iter().chain(&found.helpers).find_map(|cause| {
             let rival = cause.rivals.iter().find(|(rival, _)| rival == name)?;
             Some((label(cause), rival.1, cause.indistinguishable_from.contains(name)))
         });
         let least = format!("{:.0}", found.threshold);
         let why = match (as_rival, remaining) {
+            _ if refused.is_some() => format!("tried and refused: {}", refused.map_or("", |it| it.why.as_str())),
             (Some((cause, _, true)), _) => format!("not told from {cause} in these records"),
             (Some((cause, behind, false)), _) => format!("fitted in place of {cause}: falls short by {}", figure(Some(behind))),
             (None, _) if *promised < found.threshold => format!("promises less than the {least} that chance and worth ask"),

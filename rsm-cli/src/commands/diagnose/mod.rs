@@ -22,7 +22,7 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader;
 use rsm_lab::diagnosis::checks::Finding;
 use rsm_lab::diagnosis::tested::Tested;
-use rsm_lab::diagnosis::{self, Diagnosis, Options};
+use rsm_lab::diagnosis::{self, Cause, Diagnosis, Options};
 use rsm_lab::effect::Subject;
 use rsm_lab::kind::PlantKind;
 use rsm_lab::plant_file::PlantFile;
@@ -201,34 +201,36 @@ fn findings(list: &[Finding]) -> Vec<Value> {
 
 /// docs/formats.md 4.3.
 pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
-    let causes: Vec<Value> = found
-        .causes
-        .iter()
-        .map(|cause| {
-            let mut one = Map::new();
-            one.insert("kind".to_string(), json!(cause.kind));
-            let parameters: Map<String, Value> = cause
-                .parameters
-                .iter()
-                .map(|it| {
-                    let number = output::finite;
-                    let value =
-                        json!({ "value": number(it.value), "low": number(it.low), "high": number(it.high), "unit": it.unit });
-                    (it.name.to_string(), value)
-                })
-                .collect();
-            one.insert("parameters".to_string(), Value::Object(parameters));
-            match cause.of {
-                Subject::Parameter => one.insert("parameter".to_string(), json!(cause.subject)),
-                Subject::Output => one.insert("output".to_string(), json!(cause.subject)),
-                Subject::None => None,
-            };
-            one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
-            one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
-            one.insert("evidence".to_string(), portrait::evidence(kind, found, cause));
-            Value::Object(one)
-        })
-        .collect();
+    let cause_value = |cause: &Cause| {
+        let mut one = Map::new();
+        one.insert("kind".to_string(), json!(cause.kind));
+        let parameters: Map<String, Value> = cause
+            .parameters
+            .iter()
+            .map(|it| {
+                let number = output::finite;
+                let value =
+                    json!({ "value": number(it.value), "low": number(it.low), "high": number(it.high), "unit": it.unit });
+                (it.name.to_string(), value)
+            })
+            .collect();
+        one.insert("parameters".to_string(), Value::Object(parameters));
+        match cause.of {
+            Subject::Parameter => one.insert("parameter".to_string(), json!(cause.subject)),
+            Subject::Output => one.insert("output".to_string(), json!(cause.subject)),
+            Subject::None => None,
+        };
+        one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
+        one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
+        if let Some(record) = &cause.only_in {
+            one.insert("only_in".to_string(), json!([record]));
+        }
+        one.insert("evidence".to_string(), portrait::evidence(kind, found, cause));
+        Value::Object(one)
+    };
+    let causes: Vec<Value> = found.causes.iter().map(cause_value).collect();
+    let helpers: Vec<Value> = found.helpers.iter().map(cause_value).collect();
+    let refused: Vec<Value> = found.refused.iter().map(|it| json!({ "cause": it.cause, "why": it.why })).collect();
     let by_output = |list: &[diagnosis::validation::Error]| -> Value {
         let each = list.iter().map(|it| {
             let value = json!({ "rmse": output::finite(it.rmse), "noise_ratio": output::finite(it.noise_ratio) });
@@ -261,6 +263,9 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     json!({
         "verdict": found.verdict.name(),
         "causes": causes,
+        "helpers": helpers,
+        "refused": refused,
+        "practical": found.practical.map(|it| json!({ "gone": output::finite(it.gone), "left": output::finite(it.left) })),
         "nominal": with_test(&found.nominal, |it| &it.nominal),
         "extended": with_test(&found.extended, |it| &it.extended),
         "judged_on": words::CHOSEN,

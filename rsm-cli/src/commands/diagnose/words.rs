@@ -71,17 +71,42 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             let explain = if found.causes.len() == 1 { "explains" } else { "explain" };
             let stopped =
                 found.stopped.map_or(String::new(), |it| format!(" The search stopped {it}: not every rival was tried."));
-            format!("{names} {explain} what the simulation gets wrong; noise is left.{stopped} {gain}")
+            if let Some(record) = &found.own_record {
+                return format!(
+                    "One record is of another configuration: {names} {explain} {record}, and the simulation of all other records leaves noise.{stopped}"
+                );
+            }
+            match found.practical {
+                Some(it) => format!(
+                    "{names} {explain} what the simulation gets wrong for practical purposes: {:.2} % of the error beyond the noise is gone, and {:.2} % of the \
+                     noise's energy is left that is more than chance.{stopped} {gain}",
+                    100.0 * it.gone,
+                    100.0 * it.left
+                ),
+                None => format!("{names} {explain} what the simulation gets wrong; noise is left.{stopped} {gain}"),
+            }
         }
         Verdict::Unexplained => {
             let looks = telling(&found.portrait.after, 1);
             let looks = looks.first().map_or(String::new(), |it| format!(" Most telling: {}.", place(kind, it)));
             let stopped = found.stopped.map_or(String::new(), |limit| format!(" The search stopped {limit}."));
-            let helps = if found.causes.is_empty() {
-                "No cause of the catalogue helps.".to_string()
-            } else {
-                let (help, does) = if found.causes.len() == 1 { ("helps", "does") } else { ("help", "do") };
-                format!("{names} {help} and {does} not explain it all. {gain}")
+            let helpers = and(&found.helpers.iter().map(label).collect::<Vec<_>>());
+            let (some, one) = (found.helpers.len() + found.causes.len(), found.helpers.len() == 1);
+            let helps = match (some, found.causes.len()) {
+                (0, _) => "No cause of the catalogue helps.".to_string(),
+                (_, 0) => format!(
+                    "{helpers} {} in the extended plant, though something that the catalogue does not hold may be behind {}. {gain}",
+                    if one { "helps" } else { "help" },
+                    if one { "it" } else { "them" }
+                ),
+                (_, named) => {
+                    let (explain, does) = if named == 1 { ("removes", "does") } else { ("remove", "do") };
+                    format!("{names} {explain} most of it and {does} not explain it all. {gain}")
+                }
+            };
+            let looks = match &found.own_record {
+                Some(record) => format!(" Only {record} has it: the simulation of all other records leaves noise.{looks}"),
+                None => looks,
             };
             format!(
                 "The simulation gets something wrong that the catalogue does not explain: what is left is {:.2} times the noise.{looks}{stopped} {helps}",
@@ -158,6 +183,17 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
             tell!("    In these records the same as {}.", cause.indistinguishable_from.join(", "));
         }
         tell!("    To be sure: {}", cause.check);
+    }
+    for helper in &found.helpers {
+        tell!(
+            "  Helps, and is not sure to be a cause: {}: {} Confidence {:.2}.",
+            label(helper),
+            helper.sentence,
+            helper.confidence
+        );
+    }
+    for it in &found.refused {
+        tell!("  Tried and refused: {}: {}.", it.cause, it.why);
     }
     let forces: Vec<String> = found.steps.iter().filter_map(force).collect();
     if !forces.is_empty() {

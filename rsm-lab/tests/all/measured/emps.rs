@@ -114,7 +114,7 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
     assert!(found.findings.iter().all(|it| !it.what.contains("block")), "{:?}", found.findings);
     // One friction that holds the dry one, the offset and the asymmetry; no stribeck-friction, no sensor, no gear.
     assert_eq!(super::kinds(&found), ["asymmetric-friction"]);
-    let number = |name: &str| found.causes[0].parameters.iter().find(|it| it.name == name).unwrap().value;
+    let number = |name: &str| found.entries().next().unwrap().parameters.iter().find(|it| it.name == name).unwrap().value;
     // Published, by the inverse model of filtered positions; a free run weighs the slow rows more: 1.3 % between the two here, three times that allowed.
     let published =
         [("forward", 20.1440), ("backward", 20.6277), ("viscous_forward", 166.7061), ("viscous_backward", 240.4236)];

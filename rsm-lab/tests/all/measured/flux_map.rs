@@ -121,7 +121,7 @@ fn a_constant_inductance_against_the_flux_map_is_saturation() {
         found.portrait.before
     );
     // The law that is nearest to the map's own inductance has 6.36 A over 26 A (the test below); a free run weighs currents by their time, here 14 A at most.
-    let current = found.causes[0].parameters[0].value;
+    let current = found.entries().next().unwrap().parameters[0].value;
     assert!((current / 6.36 - 1.0).abs() < 0.12, "{current}");
     // The law leaves up to a seventh of the inductance: structure that no entry explains, and the verdict says so.
     assert_eq!(found.verdict, Verdict::Unexplained);

@@ -21,15 +21,18 @@ fn folder(set: &str) -> Option<PathBuf> {
     None
 }
 
-/// The kinds of the causes, the strongest first.
+/// The kinds of causes and helpers, the strongest first: beside a real machine's unknown parts a right cause may be no more than a helper.
 fn kinds(found: &Diagnosis) -> Vec<&'static str> {
-    found.causes.iter().map(|cause| cause.kind).collect()
+    found.entries().map(|cause| cause.kind).collect()
 }
 
 /// What was found, for whoever runs the tests with their output.
 fn tell(what: &str, found: &Diagnosis) {
     println!("{what}: {:?}, gain {:.4}, stopped {:?}", found.verdict, found.gain, found.stopped);
-    for cause in &found.causes {
+    for it in &found.refused {
+        println!("  refused {}: {}", it.cause, it.why);
+    }
+    for cause in found.entries() {
         let numbers: Vec<String> = cause
             .parameters
             .iter()

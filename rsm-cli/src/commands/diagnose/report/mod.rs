@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 
 use rsm_lab::diagnosis::correction::Offer;
 use rsm_lab::diagnosis::portrait::Portrait;
-use rsm_lab::diagnosis::{Diagnosis, Verdict};
+use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
 use rsm_lab::kind::PlantKind;
 
 use super::evidence::{self, label};
@@ -89,11 +89,18 @@ fn data(body: &mut String, found: &Diagnosis) {
 }
 
 fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
-    if found.causes.is_empty() {
+    listed(body, kind, found, "Causes, the strongest first", &found.causes);
+    listed(body, kind, found, "What helps, and is not sure to be a cause", &found.helpers);
+    let refused: Vec<String> = found.refused.iter().map(|it| format!("{}: {}.", it.cause, it.why)).collect();
+    list(body, "Tried and refused", &refused);
+}
+
+fn listed(body: &mut String, kind: PlantKind, found: &Diagnosis, heading: &str, causes: &[Cause]) {
+    if causes.is_empty() {
         return;
     }
-    body.push_str("<h2>Causes, the strongest first</h2>\n");
-    for (number, cause) in found.causes.iter().enumerate() {
+    let _ = writeln!(body, "<h2>{heading}</h2>");
+    for (number, cause) in causes.iter().enumerate() {
         let _ = write!(
             body,
             "<h3>{}. {}</h3>\n<p>{} Confidence {:.2}.",
@@ -205,7 +212,7 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
 /// The numbers of the extended plant: those of causes with intervals, calibrated ones with their tolerance.
 fn parameters(body: &mut String, found: &Diagnosis) {
     let portrait: &Portrait = &found.portrait;
-    if found.causes.is_empty() && portrait.calibration.is_empty() {
+    if found.causes.is_empty() && found.helpers.is_empty() && portrait.calibration.is_empty() {
         return;
     }
     body.push_str(
@@ -223,7 +230,8 @@ fn parameters(body: &mut String, found: &Diagnosis) {
         );
     };
     let number = |value: f64| figure(Some(value));
-    for cause in &found.causes {
+    // What acts in one record alone is none of the plant's.
+    for cause in found.causes.iter().chain(&found.helpers).filter(|it| it.only_in.is_none()) {
         for it in &cause.parameters {
             let interval = format!("{} to {}", number(it.low), number(it.high));
             let note = if it.high > it.low { interval } else { "not estimated".to_string() };
