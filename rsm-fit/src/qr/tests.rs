@@ -213,9 +213,9 @@ fn few_rows_stay_as_they_are() {
 
 #[test]
 fn a_column_that_is_nearly_turned_already_loses_no_digit() {
-    // The norm of (1, 1e-14) is 1 + 5e-29: a difference of the two would keep 4 digits of 32.
+    // The norm of (0.7, 1e-14) is 0.7 + 7e-29: a difference of the two would keep 4 digits of 32.
     for sign in [1.0, -1.0] {
-        let rows = vec![vec![sign, 1.0], vec![1e-14, 2.0], vec![-1e-14, 5.0], vec![2e-14, -3.0]];
+        let rows = vec![vec![0.7 * sign, 1.0], vec![1e-14, 2.0], vec![-1e-14, 5.0], vec![2e-14, -3.0]];
         let problem = Problem::of(&rows, &[1.0, 2.0, -4.0, 7.0]);
         let growing = Growing::of(&pushed(&problem, &rows).finish(), &[0, 1]).unwrap();
         let answer = problem.solve().unwrap();
