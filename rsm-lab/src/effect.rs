@@ -539,3 +539,6 @@ pub const AXIS_SIGN_WIDTH: f64 = 1e-3;
 pub fn sign_width(plant: PlantKind) -> f64 {
     if plant == PlantKind::ServoAxis { AXIS_SIGN_WIDTH } else { ROTOR_SIGN_WIDTH }
 }
+
+#[cfg(test)]
+mod tests;

@@ -60,6 +60,7 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 
 impl Effect for AsymmetricFriction {
     fn effort(&self, motion: &Motion) -> f64 {
+        // mutant `< to <=`: at rest both directions give 0.
         let direction = usize::from(motion.speed < 0.0);
         // The plant takes the nominal part off: here it comes back.
         let viscous = self.viscous[direction].map_or(0.0, |viscous| (motion.viscous_friction - viscous) * motion.speed);

@@ -34,7 +34,12 @@ pub const DESCRIPTION: Description = Description {
 
 struct Backlash {
     half_gap: f64,
-    on_axis: bool,
+    /// On an axis.
+    far: Option<Far>,
+}
+
+/// The body behind the joint of an axis, and what they touch with.
+struct Far {
     ratio: f64,
     stiffness: f64,
     damping: f64,
@@ -43,10 +48,11 @@ struct Backlash {
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(Backlash {
         half_gap: arguments.number("gap") / 2.0,
-        on_axis: arguments.plant == PlantKind::ServoAxis,
-        ratio: arguments.optional("mass_ratio").unwrap_or(0.0),
-        stiffness: arguments.optional("stiffness").unwrap_or(0.0),
-        damping: arguments.optional("damping").unwrap_or(0.0),
+        far: (arguments.plant == PlantKind::ServoAxis).then(|| Far {
+            ratio: arguments.number("mass_ratio"),
+            stiffness: arguments.number("stiffness"),
+            damping: arguments.number("damping"),
+        }),
     })
 }
 
@@ -88,7 +94,7 @@ impl Effect for Backlash {
     }
 
     fn joint(&self, twist: &Twist, effort: f64, held: Option<u32>) -> Carried {
-        if twist.joint != Joint::Driveshaft || self.on_axis {
+        if twist.joint != Joint::Driveshaft || self.far.is_some() {
             return Carried { effort, piece: 0 };
         }
         let linear = twist.stiffness * twist.angle + twist.damping * twist.rate;
@@ -98,18 +104,18 @@ impl Effect for Backlash {
     }
 
     fn states(&self) -> usize {
-        if self.on_axis { 2 } else { 0 }
+        if self.far.is_some() { 2 } else { 0 }
     }
 
     // Together with the drive, the joint at rest.
     fn start(&self, start: &Start, own: &mut [f64]) {
-        if self.on_axis {
+        if self.far.is_some() {
             own.copy_from_slice(&[start.motion.position, start.motion.speed]);
         }
     }
 
     fn split(&self) -> Option<f64> {
-        self.on_axis.then_some(self.ratio)
+        self.far.as_ref().map(|far| far.ratio)
     }
 
     fn far_motion(&self, own: &[f64]) -> Motion {
@@ -117,10 +123,11 @@ impl Effect for Backlash {
     }
 
     fn passes(&self, body: &Split, own: &[f64], rates: &mut [f64]) -> Carried {
+        let Some(far) = &self.far else { return Carried { effort: body.load, piece: 0 } };
         let (twist, rate) = (body.near.position - own[0], body.near.speed - own[1]);
-        let Carried { effort, piece } = self.contact(twist, rate, self.stiffness, self.damping, body.held);
+        let Carried { effort, piece } = self.contact(twist, rate, far.stiffness, far.damping, body.held);
         rates[0] = own[1];
-        rates[1] = (effort - body.load) / (self.ratio * body.inertia);
+        rates[1] = (effort - body.load) / (far.ratio * body.inertia);
         Carried { effort, piece }
     }
 
@@ -130,17 +137,15 @@ impl Effect for Backlash {
 
     // Between its pieces it is linear. A contact opens within half a swing of the shaft on its spring; a quarter of its rate is then three looks and more at it.
     fn nonlinear_rate(&self, scale: &Scale) -> f64 {
-        if self.on_axis { self.fastest_rate(scale) } else { 0.25 * scale.vehicle.swing.1 }
+        if self.far.is_some() { self.fastest_rate(scale) } else { 0.25 * scale.vehicle.swing.1 }
     }
 
     // The swing of the two bodies on the spring, and the damper against the lighter one; twice, because every contact strikes them to their full speed, where
     // other motions of a spring are small: fourth order leaves a sixteenth.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
-        if !self.on_axis {
-            return 0.0;
-        }
-        let mobility = 1.0 / scale.drive_inertia + 1.0 / (self.ratio * scale.inertia);
-        2.0 * (self.stiffness * mobility).sqrt().max(self.damping * mobility)
+        let Some(far) = &self.far else { return 0.0 };
+        let mobility = 1.0 / scale.drive_inertia + 1.0 / (far.ratio * scale.inertia);
+        2.0 * (far.stiffness * mobility).sqrt().max(far.damping * mobility)
     }
 }
 

@@ -41,6 +41,7 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 impl Effect for VoltageLimit {
     fn voltage_limit(&self, voltage: [f64; 2]) -> [f64; 2] {
         let length = (voltage[0] * voltage[0] + voltage[1] * voltage[1]).sqrt();
+        // mutant `> to >=`: a vector as long as the limit is scaled by 1.
         let share = if length > self.limit { self.limit / length } else { 1.0 };
         [voltage[0] * share, voltage[1] * share]
     }

@@ -1,0 +1,280 @@
+//! Each effect against hand-worked cases: `cases.txt`.
+
+use rsm_core::source::Source;
+
+use super::*;
+use crate::effects;
+use crate::plant_file::PlantFile;
+
+/// What is given to a hook: numbers by name, a word where no number stands.
+struct Given<'t>(Vec<(&'t str, &'t str)>);
+
+impl<'t> Given<'t> {
+    fn of(text: &'t str) -> Self {
+        Given(text.split_whitespace().map(|entry| entry.split_once('=').expect("name=value")).collect())
+    }
+
+    fn word(&self, name: &str) -> Option<&'t str> {
+        self.0.iter().find(|(found, _)| *found == name).map(|(_, value)| *value)
+    }
+
+    fn or(&self, name: &str, otherwise: f64) -> f64 {
+        self.word(name).map_or(otherwise, number)
+    }
+
+    fn number(&self, name: &str) -> f64 {
+        self.word(name).map(number).unwrap_or_else(|| panic!("`{name}` is not given"))
+    }
+
+    fn own(&self) -> Vec<f64> {
+        self.word("own").unwrap_or("").split(',').filter(|text| !text.is_empty()).map(number).collect()
+    }
+
+    fn held(&self) -> Option<u32> {
+        self.word("held").map(|text| text.parse().expect("a piece"))
+    }
+
+    fn joint(&self) -> Joint {
+        match self.word("joint") {
+            Some("clutch") => Joint::Clutch,
+            Some("driveshaft") => Joint::Driveshaft,
+            other => panic!("no joint: {other:?}"),
+        }
+    }
+
+    fn motion(&self) -> Motion {
+        Motion {
+            position: self.or("position", 0.0),
+            speed: self.or("speed", 0.0),
+            viscous_friction: self.or("viscous_friction", 0.0),
+        }
+    }
+
+    fn scale(&self) -> Scale {
+        Scale {
+            inertia: self.or("inertia", 8.0),
+            drive_inertia: self.or("drive", 6.0),
+            slowest: self.or("slowest", 0.0),
+            change: self.or("change", 0.0),
+            windings: Windings {
+                inductance: self.or("inductance", 0.001),
+                decay: self.or("decay", 100.0),
+                swing: self.or("swing", 300.0),
+                turning: self.or("turning", 100.0),
+                current: (self.or("least", 0.0), self.or("most", 0.0)),
+                change: self.or("moving", 0.0),
+            },
+            vehicle: Vehicle {
+                wheel: (2.0, 0.4),
+                speed: self.or("road", 20.0),
+                crank_speed: self.or("crank", 200.0),
+                clutch_mobility: 4.0,
+                clutch: (10000.0, 2.0, self.or("twisting", 3.0)),
+                swing: (100.0, 40.0),
+            },
+        }
+    }
+
+    fn survey(&self, plant: PlantKind) -> Survey {
+        let text = match plant {
+            PlantKind::Pmac => include_str!("../../plants/pmac.toml"),
+            PlantKind::Driveline => include_str!("../../plants/driveline.toml"),
+            PlantKind::ServoAxis => include_str!("../../plants/servo-axis.toml"),
+        };
+        let mut parameters = PlantFile::read(&Source::new("plant.toml", text)).expect("a sound file").parameters;
+        if let Some(grade) = self.word("grade") {
+            parameters.set("grade", number(grade));
+        }
+        Survey {
+            plant,
+            parameters,
+            period: 0.01,
+            duration: 40.0,
+            input: 24.0,
+            effort: 814.0,
+            speed: 50.0,
+            largest: [3.0, 4.0, 200.0],
+            spread: [10.0, 20.0, 30.0],
+            noise: [0.1, 0.2, 0.3],
+            waves: vec![Wave { amplitude: 5.0, pitch: 0.01, phase: 0.3 }, Wave { amplitude: 2.0, pitch: 0.02, phase: -1.0 }],
+            quantum: [None, self.word("quantum").map(number), None],
+            gears: [false; 5],
+            output: self.or("output", 0.0) as usize,
+            nominal: self.or("nominal", 0.0),
+        }
+    }
+}
+
+fn number(text: &str) -> f64 {
+    text.parse().unwrap_or_else(|_| panic!("`{text}` is no number"))
+}
+
+/// A number of an effect by the name that its description has.
+fn numbers(description: &Description, given: &Given<'_>) -> Vec<(&'static str, f64)> {
+    let named = given.0.iter().filter(|(name, _)| *name != "of");
+    let find = |name: &str| description.arguments.iter().find(|it| it.name == name).expect("a number of the effect").name;
+    named.map(|(name, value)| (find(name), number(value))).collect()
+}
+
+fn flag(is: bool) -> f64 {
+    if is { 1.0 } else { 0.0 }
+}
+
+/// What a hook gives: its value, then what it writes.
+fn found(effect: &dyn Effect, plant: PlantKind, hook: &str, given: &Given<'_>) -> Vec<f64> {
+    let own = given.own();
+    let mut rates = vec![0.0; effect.states()];
+    let mut start_of = |fill: &dyn Fn(&mut [f64])| {
+        fill(&mut rates);
+        rates.clone()
+    };
+    let value: Vec<f64> = match hook {
+        "effort" => vec![effect.effort(&given.motion())],
+        "load" => vec![effect.load()],
+        "delay" => vec![effect.delay()],
+        "rate" => vec![effect.fastest_rate(&given.scale())],
+        "nonlinear" => vec![effect.nonlinear_rate(&given.scale())],
+        "flags" => {
+            let [between, pieces, memory] =
+                [effect.acts_between_rows(), effect.has_pieces(), effect.reads_with_memory()].map(flag);
+            vec![between, effect.states() as f64, pieces, memory]
+        }
+        "frame_angle" => vec![effect.frame_angle(given.number("theta"))],
+        "voltage_limit" => effect.voltage_limit([given.number("d"), given.number("q")]).to_vec(),
+        "voltage_loss" => {
+            let current = [given.number("i_d"), given.number("i_q")];
+            effect.voltage_loss([given.number("d"), given.number("q")], current).to_vec()
+        }
+        "machine" => {
+            let mut machine = Machine { resistance: 0.08, inductance: 9e-4, flux_linkage: 0.06 };
+            let at = Currents { i_d: given.number("i_d"), i_q: given.number("i_q"), theta_e: given.or("theta_e", 0.0) };
+            effect.machine(&at, &own, &mut rates, &mut machine);
+            [vec![machine.resistance, machine.inductance, machine.flux_linkage], rates].concat()
+        }
+        "joint" => {
+            let twist = Twist {
+                joint: given.joint(),
+                angle: given.number("angle"),
+                rate: given.number("rate"),
+                stiffness: given.number("stiffness"),
+                damping: given.number("damping"),
+            };
+            let Carried { effort, piece } = effect.joint(&twist, given.number("effort"), given.held());
+            vec![effort, f64::from(piece)]
+        }
+        "joint_limit" => {
+            let Carried { effort, piece } = effect.joint_limit(given.joint(), given.number("effort"), given.held());
+            vec![effort, f64::from(piece)]
+        }
+        "slack" => vec![effect.slack(given.joint())],
+        "engine_torque" => vec![effect.engine_torque(given.number("torque"), given.number("angle"))],
+        "start" => {
+            let start = Start { motion: given.motion(), road_speed: given.number("road") };
+            start_of(&|own| effect.start(&start, own))
+        }
+        "settle" => start_of(&|own| effect.settle(&[3.0, 4.0, 200.0], own)),
+        "split" => effect.split().into_iter().collect(),
+        "far_motion" => {
+            let Motion { position, speed, viscous_friction } = effect.far_motion(&own);
+            vec![position, speed, viscous_friction]
+        }
+        "passes" => {
+            let body = Split {
+                near: given.motion(),
+                inertia: given.number("inertia"),
+                load: given.number("load"),
+                held: given.held(),
+            };
+            let Carried { effort, piece } = effect.passes(&body, &own, &mut rates);
+            [vec![effort, f64::from(piece)], rates].concat()
+        }
+        "vehicle_speed" => effect.vehicle_speed(&own).into_iter().collect(),
+        "traction" => {
+            let contact = Contact {
+                surface_speed: given.number("surface"),
+                resistance: given.number("resistance"),
+                mass: given.number("mass"),
+            };
+            let force = effect.traction(&contact, &own, &mut rates);
+            [force.into_iter().collect(), rates].concat()
+        }
+        "reads" => {
+            let output = given.number("output") as usize;
+            let reading = effect.reads(output, given.number("value"), given.number("time"), &own, &mut rates);
+            [vec![reading], rates].concat()
+        }
+        "truth" => vec![effect.truth(given.number("output") as usize, given.number("value"), given.number("time"))],
+        "parameters" => {
+            let mut parameters = given.survey(plant).parameters;
+            effect.parameters(&mut parameters);
+            vec![parameters.number(given.word("read").expect("a name"))]
+        }
+        _ => panic!("no hook `{hook}`"),
+    };
+    value
+}
+
+/// Equal but for the last bits that a few roundings move; -0 is 0.
+fn close(found: f64, expected: f64) -> bool {
+    (found - expected).abs() <= 1e-12 * expected.abs() || found.is_nan() && expected.is_nan()
+}
+
+fn all_close(found: &[f64], expected: &[f64]) -> bool {
+    found.len() == expected.len() && found.iter().zip(expected).all(|(found, expected)| close(*found, *expected))
+}
+
+/// `1 - n0=0 p2`: the numbers, NaN for those left out; the scaling number and its neutral value; the phase.
+fn guess(text: &str) -> Guess {
+    let mut guess = Guess::at(vec![]);
+    for word in text.split_whitespace() {
+        if let Some((place, value)) = word.strip_prefix('n').and_then(|rest| rest.split_once('=')) {
+            guess.neutral = Some((place.parse().expect("a place"), number(value)));
+        } else if let Some(place) = word.strip_prefix('p') {
+            guess.phase = Some(place.parse().expect("a place"));
+        } else {
+            guess.values.push(if word == "-" { f64::NAN } else { number(word) });
+        }
+    }
+    guess
+}
+
+#[test]
+fn every_effect_gives_what_its_equation_gives_by_hand() {
+    let cases = include_str!("cases.txt");
+    let mut kinds = std::collections::BTreeSet::new();
+    for (k, line) in cases.lines().enumerate() {
+        let (case, _) = line.split_once('#').unwrap_or((line, ""));
+        if case.trim().is_empty() {
+            continue;
+        }
+        let parts: Vec<&str> = case.split('|').map(str::trim).collect();
+        let [kind, plant, arguments, hook, given, expected] = parts[..] else { panic!("line {}: six parts", k + 1) };
+        let description = effects::of(kind).expect("a kind");
+        kinds.insert(description.kind);
+        let (_, plant) = *PlantKind::NAMES.iter().find(|(name, _)| *name == plant).expect("a plant");
+        let (arguments, given) = (Given::of(arguments), Given::of(given));
+        if hook == "guesses" {
+            let found = (description.guesses)(&given.survey(plant));
+            let expected: Vec<Guess> = expected.split(';').map(guess).collect();
+            let alike = |a: &Guess, b: &Guess| {
+                all_close(&a.values, &b.values)
+                    && a.phase == b.phase
+                    && a.neutral.map(|(place, _)| place) == b.neutral.map(|(place, _)| place)
+                    && all_close(
+                        &a.neutral.iter().map(|it| it.1).collect::<Vec<_>>(),
+                        &b.neutral.iter().map(|it| it.1).collect::<Vec<_>>(),
+                    )
+            };
+            let is_same = found.len() == expected.len() && found.iter().zip(&expected).all(|(a, b)| alike(a, b));
+            assert!(is_same, "line {}: {line}\nfound {found:?}", k + 1);
+            continue;
+        }
+        let subject = arguments.word("of").map(str::to_owned);
+        let effect = (description.build)(&Arguments { plant, subject, numbers: numbers(description, &arguments) });
+        let found = found(effect.as_ref(), plant, hook, &given);
+        let expected: Vec<f64> = expected.split_whitespace().map(number).collect();
+        assert!(all_close(&found, &expected), "line {}: {line}\nfound {found:?}", k + 1);
+    }
+    let missing: Vec<&str> = effects::ALL.iter().map(|it| it.kind).filter(|kind| !kinds.contains(kind)).collect();
+    assert!(missing.is_empty(), "no case for {missing:?}");
+}
