@@ -69,6 +69,7 @@ const LAWS: &[Law] = &[
     },
     // Judges what rsm-lab says by records that rsm-lab did not make: with one import of ours, an error could stand on both sides.
     Law { package: "hidden-effects", ours: &[], aside: &[], outside: Some(&["serde_json"]) },
+    Law { package: "fuzz", ours: &["rsm-core", "rsm-fit", "rsm-lab"], aside: &[], outside: Some(&[]) },
     // Reads sources as text; it knows none of ours.
     Law {
         package: "mutants",

@@ -1,0 +1,228 @@
+//! What is fed: every reader, and behind it what a subcommand does with a text that is valid.
+//!
+//! Costly work is done for one text in so many, so that a million inputs take minutes.
+
+use std::path::{Path, PathBuf};
+
+use rsm_core::certificate;
+use rsm_core::check::Checked;
+use rsm_core::number::Precision;
+use rsm_core::run::Interpreter;
+use rsm_core::source::Source;
+use rsm_core::{compile, emit, lower};
+use rsm_fit::diagnosis::data::NewData;
+use rsm_fit::diagnosis::diagnose;
+use rsm_fit::fit::fit;
+use rsm_fit::plan::{DesignSpecification, Plan};
+use rsm_fit::spec::Specification;
+use rsm_fit::table::{Table, Wanted};
+use rsm_lab::plant_file::PlantFile;
+use rsm_lab::record::Record;
+use rsm_lab::simulate::Simulator;
+
+use crate::mutate::Random;
+
+/// Something that reads a text, with texts to change.
+pub struct Subject {
+    pub name: &'static str,
+    pub texts: Vec<String>,
+    pub feed: fn(&Ground, &str, &mut Random),
+}
+
+/// Valid files that a changed one meets.
+pub struct Ground {
+    folder: PathBuf,
+    model: Checked,
+    plants: Vec<(PlantFile, String)>,
+}
+
+impl Ground {
+    /// # Panics
+    /// When the shipped files are not there, or not valid.
+    #[must_use]
+    pub fn new(root: &Path) -> Self {
+        let read = |name: &str| Source::read(&root.join(name)).unwrap_or_else(|faults| panic!("{faults}"));
+        let plant = |name: &str| {
+            let plant =
+                PlantFile::read(&read(&format!("rsm-lab/plants/{name}.toml"))).unwrap_or_else(|faults| panic!("{faults}"));
+            (plant, head(read(&format!("rsm-lab/plants/{name}.csv")).text(), 30))
+        };
+        Ground {
+            folder: root.join("rsm-cli/demo/motor"),
+            model: Checked::read(&Source::new("m.toml", MODEL)).unwrap_or_else(|faults| panic!("{faults}")),
+            plants: ["pmac", "driveline", "servo-axis"].map(plant).into(),
+        }
+    }
+}
+
+const MODEL: &str = "format = 1\nmodel = \"m\"\n[inputs.x]\nunit = \"bar\"\nrange = [0.0, 4.0]\n[surfaces.y]\nunit = \"W\"\ninputs = [\"x\"]\n\
+    terms = [{ powers = [0], coefficient = 1.0 }, { powers = [1], coefficient = 2.0 }, { powers = [2], coefficient = 0.5 }]\n";
+
+const DATA: &str = "x[bar],y[W]\n0,-0.5\n1,0.1\n1,0.12\n2,1\n2,1.02\n3,2.13\n3,2.1\n4,3.5\n4,3.48\n0,-0.49\n";
+
+const FIT: &str = "format = 1\nmodel = \"m\"\ndata = [\"dyno.csv\"]\n[inputs.torque]\nunit = \"N*m\"\nrange = [-21.6, 21.6]\n[inputs.speed]\nunit = \"rad/s\"\n\
+    range = [440.0, 800.0]\n[responses.weakening_current]\nunit = \"A\"\ninputs = [\"torque\", \"speed\"]\noutput_range = [0.0, 60.0]\n\
+    select = { method = \"ladder\", max_order = 2, confidence = 90.0 }\n\
+    constraints = [{ kind = \"monotone\", input = \"speed\", direction = \"increasing\" }]\nsupport = \"data\"\n";
+
+/// The first rows.
+fn head(text: &str, rows: usize) -> String {
+    text.lines().take(rows).map(|line| format!("{line}\n")).collect()
+}
+
+/// Every file below a folder with one of the endings that holds a word; none of more than 20 kB, which only slow the search.
+fn files(root: &Path, folders: &[&str], ending: &str, word: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut open: Vec<PathBuf> = folders.iter().map(|folder| root.join(folder)).collect();
+    while let Some(folder) = open.pop() {
+        let mut entries: Vec<PathBuf> =
+            std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+        entries.sort();
+        for path in entries {
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|it| it == ending)
+                && let Ok(text) = std::fs::read_to_string(&path)
+                && text.contains(word)
+            {
+                found.push(if text.len() > 20_000 { head(&text, 30) } else { text });
+            }
+        }
+    }
+    found
+}
+
+/// All subjects.
+#[must_use]
+pub fn all(root: &Path) -> Vec<Subject> {
+    let with = |mut texts: Vec<String>, more: &[&str]| {
+        texts.extend(more.iter().map(|text| (*text).to_string()));
+        texts
+    };
+    let cases = ["rsm-core/tests/cases", "generated/coefficients", "rsm-cli/tests/cases", "rsm-cli/demo"];
+    let plants = ["rsm-lab/plants", "rsm-lab/tests/cases", "rsm-cli/tests/cases"];
+    vec![
+        Subject { name: "model", texts: with(files(root, &cases, "toml", "[surfaces"), &[MODEL]), feed: model },
+        Subject {
+            name: "fit",
+            texts: with(
+                files(root, &["rsm-fit/tests/cases", "rsm-cli/tests/cases", "rsm-cli/demo"], "toml", "[responses"),
+                &[FIT],
+            ),
+            feed: specification,
+        },
+        Subject { name: "table", texts: with(files(root, &["rsm-fit/tests/cases"], "csv", ""), &[DATA]), feed: table },
+        Subject {
+            name: "design",
+            texts: files(
+                root,
+                &["rsm-cli/demo", "rsm-fit/tests/cases/rejected-plans", "rsm-cli/tests/cases"],
+                "toml",
+                "[factors",
+            ),
+            feed: design,
+        },
+        Subject {
+            name: "plan",
+            texts: with(files(root, &["rsm-fit/tests/cases/rejected-plans"], "csv", ""), &["run,a[m]\n1,2\n2,3\n"]),
+            feed: plan,
+        },
+        Subject { name: "plant", texts: files(root, &plants, "toml", "plant ="), feed: plant },
+        Subject { name: "record", texts: files(root, &["rsm-lab/plants", "rsm-lab/tests/cases"], "csv", "time"), feed: record },
+        Subject { name: "new data", texts: vec![DATA.to_string()], feed: new_data },
+    ]
+}
+
+/// `rsm check`, `rsm emit`, `rsm eval`.
+fn model(_: &Ground, text: &str, random: &mut Random) {
+    let Ok(checked) = Checked::read(&Source::new("m.toml", text)) else { return };
+    if random.below(8) != 0 {
+        return;
+    }
+    let held: Vec<Precision> = Precision::ALL.into_iter().filter(|precision| checked.refusal(*precision).is_none()).collect();
+    let _ = certificate::surfaces(&checked, &held);
+    for index in 0..checked.model().compensators.len() {
+        let _ = certificate::compensator::certify(&checked, index);
+    }
+    if let Ok(unit) = compile::unit(&checked, &[]) {
+        let _ = (emit::c::emit(&unit), emit::rust::emit(&unit));
+    }
+    if compile::held(&checked, &[Precision::F64]).is_ok() {
+        for index in 0..checked.model().surfaces.len() {
+            let tape = lower::surface(&checked, index, Precision::F64);
+            let mut interpreter = Interpreter::<f64>::new(&tape);
+            for value in [0.0, f64::NAN, f64::INFINITY, -1e308] {
+                let _ = interpreter.step(&vec![value; tape.inputs.len()]);
+            }
+        }
+    }
+}
+
+/// `rsm fit`.
+fn specification(ground: &Ground, text: &str, random: &mut Random) {
+    let Ok(specification) = Specification::from_source(Source::new("fit.toml", text), ground.folder.clone()) else { return };
+    if random.below(50) == 0 {
+        let _ = fit(&specification, &mut |_| {});
+    }
+}
+
+fn table(_: &Ground, text: &str, _: &mut Random) {
+    let source = Source::new("t.csv", text);
+    let _ = Table::read(&source, &Wanted { every_number: true, run: true, ..Wanted::default() });
+    if let Ok(table) = Table::read(&source, &Wanted { numbers: vec!["x".into(), "y".into()], ..Wanted::default() }) {
+        let _ = (table.values_in("x", Some("Pa")), table.values_in("y", None));
+    }
+}
+
+/// `rsm design`.
+fn design(_: &Ground, text: &str, random: &mut Random) {
+    if let Ok(specification) = DesignSpecification::from_source(Source::new("d.toml", text))
+        && random.below(4) == 0
+        && let Ok(plan) = Plan::make(&specification)
+    {
+        let _ = Plan::read(&Source::new("p.csv", plan.csv()))
+            .unwrap_or_else(|faults| panic!("a plan that is not read again: {faults}"));
+    }
+}
+
+fn plan(_: &Ground, text: &str, _: &mut Random) {
+    let _ = Plan::read(&Source::new("p.csv", text));
+}
+
+/// `rsm simulate`, the plant changed.
+fn plant(ground: &Ground, text: &str, random: &mut Random) {
+    let Ok(plant) = PlantFile::read(&Source::new("plant.toml", text)) else { return };
+    if random.below(8) == 0 {
+        for (_, record) in &ground.plants {
+            simulate(&plant, record);
+        }
+    }
+}
+
+/// `rsm simulate`, the record changed.
+fn record(ground: &Ground, text: &str, random: &mut Random) {
+    for (plant, _) in &ground.plants {
+        let _ = Record::read_with_gaps(&Source::new("r.csv", text), plant);
+    }
+    if random.below(8) == 0 {
+        let (plant, _) = &ground.plants[random.below(ground.plants.len())];
+        simulate(plant, text);
+    }
+}
+
+fn simulate(plant: &PlantFile, text: &str) {
+    if let Ok(record) = Record::read(&Source::new("r.csv", head(text, 40)), plant)
+        && let Ok(mut simulator) = Simulator::new(plant, &record)
+    {
+        let _ = simulator.run(&record);
+    }
+}
+
+/// `rsm diagnose` of a surface.
+fn new_data(ground: &Ground, text: &str, random: &mut Random) {
+    if let Ok(data) = NewData::read(ground.model.model(), &[Source::new("n.csv", text)], None)
+        && random.below(50) == 0
+    {
+        let _ = diagnose(&ground.model, &data, None, &mut |_| {});
+    }
+}
