@@ -11,6 +11,9 @@ use crate::{generated, hidden_effects, packages};
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
 const BARE_METAL: &str = "thumbv7em-none-eabihf";
 
+/// Systems beside Linux on which the command must compile.
+const ELSEWHERE: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
+
 /// Runs every stage.
 pub(crate) fn run() -> bool {
     let mut run = Run::new();
@@ -30,9 +33,21 @@ pub(crate) fn run() -> bool {
             docs.env("RUSTDOCFLAGS", "-D warnings");
             docs
         });
-    let machine = bare_metal_installed().then_some(BARE_METAL);
+    let machine = has_core(BARE_METAL).then_some(BARE_METAL);
     if machine.is_none() && run.held() {
         println!("\nnote: {BARE_METAL} is not installed; the targets are built as `no_std` libraries for this host");
+    }
+    // Fitter, compiler and diagnosis are for the engineer's own machine, whatever that is.
+    let elsewhere: Vec<&str> = ELSEWHERE.into_iter().filter(|machine| has_core(machine)).collect();
+    if elsewhere.len() < ELSEWHERE.len() && run.held() {
+        println!("\nnote: of {} only [{}] are installed (rustup target add)", ELSEWHERE.join(" and "), elsewhere.join(" "));
+    }
+    if !elsewhere.is_empty() {
+        run.command("other systems", {
+            let mut check = cargo(&["check", "-p", "rsm-cli"]);
+            check.args(elsewhere.iter().flat_map(|machine| ["--target", machine]));
+            check
+        });
     }
     run.command("no_std", {
         let mut build = cargo(&["build", "--release", "--lib"]);
@@ -46,10 +61,10 @@ pub(crate) fn run() -> bool {
     held
 }
 
-/// Whether the compiler in use has the core library of the bare-metal machine.
-fn bare_metal_installed() -> bool {
+/// Whether the compiler in use has the core library of a machine.
+fn has_core(machine: &str) -> bool {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let output = std::process::Command::new(rustc).args(["--print", "target-libdir", "--target", BARE_METAL]).output();
+    let output = std::process::Command::new(rustc).args(["--print", "target-libdir", "--target", machine]).output();
     output.is_ok_and(|output| {
         output.status.success() && std::path::Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir()
     })

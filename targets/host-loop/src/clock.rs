@@ -2,9 +2,6 @@
 //!
 //! In: an absolute time. Out: the time now. Tests give a clock of their own to the loop; nothing else in this package reads time.
 
-use nix::sys::time::TimeSpec;
-use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
-
 /// A clock that a loop can run on.
 pub trait Clock {
     /// Nanoseconds since an origin of the clock's own. Never less than what was returned before.
@@ -13,23 +10,50 @@ pub trait Clock {
     fn sleep_until_ns(&mut self, deadline_ns: u64);
 }
 
-/// `CLOCK_MONOTONIC`, which no change of the wall clock moves.
+/// The clock of this system, which no change of the wall clock moves.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SystemClock;
 
-const NS_PER_S: u64 = 1_000_000_000;
+#[cfg(target_os = "linux")]
+mod system {
+    use nix::sys::time::TimeSpec;
+    use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
-impl Clock for SystemClock {
-    fn now_ns(&mut self) -> u64 {
-        let now = clock_gettime(ClockId::CLOCK_MONOTONIC).expect("every POSIX host has a monotonic clock");
-        now.tv_sec() as u64 * NS_PER_S + now.tv_nsec() as u64
+    const NS_PER_S: u64 = 1_000_000_000;
+
+    impl super::Clock for super::SystemClock {
+        fn now_ns(&mut self) -> u64 {
+            let now = clock_gettime(ClockId::CLOCK_MONOTONIC).expect("every POSIX host has a monotonic clock");
+            now.tv_sec() as u64 * NS_PER_S + now.tv_nsec() as u64
+        }
+
+        fn sleep_until_ns(&mut self, deadline_ns: u64) {
+            let request = TimeSpec::new((deadline_ns / NS_PER_S) as i64, (deadline_ns % NS_PER_S) as i64);
+            // A signal ends the sleep early (EINTR). The deadline is absolute, so the same call simply goes on.
+            while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &request)
+                == Err(nix::errno::Errno::EINTR)
+            {}
+        }
     }
+}
 
-    fn sleep_until_ns(&mut self, deadline_ns: u64) {
-        let request = TimeSpec::new((deadline_ns / NS_PER_S) as i64, (deadline_ns % NS_PER_S) as i64);
-        // A signal ends the sleep early (EINTR). The deadline is absolute, so the same call simply goes on.
-        while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &request)
-            == Err(nix::errno::Errno::EINTR)
-        {}
+/// The standard library has no sleep until a time: what is left is slept, again where the sleep was short.
+#[cfg(not(target_os = "linux"))]
+mod system {
+    use std::sync::OnceLock;
+    use std::time::{Duration, Instant};
+
+    static ORIGIN: OnceLock<Instant> = OnceLock::new();
+
+    impl super::Clock for super::SystemClock {
+        fn now_ns(&mut self) -> u64 {
+            ORIGIN.get_or_init(Instant::now).elapsed().as_nanos() as u64
+        }
+
+        fn sleep_until_ns(&mut self, deadline_ns: u64) {
+            while let Some(left) = deadline_ns.checked_sub(self.now_ns()).filter(|left| *left > 0) {
+                std::thread::sleep(Duration::from_nanos(left));
+            }
+        }
     }
 }
