@@ -167,13 +167,10 @@ impl Records {
         let inputs = self.inputs.len();
         let targets = self.inputs.iter_mut().chain(&mut self.responses);
         for (k, ((target, name), unit)) in targets.zip(numbers).zip(&mut units.0).enumerate() {
-            match table.values_in(name, unit.as_deref()) {
+            let read =
+                if k < inputs { table.values_in(name, unit.as_deref()) } else { table.response_in(name, unit.as_deref()) };
+            match read {
                 Ok((values, found)) => {
-                    let fault = (k >= inputs).then(|| without_squares(table, name, &values)).flatten();
-                    if let Some(fault) = fault.filter(|fault| !told.contains(fault)) {
-                        told.push(fault.clone());
-                        faults.push(fault);
-                    }
                     target.extend(values);
                     *unit = Some(found);
                 }
@@ -222,27 +219,6 @@ impl Records {
         let known: std::collections::BTreeSet<Vec<u64>> = (0..other.rows()).map(|row| key(other, row)).collect();
         (0..self.rows()).filter(|row| known.contains(&key(self, *row))).count()
     }
-}
-
-/// The magnitudes of a response of which every statistic is a number: sums of 10^7 squares stay finite, and squares of a ten thousandth of it keep their digits.
-const MAGNITUDES: [f64; 2] = [1e-140, 1e150];
-
-/// Why a response has no sums of squares: its largest magnitude is too large, or too small.
-fn without_squares(table: &Table, name: &str, values: &[f64]) -> Option<Fault> {
-    let (row, largest) = values.iter().map(|value| value.abs()).enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let [low, high] = MAGNITUDES;
-    let (what, help) = if largest > high {
-        (format!("expected a magnitude up to {high:e}: the squares of a response must be finite"), "give it in a larger unit")
-    } else if largest > 0.0 && largest < low {
-        (format!("the largest of the response, expected {low:e} or more: its squares would be 0"), "give it in a smaller unit")
-    } else {
-        return None;
-    };
-    let place = table.column(name).map_or(0, |column| column.place);
-    Some(
-        Fault::at_line(&table.file, table.lines[row], 0, format!("column {place} `{name}`: found {:?}, {what}", values[row]))
-            .help(help),
-    )
 }
 
 /// The cells of the columns of runs as numbers, if each row has one of its own.

@@ -12,6 +12,9 @@ use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use crate::units::Conversion;
 
+/// The magnitudes of a response of which every statistic is a number: sums of 10^7 squares stay finite, and squares of a ten thousandth of it keep their digits.
+pub const MAGNITUDES: [f64; 2] = [1e-140, 1e150];
+
 /// As many columns are named in a message: a line that can be read.
 const MOST_NAMES: usize = 40;
 
@@ -112,6 +115,36 @@ impl Table {
         let conversion = conversion.map_err(fault)?;
         let unit = unit.or(column.unit.as_deref()).unwrap_or_default().to_string();
         Ok((column.values.iter().map(|value| conversion.apply(*value)).collect(), unit))
+    }
+
+    /// The values of a response, as [`Table::values_in`] gives them, if sums of their squares are numbers.
+    ///
+    /// # Errors
+    /// Those of `values_in`; a fault at the row of the largest magnitude where that is beyond 1e150, or below 1e-140 and not 0.
+    ///
+    /// # Panics
+    /// When the column was not among the wanted numbers.
+    pub fn response_in(&self, name: &str, unit: Option<&str>) -> Result<(Vec<f64>, String), Fault> {
+        let (values, unit) = self.values_in(name, unit)?;
+        let largest = values.iter().map(|value| value.abs()).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((row, largest)) = largest else { return Ok((values, unit)) };
+        let [low, high] = MAGNITUDES;
+        let (what, help) = if largest > high {
+            (
+                format!("expected a magnitude up to {high:e}: the squares of a response must be finite"),
+                "give it in a larger unit",
+            )
+        } else if largest > 0.0 && largest < low {
+            (
+                format!("the largest of the response, expected {low:e} or more: its squares would be 0"),
+                "give it in a smaller unit",
+            )
+        } else {
+            return Ok((values, unit));
+        };
+        let place = self.column(name).map_or(0, |column| column.place);
+        let what = format!("column {place} `{name}`: found {:?}, {what}", values[row]);
+        Err(Fault::at_line(&self.file, self.lines[row], 0, what).help(help))
     }
 
     /// How many rows there are.

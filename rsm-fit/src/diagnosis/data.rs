@@ -140,16 +140,18 @@ impl NewData {
         let labels = others.iter().map(|(name, _)| name.clone()).collect();
         let table = Table::read(source, &Wanted { numbers, labels, ..Wanted::default() })?;
         let mut faults = Collector::new();
-        let mut take = |name: &str, unit: &str, target: &mut Vec<f64>| match table.values_in(name, Some(unit)) {
+        let mut take = |values: Result<(Vec<f64>, String), Fault>, target: &mut Vec<f64>| match values {
             Ok((values, _)) => target.extend(values),
             Err(fault) => faults.push(fault),
         };
         for k in inputs {
-            take(&model.inputs[*k].name, &model.inputs[*k].unit, &mut self.inputs[*k]);
+            let input = &model.inputs[*k];
+            take(table.values_in(&input.name, Some(&input.unit)), &mut self.inputs[*k]);
         }
         for k in compared {
             let target = self.responses[*k].as_mut().expect("a compared surface has a response");
-            take(&model.surfaces[*k].name, &model.surfaces[*k].unit, target);
+            let surface = &model.surfaces[*k];
+            take(table.response_in(&surface.name, Some(&surface.unit)), target);
         }
         for ((name, _), cells) in others.iter().zip(cells) {
             cells.extend(table.column(name).into_iter().flat_map(|column| column.labels.iter().cloned()));

@@ -36,6 +36,7 @@ mod work;
 use rsm_core::check::Checked;
 use rsm_core::model::{Evidence, Input, Model};
 
+use crate::table::MAGNITUDES;
 use causes::Cause;
 use data::NewData;
 use estimate::Estimates;
@@ -336,7 +337,14 @@ fn of_response(
     let surface = &model.surfaces[index];
     let response = data.responses[index].as_ref().expect("a compared surface has a response");
     let sample_of = |taken: Taken<'_>| Sample::new(model, index, &data.inputs, response, &data.extras, taken);
-    let rows_inside = sample_of(Taken::Inside).rows();
+    let inside = sample_of(Taken::Inside);
+    if let Some(beyond) = inside.nominal.iter().find(|value| value.is_nan() || value.abs() > MAGNITUDES[1]) {
+        return Err(format!(
+            "`{}`: the model gives {beyond:?} at a row of the data, expected a magnitude up to {:e}: squares of what it errs must be finite",
+            surface.name, MAGNITUDES[1]
+        ));
+    }
+    let rows_inside = inside.rows();
     if rows_inside < LEAST_ROWS {
         return Err(format!(
             "`{}`: {rows_inside} of {} rows are inside the ranges and the support of the surface, and a diagnosis needs {LEAST_ROWS}",

@@ -301,3 +301,26 @@ fn test_rows_change_their_figures_and_nothing_else() {
     let ((answer, like), (same, unlike)) = (tested(&read(0.3)), tested(&read(-0.3)));
     assert!(answer == same && like > 0.9 && unlike < 0.0, "{like} {unlike}");
 }
+
+/// Readings, or a model, of which no squares are numbers: a message, where the tails of a distribution were asked for nothing (a panic).
+#[test]
+fn magnitudes_without_squares_are_refused() {
+    let model = |coefficient: &str| {
+        format!(
+            "format = 1\nmodel = \"m\"\n[inputs.x]\nunit = \"1\"\nrange = [0.0, 9.0]\n[surfaces.y]\nunit = \"1\"\ninputs = [\"x\"]\nterms = [{{ powers = [0], coefficient = {coefficient} }}]\n"
+        )
+    };
+    let rows = |seventh: &str| {
+        let row = |k: usize| format!("{k},{}\n", if k == 7 { seventh.to_string() } else { format!("1.{k}") });
+        Source::new("new.csv", std::iter::once("x,y\n".to_string()).chain((0..10).map(row)).collect::<String>())
+    };
+    let checked = |text: &str| Checked::read(&Source::new("m.toml", text)).unwrap_or_else(|faults| panic!("{faults}"));
+    let sane = checked(&model("1.5"));
+    let refused = NewData::read(sane.model(), &[rows("1e308")], None).err().unwrap().to_string();
+    assert!(refused.contains("new.csv:9") && refused.contains("found 1e308"), "{refused}");
+    let huge = checked(&model("1e200"));
+    let data = NewData::read(huge.model(), &[rows("1.7")], None).unwrap_or_else(|refused| panic!("{refused}"));
+    let said = diagnose(&huge, &data, None, &mut |_| {}).err().unwrap();
+    assert!(said.contains("the model gives 1e200"), "{said}");
+    assert_eq!(diagnosed(&model("1.5"), &[rows("1.7")]).responses.len(), 1);
+}
