@@ -5,7 +5,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use rsm_core::emit::{Kind, Unit};
+use rsm_core::emit::{Function, Kind, Unit};
+use rsm_core::tape::Op;
 use rsm_tests::cases;
 use rsm_tests::compilers::{self, Compiler};
 use rsm_tests::object::{self, Code};
@@ -173,8 +174,16 @@ const WITHOUT_FUSING: &[&str] = &[
     "clang -O3 -fno-slp-vectorize -mfma -ffp-contract=off",
 ];
 
-/// Instructions of every function of some models with the barrier and without. The arithmetic must be the same in each.
-fn with_and_without_barrier(cases: &[cases::Case], folder: &Path, line: &str) -> Vec<(String, usize, usize)> {
+/// A function of a model: its instructions with the barrier and without, and how many values the barrier hides from this compiler.
+struct Barriers {
+    symbol: String,
+    kept: usize,
+    free: usize,
+    hidden: usize,
+}
+
+/// Every function of some models. The arithmetic must be the same with the barrier and without.
+fn with_and_without_barrier(cases: &[cases::Case], folder: &Path, line: &str) -> Vec<Barriers> {
     compilers::write_c(cases.iter().map(|case| &case.unit), folder);
     let mut counts = vec![];
     for case in cases {
@@ -185,7 +194,11 @@ fn with_and_without_barrier(cases: &[cases::Case], folder: &Path, line: &str) ->
         for (symbol, _) in compilers::c_symbols(&case.unit) {
             let (kept, free) = (&kept[&symbol], &free[&symbol]);
             assert_eq!(kept.arithmetic(), free.arithmetic(), "{line}: {symbol}\n{kept:#?}\n{free:#?}");
-            counts.push((symbol, kept.instructions.len(), free.instructions.len()));
+            let hides = |op: &Op| matches!(op, Op::Negate(_) | Op::Divide(..)) || matches!(op, Op::Subtract(a, b) if a == b);
+            let hidden = |function: &Function| function.tape.iter().filter(|(_, op)| hides(op)).count();
+            let of = case.unit.functions.iter().find(|function| function.c_name(&case.unit.model) == symbol);
+            let hidden = if line.starts_with("clang") { of.map_or(0, hidden) } else { 0 };
+            counts.push(Barriers { symbol, kept: kept.instructions.len(), free: free.instructions.len(), hidden });
         }
     }
     counts
@@ -195,7 +208,7 @@ fn with_and_without_barrier(cases: &[cases::Case], folder: &Path, line: &str) ->
 fn barrier_costs_a_copy_at_most_in_the_checked_in_functions() {
     let folder = scratch("object-barrier-checked-in");
     for line in WITHOUT_FUSING {
-        for (symbol, kept, free) in with_and_without_barrier(&cases::checked_in(), &folder, line) {
+        for Barriers { symbol, kept, free, hidden } in with_and_without_barrier(&cases::checked_in(), &folder, line) {
             println!("{line}: {symbol} has {kept} instructions");
             // The asm takes and gives one register. Without AVX an instruction overwrites an operand, and the allocator of registers copies one or
             // two more (gcc 26 against 24 at most); a support test, one long row of independent products, three (70 against 67).
@@ -203,8 +216,12 @@ fn barrier_costs_a_copy_at_most_in_the_checked_in_functions() {
             let copies = overwrites + usize::from(symbol.contains("_support"));
             // As over all random models below, or one: 35 against 34, 167 against 166.
             let signs = if line.starts_with("clang") { 1 + free / 50 } else { 0 };
-            let free = free + copies + signs;
-            assert!(kept <= free, "{line}: {symbol} has {kept} instructions with the barrier, {free} without");
+            // What is hidden from clang stays in its own register: x - x of five values in a compensator's step, 134 against 129.
+            let allowed = free + copies + signs + hidden;
+            assert!(
+                kept <= allowed,
+                "{line}: {symbol} has {kept} instructions with the barrier, {free} without, {allowed} allowed"
+            );
         }
     }
 }
@@ -218,7 +235,7 @@ fn barrier_costs_next_to_nothing_in_any_model() {
     let cases = cases::random();
     for line in WITHOUT_FUSING {
         let counts = with_and_without_barrier(&cases, &folder, line);
-        let (kept, free) = counts.iter().fold((0, 0), |(kept, free), (_, k, f)| (kept + k, free + f));
+        let (kept, free) = counts.iter().fold((0, 0), |(kept, free), it| (kept + it.kept, free + it.free));
         println!("{line}: {kept} instructions with the barrier, {free} without");
         let allowed = free / 20;
         assert!(kept <= free + allowed, "{line}: {kept} instructions with the barrier, {free} without");
