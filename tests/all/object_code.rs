@@ -194,6 +194,7 @@ fn with_and_without_barrier(cases: &[cases::Case], folder: &Path, line: &str) ->
         for (symbol, _) in compilers::c_symbols(&case.unit) {
             let (kept, free) = (&kept[&symbol], &free[&symbol]);
             assert_eq!(kept.arithmetic(), free.arithmetic(), "{line}: {symbol}\n{kept:#?}\n{free:#?}");
+            // Every division here, though those by powers of two are not hidden.
             let hides = |op: &Op| matches!(op, Op::Negate(_) | Op::Divide(..)) || matches!(op, Op::Subtract(a, b) if a == b);
             let hidden = |function: &Function| function.tape.iter().filter(|(_, op)| hides(op)).count();
             let of = case.unit.functions.iter().find(|function| function.c_name(&case.unit.model) == symbol);

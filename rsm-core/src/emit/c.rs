@@ -214,6 +214,16 @@ fn is_kept(tape: &Tape, product: Reg) -> bool {
     feeds_sum(tape, product) || is_result(tape, product)
 }
 
+/// Whether a divisor is a constant power of two, well inside the exponents of both precisions: to multiply by its reciprocal is the same, and quicker.
+fn has_exact_reciprocal(tape: &Tape, divisor: Reg) -> bool {
+    // From 2^-100 to 2^100; the exponents of f32 end at 2^-126 and 2^127.
+    const LIMIT: f64 = (1_u128 << 100) as f64;
+    let Op::Constant(ref constant) = *tape.op(divisor) else { return false };
+    let magnitude = constant.value.abs();
+    let mantissa = magnitude.to_bits() & ((1 << (f64::MANTISSA_DIGITS - 1)) - 1);
+    mantissa == 0 && (1.0 / LIMIT..=LIMIT).contains(&magnitude)
+}
+
 fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
     let mut needs = Needs::default();
     for function in functions {
@@ -224,7 +234,8 @@ fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
                 Op::Multiply(..) => needs.keep |= is_kept(tape, reg),
                 Op::Add(a, b) => needs.keep |= a == b,
                 Op::Input(_) => needs.keep |= feeds_sum(tape, reg),
-                Op::Negate(_) | Op::Divide(..) => needs.hide = true,
+                Op::Negate(_) => needs.hide = true,
+                Op::Divide(_, b) => needs.hide |= !has_exact_reciprocal(tape, *b),
                 Op::Subtract(a, b) => needs.hide |= a == b,
                 Op::Absolute(_) => needs.absolute = true,
                 Op::Select { .. } => match tape.extremum(reg) {
@@ -267,6 +278,7 @@ fn define(unit: &Unit, function: &Function) -> String {
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) if is_kept(tape, reg) => format!("{}({a} * {b})", helper("keep")),
             Op::Multiply(a, b) => format!("{a} * {b}"),
+            Op::Divide(a, b) if has_exact_reciprocal(tape, b) => format!("{a} / {b}"),
             Op::Divide(a, b) => format!("{a} / {}({b})", helper("hide")),
             Op::Select { condition, then, otherwise } => match tape.extremum(reg) {
                 Some(Extremum::AtLeast { value, bound }) => format!("{}({value}, {bound})", helper("at_least")),
