@@ -28,8 +28,7 @@ static WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// there already and is of another kind is replaced by `--force` alone.
 pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
     for (path, bytes) in files {
-        refuse_what_was_read(path)?;
-        refuse_what_is_foreign(path, bytes.as_ref())?;
+        refuse(path, bytes.as_ref())?;
     }
     let mut ready = Vec::new();
     let mut through = Vec::new();
@@ -112,27 +111,18 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
     matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
-fn refuse_what_was_read(path: &Path) -> Result<(), Refusal> {
+/// What was read in this process stays as it is; what stands there and is no output of this kind may be somebody's work.
+fn refuse(path: &Path, new: &[u8]) -> Result<(), Refusal> {
     let place = place_of(path);
     if is_stream(&place) || WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).iter().any(|it| is_same_file(it, &place)) {
         return Ok(());
     }
-    match files_read().iter().find(|read| is_same_file(read, &place)) {
-        None => Ok(()),
-        Some(read) => Err(Refusal::new(format!(
+    if let Some(read) = files_read().iter().find(|read| is_same_file(read, &place)) {
+        return Err(Refusal::new(format!(
             "{}: not written: it is the file `{}` that was read\n  help: give the output another name",
             path.display(),
             read.display()
-        ))),
-    }
-}
-
-/// What stands there and is no output of this kind may be somebody's work.
-fn refuse_what_is_foreign(path: &Path, new: &[u8]) -> Result<(), Refusal> {
-    let place = place_of(path);
-    let is_ours = WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).iter().any(|it| is_same_file(it, &place));
-    if is_ours || !place.is_file() {
-        return Ok(());
+        )));
     }
     match std::fs::read(&place) {
         Ok(old) if !replace::may(&old, new) => Err(Refusal::new(format!(

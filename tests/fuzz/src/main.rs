@@ -75,12 +75,13 @@ fn run(root: &Path, scratch: &Path, count: u64, seed: u64, only: Option<&str>, o
         let begin = Instant::now();
         let threads = std::thread::available_parallelism().map_or(1, |count| count.get() as u64);
         let done = AtomicU64::new(0);
+        let clocks: Vec<Mutex<Option<(u64, Instant)>>> = (0..threads).map(|_| Mutex::new(None)).collect();
         let found = std::thread::scope(|scope| {
             let workers: Vec<_> = (0..threads)
-                .map(|thread| {
-                    let now: &'static Mutex<Option<(u64, Instant)>> = Box::leak(Box::new(Mutex::new(None)));
+                .zip(&clocks)
+                .map(|(thread, now)| {
                     let (ground, done) = (&ground, &done);
-                    let worker = scope.spawn(move || {
+                    scope.spawn(move || {
                         let numbers: Box<dyn Iterator<Item = u64>> = match one {
                             Some(number) => Box::new(std::iter::once(number).filter(move |_| thread == 0)),
                             None => Box::new((0..share).filter(move |number| number % threads == thread)),
@@ -88,13 +89,12 @@ fn run(root: &Path, scratch: &Path, count: u64, seed: u64, only: Option<&str>, o
                         let found = feed(subject, ground, seed, numbers, now);
                         done.fetch_add(1, Ordering::Relaxed);
                         found
-                    });
-                    (worker, now)
+                    })
                 })
                 .collect();
-            while done.load(Ordering::Relaxed) < threads && !workers.iter().all(|(worker, _)| worker.is_finished()) {
+            while done.load(Ordering::Relaxed) < threads && !workers.iter().all(|worker| worker.is_finished()) {
                 std::thread::sleep(Duration::from_millis(5));
-                for (_, now) in &workers {
+                for now in &clocks {
                     if let Some((number, since)) = *now.lock().expect("no panic here")
                         && since.elapsed() > PATIENCE
                     {
@@ -105,7 +105,7 @@ fn run(root: &Path, scratch: &Path, count: u64, seed: u64, only: Option<&str>, o
                     }
                 }
             }
-            workers.into_iter().flat_map(|(worker, _)| worker.join().expect("panics are caught inside")).collect::<Vec<_>>()
+            workers.into_iter().flat_map(|worker| worker.join().expect("panics are caught inside")).collect::<Vec<_>>()
         });
         println!(
             "{:10} {:>9} inputs from {:>3} texts, {:>3} panics, {:.1} s",
