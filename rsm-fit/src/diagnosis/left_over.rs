@@ -31,6 +31,18 @@ const MOST_PAIRED: usize = 3000;
 /// Fewer distinct values than this are levels, not an axis along which something bends.
 const LEAST_DISTINCT: usize = 6;
 
+/// Waves up to this order: sixty-four teeth or turns over the range of an input.
+const HIGHEST_WAVE: usize = 64;
+
+/// The highest order of powers that are asked of a residual.
+const HIGHEST_BEND: usize = 5;
+
+/// And how many of them: all up to the fifth order of three inputs.
+const MOST_BENDS: usize = 55;
+
+/// A column whose part beyond the known ones is less than this a row holds rounding and nothing else.
+const LEAST_NEW: f64 = 1e-6;
+
 /// Pairs of places among the rows kept that are near each other.
 type Pairs = Vec<(usize, usize)>;
 
@@ -54,6 +66,11 @@ pub fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
     if found.noise.rho.is_none() {
         tests.extend(replicates(sample, found, &kept, dot(&left, &left), basis.len()));
     }
+    // Errors that follow each other in the run order may be a part of the surface that the runs pass through in order: they are noise only where nothing predicts them. And teeth that are
+    // narrower than the reach of neighbours are seen by their own wave alone.
+    let predicted = |column: &[f64]| without(space.whitened(column));
+    tests.extend(waves(sample, &kept, &left, basis.len(), &predicted));
+    tests.extend(bends(sample, &left, basis.len(), &predicted));
     tests.extend(outliers_together(sample, found));
     let form =
         |pairs: &Pairs, u: &[f64]| pairs.iter().map(|(i, j)| u[*i] * u[*j]).sum::<f64>() / dot(u, u).max(f64::MIN_POSITIVE);
@@ -72,6 +89,76 @@ pub fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
         tests.push(Test { what, ln_p });
     }
     tests
+}
+
+/// Waves of every order over each input and each further column: the one that predicts most, with Bonferroni's share for all that were tried.
+fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) -> Vec<f64>) -> Option<Test> {
+    let coded = (0..sample.inputs.len()).map(|input| (sample.inputs[input].name.clone(), sample.coded(input)));
+    let extras = sample.extras.iter().filter(|it| !it.clock).filter_map(|it| Some((it.name.clone(), it.values.clone()?)));
+    let mut best: Option<(f64, String)> = None;
+    let mut tried = 0;
+    for (name, column) in coded.chain(extras) {
+        let mut distinct: Vec<f64> = kept.iter().map(|row| column[*row]).collect();
+        distinct.sort_by(f64::total_cmp);
+        distinct.dedup();
+        let (Some(low), Some(high)) = (distinct.first(), distinct.last()) else { continue };
+        if distinct.len() < LEAST_DISTINCT {
+            continue;
+        }
+        // Two values a wave are the fewest that show it.
+        for order in 1..=(distinct.len() / 2).min(HIGHEST_WAVE) {
+            let turns = |x: f64| std::f64::consts::TAU * order as f64 * (x - low) / (high - low);
+            let pair = [f64::cos, f64::sin].map(|of| predicted(&column.iter().map(|x| of(turns(*x))).collect::<Vec<_>>()));
+            let Some(ln_p) = ln_p_of(left, rank, &pair) else { continue };
+            tried += 1;
+            if best.as_ref().is_none_or(|it| ln_p < it.0) {
+                best = Some((ln_p, format!("a wave of order {order} over the range of {name}")));
+            }
+        }
+    }
+    let (ln_p, what) = best?;
+    Some(Test { what, ln_p: (ln_p + f64::from(tried).ln()).min(0.0) })
+}
+
+/// Powers of the inputs, all up to the second order, up to the third and so on: what a surface of too low an order lacks. Of these the one that predicts most, with Bonferroni's share.
+fn bends(sample: &Sample, left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) -> Vec<f64>) -> Option<Test> {
+    let coded: Vec<Vec<f64>> = (0..sample.inputs.len()).map(|input| sample.coded(input)).collect();
+    // The monomials of one degree, each with its last input, so that none comes twice.
+    let mut degree: Vec<(Vec<f64>, usize)> = vec![(vec![1.0; sample.rows()], 0)];
+    let mut new: Vec<Vec<f64>> = Vec::new();
+    let mut best: Option<(f64, usize)> = None;
+    let mut tried = 0;
+    for order in 1..=HIGHEST_BEND {
+        let next = degree.iter().flat_map(|(values, from)| {
+            let further = coded.iter().enumerate().skip(*from);
+            further.map(move |(input, column)| (values.iter().zip(column).map(|(a, b)| a * b).collect(), input))
+        });
+        degree = next.collect();
+        if new.len() + degree.len() > MOST_BENDS {
+            break;
+        }
+        new.extend(degree.iter().map(|(column, _)| predicted(column)));
+        let Some(ln_p) = ln_p_of(left, rank, &new) else { continue };
+        tried += 1;
+        if best.is_none_or(|it| ln_p < it.0) {
+            best = Some((ln_p, order));
+        }
+    }
+    let (ln_p, order) = best?;
+    Some(Test { what: format!("powers of the inputs up to the order {order}"), ln_p: (ln_p + f64::from(tried).ln()).min(0.0) })
+}
+
+/// The F test of columns that are orthogonal to all that is known: ln of the chance that noise is predicted as well. `None` where they hold nothing new, or too few rows are left.
+fn ln_p_of(left: &[f64], rank: usize, columns: &[Vec<f64>]) -> Option<f64> {
+    // What is left of a column that the known ones make up is rounding.
+    let length = (left.len() as f64).sqrt();
+    let new: Vec<Vec<f64>> = columns.iter().filter(|it| dot(it, it).sqrt() > LEAST_NEW * length).cloned().collect();
+    let basis = orthonormal(&new);
+    let rest = left.len().checked_sub(rank + basis.len()).filter(|rest| *rest > 0 && !basis.is_empty())?;
+    let explained: f64 = basis.iter().map(|direction| dot(direction, left).powi(2)).sum();
+    let unexplained = (dot(left, left) - explained).max(f64::MIN_POSITIVE);
+    let f = (explained / basis.len() as f64) / (unexplained / rest as f64);
+    Some(ln_upper_f(f, basis.len() as f64, rest as f64))
 }
 
 /// Whether outlying runs lie beside each other, off to the same side: then they are a place that the surface misses, not errors of single runs. With n runs and k outliers in arbitrary places, some

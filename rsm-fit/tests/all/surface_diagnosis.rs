@@ -324,3 +324,23 @@ fn magnitudes_without_squares_are_refused() {
     assert!(said.contains("the model gives 1e200"), "{said}");
     assert_eq!(diagnosed(&model("1.5"), &[rows("1.7")]).responses.len(), 1);
 }
+
+/// Runs that pass through an input in order make of whatever the surface lacks errors that follow each other. Those are noise only where nothing predicts them: a wave over the input does here, and in a
+/// drift of the sensor that has nothing to do with it nothing does.
+#[test]
+fn errors_that_follow_each_other_are_structure_where_a_wave_over_an_input_predicts_them() {
+    let swept = |wave: f64, drift: f64| {
+        let (mut csv, mut state, mut slow) = ("a[bar],b[A],y[V]\n".to_string(), 11, 0.0);
+        for k in 0..240 {
+            let (a, b) = (f64::from(k % 120) * 10.0 / 119.0, if k < 120 { -3.0 } else { 3.0 });
+            slow = 0.9 * slow + drift * noise(&mut state);
+            let y = bench(a, b) + wave * (std::f64::consts::TAU * 13.0 * a / 10.0).sin() + slow + 0.1 * noise(&mut state);
+            csv += &format!("{a:?},{b:?},{y:?}\n");
+        }
+        diagnosed(BENCH, &[Source::new("new.csv", csv)])
+    };
+    let teeth = swept(1.0, 0.0);
+    assert_eq!(teeth.verdict, Verdict::Unexplained, "{:?}", labels(&teeth));
+    let slow = swept(0.0, 0.3);
+    assert_eq!((slow.verdict, labels(&slow)), (Verdict::Explained, vec!["correlated-errors"]));
+}

@@ -23,7 +23,7 @@ usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] 
        hidden-effects make   --out DIR [the same]      makes the cases only
        hidden-effects verify --rsm PROGRAM --out DIR [--seed N] [--quick]
            compares `rsm simulate` with the plants of this package, an effect a line
-       hidden-effects surfaces --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside] [--case NAME] [--quick]
+       hidden-effects surfaces --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept] [--case NAME] [--quick]
            surfaces against new data with something hidden in them, as many seeds from the first on";
 
 /// What the words say.

@@ -12,10 +12,11 @@ use hidden_effects::surfaces::{Case, FAMILIES, cases};
 use serde_json::Value;
 
 /// Rates that are asked for, in the order of the families. Of three causes at once nothing is asked: a rate of some tens of cases is shown, and scatters by a twentieth.
-const REACH: [f64; 5] = [0.95, 0.95, 0.85, 0.0, 0.90];
+const REACH: [f64; 6] = [0.95, 0.95, 0.85, 0.0, 0.90, 0.90];
 
-/// Cases of a family but the singles in the quick subset.
+/// Cases of a family but the singles in the quick subset; of sweeps each lack once.
 const QUICK: usize = 3;
+const QUICK_SWEPT: usize = 5;
 
 struct Words {
     rsm: PathBuf,
@@ -128,7 +129,8 @@ pub fn run(arguments: impl Iterator<Item = String>) -> Result<bool, String> {
             }
             let all = cases(seed, Some(family));
             // Every cause alone, and the first of each other family: some seconds.
-            let count = if words.quick && family != FAMILIES[0] { QUICK.min(all.len()) } else { all.len() };
+            let quick = if family == "swept" { QUICK_SWEPT } else { QUICK };
+            let count = if words.quick && family != FAMILIES[0] { quick.min(all.len()) } else { all.len() };
             for case in all.into_iter().take(count) {
                 if words.case.as_deref().is_none_or(|wanted| wanted == case.name) {
                     lines.push(one(&words, seed, &case, family)?);

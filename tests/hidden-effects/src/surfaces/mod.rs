@@ -12,8 +12,10 @@ mod draw;
 mod files;
 pub mod judge;
 pub mod polynomial;
+mod swept;
 
 use draw::make;
+use swept::Lack;
 
 use crate::random::Random;
 
@@ -49,7 +51,7 @@ pub enum Hidden {
 }
 
 /// The families of cases.
-pub const FAMILIES: [&str; 5] = ["singles", "nulls", "pairs", "triples", "outside"];
+pub const FAMILIES: [&str; 6] = ["singles", "nulls", "pairs", "triples", "outside", "swept"];
 
 const SINGLES: [(&str, Hidden); 12] = [
     ("missing-term", Hidden::MissingTerm),
@@ -119,6 +121,10 @@ pub fn cases(seed: u64, family: Option<&str>) -> Vec<Case> {
     }
     if wanted("outside") {
         cases.extend((0..6).map(|k| make(seed, &format!("outside-{k}"), &[Hidden::Outside])));
+    }
+    if wanted("swept") {
+        let lacks = [Lack::Teeth, Lack::Order, Lack::Trip, Lack::Nothing, Lack::Noise];
+        cases.extend(lacks.map(|lack| swept::make(seed, &format!("swept-{lack:?}").to_lowercase(), lack)));
     }
     cases
 }
