@@ -30,7 +30,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{check, demo, design, diagnose, emit, eval, experiment, fit, simulate};
+use commands::{check, demo, design, diagnose, emit, eval, experiment, fit, import, simulate};
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
 #[derive(Parser)]
@@ -57,6 +57,8 @@ enum Command {
     Check(check::Arguments),
     /// Emit evaluators as Rust or C
     Emit(emit::Arguments),
+    /// Make one clean record of files of other tools: MAT files, other encodings, jitter, two clocks
+    Import(import::Arguments),
     /// Run a plant, with its effects, along a record
     Simulate(simulate::Arguments),
     /// What a plant's simulation gets wrong, and why: causes, extended plant, gain
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Emit(arguments) => emit::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),

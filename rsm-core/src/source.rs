@@ -38,19 +38,26 @@ impl Source {
     /// One fault that names the file and the reason of the operating system.
     pub fn read(path: &std::path::Path) -> Result<Self, Faults> {
         let name = path.display().to_string();
-        READ.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_path_buf());
-        match std::fs::read(path) {
-            Err(error) => Err(Faults::one(Fault::whole_file(&name, format!("cannot be read: {error}")))),
-            Ok(bytes) => match String::from_utf8(bytes) {
-                Ok(text) => Ok(Source { name, text }),
-                Err(error) => {
-                    let at = error.utf8_error().valid_up_to();
-                    let prefix = String::from_utf8_lossy(&error.as_bytes()[..at]).into_owned();
-                    let source = Source { name, text: prefix };
-                    Err(Faults::one(source.fault(at..at, "a byte that is not UTF-8 text").help("save the file as UTF-8")))
-                }
-            },
+        match String::from_utf8(Self::bytes(path)?) {
+            Ok(text) => Ok(Source { name, text }),
+            Err(error) => {
+                let at = error.utf8_error().valid_up_to();
+                let prefix = String::from_utf8_lossy(&error.as_bytes()[..at]).into_owned();
+                let source = Source { name, text: prefix };
+                let help = "save the file as UTF-8; `rsm import` reads tables in other encodings";
+                Err(Faults::one(source.fault(at..at, "a byte that is not UTF-8 text").help(help)))
+            }
         }
+    }
+
+    /// The bytes of a file that may hold anything.
+    ///
+    /// # Errors
+    /// One fault that names the file and the reason of the operating system.
+    pub fn bytes(path: &std::path::Path) -> Result<Vec<u8>, Faults> {
+        READ.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_path_buf());
+        std::fs::read(path)
+            .map_err(|error| Faults::one(Fault::whole_file(&path.display().to_string(), format!("cannot be read: {error}"))))
     }
 
     /// The name under which messages speak of this file.

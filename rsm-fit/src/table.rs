@@ -232,7 +232,7 @@ impl Reader<'_> {
         let header_line = self.lines.of(&header);
         if header.len() == 1 && header[0].contains([';', '\t']) {
             let fault = self.at_line(header_line, format!("the header is a single cell, `{}`", &header[0]));
-            self.fault(fault.help("separate the cells by commas, with a point in decimals"));
+            self.fault(fault.help("separate the cells by commas, with a point in decimals; `rsm import` does it"));
             return None;
         }
         let columns = self.header(&header, header_line);

@@ -246,7 +246,8 @@ fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Collector) -> (
             format!("a gap: time goes from {} s to {} s, the period is {period} s", pair[0], pair[1])
         } else if (step - period).abs() > JITTER * period {
             let what = format!("jitter: {step} s after the row before, the period is {period} s, 1 % is accepted");
-            faults.push(Fault::at_line(&table.file, table.lines[k + 1], 0, what));
+            let help = "`rsm import` puts it on a steady clock by a stated rule";
+            faults.push(Fault::at_line(&table.file, table.lines[k + 1], 0, what).help(help));
             return (period, breaks);
         } else {
             lasted += step;

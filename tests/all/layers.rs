@@ -30,10 +30,22 @@ const LAWS: &[Law] = &[
     },
     Law { package: "rsm-macros", ours: &["rsm-core"], aside: &[], outside: Some(&["proc-macro2", "quote", "syn"]) },
     Law { package: "rsm-fit", ours: &["rsm-core"], aside: &[], outside: None },
+    // Files of other tools: it knows units and tables, neither plants nor models.
+    Law { package: "rsm-import", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
     Law { package: "rsm-lab", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
     Law {
         package: "rsm-cli",
-        ours: &["rsm-core", "rsm-macros", "rsm-fit", "rsm-lab", "host-loop", "host-runners", "motor-loop", "throttle-loop"],
+        ours: &[
+            "rsm-core",
+            "rsm-macros",
+            "rsm-fit",
+            "rsm-import",
+            "rsm-lab",
+            "host-loop",
+            "host-runners",
+            "motor-loop",
+            "throttle-loop",
+        ],
         aside: &[],
         outside: None,
     },
@@ -69,7 +81,7 @@ const LAWS: &[Law] = &[
     },
     // Judges what rsm-lab says by records that rsm-lab did not make: with one import of ours, an error could stand on both sides.
     Law { package: "hidden-effects", ours: &[], aside: &[], outside: Some(&["serde_json"]) },
-    Law { package: "fuzz", ours: &["rsm-core", "rsm-fit", "rsm-lab"], aside: &[], outside: Some(&[]) },
+    Law { package: "fuzz", ours: &["rsm-core", "rsm-fit", "rsm-import", "rsm-lab"], aside: &[], outside: Some(&[]) },
     // Reads sources as text; it knows none of ours.
     Law {
         package: "mutants",

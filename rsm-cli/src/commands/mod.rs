@@ -8,6 +8,7 @@ pub mod emit;
 pub mod eval;
 pub mod experiment;
 pub mod fit;
+pub mod import;
 pub mod limits;
 pub mod simulate;
 

@@ -6,6 +6,7 @@ mod design;
 mod diagnose;
 mod diagnose_surface;
 mod driveline;
+mod import;
 mod limits;
 mod made_up_runs;
 mod motor;

@@ -41,6 +41,7 @@ const RUNS: &[(&[&str], i32)] = &[
     (&["emit", "motor.toml", "--lang", "c", "--out", "emitted"], 0),
     (&["eval", "motor.toml", "--surface", "weakening_current", "--at", "torque=1,speed=500"], 0),
     (&["simulate", "plant.toml", "--record", "record.csv", "--out", "out.csv"], 0),
+    (&["import", "record.csv", "--out", "imported.csv"], 0),
     (&["check", "fit.toml"], 2),
     (&["diagnose", "none.toml", "--record", "none.csv"], 2),
     (&["--help"], 0),
@@ -77,6 +78,7 @@ const WRITERS: &[(&[&str], &[&str])] = &[
     (&["fit", "fit.toml", "--out"], &["fit.toml", "data.csv"]),
     (&["design", "design.toml", "--out"], &["design.toml"]),
     (&["simulate", "plant.toml", "--record", "record.csv", "--out"], &["plant.toml", "record.csv"]),
+    (&["import", "record.csv", "--plant", "plant.toml", "--out"], &["plant.toml", "record.csv"]),
     (&["experiment", "pmac", "--plan", "bench.csv", "--plant", "plant.toml", "--out"], &["bench.csv", "plant.toml"]),
 ];
 

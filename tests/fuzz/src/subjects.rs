@@ -16,6 +16,7 @@ use rsm_fit::fit::fit;
 use rsm_fit::plan::{DesignSpecification, Plan};
 use rsm_fit::spec::Specification;
 use rsm_fit::table::{Table, Wanted};
+use rsm_import::{File, Wishes};
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::Record;
 use rsm_lab::simulate::Simulator;
@@ -64,6 +65,13 @@ const FIT: &str = "format = 1\nmodel = \"m\"\ndata = [\"dyno.csv\"]\n[inputs.tor
     range = [440.0, 800.0]\n[responses.weakening_current]\nunit = \"A\"\ninputs = [\"torque\", \"speed\"]\noutput_range = [0.0, 60.0]\n\
     select = { method = \"ladder\", max_order = 2, confidence = 90.0 }\n\
     constraints = [{ kind = \"monotone\", input = \"speed\", direction = \"increasing\" }]\nsupport = \"data\"\n";
+
+const LOGS: [&str; 4] = [
+    "Logger 3;;\nZeit [ms];Speed (rpm);Gang\n0,0;10;1\n1,3;11,5;1\n1,9;-;2\n3,1;13;2\n3,9;14;2\n9,0;15;3\n",
+    "t\tx\ns\tm\n0.000\t1\n0.000\t2\n0.001\t3\n0.001\t4\n0.002\t5\n0.002\t5\n0.003\t7\n",
+    "date/time,x[m],x[m]\n31.12.2024 23:59:59.9,1,2\n2025-01-01T00:00:00Z,2,3\n2025/01/01 00:00:00.1,3,4\n",
+    "time[s],speed[rad/s]\n0,1\n1,2\n2,2\n3,1\n",
+];
 
 /// The first rows.
 fn head(text: &str, rows: usize) -> String {
@@ -129,6 +137,7 @@ pub fn all(root: &Path) -> Vec<Subject> {
         },
         Subject { name: "plant", texts: files(root, &plants, "toml", "plant ="), feed: plant },
         Subject { name: "record", texts: files(root, &["rsm-lab/plants", "rsm-lab/tests/cases"], "csv", "time"), feed: record },
+        Subject { name: "import", texts: LOGS.map(String::from).to_vec(), feed: import },
         Subject { name: "new data", texts: vec![DATA.to_string()], feed: new_data },
     ]
 }
@@ -224,5 +233,19 @@ fn new_data(ground: &Ground, text: &str, random: &mut Random) {
         && random.below(50) == 0
     {
         let _ = diagnose(&ground.model, &data, None, &mut |_| {});
+    }
+}
+
+/// A text as a log, and as one of two.
+fn import(_: &Ground, text: &str, random: &mut Random) {
+    let file = |name: &str, text: &str| File { name: name.into(), bytes: text.as_bytes().to_vec() };
+    let wishes = Wishes { period: (random.below(4) == 0).then_some(0.5), ..Wishes::default() };
+    if let Ok(record) = rsm_import::import(&[file("a", text)], &wishes) {
+        assert!(record.columns.iter().all(|column| column.values.len() == record.rows()));
+        let _ = record.csv();
+    }
+    if random.below(20) == 0 {
+        let other: String = (0..80).fold("time[s],speed[rad/s]\n".into(), |all, k| all + &format!("{k},{}\n", k * k % 17));
+        let _ = rsm_import::import(&[file("a", text), file("b", &other)], &wishes);
     }
 }

@@ -1,0 +1,128 @@
+//! `rsm import`: files of other tools made into one clean record.
+//!
+//! In: tables in any usual encoding and separator, MAT files. Out: a CSV with units on one steady clock, whole or absent, and what was done: as comments at its head, in words and as JSON.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use rsm_core::source::{Fault, Faults, Source};
+use rsm_import::{File, Named, Record, Wishes};
+use rsm_lab::plant_file::PlantFile;
+use serde_json::{Value, json};
+
+use crate::outcome::{Answer, Outcome};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// Files of one run: the first gives the clock, further ones are aligned with it
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// A column of the record: NAME=COLUMN, or NAME=COLUMN[unit]; without this option every column of numbers is taken
+    #[arg(long = "column", value_name = "NAME=COLUMN[unit]")]
+    columns: Vec<Named>,
+    /// A column that no file has, such as load_torque=0[N*m] of an unloaded motor
+    #[arg(long = "constant", value_name = "NAME=NUMBER[unit]")]
+    constants: Vec<Named>,
+    /// The column of time, where its name does not say so
+    #[arg(long, value_name = "COLUMN[unit]")]
+    time: Option<String>,
+    /// A column that holds its value until the next sample
+    #[arg(long, value_name = "NAME")]
+    hold: Vec<String>,
+    /// The period of the record, in s [default: the mean one of the first file]
+    #[arg(long, value_name = "SECONDS")]
+    period: Option<f64>,
+    /// A signal that two files have, under its name in each: what their clocks are aligned by
+    #[arg(long, value_name = "FIRST=SECOND")]
+    align: Option<Named>,
+    /// A plant file: the record is refused unless it can be read for this plant
+    #[arg(long)]
+    plant: Option<PathBuf>,
+    /// The CSV that is written
+    #[arg(long)]
+    out: PathBuf,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let mut files = Vec::new();
+    for path in &arguments.files {
+        files.push(File { name: path.display().to_string(), bytes: Source::bytes(path)? });
+    }
+    let wishes = Wishes {
+        columns: arguments.columns.clone(),
+        constants: arguments.constants.clone(),
+        time: arguments.time.clone(),
+        hold: arguments.hold.clone(),
+        period: arguments.period,
+        align: arguments.align.clone(),
+    };
+    let record = rsm_import::import(&files, &wishes)?;
+    let text = record.csv();
+    if let Some(path) = &arguments.plant {
+        let plant = PlantFile::read(&Source::read(path)?)?;
+        let name = arguments.out.display().to_string();
+        rsm_lab::record::Record::read_with_gaps(&Source::new(name, &*text), &plant).map_err(|found| of_import(&found, path))?;
+    }
+    output::write_all(&[(arguments.out.clone(), text.as_bytes())])?;
+    for note in &record.notes {
+        tell!("{note}");
+    }
+    if arguments.json {
+        output::json(&report(&record, &arguments.out))?;
+    } else {
+        tell!(
+            "{}: {} rows of {} columns, {} s apart",
+            arguments.out.display(),
+            record.rows(),
+            record.columns.len(),
+            record.period
+        );
+    }
+    Ok(Answer::Positive)
+}
+
+/// Faults of a record that was not written: no line of it is there to look at.
+fn of_import(found: &Faults, plant: &Path) -> Faults {
+    let first = &found.list()[0];
+    let what = format!("the record cannot be read for this plant: {}", first.what);
+    let fault = Fault::whole_file(&plant.display().to_string(), what);
+    let help = "name the column with --column NAME=COLUMN[unit], or give --constant NAME=NUMBER[unit] (load_torque=0[N*m] of an unloaded motor)";
+    Faults::one(match &first.help {
+        Some(more) => fault.help(format!("{more}; {help}")),
+        None => fault.help(help),
+    })
+}
+
+fn report(record: &Record, out: &Path) -> Value {
+    let columns: Vec<Value> =
+        record.columns.iter().map(|column| json!({ "name": column.name, "unit": column.unit, "from": column.from })).collect();
+    let alignments: Vec<Value> = record
+        .alignments
+        .iter()
+        .map(|it| {
+            json!({
+                "file": it.file,
+                "by": [it.first, it.second],
+                "correlation": it.correlation,
+                "offset": it.offset,
+                "offset_interval": [it.offset - it.offset_half_width, it.offset + it.offset_half_width],
+                "at": it.middle,
+                "rate": it.rate,
+                "rate_interval": [it.rate - it.rate_half_width, it.rate + it.rate_half_width],
+            })
+        })
+        .collect();
+    json!({
+        "rows": record.rows(),
+        "period": record.period,
+        "resampled": record.is_resampled,
+        "columns": columns,
+        "alignments": alignments,
+        "notes": record.notes,
+        "out": out.display().to_string(),
+    })
+}

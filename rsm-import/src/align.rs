@@ -1,0 +1,437 @@
+//! Two clocks made one: the offset and the rate of a second logger, from a signal that both have.
+//!
+//! In: the samples of one signal in both files. Out: t_first = t_second + offset + rate (t_second - middle), each with a 95 % interval; or a sentence that says why
+//! there is none: the signals have nothing in common, or they fit as well somewhere else (a periodic signal).
+//!
+//! Method: normalised cross-correlation over every lag, on cells of averages; then the
+//! instrumental variables estimate of first = bias + gain second(offset, rate), on cells half as wide each time, down to the sampling; the width with the shortest interval counts. Both signals pass the same symmetric
+//! filter, so it shifts neither. The intervals come from the scores of 30 blocks of the residuals (batch means: Law and Kelton, "Simulation Modeling and Analysis"), since
+//! neighbouring residuals are not independent.
+
+use nalgebra::{Matrix4, Vector4};
+
+use crate::resample::Samples;
+
+/// Cells of the longer signal in the search over every lag: 2 * 4096^2 products of pairs, a tenth of a second.
+const CELLS: usize = 4096;
+
+/// The least overlap that is looked at, as a share of the shorter signal.
+const LEAST_OVERLAP: f64 = 0.25;
+
+/// Below this correlation the two columns are not called one signal: three quarters of the variance would be something else.
+const LEAST_CORRELATION: f64 = 0.5;
+
+/// Elsewhere the rest must be larger by this factor, else both places are as good.
+const NEXT_BEST: f64 = 1.1;
+
+/// Blocks of residuals, and Student's t of 95 % for them less the four numbers that are fitted (26 degrees of freedom).
+const BLOCKS: usize = 30;
+const STUDENT: f64 = 2.056;
+
+/// How the clock of a further file runs against that of the first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alignment {
+    /// The further file.
+    pub file: String,
+    /// The column of the first file.
+    pub first: String,
+    /// The column of the further file.
+    pub second: String,
+    /// What is added to its instants in the middle of the overlap, in s.
+    pub offset: f64,
+    /// Half of the 95 % interval of the offset, in s.
+    pub offset_half_width: f64,
+    /// How much faster the first clock counts, as a share (1e-6 is 1 ppm); 0 where its interval holds 0.
+    pub rate: f64,
+    /// Half of the 95 % interval of the rate.
+    pub rate_half_width: f64,
+    /// The instant of the further file at which the offset holds, in s.
+    pub middle: f64,
+    /// The correlation of both signals.
+    pub correlation: f64,
+}
+
+impl Alignment {
+    /// An instant of the further file on the clock of the first, in s.
+    #[must_use]
+    pub fn to_first(&self, instant: f64) -> f64 {
+        instant + self.offset + self.rate * (instant - self.middle)
+    }
+}
+
+/// A signal on cells of equal width.
+struct Cells {
+    start: f64,
+    width: f64,
+    /// NaN where a cell has no sample.
+    values: Vec<f64>,
+}
+
+impl Cells {
+    /// Averages of cells, or where these are as narrow as the sampling, values at their centres.
+    fn of(samples: &Samples, width: f64) -> Cells {
+        let (start, end) = samples.span();
+        let count = ((end - start) / width).floor() as usize + 1;
+        let values = if width < 1.5 * samples.usual() {
+            (0..count).map(|k| samples.at(start + width * k as f64, false)).collect()
+        } else {
+            samples.averages(start - width / 2.0, width, count)
+        };
+        Cells { start, width, values }
+    }
+
+    /// Twice the filter 1/4, 1/2, 1/4: symmetric, so it shifts nothing.
+    fn smooth(mut self) -> Cells {
+        for _ in 0..2 {
+            let old = self.values.clone();
+            for k in 1..old.len().saturating_sub(1) {
+                let mean = 0.25 * (old[k - 1] + old[k + 1]) + 0.5 * old[k];
+                self.values[k] = mean;
+            }
+        }
+        self
+    }
+
+    /// Value and slope at an instant, on the line between two centres.
+    fn at(&self, instant: f64) -> Option<(f64, f64)> {
+        let place = (instant - self.start) / self.width;
+        if !(place >= 0.0) {
+            return None;
+        }
+        let k = place as usize;
+        let (low, high) = (*self.values.get(k)?, *self.values.get(k + 1)?);
+        let value = low + (high - low) * (place - k as f64);
+        value.is_finite().then(|| (value, (high - low) / self.width))
+    }
+}
+
+/// What is fitted.
+#[derive(Clone, Copy)]
+struct Fit {
+    offset: f64,
+    rate: f64,
+    gain: f64,
+    bias: f64,
+}
+
+/// The clock of the second signal against that of the first. Names and file are filled in by the caller.
+pub(crate) fn align(first: &Samples, second: &Samples) -> Result<Alignment, String> {
+    let longer = [first, second].iter().map(|it| it.span().1 - it.span().0).fold(0.0, f64::max);
+    let finest = first.usual().max(second.usual());
+    if !(finest > 0.0) || first.len() < 2 * BLOCKS || second.len() < 2 * BLOCKS {
+        return Err(format!("a clock is aligned by {} samples at least in each file", 2 * BLOCKS));
+    }
+    let mut width = finest.max(longer / CELLS as f64);
+    let found = search(&Cells::of(first, width), &Cells::of(second, width));
+    let Some(found) = found else {
+        return Err("one of them is constant, or they never overlap long enough".to_string());
+    };
+    if found.correlation < LEAST_CORRELATION {
+        return Err(format!(
+            "the two do not show one signal: their correlation is {:.2} at best, {LEAST_CORRELATION} is asked for",
+            found.correlation
+        ));
+    }
+    if 1.0 - found.next.0.powi(2) < NEXT_BEST * (1.0 - found.correlation.powi(2)) && found.next.0 > 0.0 {
+        return Err(format!(
+            "they fit at an offset of {:.4} s (correlation {:.3}) and as well at {:.4} s ({:.3}): take a signal that does not repeat",
+            found.offset, found.correlation, found.next.1, found.next.0
+        ));
+    }
+    // The middle of what overlaps, on the clock of the second.
+    let start = second.span().0.max(first.span().0 - found.offset);
+    let end = second.span().1.min(first.span().1 - found.offset);
+    let middle = (start + end) / 2.0;
+    let mut fit = Fit { offset: found.offset, rate: 0.0, gain: 1.0, bias: 0.0 };
+    let mut best: Option<(Intervals, f64, Fit)> = None;
+    loop {
+        let signals = (Cells::of(first, width).smooth(), Cells::of(second, width).smooth());
+        fit = newton(&signals, fit, middle, true)?;
+        let intervals = intervals(&signals, fit, middle)?;
+        if best.is_none_or(|(found, ..)| intervals.offset < found.offset) {
+            best = Some((intervals, width, fit));
+        }
+        if width <= finest {
+            break;
+        }
+        width = (width / 2.0).max(finest);
+    }
+    let Some((intervals, width, mut fit)) = best else { return Err(TOO_LITTLE.to_string()) };
+    let signals = (Cells::of(first, width).smooth(), Cells::of(second, width).smooth());
+    if fit.rate.abs() <= intervals.rate {
+        fit = newton(&signals, Fit { rate: 0.0, ..fit }, middle, false)?;
+    }
+    let correlation = correlation(&signals, fit, middle);
+    if !(correlation >= LEAST_CORRELATION) {
+        return Err(format!(
+            "they are alike on averages over {:.3} s, and not in detail (correlation {correlation:.2}): take a slower signal",
+            longer / CELLS as f64
+        ));
+    }
+    Ok(Alignment {
+        file: String::new(),
+        first: String::new(),
+        second: String::new(),
+        offset: fit.offset,
+        offset_half_width: intervals.offset,
+        rate: fit.rate,
+        rate_half_width: intervals.rate,
+        middle,
+        correlation,
+    })
+}
+
+struct Found {
+    offset: f64,
+    correlation: f64,
+    /// The best place elsewhere: its correlation and its offset.
+    next: (f64, f64),
+}
+
+/// The lag at which two signals are most alike.
+fn search(first: &Cells, second: &Cells) -> Option<Found> {
+    let centred = |cells: &Cells| -> Vec<(f64, f64)> {
+        let present: Vec<f64> = cells.values.iter().copied().filter(|value| !value.is_nan()).collect();
+        let mean = present.iter().sum::<f64>() / present.len() as f64;
+        cells.values.iter().map(|value| if value.is_nan() { (0.0, 0.0) } else { (value - mean, 1.0) }).collect()
+    };
+    let (one, two) = (centred(first), centred(second));
+    // Filters and standard deviations of a few cells are no evidence; the shorter signal has more than this in any case.
+    let least = (LEAST_OVERLAP * one.len().min(two.len()) as f64).max(16.0) as usize;
+    let mut scores: Vec<(i64, f64)> = Vec::new();
+    for lag in least as i64 - two.len() as i64..=one.len() as i64 - least as i64 {
+        // Cell k of the second lies on cell k + lag of the first.
+        let (from, until) = (lag.max(0) as usize, (two.len() as i64 + lag).min(one.len() as i64) as usize);
+        let (mut n, mut x, mut y, mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        for (a, b) in one[from..until].iter().zip(&two[(from as i64 - lag) as usize..]) {
+            let weight = a.1 * b.1;
+            n += weight;
+            x += weight * a.0;
+            y += weight * b.0;
+            xx += weight * a.0 * a.0;
+            yy += weight * b.0 * b.0;
+            xy += weight * a.0 * b.0;
+        }
+        if n < least as f64 {
+            continue;
+        }
+        let (xx, yy, xy) = (xx - x * x / n, yy - y * y / n, xy - x * y / n);
+        if xx > 0.0 && yy > 0.0 {
+            scores.push((lag, xy / (xx * yy).sqrt()));
+        }
+    }
+    let best = scores.iter().enumerate().max_by(|a, b| a.1.1.total_cmp(&b.1.1)).map(|(k, _)| k)?;
+    // The hill of the best: down on both sides to its foot.
+    let foot = |step: i64| -> usize {
+        let mut k = best as i64;
+        while let Some(next) = usize::try_from(k + step).ok().and_then(|next| scores.get(next)) {
+            // A hill ends in a valley deep enough: noise makes small ones.
+            if next.1 < 0.5 * scores[best].1 {
+                break;
+            }
+            k += step;
+        }
+        k as usize
+    };
+    let (left, right) = (foot(-1), foot(1));
+    let offset = |lag: i64| first.start - second.start + lag as f64 * first.width;
+    let next = scores[..left].iter().chain(&scores[right + 1..]).max_by(|a, b| a.1.total_cmp(&b.1));
+    Some(Found {
+        offset: offset(scores[best].0),
+        correlation: scores[best].1,
+        next: next.map_or((0.0, 0.0), |(lag, score)| (*score, offset(*lag))),
+    })
+}
+
+/// A point at which both signals are: the residual, its derivatives by offset, rate, gain and bias, and its instruments.
+///
+/// An instrument is what stands for a derivative without its noise: the slope of the other signal. Least squares would count the noise of a slope as slope, find
+/// offsets too near to where it began and intervals too short; noise of two loggers is independent, so products of both slopes have none (instrumental variables:
+/// Soderstrom and Stoica, "System Identification", ch. 8).
+struct Point {
+    residual: f64,
+    derivatives: Vector4<f64>,
+    instruments: Vector4<f64>,
+}
+
+fn points(signals: &(Cells, Cells), fit: Fit, middle: f64) -> Vec<Point> {
+    let (first, second) = signals;
+    let mut points = Vec::with_capacity(first.values.len());
+    for (k, three) in first.values.windows(3).enumerate().filter(|(_, three)| three.iter().all(|value| !value.is_nan())) {
+        let since = first.start + first.width * (k + 1) as f64 - middle - fit.offset;
+        let Some((other, slope)) = second.at(middle + since / (1.0 + fit.rate)) else { continue };
+        let by_offset = -fit.gain * slope / (1.0 + fit.rate);
+        let own_slope = (three[2] - three[0]) / (2.0 * first.width);
+        points.push(Point {
+            residual: three[1] - fit.bias - fit.gain * other,
+            derivatives: Vector4::new(by_offset, by_offset * since / (1.0 + fit.rate), other, 1.0),
+            instruments: Vector4::new(-own_slope, -own_slope * since, three[1], 1.0),
+        });
+    }
+    points
+}
+
+/// The matrix of the normal equations, and their right side.
+fn normal(points: &[Point], has_rate: bool) -> (Matrix4<f64>, Vector4<f64>) {
+    let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
+    for point in points {
+        matrix += point.instruments * point.derivatives.transpose();
+        right += point.instruments * point.residual;
+    }
+    if !has_rate {
+        for k in 0..4 {
+            matrix[(1, k)] = f64::from(u8::from(k == 1));
+            matrix[(k, 1)] = matrix[(1, k)];
+        }
+        right[1] = 0.0;
+    }
+    (matrix, right)
+}
+
+const TOO_LITTLE: &str = "what both have in common does not fix the offset: take a signal that moves";
+
+fn newton(signals: &(Cells, Cells), mut fit: Fit, middle: f64, has_rate: bool) -> Result<Fit, String> {
+    // From half a cell away the steps shrink by four each time; 20 are more than any case of the tests takes.
+    for _ in 0..20 {
+        let points = points(signals, fit, middle);
+        if points.len() < 2 * BLOCKS {
+            return Err(TOO_LITTLE.to_string());
+        }
+        let (matrix, right) = normal(&points, has_rate);
+        let step = matrix.try_inverse().ok_or(TOO_LITTLE)? * right;
+        if step.iter().any(|it| !it.is_finite()) {
+            return Err(TOO_LITTLE.to_string());
+        }
+        // No farther than two cells at once: the slopes hold no farther.
+        let most = 2.0 * signals.0.width;
+        let share = (most / step[0].abs()).min(1.0);
+        fit.offset += share * step[0];
+        fit.rate += share * step[1];
+        fit.gain += step[2];
+        fit.bias += step[3];
+        // A thousand times less than a cell is less than any interval below.
+        if step[0].abs() < 1e-4 * signals.0.width {
+            break;
+        }
+    }
+    Ok(fit)
+}
+
+/// Half of the 95 % intervals.
+#[derive(Clone, Copy)]
+struct Intervals {
+    offset: f64,
+    rate: f64,
+}
+
+fn intervals(signals: &(Cells, Cells), fit: Fit, middle: f64) -> Result<Intervals, String> {
+    let points = points(signals, fit, middle);
+    let (matrix, _) = normal(&points, true);
+    let inverse = matrix.try_inverse().ok_or(TOO_LITTLE)?;
+    let mut meat: Matrix4<f64> = Matrix4::zeros();
+    for block in points.chunks(points.len().div_ceil(BLOCKS)) {
+        let score: Vector4<f64> = block.iter().map(|point| point.instruments * point.residual).sum();
+        meat += score * score.transpose();
+    }
+    let blocks = BLOCKS as f64;
+    let covariance = inverse * meat * inverse.transpose() * (blocks / (blocks - 4.0));
+    let half = |k: usize| STUDENT * covariance[(k, k)].max(0.0).sqrt();
+    Ok(Intervals { offset: half(0), rate: half(1) })
+}
+
+fn correlation(signals: &(Cells, Cells), fit: Fit, middle: f64) -> f64 {
+    let points = points(signals, fit, middle);
+    let n = points.len() as f64;
+    let (mut x, mut y, mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for point in &points {
+        let (one, two) = (point.instruments[2], point.derivatives[2]);
+        (x, y) = (x + one, y + two);
+        (xx, yy, xy) = (xx + one * one, yy + two * two, xy + one * two);
+    }
+    (xy - x * y / n) / ((xx - x * x / n) * (yy - y * y / n)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rsm_fit::random::Random;
+
+    /// A sum of waves that does not repeat, with steps; the same for both loggers.
+    struct Signal {
+        waves: Vec<[f64; 3]>,
+        steps: Vec<[f64; 2]>,
+    }
+
+    impl Signal {
+        fn drawn(random: &mut Random, span: f64) -> Signal {
+            let waves = (0..12).map(|_| [0.2 + 3.0 * random.share(), 6.3 * random.share(), random.share()]).collect();
+            let steps = (0..8).map(|_| [span * (1.4 * random.share() - 0.2), 2.0 * random.share() - 1.0]).collect();
+            Signal { waves, steps }
+        }
+
+        fn at(&self, time: f64) -> f64 {
+            let waves: f64 = self.waves.iter().map(|[rate, phase, size]| size * (rate * time + phase).sin()).sum();
+            waves + self.steps.iter().map(|[at, size]| size / (1.0 + (-(time - at) / 0.05).exp())).sum::<f64>()
+        }
+    }
+
+    fn noise(random: &mut Random) -> f64 {
+        // Twelve uniform numbers: near enough to a normal one.
+        (0..12).map(|_| random.share()).sum::<f64>() - 6.0
+    }
+
+    fn logged(signal: &Signal, from: f64, until: f64, step: f64, level: f64, random: &mut Random) -> (Vec<f64>, Vec<f64>) {
+        let count = ((until - from) / step) as usize;
+        let times: Vec<f64> = (0..count).map(|k| from + step * (k as f64 + 0.2 * random.share())).collect();
+        let values = times.iter().map(|time| signal.at(*time) + level * noise(random)).collect();
+        (times, values)
+    }
+
+    /// 200 pairs of loggers drawn from a seed: offsets of minutes, rates of 200 ppm, other sampling, gain and bias, noise.
+    #[test]
+    fn offsets_are_found_and_their_intervals_hold_them() {
+        let mut random = Random::new(20);
+        let (mut held, mut held_rate, mut total, mut worst) = (0, 0, 0, 0.0f64);
+        for case in 0..200 {
+            let span = 20.0 + 60.0 * random.share();
+            let signal = Signal::drawn(&mut random, span);
+            let offset = 400.0 * (random.share() - 0.5);
+            let rate = if case % 2 == 0 { 4e-4 * (random.share() - 0.5) } else { 0.0 };
+            let level = [0.02, 0.1, 0.3][case % 3];
+            let (times, values) = logged(&signal, 0.0, span, 0.01, level, &mut random);
+            let (from, until) = (span * 0.3 * (random.share() - 0.5), span * (1.0 + 0.3 * (random.share() - 0.5)));
+            let (truth, other) = logged(&signal, from, until, 0.004 + 0.02 * random.share(), level, &mut random);
+            // The second clock: first = second + offset + rate (second - start of the second).
+            let second: Vec<f64> = truth.iter().map(|time| (time - offset - rate * offset) / (1.0 + rate)).collect();
+            let other: Vec<f64> = other.iter().map(|value| 3.0 - 2.5 * -value).collect();
+            let found = align(&Samples::of(&times, &values), &Samples::of(&second, &other))
+                .unwrap_or_else(|why| panic!("{case}: {why}"));
+            let expected = offset + rate * offset + rate * found.middle;
+            total += 1;
+            held += usize::from((found.offset - expected).abs() <= found.offset_half_width);
+            held_rate += usize::from((found.rate - rate).abs() <= found.rate_half_width);
+            worst = worst.max(found.offset_half_width);
+        }
+        // Noise of a third of the waves, at 100 rows a second for 20 s: three samples.
+        assert!(worst < 0.03, "{worst}");
+        // 95 % of 200 with a standard deviation of 3: three of them either way.
+        assert!((181..=199).contains(&held) && total == 200, "{held} of {total} offsets within their intervals");
+        assert!((181..=199).contains(&held_rate), "{held_rate} of {total} rates within their intervals");
+    }
+
+    #[test]
+    fn what_repeats_or_has_nothing_in_common_is_refused() {
+        let mut random = Random::new(3);
+        let times: Vec<f64> = (0..4000).map(|k| f64::from(k) * 0.01).collect();
+        let of = |values: Vec<f64>| Samples::of(&times, &values);
+        let mut tone = || of(times.iter().map(|time| (3.0 * time).sin() + 0.01 * noise(&mut random)).collect());
+        let (wave, again) = (tone(), tone());
+        let said = align(&wave, &again).unwrap_err();
+        assert!(said.contains("as well at"), "{said}");
+        let (one, two): (Vec<f64>, Vec<f64>) = (0..4000).map(|_| (noise(&mut random), noise(&mut random))).unzip();
+        let said = align(&of(one), &of(two)).unwrap_err();
+        assert!(said.contains("do not show one signal"), "{said}");
+        assert!(align(&wave, &of(vec![1.0; 4000])).unwrap_err().contains("constant"));
+        assert!(align(&wave, &Samples::of(&times[..20], &times[..20])).unwrap_err().contains("60 samples"));
+    }
+}

@@ -1,0 +1,32 @@
+//! Records of other tools, made into records that `rsm` reads.
+//!
+//! In: the bytes of one file or more (tables in any usual encoding and separator, MAT files) and what the user says of their columns. Out: one table
+//! with units on one steady clock, and in words everything that was done to get there; or every fault. A value that is not interpolated keeps its bits.
+//! Nothing is guessed that changes a number: units, instants and offsets come from the files, from the user, or are named in the words.
+//!
+//! ```
+//! use rsm_import::{File, Wishes, import};
+//!
+//! let log = "Zeit [ms];Drehzahl [U/min]\n0,0;955,0\n1,0;955,5\n2,3;956,0\n3,1;956,5\n";
+//! let file = File { name: "log.csv".into(), bytes: log.as_bytes().to_vec() };
+//! let wishes = Wishes { columns: vec!["speed=Drehzahl".parse().unwrap()], ..Wishes::default() };
+//! let record = import(&[file], &wishes).unwrap();
+//! assert_eq!(record.columns[0].name, "speed");
+//! assert_eq!(record.rows(), 4);
+//! assert!(record.notes.iter().any(|note| note.contains("jitter")));
+//! ```
+
+mod align;
+mod clock;
+mod decode;
+mod log;
+mod mat;
+mod mat73;
+mod record;
+mod resample;
+mod sheet;
+mod wishes;
+
+pub use align::Alignment;
+pub use record::{Column, File, Record, import};
+pub use wishes::{Named, Wishes};

@@ -1,0 +1,4 @@
+//! Files of other tools, read from outside the crate.
+
+mod mat;
+mod two_loggers;
