@@ -3,10 +3,10 @@
 //! In: the samples of one signal in both files. Out: t_first = t_second + offset + rate (t_second - middle), each with a 95 % interval; or a sentence that says why
 //! there is none: the signals have nothing in common, or they fit as well somewhere else (a periodic signal).
 //!
-//! Method: normalised cross-correlation over every lag, on cells of averages; then the
-//! instrumental variables estimate of first = bias + gain second(offset, rate), on cells half as wide each time, down to the sampling; the width with the shortest interval counts. Both signals pass the same symmetric
-//! filter, so it shifts neither. The intervals come from the scores of 30 blocks of the residuals (batch means: Law and Kelton, "Simulation Modeling and Analysis"), since
-//! neighbouring residuals are not independent.
+//! Method: normalised cross-correlation over every lag, on cells of averages; then the instrumental variables estimate of first = bias + gain second(offset, rate), on
+//! cells half as wide each time, down to the sampling; the width with the shortest interval counts. Both signals pass the same symmetric filter, so it shifts
+//! neither. The intervals come from the scores of 30 blocks of the residuals (batch means: Law and Kelton, "Simulation Modeling and Analysis"), since neighbouring
+//! residuals are not independent.
 
 use nalgebra::{Matrix4, Vector4};
 
@@ -95,7 +95,8 @@ impl Cells {
     /// Value and slope at an instant, on the line between two centres.
     fn at(&self, instant: f64) -> Option<(f64, f64)> {
         let place = (instant - self.start) / self.width;
-        if !(place >= 0.0) {
+        // Before the start, or NaN.
+        if place.is_nan() || place < 0.0 {
             return None;
         }
         let k = place as usize;
@@ -118,7 +119,7 @@ struct Fit {
 pub(crate) fn align(first: &Samples, second: &Samples) -> Result<Alignment, String> {
     let longer = [first, second].iter().map(|it| it.span().1 - it.span().0).fold(0.0, f64::max);
     let finest = first.usual().max(second.usual());
-    if !(finest > 0.0) || first.len() < 2 * BLOCKS || second.len() < 2 * BLOCKS {
+    if finest <= 0.0 || first.len() < 2 * BLOCKS || second.len() < 2 * BLOCKS {
         return Err(format!("a clock is aligned by {} samples at least in each file", 2 * BLOCKS));
     }
     let mut width = finest.max(longer / CELLS as f64);
@@ -162,7 +163,7 @@ pub(crate) fn align(first: &Samples, second: &Samples) -> Result<Alignment, Stri
         fit = newton(&signals, Fit { rate: 0.0, ..fit }, middle, false)?;
     }
     let correlation = correlation(&signals, fit, middle);
-    if !(correlation >= LEAST_CORRELATION) {
+    if correlation.is_nan() || correlation < LEAST_CORRELATION {
         return Err(format!(
             "they are alike on averages over {:.3} s, and not in detail (correlation {correlation:.2}): take a slower signal",
             longer / CELLS as f64

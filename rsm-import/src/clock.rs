@@ -145,8 +145,11 @@ impl Clock {
     }
 }
 
+/// A row at which time goes back, from and to which instant.
+type Back = (usize, f64, f64);
+
 /// Rows whose instants do not go back, and where the others went back.
-fn increasing(present: &[usize], times: &[f64]) -> (Vec<usize>, Vec<f64>, Vec<(usize, f64, f64)>) {
+fn increasing(present: &[usize], times: &[f64]) -> (Vec<usize>, Vec<f64>, Vec<Back>) {
     let (mut rows, mut kept, mut back) = (Vec::new(), Vec::new(), Vec::new());
     let mut latest = f64::NEG_INFINITY;
     for (row, time) in present.iter().zip(times) {
@@ -197,7 +200,7 @@ fn rounded(times: &[f64]) -> Option<(f64, Vec<f64>)> {
         }
     }
     let period = product / square;
-    if !(period > 0.0) {
+    if period.is_nan() || period <= 0.0 {
         return None;
     }
     for piece in pieces {

@@ -134,7 +134,7 @@ impl Found {
             Value::Numbers { rows, values } => columns(name, rows, &values, &mut self.columns),
             Value::Text(_) => {}
             Value::Other(what) => {
-                self.notes.push(format!("`{name}` is {what} and is not read; save its time and its data as arrays"))
+                self.notes.push(format!("`{name}` is {what} and is not read; save its time and its data as arrays"));
             }
             Value::Fields(fields) => {
                 let label = fields.iter().find_map(|(field, value)| match value {

@@ -325,7 +325,12 @@ fn alignment(first: &Timed, second: &Timed, wishes: &Wishes) -> Result<Alignment
     for (one, two) in &pairs {
         match align(&samples(first, one), &samples(second, two)) {
             Ok(it) => {
-                found.push(Alignment { file: second.log.file.clone(), first: one.name.clone(), second: two.name.clone(), ..it })
+                found.push(Alignment {
+                    file: second.log.file.clone(),
+                    first: one.name.clone(),
+                    second: two.name.clone(),
+                    ..it
+                });
             }
             Err(what) => why.push(format!("`{}` and `{}`: {what}", one.name, two.name)),
         }

@@ -83,7 +83,7 @@ fn one_logger_with_every_untidiness() {
         }
     }
     let latin = File { name: "p.csv".into(), bytes: text.chars().map(|sign| sign as u8).collect() };
-    let record = import(&[latin.clone()], &Wishes::default()).unwrap();
+    let record = import(std::slice::from_ref(&latin), &Wishes::default()).unwrap();
     let all = record.notes.join("\n");
     for word in [
         "Latin-1",
@@ -113,10 +113,10 @@ fn one_logger_with_every_untidiness() {
     );
     // A period that is wished, and one that makes no sense.
     let wishes = Wishes { period: Some(0.05), ..Wishes::default() };
-    assert_eq!(import(&[latin.clone()], &wishes).unwrap().period, 0.05);
+    assert_eq!(import(std::slice::from_ref(&latin), &wishes).unwrap().period, 0.05);
     for period in [0.0, -1.0, f64::NAN, 1e-9] {
         let wishes = Wishes { period: Some(period), ..Wishes::default() };
-        assert!(import(&[latin.clone()], &wishes).unwrap_err().to_string().contains("a period of"), "{period}");
+        assert!(import(std::slice::from_ref(&latin), &wishes).unwrap_err().to_string().contains("a period of"), "{period}");
     }
 }
 
