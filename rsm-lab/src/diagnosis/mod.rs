@@ -27,6 +27,7 @@ pub mod finish;
 mod friction;
 pub mod hypotheses;
 pub mod kernel;
+pub mod known_loop;
 pub mod levenberg;
 pub mod model;
 pub mod noise;
@@ -36,6 +37,7 @@ pub mod octaves;
 pub mod orders;
 pub mod plausible;
 pub mod portrait;
+pub mod predicted;
 pub mod profile;
 pub mod quantities;
 pub mod random;
@@ -65,7 +67,7 @@ use rounding::Rounding;
 use selection::{Effort, Search};
 
 use crate::kind::PlantKind;
-use crate::plant_file::PlantFile;
+use crate::plant_file::{Entry, PlantFile};
 use crate::record::Record;
 pub use verdict::{Alias, Cause, Diagnosis, Interval, Verdict};
 
@@ -196,7 +198,18 @@ pub fn diagnose_and_test(
     kernel.pace = kernel.pace.beside(run, rows);
     unseen.pace = kernel.pace.clone();
     let effort = Effort::within(MOST_RUNS * run);
-    let own = if rounded.is_empty() {
+    // A law that is known says which sensor is off before friction and mass are asked.
+    let known_loop = known_loop::look(&kernel.records, file);
+    let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
+    let mut seed = seeded(&kernel, &nominal, &calibrated, &entries);
+    if let (Some(fit), true) = (&seed, rounded.is_empty()) {
+        (options.progress)("a sensor is off by the law of the loop");
+        kernel.floors = floors(&kernel, fit, file);
+        unseen.floors = kernel.floors;
+        calibrated = levenberg::fit(&kernel, calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
+        seed = seeded(&kernel, &nominal, &calibrated, &entries);
+    }
+    let own = if rounded.is_empty() && seed.is_none() {
         configurations::apart(&kernel, &unseen, &nominal, &|kernel, fit| floors(kernel, fit, file))
     } else {
         None
@@ -231,7 +244,7 @@ pub fn diagnose_and_test(
             effort,
             progress: options.progress,
         };
-        let found = search.run(start.clone());
+        let found = search.run_from(start.clone(), seed.clone());
         let floors = with_rounding(&kernel, &found.fit, floors(&kernel, &found.fit, file), &rounded);
         let moved = floors
             .iter()
@@ -248,6 +261,7 @@ pub fn diagnose_and_test(
             Some(fit) => start = fit,
             None => break,
         }
+        seed = seed.and_then(|it| levenberg::fit(&kernel, it.model, 4));
     }
     let mut selection = selection.ok_or(Refused::CannotSimulate)?;
     selection.fit = finish::finish(&mut kernel, selection.fit, |kernel, fit| {
@@ -256,9 +270,21 @@ pub fn diagnose_and_test(
     unseen.floors = kernel.floors;
     let fit = selection.fit.clone();
     let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
+    found.known_loop = known_loop;
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
     found.tested = tested::tested(file, test, kernel.floors, options.threads, &nominal, &fit.model);
     Ok(found)
+}
+
+/// The plant with causes that are known before a search, fitted; `None` where there are none, or where the calibrated plant does as well without them.
+fn seeded(kernel: &Kernel, nominal: &Model, calibrated: &Fit, entries: &[Entry]) -> Option<Fit> {
+    if entries.is_empty() {
+        return None;
+    }
+    let from =
+        [nominal, &calibrated.model].map(|model| levenberg::fit(kernel, model.with_effects(nominal, entries.to_vec()), 8));
+    let best = from.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    (best.cost < calibrated.cost - worth::least(calibrated.cost, kernel.rows())).then_some(best)
 }
 
 /// The answer where one record alone is wrong: the others are a null, and its causes are its own.

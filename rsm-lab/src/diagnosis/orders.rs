@@ -57,11 +57,12 @@ pub struct Orders {
 }
 
 /// Motion along one coordinate.
-struct Way {
+pub(super) struct Way {
     of: &'static str,
     /// Turns or metres, of each row of each record.
-    at: Vec<Vec<f64>>,
-    order: Vec<f64>,
+    pub(super) at: Vec<Vec<f64>>,
+    /// Orders that are asked: waves a turn, or waves a metre.
+    pub(super) order: Vec<f64>,
     /// Pieces: record, rows.
     pieces: Vec<(usize, Range<usize>)>,
     apart: usize,
@@ -80,7 +81,8 @@ pub fn orders(kernel: &Kernel, model: &Model, before: &[Simulated], after: &[Sim
     list
 }
 
-fn ways(kernel: &Kernel, model: &Model, simulated: &[Simulated]) -> Vec<Way> {
+/// All coordinates along which the plant moves in these records.
+pub(super) fn ways(kernel: &Kernel, model: &Model, simulated: &[Simulated]) -> Vec<Way> {
     let turns = |rate: &dyn Fn(usize) -> Option<Vec<f64>>| -> Option<Vec<Vec<f64>>> {
         (0..kernel.records.len())
             .map(|record| {
@@ -122,6 +124,16 @@ fn ways(kernel: &Kernel, model: &Model, simulated: &[Simulated]) -> Vec<Way> {
         }
     }
     list
+}
+
+impl Way {
+    /// What an order is over, in words.
+    pub(super) fn words(&self) -> String {
+        match self.of {
+            "position" => "a metre of the position".to_string(),
+            of => format!("a turn of the {of} angle"),
+        }
+    }
 }
 
 /// Pieces of whole turns in one direction; orders in halves.

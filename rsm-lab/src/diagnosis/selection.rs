@@ -244,6 +244,12 @@ impl Search<'_> {
     /// From the calibrated plant to causes.
     #[must_use]
     pub fn run(&self, calibrated: Fit) -> Selection {
+        self.run_from(calibrated, None)
+    }
+
+    /// The same, from causes that are known beforehand and fitted: they are exchanged and left out as all others.
+    #[must_use]
+    pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
         (self.progress)("screening the catalogue");
         let mut screened = screen(self.kernel, &calibrated, self.nominal, self.hypotheses);
         let worth = WORTH * calibrated.residual.len() as f64;
@@ -257,10 +263,12 @@ impl Search<'_> {
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
         let mut path = Path::until(self.kernel.pace.taken() + self.effort.steps, self.effort.steps_for_rivals);
-        path.visit(labels(&calibrated.model));
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
-        let mut stages = self.grown(calibrated.clone(), Some(screened), threshold, &mut competed, &mut remaining, &mut path);
-        let mut fit = stages.last().cloned().unwrap_or_else(|| calibrated.clone());
+        let first = seed.as_ref().map_or(Some(screened), |_| None);
+        let begin = seed.unwrap_or_else(|| calibrated.clone());
+        path.visit(labels(&begin.model));
+        let mut stages = self.grown(begin.clone(), first, threshold, &mut competed, &mut remaining, &mut path);
+        let mut fit = stages.last().cloned().unwrap_or(begin);
         let alone = fit.model.file.effects.len() <= 1 && self.leaves_noise(&fit, threshold);
         let most = if alone { count(&fit.model) } else { usize::MAX };
         if most > 2 {

@@ -8,10 +8,12 @@ use super::confidence::{self, Case};
 use super::experiment::NextExperiment;
 use super::hypotheses::generalises;
 use super::kernel::Kernel;
+use super::known_loop::KnownLoop;
 use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::noise::Floor;
 use super::portrait::{self, Compared, Portrait, Witness};
+use super::predicted::{self, Predicted};
 use super::selection::{Believed, Limit, Selection};
 use super::steps::{self, Step};
 use super::tested::Tested;
@@ -162,6 +164,10 @@ pub struct Diagnosis {
     pub left: Left,
     /// And on validation records, where there are any.
     pub left_unseen: Option<Left>,
+    /// What the law of a known loop says of its sensors.
+    pub known_loop: Option<KnownLoop>,
+    /// What predicts a part of what is left, on the records where it predicts more.
+    pub predicted: Option<Predicted>,
     /// Rivals that leave the same trace, the strongest of the strongest cause first.
     pub aliases: Vec<Alias>,
     /// The record that would tell them apart, or look where an error has no cause.
@@ -209,13 +215,17 @@ pub fn conclude(
     // On unseen records the numbers of the plant may move as far as they are unsure.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
     let moved = moved.and_then(|after| validation::within(unseen, &fit.model, &veto::deviations(&fit), after));
-    let left_unseen = moved.map(|moved| left_there(unseen, moved));
+    let there = moved.map(|moved| by_own_noise(unseen, moved));
+    let left_unseen = there.as_ref().map(|(there, fit)| whiteness::look(there, fit));
+    let predicts = there.iter().filter_map(|(there, fit)| predicted::look(there, fit)).chain(predicted::look(kernel, &fit));
+    let predicted = predicts.max_by(|a, b| a.excess.total_cmp(&b.excess));
     // What the calibrated plant gets wrong, a row.
     let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
     let told = |floor: &Floor| floor.rounding.is_some() && floor.correlation == 0.0;
     let told = rounded.iter().all(|(output, _)| told(&kernel.floors[*output]));
     let of_rounding = if told { 0.0 } else { OF_ROUNDING };
     let most_left = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess));
+    let most_left = most_left.max(predicted.as_ref().map_or(0.0, |it| it.excess));
     let beyond = most_left > allowed(of_rounding, wrong);
     let gone = 1.0 - most_left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
     let practical = (beyond && !believed.is_empty() && most_left < FOR_PRACTICE && gone > NEARLY_ALL)
@@ -300,6 +310,8 @@ pub fn conclude(
         stopped,
         left,
         left_unseen,
+        known_loop: None,
+        predicted,
         aliases: aliases.into_iter().map(|it| it.1).collect(),
         next: None,
         portrait,
@@ -307,9 +319,15 @@ pub fn conclude(
     }
 }
 
-/// What is left on unseen records, by the noise that they have themselves: its level is known from the others to a per cent, and a day's is not that of the next.
-/// Far more of it is none, and records that are too short to show theirs have that of the others.
+/// What is left on unseen records, by the noise that they have themselves.
 pub(super) fn left_there(unseen: &Kernel, moved: Fit) -> Left {
+    let (there, fit) = by_own_noise(unseen, moved);
+    whiteness::look(&there, &fit)
+}
+
+/// Unseen records with the noise that they have themselves, and a fit by it: its level is known from the others to a per cent, and a day's is not that of the next.
+/// Far more of it is none, and records that are too short to show theirs have that of the others.
+fn by_own_noise(unseen: &Kernel, moved: Fit) -> (Kernel, Fit) {
     let mut there = unseen.clone();
     for (floor, shown) in there.floors.iter_mut().zip(super::shown(unseen, &moved.simulated)) {
         if let Some(own) = shown.floor.filter(|own| floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd) {
@@ -317,7 +335,7 @@ pub(super) fn left_there(unseen: &Kernel, moved: Fit) -> Left {
         }
     }
     let residual = there.residual(&moved.simulated);
-    whiteness::look(&there, &Fit { residual, ..moved })
+    (there, Fit { residual, ..moved })
 }
 
 /// The energy beyond the noise that may be left, over that of the noise, where the calibrated plant had so much a row.

@@ -377,7 +377,7 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
                 let noise = random.noise(nominal.rows, nominal.noise[output], colours[output]);
                 column.iter_mut().zip(noise).for_each(|(value, noise)| *value += noise);
             }
-            outside::on_readings(truth, &mut noisy);
+            outside::on_readings(truth, &exact, &mut noisy);
             // A coarse sensor rounds what it reads, noise and all.
             plant::quantise(truth, &mut noisy);
             Run { noisy, exact, left_out: 0..0 }

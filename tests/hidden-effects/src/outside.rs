@@ -8,11 +8,12 @@ use crate::plant::{Effect, Kind, Record, Truth};
 use crate::random::Random;
 
 /// All, with the plant on which they stand.
-pub const ALL: [(Kind, &str); 12] = [
+pub const ALL: [(Kind, &str); 13] = [
     (Kind::Motor, "phase-unbalance"),
     (Kind::Motor, "bus-sag"),
     (Kind::Motor, "slipping-flywheel"),
     (Kind::Motor, "emi-bursts"),
+    (Kind::Motor, "pole-wheel"),
     (Kind::Car, "mount-resonance"),
     (Kind::Car, "tyre-burst"),
     (Kind::Car, "rolling-hills"),
@@ -44,6 +45,11 @@ pub fn disturbance(name: &str, nominal: &Nominal, random: &mut Random) -> Effect
                 ("every", random.uniform(0.05, 0.2)),
             ];
             Effect::new("emi-bursts", &values)
+        }
+        // A speed sensor whose wheel has teeth of uneven pitch: a wave of the rotor's angle in its readings, half to one and a half times the noise, of an order that no winding has.
+        "pole-wheel" => {
+            let amplitude = nominal.noise[2] * random.uniform(0.45, 1.5);
+            Effect::new("pole-wheel", &[("amplitude", amplitude), ("order", random.whole(5, 40) as f64 + 0.5)])
         }
         // An accelerometer on a soft bracket.
         "mount-resonance" => Effect::new(
@@ -89,18 +95,33 @@ fn interference(truth: &Truth) -> Option<(f64, f64, f64)> {
 /// The share of the time in which it bursts.
 const BURSTING: f64 = 0.4;
 
-/// What comes in between plant and record: interference on `i_q`.
-pub fn on_readings(truth: &Truth, record: &mut Record) {
-    let Some((amplitude, frequency, every)) = interference(truth) else { return };
-    for (row, value) in record.outputs[1].iter_mut().enumerate() {
-        let time = row as f64 * record.period;
-        if time % every < BURSTING * every {
-            *value += amplitude * (std::f64::consts::TAU * frequency * time).sin();
+/// An uneven wheel: (amplitude, order).
+fn wheel(truth: &Truth) -> Option<(f64, f64)> {
+    let of = |name| truth.effect("pole-wheel", name);
+    Some((of("amplitude")?, of("order")?))
+}
+
+/// What comes in between plant and record: interference on `i_q`, the wheel of the speed sensor. `exact` is what no sensor has read yet.
+pub fn on_readings(truth: &Truth, exact: &Record, record: &mut Record) {
+    if let Some((amplitude, frequency, every)) = interference(truth) {
+        for (row, value) in record.outputs[1].iter_mut().enumerate() {
+            let time = row as f64 * record.period;
+            if time % every < BURSTING * every {
+                *value += amplitude * (std::f64::consts::TAU * frequency * time).sin();
+            }
+        }
+    }
+    if let Some((amplitude, order)) = wheel(truth) {
+        let mut angle = 0.0;
+        for (value, speed) in record.outputs[2].iter_mut().zip(&exact.outputs[2]) {
+            *value += amplitude * (order * angle).sin();
+            angle += speed * record.period;
         }
     }
 }
 
 /// Root mean square of that over the noise.
 pub fn signal_on_readings(truth: &Truth, nominal: &Nominal) -> f64 {
-    interference(truth).map_or(0.0, |(amplitude, ..)| amplitude * (0.5 * BURSTING).sqrt() / nominal.noise[1])
+    let bursts = interference(truth).map_or(0.0, |(amplitude, ..)| amplitude * (0.5 * BURSTING).sqrt() / nominal.noise[1]);
+    bursts.max(wheel(truth).map_or(0.0, |(amplitude, _)| amplitude * 0.5_f64.sqrt() / nominal.noise[2]))
 }

@@ -289,6 +289,18 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "stopped": found.stopped.map(|limit| limit.to_string()),
         "structure_left": found.left.excess,
         "structure_left_unseen": found.left_unseen.as_ref().map(|it| it.excess),
+        "known_loop": found.known_loop.as_ref().map(|it| {
+            let gain = |known: &diagnosis::known_loop::Known| {
+                json!({ "value": output::finite(known.value), "low": output::finite(known.low), "high": output::finite(known.high) })
+            };
+            json!({
+                "position_gain": gain(&it.position), "command_gain": gain(&it.command), "position_late_rows": it.late,
+                "rms_stated": output::finite(it.stated), "rms_left": output::finite(it.left),
+            })
+        }),
+        "predicted_by": found.predicted.as_ref().map(|it| json!({
+            "output": kind.outputs()[it.output].name, "what": it.what, "excess": output::finite(it.excess), "ln_p": output::finite(it.ln_p),
+        })),
         "ranking": ranking,
         "next_experiment": next::sentence(found),
         "experiment": next::value(found),

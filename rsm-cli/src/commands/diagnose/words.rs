@@ -89,6 +89,15 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
         Verdict::Unexplained => {
             let looks = telling(&found.portrait.after, 1);
             let looks = looks.first().map_or(String::new(), |it| format!(" Most telling: {}.", place(kind, it)));
+            let predicted = found.predicted.as_ref().map_or(String::new(), |it| {
+                let output = kind.outputs()[it.output].name;
+                format!(
+                    " What is left of {output} is predicted by {}: {:.2} % of the noise's energy.",
+                    it.what,
+                    100.0 * it.excess
+                )
+            });
+            let looks = format!("{looks}{predicted}");
             let stopped = found.stopped.map_or(String::new(), |limit| format!(" The search stopped {limit}."));
             let helpers = and(&found.helpers.iter().map(label).collect::<Vec<_>>());
             let (some, one) = (found.helpers.len() + found.causes.len(), found.helpers.len() == 1);
@@ -151,7 +160,8 @@ pub fn place(kind: PlantKind, region: &Region) -> String {
 /// What is left over the noise, as root mean squares.
 pub fn times(found: &Diagnosis) -> f64 {
     let unseen = found.left_unseen.as_ref().map_or(0.0, |it| it.excess);
-    (1.0 + found.left.excess.max(unseen).max(0.0)).sqrt()
+    let predicted = found.predicted.as_ref().map_or(0.0, |it| it.excess);
+    (1.0 + found.left.excess.max(unseen).max(predicted).max(0.0)).sqrt()
 }
 
 /// What the plant file said of what a cause changes.
