@@ -21,7 +21,7 @@ pub struct Case<'a> {
 }
 
 /// How often a cause is right that has neither chance nor rivals against it, where the causes leave noise. Hidden effects of seeds 211 to 213 (2500 rows): 99 of 100; with one of either kind still to come, as in Laplace's rule.
-const EXPLAINED: f64 = 100.0 / 102.0;
+pub const EXPLAINED: f64 = 100.0 / 102.0;
 
 /// The weight of "none of these" where structure is left, for a cause that removes half of it: something is at work that is not in the catalogue, and the nearest cause of the catalogue helps
 /// against it. Of the same seeds 48 of 49 were such, and 1 was right. A cause that is right and stands beside something small removes nearly all, and an unknown of which the nearest trace

@@ -96,7 +96,21 @@ impl KnownLoop {
         })
         .collect()
     }
+
+    /// Whether the law alone says what an entry does: then the entry needs no plant, and no rival of the plant speaks against it.
+    #[must_use]
+    pub fn says(&self, file: &PlantFile, entry: &Entry) -> bool {
+        let same =
+            |it: &Entry| it.description.kind == entry.description.kind && it.arguments.subject == entry.arguments.subject;
+        let off = |it: &Entry| it.arguments.optional("gain").map(|gain| gain - 1.0);
+        let known = self.entries(file).into_iter().find(same);
+        let both = known.as_ref().and_then(off).zip(off(entry));
+        both.is_some_and(|(known, found)| (found - known).abs() < AGREES * known.abs())
+    }
 }
+
+/// How far the gain of a search may lie from that of the law, in shares of what is off: a search bends it by what it does not know.
+const AGREES: f64 = 0.2;
 
 /// A row of the regression: what is said, and by what.
 #[derive(Debug, Clone, Copy)]
@@ -294,6 +308,7 @@ mod tests {
             let off: Vec<&str> =
                 ["position", "command"].into_iter().zip(gains).filter(|it| it.1 != 1.0).map(|it| it.0).collect();
             assert_eq!(names, off, "{found:?}");
+            assert!(found.entries(&file).iter().all(|it| found.says(&file, it)), "{found:?}");
             // The command follows the law but for its own noise and that of the velocity: parts of a thousand.
             assert!((found.position.value - gains[0]).abs() < 1e-3, "{found:?}");
             assert!((found.command.value - gains[1]).abs() < 1e-2 && found.late == 0, "{found:?}");

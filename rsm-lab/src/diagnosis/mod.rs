@@ -268,9 +268,9 @@ pub fn diagnose_and_test(
         with_rounding(kernel, fit, floors(kernel, fit, file), &rounded)
     });
     unseen.floors = kernel.floors;
+    selection.known_loop = known_loop;
     let fit = selection.fit.clone();
     let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
-    found.known_loop = known_loop;
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
     found.tested = tested::tested(file, test, kernel.floors, options.threads, &nominal, &fit.model);
     Ok(found)
@@ -311,6 +311,7 @@ fn of_one_record(
         ranking,
         remaining: Vec::new(),
         stopped,
+        known_loop: None,
     };
     let mut nominal = Model::nominal(file, &[], own.kernel.floors.map(|floor| floor.sd));
     let records: Vec<&Record> = own.kernel.records.iter().map(|it| &it.record).collect();

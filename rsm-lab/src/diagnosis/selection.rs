@@ -7,6 +7,7 @@ use super::chance::best_of;
 use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::hypotheses::{Hypothesis, label};
 use super::kernel::Kernel;
+use super::known_loop::KnownLoop;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
@@ -112,6 +113,8 @@ pub struct Selection {
     pub remaining: Vec<(String, f64)>,
     /// The limit of work at which the search stopped before it was through.
     pub stopped: Option<Limit>,
+    /// What a known law says of its sensors, whatever the search found.
+    pub known_loop: Option<KnownLoop>,
 }
 
 /// What ends a search that would go on.
@@ -295,7 +298,7 @@ impl Search<'_> {
         if let Some(limit) = stopped {
             (self.progress)(&format!("the search stopped {limit}"));
         }
-        Selection { calibrated, fit, causes, refused, threshold, ranking, remaining, stopped }
+        Selection { calibrated, fit, causes, refused, threshold, ranking, remaining, stopped, known_loop: None }
     }
 
     /// Adds causes, one after another, while they pay: the fits on the way, the last one last. Empty where nothing pays.

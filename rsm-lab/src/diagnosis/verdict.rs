@@ -196,7 +196,8 @@ pub fn conclude(
     findings: Vec<Finding>,
     rounded: &[(usize, f64)],
 ) -> Diagnosis {
-    let Selection { calibrated, fit, causes: believed, refused, threshold, ranking, remaining, stopped } = selection;
+    let Selection { calibrated, fit, causes: believed, refused, threshold, ranking, remaining, stopped, known_loop } =
+        selection;
     let judged = if unseen.records.is_empty() { kernel } else { unseen };
     let before = validation::on(judged, nominal);
     // From the calibrated plant's starts or from first readings, whichever suits.
@@ -266,7 +267,8 @@ pub fn conclude(
             explained: !structure && stopped.is_none_or(|limit| limit == Limit::Steps),
             asked: one.asked,
         };
-        let sure = confidence::confidence(&judged);
+        let by_law = known_loop.as_ref().is_some_and(|it| it.says(file, &fit.model.file.effects[place]));
+        let sure = confidence::confidence(&judged).max(if by_law { confidence::EXPLAINED } else { 0.0 });
         causes.push(cause(&fit, place, one, alike, sure, witnesses.get(place).cloned().flatten()));
     }
     for (output, step) in rounded {
@@ -310,7 +312,7 @@ pub fn conclude(
         stopped,
         left,
         left_unseen,
-        known_loop: None,
+        known_loop,
         predicted,
         aliases: aliases.into_iter().map(|it| it.1).collect(),
         next: None,
