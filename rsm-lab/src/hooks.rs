@@ -44,7 +44,7 @@ impl Hooks {
         let mut memory = false;
         let mut shift = 0;
         let mut active = Vec::new();
-        for entry in &file.effects {
+        for entry in file.acting() {
             let effect = (entry.description.build)(&entry.arguments);
             let first = states;
             states += effect.states();

@@ -96,6 +96,8 @@ pub struct PlantFile {
     pub noise: Vec<Named>,
     /// Start values of outputs.
     pub initial: Vec<Named>,
+    /// Effects that belong to the plant and are not in question: a diagnosis of a plant that comes with effects puts them here. They act before the others.
+    pub given: Vec<Entry>,
     /// Effects, in the order of the file.
     pub effects: Vec<Entry>,
     /// Columns of the record under other names.
@@ -103,11 +105,16 @@ pub struct PlantFile {
 }
 
 impl PlantFile {
+    /// All effects in the order in which they act.
+    pub fn acting(&self) -> impl Iterator<Item = &Entry> {
+        self.given.iter().chain(&self.effects)
+    }
+
     /// The parameters with what effects change of them.
     #[must_use]
     pub fn effective_parameters(&self) -> Parameters {
         let mut parameters = self.parameters.clone();
-        for entry in &self.effects {
+        for entry in self.acting() {
             (entry.description.build)(&entry.arguments).parameters(&mut parameters);
         }
         parameters

@@ -7,7 +7,7 @@ fn shipped(name: &str) -> String {
 }
 
 #[test]
-fn a_diagnosis_without_a_record_of_a_surface_or_of_an_extended_plant_is_refused() {
+fn a_diagnosis_without_a_record_or_of_a_surface_is_refused() {
     let here = folder();
     let plant = shipped("pmac.toml");
     let record = shipped("pmac.csv");
@@ -17,12 +17,67 @@ fn a_diagnosis_without_a_record_of_a_surface_or_of_an_extended_plant_is_refused(
     let surface = rsm(&["diagnose", &plant, "--data", &record], here.path());
     assert_eq!(surface.status.code(), Some(2));
     assert!(text(&surface.stderr).contains("is a plant file, whose records are given with --record"));
-    let effects =
-        std::fs::read_to_string(&plant).unwrap() + "\n[[effects]]\nkind = \"windage\"\nparameters = { coefficient = 1e-6 }\n";
-    std::fs::write(here.path().join("extended.toml"), effects).unwrap();
-    let extended = rsm(&["diagnose", "extended.toml", "--record", &record], here.path());
-    assert_eq!(extended.status.code(), Some(2));
-    assert!(text(&extended.stderr).contains("a diagnosis begins with a nominal plant"));
+}
+
+/// What a diagnosis wrote is diagnosed again: nothing is left to find, and a claim that later records contradict is said.
+#[test]
+fn an_extended_plant_is_monitored() {
+    let here = folder();
+    let with = |torque: f64| {
+        std::fs::read_to_string(shipped("pmac.toml")).unwrap()
+            + &format!("\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = {{ torque = {torque} }}\n")
+    };
+    let write = |name: &str, text: String| std::fs::write(here.path().join(name), text).unwrap();
+    write("true.toml", with(0.3));
+    write("worn.toml", with(0.5));
+    for (plant, name, seed) in [
+        ("true.toml", "train.csv", 1),
+        ("true.toml", "unseen.csv", 2),
+        ("worn.toml", "worn.csv", 3),
+        ("worn.toml", "worn-2.csv", 4),
+    ] {
+        let record = noisy(here.path(), plant, seed);
+        write(name, record);
+    }
+    let diagnosed = |plant: &str, train: &str, unseen: &str, out: &str| {
+        let output = rsm(&["diagnose", plant, "--record", train, "--validate", unseen, "--json", "--out", out], here.path());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        (json(&output), text(&output.stderr))
+    };
+    let (first, _) = diagnosed(&shipped("pmac.toml"), "train.csv", "unseen.csv", "found");
+    assert_eq!((&first["verdict"], &first["causes"][0]["kind"]), (&"explained".into(), &"coulomb-friction".into()));
+    assert_eq!(first["claims"], serde_json::json!([]));
+    let (again, words) = diagnosed("found/extended.toml", "train.csv", "unseen.csv", "again");
+    assert_eq!((&again["verdict"], again["causes"].as_array().unwrap().len()), (&"no-discrepancy".into(), 0), "{words}");
+    assert_eq!((&again["claims"][0]["kind"], &again["claims"][0]["stands"]), (&"coulomb-friction".into(), &true.into()));
+    assert!(words.contains("The plant file's coulomb-friction stands"), "{words}");
+    // The bearing has worn since.
+    let (worn, words) = diagnosed("found/extended.toml", "worn.csv", "worn-2.csv", "worn");
+    assert_eq!(worn["verdict"], "explained", "{words}");
+    let cause = &worn["causes"][0];
+    assert_eq!(cause["kind"], "coulomb-friction");
+    // Either the whole friction in place of the claim, or what came to it.
+    let torque = cause["parameters"]["torque"]["value"].as_f64().unwrap();
+    assert!((torque - 0.5).abs() < 0.05 || (torque - 0.2).abs() < 0.05, "{torque}");
+    let run = rsm(&["simulate", "worn/extended.toml", "--record", "worn.csv", "--out", "simulated.csv"], here.path());
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+}
+
+/// A record without current: the plant that a diagnosis of it writes is simulated along it.
+#[test]
+fn an_extended_plant_runs_on_the_record_that_it_came_from() {
+    let here = folder();
+    let record = noisy(here.path(), &shipped("pmac.toml"), 5);
+    let mut without = String::new();
+    for line in record.lines() {
+        let cells: Vec<&str> = line.split(',').collect();
+        without += &format!("{}\n", [&cells[..4], &cells[6..]].concat().join(","));
+    }
+    std::fs::write(here.path().join("speed.csv"), without).unwrap();
+    let output = rsm(&["diagnose", &shipped("pmac.toml"), "--record", "speed.csv", "--out", "found"], here.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let run = rsm(&["simulate", "found/extended.toml", "--record", "speed.csv", "--out", "simulated.csv"], here.path());
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The last fit: with the noise that it leaves itself, and every number in the form in which people write it.
+//! The last fit: with the noise that it leaves itself, and every number in the form in which people write it; the file of the extended plant.
 //!
 //! In: the fit of a search. Out: the same causes, fitted with the floors of their own residual. Never adds or removes a cause.
 
@@ -6,8 +6,9 @@ use std::f64::consts::{PI, TAU};
 
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
-use super::model::Model;
+use super::model::{self, Model, Place};
 use super::noise::Floor;
+use crate::plant_file::PlantFile;
 
 /// Steps of a fit that begins at its end.
 const STEPS: usize = 4;
@@ -31,6 +32,33 @@ pub fn finish(kernel: &mut Kernel, mut fit: Fit, floors: impl Fn(&Kernel, &Fit) 
         }
     }
     fit
+}
+
+/// The extended plant as its file says it. A parameter that was pressed against the end of its tolerance, and of which the records say nothing any more (an effect that stands in its place
+/// took over), has its nominal value again; an output that no record holds starts where the first record was found to start, else nobody could simulate it.
+#[must_use]
+pub fn written(file: &PlantFile, kernel: &Kernel, nominal: &Model, fit: &Fit) -> PlantFile {
+    let mut plant = fit.model.file.clone();
+    for held in &fit.held {
+        let Place::Nominal(name) = fit.model.unknowns[held.unknown].place else { continue };
+        let mut back = fit.model.clone();
+        back.file.parameters.set(name, nominal.file.parameters.number(name));
+        let costs = kernel.run(&back).map(|simulated| levenberg::cost(&back, &kernel.residual(&simulated)));
+        // One standard deviation of the noise.
+        if costs.is_some_and(|cost| cost < fit.cost + 1.0) {
+            plant.parameters.set(name, nominal.file.parameters.number(name));
+        }
+    }
+    plant.initial = file.initial.clone();
+    let Some((first, starts)) = kernel.records.first().zip(fit.model.starts.first()) else { return plant };
+    for output in model::starting(&first.record, file) {
+        let name = file.kind.outputs()[*output].name;
+        let is_held = kernel.records.iter().any(|it| it.record.measured[*output].is_some());
+        if !is_held && plant.initial.iter().all(|(found, _)| *found != name) {
+            plant.initial.push((name, starts[*output]));
+        }
+    }
+    plant
 }
 
 /// Waves with positive amplitudes and phases within half a turn of 0.

@@ -211,7 +211,7 @@ impl Model {
     /// Whether effects split off more inertia than there is.
     #[must_use]
     pub fn is_possible(&self) -> bool {
-        let split: f64 = self.file.effects.iter().filter_map(|entry| (entry.description.build)(&entry.arguments).split()).sum();
+        let split: f64 = self.file.acting().filter_map(|entry| (entry.description.build)(&entry.arguments).split()).sum();
         split < 0.99
     }
 }

@@ -16,6 +16,7 @@ pub mod bends;
 pub mod bootstrap;
 pub mod chance;
 pub mod checks;
+pub mod claims;
 pub mod compared;
 pub mod compete;
 mod confidence;
@@ -130,11 +131,26 @@ pub fn diagnose(
     diagnose_and_test(file, training, validation, &[], options)
 }
 
-/// Diagnoses a plant. Training records give the numbers, training and validation records together choose the causes, and test records, which nothing else sees, say at the end what the extension gains.
+/// Diagnoses a plant; its effects, if it has any, are claims that the records judge too. Training records give the numbers, training and validation records together choose the causes, and test records, which nothing else sees, say at the end what the extension gains.
 ///
 /// # Errors
 /// [`Refused`], when there is nothing to compare.
 pub fn diagnose_and_test(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    test: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    if file.effects.is_empty() {
+        of_nominal(file, training, validation, test, options)
+    } else {
+        claims::diagnose(file, training, validation, test, options)
+    }
+}
+
+/// Diagnoses a plant whose effects, if it has any, are given.
+fn of_nominal(
     file: &PlantFile,
     training: &[Record],
     validation: &[Record],

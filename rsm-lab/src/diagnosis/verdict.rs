@@ -4,8 +4,10 @@
 
 use super::bootstrap;
 use super::checks::Finding;
+use super::claims::Claim;
 use super::confidence::{self, Case};
 use super::experiment::NextExperiment;
+use super::finish;
 use super::hypotheses::generalises;
 use super::kernel::Kernel;
 use super::known_loop::KnownLoop;
@@ -47,7 +49,7 @@ const FOR_PRACTICE: f64 = 0.01;
 const NEARLY_ALL: f64 = 0.999;
 
 /// Where structure is left, a cause is named that is at least as probable as all else together; any other helps, and is listed as a helper.
-const NAMED: f64 = 0.5;
+pub(super) const NAMED: f64 = 0.5;
 
 /// Unseen records may have so many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
 /// is beyond shows as structure.
@@ -176,6 +178,8 @@ pub struct Diagnosis {
     pub portrait: Portrait,
     /// Figures of test records, where there are any.
     pub tested: Option<Tested>,
+    /// The effects that the plant file came with, judged.
+    pub claims: Vec<Claim>,
 }
 
 impl Diagnosis {
@@ -279,8 +283,7 @@ pub fn conclude(
     let verdict = judged_by(structure, stopped, causes.is_empty());
     let sure = |cause: &Cause| verdict != Verdict::Unexplained || cause.confidence >= NAMED;
     let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(sure);
-    let mut plant = fit.model.file.clone();
-    plant.initial = file.initial.clone();
+    let mut plant = finish::written(file, kernel, nominal, &fit);
     for (output, step) in rounded {
         plant.effects.extend(rounding_entry(file.kind, *output, *step));
     }
@@ -318,6 +321,7 @@ pub fn conclude(
         next: None,
         portrait,
         tested: None,
+        claims: Vec::new(),
     }
 }
 
@@ -371,16 +375,29 @@ pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
     if all < 1e-3 { 0.0 } else { (1.0 - above(1) / all).max(-1.0) }
 }
 
-fn cause(fit: &Fit, place: usize, believed: &Believed, alike: Vec<String>, confidence: f64, witness: Option<Witness>) -> Cause {
+/// The numbers of an entry of a fit, with their intervals.
+pub(super) fn numbers(fit: &Fit, place: usize) -> Vec<Interval> {
     let entry = &fit.model.file.effects[place];
-    let plant = entry.arguments.plant;
-    let subject = entry.arguments.subject.clone();
-    let parameters = entry.arguments.numbers.iter().map(|(name, value)| {
+    let (plant, subject) = (entry.arguments.plant, entry.arguments.subject.as_deref());
+    let interval = |(name, value): &(&'static str, f64)| {
         let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry: place, number: name });
         let (low, high) = unknown.and_then(|unknown| veto::interval(fit, unknown)).unwrap_or((*value, *value));
-        Interval { name, value: *value, low, high, unit: unit(plant, entry.description, subject.as_deref(), name) }
-    });
-    let parameters: Vec<Interval> = parameters.collect();
+        Interval { name, value: *value, low, high, unit: unit(plant, entry.description, subject, name) }
+    };
+    entry.arguments.numbers.iter().map(interval).collect()
+}
+
+pub(super) fn cause(
+    fit: &Fit,
+    place: usize,
+    believed: &Believed,
+    alike: Vec<String>,
+    confidence: f64,
+    witness: Option<Witness>,
+) -> Cause {
+    let entry = &fit.model.file.effects[place];
+    let subject = entry.arguments.subject.clone();
+    let parameters = numbers(fit, place);
     let mut sentence = entry.description.sentence.to_string();
     for it in &parameters {
         sentence = sentence.replace(&format!("{{{}}}", it.name), &with_unit(it));
@@ -464,7 +481,7 @@ fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> C
 }
 
 /// A number to four digits, with its unit.
-fn with_unit(it: &Interval) -> String {
+pub(super) fn with_unit(it: &Interval) -> String {
     let digits = format!("{:.3e}", it.value);
     let value: f64 = digits.parse().unwrap_or(it.value);
     if it.unit == "1" { format!("{value}") } else { format!("{value} {}", it.unit.replace('*', " ")) }

@@ -90,7 +90,7 @@ impl Machine {
             k: [of(), of(), of(), of()],
             outputs: [0.0; 3],
             refinement: 1,
-            plain: file.effects.is_empty(),
+            plain: file.acting().next().is_none(),
             hooks,
         };
         machine.start(speed);

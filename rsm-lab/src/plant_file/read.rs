@@ -49,7 +49,7 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
         gear_ratios: [1.0; 5],
         velocity_from: VelocityFrom::State,
     });
-    Some(PlantFile { kind, parameters, tolerance, noise, initial, effects, columns })
+    Some(PlantFile { kind, parameters, tolerance, noise, initial, given: Vec::new(), effects, columns })
 }
 
 /// A choice that must be there. Asked for once: the accepted names list a key once.

@@ -38,7 +38,7 @@ impl PlantFile {
             let unit = renamed.unit.as_ref().map_or(String::new(), |unit| format!(", unit = {}", quoted(unit)));
             let _ = writeln!(text, "{} = {{ column = {}{unit} }}", renamed.signal, quoted(&renamed.column));
         }
-        for entry in &self.effects {
+        for entry in self.acting() {
             let word = match entry.description.subject {
                 Subject::None => "",
                 Subject::Parameter => "parameter",

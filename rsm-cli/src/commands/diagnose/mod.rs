@@ -80,13 +80,6 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return Err(Refusal::new("--record: found none, a diagnosis needs at least one record to estimate from"));
     }
     let plant = PlantFile::read(&source)?;
-    if !plant.effects.is_empty() {
-        return Err(Refusal::new(format!(
-            "{}: found {} [[effects]], a diagnosis begins with a nominal plant: take them out, or write what they say as parameters",
-            arguments.plant.display(),
-            plant.effects.len()
-        )));
-    }
     let truth = arguments.truth.as_ref().map(|path| Ok::<_, Refusal>(PlantFile::read(&Source::read(path)?)?)).transpose()?;
     if arguments.refit {
         refit::refuse(&plant, truth.as_ref())?;
@@ -192,6 +185,26 @@ fn is_model(source: &Source, arguments: &Arguments) -> Result<bool, Refusal> {
     }
 }
 
+/// The effects of the plant file, judged.
+fn claims(found: &Diagnosis) -> Vec<Value> {
+    let one = |claim: &diagnosis::claims::Claim| {
+        let numbers: Map<String, Value> = claim
+            .records
+            .iter()
+            .zip(&claim.file)
+            .map(|(it, file)| {
+                let number = output::finite;
+                let value = json!({
+                    "file": number(*file), "value": number(it.value), "low": number(it.low), "high": number(it.high), "unit": it.unit
+                });
+                (it.name.to_string(), value)
+            })
+            .collect();
+        json!({ "kind": claim.kind, "subject": claim.subject, "stands": claim.stands, "parameters": numbers })
+    };
+    found.claims.iter().map(one).collect()
+}
+
 fn findings(list: &[Finding]) -> Vec<Value> {
     let each = list
         .iter()
@@ -265,6 +278,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "causes": causes,
         "helpers": helpers,
         "refused": refused,
+        "claims": claims(found),
         "practical": found.practical.map(|it| json!({ "gone": output::finite(it.gone), "left": output::finite(it.left) })),
         "nominal": with_test(&found.nominal, |it| &it.nominal),
         "extended": with_test(&found.extended, |it| &it.extended),

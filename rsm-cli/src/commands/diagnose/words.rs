@@ -202,6 +202,19 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
             helper.confidence
         );
     }
+    for it in &found.claims {
+        let numbers: Vec<String> = it
+            .records
+            .iter()
+            .zip(&it.file)
+            .map(|(number, file)| {
+                format!("{} {file}, in the records {:.4} ({:.4} to {:.4})", number.name, number.value, number.low, number.high)
+            })
+            .collect();
+        let subject = it.subject.as_ref().map_or(String::new(), |name| format!(" of {name}"));
+        let judged = if it.stands { "stands" } else { "is contradicted" };
+        tell!("  The plant file's {}{subject} {judged}: {}.", it.kind, numbers.join("; "));
+    }
     for it in &found.refused {
         tell!("  Tried and refused: {}: {}.", it.cause, it.why);
     }
