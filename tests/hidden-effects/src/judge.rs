@@ -176,6 +176,25 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
     Judgement { right, answer, errors, covered, named: named.collect() }
 }
 
+/// Kinds of effects that an extended plant file holds and the answer names neither as causes nor as helpers.
+pub fn unnamed(extended: &str, answer: &Value) -> Vec<String> {
+    let mut named: Vec<String> = ["causes", "helpers"]
+        .iter()
+        .flat_map(|list| answer[list].as_array().into_iter().flatten())
+        .filter_map(|cause| cause["kind"].as_str().map(str::to_string))
+        .collect();
+    let held = extended.lines().filter_map(|line| line.strip_prefix("kind = \"")?.strip_suffix('"'));
+    held.filter(|kind| match named.iter().position(|it| it == kind) {
+        Some(place) => {
+            named.remove(place);
+            false
+        }
+        None => true,
+    })
+    .map(str::to_string)
+    .collect()
+}
+
 /// Whether the truth lies in the interval given; of a phase any of its turns.
 fn covers(parameter: &str, truth: f64, given: &Value) -> bool {
     let (Some(low), Some(high)) = (given["low"].as_f64(), given["high"].as_f64()) else { return false };
@@ -203,6 +222,17 @@ fn error(cause: &Effect, parameter: &str, truth: f64, value: f64, all: &Value) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_effect_that_nobody_named_is_seen() {
+        let answer = serde_json::json!({
+            "causes": [{ "kind": "windage" }], "helpers": [{ "kind": "sensor-bias" }, { "kind": "sensor-bias" }]
+        });
+        let file =
+            |kinds: &[&str]| kinds.iter().fold(String::new(), |all, kind| all + &format!("[[effects]]\nkind = \"{kind}\"\n"));
+        assert!(unnamed(&file(&["windage", "sensor-bias", "sensor-bias"]), &answer).is_empty());
+        assert_eq!(unnamed(&file(&["sensor-bias", "windage", "windage", "backlash"]), &answer), ["windage", "backlash"]);
+    }
     use crate::case::{Choice, cases};
     use serde_json::json;
 

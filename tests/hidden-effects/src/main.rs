@@ -155,6 +155,13 @@ fn diagnose(words: &Words, case: &Case, folder: &Folder) -> Result<Line, String>
     match serde_json::from_str(&output) {
         Ok(answer) => {
             line.judgement = judge::judge(case, &answer, &format!("{output}{said}"));
+            let extended = std::fs::read_to_string(out.join("extended.toml")).unwrap_or_default();
+            let unnamed = judge::unnamed(&extended, &answer);
+            if !extended.contains("[parameters]") || !unnamed.is_empty() {
+                line.judgement.right = false;
+                line.judgement.answer =
+                    format!("{} (extended.toml holds {} besides)", line.judgement.answer, unnamed.join(", "));
+            }
             if !case.causes.is_empty() {
                 line.gain_share =
                     Some(gain_share(&words.rsm, case, folder, &out.join("extended.toml")).unwrap_or_else(|message| {
