@@ -107,13 +107,14 @@ fn negated(rows: &[Row], width: usize) -> CscMatrix<f64> {
     CscMatrix::new(rows.len(), width, starts, places, values)
 }
 
-/// From a guess of the active rows to the exact ones: a row with a negative multiplier leaves, a row that is missed comes in. None
-/// when that does not end.
+/// From a guess of the active rows to the exact ones: a row with a negative multiplier leaves, a row that is missed comes in, in exchange for another where
+/// the active ones already hold its direction. None when that does not end, or the rows contradict each other.
 fn polished(rows: &[Row], width: usize, mut active: Vec<usize>, largest: f64) -> Option<(Vec<Dd>, Vec<usize>)> {
     // mutant `0 up`: one change of very many that no program is known to need.
     // mutant `MOST_CHANGES doubled`: more of them.
     for _ in 0..MOST_CHANGES {
-        let multipliers = multipliers(rows, &mut active);
+        let factor = Factor::of(rows, &mut active);
+        let multipliers = factor.solved(active.iter().map(|k| rows[*k].distance));
         let least = (0..active.len()).min_by(|a, b| multipliers[*a].to_f64().total_cmp(&multipliers[*b].to_f64()));
         if let Some(least) = least.filter(|k| multipliers[*k] < Dd::ZERO) {
             active.remove(least);
@@ -133,45 +134,87 @@ fn polished(rows: &[Row], width: usize, mut active: Vec<usize>, largest: f64) ->
         if active.contains(&worst) {
             return None;
         }
+        if factor.holds(rows, &active, worst) {
+            let place = leaving(&multipliers, &factor.shares(rows, &active, worst))?;
+            active.remove(place);
+        }
         active.push(worst);
     }
     None
+}
+
+/// The active row that leaves for one whose normal is the sum of these shares of theirs: as the new multiplier grows, theirs fall by the shares, and the one that
+/// reaches 0 first leaves, so that none gets negative and c only gets longer (Goldfarb, Idnani 1983, Math. Programming 27). None where no share is positive: then the
+/// rows contradict each other.
+fn leaving(multipliers: &[Dd], shares: &[Dd]) -> Option<usize> {
+    let until = |k: &usize| (multipliers[*k] / shares[*k]).to_f64();
+    // A share below the root of a pivot is what rounding leaves of zero.
+    // mutant `> to >=`: a share of just so much, to the last bit.
+    let falls = |k: &usize| shares[*k].to_f64() > NO_PIVOT.sqrt();
+    (0..shares.len()).filter(falls).min_by(|a, b| until(a).total_cmp(&until(b)))
 }
 
 fn product(a: &[Dd], b: &[Dd]) -> Dd {
     a.iter().zip(b).map(|(x, y)| *x * *y).sum()
 }
 
-/// The multipliers that put every active row at its distance, by Cholesky's factors of their products. Rows that depend on earlier
-/// ones are dropped.
-fn multipliers(rows: &[Row], active: &mut Vec<usize>) -> Vec<Dd> {
-    let mut factor: Vec<Vec<Dd>> = Vec::new();
-    let mut kept: Vec<usize> = Vec::new();
-    for k in active.iter() {
+/// Cholesky's factor of the products of the active rows' normals, a line a row.
+struct Factor(Vec<Vec<Dd>>);
+
+impl Factor {
+    /// Rows that depend on earlier ones are dropped.
+    fn of(rows: &[Row], active: &mut Vec<usize>) -> Self {
+        let mut factor = Factor(Vec::new());
+        let mut kept: Vec<usize> = Vec::new();
+        for k in active.iter() {
+            let (mut line, pivot) = factor.line(rows, &kept, *k);
+            // mutant `> to >=`: a pivot of just so much, to the last bit.
+            if pivot.to_f64() > NO_PIVOT {
+                line.push(pivot.sqrt());
+                factor.0.push(line);
+                kept.push(*k);
+            }
+        }
+        *active = kept;
+        factor
+    }
+
+    /// The line of one more row, and the square of the part of its normal that the others do not hold.
+    fn line(&self, rows: &[Row], active: &[usize], k: usize) -> (Vec<Dd>, Dd) {
         let mut line: Vec<Dd> = Vec::new();
-        for (j, other) in kept.iter().enumerate() {
-            let known: Dd = factor[j][..j].iter().zip(&line).map(|(x, y)| *x * *y).sum();
-            line.push((product(&rows[*k].normal, &rows[*other].normal) - known) / factor[j][j]);
+        for (j, other) in active.iter().enumerate() {
+            let known: Dd = self.0[j][..j].iter().zip(&line).map(|(x, y)| *x * *y).sum();
+            line.push((product(&rows[k].normal, &rows[*other].normal) - known) / self.0[j][j]);
         }
-        let pivot = product(&rows[*k].normal, &rows[*k].normal) - line.iter().map(|x| *x * *x).sum();
-        // mutant `> to >=`: a pivot of just so much, to the last bit.
-        if pivot.to_f64() > NO_PIVOT {
-            line.push(pivot.sqrt());
-            factor.push(line);
-            kept.push(*k);
+        let pivot = product(&rows[k].normal, &rows[k].normal) - line.iter().map(|x| *x * *x).sum();
+        (line, pivot)
+    }
+
+    /// Whether the normal of a row depends on those of the active ones.
+    fn holds(&self, rows: &[Row], active: &[usize], k: usize) -> bool {
+        // mutant `<= to <`: a pivot of just so much, to the last bit.
+        self.line(rows, active, k).1.to_f64() <= NO_PIVOT
+    }
+
+    /// The shares of the active rows' normals whose sum is nearest to the normal of a row.
+    fn shares(&self, rows: &[Row], active: &[usize], k: usize) -> Vec<Dd> {
+        self.solved(active.iter().map(|other| product(&rows[*other].normal, &rows[k].normal)))
+    }
+
+    /// The solution of the system with these products: with the rows' distances on the right, the multipliers that put every active row at its distance.
+    fn solved(&self, right: impl Iterator<Item = Dd>) -> Vec<Dd> {
+        let factor = &self.0;
+        let mut solved: Vec<Dd> = Vec::new();
+        for (line, right) in factor.iter().zip(right) {
+            let known: Dd = line.iter().zip(&solved).map(|(x, y)| *x * *y).sum();
+            solved.push((right - known) / line[solved.len()]);
         }
+        for k in (0..solved.len()).rev() {
+            let known: Dd = (k + 1..solved.len()).map(|j| factor[j][k] * solved[j]).sum();
+            solved[k] = (solved[k] - known) / factor[k][k];
+        }
+        solved
     }
-    *active = kept;
-    let mut solved: Vec<Dd> = Vec::new();
-    for (line, k) in factor.iter().zip(active.iter()) {
-        let known: Dd = line.iter().zip(&solved).map(|(x, y)| *x * *y).sum();
-        solved.push((rows[*k].distance - known) / line[solved.len()]);
-    }
-    for k in (0..solved.len()).rev() {
-        let known: Dd = (k + 1..solved.len()).map(|j| factor[j][k] * solved[j]).sum();
-        solved[k] = (solved[k] - known) / factor[k][k];
-    }
-    solved
 }
 
 #[cfg(test)]
