@@ -4,6 +4,8 @@
 //! of the box: its values lie between the least and the greatest coefficient (convex hull property; Cargo and Shisha 1966), and the
 //! coefficients at the corners are values themselves. The cell that looks widest is halved until the enclosure meets a corner value, or
 //! the budget is spent. All arithmetic is interval arithmetic, so rounding is enclosed too.
+//!
+//! The same for a [`Measure`] of several polynomials: what is concave in their values is nowhere less than at the worst of their joint coefficients.
 
 use std::collections::BinaryHeap;
 
@@ -41,16 +43,38 @@ pub struct Extent {
 /// The extent of the polynomial for variables in `sides`.
 #[must_use]
 pub fn extent(terms: &[Monomial], sides: &[Interval]) -> Extent {
-    let root = Cell::new(terms, sides);
+    let root = Cell::new(&[terms], sides);
     let (low, least_at) = lower_bound(&root);
     let (high, greatest_at) = lower_bound(&root.negated());
     Extent { range: Interval { low, high: -high }, least_at, greatest_at }
 }
 
-/// Bernstein coefficients of a polynomial over one cell of the box, a row-major tensor.
+/// A concave function of the values of some polynomials, whose least value is sought. Their values at a point are a mean of their joint Bernstein coefficients with
+/// weights that are not negative and sum to 1, and so the function is there at least what it is at the worst of these.
+pub trait Measure {
+    /// At most the function for all values in these intervals, one a polynomial; where it is at least `than`, any number from `than` up to it will do.
+    fn low(&self, values: &[Interval], than: f64) -> f64;
+    /// At least the function at some values in these intervals.
+    fn high(&self, values: &[Interval]) -> f64;
+}
+
+/// The value of one polynomial.
+struct Value;
+
+impl Measure for Value {
+    fn low(&self, values: &[Interval], _than: f64) -> f64 {
+        values[0].low
+    }
+    fn high(&self, values: &[Interval]) -> f64 {
+        values[0].high
+    }
+}
+
+/// Bernstein coefficients of polynomials over one cell of the box, a row-major tensor; along its last axis the polynomials.
 #[derive(Debug, Clone)]
 struct Cell {
     degrees: Vec<usize>,
+    polynomials: usize,
     coefficients: Vec<Interval>,
     /// The part of each side that the cell spans, as shares of the box. Halving is exact down to 2^-52.
     spans: Vec<[f64; 2]>,
@@ -89,7 +113,7 @@ fn lower_bound(root: &Cell) -> (f64, Vec<f64>) {
     // mutant `1.0 doubled`: no cell is cut by an edge where all are inside, so the finest is not asked.
     // mutant `1.0 to 0.0`: likewise.
     let everywhere = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
-    let found = search(root, &everywhere);
+    let found = search_within(root, &Value, &everywhere, BUDGET).0;
     (found.bound, found.at)
 }
 
@@ -129,28 +153,37 @@ pub struct Least {
 /// The least value of the polynomial over a region of the box.
 #[must_use]
 pub fn least(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>) -> Least {
-    search(&Cell::new(terms, sides), wanted)
+    least_with_patience(terms, sides, wanted, 1)
 }
 
 /// As [`least`], with so many times the work.
 #[must_use]
 pub fn least_with_patience(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>, times: usize) -> Least {
-    search_within(&Cell::new(terms, sides), wanted, times * BUDGET).0
+    search_within(&Cell::new(&[terms], sides), &Value, wanted, times * BUDGET).0
 }
 
-fn search(root: &Cell, wanted: &Search<'_>) -> Least {
-    search_within(root, wanted, BUDGET).0
+/// The least measure of some polynomials over a region of the box, with so many times the usual work.
+#[must_use]
+pub fn least_measure(
+    polynomials: &[Vec<Monomial>],
+    sides: &[Interval],
+    measure: &impl Measure,
+    wanted: &Search<'_>,
+    times: usize,
+) -> Least {
+    let polynomials: Vec<&[Monomial]> = polynomials.iter().map(Vec::as_slice).collect();
+    search_within(&Cell::new(&polynomials, sides), measure, wanted, times * BUDGET).0
 }
 
 /// Branch and bound; with the work that was done.
-fn search_within(root: &Cell, wanted: &Search<'_>, budget: usize) -> (Least, usize) {
+fn search_within(root: &Cell, measure: &impl Measure, wanted: &Search<'_>, budget: usize) -> (Least, usize) {
     let whole = root.bounds();
     let dimensions = root.degrees.len();
     let mut best = Least { bound: f64::INFINITY, seen: f64::INFINITY, at: vec![0.5; dimensions] };
     let Some(root) = root.clone().placed(wanted) else { return (best, 0) };
-    root.look(wanted, &mut best);
+    root.look(measure, wanted, &mut best);
     let tolerance = (TIGHT_ENOUGH * (whole.high - whole.low)).max(ROUNDING * whole.magnitude());
-    let mut queue = BinaryHeap::from([Queued { bound: whole.low, cell: root }]);
+    let mut queue = BinaryHeap::from([Queued { bound: root.low(measure), cell: root }]);
     let mut work = 0;
     while let Some(Queued { bound, cell }) = queue.pop() {
         best.bound = bound;
@@ -169,9 +202,9 @@ fn search_within(root: &Cell, wanted: &Search<'_>, budget: usize) -> (Least, usi
         let (left, right) = cell.halved(axis);
         for half in [left, right] {
             let Some(half) = half.placed(wanted) else { continue };
-            half.look(wanted, &mut best);
+            half.look(measure, wanted, &mut best);
             // A half lies in the whole: its bound is never worse.
-            let bound = half.bounds().low.max(bound);
+            let bound = half.low(measure).max(bound);
             queue.push(Queued { bound, cell: half });
         }
     }
@@ -185,16 +218,20 @@ const DEEP_ENOUGH: f64 = 0.25;
 
 impl Cell {
     /// Power basis to Bernstein basis over the box, one variable after the other.
-    fn new(terms: &[Monomial], sides: &[Interval]) -> Self {
-        let dimensions = sides.len();
-        let degree_of = |k: usize| terms.iter().map(|term| term.powers[k] as usize).max().unwrap_or(0);
+    fn new(polynomials: &[&[Monomial]], sides: &[Interval]) -> Self {
+        let (dimensions, count) = (sides.len(), polynomials.len());
+        let degree_of = |k: usize| polynomials.iter().copied().flatten().map(|term| term.powers[k] as usize).max().unwrap_or(0);
         let degrees: Vec<usize> = (0..dimensions).map(degree_of).collect();
-        let size = degrees.iter().map(|degree| degree + 1).product();
+        let size = degrees.iter().map(|degree| degree + 1).product::<usize>() * count;
         let spans = vec![[0.0, 1.0]; dimensions];
-        let mut cell = Cell { coefficients: vec![Interval::point(0.0); size], degrees, spans, is_partly: false };
-        for term in terms {
-            let index = (0..dimensions).fold(0, |index, k| index * (cell.degrees[k] + 1) + term.powers[k] as usize);
-            cell.coefficients[index] = cell.coefficients[index] + term.coefficient;
+        let coefficients = vec![Interval::point(0.0); size];
+        let mut cell = Cell { coefficients, degrees, polynomials: count, spans, is_partly: false };
+        for (which, terms) in polynomials.iter().enumerate() {
+            for term in *terms {
+                let place = (0..dimensions).fold(0, |index, k| index * (cell.degrees[k] + 1) + term.powers[k] as usize);
+                let entry = &mut cell.coefficients[place * count + which];
+                *entry = *entry + term.coefficient;
+            }
         }
         for (axis, side) in sides.iter().enumerate() {
             cell.each_line(axis, |line| to_bernstein(line, *side));
@@ -205,7 +242,7 @@ impl Cell {
     /// Calls `change` with every line of coefficients along an axis.
     fn each_line(&mut self, axis: usize, mut change: impl FnMut(&mut [Interval])) {
         let length = self.degrees[axis] + 1;
-        let stride: usize = self.degrees[axis + 1..].iter().map(|degree| degree + 1).product();
+        let stride = self.stride(axis);
         let mut line = vec![Interval::point(0.0); length];
         for start in 0..self.coefficients.len() {
             if (start / stride).is_multiple_of(length) {
@@ -220,7 +257,18 @@ impl Cell {
         }
     }
 
-    /// Holds every value.
+    /// From a coefficient to the next one along an axis.
+    fn stride(&self, axis: usize) -> usize {
+        self.degrees[axis + 1..].iter().map(|degree| degree + 1).product::<usize>() * self.polynomials
+    }
+
+    /// At most the measure anywhere in the cell.
+    fn low(&self, measure: &impl Measure) -> f64 {
+        let each = self.coefficients.chunks(self.polynomials);
+        each.fold(f64::INFINITY, |least, values| measure.low(values, least).min(least))
+    }
+
+    /// Holds every value of every polynomial.
     fn bounds(&self) -> Interval {
         self.coefficients.iter().copied().reduce(Interval::hull).expect("a polynomial has a coefficient")
     }
@@ -239,7 +287,7 @@ impl Cell {
 
     /// The largest second difference of the coefficients along an axis.
     fn bend(&self, axis: usize) -> f64 {
-        let stride: usize = self.degrees[axis + 1..].iter().map(|degree| degree + 1).product();
+        let stride = self.stride(axis);
         let is_inner = |k: &usize| (1..self.degrees[axis]).contains(&(k / stride % (self.degrees[axis] + 1)));
         let low = |k: usize| self.coefficients[k].low;
         let second = |k: usize| (low(k - stride) - 2.0 * low(k) + low(k + stride)).abs();
@@ -256,7 +304,7 @@ impl Cell {
     }
 
     /// Looks at the corners that belong to the region.
-    fn look(&self, wanted: &Search<'_>, best: &mut Least) {
+    fn look(&self, measure: &impl Measure, wanted: &Search<'_>, best: &mut Least) {
         let mut corners = vec![(0usize, 0usize)];
         for (k, degree) in self.degrees.iter().enumerate() {
             let low_and_high = |(index, ends): &(usize, usize)| {
@@ -266,7 +314,7 @@ impl Cell {
             corners = corners.iter().flat_map(low_and_high).collect();
         }
         for (index, ends) in corners {
-            let value = self.coefficients[index].high;
+            let value = measure.high(&self.coefficients[index * self.polynomials..][..self.polynomials]);
             if value < best.seen {
                 let at: Vec<f64> = self.spans.iter().enumerate().map(|(k, span)| span[ends >> k & 1]).collect();
                 let as_cell: Vec<[f64; 2]> = at.iter().map(|share| [*share, *share]).collect();

@@ -47,6 +47,13 @@ pub fn run(arguments: &Arguments) -> Outcome {
             "seed": specification.seed,
             "runs": plan.runs.len(),
             "points": plan.points(),
+            "left_out": plan.kept.as_ref().map(|kept| json!({
+                "points": kept.left_out(),
+                "of": kept.of,
+                "correlation": kept.correlation[1],
+                "correlation_of_whole": kept.correlation[0],
+                "was_rotatable": kept.was_rotatable,
+            })),
             "factors": factors,
             "out": out,
         }))?;
@@ -54,6 +61,9 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let names: Vec<&str> = plan.factors.iter().map(|factor| factor.name.as_str()).collect();
         let (runs, points) = (plan.runs.len(), plan.points());
         tell!("{out}: {runs} runs of {points} points in {}, {}", names.join(", "), specification.design.name());
+    }
+    if let Some(kept) = &plan.kept {
+        tell!("warning: {}", kept.words(specification.design.name()));
     }
     Ok(Answer::Positive)
 }

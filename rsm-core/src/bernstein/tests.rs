@@ -56,7 +56,7 @@ fn a_search_leaves_out_what_does_not_belong_to_the_region() {
     // A polynomial that does not know the variable which bounds the region.
     let nowhere = |cell: &[[f64; 2]]| if cell[0][0] <= 2.0 { Place::Outside } else { Place::Inside };
     let empty = Search { place: &nowhere, finest: 0.5, enough: 0.0 };
-    let (found, work) = search_within(&Cell::new(&[monomial(&[0, 1], -1.0)], &[side, side]), &empty, BUDGET);
+    let (found, work) = search_within(&Cell::new(&[&[monomial(&[0, 1], -1.0)]], &[side, side]), &Value, &empty, BUDGET);
     assert_eq!((found.bound, work), (f64::INFINITY, 0));
 }
 
@@ -199,7 +199,7 @@ fn both_halves_have_the_coefficients_of_the_same_polynomial() {
         let dimensions = 1 + random.below(3);
         let terms = random_terms(&mut random, dimensions, 3, 5);
         let sides: Vec<Interval> = (0..dimensions).map(|_| random_side(&mut random)).collect();
-        let mut cell = Cell::new(&terms, &sides);
+        let mut cell = Cell::new(&[&terms[..]], &sides);
         for _ in 0..4 {
             let axis = random.below(dimensions);
             let (left, right) = cell.halved(axis);
@@ -300,13 +300,13 @@ fn the_corners_of_the_whole_box_are_seen_before_any_cut() {
 /// value that is seen is w^2/9, and the least coefficient -2 w^2/9, a third of w^2 below it. Any other cell is above 0. So there is one cell to cut of each
 /// width, and each cut is 4 * 3 coefficients by 3.
 fn cell_of_a_third(c: f64) -> Cell {
-    Cell::new(&[monomial(&[2], 1.0), monomial(&[1], -2.0 / 3.0), monomial(&[0], 1.0 / 9.0 + c)], &[Interval::new(0.0, 1.0)])
+    Cell::new(&[&[monomial(&[2], 1.0), monomial(&[1], -2.0 / 3.0), monomial(&[0], 1.0 / 9.0 + c)]], &[Interval::new(0.0, 1.0)])
 }
 
 const EVERYWHERE: Search<'_> = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
 
 fn cuts_of_a_third(c: f64, enough: f64, budget: usize) -> usize {
-    let (_, work) = search_within(&cell_of_a_third(c), &Search { enough, ..EVERYWHERE }, budget);
+    let (_, work) = search_within(&cell_of_a_third(c), &Value, &Search { enough, ..EVERYWHERE }, budget);
     assert!(work.is_multiple_of(36));
     work / 36
 }
@@ -349,7 +349,7 @@ fn no_cell_is_cut_more_than_the_enclosure_needs() {
 fn what_no_cut_improves_is_not_cut() {
     let side = Interval::new(-1.0, 1.0);
     let work = |terms: &[Monomial], sides: &[Interval]| {
-        let (found, work) = search_within(&Cell::new(terms, sides), &EVERYWHERE, BUDGET);
+        let (found, work) = search_within(&Cell::new(&[terms], sides), &Value, &EVERYWHERE, BUDGET);
         (found.bound, work)
     };
     // Nothing at all, though of second degree.
@@ -374,9 +374,9 @@ fn a_search_spends_its_budget_and_with_patience_so_many_times_that() {
         monomial(&[0, 20], 0.0),
     ];
     let sides = [Interval::new(-1.0, 1.3), Interval::new(-0.9, 1.2)];
-    let root = Cell::new(&terms, &sides);
+    let root = Cell::new(&[&terms[..]], &sides);
     let [once, twice] = [1, 2].map(|times| {
-        let (found, work) = search_within(&root, &EVERYWHERE, times * BUDGET);
+        let (found, work) = search_within(&root, &Value, &EVERYWHERE, times * BUDGET);
         let of_one_cut = 4 * 21 * 21 * 21;
         assert!(work > times * BUDGET && work <= times * BUDGET + of_one_cut);
         found
@@ -396,7 +396,7 @@ fn the_bend_of_a_side_is_its_largest_second_difference() {
     for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
         let ordered: Vec<Monomial> =
             terms.iter().map(|(powers, coefficient)| monomial(&order.map(|k| powers[k]), *coefficient)).collect();
-        let cell = Cell::new(&ordered, &order.map(|k| sides[k]));
+        let cell = Cell::new(&[&ordered[..]], &order.map(|k| sides[k]));
         for (axis, k) in order.into_iter().enumerate() {
             // Coefficients of up to 12 are moved outward by a few units.
             let (found, expected) = (cell.bend(axis), [12.0, 0.0, 5.0][k]);
@@ -410,7 +410,7 @@ fn the_side_that_is_bent_most_is_halved_and_at_an_edge_the_longest() {
     // x^2 + y^2/15: x bends 1, 1/4, 1/16, ..., y 1/15, 1/60, ...
     let terms = [monomial(&[2, 0], 1.0), monomial(&[0, 2], 1.0 / 15.0)];
     let side = Interval::new(0.0, 1.0);
-    let mut cell = Cell::new(&terms, &[side, side]);
+    let mut cell = Cell::new(&[&terms[..]], &[side, side]);
     let mut of_a_partly = Cell { is_partly: true, ..cell.clone() };
     for (bent, longest) in [(0, 0), (0, 1), (1, 0), (0, 1), (1, 0), (0, 1)] {
         assert_eq!([cell.better_cut(0, 1), cell.better_cut(1, 0)], [bent; 2], "{:?}", cell.spans);
@@ -419,7 +419,7 @@ fn the_side_that_is_bent_most_is_halved_and_at_an_edge_the_longest() {
         of_a_partly = of_a_partly.halved(longest).1;
     }
     // Of equals the first; bent alike, the longer.
-    let flat = Cell::new(&[monomial(&[2, 2], 0.0)], &[side, side]);
+    let flat = Cell::new(&[&[monomial(&[2, 2], 0.0)]], &[side, side]);
     assert_eq!([flat.better_cut(0, 1), flat.better_cut(1, 0)], [0, 1]);
     let flat = flat.halved(0).0;
     assert_eq!([flat.better_cut(0, 1), flat.better_cut(1, 0)], [1, 1]);
@@ -435,15 +435,15 @@ fn the_edge_of_a_region_is_cut_down_to_the_finest_cell() {
     };
     let wanted = Search { place: &place, finest: 0.25, enough: f64::INFINITY };
     let side = Interval::new(0.0, 1.0);
-    let (found, work) = search_within(&Cell::new(&[monomial(&[1], -1.0)], &[side]), &wanted, BUDGET);
+    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[side]), &Value, &wanted, BUDGET);
     assert_eq!((found.at, work), (vec![0.75], 2 * 4 * 2 * 2));
     assert!((found.bound + 0.75).abs() < 1e-15 && found.seen >= -0.75, "{} {}", found.bound, found.seen);
     // A second side that only the region knows is cut too: x, y, x of both halves, y of one more; its least value is then seen.
-    let (found, work) = search_within(&Cell::new(&[monomial(&[1, 0], -1.0)], &[side, side]), &wanted, BUDGET);
+    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1, 0], -1.0)]], &[side, side]), &Value, &wanted, BUDGET);
     assert_eq!((found.at[0], work), (0.75, 5 * 4 * 2 * 2));
     // Twice as fine: 0.7 lies in [5/8, 3/4], which is fine.
     let finer = Search { finest: 0.125, ..wanted };
-    let (found, work) = search_within(&Cell::new(&[monomial(&[1], -1.0)], &[side]), &finer, BUDGET);
+    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[side]), &Value, &finer, BUDGET);
     assert_eq!((found.at, work), (vec![0.75], 3 * 4 * 2 * 2));
 }
 
@@ -451,7 +451,8 @@ fn the_edge_of_a_region_is_cut_down_to_the_finest_cell() {
 fn a_region_that_turns_out_to_be_empty_has_no_least_value() {
     let place = |cell: &[[f64; 2]]| if cell[0][1] - cell[0][0] > 0.3 { Place::Partly } else { Place::Outside };
     let wanted = Search { place: &place, finest: 0.01, enough: 0.0 };
-    let (found, work) = search_within(&Cell::new(&[monomial(&[1], -1.0)], &[Interval::new(0.0, 1.0)]), &wanted, BUDGET);
+    let (found, work) =
+        search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[Interval::new(0.0, 1.0)]), &Value, &wanted, BUDGET);
     assert_eq!(found, Least { bound: f64::INFINITY, seen: f64::INFINITY, at: vec![0.5] });
     assert_eq!(work, 3 * 4 * 2 * 2);
 }
@@ -469,5 +470,71 @@ fn every_corner_is_seen_and_of_equals_the_first_is_named() {
     }
     assert_eq!(least(&[monomial(&[1, 1], 0.0)], &[side; 2], &EVERYWHERE).at, [0.0, 0.0]);
     // No term at all is one coefficient.
-    assert_eq!(Cell::new(&[], &[side; 2]).coefficients, [Interval::point(0.0)]);
+    assert_eq!(Cell::new(&[&[]], &[side; 2]).coefficients, [Interval::point(0.0)]);
+}
+
+/// The lesser of two values: a concave function of them.
+struct Lesser;
+
+impl Measure for Lesser {
+    fn low(&self, values: &[Interval], _than: f64) -> f64 {
+        values[0].low.min(values[1].low)
+    }
+    fn high(&self, values: &[Interval]) -> f64 {
+        values[0].high.min(values[1].high)
+    }
+}
+
+#[test]
+fn polynomials_side_by_side_have_each_their_own_coefficients() {
+    let mut random = Random(8);
+    for _ in 0..40 {
+        let dimensions = 1 + random.below(3);
+        let terms: Vec<Vec<Monomial>> = (0..3).map(|_| random_terms(&mut random, dimensions, 3, 4)).collect();
+        // All have the degrees of the whole, which a term of nothing gives to each alone.
+        let degree = |k: usize| terms.iter().flatten().map(|term| term.powers[k]).max().unwrap();
+        let top = monomial(&(0..dimensions).map(degree).collect::<Vec<u32>>(), 0.0);
+        let sides: Vec<Interval> = (0..dimensions).map(|_| random_side(&mut random)).collect();
+        let slices: Vec<&[Monomial]> = terms.iter().map(Vec::as_slice).collect();
+        let mut together = Cell::new(&slices, &sides);
+        let with_top = |terms: &Vec<Monomial>| [&terms[..], std::slice::from_ref(&top)].concat();
+        let mut alone: Vec<Cell> = terms.iter().map(|terms| Cell::new(&[&with_top(terms)[..]], &sides)).collect();
+        for _ in 0..3 {
+            for (which, cell) in alone.iter().enumerate() {
+                let own: Vec<Interval> = together.coefficients.iter().skip(which).step_by(3).copied().collect();
+                assert_eq!(own, cell.coefficients);
+            }
+            for axis in 0..dimensions {
+                let bends = alone.iter().map(|cell| cell.bend(axis)).fold(0.0, f64::max);
+                assert_eq!(together.bend(axis), bends);
+            }
+            let (axis, is_left) = (random.below(dimensions), random.chance(2));
+            let half = |cell: &Cell| if is_left { cell.halved(axis).0 } else { cell.halved(axis).1 };
+            (together, alone) = (half(&together), alone.iter().map(half).collect());
+        }
+    }
+}
+
+#[test]
+fn the_least_of_a_concave_measure_is_that_of_its_worst_place() {
+    let mut random = Random(9);
+    for _ in 0..20 {
+        let dimensions = 1 + random.below(2);
+        let terms: Vec<Vec<Monomial>> = (0..2).map(|_| random_terms(&mut random, dimensions, 3, 4)).collect();
+        let sides: Vec<Interval> = (0..dimensions).map(|_| random_side(&mut random)).collect();
+        let found = least_measure(&terms, &sides, &Lesser, &EVERYWHERE, 1);
+        let each = terms.iter().map(|terms| least(terms, &sides, &EVERYWHERE));
+        let expected = each.map(|found| found.bound).fold(f64::INFINITY, f64::min);
+        // Each search ends within 10^-9 of a spread of up to some hundred.
+        assert!((found.bound - expected).abs() < 1e-6, "{found:?} {expected}");
+        let there = terms.iter().map(|terms| value(terms, &place(&sides, &found.at))).reduce(|a, b| if a < b { a } else { b });
+        let there = there.expect("two");
+        assert!(exact(found.bound) <= there && there <= exact(found.seen), "{found:?}");
+    }
+    // With ten times the work it gets as far as a single one does.
+    let valley = vec![monomial(&[2, 0], 1.0), monomial(&[1, 1], -2.0), monomial(&[0, 2], 1.0), monomial(&[20, 20], 0.0)];
+    let sides = [Interval::new(-1.0, 1.3), Interval::new(-0.9, 1.2)];
+    let both = [valley.clone(), valley];
+    let [once, twice] = [1, 2].map(|times| least_measure(&both, &sides, &Lesser, &EVERYWHERE, times).bound);
+    assert!(once < twice && twice <= 0.0, "{once} {twice}");
 }

@@ -7,7 +7,8 @@
 //! ```text
 //! bounds      y - min, max - y; with an odd input also of -y
 //! monotone    dy/dx_i, the sign turned where the response shall fall, and where x_i falls with xi_i (a reciprocal)
-//! convex      u'H(x)u for every direction u: u and -u are one, so one entry of u is 1 and the others run over [-1, 1];
+//! convex      u'H(x)u for every direction u: u and -u are one, so one entry of u is 1 and the others run over [-1, 1]: enforced at
+//!             points of x and u, and proven over x alone (`curvature.rs`);
 //!             at a knot the slope does not fall
 //! concave     the same of -y
 //! ```
@@ -28,6 +29,8 @@ use crate::spec::Constraint;
 pub(super) struct Claim {
     /// The constraint that it comes from.
     pub constraint: usize,
+    /// Of a curvature: the entry of the direction that is 1. Claims of one piece stand side by side, a claim an entry.
+    pub largest: Option<usize>,
     /// The range of the main variables, then of the entries of a direction.
     pub sides: Vec<Interval>,
     basis: Vec<Polynomial>,
@@ -40,7 +43,7 @@ impl Claim {
     fn new(constraint: usize, sides: Vec<Interval>, basis: Vec<Polynomial>, offset: Rational) -> Self {
         let term = |(powers, coefficient): &(Vec<u32>, Rational)| (powers.clone(), double_double(coefficient));
         let rounded = basis.iter().map(|polynomial| polynomial.iter().map(term).collect()).collect();
-        Claim { constraint, sides, basis, rounded, offset }
+        Claim { constraint, largest: None, sides, basis, rounded, offset }
     }
 
     /// What each coefficient counts at a point.
@@ -198,7 +201,7 @@ fn convex(k: usize, surface: &Surface, piece: &Piece, halves: &[Rational], sign:
             }
             sum
         });
-        claims.push(Claim::new(k, sides, basis.collect(), integer(0)));
+        claims.push(Claim { largest: Some(largest), ..Claim::new(k, sides, basis.collect(), integer(0)) });
     }
 }
 

@@ -8,6 +8,7 @@
 //! stand at equal distances in it, at its start and at its end, where they show such a drift (Montgomery, Design and Analysis
 //! of Experiments, 6.8).
 
+mod kept;
 mod levels;
 mod points;
 mod read;
@@ -17,6 +18,7 @@ use std::collections::BTreeSet;
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
+pub use kept::Kept;
 pub use spec::{Condition, Design, DesignSpecification, Factor, MOST_RUNS};
 
 use crate::random::Random;
@@ -36,6 +38,8 @@ pub struct Plan {
     pub runs: Vec<u32>,
     /// The factors with a setting a run.
     pub factors: Vec<PlanFactor>,
+    /// What `where` took from a design of given points; none where it took nothing.
+    pub kept: Option<Kept>,
     /// Where it was read; none where it was made.
     place: Option<Place>,
 }
@@ -63,24 +67,32 @@ impl Plan {
     /// Makes the runs of a specification.
     ///
     /// # Errors
-    /// When `where` leaves no point.
+    /// When `where` leaves no point, fewer than `runs`, or of a design of given points so few that they do not tell its terms apart: those of first order of a factorial,
+    /// of second order of the others.
     pub fn make(specification: &DesignSpecification) -> Result<Plan, Faults> {
         let mut random = Random::new(specification.seed);
         let holds = |point: &Vec<f64>| specification.conditions.iter().all(|condition| condition.holds(point));
+        let centre: Vec<f64> = specification.factors.iter().map(|factor| physical(factor, 0.0)).collect();
+        let (mut kept, mut lost) = (None, 0);
         let mut points = match &specification.design {
             Design::Random { runs } => random_points(specification, *runs, &mut random, &holds),
             Design::LatinHypercube { runs } if !specification.conditions.is_empty() => {
                 hypercube_within(specification, *runs, &mut random, &holds)
             }
             other => {
-                let mut points = all_points(specification, other, &mut random);
-                points.retain(holds);
+                let mut all = all_points(specification, other, &mut random);
+                let mut seen = BTreeSet::new();
+                all.retain(|point| seen.insert(bits(point)));
+                let points: points::Points = all.iter().filter(|point| holds(point)).cloned().collect();
+                if other.runs().is_none() && points.len() < all.len() {
+                    let (found, terms) = Kept::of(other, &all, &points, &centre, specification.centre_points);
+                    (kept, lost) = (Some(found), terms);
+                }
                 points
             }
         };
         let mut seen = BTreeSet::new();
-        points.retain(|point| seen.insert(point.iter().map(|value| value.to_bits()).collect::<Vec<u64>>()));
-        let centre: Vec<f64> = specification.factors.iter().map(|factor| physical(factor, 0.0)).collect();
+        points.retain(|point| seen.insert(bits(point)));
         let mut faults = Collector::new();
         if points.is_empty() {
             faults.push(specification.fault("where", "`where`: no point of the design fulfils it"));
@@ -88,6 +100,15 @@ impl Plan {
         if let Some(wanted) = specification.design.runs().filter(|wanted| !points.is_empty() && points.len() != *wanted) {
             let what = format!("`where`: {} different points of the design fulfil it, `runs` asks for {wanted}", points.len());
             let help = "ask for fewer runs, widen the ranges, or loosen `where`";
+            faults.push(specification.fault("where", what).help(help));
+        }
+        if let Some(kept) = kept.as_ref().filter(|_| lost > 0 && !points.is_empty()) {
+            let order = if matches!(specification.design, Design::FullFactorial { .. }) { "first" } else { "second" };
+            let what = format!(
+                "`where`: {} of {} points of the design fulfil it, too few: {lost} of the terms of {order} order that the whole design tells apart cannot be told apart by them",
+                kept.points, kept.of
+            );
+            let help = "loosen `where`, or ask for a `latin-hypercube`, which is planned within it";
             faults.push(specification.fault("where", what).help(help));
         }
         if specification.centre_points > 0 && !holds(&centre) {
@@ -103,7 +124,7 @@ impl Plan {
             values: order.iter().map(|point| point[k]).collect(),
         });
         let runs = (1..).take(order.len()).collect();
-        faults.finish(Some(Plan { runs, factors: factors.collect(), place: None }))
+        faults.finish(Some(Plan { runs, factors: factors.collect(), kept, place: None }))
     }
 
     /// Reads a plan from its CSV. Every column but `run` is a factor and has a unit; runs are numbered upward from 1, with gaps
@@ -134,7 +155,7 @@ impl Plan {
             let fault = Fault::at_line(&place.file, place.header_line, 0, "there is no factor beside the column `run`");
             faults.push(fault.help("the header of a plan is `run[1],factor[unit],...`"));
         }
-        faults.finish(Some(Plan { runs, factors, place: Some(place) }))
+        faults.finish(Some(Plan { runs, factors, kept: None, place: Some(place) }))
     }
 
     /// The factor of a name.
@@ -202,6 +223,10 @@ impl Plan {
         }
         text
     }
+}
+
+fn bits(point: &[f64]) -> Vec<u64> {
+    point.iter().map(|value| value.to_bits()).collect()
 }
 
 fn list(point: &[f64]) -> String {

@@ -1,5 +1,4 @@
-//! Random feasible problems with constraints, from a seed: each should end with a proof, near the least residual sum of squares. Convex in 3
-//! and 4 inputs some do not yet: the search has a variable more for each direction.
+//! Random feasible problems with constraints, from a seed: each ends with a proof, near the least residual sum of squares.
 //!
 //! A constant keeps bounds that hold it, and is monotone and convex: with a constant term every problem here has a solution.
 
@@ -81,8 +80,8 @@ fn solved(problem: &Problem, scratch: &Scratch) -> Outcome {
 }
 
 /// A lower bound of the least residual sum of squares: a quadratic program in plain monomials with the constraint at some points
-/// only. Points come in where the solution breaks it, so that the bound ends near the least sum; it is one in each round.
-fn relaxed(problem: &Problem, near: &[Vec<f64>]) -> f64 {
+/// only. Points come in where the solution breaks it, so that the bound ends near the least sum; it is one in each round. Ends where it is as near to `found` as is asked.
+fn relaxed(problem: &Problem, near: &[Vec<f64>], found: f64) -> f64 {
     let inputs = problem.rows[0].0.len();
     let powers: Vec<Vec<i32>> = (0..inputs).fold(vec![vec![]], |begun: Vec<Vec<i32>>, _| {
         let longer = |start: &Vec<i32>| {
@@ -138,7 +137,12 @@ fn relaxed(problem: &Problem, near: &[Vec<f64>]) -> f64 {
     let mut random = Random::new(7);
     let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
     let mut known = near.to_vec();
-    for _ in 0..40 {
+    let sum = |b: &DVector<f64>| (&design * b - &response).norm_squared();
+    // Forty rounds are usual; convex in four inputs takes three times as many, for the error of the bound falls by a tenth a round.
+    for _ in 0..200 {
+        if found / sum(&b) - 1.0 < NEAR / 2.0 {
+            break;
+        }
         let mut points = known.clone();
         points.extend((0..4000).map(|_| {
             // Half of the coordinates at an end: that is where much happens.
@@ -176,8 +180,11 @@ fn relaxed(problem: &Problem, near: &[Vec<f64>]) -> f64 {
         }
         b = program(&square, &right, &rows);
     }
-    (design * b - response).norm_squared()
+    sum(&b)
 }
+
+/// The share by which a sum of squares may lie above the least one.
+const NEAR: f64 = 1e-4;
 
 /// b with the least b'Sb/2 - r'b whose rows hold.
 fn program(square: &DMatrix<f64>, right: &DVector<f64>, rows: &[(Vec<f64>, f64)]) -> DVector<f64> {
@@ -217,14 +224,14 @@ fn fault(seed: u64, scratch: &Scratch) -> Option<String> {
         told.constraints[0].points.iter().map(|point| point.0.iter().map(|(_, x)| *x).collect()).collect();
     let freedom = statistics.rows - statistics.terms.len();
     let found = statistics.residual_sd.unwrap().powi(2) * freedom as f64;
-    let bound = relaxed(&problem, &near);
+    let bound = relaxed(&problem, &near, found);
     let excess = found / bound - 1.0;
     println!(
         "{}: {} rounds, shift {:.1e}, {seconds:.1} s, {excess:.1e} above the bound",
         problem.name, told.rounds, told.shift
     );
     // Not below a lower bound, to the tolerance of the solver, 1e-8; not far above.
-    (!(-1e-6..1e-4).contains(&excess)).then(|| format!("{}: {excess:e} above the least sum of squares", problem.name))
+    (!(-1e-6..NEAR).contains(&excess)).then(|| format!("{}: {excess:e} above the least sum of squares", problem.name))
 }
 
 fn expect_none(seeds: impl Iterator<Item = u64>, name: &str) {
@@ -240,7 +247,12 @@ fn feasible_bounds_and_slopes_end_with_a_proof_near_the_least_sum_of_squares() {
 }
 
 #[test]
-#[ignore = "fails today for convex with 3 and 4 inputs, and takes long: SEEDS=0-32 cargo test -p rsm-fit --test all -- --ignored --nocapture every_feasible"]
+fn feasible_convex_problems_of_three_and_four_inputs_end_with_a_proof() {
+    expect_none([34, 38, 39].into_iter(), "family-convex");
+}
+
+#[test]
+#[ignore = "takes hours: SEEDS=0-32 cargo test -p rsm-fit --test all -- --ignored --nocapture every_feasible"]
 fn every_feasible_problem_ends_with_a_proof() {
     let seeds = std::env::var("SEEDS")
         .unwrap_or("0-270".into())

@@ -1,0 +1,166 @@
+//! The least curvature of a surface over all directions at once: the least eigenvalue of its Hessian.
+//!
+//! In: the polynomial u'H(x)u of a claim. Out: the entries of H as polynomials of x alone, and a measure of them for
+//! [`rsm_core::bernstein::least_measure`]: the least eigenvalue is concave in H, so it is over a cell at least that of the worst joint Bernstein coefficient. A
+//! search over x and u has twice the variables, and does not end for convex surfaces of order 4 in four inputs. Bounds are proven by interval arithmetic: H - m I has positive
+//! pivots for every matrix in the enclosure. Eigenvalues in f64 only say which m to try.
+
+use nalgebra::{DMatrix, DVector};
+use rsm_core::bernstein::{Measure, Monomial};
+use rsm_core::interval::Interval;
+
+use super::valleys::Landscape;
+
+/// Cholesky's factor in f64 is that of a matrix that differs by less than n + 1 roundings of its trace (Rump 2006, Verification of positive definiteness, BIT 46), and
+/// so by n (n + 1) 2^-53 of its largest entry; eigenvalues are found as closely. Eight times that for n up to 6, a row.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
+/// The entries of H on and above its diagonal, row by row, of u'H(x)u with the first entry of u 1: the other entries of u are the variables behind `inputs`.
+pub(super) fn entries(monomials: &[Monomial], inputs: usize) -> Vec<Vec<Monomial>> {
+    let mut entries = vec![Vec::new(); inputs * (inputs + 1) / 2];
+    for Monomial { powers, coefficient } in monomials {
+        let (own, direction) = powers.split_at(inputs);
+        let mut factors = direction.iter().enumerate().flat_map(|(k, power)| vec![k + 1; *power as usize]);
+        let [a, b] = match [factors.next(), factors.next()] {
+            [None, _] => [0, 0],
+            [Some(b), None] => [0, b],
+            [Some(a), Some(b)] => [a, b],
+        };
+        // Each entry beside the diagonal stands twice in the sum.
+        let coefficient = if a == b { *coefficient } else { coefficient.halved() };
+        entries[place(a, b, inputs)].push(Monomial { powers: own.to_vec(), coefficient });
+    }
+    entries
+}
+
+/// Where the entry of row a and column b >= a stands.
+fn place(a: usize, b: usize, inputs: usize) -> usize {
+    a * inputs - a * (a + 1) / 2 + b
+}
+
+/// The least eigenvalue of symmetric matrices with so many rows.
+pub(super) struct LeastEigenvalue(pub usize);
+
+impl LeastEigenvalue {
+    fn entry(&self, values: &[Interval], a: usize, b: usize) -> Interval {
+        values[place(a.min(b), a.max(b), self.0)]
+    }
+
+    /// The least eigenvalue of the middle matrix and its direction, in f64.
+    pub(super) fn of_middle(&self, values: &[Interval], rows: &[usize]) -> (f64, DVector<f64>) {
+        let middle = |a: usize, b: usize| {
+            let entry = self.entry(values, rows[a], rows[b]);
+            entry.low.midpoint(entry.high)
+        };
+        let found = DMatrix::from_fn(rows.len(), rows.len(), middle).symmetric_eigen();
+        let least = found.eigenvalues.imin();
+        (found.eigenvalues[least], found.eigenvectors.column(least).into_owned())
+    }
+
+    /// The direction of the least curvature at shares of the sides: its largest entry, and the others for a largest entry of 1 as shares of [-1, 1].
+    pub(super) fn worst(&self, entries: &[Vec<Monomial>], sides: &[Interval], shares: &[f64]) -> (usize, Vec<f64>) {
+        let sides: Vec<[f64; 2]> = sides.iter().map(|side| [side.low, side.high]).collect();
+        let value = |entry: &Vec<Monomial>| Interval::point(Landscape::new(entry, sides.clone()).value(shares));
+        let values: Vec<Interval> = entries.iter().map(value).collect();
+        let all: Vec<usize> = (0..self.0).collect();
+        let (_, direction) = self.of_middle(&values, &all);
+        let largest = direction.iamax();
+        let others = (0..self.0).filter(|k| *k != largest);
+        (largest, others.map(|k| (direction[k] / direction[largest] + 1.0) / 2.0).collect())
+    }
+}
+
+/// A symmetric matrix in the middle of its enclosure.
+struct Middle {
+    size: usize,
+    /// Row by row.
+    entries: Vec<f64>,
+    /// No eigenvalue of a matrix in the enclosure is further from one of the middle, and no computed pivot from a true one.
+    margin: f64,
+}
+
+impl Middle {
+    /// Of these rows and columns. None where an entry may be infinite.
+    fn of(of: &LeastEigenvalue, values: &[Interval], rows: &[usize]) -> Option<Self> {
+        let size = rows.len();
+        let (mut entries, mut radius, mut largest) = (Vec::with_capacity(size * size), 0f64, 0f64);
+        for a in rows {
+            for b in rows {
+                let entry = of.entry(values, *a, *b);
+                let middle = entry.low.midpoint(entry.high);
+                radius = radius.max((entry.high - middle).max(middle - entry.low).next_up());
+                largest = largest.max(middle.abs());
+                entries.push(middle);
+            }
+        }
+        let margin = size as f64 * (radius + ROUNDING * largest);
+        margin.is_finite().then_some(Middle { size, entries, margin })
+    }
+
+    /// Whether every eigenvalue of every matrix in the enclosure is at least m: Cholesky's factor of the middle less m and the margin exists in f64.
+    fn is_above(&self, m: f64) -> bool {
+        let size = self.size;
+        let mut left = self.entries.clone();
+        for k in 0..size {
+            left[k * (size + 1)] -= m + self.margin;
+        }
+        for k in 0..size {
+            let pivot = left[k * (size + 1)];
+            // NaN is none either.
+            if !(pivot > 0.0) {
+                return false;
+            }
+            for a in k + 1..size {
+                let share = left[k * size + a] / pivot;
+                for b in a..size {
+                    left[a * size + b] -= share * left[k * size + b];
+                }
+            }
+        }
+        true
+    }
+}
+
+impl Measure for LeastEigenvalue {
+    fn low(&self, values: &[Interval], than: f64) -> f64 {
+        let nothing = Interval::point(0.0);
+        let is_live = |a: &usize| (0..self.0).any(|b| self.entry(values, *a, b) != nothing);
+        let rows: Vec<usize> = (0..self.0).filter(is_live).collect();
+        // An input in which nothing bends has the eigenvalue 0, to the bit.
+        let most = if rows.len() < self.0 { 0.0 } else { f64::INFINITY };
+        if rows.is_empty() {
+            return most;
+        }
+        if let [only] = rows[..] {
+            return self.entry(values, only, only).low.min(most);
+        }
+        let Some(middle) = Middle::of(self, values, &rows) else { return f64::NEG_INFINITY };
+        if than.is_finite() && middle.is_above(than) {
+            return than.min(most);
+        }
+        let least = DMatrix::from_row_slice(middle.size, middle.size, &middle.entries).symmetric_eigenvalues().min();
+        // The pivots take one margin, the eigenvalue in f64 another.
+        let proven = [2.0, 4.0, 64.0].into_iter().map(|times| least - times * middle.margin).find(|m| middle.is_above(*m));
+        proven.map_or(f64::NEG_INFINITY, |m| m.min(most))
+    }
+
+    fn high(&self, values: &[Interval]) -> f64 {
+        if values.iter().any(|entry| !entry.magnitude().is_finite()) {
+            return f64::INFINITY;
+        }
+        let all: Vec<usize> = (0..self.0).collect();
+        let (_, direction) = self.of_middle(values, &all);
+        let [mut sum, mut square] = [Interval::point(0.0); 2];
+        for a in 0..self.0 {
+            let u = Interval::point(direction[a]);
+            square = square + u * u;
+            for b in 0..self.0 {
+                sum = sum + self.entry(values, a, b) * u * Interval::point(direction[b]);
+            }
+        }
+        (sum.high / if sum.high < 0.0 { square.high } else { square.low }).next_up()
+    }
+}
+
+#[cfg(test)]
+mod tests;
