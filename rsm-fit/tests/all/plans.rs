@@ -134,6 +134,51 @@ fn as_many_runs_as_asked_for_or_a_word_why_not() {
 }
 
 #[test]
+fn points_that_fall_away_are_counted_or_the_plan_is_refused() {
+    // Half-spaces drawn through the box: a plan says how many of its design's points it lacks, or why it is none.
+    let factor = |name: &str| format!("[factors.{name}]\nunit = \"1\"\nrange = [-1, 1]\n");
+    let levels = |name: &str| format!("[factors.{name}]\nunit = \"1\"\nlevels = [-1, 0, 1]\n");
+    let mut random = rsm_fit::random::Random::new(4);
+    let (mut whole, mut less, mut refused) = (0, 0, 0);
+    for round in 0..120 {
+        let (design, all, sections) = [
+            ("central-composite\"\nalpha = \"face-centred\"\ncentre_points = 0 #", 14, ["a", "b", "c"].map(factor).concat()),
+            ("box-behnken\"\ncentre_points = 0 #", 12, ["a", "b", "c"].map(factor).concat()),
+            ("full-factorial", 27, ["a", "b", "c"].map(levels).concat()),
+        ][round % 3]
+            .clone();
+        let [a, b, c] = [(); 3].map(|()| 2.0 * random.share() - 1.0);
+        let bound = 3.0 * random.share() - 0.5;
+        let text = format!(
+            "format = 1\nplan = \"p\"\nseed = 1\ndesign = \"{design}\"\n\
+             where = [{{ sum = {{ a = {a}, b = {b}, c = {c} }}, at_most = {bound} }}]\n{sections}"
+        );
+        let specification = DesignSpecification::from_source(Source::new("plan.toml", text)).unwrap();
+        match Plan::make(&specification) {
+            Ok(plan) => match &plan.kept {
+                None => {
+                    whole += 1;
+                    assert_eq!(plan.runs.len(), all, "{design}");
+                }
+                Some(kept) => {
+                    less += 1;
+                    assert_eq!((kept.of, kept.points), (all, plan.runs.len()), "{design}");
+                    assert!(kept.points < all && kept.correlation[0] < 1e-14);
+                    // As many points as terms at least.
+                    assert!(kept.points >= if design == "full-factorial" { 4 } else { 9 }, "{design}: {kept:?}");
+                }
+            },
+            Err(faults) => {
+                refused += 1;
+                let words = faults.to_string();
+                assert!(words.contains("too few") || words.contains("no point of the design"), "{words}");
+            }
+        }
+    }
+    assert!(whole > 10 && less > 10 && refused > 10, "{whole} {less} {refused}");
+}
+
+#[test]
 fn a_plan_is_read_back_as_it_was_written_and_in_other_units() {
     let plan = made(&format!("replicates = 2\n{DYNAMOMETER}"));
     let read = Plan::read(&Source::new("plan.csv", plan.csv())).unwrap();
