@@ -185,6 +185,8 @@ fn search_within(root: &Cell, measure: &impl Measure, wanted: &Search<'_>, budge
     let tolerance = (TIGHT_ENOUGH * (whole.high - whole.low)).max(ROUNDING * whole.magnitude());
     let mut queue = BinaryHeap::from([Queued { bound: root.low(measure), cell: root }]);
     let mut work = 0;
+    // The least bound of cells that are good enough. Only it is kept of them: with several polynomials of four variables a cell takes 40 kB.
+    let mut settled = f64::INFINITY;
     while let Some(Queued { bound, cell }) = queue.pop() {
         best.bound = bound;
         let missing = wanted.enough - best.seen;
@@ -205,11 +207,16 @@ fn search_within(root: &Cell, measure: &impl Measure, wanted: &Search<'_>, budge
             half.look(measure, wanted, &mut best);
             // A half lies in the whole: its bound is never worse.
             let bound = half.low(measure).max(bound);
+            // mutant `>= to >`: one that is kept is looked at after all others, with the same end.
+            if bound >= wanted.enough {
+                settled = settled.min(bound);
+                continue;
+            }
             queue.push(Queued { bound, cell: half });
         }
     }
-    // Every cell was left out.
-    best.bound = f64::INFINITY;
+    // Every cell was good enough or left out.
+    best.bound = settled;
     (best, work)
 }
 

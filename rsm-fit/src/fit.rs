@@ -407,7 +407,7 @@ impl Task<'_> {
             judging.explained = explained(&self.test);
         } else if chosen.by == ChosenBy::Nobody && self.validate.is_some() {
             judging.explained = validated;
-        } else if let Some((judged, parts)) = selection.cross_validated() {
+        } else if let Some((judged, parts)) = selection.cross_validated(chosen.terms.len()) {
             judging.explained = judged.explained();
             let errors = judged.statistics();
             judging.cross_validated = errors.map(|errors| CrossValidation { errors, parts, r2: judged.explained() });

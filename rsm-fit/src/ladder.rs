@@ -120,6 +120,12 @@ pub fn first_rung(terms: &[Vec<u32>]) -> u32 {
     terms.iter().map(|powers| order(powers)).min().map_or(1, |lowest| lowest.max(1))
 }
 
+/// How many terms so many rows may have: one row stays for the residual, where there is one to spare.
+#[must_use]
+pub fn most_terms(rows: usize) -> usize {
+    rows.saturating_sub(1).max(1)
+}
+
 /// One climb: a problem that grows, and the order that is open.
 struct Climber {
     growing: Growing,
@@ -151,8 +157,7 @@ impl Ladder<'_> {
     fn ascend(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<Climb, Dependent> {
         let climber = |fit: &Triangle, judging: Option<&Triangle>| {
             let growing = judging.map_or_else(|| Growing::new(fit), |rows| Growing::judged_by(fit, rows));
-            // One row stays for the residual, where there is one to spare.
-            Climber { growing, rung: first_rung(self.terms), most: fit.rows().saturating_sub(1).max(1) }
+            Climber { growing, rung: first_rung(self.terms), most: most_terms(fit.rows()) }
         };
         let mut own = None;
         let mut judging = Vec::new();

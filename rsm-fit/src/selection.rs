@@ -9,7 +9,7 @@
 
 use crate::dd::Dd;
 use crate::design::Design;
-use crate::ladder::{Climb, Judge, Ladder};
+use crate::ladder::{Climb, Judge, Ladder, most_terms};
 use crate::qr::{Compressed, Dependent, Growing, Triangle};
 use crate::random::Random;
 use crate::spec::Method;
@@ -228,9 +228,16 @@ impl Selection<'_> {
         Some(Judge::left_out((0..parts.len()).map(of_one).collect()).about_the_mean(all.square_about(all.mean())))
     }
 
+    /// How many terms a ladder may choose that fits these parts and leaves out each in turn.
+    fn reach(parts: &[&Part]) -> usize {
+        let rows = |part: &&Part| part.rows.rows();
+        let all: usize = parts.iter().map(rows).sum();
+        most_terms(all - parts.iter().map(rows).max().unwrap_or(0))
+    }
+
     /// The errors on rows that chose nothing, and the number of parts. `None`: there are too few rows, or a part is all that tells terms apart, or
-    /// it is too much work.
-    pub(crate) fn cross_validated(&self) -> Option<(Judged, usize)> {
+    /// it is too much work. Too few: without a part a ladder may not choose as many terms as were chosen, so that its errors are those of another surface.
+    pub(crate) fn cross_validated(&self, chosen: usize) -> Option<(Judged, usize)> {
         if self.work() > TOO_MUCH_WORK {
             return None;
         }
@@ -260,7 +267,7 @@ impl Selection<'_> {
                     let is_aside = aside(&rest.groups, share, part as u64 + 2);
                     let (fit, choosing) = (rest.chosen(|row| !is_aside[row]), rest.chosen(|row| is_aside[row]));
                     let choosing = Sample { weights: Vec::new(), ..choosing };
-                    if fit.rows() < 2 || choosing.rows() == 0 {
+                    if fit.rows() < 2 || choosing.rows() == 0 || most_terms(fit.rows()) < chosen {
                         return None;
                     }
                     let triangle = fit.to_fit(self.design);
@@ -277,6 +284,7 @@ impl Selection<'_> {
                     let all: Vec<&Triangle> = rest.iter().map(|part| &part.fit).collect();
                     let triangle = Triangle::stacked(&all);
                     let terms = match self.method {
+                        Method::Ladder { .. } if Self::reach(&rest) < chosen => return None,
                         Method::Ladder { .. } => self.climb(&triangle, &self.judge_of(&rest)?, quiet).ok()?.chosen,
                         _ => (0..self.design.width()).collect(),
                     };

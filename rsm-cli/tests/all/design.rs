@@ -39,7 +39,7 @@ fn what_where_takes_from_a_design_is_told() {
     };
     let design = |words: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], words].concat(), here.path());
     // The corner (1, 1) falls away: 7 of 8 points. Worked by hand in `plan/kept.rs`.
-    written("design = \"central-composite\"\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 1.5 }]");
+    written("design = \"central-composite\"\nalpha = \"rotatable\"\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 1.5 }]");
     let found = json(&design(&["--json"]));
     let told = &found["left_out"];
     assert_eq!(keys(told), ["correlation", "correlation_of_whole", "of", "points", "was_rotatable"]);
@@ -49,12 +49,12 @@ fn what_where_takes_from_a_design_is_told() {
     let words = text(&output.stderr);
     assert!(words.contains("warning: `where` leaves 7 of the 8 points of the central-composite design"), "{words}");
     // A `where` that takes nothing says nothing.
-    written("design = \"central-composite\"\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 3 }]");
+    written("design = \"central-composite\"\nalpha = \"rotatable\"\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 3 }]");
     assert!(json(&design(&["--json"]))["left_out"].is_null());
     assert!(!text(&design(&[]).stderr).contains("warning"));
     // Too few for what the design is made for: b at one value.
     written(
-        "design = \"central-composite\"\nwhere = [{ sum = { a = 1, b = 10 }, at_most = 2 }, { sum = { b = -10 }, at_most = 1 }]",
+        "design = \"central-composite\"\nalpha = \"rotatable\"\nwhere = [{ sum = { a = 1, b = 10 }, at_most = 2 }, { sum = { b = -10 }, at_most = 1 }]",
     );
     let output = design(&[]);
     assert_eq!(output.status.code(), Some(2));

@@ -136,21 +136,26 @@ fn as_many_runs_as_asked_for_or_a_word_why_not() {
 #[test]
 fn points_that_fall_away_are_counted_or_the_plan_is_refused() {
     // Half-spaces drawn through the box: a plan says how many of its design's points it lacks, or why it is none.
-    let factor = |name: &str| format!("[factors.{name}]\nunit = \"1\"\nrange = [-1, 1]\n");
-    let levels = |name: &str| format!("[factors.{name}]\nunit = \"1\"\nlevels = [-1, 0, 1]\n");
+    fn factor(name: &str) -> String {
+        format!("[factors.{name}]\nunit = \"1\"\nrange = [-1, 1]\n")
+    }
+    fn levels(name: &str) -> String {
+        format!("[factors.{name}]\nunit = \"1\"\nlevels = [-1, 0, 1]\n")
+    }
     let mut random = rsm_fit::random::Random::new(4);
     let (mut whole, mut less, mut refused) = (0, 0, 0);
     for round in 0..120 {
-        let (design, all, sections) = [
-            ("central-composite\"\nalpha = \"face-centred\"\ncentre_points = 0 #", 14, ["a", "b", "c"].map(factor).concat()),
-            ("box-behnken\"\ncentre_points = 0 #", 12, ["a", "b", "c"].map(factor).concat()),
-            ("full-factorial", 27, ["a", "b", "c"].map(levels).concat()),
-        ][round % 3]
-            .clone();
+        let (design, more, all) = [
+            ("central-composite", "alpha = \"face-centred\"\ncentre_points = 0\n", 14),
+            ("box-behnken", "centre_points = 0\n", 12),
+            ("full-factorial", "", 27),
+        ][round % 3];
+        let sections =
+            ["a", "b", "c"].map(if design == "full-factorial" { levels as fn(&str) -> String } else { factor }).concat();
         let [a, b, c] = [(); 3].map(|()| 2.0 * random.share() - 1.0);
         let bound = 3.0 * random.share() - 0.5;
         let text = format!(
-            "format = 1\nplan = \"p\"\nseed = 1\ndesign = \"{design}\"\n\
+            "format = 1\nplan = \"p\"\nseed = 1\ndesign = \"{design}\"\n{more}\
              where = [{{ sum = {{ a = {a}, b = {b}, c = {c} }}, at_most = {bound} }}]\n{sections}"
         );
         let specification = DesignSpecification::from_source(Source::new("plan.toml", text)).unwrap();

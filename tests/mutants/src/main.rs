@@ -19,13 +19,14 @@ use instrument::Mutant;
 use judge::Fate;
 
 const USAGE: &str = "\
-usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--unit] [--list]
+usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--list]
   --package NAME    rsm-core, rsm-fit or rsm-lab; without it all three, each with the files that are listed below
   --file PART       only files whose name contains PART (several may be given)
   --function NAME   only mutants inside this function
   --line N          only mutants of this line
   --change TEXT     only this change, as it is printed
-  --sample N        N mutants only, spread evenly over all
+  --sample N        N mutants of each package only, spread evenly over all
+  --seed N          the sample is drawn from this seed
   --unit            only the unit tests of the library: nothing else is compiled or run, and what they leave is known in minutes
   --list            names the mutants, runs no test
 A mutant that means the same is argued in a comment on its line or right above: // mutant `< to <=`: why no test can notice it";
@@ -60,6 +61,7 @@ struct Request {
     line: Option<usize>,
     change: Option<String>,
     sample: Option<usize>,
+    seed: Option<u64>,
     unit: bool,
     list: bool,
 }
@@ -113,6 +115,7 @@ fn request(mut words: impl Iterator<Item = String>) -> Result<Request, String> {
             "--line" => request.line = Some(number()?),
             "--change" => request.change = Some(value),
             "--sample" => request.sample = Some(number()?),
+            "--seed" => request.seed = Some(number()? as u64),
             _ => return Err(format!("{word} {value} is not known")),
         }
     }
@@ -140,8 +143,7 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     };
     let mut mutants: Vec<&Mutant> = built.mutants.iter().filter(wanted).collect();
     if let Some(count) = request.sample {
-        let all = mutants.len();
-        mutants = (0..count.min(all)).map(|k| mutants[k * all / count.min(all)]).collect();
+        mutants = sample(mutants.len(), count, request.seed).into_iter().map(|k| mutants[k]).collect();
     }
     println!("{package}: {} mutants, {} more do not compile", mutants.len(), built.refused);
     if request.list {
@@ -167,6 +169,24 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
         }
     });
     Ok(report(package, &by_number, &fates, &texts))
+}
+
+/// Which of so many: spread evenly, or drawn from a seed.
+fn sample(all: usize, count: usize, seed: Option<u64>) -> Vec<usize> {
+    let count = count.min(all);
+    let Some(mut state) = seed else { return (0..count).map(|k| k * all / count).collect() };
+    // SplitMix64 (Steele, Lea, Flood 2014): any seed does, 0 too.
+    let mut next = || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    let mut left: Vec<usize> = (0..all).collect();
+    let mut drawn: Vec<usize> = (0..count).map(|_| left.swap_remove((next() % left.len() as u64) as usize)).collect();
+    drawn.sort_unstable();
+    drawn
 }
 
 /// The table by file; whether nothing is left to do.
@@ -258,4 +278,25 @@ fn files(request: &Request, package: &str, listed: &[&str]) -> Result<Vec<String
     }
     found.sort();
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::sample;
+
+    #[test]
+    fn a_sample_is_spread_or_drawn_each_once() {
+        assert_eq!(sample(10, 5, None), [0, 2, 4, 6, 8]);
+        assert_eq!(sample(3, 9, None), [0, 1, 2]);
+        assert_eq!(sample(3, 9, Some(4)), [0, 1, 2]);
+        let (one, other) = (sample(1000, 30, Some(1)), sample(1000, 30, Some(2)));
+        assert!(one.len() == 30 && one.windows(2).all(|pair| pair[0] < pair[1]) && one[29] < 1000);
+        assert_eq!(one, sample(1000, 30, Some(1)));
+        assert_ne!(one, other);
+        // Every one may be drawn.
+        let mut seen: Vec<usize> = (0..60).flat_map(|seed| sample(20, 3, Some(seed))).collect();
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), 20);
+    }
 }
