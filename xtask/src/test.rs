@@ -5,7 +5,7 @@
 
 use crate::stage::Run;
 use crate::workspace::cargo;
-use crate::{generated, hidden_effects, packages};
+use crate::{generated, hidden_effects, mutants, packages};
 
 /// The libraries that must build without `std`, and the bare-metal machine to try first: a Cortex-M4F, what a motor drive has.
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
@@ -26,6 +26,8 @@ pub(crate) fn run() -> bool {
         // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())
         .command("hidden in surfaces", hidden_effects::quick_surfaces())
+        // Do the tests notice what they are there for? A sample; all of it is `cargo xtask mutants`.
+        .command("mutants", mutants::quick())
         // The tests that are ignored above because they are slow at opt 0, with the others at opt 3.
         .command("long matrix", cargo(&["test", "--release", "-p", "rsm-tests", "--no-fail-fast", "--", "--include-ignored"]))
         .command("docs", {

@@ -165,9 +165,10 @@ fn the_error_that_is_told_is_the_true_one() {
     // A hundred surfaces and every kind of split: the ignored test below.
     let pairs = told_over_true("told", 0..24, "", anything(500.0));
     assert!((ratio(&pairs) - 1.0).abs() < 0.1, "{} {pairs:?}", ratio(&pairs));
-    // Of a single surface no such thing can be asked: the r.m.s. of n errors scatters by 1/sqrt(2 n), 13 % for 30 rows and 3 % for 500, and
-    // the model of all rows is not quite that of nine tenths of them. Seen: 0.114 in the median over these 24.
-    assert!(off(&pairs) < 0.15, "{} {pairs:?}", off(&pairs));
+    // Of a single surface less can be asked: the r.m.s. of n errors scatters by 1/sqrt(2 n), 13 % for 30 rows and 3 % for 500. A hundred surfaces in the test below: 0.05
+    // to 0.08 in the median. Of these 24 half are within a tenth.
+    let near = pairs.iter().filter(|(told, _)| (told - 1.0).abs() < 0.1).count();
+    assert!(2 * near >= pairs.len(), "{near} {pairs:?}");
 }
 
 #[test]
@@ -218,7 +219,13 @@ fn few_rows_are_told_an_error_of_their_surface_or_none() {
             None => {
                 none += 1;
                 let words = outcome.responses[0].verdict.to_string();
-                assert!(rows < 6 && words.contains("no rows are left that chose nothing"), "seed {seed}, {rows} rows: {words}");
+                let is_honest = match rows {
+                    // Two rows are fitted and one judges: a constant is all that may be chosen, and it is said not to do.
+                    3 => words.starts_with("confidence 99 % not reached, best"),
+                    4 | 5 => words.contains("no rows are left that chose nothing"),
+                    _ => false,
+                };
+                assert!(is_honest, "seed {seed}, {rows} rows: {words}");
                 assert_eq!(statistics(&outcome).rows_used.error, "none: the error is that on the rows that chose it");
             }
         }

@@ -33,8 +33,8 @@ pub(crate) enum Fate {
     NotReached,
 }
 
-/// All tests with their times and what they reach.
-pub(crate) fn survey(programs: &[PathBuf], folder: &Path, scratch: &Path) -> Result<Vec<Test>, String> {
+/// The tests of the programs, by name.
+pub(crate) fn names(programs: &[PathBuf], folder: &Path) -> Result<Vec<(PathBuf, String)>, String> {
     let mut names = Vec::new();
     for program in programs {
         let output = command(program, folder)
@@ -46,6 +46,11 @@ pub(crate) fn survey(programs: &[PathBuf], folder: &Path, scratch: &Path) -> Res
         names
             .extend(text.lines().filter_map(|line| line.strip_suffix(": test")).map(|name| (program.clone(), name.to_owned())));
     }
+    Ok(names)
+}
+
+/// Tests with their times and what they reach.
+pub(crate) fn survey(names: &[(PathBuf, String)], folder: &Path, scratch: &Path) -> Result<Vec<Test>, String> {
     let tests = Mutex::new(Vec::new());
     let failed = Mutex::new(Vec::new());
     in_parallel(names.len(), |k| {

@@ -150,24 +150,41 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
         mutants.iter().for_each(|mutant| println!("{}", told(mutant)));
         return Ok(true);
     }
-    let tests = judge::survey(&built.programs, &built.folder, &scratch)?;
+    // Of a sample first the tests of its own files, and all others only where these leave something: most of the time goes into running every test once.
+    let names = judge::names(&built.programs, &built.folder)?;
+    let is_near = |(_, name): &(PathBuf, String)| {
+        request.sample.is_none() || request.parts.is_empty() || request.parts.iter().any(|part| name.contains(part.as_str()))
+    };
+    let (near, others): (Vec<_>, Vec<_>) = names.into_iter().partition(is_near);
+    let tests = judge::survey(&near, &built.folder, &scratch)?;
     println!("{package}: {} tests", tests.len());
     let by_number: BTreeMap<usize, &Mutant> = mutants.iter().map(|mutant| (mutant.number, *mutant)).collect();
     let numbers: Vec<usize> = by_number.keys().copied().collect();
+    let is_argued = |number: usize| {
+        let mutant = by_number[&number];
+        argued::is_argued(&lines(&texts[&mutant.file]), mutant.line, &mutant.change)
+    };
     let (begin, done) = (Instant::now(), AtomicUsize::new(0));
-    let fates = judge::judge(&tests, &numbers, &built.folder, |number, fate| {
+    let mut fates = judge::judge(&tests, &numbers, &built.folder, |number, fate| {
         let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-        if !matches!(fate, Fate::Killed(_)) {
-            let mutant = by_number[&number];
-            let argued = argued::is_argued(&lines(&texts[&mutant.file]), mutant.line, &mutant.change);
-            if !argued {
-                println!("   {}: {}", if *fate == Fate::Survived { "SURVIVED" } else { "NOT REACHED" }, told(mutant));
-            }
+        if !matches!(fate, Fate::Killed(_)) && !is_argued(number) {
+            println!("   {}: {}", if *fate == Fate::Survived { "SURVIVED" } else { "NOT REACHED" }, told(by_number[&number]));
         }
         if count.is_multiple_of(200) {
             println!("   {count} of {} in {} s", numbers.len(), begin.elapsed().as_secs());
         }
     });
+    let is_left = |(number, fate): &(&usize, &Fate)| !matches!(fate, Fate::Killed(_)) && !is_argued(**number);
+    let left: Vec<usize> = fates.iter().filter(is_left).map(|(number, _)| *number).collect();
+    if !left.is_empty() && !others.is_empty() {
+        println!("   {} of them against the {} tests of other files", left.len(), others.len());
+        let further = judge::survey(&others, &built.folder, &scratch)?;
+        for (number, fate) in judge::judge(&further, &left, &built.folder, |_, _| {}) {
+            if fate != Fate::NotReached {
+                fates.insert(number, fate);
+            }
+        }
+    }
     Ok(report(package, &by_number, &fates, &texts))
 }
 
