@@ -106,8 +106,7 @@ impl Middle {
         }
         for k in 0..size {
             let pivot = left[k * (size + 1)];
-            // NaN is none either.
-            if !(pivot > 0.0) {
+            if pivot <= 0.0 || pivot.is_nan() {
                 return false;
             }
             for a in k + 1..size {
