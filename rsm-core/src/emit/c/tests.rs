@@ -201,7 +201,7 @@ fn a_helper_stands_in_the_file_if_it_is_called() {
         let condition = t.push(Op::Less(x, y));
         t.push(Op::Select { condition, then: z, otherwise: x })
     };
-    let tapes: [Write<'_>; 12] = [
+    let tapes: [Write<'_>; 14] = [
         &|_, [x, _, _]| x,
         &|t, [x, y, _]| t.push(Op::Divide(x, y)),
         &|t, [x, y, _]| t.push(Op::Multiply(x, y)),
@@ -218,11 +218,20 @@ fn a_helper_stands_in_the_file_if_it_is_called() {
         &|t, [x, _, _]| t.push(Op::Negate(x)),
         &|t, [x, _, _]| t.push(Op::Subtract(x, x)),
         &|t, [x, y, _]| t.push(Op::Subtract(x, y)),
+        // The same of a larger one, which asks for nothing else that is kept; and of two, for nothing at all.
+        &|t, [x, y, _]| {
+            let larger = t.at_least(x, y);
+            t.push(Op::Add(larger, larger))
+        },
+        &|t, [x, y, _]| {
+            let (larger, smaller) = (t.at_least(x, y), t.at_most(x, y));
+            t.push(Op::Add(larger, smaller))
+        },
     ];
     let names = ["keep", "hide", "absolute", "choose", "select", "at_least", "at_most"];
     // What is hidden from clang is kept there.
     let hidden: &[&str] = &["keep", "hide"];
-    let calls_by_hand: [&[&str]; 12] = [
+    let calls_by_hand: [&[&str]; 14] = [
         &[],
         hidden,
         &["keep"],
@@ -235,6 +244,8 @@ fn a_helper_stands_in_the_file_if_it_is_called() {
         hidden,
         hidden,
         &["keep"],
+        &["keep", "at_least"],
+        &["at_least", "at_most"],
     ];
     for (write, by_hand) in tapes.iter().zip(calls_by_hand) {
         for (other, other_by_hand) in tapes.iter().zip(calls_by_hand) {
@@ -276,4 +287,48 @@ fn a_signature_of_rust_is_one_line_up_to_the_width() {
     let argument = "x".repeat(letters + 1);
     let broken = format!("\npub fn s(\n    {argument}: f64,\n    y: f64,\n    z: f64,\n) -> f64 {{\n    let _ = y;\n");
     assert!(breaks.contains(&broken), "{breaks}");
+}
+
+/// Of a step the next states are results too, each of them.
+#[test]
+fn a_register_is_a_result_if_it_is_one_of_several() {
+    // Registers 2 and 3 are the product and the quotient, 4 the opposite of the product.
+    let [product, quotient, opposite] = [2, 3, 4].map(Reg);
+    let finished = |output: Reg, next: &[Reg]| {
+        let mut tape = TapeBuilder::new(Precision::F64);
+        let [x, y] = [0, 1].map(|k| tape.push(Op::Input(Port(k))));
+        for op in [Op::Multiply(x, y), Op::Divide(x, y), Op::Negate(product)] {
+            tape.push(op);
+        }
+        tape.finish_with_states("s", ["x", "y"].map(str::to_owned).to_vec(), output, next.to_vec())
+    };
+    for (output, next, expected) in [
+        (product, &[quotient][..], true),
+        (quotient, &[product], true),
+        (quotient, &[quotient, product], true),
+        (quotient, &[opposite, quotient], true),
+        (quotient, &[quotient], false),
+    ] {
+        assert_eq!(is_result(&finished(output, next), product), expected, "{output:?} {next:?}");
+    }
+}
+
+#[test]
+fn a_power_of_two_well_inside_the_exponents_has_an_exact_reciprocal() {
+    let is_exact = |value: f64| {
+        let mut tape = TapeBuilder::new(Precision::F64);
+        let x = tape.push(Op::Input(Port(0)));
+        let divisor = tape.push(Op::Constant(Constant { value, exact: exact(value) }));
+        let output = tape.push(Op::Divide(x, divisor));
+        let tape = tape.finish("s", vec!["x".to_owned()], output);
+        assert!(!has_exact_reciprocal(&tape, x), "an input is no constant");
+        has_exact_reciprocal(&tape, divisor)
+    };
+    for exponent in [0, 1, -1, 2, 7, 99, 100, -99, -100] {
+        assert!(is_exact(2f64.powi(exponent)) && is_exact(-(2f64.powi(exponent))), "{exponent}");
+    }
+    let others = [2f64.powi(101), 2f64.powi(-101), 3.0, 1.5, 1f64.next_up(), 2f64.next_down(), 1.0 + 2f64.powi(-26), 0.0, 0.1];
+    for value in others {
+        assert!(!is_exact(value) && !is_exact(-value), "{value}");
+    }
 }
