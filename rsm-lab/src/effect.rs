@@ -382,6 +382,11 @@ pub trait Effect: Send + Sync {
         0.0
     }
 
+    /// Readings: seconds by which an output is read late.
+    fn reads_late(&self, _output: usize) -> f64 {
+        0.0
+    }
+
     /// Whether it acts between rows: false where it has no hooks but those of parameters, inputs, starts, rates and readings. The others are then not called.
     fn acts_between_rows(&self) -> bool {
         true

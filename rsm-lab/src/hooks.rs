@@ -95,6 +95,12 @@ impl Hooks {
         self.active.iter().map(|it| it.effect.delay()).sum()
     }
 
+    /// Seconds by which an output is read late.
+    #[must_use]
+    pub fn reads_late(&self, output: usize) -> f64 {
+        self.active.iter().map(|it| it.effect.reads_late(output)).sum()
+    }
+
     /// Start of the states of all effects.
     pub fn start(&self, start: &Start, x: &mut [f64]) {
         for it in &self.active {

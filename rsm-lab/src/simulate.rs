@@ -256,6 +256,49 @@ impl Simulator {
 /// A controller in the loop: from a row and the outputs as they are read there to the first input.
 pub type Controller<'a> = dyn FnMut(usize, &[f64; 3]) -> f64 + 'a;
 
+/// A delay in whole periods of a record and a part of one. Beyond the record every row has the first value.
+fn periods(delay: f64, record: &Record) -> (usize, f64) {
+    let delay = delay / record.period;
+    let mut whole = delay.floor();
+    let mut part = delay - whole;
+    if part > 1.0 - WHOLE {
+        (whole, part) = (whole + 1.0, 0.0);
+    } else if part < WHOLE {
+        part = 0.0;
+    }
+    (if whole < record.rows() as f64 { whole as usize } else { record.rows() }, part)
+}
+
+/// An output that is read late.
+struct LateReading {
+    output: usize,
+    /// Rows by which it is late, the part of a period included.
+    rows: usize,
+    /// Where between two rows it is read, as a share of the period; 1 is the later row itself.
+    offset: f64,
+    /// What it read there, after each row.
+    between: Vec<f64>,
+}
+
+impl LateReading {
+    fn new(output: usize, delay: f64, record: &Record) -> Self {
+        let (whole, part) = periods(delay, record);
+        let rows = if part > 0.0 { whole + 1 } else { whole };
+        LateReading { output, rows, offset: 1.0 - part, between: Vec::with_capacity(record.rows()) }
+    }
+
+    /// Puts the late readings in the place of those on time.
+    fn delay(&self, values: &mut [f64]) {
+        let on_time = values.to_vec();
+        for (row, value) in values.iter_mut().enumerate() {
+            let earlier = row.checked_sub(self.rows);
+            // At the end of a period, the reading is that of the row itself: inputs that change there count.
+            let read = |row: usize| if self.offset < 1.0 { self.between[row] } else { on_time[row] };
+            *value = earlier.map_or(on_time[0], read);
+        }
+    }
+}
+
 struct Run<'a, 'c, 'd> {
     hooks: &'a Hooks,
     record: &'a Record,
@@ -272,16 +315,13 @@ struct Run<'a, 'c, 'd> {
 impl Run<'_, '_, '_> {
     fn along<P: Plant>(&mut self, plant: &P, start: &[f64; 3], first: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
         let record = self.record;
-        let delay = self.hooks.delay() / record.period;
-        let mut whole = delay.floor();
-        let mut part = delay - whole;
-        if part > 1.0 - WHOLE {
-            (whole, part) = (whole + 1.0, 0.0);
-        } else if part < WHOLE {
-            part = 0.0;
-        }
-        // Beyond the record every row has the first value.
-        let whole = if whole < record.rows() as f64 { whole as usize } else { record.rows() };
+        let (whole, part) = periods(self.hooks.delay(), record);
+        let mut late_readings: Vec<LateReading> = (first..first + outputs.values.len())
+            .map(|output| (output, self.hooks.reads_late(output)))
+            .filter(|(_, delay)| *delay > 0.0)
+            .map(|(output, delay)| LateReading::new(output, delay, record))
+            .collect();
+        late_readings.sort_by(|a, b| a.offset.total_cmp(&b.offset));
         if record.drive == Drive::Closed || self.controller.is_some() {
             self.commands.reserve(record.rows());
         }
@@ -337,14 +377,58 @@ impl Run<'_, '_, '_> {
                 Ok(())
             };
             let period = record.period;
-            if part > 0.0 {
-                stretch(late, Some(pieces), time, part * period)?;
-                stretch(now, None, time + part * period, (1.0 - part) * period)?;
+            if late_readings.is_empty() {
+                if part > 0.0 {
+                    stretch(late, Some(pieces), time, part * period)?;
+                    stretch(now, None, time + part * period, (1.0 - part) * period)?;
+                } else {
+                    stretch(now, Some(pieces), time, period)?;
+                }
             } else {
-                stretch(now, Some(pieces), time, period)?;
+                self.between_rows(plant, row, [late, now], part, &mut late_readings)?;
             }
             if self.work.x.iter().any(|value| !value.is_finite()) {
                 return Err(Stopped::NotFinite { row });
+            }
+        }
+        for it in &late_readings {
+            it.delay(&mut outputs.values[it.output - first]);
+        }
+        Ok(())
+    }
+
+    /// From a row to the next, with readings on the way: those of outputs that are read late, and the change of the first input at `part` of the period.
+    fn between_rows<P: Plant>(
+        &mut self,
+        plant: &P,
+        row: usize,
+        [late, now]: [[f64; 3]; 2],
+        part: f64,
+        late_readings: &mut [LateReading],
+    ) -> Result<(), Stopped> {
+        let (time, period) = (self.record.time[row], self.record.period);
+        let mut at = 0.0;
+        let mut next = 0;
+        while at < 1.0 {
+            let inputs = if at < part { late } else { now };
+            let reading = late_readings.get(next).map_or(1.0, |it| it.offset);
+            let end = if at < part { reading.min(part) } else { reading };
+            if end > at {
+                let system = System { plant, hooks: self.hooks, inputs };
+                let start = time + at * period;
+                let pieces = system.rates_here(None, start, self.work);
+                let span = Span { start, length: (end - at) * period };
+                let taken = integrate::hold(&system, self.work, pieces, span, self.refinement)
+                    .map_err(|rate| Stopped::TooFast { row, rate })?;
+                self.left = self.left.checked_sub(taken).ok_or(Stopped::TooLong { row })?;
+                at = end;
+            }
+            if next < late_readings.len() && late_readings[next].offset <= at {
+                let work = &mut *self.work;
+                plant.evaluate(self.hooks, None, &inputs, &work.x, &mut work.k[0], &mut work.outputs);
+                self.hooks.read(time + at * period, &work.x, &mut work.k[0], &mut work.outputs);
+                late_readings[next].between.push(work.outputs[late_readings[next].output]);
+                next += 1;
             }
         }
         Ok(())

@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 
+use super::bridges;
 use super::kernel::Prepared;
 use super::noise::median;
 use crate::plant_file::PlantFile;
@@ -53,6 +54,7 @@ pub struct Finding {
 
 /// Finds what is wrong with a record and takes those rows out.
 pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
+    bridges::fill(prepared);
     let mut findings = without_constant(prepared, file);
     let names = file.kind.outputs();
     let nominal = along(prepared, file);
@@ -113,7 +115,8 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             }
             first = row;
         }
-        findings.extend(jumps(values).into_iter().map(|row| finding(&channel, "jump", (row, row))));
+        let jumps = jumps(values).into_iter().filter(|row| prepared.used[k][*row]);
+        findings.extend(jumps.map(|row| finding(&channel, "jump", (row, row))));
     }
     leave_out(prepared, file, &findings);
     let unbroken = longest_part(prepared, &blocks);
@@ -132,9 +135,19 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
         for used in &mut prepared.used {
             used[unbroken.start..first].fill(false);
         }
+        in_file(prepared, &mut findings);
         prepared.keep(unbroken);
+    } else {
+        in_file(prepared, &mut findings);
     }
     findings
+}
+
+/// Rows of findings as the file counts them: rows that were filled in are not in it.
+fn in_file(prepared: &Prepared, findings: &mut [Finding]) {
+    for finding in findings {
+        finding.rows = (prepared.file_row(finding.rows.0), prepared.file_row(finding.rows.1));
+    }
 }
 
 /// The nominal plant along a record, output by output; nothing where it cannot be simulated. It decides no size: only whether a channel should move at all.

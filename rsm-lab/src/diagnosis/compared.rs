@@ -23,15 +23,17 @@ pub fn take_back_motion(records: &mut [Prepared], simulated: &[Simulated], kind:
             let name = kind.outputs()[prepared.outputs[k]].name;
             let left: Vec<f64> = prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - value).collect();
             let true_jumps = jumps(&left);
-            let (file, from) = (prepared.record.file.clone(), prepared.from);
-            let used = &mut prepared.used[k];
+            let mut back = Vec::new();
             findings.retain(|it| {
-                let here = it.what == "jump" && it.channel == name && it.record == file;
-                let Some(row) = it.rows.0.checked_sub(from).filter(|row| here && *row < used.len()) else { return true };
+                let here = it.what == "jump" && it.channel == name && it.record == prepared.record.file;
+                let Some(row) = prepared.row_of(it.rows.0).filter(|_| here) else { return true };
                 let stays = true_jumps.contains(&row);
-                used[row] |= !stays;
+                if !stays {
+                    back.push(row);
+                }
                 stays
             });
+            back.into_iter().for_each(|row| prepared.used[k][row] = true);
         }
     }
 }

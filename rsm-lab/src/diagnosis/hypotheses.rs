@@ -141,7 +141,7 @@ fn unknowns_of(entry: &Entry, place: usize) -> Vec<Unknown> {
         let mut unknown = Unknown::bounded(Place::Effect { entry: place, number: name }, bound, *value);
         match (entry.description.kind, *name) {
             (_, "phase") => unknown.scale = 0.1,
-            ("input-delay", _) => unknown.scale = value.abs().max(1e-6),
+            ("input-delay" | "sensor-delay", _) => unknown.scale = value.abs().max(1e-6),
             // Near a value in proportion to which nothing is (a gain of 1, a parameter), a per cent is a step.
             ("parameter-error" | "input-gain" | "sensor-gain", _) if !unknown.logarithmic && *value != 0.0 => {
                 unknown.scale = 0.01 * value.abs();

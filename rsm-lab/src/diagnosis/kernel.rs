@@ -6,6 +6,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use super::bridges::Bridge;
 use super::model::{Model, Place};
 use super::noise::Floor;
 use crate::record::{Drive, Record};
@@ -50,6 +51,8 @@ pub struct Prepared {
     pub used: Vec<Vec<bool>>,
     /// How many rows of the file stand before its first.
     pub from: usize,
+    /// Gaps of a few rows that were filled, in their order.
+    pub bridges: Vec<Bridge>,
 }
 
 impl Prepared {
@@ -64,13 +67,30 @@ impl Prepared {
         };
         let outputs: Vec<usize> = (0..outputs_of_plant).filter(|k| shown(*k) && record.measured[*k].is_some()).collect();
         let used = vec![vec![true; record.rows()]; outputs.len()];
-        Prepared { record, outputs, used, from: 0 }
+        Prepared { record, outputs, used, from: 0, bridges: Vec::new() }
     }
 
     /// The measured values of the k-th of its outputs.
     #[must_use]
     pub fn measured(&self, k: usize) -> &[f64] {
         self.record.measured[self.outputs[k]].as_deref().unwrap_or(&[])
+    }
+
+    /// The row of the file that a row is; of a row that the file lacks, the one before.
+    #[must_use]
+    pub fn file_row(&self, row: usize) -> usize {
+        let filled: usize = self.bridges.iter().map(|it| (row + 1).clamp(it.rows.start, it.rows.end) - it.rows.start).sum();
+        self.from + row - filled
+    }
+
+    /// The row that a row of the file is, where it is one of these.
+    #[must_use]
+    pub fn row_of(&self, file_row: usize) -> Option<usize> {
+        let mut row = file_row.checked_sub(self.from)?;
+        for bridge in &self.bridges {
+            row += if row >= bridge.rows.start { bridge.rows.len() } else { 0 };
+        }
+        (row < self.record.rows()).then_some(row)
     }
 
     /// The first rows of it.
@@ -83,8 +103,12 @@ impl Prepared {
 
     /// Keeps some rows.
     pub fn keep(&mut self, rows: std::ops::Range<usize>) {
+        self.from = self.file_row(rows.start);
         self.record = self.record.piece(rows.clone());
-        self.from += rows.start;
+        self.bridges.retain(|it| rows.start < it.rows.start && it.rows.end < rows.end);
+        for bridge in &mut self.bridges {
+            bridge.rows = bridge.rows.start - rows.start..bridge.rows.end - rows.start;
+        }
         self.used.iter_mut().for_each(|used| *used = used[rows.clone()].to_vec());
     }
 }
@@ -242,6 +266,7 @@ impl Kernel {
                 difference.clear();
                 difference
                     .extend(prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - floor.reads(*value)));
+                floor.even(prepared.measured(k), &mut difference);
                 floor.whiten(&difference, &prepared.used[k], &mut stack);
             }
         }
@@ -257,7 +282,9 @@ impl Kernel {
         for (k, (from, to)) in from.iter().zip(to).enumerate() {
             difference.clear();
             difference.extend(from.iter().zip(to).map(|(from, to)| (to - from) / step));
-            self.floors[prepared.outputs[k]].whiten(&difference, &prepared.used[k], &mut stack);
+            let floor = &self.floors[prepared.outputs[k]];
+            floor.even(prepared.measured(k), &mut difference);
+            floor.whiten(&difference, &prepared.used[k], &mut stack);
         }
         stack
     }

@@ -14,6 +14,7 @@ mod axis_under_steps;
 pub mod beginnings;
 pub mod bends;
 pub mod bootstrap;
+pub mod bridges;
 pub mod chance;
 pub mod checks;
 pub mod claims;
@@ -26,6 +27,7 @@ pub mod excitations;
 pub mod experiment;
 pub mod finish;
 mod friction;
+pub mod growth;
 pub mod hypotheses;
 pub mod kernel;
 pub mod known_loop;
@@ -46,6 +48,7 @@ pub mod regions;
 pub mod rounding;
 pub mod screen;
 pub mod selection;
+pub mod share;
 pub mod spectrum;
 pub mod steps;
 pub mod survey;
@@ -66,6 +69,7 @@ use model::Model;
 use noise::Floor;
 use rounding::Rounding;
 use selection::{Effort, Search};
+use share::Share;
 
 use crate::kind::PlantKind;
 use crate::plant_file::{Entry, PlantFile};
@@ -118,6 +122,9 @@ impl std::error::Error for Refused {}
 /// to 1000; what takes more is outside the catalogue, and the search goes round among helpers.
 const MOST_RUNS: u64 = 4000;
 
+/// Sub-steps that a search may take at most, however long records are or fast the plant: a minute of one core, at 150 ns each.
+const MOST_STEPS: u64 = 400_000_000;
+
 /// Diagnoses a plant, without test records.
 ///
 /// # Errors
@@ -159,10 +166,11 @@ fn of_nominal(
 ) -> Result<Diagnosis, Refused> {
     let outputs = file.kind.outputs().len();
     let mut findings: Vec<Finding> = Vec::new();
+    let mut share = Share::of_rows(training, validation);
     let mut prepare = |records: &[Record]| -> Vec<Prepared> {
         let mut list = Vec::new();
         for record in records {
-            let mut prepared = Prepared::new(record.clone(), outputs);
+            let mut prepared = Prepared::new(share.beginning(record), outputs);
             findings.extend(checks::check(&mut prepared, file));
             list.push(prepared);
         }
@@ -176,6 +184,10 @@ fn of_nominal(
         let channels: Vec<String> = constant.map(|it| format!("{} of {}", it.channel, regions::name_of(&it.record))).collect();
         return Err(if channels.is_empty() { Refused::NoOutputs } else { Refused::OnlyInputs(channels) });
     }
+    share.cut(&mut kernel, &mut unseen, file);
+    if let Some(not_seen) = share.not_seen() {
+        (options.progress)(&not_seen.to_string());
+    }
     (options.progress)("calibrating within tolerances");
     let (mut nominal, mut calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
     unseen.floors = kernel.floors;
@@ -183,6 +195,14 @@ fn of_nominal(
         (nominal, calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
         unseen.floors = kernel.floors;
     }
+
+    if let Some((records, fit)) = bridges::corrected(&kernel, &calibrated) {
+        kernel.records = records;
+        kernel.floors = floors(&kernel, &fit, file);
+        calibrated = levenberg::fit(&kernel, fit.model, 4).ok_or(Refused::CannotSimulate)?;
+        unseen.floors = kernel.floors;
+    }
+    correct_unseen(&mut unseen, &calibrated.model);
 
     let survey = survey::survey(&kernel, &calibrated);
     // Readings that are multiples of a coarse step say so themselves. A simulation that rounds has no derivatives: fits compare with the mean reading, and the
@@ -213,7 +233,7 @@ fn of_nominal(
     let rows = kernel.records.iter().map(|it| it.record.rows()).sum();
     kernel.pace = kernel.pace.beside(run, rows);
     unseen.pace = kernel.pace.clone();
-    let effort = Effort::within(MOST_RUNS * run);
+    let effort = Effort::within((MOST_RUNS * run).min(MOST_STEPS));
     // A law that is known says which sensor is off before friction and mass are asked.
     let known_loop = known_loop::look(&kernel.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
@@ -242,7 +262,9 @@ fn of_nominal(
             effort,
             progress: options.progress,
         };
-        return of_one_record(file, &own, &its, findings, test, options);
+        let mut whole = of_one_record(file, &own, &its, findings, test, options)?;
+        whole.not_seen = share.not_seen();
+        return Ok(whole);
     }
     let mut selection = None;
     let mut start = calibrated;
@@ -266,7 +288,15 @@ fn of_nominal(
             .iter()
             .zip(&kernel.floors)
             .any(|(new, old)| (new.sd / old.sd - 1.0).abs() > 0.1 || new.rounding.is_some() != old.rounding.is_some());
-        let again = round == 0 && moved && !found.causes.is_empty();
+        // With causes in the plant, readings after a gap say more about what stood in it.
+        let corrected = (round == 0 && !found.causes.is_empty()).then(|| bridges::corrected(&kernel, &found.fit)).flatten();
+        let again = round == 0 && (moved || corrected.is_some()) && !found.causes.is_empty();
+        if !found.causes.is_empty() {
+            correct_unseen(&mut unseen, &found.fit.model);
+        }
+        if let Some((records, _)) = corrected {
+            kernel.records = records;
+        }
         selection = Some(found);
         if !again {
             break;
@@ -289,6 +319,7 @@ fn of_nominal(
     let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
     found.tested = tested::tested(file, test, kernel.floors, options.threads, &nominal, &fit.model);
+    found.not_seen = share.not_seen();
     Ok(found)
 }
 
@@ -301,6 +332,17 @@ fn seeded(kernel: &Kernel, nominal: &Model, calibrated: &Fit, entries: &[Entry])
         [nominal, &calibrated.model].map(|model| levenberg::fit(kernel, model.with_effects(nominal, entries.to_vec()), 8));
     let best = from.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     (best.cost < calibrated.cost - worth::least(calibrated.cost, kernel.rows())).then_some(best)
+}
+
+/// What readings of unseen records say of their own gaps, the plant being that of a model.
+fn correct_unseen(unseen: &mut Kernel, model: &Model) {
+    if unseen.records.iter().all(|it| it.bridges.is_empty()) {
+        return;
+    }
+    let there = validation::on(unseen, model);
+    if let Some((records, _)) = there.and_then(|there| bridges::corrected(unseen, &there)) {
+        unseen.records = records;
+    }
 }
 
 /// The answer where one record alone is wrong: the others are a null, and its causes are its own.
@@ -370,7 +412,7 @@ fn second_look(kernel: &mut Kernel, unseen: &mut Kernel, calibrated: &Fit, findi
             record: prepared.record.file.clone(),
             channel: kind.outputs()[prepared.outputs[shift.output]].name.to_string(),
             what: if shift.late > 0 { "shifted in time, late" } else { "shifted in time, early" },
-            rows: (prepared.from, prepared.from + rows - 1),
+            rows: (prepared.file_row(0), prepared.file_row(rows - 1)),
         });
         prepared.used[shift.output].fill(false);
         changed = true;
@@ -526,17 +568,19 @@ impl Shown {
 fn shown(kernel: &Kernel, simulated: &[kernel::Simulated]) -> [Shown; 3] {
     let mut all = [Shown::default(); 3];
     for (output, shown) in all.iter_mut().enumerate() {
-        let mut residuals: Vec<(Vec<f64>, &[bool])> = Vec::new();
+        let mut residuals: Vec<(&[f64], Vec<f64>, &[bool])> = Vec::new();
         for (prepared, simulated) in kernel.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let difference = prepared.measured(k).iter().zip(&simulated[k]).map(|(a, b)| a - b).collect();
             shown.largest = prepared.measured(k).iter().fold(shown.largest, |most, value| most.max(value.abs()));
-            residuals.push((difference, &prepared.used[k]));
+            residuals.push((prepared.measured(k), difference, &prepared.used[k]));
         }
-        let lists: Vec<(&[f64], &[bool])> = residuals.iter().map(|(values, used)| (values.as_slice(), *used)).collect();
+        let lists: Vec<(&[f64], &[bool])> = residuals.iter().map(|(_, values, used)| (values.as_slice(), *used)).collect();
+        let with_readings: Vec<(&[f64], &[f64], &[bool])> =
+            residuals.iter().map(|(measured, values, used)| (*measured, values.as_slice(), *used)).collect();
         let least = shown.least();
         let above = |floor: Floor| if floor.sd >= least { floor } else { Floor::white(least) };
-        shown.floor = Floor::estimate(&lists).map(above);
+        shown.floor = Floor::of_growing(&with_readings).or_else(|| Floor::estimate(&lists)).map(above);
     }
     all
 }

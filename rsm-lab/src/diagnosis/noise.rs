@@ -10,11 +10,12 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::growth::Growth;
 use super::octaves::{LEAST_LINES, OCTAVES, Octave, octaves, transform};
 use super::rounding::Rounding;
 
-/// Samples of a segment: 125 of them in a record of 8000 rows.
-const SEGMENT: usize = 128;
+/// Samples of a segment: 125 of them in a record of 8000 rows. Where rows are lost so often that fewer than half of the rows stand in one, segments are shorter.
+const SEGMENTS: [usize; 3] = [128, 64, 32];
 
 /// The band that counts as noise begins at this share of the sample rate. Mechanical structure lies below it at usual sample rates.
 const LOWEST: f64 = 0.1;
@@ -43,13 +44,15 @@ pub struct Floor {
     pub error: f64,
     /// How the sensor rounds, where it does so coarsely; the noise is then what that leaves about the mean reading.
     pub rounding: Option<Rounding>,
+    /// How the noise grows with the reading, where it does; `sd` is then the root mean square of all rows.
+    pub growth: Option<Growth>,
 }
 
 impl Floor {
     /// White noise.
     #[must_use]
     pub fn white(sd: f64) -> Self {
-        Floor { sd, correlation: 0.0, error: 0.0, rounding: None }
+        Floor { sd, correlation: 0.0, error: 0.0, rounding: None, growth: None }
     }
 
     /// Of a sensor that rounds, from simulated values and what they leave about the mean reading, one list a record: the scatter of readings as rounding has it, and
@@ -75,22 +78,40 @@ impl Floor {
         self.sd * (1.0 - self.correlation * self.correlation).sqrt()
     }
 
-    /// Whitened values of length one where the noise is as estimated. Rows that are not `used`, and those that need one of them, give 0.
+    /// Values of rows as they would be if the noise did not grow with the reading.
+    pub fn even(&self, measured: &[f64], values: &mut [f64]) {
+        if let Some(growth) = self.growth {
+            growth.even(measured, values);
+        }
+    }
+
+    /// Standard deviation of the noise at a reading.
+    #[must_use]
+    pub fn sd_at(&self, reading: f64) -> f64 {
+        self.sd * self.growth.map_or(1.0, |growth| growth.at(reading.abs()))
+    }
+
+    /// Whitened values of length one where the noise is as estimated. Rows that are not `used` give 0. What the last used row says of the next one falls with the rows between:
+    /// after n of them the correlation is its n-th power.
     pub fn whiten(&self, values: &[f64], used: &[bool], into: &mut Vec<f64>) {
         let innovation = self.innovation();
+        let mut last: Option<usize> = None;
         for (row, value) in values.iter().enumerate() {
-            let whitened = if !used[row] {
-                0.0
-            } else if row == 0 {
-                value / self.sd
-            } else if self.correlation == 0.0 {
-                value / innovation
-            } else if used[row - 1] {
-                (value - self.correlation * values[row - 1]) / innovation
-            } else {
-                0.0
-            };
-            into.push(whitened);
+            if !used[row] {
+                into.push(0.0);
+                continue;
+            }
+            into.push(match last {
+                None => value / self.sd,
+                Some(before) if before + 1 == row || self.correlation == 0.0 => {
+                    (value - self.correlation * values[before]) / innovation
+                }
+                Some(before) => {
+                    let correlation = self.correlation.powi(i32::try_from(row - before).unwrap_or(i32::MAX));
+                    (value - correlation * values[before]) / (self.sd * (1.0 - correlation * correlation).sqrt())
+                }
+            });
+            last = Some(row);
         }
     }
 
@@ -99,6 +120,24 @@ impl Floor {
     pub fn slope(&self, share: f64) -> f64 {
         let cos = (TAU * share).cos();
         (2.0 * cos - 2.0 * self.correlation) / shape(self.correlation, cos)
+    }
+
+    /// The floor of noise that grows with the reading, from readings and residuals, one list a record. `None` where it does not, and where what is left is more than such noise: structure that
+    /// is larger at larger readings passes for it else.
+    #[must_use]
+    pub fn of_growing(lists: &[(&[f64], &[f64], &[bool])]) -> Option<Floor> {
+        let growth = Growth::found(lists)?;
+        let even = |(measured, left, _): &(&[f64], &[f64], &[bool])| {
+            let mut left = left.to_vec();
+            growth.even(measured, &mut left);
+            left
+        };
+        let even: Vec<Vec<f64>> = lists.iter().map(even).collect();
+        let residuals: Vec<(&[f64], &[bool])> = even.iter().zip(lists).map(|(left, it)| (left.as_slice(), it.2)).collect();
+        let rows = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum::<usize>() as f64;
+        let whole = whole(&residuals, rows)?;
+        let stands = !Band::upper(&spectrum(&residuals)?, rows).refuses(&whole) && is_white(&whole, &residuals);
+        stands.then_some(Floor { growth: Some(growth), ..whole })
     }
 
     /// The floor of residuals, one list a record. `None` where there are too few rows.
@@ -149,14 +188,15 @@ struct Band<'a> {
 
 impl<'a> Band<'a> {
     fn upper(spectrum: &'a [f64], rows: f64) -> Self {
-        let first = (LOWEST * SEGMENT as f64).ceil() as usize;
+        let first = (LOWEST * (2 * spectrum.len()) as f64).ceil() as usize;
         // Half a line a row over the whole band, of which a median uses the information of one in `OF_MEDIAN`.
         Band { powers: &spectrum[first..], first, lines: 0.5 * rows * (1.0 - 2.0 * LOWEST) / OF_MEDIAN }
     }
 
     fn cosines(&self) -> impl Iterator<Item = f64> {
         let first = self.first;
-        (0..self.powers.len()).map(move |k| (TAU * (first + k) as f64 / SEGMENT as f64).cos())
+        let size = 2 * (first + self.powers.len());
+        (0..self.powers.len()).map(move |k| (TAU * (first + k) as f64 / size as f64).cos())
     }
 
     /// The level (power of what is new in a row) that suits a correlation best, and Whittle's mean of ln S + I/S there.
@@ -248,37 +288,54 @@ fn positive(level: f64) -> Option<f64> {
     (level > 0.0 && level.is_finite()).then_some(level)
 }
 
-/// Power for each frequency k/SEGMENT of the sample rate, k up to the Nyquist frequency excluded; white noise of variance one gives 1.
+/// Power for each frequency k/n of the sample rate, k up to n/2 excluded, n twice the length of the list; white noise of variance one gives 1.
 fn spectrum(residuals: &[(&[f64], &[bool])]) -> Option<Vec<f64>> {
-    let window: Vec<f64> = (0..SEGMENT).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / SEGMENT as f64).cos()).collect();
-    let energy: f64 = window.iter().map(|w| w * w).sum();
-    let mut powers: Vec<Vec<f64>> = vec![Vec::new(); SEGMENT / 2];
-    for (values, used) in residuals {
-        let mut start = 2;
-        while start + SEGMENT <= values.len() {
-            if used[start - 2..start + SEGMENT].iter().all(|used| *used) {
-                let mut re: Vec<f64> = (0..SEGMENT)
-                    .map(|k| {
-                        let row = start + k;
-                        window[k] * (values[row] - 2.0 * values[row - 1] + values[row - 2])
-                    })
-                    .collect();
-                let mut im = vec![0.0; SEGMENT];
-                transform(&mut re, &mut im);
-                for (k, list) in powers.iter_mut().enumerate().skip(1) {
-                    // |1 - e^(-jw)|^4 = (2 sin(w/2))^4
-                    let transfer = (2.0 * (PI * k as f64 / SEGMENT as f64).sin()).powi(4);
-                    list.push((re[k] * re[k] + im[k] * im[k]) / (energy * transfer));
-                }
-            }
-            start += SEGMENT / 2;
-        }
-    }
-    if powers[1].len() < 4 {
+    let rows: usize = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum();
+    let starts = SEGMENTS.map(|size| starts(residuals, size));
+    // Half-overlapping segments: so many hold half of the rows.
+    let enough = |k: &usize| starts[*k].len() * SEGMENTS[*k] >= rows;
+    let most = || (0..SEGMENTS.len()).max_by_key(|k| starts[*k].len() * SEGMENTS[*k]);
+    let chosen = (0..SEGMENTS.len()).find(enough).or_else(most)?;
+    let (size, starts) = (SEGMENTS[chosen], &starts[chosen]);
+    if starts.len() < 4 {
         return None;
+    }
+    let window: Vec<f64> = (0..size).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / size as f64).cos()).collect();
+    let energy: f64 = window.iter().map(|w| w * w).sum();
+    let mut powers: Vec<Vec<f64>> = vec![Vec::new(); size / 2];
+    for (record, start) in starts {
+        let values = residuals[*record].0;
+        let second = |row: usize| values[row] - 2.0 * values[row - 1] + values[row - 2];
+        let mut re: Vec<f64> = (0..size).map(|k| window[k] * second(start + k)).collect();
+        let mut im = vec![0.0; size];
+        transform(&mut re, &mut im);
+        for (k, list) in powers.iter_mut().enumerate().skip(1) {
+            // |1 - e^(-jw)|^4 = (2 sin(w/2))^4
+            let transfer = (2.0 * (PI * k as f64 / size as f64).sin()).powi(4);
+            list.push((re[k] * re[k] + im[k] * im[k]) / (energy * transfer));
+        }
     }
     // The median of an exponential variable is ln 2 times its mean.
     Some(powers.iter_mut().map(|list| if list.is_empty() { 0.0 } else { median(list) / std::f64::consts::LN_2 }).collect())
+}
+
+/// Half-overlapping segments of used rows, with two rows before each: record and first row.
+fn starts(residuals: &[(&[f64], &[bool])], size: usize) -> Vec<(usize, usize)> {
+    let mut list = Vec::new();
+    for (record, (_, used)) in residuals.iter().enumerate() {
+        let mut start = 2;
+        while start + size <= used.len() {
+            match used[start - 2..start + size].iter().rposition(|used| !used) {
+                // The next one begins behind the row that does not count.
+                Some(place) => start += place + 1,
+                None => {
+                    list.push((record, start));
+                    start += size / 2;
+                }
+            }
+        }
+    }
+    list
 }
 
 /// The median; reorders its values.
@@ -412,6 +469,51 @@ mod tests {
             // What is left of it is found: 5 standard deviations are no chance.
             assert!(sums.iter().enumerate().any(|(k, octave)| octave.deviation(&floor, k) > 5.0), "{correlation}: {floor:?}");
         }
+    }
+
+    #[test]
+    fn a_row_that_is_missing_costs_no_other_one() {
+        let floor = Floor { correlation: 0.6, ..Floor::white(2.0) };
+        let (values, used) = ([2.0, 9.0, 3.0, 1.0], [true, false, true, true]);
+        let mut white = Vec::new();
+        floor.whiten(&values, &used, &mut white);
+        // Two rows on the correlation is 0.36: (3 - 0.36 2)/(2 sqrt(1 - 0.36^2)); one row on (1 - 0.6 3)/(2 0.8).
+        let expected = [1.0, 0.0, 2.28 / (2.0 * (1.0_f64 - 0.1296).sqrt()), -0.5];
+        assert!(white.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{white:?}");
+    }
+
+    #[test]
+    fn rows_lost_now_and_then_leave_the_estimate_as_it_was() {
+        for (every, correlation) in [(97, 0.0), (97, 0.6), (40, 0.0)] {
+            let mut values = noise(correlation, 0.3, 8000);
+            for (k, value) in values.iter_mut().enumerate() {
+                *value += 30.0 * (k as f64 / 400.0).sin();
+            }
+            let used: Vec<bool> = (0..8000).map(|k| k % every > 0).collect();
+            let floor = Floor::estimate(&[(&values, &used)]).unwrap();
+            // As of the record without gaps, of which three quarters stand in segments at least.
+            let (off, share) = if correlation > 0.0 { (0.15, 0.2) } else { (0.06, 0.05) };
+            assert!((floor.sd / 0.3 - 1.0).abs() < share, "{every} {correlation}: {floor:?}");
+            assert!((floor.correlation - correlation).abs() < off, "{every} {correlation}: {floor:?}");
+        }
+    }
+
+    #[test]
+    fn growing_noise_is_taken_for_noise_and_a_wave_that_grows_is_not() {
+        let readings: Vec<f64> = (0..6000).map(|k| 20.0 * (k as f64 / 500.0).sin()).collect();
+        let used = vec![true; 6000];
+        let grown = |values: Vec<f64>| -> Vec<f64> {
+            values.iter().zip(&readings).map(|(value, reading)| value * (1.0 + 0.2 * reading.abs())).collect()
+        };
+        let found = |left: &[f64]| Floor::of_growing(&[(&readings, left, &used)]);
+        let noisy = grown(noise(0.0, 0.1, 6000));
+        let floor = found(&noisy).unwrap();
+        assert!((floor.sd_at(20.0) / 0.5 - 1.0).abs() < 0.15 && (floor.sd_at(0.0) / 0.1 - 1.0).abs() < 0.15, "{floor:?}");
+        // A ripple of a tenth of the sample rate whose amplitude grows with the reading.
+        let wave = grown((0..6000).map(|k| 0.1 * (0.2 * PI * k as f64).sin()).collect());
+        let both: Vec<f64> = wave.iter().zip(noise(0.0, 0.05, 6000)).map(|(wave, noise)| wave + noise).collect();
+        assert_eq!(found(&both), None);
+        assert_eq!(found(&noise(0.0, 0.1, 6000)), None);
     }
 
     #[test]

@@ -66,6 +66,27 @@ impl<'a> Nuisance<'a> {
         self.fit.columns.iter().chain(held).map(|column: &Column| column.with(trace)).collect()
     }
 
+    /// The same of a trace that is 0 but for some records.
+    #[must_use]
+    pub fn products_of(&self, trace: &Column) -> Vec<f64> {
+        let held = self.fit.held.iter().map(|held| &held.column);
+        self.fit.columns.iter().chain(held).map(|column: &Column| column.and(trace)).collect()
+    }
+
+    /// What a residual asks of such traces, without what is free; priors pull too.
+    #[must_use]
+    pub fn asked<T>(&self, traces: &[(T, Column)], products: &[Vec<f64>], residual: &[f64]) -> Vec<f64> {
+        let part = &self.parts[0];
+        let (new, own) = (self.products(residual), self.products(&self.fit.residual));
+        let right: Vec<f64> = part.columns.iter().zip(&part.pull).map(|(k, pull)| new[*k] + pull - own[*k]).collect();
+        let free = part.normal.solve(&right);
+        traces
+            .iter()
+            .zip(products)
+            .map(|((_, trace), products)| trace.with(residual) - dot(&part.pick(products), &free))
+            .collect()
+    }
+
     /// What the free unknowns do about a residual with these products.
     #[must_use]
     pub fn solved(&self, products: &[f64]) -> Vec<f64> {

@@ -70,7 +70,7 @@ fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option
         ("input-gain" | "sensor-gain", "gain") | ("throttle-nonlinearity", "exponent") => Some((1.0 / FACTOR, FACTOR)),
         ("sensor-bias", "bias") => about(survey.largest[output()?]),
         ("sensor-drift", "rate") => about(survey.largest[output()?] / survey.duration),
-        ("sensor-lag", "time_constant") | ("input-delay", "delay") => below(SHARE_OF_RECORD * survey.duration),
+        ("sensor-lag", "time_constant") | ("input-delay" | "sensor-delay", "delay") => below(SHARE_OF_RECORD * survey.duration),
         ("headwind", "wind") => about(STORM),
         ("road-grade", "grade") => about(STEEPEST),
         ("coulomb-friction" | "constant-load" | "brake-drag", _) | ("cogging-torque", "amplitude") => about(effort),

@@ -110,7 +110,9 @@ impl Track<'_> {
         for (outputs, stack) in self.run(force).iter().zip(stacks) {
             whitened.clear();
             for (k, output) in self.prepared.outputs.iter().enumerate() {
-                kernel.floors[*output].whiten(&outputs[*output], &self.prepared.used[k], &mut whitened);
+                let mut values = outputs[*output].clone();
+                kernel.floors[*output].even(self.prepared.measured(k), &mut values);
+                kernel.floors[*output].whiten(&values, &self.prepared.used[k], &mut whitened);
             }
             stack[self.first..self.first + whitened.len()].copy_from_slice(&whitened);
         }

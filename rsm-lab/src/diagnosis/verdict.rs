@@ -3,6 +3,7 @@
 //! In: a selection and the records. Out: a [`Diagnosis`], all its figures from the fits. Never fits a cause.
 
 use super::bootstrap;
+use super::bridges::{self, Bridged};
 use super::checks::Finding;
 use super::claims::Claim;
 use super::confidence::{self, Case};
@@ -17,6 +18,7 @@ use super::noise::Floor;
 use super::portrait::{self, Compared, Portrait, Witness};
 use super::predicted::{self, Predicted};
 use super::selection::{Believed, Limit, Selection};
+use super::share::NotSeen;
 use super::steps::{self, Step};
 use super::tested::Tested;
 use super::validation::{self, Error};
@@ -150,8 +152,14 @@ pub struct Diagnosis {
     pub plant: PlantFile,
     /// What is wrong with the data.
     pub findings: Vec<Finding>,
+    /// Rows that were not looked at, where records are longer than a diagnosis may take.
+    pub not_seen: Option<NotSeen>,
+    /// Gaps of a few rows that were bridged.
+    pub bridged: Vec<Bridged>,
     /// Noise of each output that the records hold: place, standard deviation, correlation from row to row.
     pub noise: Vec<(usize, f64, f64)>,
+    /// Outputs whose noise grows with the reading: its standard deviation at a reading of 0 and at the largest one.
+    pub growing: Vec<(usize, f64, f64)>,
     /// What a cause had to gain.
     pub threshold: f64,
     /// What the screen of the calibrated plant predicted.
@@ -307,7 +315,10 @@ pub fn conclude(
         extended: extended_errors,
         plant,
         findings,
+        not_seen: None,
+        bridged: bridges::bridged(kernel.records.iter().chain(&unseen.records)),
         noise: present.iter().map(|k| (*k, kernel.floors[*k].sd, kernel.floors[*k].correlation)).collect(),
+        growing: growing(kernel, &present),
         threshold,
         ranking,
         remaining,
@@ -323,6 +334,17 @@ pub fn conclude(
         tested: None,
         claims: Vec::new(),
     }
+}
+
+/// Outputs whose noise grows, with its deviation at a reading of 0 and at the largest one.
+fn growing(kernel: &Kernel, present: &[usize]) -> Vec<(usize, f64, f64)> {
+    let readings = |output: usize| {
+        let of = move |it: &'_ super::kernel::Prepared| it.outputs.iter().position(|found| *found == output);
+        kernel.records.iter().filter_map(move |it| of(it).map(|k| it.measured(k))).flatten()
+    };
+    let largest = |output: usize| readings(output).fold(0.0_f64, |most, value| most.max(value.abs()));
+    let grows = present.iter().filter(|output| kernel.floors[**output].growth.is_some());
+    grows.map(|&output| (output, kernel.floors[output].sd_at(0.0), kernel.floors[output].sd_at(largest(output)))).collect()
 }
 
 /// What is left on unseen records, by the noise that they have themselves.

@@ -132,6 +132,7 @@ fn found(effect: &dyn Effect, plant: PlantKind, hook: &str, given: &Given<'_>) -
         "effort" => vec![effect.effort(&given.motion())],
         "load" => vec![effect.load()],
         "delay" => vec![effect.delay()],
+        "reads_late" => vec![effect.reads_late(given.number("output") as usize)],
         "rate" => vec![effect.fastest_rate(&given.scale())],
         "nonlinear" => vec![effect.nonlinear_rate(&given.scale())],
         "flags" => {

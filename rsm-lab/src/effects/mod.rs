@@ -23,6 +23,7 @@ pub mod parameter_error;
 pub mod resistance_heating;
 pub mod road_grade;
 pub mod sensor_bias;
+pub mod sensor_delay;
 pub mod sensor_drift;
 pub mod sensor_gain;
 pub mod sensor_lag;
@@ -60,6 +61,7 @@ pub const ALL: &[&Description] = &[
     &sensor_quantisation::DESCRIPTION,
     &sensor_drift::DESCRIPTION,
     &sensor_lag::DESCRIPTION,
+    &sensor_delay::DESCRIPTION,
     &shaft_compliance::DESCRIPTION,
     &backlash::DESCRIPTION,
     &clutch_stiffening::DESCRIPTION,

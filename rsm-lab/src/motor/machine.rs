@@ -24,13 +24,18 @@ const FASTEST: f64 = 1e7;
 /// Whether a plant can be driven in a loop.
 ///
 /// # Errors
-/// A plant that is not `pmac`; the effect `input-delay`, which is that of a record: here the sampled controller makes its own.
+/// A plant that is not `pmac`; the effects `input-delay` and `sensor-delay`, which are those of a record: here the sampled controller makes its own.
 pub fn check_plant(file: &PlantFile) -> Result<(), Faults> {
     if file.kind != PlantKind::Pmac {
         let what = format!("`plant`: found \"{}\", expected \"pmac\"", file.kind.name());
         return Err(Faults::one(Fault::whole_file("plant file", what)));
     }
-    if Hooks::new(file, Pmac::STATES).delay() > 0.0 {
+    let hooks = Hooks::new(file, Pmac::STATES);
+    if (0..3).any(|output| hooks.reads_late(output) > 0.0) {
+        let what = "the effect `sensor-delay` is one of a record; a drive in closed loop has its own delay";
+        return Err(Faults::one(Fault::whole_file("plant file", what)));
+    }
+    if hooks.delay() > 0.0 {
         let what = "the effect `input-delay` is one of a record; a drive in closed loop has its own delay";
         return Err(Faults::one(Fault::whole_file("plant file", what)));
     }

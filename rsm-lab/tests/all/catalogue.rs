@@ -10,7 +10,7 @@ use rsm_lab::plant_file::PlantFile;
 use super::path;
 
 /// The first column of the table of docs/plants.md, section 3.
-const KINDS: [&str; 31] = [
+const KINDS: [&str; 32] = [
     "parameter-error",
     "coulomb-friction",
     "asymmetric-friction",
@@ -30,6 +30,7 @@ const KINDS: [&str; 31] = [
     "sensor-gain",
     "sensor-bias",
     "sensor-lag",
+    "sensor-delay",
     "sensor-quantisation",
     "sensor-drift",
     "shaft-compliance",

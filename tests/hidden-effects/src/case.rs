@@ -8,6 +8,7 @@ use crate::excitation::excitation;
 use crate::outside;
 use crate::plant::{self, Effect, Kind, Record, Truth};
 use crate::random::Random;
+use crate::untidy::Untidy;
 use crate::verification::again;
 
 /// What is hidden.
@@ -112,7 +113,7 @@ pub struct Run {
     /// The truth.
     pub exact: Record,
     /// Rows that the file lacks.
-    pub left_out: std::ops::Range<usize>,
+    pub left_out: Vec<std::ops::Range<usize>>,
 }
 
 /// One case.
@@ -126,6 +127,8 @@ pub struct Case {
     pub nominal: Nominal,
     /// What the file says of the noise; 0 where it says nothing.
     pub stated: Vec<f64>,
+    /// Outputs that no record holds.
+    pub without: Vec<String>,
     /// What is true.
     pub truth: Truth,
     /// Causes of the truth, the parameter errors among them.
@@ -281,6 +284,8 @@ pub struct Choice {
     pub colour: Option<f64>,
     /// The plant file states the noise times this; 0: it states none. Absent: as it is.
     pub stated: Option<f64>,
+    /// What records have less tidy than a bench's.
+    pub untidy: Untidy,
 }
 
 impl Choice {
@@ -353,6 +358,7 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let mut moved = vec![[(0.0, 0.0); 2]; nominal.noise.len()];
     // Other gears for validation: what only holds in the gears of the training is not the cause.
     let gears = [2, 3, 4, 2, 3];
+    let untidy = &choice.untidy;
     let mut runs: Vec<Run> = (0..RUNS.0 + RUNS.1)
         .map(|run| {
             let stream = Random::new(random.whole(0, u64::from(u32::MAX)), "run");
@@ -373,14 +379,17 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
                 sum.1 += nominal.rows as f64;
             }
             let mut noisy = exact.clone();
+            let mut own = Random::new(random.clone().whole(0, u64::from(u32::MAX)), "untidy");
             for (output, column) in noisy.outputs.iter_mut().enumerate() {
                 let noise = random.noise(nominal.rows, nominal.noise[output], colours[output]);
-                column.iter_mut().zip(noise).for_each(|(value, noise)| *value += noise);
+                let factors = untidy.factors(column, &mut own);
+                column.iter_mut().zip(noise).zip(factors).for_each(|((value, noise), factor)| *value += factor * noise);
             }
+            let left_out = untidy.lost_rows(nominal.rows, &mut own);
             outside::on_readings(truth, &exact, &mut noisy);
             // A coarse sensor rounds what it reads, noise and all.
             plant::quantise(truth, &mut noisy);
-            Run { noisy, exact, left_out: 0..0 }
+            Run { noisy, exact, left_out }
         })
         .collect();
     let validate = runs.split_off(RUNS.0);
@@ -401,6 +410,7 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let stated = nominal.noise.iter().map(|sigma| sigma * choice.stated.unwrap_or(1.0)).collect();
     Case {
         stated,
+        without: untidy.without.clone(),
         name,
         family: plan.family,
         nominal,
@@ -440,7 +450,7 @@ fn damage(run: &mut Run, fault: Fault, random: &mut Random) {
     let length = rows / 40 + random.whole(0, rows as u64 / 40) as usize;
     let column = run.noisy.outputs.last_mut().expect("a plant has outputs");
     match fault {
-        Fault::Gap => run.left_out = first..first + length,
+        Fault::Gap => run.left_out.push(first..first + length),
         Fault::Stuck => {
             let value = column[first];
             column[first..first + length].fill(value);
@@ -487,8 +497,8 @@ mod tests {
         let expected: usize = [Kind::Motor, Kind::Car, Kind::OpenAxis].iter().map(|kind| draw::catalogue(*kind).len()).sum();
         assert_eq!(of(Family::Singles).count(), expected);
         let kinds: BTreeSet<&str> = of(Family::Singles).flat_map(|plan| plan.effects.iter().copied()).collect();
-        // docs/plants.md, section 3, has 31.
-        assert_eq!(kinds.len(), 31);
+        // docs/plants.md, section 3, has 32.
+        assert_eq!(kinds.len(), 32);
         for family in [Family::Records, Family::Symmetries, Family::Far] {
             assert!(of(family).count() >= 4, "{family:?}");
         }

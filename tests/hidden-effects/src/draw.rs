@@ -150,6 +150,7 @@ pub fn catalogue(kind: Kind) -> &'static [&'static str] {
             "sensor-gain",
             "sensor-bias",
             "sensor-lag",
+            "sensor-delay",
             "sensor-quantisation",
             "sensor-drift",
             "shaft-compliance",
@@ -161,6 +162,7 @@ pub fn catalogue(kind: Kind) -> &'static [&'static str] {
             "sensor-gain",
             "sensor-bias",
             "sensor-lag",
+            "sensor-delay",
             "sensor-quantisation",
             "sensor-drift",
             "backlash",
@@ -185,6 +187,7 @@ pub fn catalogue(kind: Kind) -> &'static [&'static str] {
             "sensor-gain",
             "sensor-bias",
             "sensor-lag",
+            "sensor-delay",
             "sensor-quantisation",
             "sensor-drift",
             "shaft-compliance",
@@ -207,8 +210,8 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
     let kind = nominal.kind;
     let names = kind.outputs();
     let output = output.unwrap_or_else(|| random.whole(0, names.len() as u64 - 1) as usize);
-    // A held command has no memory, so a lag says nothing about it between rows: only positions lag on an axis.
-    let output = if name == "sensor-lag" && kind == Kind::ClosedAxis { 0 } else { output };
+    // A held command has no memory, so a lag says nothing about it between rows: only positions are slow or late on an axis.
+    let output = if ["sensor-lag", "sensor-delay"].contains(&name) && kind == Kind::ClosedAxis { 0 } else { output };
     let sensed = names[output].0;
     let sigma = nominal.noise[output];
     let size = typical(sensed);
@@ -239,6 +242,7 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
             let periods = random.spread(4.0, 20.0);
             Effect::on("sensor-lag", sensed, &[("time_constant", periods * nominal.period)])
         }
+        "sensor-delay" => Effect::on("sensor-delay", sensed, &[("delay", random.spread(1.5, 8.0) * nominal.period)]),
         "sensor-quantisation" => Effect::on("sensor-quantisation", sensed, &[("step", random.spread(5.0, 25.0) * sigma)]),
         "shaft-compliance" | "backlash" if kind != Kind::Car => {
             let inertia = nominal.parameters.get(if kind == Kind::Motor { "inertia" } else { "mass" });

@@ -56,14 +56,20 @@ pub fn plant_file(
     text
 }
 
-/// A record as CSV. Rows listed in `left_out` are absent.
-pub fn record(kind: Kind, record: &Record, left_out: std::ops::Range<usize>) -> String {
-    let signals = kind.inputs().iter().chain(kind.outputs());
+/// A record as CSV. Rows listed in `left_out` and outputs listed in `without` are absent.
+pub fn record(kind: Kind, record: &Record, left_out: &[std::ops::Range<usize>], without: &[String]) -> String {
+    let signals: Vec<_> = kind.inputs().iter().chain(kind.outputs()).collect();
+    let kept: Vec<bool> = signals.iter().map(|(name, _)| without.iter().all(|out| out != name)).collect();
     let mut text = "time[s]".to_string();
-    signals.for_each(|(name, unit)| write!(text, ",{name}[{unit}]").expect("a string takes text"));
+    signals
+        .iter()
+        .zip(&kept)
+        .filter(|(_, kept)| **kept)
+        .for_each(|((name, unit), _)| write!(text, ",{name}[{unit}]").expect("a string takes text"));
     text.push('\n');
-    let columns: Vec<&Vec<f64>> = record.inputs.iter().chain(&record.outputs).collect();
-    for row in (0..columns[0].len()).filter(|row| !left_out.contains(row)) {
+    let columns = record.inputs.iter().chain(&record.outputs).zip(&kept).filter(|(_, kept)| **kept);
+    let columns: Vec<&Vec<f64>> = columns.map(|(column, _)| column).collect();
+    for row in (0..columns[0].len()).filter(|row| !left_out.iter().any(|lost| lost.contains(row))) {
         // Division keeps the decimals short where the rate is a whole number of hertz.
         write!(text, "{}", row as f64 / (1.0 / record.period).round()).expect("a string takes text");
         columns.iter().for_each(|column| write!(text, ",{}", column[row]).expect("a string takes text"));

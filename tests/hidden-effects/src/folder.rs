@@ -45,7 +45,7 @@ pub fn write_case(case: &Case, parent: &Path, seed: u64) -> Result<Folder, Strin
     let records = |name: &str, runs: &[Run]| -> Result<Vec<PathBuf>, String> {
         let each = runs.iter().enumerate().map(|(number, run)| {
             let path = folder.join(format!("{name}-{}.csv", number + 1));
-            write(&path, &files::record(kind, &run.noisy, run.left_out.clone()))?;
+            write(&path, &files::record(kind, &run.noisy, &run.left_out, &case.without))?;
             Ok(path)
         });
         each.collect()
@@ -53,7 +53,7 @@ pub fn write_case(case: &Case, parent: &Path, seed: u64) -> Result<Folder, Strin
     let (train, validate) = (records("train", &case.train)?, records("validate", &case.validate)?);
     let exact = case.validate.iter().enumerate().map(|(number, run)| {
         let path = for_judge.join(format!("exact-{}.csv", number + 1));
-        write(&path, &files::record(kind, &run.exact, 0..0))?;
+        write(&path, &files::record(kind, &run.exact, &[], &[]))?;
         Ok(path)
     });
     let exact = exact.collect::<Result<Vec<_>, String>>()?;

@@ -22,4 +22,5 @@ pub mod plant;
 pub mod random;
 pub mod reliability;
 pub mod surfaces;
+pub mod untidy;
 pub mod verification;

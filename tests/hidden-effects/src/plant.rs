@@ -191,15 +191,53 @@ pub fn run(truth: &Truth, start: Start, period: f64, rows: usize, drive: &mut dy
     };
     let mut record =
         Record { period, inputs: vec![vec![]; truth.kind.inputs().len()], outputs: vec![vec![]; truth.kind.outputs().len()] };
+    let late = truth.effects.iter().find(|effect| effect.kind == "sensor-delay").map(|effect| late(truth, effect, period));
+    let mut on_the_way = vec![];
     for row in 0..rows {
         let inputs = if row == 0 { first.clone() } else { drive(row, &sensed(truth, &plant.outputs(), row as f64 * period)) };
         plant.hold(&inputs);
         record.inputs.iter_mut().zip(&inputs).for_each(|(column, value)| column.push(*value));
         let outputs = sensed(truth, &plant.outputs(), row as f64 * period);
         record.outputs.iter_mut().zip(outputs).for_each(|(column, value)| column.push(value));
-        plant.advance(period);
+        match &late {
+            // A reading that is late by so many rows and a rest of a period was taken so long before the end of one.
+            Some(it) if it.rest > 0.0 => {
+                plant.advance(period - it.rest);
+                on_the_way.push(plant.outputs()[it.output]);
+                plant.advance(it.rest);
+            }
+            _ => plant.advance(period),
+        }
+    }
+    if let Some(it) = late {
+        let column = &mut record.outputs[it.output];
+        let first = column[0];
+        let taken = if it.rest > 0.0 { on_the_way } else { column.clone() };
+        let rows_late = it.rows + usize::from(it.rest > 0.0);
+        column
+            .iter_mut()
+            .enumerate()
+            .for_each(|(row, value)| *value = row.checked_sub(rows_late).map_or(first, |at| taken[at]));
     }
     record
+}
+
+/// A sensor that is late.
+struct Late {
+    output: usize,
+    rows: usize,
+    /// In seconds.
+    rest: f64,
+}
+
+fn late(truth: &Truth, effect: &Effect, period: f64) -> Late {
+    // An input that is late too would change its value on the way.
+    assert!(truth.effect("input-delay", "delay").is_none(), "an input and a sensor that are both late are not built");
+    let output = truth.kind.outputs().iter().position(|(name, _)| effect.which == Some(("output", name))).expect("an output");
+    let delay = effect.values[0].1;
+    let rows = (delay / period + 1e-9).floor();
+    let rest = delay - rows * period;
+    Late { output, rows: rows as usize, rest: if rest > 1e-9 * period { rest } else { 0.0 } }
 }
 
 /// What sensors without memory make of outputs, in the order of the list. Rounding comes later, after the noise.

@@ -20,6 +20,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader;
+use rsm_lab::diagnosis::bridges::Bridged;
 use rsm_lab::diagnosis::checks::Finding;
 use rsm_lab::diagnosis::tested::Tested;
 use rsm_lab::diagnosis::{self, Cause, Diagnosis, Options};
@@ -205,6 +206,11 @@ fn claims(found: &Diagnosis) -> Vec<Value> {
     found.claims.iter().map(one).collect()
 }
 
+fn bridged(list: &[Bridged]) -> Vec<Value> {
+    let each = list.iter().map(|it| json!({ "record": it.record, "gaps": it.gaps, "rows": it.rows, "longest": it.longest }));
+    each.collect()
+}
+
 fn findings(list: &[Finding]) -> Vec<Value> {
     let each = list
         .iter()
@@ -296,9 +302,17 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "correction": portrait::correction(kind, found),
         "calibration": portrait::calibration(found),
         "noise": found.noise.iter().map(|(k, sd, correlation)| {
-            (kind.outputs()[*k].name.to_string(), json!({ "sd": sd, "correlation": correlation }))
+            let grown = found.growing.iter().find(|it| it.0 == *k);
+            let mut noise = json!({ "sd": sd, "correlation": correlation });
+            if let Some((_, at_zero, at_largest)) = grown {
+                noise["sd_at_zero"] = json!(at_zero);
+                noise["sd_at_largest"] = json!(at_largest);
+            }
+            (kind.outputs()[*k].name.to_string(), noise)
         }).collect::<Map<String, Value>>(),
         "data": findings(&found.findings),
+        "bridged": bridged(&found.bridged),
+        "rows_seen": found.not_seen.map(|it| json!({ "seen": it.seen, "of": it.of })),
         "threshold": found.threshold,
         "stopped": found.stopped.map(|limit| limit.to_string()),
         "structure_left": found.left.excess,

@@ -2,6 +2,7 @@
 //!
 //! In: a diagnosis. Out: sentences with its numbers. Decides nothing.
 
+use rsm_lab::diagnosis::bridges::Bridged;
 use rsm_lab::diagnosis::correction::Offer;
 use rsm_lab::diagnosis::portrait::Portrait;
 use rsm_lab::diagnosis::regions::{Region, telling};
@@ -180,11 +181,33 @@ fn and(names: &[String]) -> String {
     }
 }
 
+/// What was done about gaps of a few rows.
+pub fn bridged(it: &Bridged) -> String {
+    let gaps = match (it.gaps, it.longest) {
+        (1, 1) => "a lost row was bridged".to_string(),
+        (1, rows) => format!("a gap of {rows} rows was bridged"),
+        (gaps, 1) => format!("{gaps} lost rows were bridged"),
+        (gaps, longest) => format!("{gaps} gaps of 1 to {longest} rows, {} rows in all, were bridged", it.rows),
+    };
+    format!("{gaps}: readings there do not count, inputs go from the row before to the row after as later readings say")
+}
+
 /// What standard error tells.
 pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for it in &found.findings {
         let rows = (it.rows.0 + 1, it.rows.1 + 1);
         tell!("{}: data rows {} to {}: {} {}, left out", it.record, rows.0, rows.1, it.channel, it.what);
+    }
+    for (output, low, high) in &found.growing {
+        let name = kind.outputs()[*output].name;
+        let (low, high) = (figure(Some(*low)), figure(Some(*high)));
+        tell!("The noise of {name} grows with the reading: its standard deviation is {low} at 0 and {high} at the largest.");
+    }
+    if let Some(it) = &found.not_seen {
+        tell!("{it}");
+    }
+    for it in &found.bridged {
+        tell!("{}: {}", it.record, bridged(it));
     }
     tell!("{} ({seconds:.1} s). {}", found.verdict.name(), verdict(kind, found));
     for cause in &found.causes {

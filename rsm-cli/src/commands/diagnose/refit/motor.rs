@@ -17,8 +17,8 @@ use crate::outcome::Refusal;
 use crate::weakening::{self, PLANS, UNSEEN};
 use crate::{evaluators, output, report};
 
-/// The delay is that of a record: in closed loop the drive has its own. A drift is nothing that a surface can learn.
-const NEVER: [&str; 2] = ["input-delay", "sensor-drift"];
+/// Delays are those of a record: in closed loop the drive has its own. A drift is nothing that a surface can learn.
+const NEVER: [&str; 3] = ["input-delay", "sensor-delay", "sensor-drift"];
 
 /// The seed of the judge's noise: another than those that are fitted.
 const JUDGE: u64 = 3;

@@ -69,6 +69,12 @@ fn data(body: &mut String, found: &Diagnosis) {
         let _ = write!(body, " Nothing has seen the test records before the last figures: {}.", files.join(", "));
     }
     body.push_str("</p>\n");
+    if let Some(it) = &found.not_seen {
+        let _ = writeln!(body, "<p>{it}.</p>");
+    }
+    for it in &found.bridged {
+        let _ = writeln!(body, "<p>{}: {}.</p>", escaped(&it.record), words::bridged(it));
+    }
     if found.findings.is_empty() {
         body.push_str("<p>The data are in order: no channel hangs, is clipped or jumps, no row stands twice.</p>\n");
         return;

@@ -1,0 +1,172 @@
+//! Noise that grows with the reading.
+//!
+//! In: what a simulation leaves of an output, with its readings. Out: how the standard deviation of the noise goes with the size of the reading, where that can be told from chance.
+//! Never looks at slow structure: it asks what a row has beside its neighbours. Robust: medians of parts of equal size, so a few outliers move nothing.
+
+use super::noise::median;
+
+/// Parts of the range of readings, of equally many rows each.
+const PARTS: usize = 12;
+
+/// Rows of a part, at least: the error of the deviation that its median gives is then a sixth.
+const LEAST_ROWS: usize = 50;
+
+/// Rows to either side that say where a row is: its own reading is not among them, else noise would choose its own weight.
+const BESIDE: usize = 4;
+
+/// The variance of the logarithm of a deviation that comes from a median is this over the independent rows (P. J. Huber, "Robust statistics", 1981, section 5.1).
+const OF_MEDIAN: f64 = 1.36;
+
+/// Of second differences of white noise so many stand for an independent row: their correlations are -2/3 and 1/6, so that squares are correlated by 4/9 and 1/36, to both sides.
+const ROWS_A_DIFFERENCE: f64 = 1.94;
+
+/// The likelihood ratio that growth must reach: chi squared with one degree of freedom passes 20 once in 10^5.
+const SURE: f64 = 20.0;
+
+/// Growth of less than this from the smallest to the largest reading changes no figure.
+const LEAST: f64 = 1.25;
+
+/// How a deviation goes with the size of a reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Growth {
+    /// At a reading of 0 it is a unit; it grows by so much a unit of the reading.
+    pub rate: f64,
+    /// As the sum of the two, else as the root of the sum of their squares: an error of the scale beside one of the offset.
+    pub sum: bool,
+    /// Root mean square over the rows from which it came: by this it is divided, so that a floor's own deviation is the usual one.
+    pub norm: f64,
+}
+
+impl Growth {
+    fn plain(&self, size: f64) -> f64 {
+        let grown = self.rate * size;
+        if self.sum { 1.0 + grown } else { (1.0 + grown * grown).sqrt() }
+    }
+
+    /// The deviation at a size of reading, over the usual one.
+    #[must_use]
+    pub fn at(&self, size: f64) -> f64 {
+        self.plain(size) / self.norm
+    }
+
+    /// Divides values of rows by the deviation that noise has there.
+    pub fn even(&self, measured: &[f64], values: &mut [f64]) {
+        for (value, size) in values.iter_mut().zip(sizes(measured)) {
+            *value /= self.at(size);
+        }
+    }
+
+    /// From what is left of an output, one list a record: readings, what is left, rows that count. `None` where noise is even, as far as can be told.
+    #[must_use]
+    pub fn found(lists: &[(&[f64], &[f64], &[bool])]) -> Option<Growth> {
+        let mut rows: Vec<(f64, f64)> = Vec::new();
+        for (measured, left, used) in lists {
+            let sizes: Vec<f64> = sizes(measured).collect();
+            for row in 1..left.len().saturating_sub(1) {
+                if used[row - 1] && used[row] && used[row + 1] {
+                    rows.push((sizes[row], (left[row] - 0.5 * (left[row - 1] + left[row + 1])).abs()));
+                }
+            }
+        }
+        let count = rows.len() / PARTS;
+        if count < LEAST_ROWS {
+            return None;
+        }
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut parts: Vec<(f64, f64)> = Vec::new();
+        for part in rows.chunks(count).take(PARTS) {
+            let size = part.iter().map(|it| it.0).sum::<f64>() / part.len() as f64;
+            let deviation = median(&mut part.iter().map(|it| it.1).collect::<Vec<_>>());
+            if deviation <= 0.0 {
+                return None;
+            }
+            parts.push((size, deviation.ln()));
+        }
+        let variance = OF_MEDIAN * ROWS_A_DIFFERENCE / count as f64;
+        // Squared misfit of the logarithms about their own level, in units of their error.
+        let misfit = |law: &dyn Fn(f64) -> f64| {
+            let off: Vec<f64> = parts.iter().map(|(size, log)| log - law(*size).ln()).collect();
+            let mean = off.iter().sum::<f64>() / off.len() as f64;
+            off.iter().map(|off| (off - mean).powi(2)).sum::<f64>() / variance
+        };
+        let even = misfit(&|_| 1.0);
+        let largest = parts.last()?.0;
+        let (mut best, mut least) = (None, even - SURE);
+        for sum in [true, false] {
+            // From a tenth of its own to a hundred times as much at the largest readings, in steps of 5 %.
+            for step in 0..=142 {
+                let rate = 0.1 * 1.05_f64.powi(step) / largest.max(f64::MIN_POSITIVE);
+                let growth = Growth { rate, sum, norm: 1.0 };
+                let left = misfit(&|size| growth.plain(size));
+                if left < least {
+                    (best, least) = (Some(growth), left);
+                }
+            }
+        }
+        let best: Growth = best?;
+        if best.plain(largest) < LEAST * best.plain(parts[0].0) {
+            return None;
+        }
+        let squares = rows.iter().map(|it| best.plain(it.0).powi(2)).sum::<f64>() / rows.len() as f64;
+        Some(Growth { norm: squares.sqrt(), ..best })
+    }
+}
+
+/// The size of the reading at each row, from the rows beside it.
+fn sizes(measured: &[f64]) -> impl Iterator<Item = f64> + '_ {
+    let mut sum: f64 = measured.iter().take(BESIDE).sum();
+    (0..measured.len()).map(move |row| {
+        sum += measured.get(row + BESIDE).copied().unwrap_or(0.0);
+        let first = row.saturating_sub(BESIDE);
+        let count = (row + BESIDE).min(measured.len() - 1) - first;
+        let size = ((sum - measured[row]) / count.max(1) as f64).abs();
+        if row >= BESIDE {
+            sum -= measured[row - BESIDE];
+        }
+        size
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::Random;
+    use super::*;
+
+    fn record(rows: usize, seed: u64, law: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>) {
+        let mut random = Random::new(seed);
+        let truth: Vec<f64> = (0..rows).map(|k| 20.0 * (k as f64 / 150.0).sin()).collect();
+        let left: Vec<f64> = truth.iter().map(|value| law(value.abs()) * random.normal()).collect();
+        (truth.iter().zip(&left).map(|(truth, left)| truth + left).collect(), left)
+    }
+
+    fn found(rows: usize, seed: u64, law: impl Fn(f64) -> f64) -> Option<Growth> {
+        let (measured, left) = record(rows, seed, law);
+        Growth::found(&[(&measured, &left, &vec![true; rows])])
+    }
+
+    #[test]
+    fn growth_is_found_and_even_noise_has_none() {
+        let growth = found(6000, 1, |size| 0.1 * (1.0 + 0.2 * size)).unwrap();
+        // 12 parts of 500 rows: each deviation to 7 %.
+        assert!((growth.plain(20.0) / growth.plain(0.0) / 5.0 - 1.0).abs() < 0.3, "{growth:?}");
+        let (measured, mut left) = record(6000, 2, |size| 0.1 * (1.0 + 0.2 * size));
+        let before = left.iter().map(|it| it * it).sum::<f64>();
+        growth.even(&measured, &mut left);
+        // The usual deviation stays; 6000 rows of uneven squares know it to 3 %, and the law to as much.
+        let after = left.iter().map(|it| it * it).sum::<f64>();
+        assert!((after / before - 1.0).abs() < 0.12, "{after} {before}");
+        assert!((0..100).all(|seed| found(2000, seed, |_| 0.1).is_none()));
+    }
+
+    #[test]
+    fn a_row_says_nothing_about_its_own_weight() {
+        let measured: Vec<f64> = (0..20).map(f64::from).collect();
+        let mut other = measured.clone();
+        other[7] = 1000.0;
+        let (a, b): (Vec<f64>, Vec<f64>) = (sizes(&measured).collect(), sizes(&other).collect());
+        // A running sum has as many digits as its largest term.
+        assert!(
+            (a[7] - b[7]).abs() < 1e-9 && (a[7] - 7.0).abs() < 1e-9 && (b[6] - a[6]).abs() > 1.0 && (a[0] - 2.5).abs() < 1e-9
+        );
+    }
+}

@@ -1,0 +1,91 @@
+//! Records less tidy than a bench's: rows that a logger lost, channels that nobody recorded, noise that is not normal or not even.
+//!
+//! In: what is asked for, a record's rows, a stream of random numbers of its own. Out: which rows are lost, and what the noise of a row is multiplied by. The same case with and
+//! without it has the same truth and the same normal numbers.
+
+use std::ops::Range;
+
+use crate::random::Random;
+
+/// A gap is of one row up to so many.
+const LONGEST_GAP: u64 = 3;
+
+/// What is asked for; nothing by default.
+#[derive(Debug, Clone, Default)]
+pub struct Untidy {
+    /// One row in so many is lost, in gaps of one to three rows.
+    pub lost: Option<usize>,
+    /// The noise's standard deviation grows by so many times itself from a reading of 0 to the largest one.
+    pub growing: Option<f64>,
+    /// The noise is Student's t with so many degrees of freedom (more than 2), of the same standard deviation.
+    pub tails: Option<f64>,
+    /// Outputs that no record holds.
+    pub without: Vec<String>,
+}
+
+impl Untidy {
+    /// The rows of a record that are lost. The first and the last stay.
+    pub fn lost_rows(&self, rows: usize, random: &mut Random) -> Vec<Range<usize>> {
+        let mut lost = Vec::new();
+        let Some(every) = self.lost else { return lost };
+        // A gap of two rows on average after (2 every - 2) others.
+        let mean = (2 * every).saturating_sub(2).max(2) as f64;
+        let mut row = 1;
+        loop {
+            row += random.uniform(0.5 * mean, 1.5 * mean) as usize;
+            let end = row + random.whole(1, LONGEST_GAP) as usize;
+            if end + 1 >= rows {
+                return lost;
+            }
+            lost.push(row..end);
+            row = end;
+        }
+    }
+
+    /// What the noise of each row is multiplied by, from the exact readings.
+    pub fn factors(&self, exact: &[f64], random: &mut Random) -> Vec<f64> {
+        let largest = exact.iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()));
+        let factor = |value: &f64| {
+            let grown = 1.0 + self.growing.unwrap_or(0.0) * value.abs() / largest;
+            let Some(freedom) = self.tails else { return grown };
+            // A normal number over the root of chi squared/freedom; its variance is freedom/(freedom - 2).
+            let chi: f64 = (0..freedom as usize).map(|_| random.normal().powi(2)).sum();
+            grown * ((freedom - 2.0) / chi).sqrt()
+        };
+        exact.iter().map(factor).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_row_in_so_many_is_lost_in_short_gaps() {
+        let untidy = Untidy { lost: Some(97), ..Untidy::default() };
+        let lost = untidy.lost_rows(97_000, &mut Random::new(1, "lost"));
+        let rows: usize = lost.iter().map(ExactSizeIterator::len).sum();
+        // 500 gaps of 2 rows: three standard deviations of their sum, 0.82 a gap, and of their distances.
+        assert!((rows as f64 - 1000.0).abs() < 100.0, "{rows}");
+        assert!(lost.iter().all(|it| (1..=3).contains(&it.len()) && it.start > 0 && it.end < 97_000));
+    }
+
+    #[test]
+    fn noise_grows_and_has_tails_at_the_same_deviation() {
+        let growing = Untidy { growing: Some(4.0), ..Untidy::default() };
+        assert_eq!(growing.factors(&[0.0, -10.0, 5.0], &mut Random::new(1, "g")), [1.0, 5.0, 3.0]);
+        let tails = Untidy { tails: Some(5.0), ..Untidy::default() };
+        let mut random = Random::new(2, "t");
+        let factors = tails.factors(&vec![1.0; 40_000], &mut random);
+        let squares = factors.iter().map(|it| it * it * random.normal().powi(2));
+        let (mut sum, mut far) = (0.0, 0);
+        for square in squares {
+            sum += square;
+            far += usize::from(square > 25.0);
+        }
+        // Student's t with 5 degrees of freedom has a kurtosis of 9: the error of the mean square is sqrt(8/40000) = 0.014, four of it.
+        assert!((sum / 40_000.0 - 1.0).abs() < 0.057, "{sum}");
+        // Beyond 5 standard deviations normal noise is once in two million.
+        assert!(far > 20, "{far}");
+    }
+}
