@@ -156,7 +156,7 @@ pub fn correction(
             ("what".to_string(), Evidence::Text(text)),
             ("rows".to_string(), Evidence::Whole(surface.rows as i64)),
             ("unseen_rows".to_string(), Evidence::Whole(judged.rows as i64)),
-            ("gain_on_unseen_rows".to_string(), Evidence::Number(judged.gain / beyond)),
+            ("gain_on_unseen_rows".to_string(), Evidence::Number((judged.gain / beyond).min(1.0))),
         ];
         for input in surface.inputs {
             if !model.inputs.contains(&input) {
@@ -170,7 +170,9 @@ pub fn correction(
     }
     // 5 % of a normal distribution lie beyond 1.645 standard deviations.
     let low = (won - 1.645 * variance.sqrt()) / all;
-    Offer::Gains(Box::new(Correction { model, outputs, gain: won / all, low, unseen: has_unseen }))
+    // Where what is left comes below the noise that was estimated, all that is beyond it is gone, not more.
+    let gain = (won / all).min(1.0);
+    Offer::Gains(Box::new(Correction { model, outputs, gain, low: low.min(1.0), unseen: has_unseen }))
 }
 
 /// What is to be added to the simulated output, a value a row; `None` where the output has no surface.
