@@ -11,7 +11,9 @@
 //! A difference of readings is far noisier than they are, and noise in a regressor makes its slope too small: the law of some rows before, whose noise is another, stands as its
 //! instrument (P. G. Wright, 1928). Intervals come from parts of the records left out in turn (J. W. Tukey, 1958), and so does what the two lines are worth on rows that did not make them.
 
+use super::confidence::EXPLAINED;
 use super::kernel::Prepared;
+use super::{Cause, Interval};
 use crate::effect::Arguments;
 use crate::plant_file::{Entry, PlantFile, VelocityFrom};
 use crate::record::Drive;
@@ -95,6 +97,44 @@ impl KnownLoop {
             Entry { description, arguments: Arguments { plant: file.kind, subject: Some(name.to_string()), numbers } }
         })
         .collect()
+    }
+
+    /// What the law alone says, as causes, with their entries: those that a search did not keep. In a free run a sensor may be little beside friction that nothing explains; in the law it is all
+    /// that is wrong. `rows` are those of the records.
+    #[must_use]
+    pub fn beside(&self, file: &PlantFile, kept: &[Entry], rows: usize) -> Vec<(Cause, Entry)> {
+        let is_kept =
+            |it: &Entry| kept.iter().any(|kept| self.says(file, kept) && kept.arguments.subject == it.arguments.subject);
+        let entries = self.entries(file).into_iter().filter(|it| !is_kept(it));
+        let each = entries.map(|entry| {
+            let subject = entry.arguments.subject.clone().unwrap_or_default();
+            let gain = if subject == "position" { self.position } else { self.command };
+            let sentence =
+                entry.description.sentence.replace("{output}", &subject).replace("{gain}", &format!("{:.4}", gain.value));
+            let cause = Cause {
+                kind: entry.description.kind,
+                subject: Some(subject),
+                of: entry.description.subject,
+                parameters: vec![Interval {
+                    name: "gain",
+                    value: gain.value,
+                    low: gain.low,
+                    high: gain.high,
+                    unit: "1".to_string(),
+                }],
+                confidence: EXPLAINED,
+                indistinguishable_from: Vec::new(),
+                gain: rows as f64 * ((self.stated / self.left).powi(2) - 1.0),
+                rivals: Vec::new(),
+                asked: true,
+                sentence: format!("{sentence} The law of the controller shows it, whatever the plant."),
+                check: entry.description.check,
+                witness: None,
+                only_in: None,
+            };
+            (cause, entry)
+        });
+        each.collect()
     }
 
     /// Whether the law alone says what an entry does: then the entry needs no plant, and no rival of the plant speaks against it.
@@ -309,6 +349,9 @@ mod tests {
                 ["position", "command"].into_iter().zip(gains).filter(|it| it.1 != 1.0).map(|it| it.0).collect();
             assert_eq!(names, off, "{found:?}");
             assert!(found.entries(&file).iter().all(|it| found.says(&file, it)), "{found:?}");
+            let beside = found.beside(&file, &[], 3000);
+            assert!(beside.iter().map(|it| it.0.subject.as_deref()).eq(off.iter().map(|name| Some(*name))), "{beside:?}");
+            assert!(beside.iter().all(|it| it.0.gain > 3000.0 && found.beside(&file, &found.entries(&file), 3000).is_empty()));
             // The command follows the law but for its own noise and that of the velocity: parts of a thousand.
             assert!((found.position.value - gains[0]).abs() < 1e-3, "{found:?}");
             assert!((found.command.value - gains[1]).abs() < 1e-2 && found.late == 0, "{found:?}");

@@ -286,12 +286,22 @@ pub fn conclude(
     for (output, step) in rounded {
         causes.push(rounding(file.kind, *output, *step, off_lattice(kernel, *output, *step), fit.residual.len() as f64));
     }
+    let rows = kernel.records.iter().map(|it| it.record.rows()).sum();
+    let by_law = known_loop.as_ref().map_or_else(Vec::new, |it| it.beside(file, &fit.model.file.effects, rows));
+    let (told_by_law, by_law): (Vec<Cause>, Vec<Entry>) = by_law.into_iter().unzip();
+    // What the law says of a sensor goes before what a search made of it.
+    causes.retain(|it| !told_by_law.iter().any(|law| law.kind == it.kind && law.subject == it.subject));
+    causes.extend(told_by_law);
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
     let verdict = judged_by(structure, stopped, causes.is_empty());
     let sure = |cause: &Cause| verdict != Verdict::Unexplained || cause.confidence >= NAMED;
     let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(sure);
     let mut plant = finish::written(file, kernel, nominal, &fit);
+    plant.effects.retain(|it| {
+        !by_law.iter().any(|law| law.description.kind == it.description.kind && law.arguments.subject == it.arguments.subject)
+    });
+    plant.effects.extend(by_law);
     for (output, step) in rounded {
         plant.effects.extend(rounding_entry(file.kind, *output, *step));
     }
