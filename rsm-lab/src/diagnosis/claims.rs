@@ -184,7 +184,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
             without: judged.filed.model.clone(),
         };
         let mut cause = verdict::cause(&judged.fit, *place, &believed, Vec::new(), confidence::confidence(&case), None);
-        cause.sentence = told(cause.sentence, claim);
+        cause.sentence = told(&cause.sentence, claim);
         let list = if explained || cause.confidence >= NAMED { &mut anew.causes } else { &mut anew.helpers };
         list.push(cause);
     }
@@ -211,7 +211,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
 }
 
 /// What the file says of it, behind what the records say.
-fn told(sentence: String, claim: &Claim) -> String {
+fn told(sentence: &str, claim: &Claim) -> String {
     let numbers: Vec<String> = claim
         .records
         .iter()
