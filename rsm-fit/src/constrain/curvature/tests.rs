@@ -130,3 +130,59 @@ fn the_worst_direction_belongs_to_its_largest_entry() {
     assert_eq!(largest, 2);
     assert!((others[0] - (1.0 - 0.4 / (1.0 - l)) / 2.0).abs() < 1e-12 && (others[1] - 0.5).abs() < 1e-12, "{others:?} {l}");
 }
+
+/// a I - b J, J of ones, with every entry unsure by r: eigenvalues a and a - n b, and the least of the enclosure is a - n (b + r), along the ones. Binary fractions: all of it is exact.
+#[test]
+fn the_worst_matrix_of_an_enclosure_is_not_called_better_than_it_is() {
+    for size in 2..=6 {
+        let n = size as f64;
+        for (a, b, r) in [(1.0, 0.125, 0.0625), (8.0, 1.0, 2f64.powi(-20)), (0.5, 0.25, 0.5), (3.0, -0.25, 0.25)] {
+            let measure = LeastEigenvalue(size);
+            let entry = |row: usize, column: usize| (if row == column { a } else { 0.0 }) - b;
+            let mut enclosure = vec![Interval::point(0.0); size * (size + 1) / 2];
+            for row in 0..size {
+                for column in row..size {
+                    enclosure[place(row, column, size)] = Interval::new(entry(row, column) - r, entry(row, column) + r);
+                }
+            }
+            let worst = if b + r > 0.0 { a - n * (b + r) } else { a };
+            let low = measure.low(&enclosure, f64::INFINITY);
+            assert!(low <= worst, "{size} {a} {b} {r}: {low}, and {worst} is there");
+            // Three times the radius and the rounding below the least of the middle: the first try.
+            let of_middle = if b > 0.0 { a - n * b } else { a };
+            assert!(low >= of_middle - 2.0 * n * (r + 64.0 * f64::EPSILON * (a + b.abs())) - 1e-14, "{low} {of_middle}");
+            let rows: Vec<usize> = (0..size).collect();
+            let middle = Middle::of(&measure, &enclosure, &rows).unwrap();
+            // Just above the worst is not above it; a hair below it is: the margin is no wider than the radius makes it, and rounding.
+            assert!(!middle.is_above(worst + 2f64.powi(-40)), "{size} {a} {b} {r}");
+            let hair = n * 64.0 * f64::EPSILON * (a + b.abs());
+            assert!(b < 0.0 || middle.is_above(worst - hair), "{size} {a} {b} {r}");
+            // From above no less than the least of them all, to the bit.
+            assert!(measure.high(&enclosure) >= worst, "{size} {a} {b} {r}");
+        }
+    }
+}
+
+/// Sums of fewer squares than rows, of small whole numbers: every one is exact, and its least eigenvalue is 0. Rounded pivots say otherwise.
+#[test]
+fn a_matrix_that_is_singular_is_not_called_positive_by_rounding() {
+    let mut random = Random::new(8);
+    let mut by_pivots = 0;
+    for _ in 0..400 {
+        let size = 2 + random.below(5) as usize;
+        let factor = DMatrix::from_fn(size, size - 1, |_, _| random.below(19) as f64 - 9.0);
+        let singular = &factor * factor.transpose();
+        let values: Vec<Interval> =
+            (0..size).flat_map(|a| (a..size).map(move |b| (a, b))).map(|(a, b)| Interval::point(singular[(a, b)])).collect();
+        let measure = LeastEigenvalue(size);
+        let rows: Vec<usize> = (0..size).collect();
+        let Some(mut middle) = Middle::of(&measure, &values, &rows) else { panic!("{singular}") };
+        assert!(!middle.is_above(1e-300), "{singular}");
+        let (low, high) = (measure.low(&values, f64::INFINITY), measure.high(&values));
+        assert!(low <= 0.0 && high >= 0.0, "{low} {high} {singular}");
+        middle.margin = 0.0;
+        by_pivots += usize::from(middle.is_above(1e-300));
+    }
+    // The draw is hard enough: without a margin rounded pivots would call some of them positive.
+    assert!(by_pivots > 10, "{by_pivots}");
+}
