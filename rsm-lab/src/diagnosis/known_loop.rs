@@ -265,7 +265,7 @@ fn missed(rows: &[Row]) -> f64 {
 /// Checks the law; `None` where no record has the loop with both outputs, or where they do not move.
 #[must_use]
 pub fn look(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
-    if !file.effects.is_empty() {
+    if file.acting().next().is_some() {
         return None;
     }
     let on_time = rows(records, file, 0);
