@@ -1,7 +1,7 @@
 //! `cargo xtask mutants`: which changes of meaning do the tests of a package not notice?
 //!
 //! In: further words for the package mutants. Out: its table; its copy of the workspace stays under the target directory, so that a second run is quick.
-//! `quick` is the part that `cargo xtask test` runs: a sample from a seed that changes with the sources.
+//! `quick` is the part that `cargo xtask test` runs: a sample from a fixed seed.
 
 use std::process::Command;
 
@@ -22,16 +22,14 @@ const SAMPLE: &str = "12";
 /// The files of the quick part: what every certificate and every statistic stands on.
 const FILES: [&str; 5] = ["rounding", "interval", "bernstein", "statistics", "qr"];
 
-/// A sample of mutants against the unit tests. The seed is that of the last commit, so that each commit draws others and a run can be repeated.
+/// One sample for everybody: a stage that fails by the luck of a draw is believed by nobody. `cargo xtask mutants --sample --seed` draws others.
+const SEED: &str = "1";
+
+/// A sample of mutants against the unit tests.
 pub(crate) fn quick() -> Command {
-    let mut log = Command::new("git");
-    let id = log.args(["rev-parse", "--short=8", "HEAD"]).current_dir(root()).output();
-    let id = id.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_string()).unwrap_or_default();
-    // Without a repository any seed does.
-    let seed = u32::from_str_radix(&id, 16).unwrap_or(1).to_string();
     let files = FILES.iter().flat_map(|file| ["--file", file]);
     // A folder of its own: another set of mutants in the same one compiles both packages again each time.
-    let words: Vec<&str> = files.chain(["--unit", "--sample", SAMPLE, "--seed", &seed]).collect();
+    let words: Vec<&str> = files.chain(["--unit", "--sample", SAMPLE, "--seed", SEED]).collect();
     tool("mutants-quick", &words)
 }
 

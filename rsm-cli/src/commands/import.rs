@@ -21,7 +21,7 @@ pub struct Arguments {
     /// A column of the record: NAME=COLUMN, or NAME=COLUMN[unit]; without this option every column of numbers is taken
     #[arg(long = "column", value_name = "NAME=COLUMN[unit]")]
     columns: Vec<Named>,
-    /// A column that no file has, such as load_torque=0[N*m] of an unloaded motor
+    /// A column that no file has, such as `load_torque=0[N*m]` of an unloaded motor
     #[arg(long = "constant", value_name = "NAME=NUMBER[unit]")]
     constants: Vec<Named>,
     /// The column of time, where its name does not say so
