@@ -3,12 +3,13 @@
 //! In: a diagnosis. Out: sentences with its numbers. Decides nothing.
 
 use rsm_lab::diagnosis::bridges::Bridged;
+use rsm_lab::diagnosis::claims::Claim;
 use rsm_lab::diagnosis::correction::Offer;
 use rsm_lab::diagnosis::portrait::Portrait;
 use rsm_lab::diagnosis::regions::{Region, telling};
 use rsm_lab::diagnosis::steps::Step;
 use rsm_lab::diagnosis::tested::FIRST_PART;
-use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
+use rsm_lab::diagnosis::{Cause, Diagnosis, Interval, Verdict};
 use rsm_lab::effect::Subject;
 use rsm_lab::kind::PlantKind;
 
@@ -192,6 +193,17 @@ pub fn bridged(it: &Bridged) -> String {
     format!("{gaps}: readings there do not count, inputs go from the row before to the row after as later readings say")
 }
 
+/// An effect of the plant file, and what the records say of it.
+pub fn claim(it: &Claim) -> String {
+    let number = |(number, file): (&Interval, &f64)| {
+        format!("{} {file}, in the records {:.4} ({:.4} to {:.4})", number.name, number.value, number.low, number.high)
+    };
+    let numbers: Vec<String> = it.records.iter().zip(&it.file).map(number).collect();
+    let subject = it.subject.as_ref().map_or(String::new(), |name| format!(" of {name}"));
+    let judged = if it.stands { "stands" } else { "is contradicted" };
+    format!("{}{subject} {judged}: {}.", it.kind, numbers.join("; "))
+}
+
 /// What standard error tells.
 pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for it in &found.findings {
@@ -226,17 +238,7 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         );
     }
     for it in &found.claims {
-        let numbers: Vec<String> = it
-            .records
-            .iter()
-            .zip(&it.file)
-            .map(|(number, file)| {
-                format!("{} {file}, in the records {:.4} ({:.4} to {:.4})", number.name, number.value, number.low, number.high)
-            })
-            .collect();
-        let subject = it.subject.as_ref().map_or(String::new(), |name| format!(" of {name}"));
-        let judged = if it.stands { "stands" } else { "is contradicted" };
-        tell!("  The plant file's {}{subject} {judged}: {}.", it.kind, numbers.join("; "));
+        tell!("  The plant file's {}", claim(it));
     }
     for it in &found.refused {
         tell!("  Tried and refused: {}: {}.", it.cause, it.why);

@@ -97,6 +97,8 @@ fn data(body: &mut String, found: &Diagnosis) {
 fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     listed(body, kind, found, "Causes, the strongest first", &found.causes);
     listed(body, kind, found, "What helps, and is not sure to be a cause", &found.helpers);
+    let claims: Vec<String> = found.claims.iter().map(words::claim).collect();
+    list(body, "Effects of the plant file", &claims);
     let refused: Vec<String> = found.refused.iter().map(|it| format!("{}: {}.", it.cause, it.why)).collect();
     list(body, "Tried and refused", &refused);
 }
