@@ -179,7 +179,7 @@ impl Found {
         let name = String::from_utf8_lossy(next()?.data).into_owned();
         let rows = dimensions.first().copied().unwrap_or(0);
         let value = match class {
-            // Numbers of every width; 9 is char data's neighbour, so 6 to 15.
+            // Double, single, and whole numbers of 8 to 64 bits.
             6..=15 => {
                 let values = self.numbers(&next()?)?;
                 if is_complex { Value::Other("complex") } else { Value::Numbers { rows, values } }

@@ -373,10 +373,9 @@ fn chosen<'a>(timed: &'a [Timed], wishes: &Wishes, notes: &mut Vec<String>) -> R
         }
     }
     for wish in &wishes.columns {
-        let file = |it: &Timed| Fault::whole_file(&it.log.file, String::new()).file;
         let found = timed.iter().find_map(|it| it.log.column(&wish.value).map(|column| (it, column)));
         let Some((it, column)) = found else {
-            let known: Vec<String> = timed.iter().map(|it| format!("{}: {}", file(it), it.log.names())).collect();
+            let known: Vec<String> = timed.iter().map(|it| format!("{}: {}", it.log.file, it.log.names())).collect();
             let what = format!("there is no column `{}`; the columns are {}", wish.value, known.join("; "));
             return Err(Faults::one(Fault::whole_file(&timed[0].log.file, what)));
         };
