@@ -52,6 +52,18 @@ pub struct Finding {
     pub rows: (usize, usize),
 }
 
+/// Records as a diagnosis takes them, and what is wrong with them.
+pub fn prepared(records: impl IntoIterator<Item = Record>, file: &PlantFile) -> (Vec<Prepared>, Vec<Finding>) {
+    let mut findings = Vec::new();
+    let one = |record: Record| {
+        let mut one = Prepared::new(record, file.kind.outputs().len());
+        findings.extend(check(&mut one, file));
+        one
+    };
+    let prepared = records.into_iter().map(one).collect();
+    (prepared, findings)
+}
+
 /// Finds what is wrong with a record and takes those rows out.
 pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     bridges::fill(prepared);

@@ -5,11 +5,12 @@
 //! searches decide: one in which the claims stand, and, where other numbers do clearly better, one with those. The simpler explanation is believed.
 
 use super::confidence::{self, Case};
-use super::kernel::{Kernel, Prepared};
+use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::noise::Floor;
 use super::selection::Believed;
+use super::share::Share;
 use super::verdict::{self, Cause, Diagnosis, Interval, NAMED, Verdict};
 use super::{Options, Refused, bootstrap, calibrate, checks, of_nominal, tested, validation, worth};
 use crate::effect::Subject;
@@ -60,7 +61,7 @@ pub(super) fn diagnose(
 ) -> Result<Diagnosis, Refused> {
     let filed = as_given(file);
     let mut found = of_nominal(&filed, training, validation, test, options)?;
-    if let Some(judged) = judged(&filed, training, options) {
+    if let Some(judged) = judged(&filed, training, validation, options) {
         let moved: Vec<usize> = (0..judged.claims.len()).filter(|k| !judged.claims[*k].stands).collect();
         found.claims = judged.claims.clone();
         if judged.contradict && !moved.is_empty() && !matches!(found.verdict, Verdict::NoDiscrepancy) {
@@ -101,11 +102,16 @@ struct Judged {
 }
 
 /// Fits the numbers of the claims to the training records; `None` where there are none, or nothing can be simulated.
-fn judged(filed: &PlantFile, training: &[Record], options: &Options<'_>) -> Option<Judged> {
+fn judged(filed: &PlantFile, training: &[Record], validation: &[Record], options: &Options<'_>) -> Option<Judged> {
     if filed.given.is_empty() {
         return None;
     }
-    let mut kernel = Kernel::new(prepared(training, filed), [Floor::white(1.0); 3], options.threads);
+    // As much of long records as the search looks at.
+    let mut share = Share::of_rows(training, validation);
+    let (records, _) = checks::prepared(training.iter().map(|record| share.beginning(record)), filed);
+    let mut kernel = Kernel::new(records, [Floor::white(1.0); 3], options.threads);
+    let mut none = kernel.on(Vec::new());
+    share.cut(&mut kernel, &mut none, filed);
     let (nominal, calibrated) = calibrate(&mut kernel, filed)?;
     let without = |model: &Model| {
         let mut model = model.clone();
@@ -119,15 +125,6 @@ fn judged(filed: &PlantFile, training: &[Record], options: &Options<'_>) -> Opti
     let claims = filed.given.iter().enumerate().map(|(place, entry)| claim(&fit, place, entry)).collect();
     let contradict = calibrated.cost - fit.cost > decides;
     Some(Judged { claims, contradict, decides, floors: kernel.floors, fit, filed: calibrated })
-}
-
-fn prepared(records: &[Record], file: &PlantFile) -> Vec<Prepared> {
-    let one = |record: &Record| {
-        let mut one = Prepared::new(record.clone(), file.kind.outputs().len());
-        checks::check(&mut one, file);
-        one
-    };
-    records.iter().map(one).collect()
 }
 
 fn claim(fit: &Fit, place: usize, entry: &Entry) -> Claim {
@@ -199,7 +196,8 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.nominal = before.nominal.clone();
     anew.gain = verdict::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
-    let kernel = Kernel::new(prepared(judges, setting.filed), judged.floors, setting.options.threads);
+    let (prepared, _) = checks::prepared(judges.iter().cloned(), setting.filed);
+    let kernel = Kernel::new(prepared, judged.floors, setting.options.threads);
     let records: Vec<&Record> = judges.iter().collect();
     let sds = judged.floors.map(|floor| floor.sd);
     let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));

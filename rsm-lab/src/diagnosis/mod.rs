@@ -63,7 +63,7 @@ pub mod whiteness;
 pub mod worth;
 
 use checks::Finding;
-use kernel::{Kernel, Prepared};
+use kernel::Kernel;
 use levenberg::Fit;
 use model::Model;
 use noise::Floor;
@@ -165,20 +165,13 @@ fn of_nominal(
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
     let outputs = file.kind.outputs().len();
-    let mut findings: Vec<Finding> = Vec::new();
     let mut share = Share::of_rows(training, validation);
-    let mut prepare = |records: &[Record]| -> Vec<Prepared> {
-        let mut list = Vec::new();
-        for record in records {
-            let mut prepared = Prepared::new(share.beginning(record), outputs);
-            findings.extend(checks::check(&mut prepared, file));
-            list.push(prepared);
-        }
-        list
-    };
+    let prepare = |records: &[Record]| checks::prepared(records.iter().map(|record| share.beginning(record)), file);
+    let ((trained, mut findings), (judging, more)) = (prepare(training), prepare(validation));
+    findings.extend(more);
     let white = [Floor::white(1.0); 3];
-    let mut kernel = Kernel::new(prepare(training), white, options.threads);
-    let mut unseen = Kernel::new(prepare(validation), white, options.threads);
+    let mut kernel = Kernel::new(trained, white, options.threads);
+    let mut unseen = Kernel::new(judging, white, options.threads);
     if kernel.records.iter().all(|it| it.outputs.is_empty()) {
         let constant = findings.iter().filter(|it| it.what == "constant");
         let channels: Vec<String> = constant.map(|it| format!("{} of {}", it.channel, regions::name_of(&it.record))).collect();

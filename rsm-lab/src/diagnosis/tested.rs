@@ -5,7 +5,7 @@
 
 use super::bootstrap;
 use super::checks::{self, Finding};
-use super::kernel::{Kernel, Prepared, Simulated};
+use super::kernel::{Kernel, Simulated};
 use super::model::Model;
 use super::noise::Floor;
 use super::validation::{self, Error};
@@ -43,13 +43,7 @@ pub fn tested(
     nominal: &Model,
     extended: &Model,
 ) -> Option<Tested> {
-    let mut findings = Vec::new();
-    let mut prepared = Vec::new();
-    for record in records {
-        let mut one = Prepared::new(record.clone(), file.kind.outputs().len());
-        findings.extend(checks::check(&mut one, file));
-        prepared.push(one);
-    }
+    let (prepared, findings) = checks::prepared(records.iter().cloned(), file);
     if prepared.is_empty() {
         return None;
     }
