@@ -15,6 +15,14 @@
     || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__) || defined(_M_FP_FAST)
 #error "circle.c: -ffast-math, -Ofast and the options that they are made of change the results; compile this file without them"
 #endif
+#if defined(__clang__) && defined(__has_warning)
+#if __has_warning("-Wnan-infinity-disabled")
+#pragma clang diagnostic push
+#pragma clang diagnostic error "-Wnan-infinity-disabled"
+typedef char circle_rsm_has_infinities[__builtin_isinf(__builtin_inf()) ? 1 : -1]; /* -fno-honor-infinities would change the results */
+#pragma clang diagnostic pop
+#endif
+#endif
 
 #if defined(__FLT_EVAL_METHOD__)
 #if __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 1 && __FLT_EVAL_METHOD__ != 16 && __FLT_EVAL_METHOD__ != 32

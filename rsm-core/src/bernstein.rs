@@ -321,7 +321,12 @@ impl Cell {
             corners = corners.iter().flat_map(low_and_high).collect();
         }
         for (index, ends) in corners {
-            let value = measure.high(&self.coefficients[index * self.polynomials..][..self.polynomials]);
+            let values = &self.coefficients[index * self.polynomials..][..self.polynomials];
+            // What is nowhere below the best is not lower: of an eigenvalue that is known sooner than its value.
+            if measure.low(values, best.seen) >= best.seen {
+                continue;
+            }
+            let value = measure.high(values);
             if value < best.seen {
                 let at: Vec<f64> = self.spans.iter().enumerate().map(|(k, span)| span[ends >> k & 1]).collect();
                 let as_cell: Vec<[f64; 2]> = at.iter().map(|share| [*share, *share]).collect();

@@ -86,6 +86,8 @@ pub mod warnings;
 
 pub mod evidence;
 
+mod response;
+
 pub mod fit;
 
 pub mod recursive;

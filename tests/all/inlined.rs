@@ -154,18 +154,24 @@ fn build(line: &str, seen: Seen, folder: &Path) -> Option<Result<PathBuf, String
 /// What is wrong with a library: functions that differ, self-tests that fail.
 fn faults(line: &str, library: &Path, cases: &[Case]) -> Vec<String> {
     let loaded = Loaded::open(line, library);
+    let mut wrong = differences(&loaded, cases);
+    let failures = loaded.call("self_tests");
+    if failures != 0 {
+        wrong.push(format!("{line}: the self-tests find {failures} differences"));
+    }
+    wrong
+}
+
+/// Functions that differ from the interpreter.
+fn differences(loaded: &Loaded, cases: &[Case]) -> Vec<String> {
     let mut wrong = vec![];
     for case in cases {
         for (k, function) in case.unit.functions.iter().enumerate() {
             wrong.extend(match function.tape.precision {
-                Precision::F64 => compare_function::<f64>(case, k, &[&loaded as &dyn Backend<f64>], POINTS),
-                Precision::F32 => compare_function::<f32>(case, k, &[&loaded as &dyn Backend<f32>], POINTS),
+                Precision::F64 => compare_function::<f64>(case, k, &[loaded as &dyn Backend<f64>], POINTS),
+                Precision::F32 => compare_function::<f32>(case, k, &[loaded as &dyn Backend<f32>], POINTS),
             });
         }
-    }
-    let failures = loaded.call("self_tests");
-    if failures != 0 {
-        wrong.push(format!("{line}: the self-tests find {failures} differences"));
     }
     wrong
 }
@@ -213,10 +219,10 @@ fn an_evaluator_in_a_vectorised_loop_keeps_its_bits() {
     for compiler in all_compilers() {
         let is_gcc = compiler.starts_with("gcc");
         ways.push((format!("{compiler} {}", vectorised(is_gcc)[0]), Seen::Unity));
-        if compiler == "gcc" {
-            ways.push((format!("gcc {}", vectorised(true)[1]), Seen::Unity));
-            ways.push((format!("gcc {}", vectorised(true)[0]), Seen::Linked));
-            ways.push((format!("gcc {}", vectorised(true)[0]), Seen::LinkedFromFast));
+        if ["gcc", "clang"].contains(&compiler.as_str()) {
+            ways.push((format!("{compiler} {}", vectorised(is_gcc)[1]), Seen::Unity));
+            ways.push((format!("{compiler} {}", vectorised(is_gcc)[0]), Seen::Linked));
+            ways.push((format!("{compiler} {}", vectorised(is_gcc)[0]), Seen::LinkedFromFast));
         }
     }
     assert_eq!(judge(&ways, &some(), &scratch("inlined")), 0, "these options keep IEEE 754");
@@ -232,15 +238,27 @@ fn options_that_change_results_are_refused_or_undone() {
     assert!(refused > 4, "-ffast-math and -Ofast are refused at least: {refused}");
 }
 
-/// Under this option clang 17 and later declare every argument of every function finite (`nofpclass(inf)`), which no pragma takes back and no macro shows. Called from
-/// elsewhere a function keeps its bits; inlined, an infinite argument may give anything. The emitted self-test, which asks for infinities, says so. README.md too.
-const NEVER_INFINITE: &str = "-fno-honor-infinities";
-
-fn declares_arguments_finite(compiler: &str) -> bool {
-    let folder = scratch(&format!("major-{compiler}"));
-    compilers::write(&folder, "major.c", "__clang_major__\n");
-    let said = Compiler::new(compiler).run(&["-E", "-P", "major.c"], &folder).stdout;
-    String::from_utf8_lossy(&said).trim().parse::<u32>().is_ok_and(|major| major >= 17)
+/// No macro shows `-fno-honor-infinities`; clang from 18 has a warning that does. It refuses where it has that. -w alone silences it, and then every result
+/// of an argument that the compiler does not know has its bits: what goes wrong is the caller's own, who passes an infinity that he says is none.
+#[test]
+fn infinities_are_refused_or_keep_their_bits_where_nothing_can_be_told() {
+    let cases = extrapolating();
+    let folder = scratch("inlined-infinities");
+    compilers::write_c(cases.iter().map(|case| &case.unit), &folder);
+    compilers::write(&folder, "shows.c", "#if __has_warning(\"-Wnan-infinity-disabled\")\nint yes;\n#endif\n");
+    for compiler in compilers::installed("clang") {
+        Compiler::new(&compiler).must(&["-E", "-P", "shows.c", "-o", "shows.txt"], &folder);
+        let shows = std::fs::read_to_string(folder.join("shows.txt")).expect("it was written").contains("yes");
+        let built = build(&format!("{compiler} -O3 -march=native -fno-honor-infinities"), Seen::Unity, &folder).expect("known");
+        match &built {
+            Err(said) => assert!(said.contains("-fno-honor-infinities would change the results"), "{compiler}: {said}"),
+            Ok(library) => assert_eq!(faults(&compiler, library, &cases), Vec::<String>::new()),
+        }
+        assert_eq!(built.is_err(), shows, "{compiler}");
+        let silenced = format!("{compiler} -w -O3 -march=native -fno-honor-infinities");
+        let library = build(&silenced, Seen::Unity, &folder).expect("known options").expect("it compiles");
+        assert_eq!(differences(&Loaded::open(&silenced, &library), &cases), Vec::<String>::new(), "{silenced}");
+    }
 }
 
 #[test]
@@ -253,13 +271,10 @@ fn every_way_of_inlining_every_model_keeps_the_bits() {
         let is_gcc = compiler.starts_with("gcc");
         for options in vectorised(is_gcc) {
             ways.push((format!("{compiler} {options}"), Seen::Unity));
-            if is_gcc {
-                ways.push((format!("{compiler} {options}"), Seen::Linked));
-                ways.push((format!("{compiler} {options}"), Seen::LinkedFromFast));
-            }
+            ways.push((format!("{compiler} {options}"), Seen::Linked));
+            ways.push((format!("{compiler} {options}"), Seen::LinkedFromFast));
         }
-        let kept = FAST.into_iter().filter(|options| !(*options == NEVER_INFINITE && declares_arguments_finite(&compiler)));
-        ways.extend(kept.map(|options| (format!("{compiler} -O3 -march=native {options}"), Seen::Unity)));
+        ways.extend(FAST.map(|options| (format!("{compiler} -O3 -march=native {options}"), Seen::Unity)));
     }
     judge(&own, &every(), &scratch("inlined-every"));
     // A machine may have no compiler beside its own.
@@ -323,15 +338,7 @@ fn emitted_rust_in_a_vectorised_loop_keeps_its_bits() {
     }
     assert!(packed > 10, "{packed} loops are vectorised");
     let loaded = Loaded::open("rustc", &library);
-    let mut wrong = vec![];
-    for case in &cases {
-        for (k, function) in case.unit.functions.iter().enumerate() {
-            wrong.extend(match function.tape.precision {
-                Precision::F64 => compare_function::<f64>(case, k, &[&loaded as &dyn Backend<f64>], POINTS),
-                Precision::F32 => compare_function::<f32>(case, k, &[&loaded as &dyn Backend<f32>], POINTS),
-            });
-        }
-    }
+    let wrong = differences(&loaded, &cases);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

@@ -181,7 +181,11 @@ fn in_words(
         }
     }
     for it in compensators {
-        let state = if it.violations.is_empty() { "stable over the whole box" } else { "not certain to be stable" };
+        let state = if it.violations.is_empty() {
+            "stable over the whole box, rounding left aside"
+        } else {
+            "not certain to be stable"
+        };
         output::line(&format!("{}: {state}", it.name))?;
         let mut ranges = vec![
             ("natural frequency", it.natural_frequency),

@@ -19,7 +19,7 @@ mod program;
 mod valleys;
 
 use rsm_core::basis::{Factor, Variable};
-use rsm_core::bernstein::{self, Least, Place, Search};
+use rsm_core::bernstein::{self, Place, Search};
 use rsm_core::interval::Interval;
 use rsm_core::model::{HalfSpace, Input, Surface};
 use serde::Serialize;
@@ -56,8 +56,18 @@ const MOST_SHIFT: f64 = 1e-4;
 
 /// Work of a search that must prove, and not only find, as a multiple of the usual: with four inputs and order 4 some sixty places
 /// hold a surface, and each has its cloud of small cells, whose number is as one over the shift. With ten times the usual work a slope of order 5 needed a shift that cost
-/// 1.4e-4 of the residual sum of squares. It takes up to half a minute, where everything but the proof is there.
+/// 1.4e-4 of the residual sum of squares.
 const PATIENCE: usize = 60;
+
+/// The same while the shift is below [`PATIENT_SHIFT`]: a shift that doubles halves the work of the proof, and costs nothing that anyone sees until it is near its end. A
+/// Hessian that is singular along curves and surfaces would need thousands of times the usual work at the first shift.
+const PATIENCE_AT_FIRST: usize = 6;
+
+/// A tenth of the largest shift.
+const PATIENT_SHIFT: f64 = 1e-5;
+
+/// Work of all such searches for one surface, in the same unit: from a minute to five of them. Beyond it searches only find, and what they cannot prove either is "not proven".
+const MOST_PATIENCE: usize = 600;
 
 /// What is told of the constraints on a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -162,7 +172,11 @@ impl Task<'_> {
         let halves: Vec<f64> = region.sides.iter().map(|[low, high]| (high - low) / 2.0).collect();
         let claims = claim::of(self.constraints, self.surface, self.inputs, &halves);
         let mut coefficients: Vec<f64> = self.surface.terms.iter().map(|term| term.coefficient).collect();
+        let mut patience = Patience { left: MOST_PATIENCE };
         let mut found = self.search(&claims, &coefficients);
+        if self.is_unbroken(&found) {
+            found = self.proof(&claims, &coefficients, found, patience.next(MOST_SHIFT));
+        }
         if self.is_proven(&found) {
             return Constrained::Inactive { constraints: self.reports(&claims, &found, &[]) };
         }
@@ -187,6 +201,14 @@ impl Task<'_> {
             let step = self.problem.coefficients_of(c);
             coefficients = free.iter().zip(&step).map(|(free, step)| (*free + *step).to_f64()).collect();
             found = self.search(&claims, &coefficients);
+            let mut valleys = Vec::new();
+            if !self.is_proven(&found) {
+                valleys = points.valleys(&coefficients, &active, &mut random);
+                // A proof is sought where no place is known that would break it.
+                if valleys.is_empty() && self.is_unbroken(&found) {
+                    found = self.proof(&claims, &coefficients, found, patience.next(shift));
+                }
+            }
             if self.is_proven(&found) {
                 let held: Vec<(usize, Vec<f64>)> = active
                     .iter()
@@ -197,7 +219,6 @@ impl Task<'_> {
                 let largest_change = self.largest_change(&coefficients);
                 return Constrained::Active { coefficients, constraints, rounds: rounds.count, shift, largest_change };
             }
-            let valleys = points.valleys(&coefficients, &active, &mut random);
             match points.exchange(&active, &found, &valleys) {
                 // A shift that grows leaves the proof more room.
                 Ok(is_new) => is_complete = !is_new,
@@ -252,23 +273,47 @@ impl Task<'_> {
         found.iter().all(|found| found.bound >= self.enough())
     }
 
-    /// The least value of every claim over the region.
+    /// Whether no place was seen where a claim is broken.
+    fn is_unbroken(&self, found: &[Found]) -> bool {
+        found.iter().all(|found| found.seen >= self.enough())
+    }
+
+    /// The least value of every claim over the region, with the usual work.
     fn search(&self, claims: &[Claim], coefficients: &[f64]) -> Vec<Found> {
         let mut found = Vec::new();
         for claim in claims {
             match claim.largest {
-                None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough())),
+                None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough(), 1)),
                 // One search for all directions.
-                Some(0) => found.extend(self.least_curvature(claim, coefficients)),
+                Some(0) => found.extend(self.least_curvature(claim, coefficients, 1)),
                 Some(_) => {}
             }
         }
         found
     }
 
+    /// The same with so many times the work for every claim whose bound is not enough.
+    fn proof(&self, claims: &[Claim], coefficients: &[f64], mut found: Vec<Found>, times: usize) -> Vec<Found> {
+        if times == 1 {
+            return found;
+        }
+        for (k, claim) in claims.iter().enumerate() {
+            let count = if claim.largest.is_some() { self.inputs.len() } else { 1 };
+            if claim.largest.unwrap_or(0) > 0 || found[k..k + count].iter().all(|found| found.bound >= self.enough()) {
+                continue;
+            }
+            let again = match claim.largest {
+                None => vec![self.least(claim, &claim.monomials(coefficients), self.enough(), times)],
+                Some(_) => self.least_curvature(claim, coefficients, times),
+            };
+            found.splice(k..k + count, again);
+        }
+        found
+    }
+
     /// What one search for the least curvature says of the claims of all directions in a piece: each has its bound, and the worst place belongs to the one whose entry is the
     /// largest of that direction.
-    fn least_curvature(&self, first: &Claim, coefficients: &[f64]) -> Vec<Found> {
+    fn least_curvature(&self, first: &Claim, coefficients: &[f64], times: usize) -> Vec<Found> {
         let inputs = self.inputs.len();
         let (measure, hessian) = (LeastEigenvalue(inputs), curvature::entries(&first.monomials(coefficients), inputs));
         let place = |cell: &[[f64; 2]]| self.place(first, cell);
@@ -276,7 +321,7 @@ impl Task<'_> {
         let enough = self.enough() / inputs as f64;
         let wanted = Search { place: &place, finest: finest(inputs), enough };
         let sides = &first.sides[..inputs];
-        let least = patiently(enough, |times| bernstein::least_measure(&hessian, sides, &measure, &wanted, times));
+        let least = bernstein::least_measure(&hessian, sides, &measure, &wanted, times);
         let bound = least.bound.min(least.bound * inputs as f64);
         let (largest, direction) = measure.worst(&hessian, sides, &least.at);
         let of_one = |k: usize| {
@@ -287,10 +332,10 @@ impl Task<'_> {
         (0..inputs).map(of_one).collect()
     }
 
-    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
+    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64, times: usize) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
         let wanted = Search { place: &place, finest: finest(self.inputs.len()), enough };
-        let found = patiently(enough, |times| bernstein::least_with_patience(monomials, &claim.sides, &wanted, times));
+        let found = bernstein::least_with_patience(monomials, &claim.sides, &wanted, times);
         Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
 
@@ -364,7 +409,7 @@ impl Task<'_> {
                     .iter()
                     .map(|term| bernstein::Monomial { coefficient: term.coefficient * Interval::point(sign), ..term.clone() })
                     .collect();
-                let found = self.least(&claim, &turned, f64::INFINITY);
+                let found = self.least(&claim, &turned, f64::INFINITY, 1);
                 // mutant `< to <=`: of two changes of one size either is the largest.
                 if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
                     largest = (sign * found.seen, claim.point(&found.shares));
@@ -394,10 +439,19 @@ impl Rounds {
     }
 }
 
-/// A search that finds no place where a claim is broken and no proof either is made once more, with more work.
-fn patiently(enough: f64, search: impl Fn(usize) -> Least) -> Least {
-    let found = search(1);
-    if found.seen >= enough && found.bound < enough { search(PATIENCE) } else { found }
+/// How much work is left for searches that must prove.
+struct Patience {
+    left: usize,
+}
+
+impl Patience {
+    /// The work of the next search, as a multiple of the usual.
+    fn next(&mut self, shift: f64) -> usize {
+        let wanted = if shift < PATIENT_SHIFT { PATIENCE_AT_FIRST } else { PATIENCE };
+        let given = wanted.min(self.left).max(1);
+        self.left = self.left.saturating_sub(wanted);
+        given
+    }
 }
 
 /// Cells of the support's edge no wider than this share of a side count as a whole: some thousand of them with each number of inputs.

@@ -364,18 +364,38 @@ fn what_is_not_proven_is_named() {
 }
 
 #[test]
-fn only_a_search_that_says_nothing_is_repeated() {
-    let asked = |bound: f64, seen: f64| {
-        let times = std::cell::RefCell::new(Vec::new());
-        let found = patiently(-1.0, |now| {
-            times.borrow_mut().push(now);
-            Least { bound: if now == 1 { bound } else { 7.0 }, seen, at: Vec::new() }
-        });
-        (times.into_inner(), found.bound)
-    };
-    assert_eq!(asked(-1.0, -1.0), (vec![1], -1.0), "proven");
-    assert_eq!(asked(-2.0, -1.5), (vec![1], -2.0), "broken");
-    assert_eq!(asked(-2.0, -1.0), (vec![1, 60], 7.0));
+fn a_proof_gets_more_work_near_the_largest_shift_and_no_more_than_there_is() {
+    let mut patience = Patience { left: MOST_PATIENCE };
+    let small = PATIENT_SHIFT.next_down();
+    assert_eq!([SHIFT, small, PATIENT_SHIFT, MOST_SHIFT].map(|shift| patience.next(shift)), [6, 6, 60, 60]);
+    assert_eq!(patience.left, 600 - 132);
+    // The last one gets what is left; after it searches only find.
+    patience.left = 70;
+    assert_eq!([(); 4].map(|()| patience.next(MOST_SHIFT)), [60, 10, 1, 1]);
     let shares: Vec<f64> = [0, 1, 2, 3, 4, 5, 9].map(|inputs| 1.0 / finest(inputs)).to_vec();
     assert_eq!(shares, [1024.0, 1024.0, 1024.0, 64.0, 16.0, 8.0, 8.0]);
+}
+
+#[test]
+fn a_proof_is_sought_for_what_has_none() {
+    // The first claim is said to have no proof, and the search gives one; the second has one, and is not asked again: the bound that it is said to have stays.
+    let case = Case::new(
+        &[[-1.0, 1.0]],
+        &[&[0], &[2]],
+        &line(&[-1.0, -0.5, 0.5, 1.0], |x| x * x),
+        &[bounds(Some(-1.0), None), bounds(None, Some(2.0))],
+    );
+    let (task, claims) = (case.task(), case.claims());
+    let coefficients: Vec<f64> = task.surface.terms.iter().map(|term| term.coefficient).collect();
+    let unproven = || {
+        let found = |bound| Found { bound, seen: 0.0, shares: vec![0.5] };
+        vec![found(-1.0), found(0.25)]
+    };
+    assert!(task.is_unbroken(&unproven()) && !task.is_proven(&unproven()));
+    let again = task.proof(&claims, &coefficients, unproven(), 6);
+    assert!(again[0].bound >= task.enough() && again[1].bound == 0.25, "{} {}", again[0].bound, again[1].bound);
+    let kept = task.proof(&claims, &coefficients, unproven(), 1);
+    assert_eq!([kept[0].bound, kept[1].bound], [-1.0, 0.25], "the usual work has been done already");
+    let broken = vec![Found { bound: -1.0, seen: -1e-6, shares: vec![0.5] }];
+    assert!(!task.is_unbroken(&broken));
 }

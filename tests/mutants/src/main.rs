@@ -48,7 +48,7 @@ const FILES: &[(&str, &[&str])] = &[
         ],
     ),
     ("rsm-fit", &["src/statistics", "src/qr", "src/recursive", "src/canonical", "src/ladder", "src/constrain", "src/verdict"]),
-    ("rsm-lab", &["src/effects", "src/diagnosis/verdict"]),
+    ("rsm-lab", &["src/effect", "src/effects", "src/diagnosis/verdict"]),
 ];
 
 #[derive(Default)]

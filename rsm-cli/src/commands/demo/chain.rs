@@ -55,7 +55,7 @@ pub fn compiled(tell: &Teller, folder: &Path, model: &Model, results: &mut Map<S
     // Refuses a compensator that is not certain to be stable.
     let (unit, files) = evaluators::files(&checked, folder)?;
     for compensator in &model.compensators {
-        tell.say(&format!("check    {}: stable over the whole box", compensator.name))?;
+        tell.say(&format!("check    {}: stable over the whole box, rounding left aside", compensator.name))?;
     }
     output::write_all(&files)?;
     tell.say(&format!("emit     {} functions in C and Rust", unit.functions.len()))?;

@@ -1,0 +1,340 @@
+//! The way of one response from its rows to a surface with its figures.
+//!
+//! In: the rows of a response, its specification. Out: the terms of the surface, the figures and what became of it. Columns that make each other up and constraints that
+//! cannot be kept are outcomes; faults are rows too few and terms that are no finite numbers. Never reads a file.
+
+use rsm_core::model::{Input, Surface, Term};
+use rsm_core::source::Faults;
+
+use crate::canonical;
+use crate::constrain::{self, Constrained, ConstraintStatistics};
+use crate::design::{self, Design};
+use crate::fit::{Progress, ResponseOutcome};
+use crate::ladder::first_rung;
+use crate::qr::{Dependent, Growing};
+use crate::selection::{Choice, ChosenBy, Sample, Selection};
+use crate::spec::{Method, ResponseSpec, Specification, Validation};
+use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseStatistics, RowsUsed};
+use crate::support::{self, Region, SupportStatistics};
+use crate::verdict::{self, Criterion, Verdict};
+use crate::warnings::{self, Notes};
+
+fn terms_of(statistics: &ResponseStatistics) -> Vec<Term> {
+    statistics.terms.iter().map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect()
+}
+
+/// One response with its data.
+pub(crate) struct Task<'a> {
+    pub specification: &'a Specification,
+    pub response: &'a ResponseSpec,
+    pub inputs: Vec<Input>,
+    pub fit: Sample,
+    /// The place of each row to fit in the order of the runs, where it is known.
+    pub order: &'a [f64],
+    pub validate: Option<Sample>,
+    /// Of the rows to validate, where they come from the data.
+    pub validate_weights: Vec<f64>,
+    pub test: Option<Sample>,
+    /// Files with copies of rows to fit, and how many.
+    pub copies: Vec<(&'static str, usize)>,
+}
+
+impl Task<'_> {
+    /// Fits and fills the surface's terms.
+    pub fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
+        let method = &self.response.method;
+        let terms = match method {
+            Method::Fixed(terms) => terms.clone(),
+            Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => design::terms_up_to(surface, *order),
+        };
+        let least = match method {
+            Method::Ladder { .. } => {
+                let first = first_rung(&terms);
+                terms.iter().filter(|powers| design::order(powers) <= first).count()
+            }
+            _ => terms.len(),
+        };
+        if self.fit.rows() < least {
+            let what = format!("response `{}`: at least {least} terms, but {} rows to fit", surface.name, self.fit.rows());
+            return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
+        }
+        if let Some(wanted) = self.response.support {
+            surface.support = self.fit.observed(|fitted| support::of_data(surface, &self.inputs, fitted, wanted));
+        }
+        let all = Design::new(surface, &self.inputs, terms);
+        self.require_finite(&all)?;
+        let triangle = self.fit.to_fit(&all);
+        let selection = Selection {
+            design: &all,
+            method,
+            output_range: surface.output_range,
+            fit: &self.fit,
+            triangle: &triangle,
+            validate: self.validate.as_ref(),
+            lot: match &self.specification.validation {
+                Validation::Split(split) => Some((split.share, &self.validate_weights)),
+                _ => None,
+            },
+        };
+        let name = surface.name.clone();
+        let chosen = selection.choose(&mut |order, terms, confidence| {
+            progress(Progress::Step { response: &name, order, terms, confidence });
+        });
+        let solved = chosen.and_then(|chosen| Ok((Growing::of(&triangle, &chosen.terms)?, chosen)));
+        let (growing, chosen) = match solved {
+            Ok(solved) => solved,
+            Err(dependent) => return Ok(self.ill_conditioned(&all, &dependent)),
+        };
+        let design = all.only(&chosen.terms);
+        let free = self.fit.observed(|fitted| statistics::of_fit(&design, &growing, fitted));
+        let residual_sd = free.residual_sd;
+        let mut statistics = self.with_apart(surface, &design, free);
+        surface.terms = terms_of(&statistics);
+        if !self.response.constraints.is_empty() {
+            statistics = match self.constrained(surface, &design, &growing, statistics) {
+                Ok(statistics) => statistics,
+                Err(verdict) => return Ok(self.without_surface(&design, verdict)),
+            };
+            surface.terms = terms_of(&statistics);
+        }
+        statistics.canonical = canonical::analyse(surface, &self.inputs);
+        statistics.support = self.support(surface);
+        let judging = self.judging(surface, &design, &statistics, &chosen, &selection);
+        if !judging.is_held {
+            statistics.cross_validation = judging.cross_validated.clone();
+        }
+        statistics.rows_used = judging.words(self, &chosen);
+        let notes = Notes {
+            surface,
+            inputs: &self.inputs,
+            design: &design,
+            fit: &self.fit,
+            order: self.order,
+            constraints: &self.response.constraints,
+            statistics: &statistics,
+            free_residual_sd: residual_sd,
+            highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
+            explained: judging.explained,
+            copies: &self.copies,
+        };
+        let (mut warnings, is_lacking) = notes.all();
+        if judging.explained.is_none() && chosen.by != ChosenBy::Nobody {
+            warnings.push(warnings::not_judged(&statistics.rows_used));
+        }
+        statistics.warnings = warnings;
+        let verdict = self.verdict(&statistics, &chosen, &judging, is_lacking);
+        let rows_outside = self.rows_outside(&design);
+        Ok(ResponseOutcome { name, verdict, rows_outside, statistics: Some(statistics), chosen_by: chosen.by })
+    }
+
+    /// The errors on rows that are kept apart.
+    fn with_apart(&self, surface: &Surface, design: &Design, mut statistics: ResponseStatistics) -> ResponseStatistics {
+        let judged = |rows: &Option<Sample>| self.judged(surface, design, &statistics, rows.as_ref()?)?.statistics();
+        (statistics.validation, statistics.test) = (judged(&self.validate), judged(&self.test));
+        statistics
+    }
+
+    fn judged(&self, surface: &Surface, design: &Design, statistics: &ResponseStatistics, rows: &Sample) -> Option<Judged> {
+        let coefficients: Vec<f64> = statistics.terms.iter().map(|term| term.coefficient).collect();
+        let mean = self.fit.mean();
+        Some(rows.observed(|rows| Judged::of(design, &coefficients, surface.output_range, rows, mean)))
+    }
+
+    /// What the surface explains on rows that chose nothing: the test rows, else validation rows where the terms were given, else rows left
+    /// out in turn.
+    fn judging(
+        &self,
+        surface: &Surface,
+        design: &Design,
+        statistics: &ResponseStatistics,
+        chosen: &Choice,
+        selection: &Selection<'_>,
+    ) -> Judging {
+        let explained = |rows: &Option<Sample>| self.judged(surface, design, statistics, rows.as_ref()?)?.explained();
+        let validated = explained(&self.validate);
+        let centred = match chosen.by {
+            ChosenBy::Nobody => None,
+            ChosenBy::Validation => validated,
+            ChosenBy::LeftOut { .. } => chosen.climb.as_ref().and_then(|climb| climb.centred).map(|centred| centred / 100.0),
+            ChosenBy::FittedRows => statistics.r2,
+        };
+        let is_held = statistics.constraints.as_ref().is_some_and(|constraints| constraints.active);
+        let mut judging = Judging { is_held, explained: None, centred, cross_validated: None };
+        if self.test.is_some() {
+            judging.explained = explained(&self.test);
+        } else if chosen.by == ChosenBy::Nobody && self.validate.is_some() {
+            judging.explained = validated;
+        } else if let Some((judged, parts)) = selection.cross_validated(chosen.terms.len()) {
+            judging.explained = judged.explained();
+            let errors = judged.statistics();
+            judging.cross_validated = errors.map(|errors| CrossValidation { errors, parts, r2: judged.explained() });
+        }
+        // Left out in turn are rows of the surface without constraints; the surface itself explains no more than it does on fitted rows.
+        if is_held && self.test.is_none() {
+            judging.explained = judging.explained.zip(statistics.r2).map(|(free, held)| free.min(held));
+        }
+        judging
+    }
+
+    /// The figures with constraints on the chosen terms; those that they are given where the constraints hold anyway.
+    fn constrained(
+        &self,
+        surface: &Surface,
+        design: &Design,
+        problem: &Growing,
+        free: ResponseStatistics,
+    ) -> Result<ResponseStatistics, Verdict> {
+        let constraints = &self.response.constraints;
+        let low = self.fit.response.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = self.fit.response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // Of a response that is everywhere the same, its magnitude; 1 for one that is 0.
+        let spread = [high - low, high.abs()].into_iter().find(|spread| *spread > 0.0).unwrap_or(1.0);
+        let task = constrain::Task { surface, inputs: &self.inputs, constraints, problem, spread };
+        let (mut statistics, told) = match task.run() {
+            Constrained::Inactive { constraints } => {
+                let told = ConstraintStatistics {
+                    active: false,
+                    constraints,
+                    shift: constrain::SHIFT * spread,
+                    rounds: 0,
+                    residual_sd_without: free.residual_sd,
+                    validation_without: free.validation.clone(),
+                    largest_change: None,
+                };
+                (free, told)
+            }
+            Constrained::Active { coefficients, constraints, rounds, shift, largest_change } => {
+                let statistics = self.fit.observed(|fitted| statistics::of_constrained(design, &coefficients, fitted));
+                let told = ConstraintStatistics {
+                    active: true,
+                    constraints,
+                    shift: shift * spread,
+                    rounds,
+                    residual_sd_without: free.residual_sd,
+                    validation_without: free.validation,
+                    largest_change: Some(largest_change),
+                };
+                (self.with_apart(surface, design, statistics), told)
+            }
+            Constrained::Infeasible { constraints } => return Err(Verdict::Infeasible { constraints, is_certain: true }),
+            Constrained::NotProven { constraints } => return Err(Verdict::Infeasible { constraints, is_certain: false }),
+        };
+        statistics.constraints = Some(told);
+        Ok(statistics)
+    }
+
+    fn fault(&self, what: String) -> rsm_core::source::Fault {
+        self.specification.fault(&format!("responses.{}", self.response.surface.name), what)
+    }
+
+    fn rows_outside(&self, design: &Design) -> usize {
+        let outside =
+            |fitted: Observations<'_>| (0..fitted.response.len()).filter(|row| !design.is_inside(&fitted.point(*row))).count();
+        self.fit.observed(outside)
+    }
+
+    /// How much of the box the support holds.
+    fn support(&self, surface: &Surface) -> Option<SupportStatistics> {
+        self.response.support?;
+        let region = Region::new(surface, &self.inputs);
+        let outside = |unseen: Observations<'_>| {
+            let is_outside = |row: &usize| !support::holds(&surface.support, &region.coded(&unseen.point(*row)));
+            (0..unseen.response.len()).filter(is_outside).count()
+        };
+        Some(SupportStatistics {
+            half_spaces: surface.support.len(),
+            share_of_box: region.share(&surface.support),
+            unseen_rows_outside: [&self.validate, &self.test].into_iter().flatten().map(|rows| rows.observed(outside)).sum(),
+        })
+    }
+
+    /// Every term is a finite number in every row.
+    fn require_finite(&self, design: &Design) -> Result<(), Faults> {
+        let is_finite = |rows: Observations<'_>| {
+            let all = |row: usize| design.row_as_measured(&rows.point(row)).iter().all(|x| x.is_finite());
+            (0..rows.response.len()).all(all)
+        };
+        let through_the_eyes = |rows: Observations<'_>| {
+            let all = |row: usize| design.row(&rows.point(row)).iter().all(|x| x.is_finite());
+            (0..rows.response.len()).all(all)
+        };
+        let apart = [&self.validate, &self.test].into_iter().flatten();
+        if self.fit.observed(is_finite) && apart.into_iter().all(|rows| rows.observed(through_the_eyes)) {
+            return Ok(());
+        }
+        let what = format!("response `{}`: in some row a term is not a finite number", self.response.surface.name);
+        let help =
+            "lower the order, use coding = \"range\", or leave out rows where an input that enters by its reciprocal is 0";
+        Err(Faults::one(self.fault(what).help(help)))
+    }
+
+    fn verdict(&self, statistics: &ResponseStatistics, chosen: &Choice, judging: &Judging, is_lacking: bool) -> Verdict {
+        let Method::Ladder { confidence: wanted, .. } = self.response.method else { return Verdict::Fitted };
+        let confidence = match (chosen.by, &statistics.validation, &chosen.climb) {
+            (ChosenBy::Validation, Some(validation), _) => validation.confidence_c,
+            (ChosenBy::LeftOut { .. }, _, Some(climb)) => Some(climb.confidence).filter(|confidence| confidence.is_finite()),
+            _ => statistics.confidence_c,
+        };
+        let has_no_spread = self.fit.response.iter().all(|y| *y == self.fit.response[0]);
+        let criterion = Criterion { wanted, centred: judging.centred, explained: judging.explained, is_lacking, has_no_spread };
+        verdict::of_ladder(confidence, &criterion)
+    }
+
+    fn ill_conditioned(&self, design: &Design, dependent: &Dependent) -> ResponseOutcome {
+        let columns = dependent.candidates.iter().map(|k| design.name_of(*k)).collect();
+        self.without_surface(design, Verdict::IllConditioned { condition: dependent.condition, columns })
+    }
+
+    fn without_surface(&self, design: &Design, verdict: Verdict) -> ResponseOutcome {
+        let chosen_by = match (&self.response.method, &self.validate) {
+            (Method::Ladder { .. }, Some(_)) => ChosenBy::Validation,
+            (Method::Ladder { .. }, None) => ChosenBy::FittedRows,
+            _ => ChosenBy::Nobody,
+        };
+        let rows_outside = self.rows_outside(design);
+        ResponseOutcome { name: self.response.surface.name.clone(), verdict, rows_outside, statistics: None, chosen_by }
+    }
+}
+
+/// How a surface does on rows that chose nothing.
+struct Judging {
+    /// Whether a constraint holds the surface.
+    is_held: bool,
+    /// The share of the spread about the mean that it explains there; none where there are no such rows.
+    explained: Option<f64>,
+    /// The same on the rows that chose the terms.
+    centred: Option<f64>,
+    cross_validated: Option<CrossValidation>,
+}
+
+impl Judging {
+    /// What the rows of a response were used for.
+    fn words(&self, task: &Task<'_>, chosen: &Choice) -> RowsUsed {
+        let fitted = task.fit.rows();
+        let validate = task.validate.as_ref().map(Sample::rows);
+        let terms = match (chosen.by, validate) {
+            (ChosenBy::Nobody, _) => "none: the terms were given".to_string(),
+            (ChosenBy::Validation, Some(rows)) => format!("{rows} validation rows"),
+            (ChosenBy::LeftOut { parts }, _) => format!("the fitted rows, left out in {parts} parts in turn"),
+            _ => "the fitted rows themselves: they are too few to leave any out".to_string(),
+        };
+        let validation = match (chosen.by, validate) {
+            (_, None) => "none".to_string(),
+            (ChosenBy::Nobody, Some(rows)) => format!("{rows} unseen rows: they chose nothing"),
+            (_, Some(rows)) => format!("{rows} rows, on the rows that chose it"),
+        };
+        let error = match (&task.test, &self.cross_validated, chosen.by, validate) {
+            (Some(test), ..) => format!("{} test rows: they chose nothing and were used once", test.rows()),
+            (None, _, ChosenBy::Nobody, Some(rows)) => format!("{rows} validation rows: they chose nothing"),
+            (None, Some(cross), by, _) if !self.is_held => {
+                let (rows, parts) = (cross.errors.rows, cross.parts);
+                let again = if by == ChosenBy::Nobody { "the fit" } else { "fit and choice of terms" };
+                format!("{rows} rows left out in {parts} parts in turn, {again} repeated without them")
+            }
+            (None, Some(_), ..) => "none: constraints hold the surface, and are not repeated with rows left out".to_string(),
+            (None, None, ChosenBy::Nobody, None) => "none: there are too few rows to leave any out".to_string(),
+            (None, None, ..) => "none: the error is that on the rows that chose it".to_string(),
+        };
+        RowsUsed { coefficients: format!("{fitted} rows"), terms, validation, error }
+    }
+}
