@@ -473,7 +473,11 @@ impl Search<'_> {
                     .map(|it| (it.label.clone(), it.fit.cost - fit.cost, it.fit.model.clone()))
                     .collect();
                 rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
-                let alike = candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.alike.clone());
+                let mut alike = candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.alike.clone());
+                if !asked {
+                    // Whatever the work, an answer says what leaves the same trace.
+                    alike = self.of_one_trace(&base, entry, least);
+                }
                 causes.push(Believed {
                     label: name,
                     alike,
@@ -522,6 +526,23 @@ impl Search<'_> {
         }
     }
 
+    /// Hypotheses that would leave the trace of a cause on a plant without it, and promise as much but for what decides.
+    fn of_one_trace(&self, base: &Fit, entry: &Entry, least: f64) -> Vec<String> {
+        let screened = screen(self.kernel, base, self.nominal, self.hypotheses);
+        let best = best_guesses(&screened, 1);
+        let Some(own) = best.iter().find(|it| self.hypotheses[it.hypothesis].is(entry) && it.group.is_some()) else {
+            return Vec::new();
+        };
+        let mut labels: Vec<String> = Vec::new();
+        for it in best.iter().filter(|it| it.group == own.group && it.gain > own.gain - least) {
+            let label = self.hypotheses[it.hypothesis].label();
+            if it.hypothesis != own.hypothesis && !labels.contains(&label) {
+                labels.push(label);
+            }
+        }
+        labels
+    }
+
     /// What competes for a place; `None`, once the limit of work is met.
     fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Option<Vec<Candidate>> {
         if !path.has_steps_for_rivals(self.kernel.pace.taken()) || !path.competes() {
@@ -542,4 +563,42 @@ fn count_of(fit: &Fit) -> usize {
 fn labels(model: &Model) -> Vec<String> {
     let entries = model.file.effects.iter();
     entries.map(|it| label(it.description.kind, it.arguments.subject.as_deref())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Kernel;
+    use super::super::{axis_under_steps, hypotheses, survey};
+    use super::*;
+
+    #[test]
+    fn a_cause_about_which_no_rival_was_asked_lists_what_leaves_its_trace() {
+        // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one thing.
+        let gain = "[[effects]]\nkind = \"input-gain\"\nparameters = { gain = 0.9 }\n";
+        let file = |effects: &str| axis_under_steps::file("viscous_friction = 0.02", effects);
+        let (kernel, nominal) = axis_under_steps::kernel(&file(""), &file(gain), true);
+        let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
+        let survey = survey::survey(&kernel, &calibrated);
+        let all = hypotheses::all(nominal.file.kind, &survey, &[0]);
+        let search = Search {
+            kernel: &kernel,
+            unseen: &Kernel::new(Vec::new(), kernel.floors, 1),
+            nominal: &nominal,
+            hypotheses: &all,
+            survey: &survey,
+            looks: 0,
+            rounded: &[],
+            effort: Effort::within(u64::MAX / 2),
+            progress: &|_| {},
+        };
+        let fit = levenberg::fit(&kernel, nominal.with_effects(&nominal, file(gain).effects), 20).unwrap();
+        // All work is spent.
+        let mut path = Path::until(0, 0);
+        let (_, causes) = search.exchanged(&calibrated, fit, &[], 30.0, &mut path);
+        assert!(!causes[0].asked && path.stopped() == Some(Limit::Steps));
+        for name in ["parameter-error:force_gain", "sensor-gain:position"] {
+            assert!(causes[0].alike.iter().any(|it| it == name), "{name}: {:?}", causes[0].alike);
+        }
+        assert!(!causes[0].alike.iter().any(|it| it.contains("friction")), "{:?}", causes[0].alike);
+    }
 }

@@ -4,6 +4,7 @@ mod catalogue;
 mod correction;
 mod cross_check;
 mod diagnosis;
+mod equals;
 mod measured;
 mod motor;
 mod next_experiment;
