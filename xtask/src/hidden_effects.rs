@@ -23,6 +23,7 @@ pub(crate) fn run(words: &[&str]) -> bool {
     let (mode, rest) = match words {
         ["verify", rest @ ..] => ("verify", rest),
         ["surfaces", rest @ ..] => ("surfaces", rest),
+        ["coverage", rest @ ..] => ("coverage", rest),
         rest => ("judge", rest),
     };
     let judge = judge("release", mode, rest);

@@ -23,6 +23,7 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
        cargo xtask bench    times and counts the evaluators, prints one table
        cargo xtask hidden-effects [--seed N] [--family singles|nulls|pairs|outside|faults|records|symmetries|far] [--case NAME] [--quick]
                             makes records with hidden effects, runs `rsm diagnose` on them, compares with the truth; without words surfaces too
+       cargo xtask hidden-effects coverage [--seed N] [--seeds COUNT] [--rows N]      how often intervals hold the truth
        cargo xtask hidden-effects verify [--seed N] [--quick]
                             compares `rsm simulate` with other code for the same plants, an effect a line
        cargo xtask hidden-effects surfaces [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept] [--case NAME] [--quick]

@@ -7,7 +7,8 @@ use super::kernel::{Kernel, Prepared};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::noise::Floor;
-use super::{validation, verdict, veto, whiteness};
+use super::posterior::Posterior;
+use super::{validation, verdict, whiteness};
 use crate::record::Record;
 
 /// Steps of a calibration.
@@ -78,7 +79,7 @@ fn is_apart(
     kernel.floors = floors(&kernel, &fit);
     fit = levenberg::fit(&kernel, fit.model, STEPS)?;
     unseen.floors = kernel.floors;
-    let sds = veto::deviations(&fit);
+    let sds = Posterior::of(&fit).deviations().to_vec();
     if whiteness::look(&kernel, &fit).excess > SLIGHT || structure(&unseen, &fit, &sds)? > SLIGHT {
         return None;
     }

@@ -8,6 +8,7 @@ use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{self, Model, Place};
 use super::noise::Floor;
+use super::open;
 use crate::plant_file::PlantFile;
 
 /// Steps of a fit that begins at its end.
@@ -31,7 +32,7 @@ pub fn finish(kernel: &mut Kernel, mut fit: Fit, floors: impl Fn(&Kernel, &Fit) 
             None => break,
         }
     }
-    fit
+    open::settled(kernel, fit)
 }
 
 /// The extended plant as its file says it. A parameter that was pressed against the end of its tolerance, and of which the records say nothing any more (an effect that stands in its place

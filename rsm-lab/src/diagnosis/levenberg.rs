@@ -95,7 +95,7 @@ pub fn cost(model: &Model, residual: &[f64]) -> f64 {
     cost
 }
 
-fn gram(model: &Model, free: &[usize], columns: &[Column]) -> Vec<f64> {
+pub(super) fn gram(model: &Model, free: &[usize], columns: &[Column]) -> Vec<f64> {
     let n = free.len();
     let mut matrix = vec![0.0; n * n];
     for i in 0..n {
@@ -110,7 +110,7 @@ fn gram(model: &Model, free: &[usize], columns: &[Column]) -> Vec<f64> {
     matrix
 }
 
-fn pull(model: &Model, free: &[usize], columns: &[Column], residual: &[f64]) -> Vec<f64> {
+pub(super) fn pull(model: &Model, free: &[usize], columns: &[Column], residual: &[f64]) -> Vec<f64> {
     let each = free.iter().zip(columns);
     each.map(|(&k, column)| {
         let prior = model.unknowns[k].prior.map_or(0.0, |(centre, sd)| (centre - model.value(k)) / (sd * sd));
@@ -214,11 +214,15 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// Of derivatives for all unknowns.
+    /// Of derivatives for all unknowns. Held is what a bound presses back when all others have taken their step: what a gradient asks of an unknown while the others are not yet where they
+    /// belong says little.
     pub(super) fn new(model: &Model, columns: &[Column], residual: &[f64]) -> Self {
         let all: Vec<usize> = (0..model.unknowns.len()).collect();
         let asked = pull(model, &all, columns, residual);
-        let (free, held): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&k| !pressed(model, k, asked[k]));
+        let pressed: Vec<usize> = all.iter().copied().filter(|&k| pressed(model, k, asked[k])).collect();
+        let released = released(model, &pressed, &asked, columns);
+        let (held, free): (Vec<usize>, Vec<usize>) =
+            all.into_iter().partition(|k| pressed.contains(k) && !released.contains(k));
         let held = held.into_iter().map(|k| Held { unknown: k, column: columns[k].clone(), at_low: asked[k] < 0.0 }).collect();
         let columns: Vec<Column> = free.iter().map(|&k| columns[k].clone()).collect();
         let right = free.iter().map(|&k| asked[k]).collect();
@@ -227,11 +231,22 @@ impl Equations {
 
     /// The damped step of the free unknowns.
     pub(super) fn change(&self, model: &Model, damping: f64) -> Vec<f64> {
-        within_bounds(model, &self.free, &self.matrix, &self.right, damping)
+        solved_within_bounds(model, &self.free, &self.matrix, &self.right, |small, m| Normal::new(small, m, damping))
+    }
+
+    /// The undamped step.
+    pub(super) fn newton(&self, model: &Model) -> Vec<f64> {
+        solved_within_bounds(model, &self.free, &self.matrix, &self.right, Normal::fine)
+    }
+
+    /// A fit that stands where these equations are from.
+    pub(super) fn fit(self, model: Model, simulated: Vec<Simulated>, residual: Vec<f64>) -> Fit {
+        let cost = cost(&model, &residual);
+        Fit { model, simulated, residual, cost, free: self.free, columns: self.columns, held: self.held }
     }
 
     /// What a step gains in first order.
-    fn promised(&self, change: &[f64]) -> f64 {
+    pub(super) fn promised(&self, change: &[f64]) -> f64 {
         change.iter().zip(&self.right).map(|(change, right)| change * right).sum()
     }
 
@@ -281,7 +296,13 @@ fn correct(columns: &mut [Column], from: &Model, to: &Model, seen: Vec<f64>) {
 }
 
 /// The damped step; an unknown that it would carry beyond a bound goes to the bound, and the others are solved again for that.
-fn within_bounds(model: &Model, free: &[usize], matrix: &[f64], right: &[f64], damping: f64) -> Vec<f64> {
+fn solved_within_bounds(
+    model: &Model,
+    free: &[usize],
+    matrix: &[f64],
+    right: &[f64],
+    normal: impl Fn(&[f64], usize) -> Normal,
+) -> Vec<f64> {
     let n = free.len();
     let mut fixed: Vec<Option<f64>> = vec![None; n];
     loop {
@@ -295,7 +316,7 @@ fn within_bounds(model: &Model, free: &[usize], matrix: &[f64], right: &[f64], d
                 small[a * m + b] = matrix[i * n + j];
             }
         }
-        let solved = Normal::new(&small, m, damping).solve(&asked);
+        let solved = normal(&small, m).solve(&asked);
         let mut beyond = false;
         for (&i, step) in moving.iter().zip(&solved) {
             let unknown = &model.unknowns[free[i]];
@@ -319,6 +340,33 @@ fn within_bounds(model: &Model, free: &[usize], matrix: &[f64], right: &[f64], d
                 steps[i] = step.unwrap_or(steps[i]);
             }
             return steps;
+        }
+    }
+}
+
+/// Of unknowns that are pressed against a bound those that leave it once the others have moved: their multiplier has the other sign. One at a time, the one that is asked inwards most.
+fn released(model: &Model, pressed: &[usize], asked: &[f64], columns: &[Column]) -> Vec<usize> {
+    let mut released = Vec::new();
+    if pressed.is_empty() {
+        return released;
+    }
+    let n = asked.len();
+    let all: Vec<usize> = (0..n).collect();
+    let matrix = gram(model, &all, columns);
+    loop {
+        let is_held = |k: &usize| pressed.contains(k) && !released.contains(k);
+        let free: Vec<usize> = all.iter().copied().filter(|k| !is_held(k)).collect();
+        let all_of = &matrix;
+        let small: Vec<f64> = free.iter().flat_map(|i| free.iter().map(move |j| all_of[i * n + j])).collect();
+        let right: Vec<f64> = free.iter().map(|k| asked[*k]).collect();
+        let step = solved_within_bounds(model, &free, &small, &right, |small, m| Normal::new(small, m, LEAST_DAMPING));
+        let multiplier = |k: usize| asked[k] - free.iter().zip(&step).map(|(j, step)| matrix[k * n + j] * step).sum::<f64>();
+        // In units of what the unknown by itself is known to.
+        let inwards = |k: usize| -multiplier(k) * asked[k].signum() / matrix[k * n + k].max(f64::MIN_POSITIVE).sqrt();
+        let most = all.iter().copied().filter(is_held).map(|k| (k, inwards(k))).max_by(|a, b| a.1.total_cmp(&b.1));
+        match most {
+            Some((k, inwards)) if inwards > 0.0 => released.push(k),
+            _ => return released,
         }
     }
 }

@@ -8,6 +8,7 @@ use super::kernel::{Kernel, Prepared};
 use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::orders::{self, Orders};
+use super::posterior::Posterior;
 use super::quantities;
 use super::regions::{self, Region, Side, Slice};
 use super::selection::Believed;
@@ -62,6 +63,10 @@ pub struct Moved {
     pub nominal: f64,
     /// What it came out as.
     pub value: f64,
+    /// The lower end of its 95 % interval.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
     /// By how many standard deviations of its tolerance.
     pub sds: f64,
 }
@@ -175,7 +180,7 @@ pub fn portrait(it: &Compared<'_>) -> Portrait {
         spectra,
         orders,
         traces,
-        calibration: calibration(it.nominal, &it.fit.model),
+        calibration: calibration(it.nominal, it.fit),
         correction,
     }
 }
@@ -216,14 +221,16 @@ fn trace(
 }
 
 /// What calibration did with the parameters that have a tolerance and are no cause.
-fn calibration(nominal: &Model, extended: &Model) -> Vec<Moved> {
+fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
+    let (extended, posterior) = (&fit.model, Posterior::of(fit));
     let kind = nominal.file.kind;
     let moved = nominal.file.tolerance.iter().filter_map(|(name, tolerance)| {
-        let is_free = extended.unknowns.iter().any(|it| it.place == Place::Nominal(name));
+        let unknown = extended.unknowns.iter().position(|it| it.place == Place::Nominal(name))?;
         let (was, is) = (nominal.file.parameters.optional(name)?, extended.file.parameters.optional(name)?);
         let sd = tolerance * was.abs();
         let unit = schema::index(kind, name).map_or("", |index| schema::parameters(kind)[index].unit);
-        (is_free && sd > 0.0).then(|| Moved { name, unit, nominal: was, value: is, sds: (is - was) / sd })
+        let (low, high) = posterior.interval(fit, unknown)?;
+        (sd > 0.0).then(|| Moved { name, unit, nominal: was, value: is, low, high, sds: (is - was) / sd })
     });
     moved.collect()
 }

@@ -16,13 +16,14 @@ use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::noise::Floor;
 use super::portrait::{self, Compared, Portrait, Witness};
+use super::posterior::Posterior;
 use super::predicted::{self, Predicted};
 use super::selection::{Believed, Limit, Selection};
 use super::share::NotSeen;
 use super::steps::{self, Step};
 use super::tested::Tested;
 use super::validation::{self, Error};
-use super::veto::{self, Refusal};
+use super::veto::Refusal;
 use super::whiteness::{self, Left};
 use super::worth;
 use crate::effect::{Arguments, Subject};
@@ -227,7 +228,7 @@ pub fn conclude(
     let left = whiteness::look(kernel, &fit);
     // On unseen records the numbers of the plant may move as far as they are unsure.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
-    let moved = moved.and_then(|after| validation::within(unseen, &fit.model, &veto::deviations(&fit), after));
+    let moved = moved.and_then(|after| validation::within(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
     let there = moved.map(|moved| by_own_noise(unseen, moved));
     let left_unseen = there.as_ref().map(|(there, fit)| whiteness::look(there, fit));
     let predicts = there.iter().filter_map(|(there, fit)| predicted::look(there, fit)).chain(predicted::look(kernel, &fit));
@@ -411,9 +412,10 @@ pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
 pub(super) fn numbers(fit: &Fit, place: usize) -> Vec<Interval> {
     let entry = &fit.model.file.effects[place];
     let (plant, subject) = (entry.arguments.plant, entry.arguments.subject.as_deref());
+    let posterior = Posterior::of(fit);
     let interval = |(name, value): &(&'static str, f64)| {
         let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry: place, number: name });
-        let (low, high) = unknown.and_then(|unknown| veto::interval(fit, unknown)).unwrap_or((*value, *value));
+        let (low, high) = unknown.and_then(|unknown| posterior.interval(fit, unknown)).unwrap_or((*value, *value));
         Interval { name, value: *value, low, high, unit: unit(plant, entry.description, subject, name) }
     };
     entry.arguments.numbers.iter().map(interval).collect()

@@ -7,7 +7,7 @@ use super::hypotheses::Hypothesis;
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place, Unknown};
-use super::normal::Normal;
+use super::posterior::Posterior;
 use super::selection::{Believed, Search};
 use super::{plausible, validation, worth};
 use crate::plant_file::Entry;
@@ -20,9 +20,6 @@ pub struct Refusal {
     /// Why, in words.
     pub why: String,
 }
-
-/// Standard deviations on either side of a number that hold it in 95 of 100 cases.
-pub const REACH: f64 = 1.96;
 
 /// A number as near to the end of its search as this share of its scale is at the end.
 const AT_THE_END: f64 = 1e-6;
@@ -139,7 +136,7 @@ fn by_record(unseen: &Kernel, model: &Model, guides: &[&Model], fit: Option<&Fit
     }
     if let Some(fit) = fit {
         let best = fits.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        let moved = validation::within(unseen, model, &deviations(fit), best);
+        let moved = validation::within(unseen, model, Posterior::of(fit).deviations(), best);
         fits.extend(moved);
     }
     let of = |fit: &Fit, record: usize| {
@@ -148,17 +145,6 @@ fn by_record(unseen: &Kernel, model: &Model, guides: &[&Model], fit: Option<&Fit
         super::kernel::dot(part, part)
     };
     Some((0..unseen.records.len()).map(|record| fits.iter().map(|fit| of(fit, record)).fold(f64::INFINITY, f64::min)).collect())
-}
-
-/// Standard deviations of a fit's unknowns on the scale of their search; `None` where one does not move.
-#[must_use]
-pub fn deviations(fit: &Fit) -> Vec<Option<f64>> {
-    let normal = Normal::new(&fit.matrix(), fit.free.len(), 0.0);
-    let mut list = vec![None; fit.model.unknowns.len()];
-    for (place, unknown) in fit.free.iter().enumerate() {
-        list[*unknown] = Some(normal.variance(place).max(0.0).sqrt());
-    }
-    list
 }
 
 /// Whether a number of an entry stands at the end of its search, which physics does not ask for.
@@ -186,38 +172,14 @@ fn neutral(fit: &Fit, entry: usize, hypotheses: &[Hypothesis]) -> Option<String>
     let (place, without) = hypothesis.guesses.first()?.neutral?;
     let (name, value) = *its.arguments.numbers.get(place)?;
     let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry, number: name })?;
-    let (low, high) = interval(fit, unknown)?;
+    let (low, high) = Posterior::of(fit).interval(fit, unknown)?;
     (low <= without && without <= high).then(|| {
         format!("{name} = {value:.4}, and its 95 % interval, {low:.4} to {high:.4}, holds {without}, at which it does nothing")
     })
 }
 
-/// The 95 % interval of an unknown, as wide as what is left says; `None` where it does not move.
-///
-/// A bound ends a search and no uncertainty: a parameter that is pressed against the end of its tolerance is known no better for that, so it stays in the covariance with its prior.
-#[must_use]
-pub fn interval(fit: &Fit, unknown: usize) -> Option<(f64, f64)> {
-    let free = fit.free.iter().position(|k| *k == unknown)?;
-    let (matrix, asked) = fit.equations_with_held();
-    let with_prior: Vec<usize> = (0..asked.len())
-        .filter(|k| *k < fit.free.len() || fit.model.unknowns[fit.held[*k - fit.free.len()].unknown].prior.is_some())
-        .collect();
-    let small: Vec<f64> = with_prior
-        .iter()
-        .flat_map(|i| with_prior.iter().map(move |j| (*i, *j)))
-        .map(|(i, j)| matrix[i * asked.len() + j])
-        .collect();
-    let normal = Normal::new(&small, with_prior.len(), 0.0);
-    let spread = (levenberg::cost(&fit.model, &fit.residual) / fit.residual.len().max(1) as f64).max(1.0).sqrt();
-    let reach = REACH * spread * normal.variance(free).max(0.0).sqrt();
-    let it = &fit.model.unknowns[unknown];
-    let at = it.inward(fit.model.value(unknown));
-    Some((it.outward(at - reach), it.outward(at + reach)))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::super::selection::Effort;
     use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
@@ -269,38 +231,5 @@ mod tests {
         assert!(worse.len() == 1 && worse[0].contains("becomes worse"), "{worse:?}");
         let nothing = refused(0.0, 0.0);
         assert!(nothing.len() == 1 && nothing[0].contains("at which it does nothing"), "{nothing:?}");
-    }
-
-    #[test]
-    fn intervals_beside_a_symmetry_hold_the_truth() {
-        // Of mass, friction and gain an axis in open loop shows two ratios: one parameter is pressed against the end of its tolerance in many records, and is known no better for that.
-        let mut random = Random::new(17);
-        let (mut held, mut pressed, draws) = (0, 0, 60);
-        for _ in 0..draws {
-            // Tolerances are normal, and what is beyond two of their standard deviations is a cause.
-            let mut off = || loop {
-                let off = random.normal();
-                if off.abs() < 2.0 {
-                    break off;
-                }
-            };
-            let (mass, friction) = (2.0 * (1.0 + 0.02 * off()), 3.0 * (1.0 + 0.02 * off()));
-            let gain = "[[effects]]\nkind = \"input-gain\"\nparameters = { gain = 0.9 }\n";
-            let nominal_file = axis_under_steps::file(TOLERANCES, "");
-            let mut truth = axis_under_steps::file(TOLERANCES, gain);
-            truth.parameters.set("mass", mass);
-            truth.parameters.set("viscous_friction", friction);
-            let (mut kernel, nominal) = axis_under_steps::kernel(&nominal_file, &truth, false);
-            for value in kernel.records[0].record.measured[0].as_mut().unwrap() {
-                *value += 1e-5 * random.normal();
-            }
-            let fit = levenberg::fit(&kernel, nominal.with_effects(&nominal, truth.effects.clone()), 20).unwrap();
-            pressed += usize::from(!fit.held.is_empty());
-            let unknown = fit.model.unknowns.iter().position(|it| matches!(it.place, Place::Effect { .. })).unwrap();
-            let (low, high) = interval(&fit, unknown).unwrap();
-            held += usize::from(low <= 0.9 && 0.9 <= high);
-        }
-        // 95 % of 60 with three standard deviations of a binomial count: 57, 5 less at most.
-        assert!(held >= 52, "{held} of {draws}, in {pressed} of which a parameter was pressed");
     }
 }

@@ -286,11 +286,29 @@ pub struct Choice {
     pub stated: Option<f64>,
     /// What records have less tidy than a bench's.
     pub untidy: Untidy,
+    /// Parameters are off as their tolerance says, normally distributed up to two standard deviations, beyond which a cause begins; else evenly within 1.5 of them.
+    pub normal: bool,
+    /// Of the singles every so many, from this one on.
+    pub singles: Option<(usize, usize)>,
+    /// Not of these families.
+    pub without_families: Vec<Family>,
 }
 
+/// Of this many seeds in a row, a run of intervals has every single once.
+const SINGLES_IN_TURNS: u64 = 10;
+
 impl Choice {
+    /// What intervals are counted of: nothing hidden, a symmetry, and some single effects, others with every seed. Two causes at once and damaged data ask for more than intervals.
+    #[must_use]
+    pub fn for_coverage(mut self, seed: u64) -> Self {
+        self.without_families = vec![Family::Pairs, Family::Outside, Family::Faults, Family::Records, Family::Far];
+        self.singles = Some((SINGLES_IN_TURNS as usize, (seed % SINGLES_IN_TURNS) as usize));
+        self
+    }
+
     fn has(&self, plan: &Plan) -> bool {
-        self.family.is_none_or(|family| family == plan.family)
+        !self.without_families.contains(&plan.family)
+            && self.family.is_none_or(|family| family == plan.family)
             && self.name.as_ref().is_none_or(|name| *name == plan.name)
             && (!self.quick || QUICK.contains(&plan.name.as_str()))
     }
@@ -298,7 +316,12 @@ impl Choice {
 
 /// The cases of a seed. Their records are made when the iterator comes to them.
 pub fn cases(seed: u64, choice: Choice) -> impl Iterator<Item = Case> {
-    let chosen: Vec<Plan> = plans().into_iter().filter(|plan| choice.has(plan)).collect();
+    let its_turn = |place: usize, plan: &Plan| match choice.singles {
+        Some((every, from)) if plan.family == Family::Singles => place % every == from,
+        _ => true,
+    };
+    let chosen = plans().into_iter().enumerate().filter(|(place, plan)| choice.has(plan) && its_turn(*place, plan));
+    let chosen: Vec<Plan> = chosen.map(|it| it.1).collect();
     chosen.into_iter().map(move |plan| case(&plan, seed, &choice))
 }
 
@@ -327,7 +350,8 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let causes: Vec<Effect> = plan.effects.iter().map(|effect| draw::effect(effect, &true_plant, None, &mut random)).collect();
     let mut nominal = true_plant.clone();
     for (name, sigma) in &true_plant.tolerance {
-        nominal.parameters.set(name, true_plant.parameters.get(name) / (1.0 + sigma * random.uniform(-1.5, 1.5)));
+        let off = if choice.normal { within_two(&mut random) } else { random.uniform(-1.5, 1.5) };
+        nominal.parameters.set(name, true_plant.parameters.get(name) / (1.0 + sigma * off));
     }
     if plan.family == Family::Far {
         for (name, sigma) in &mut nominal.tolerance {
@@ -421,6 +445,16 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
         train: runs,
         validate,
         signal_to_noise,
+    }
+}
+
+/// A normal number between -2 and 2.
+fn within_two(random: &mut Random) -> f64 {
+    loop {
+        let off = random.normal();
+        if off.abs() < 2.0 {
+            return off;
+        }
     }
 }
 

@@ -61,6 +61,13 @@ fn aliases(kind: Kind, effect: &Effect) -> Vec<Vec<&'static str>> {
     sets
 }
 
+/// The name in lists of a cause of an answer.
+pub(crate) fn named(cause: &Value) -> String {
+    let kind = cause["kind"].as_str().unwrap_or("?");
+    let which = cause["parameter"].as_str().or(cause["output"].as_str());
+    which.map_or_else(|| kind.to_string(), |which| format!("{kind}:{which}"))
+}
+
 /// A cause found: its name and the names that it cannot be told from.
 struct Found<'j> {
     name: String,
@@ -75,11 +82,9 @@ fn found(answer: &Value) -> Vec<Found<'_>> {
     let causes = answer["causes"].as_array().map(Vec::as_slice).unwrap_or_default();
     let one = |cause| {
         let cause: &Value = cause;
-        let kind = cause["kind"].as_str().unwrap_or("?");
-        let which = cause["parameter"].as_str().or(cause["output"].as_str());
         let twins = cause["indistinguishable_from"].as_array().map(Vec::as_slice).unwrap_or_default();
         Found {
-            name: which.map_or_else(|| kind.to_string(), |which| format!("{kind}:{which}")),
+            name: named(cause),
             twins: twins.iter().filter_map(Value::as_str).collect(),
             parameters: &cause["parameters"],
             confidence: cause["confidence"].as_f64(),
@@ -196,7 +201,7 @@ pub fn unnamed(extended: &str, answer: &Value) -> Vec<String> {
 }
 
 /// Whether the truth lies in the interval given; of a phase any of its turns.
-fn covers(parameter: &str, truth: f64, given: &Value) -> bool {
+pub(crate) fn covers(parameter: &str, truth: f64, given: &Value) -> bool {
     let (Some(low), Some(high)) = (given["low"].as_f64(), given["high"].as_f64()) else { return false };
     let turns: &[f64] = if parameter == "phase" { &[-1.0, 0.0, 1.0] } else { &[0.0] };
     turns.iter().any(|turn| {

@@ -10,6 +10,7 @@
 pub mod axis;
 pub mod car;
 pub mod case;
+pub mod coverage;
 pub mod draw;
 pub mod excitation;
 pub mod files;

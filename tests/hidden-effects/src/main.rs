@@ -11,6 +11,7 @@ use std::process::{Command, ExitCode};
 use std::time::Instant;
 
 use hidden_effects::case::{Case, Choice, Family, cases};
+use hidden_effects::coverage::{self, Coverage};
 use hidden_effects::folder::{self, Folder};
 use hidden_effects::{files, judge, verification};
 use report::{Line, Report};
@@ -26,6 +27,8 @@ usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] 
        hidden-effects make   --out DIR [the same]      makes the cases only
        hidden-effects verify --rsm PROGRAM --out DIR [--seed N] [--quick]
            compares `rsm simulate` with the plants of this package, an effect a line
+       hidden-effects coverage --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [the same]
+           how often intervals of 95 % hold the truth: parameters are off as their tolerances say; of every seed the nulls, the symmetries and a tenth of the singles
        hidden-effects surfaces --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept] [--case NAME] [--quick]
            surfaces against new data with something hidden in them, as many seeds from the first on";
 
@@ -77,6 +80,7 @@ fn main() -> ExitCode {
     let result = match arguments.next().as_deref() {
         Some("judge") => words(arguments, true).and_then(|words| judge_all(&words)),
         Some("make") => words(arguments, false).and_then(|words| make(&words)),
+        Some("coverage") => words(arguments, true).and_then(|words| coverage(&words)),
         Some("verify") => words(arguments, true).and_then(|words| verify(&words)),
         Some("surfaces") => surface_table::run(arguments),
         _ => Err(USAGE.to_string()),
@@ -144,16 +148,22 @@ fn gain_share(rsm: &Path, case: &Case, folder: &Folder, extension: &Path) -> Res
     Ok(found / best)
 }
 
-fn diagnose(words: &Words, case: &Case, folder: &Folder) -> Result<Line, String> {
-    let out = folder.nominal.with_file_name("diagnosis");
+/// `rsm diagnose` on a case, as JSON.
+fn command(words: &Words, folder: &Folder, out: &Path) -> Command {
     let mut diagnose = Command::new(&words.rsm);
-    diagnose.arg("diagnose").arg(&folder.nominal).arg("--json").arg("--out").arg(&out);
+    diagnose.arg("diagnose").arg(&folder.nominal).arg("--json").arg("--out").arg(out);
     folder.train.iter().for_each(|record| {
         diagnose.arg("--record").arg(record);
     });
     folder.validate.iter().for_each(|record| {
         diagnose.arg("--validate").arg(record);
     });
+    diagnose
+}
+
+fn diagnose(words: &Words, case: &Case, folder: &Folder) -> Result<Line, String> {
+    let out = folder.nominal.with_file_name("diagnosis");
+    let mut diagnose = command(words, folder, &out);
     let started = Instant::now();
     let run = diagnose.output().map_err(|error| format!("{}: {error}", words.rsm.display()))?;
     let seconds = started.elapsed().as_secs_f64();
@@ -205,6 +215,36 @@ fn judge_all(words: &Words) -> Result<bool, String> {
     }
     println!("\n{report}");
     Ok(report.held())
+}
+
+/// Intervals against the truth.
+fn coverage(words: &Words) -> Result<bool, String> {
+    let mut all = Coverage::default();
+    for seed in words.seed..words.seed + words.seeds {
+        for case in cases(seed, Choice { normal: true, ..words.choice.clone() }.for_coverage(seed)) {
+            let folder = folder::write_case(&case, &words.out, seed)?;
+            let run = command(words, &folder, &folder.nominal.with_file_name("diagnosis"))
+                .output()
+                .map_err(|error| format!("{}: {error}", words.rsm.display()))?;
+            let answer = serde_json::from_slice(&run.stdout).unwrap_or_default();
+            match coverage::numbers(&case, &answer) {
+                Some(numbers) => {
+                    let told: Vec<String> = numbers.iter().map(|it| format!("{} {:.2}", it.name, it.off)).collect();
+                    println!("{seed} {}: {}", case.name, told.join(", "));
+                    all.numbers.extend(numbers);
+                }
+                None => {
+                    all.without += 1;
+                    println!("{seed} {}: not counted", case.name);
+                }
+            }
+        }
+    }
+    if all.numbers.is_empty() {
+        return Err("no number to count".to_string());
+    }
+    println!("\n{all}");
+    Ok(all.held())
 }
 
 /// Every effect alone, against `rsm simulate`.

@@ -35,14 +35,19 @@ pub struct Bin {
     pub said: f64,
 }
 
+/// The share that so many of so many do not rule out, 95 % (E. B. Wilson, 1927).
+pub fn wilson(right: usize, count: usize) -> (f64, f64) {
+    let n = count as f64;
+    let (share, z2) = (right as f64 / n, WITHIN * WITHIN);
+    let middle = (share + z2 / (2.0 * n)) / (1.0 + z2 / n);
+    let half = WITHIN / (1.0 + z2 / n) * (share * (1.0 - share) / n + z2 / (4.0 * n * n)).sqrt();
+    (middle - half, middle + half)
+}
+
 impl Bin {
-    /// The share right that the count does not rule out, 95 % (E. B. Wilson, 1927).
+    /// The share right that the count does not rule out.
     pub fn interval(&self) -> (f64, f64) {
-        let n = self.count as f64;
-        let (share, z2) = (self.right as f64 / n, WITHIN * WITHIN);
-        let middle = (share + z2 / (2.0 * n)) / (1.0 + z2 / n);
-        let half = WITHIN / (1.0 + z2 / n) * (share * (1.0 - share) / n + z2 / (4.0 * n * n)).sqrt();
-        (middle - half, middle + half)
+        wilson(self.right, self.count)
     }
 
     /// Whether the causes may be right as often as they say.

@@ -41,8 +41,10 @@ pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
 /// Parameters that moved within their tolerances.
 pub fn calibration(found: &Diagnosis) -> Value {
     let each = found.portrait.calibration.iter().map(|it| {
-        let value =
-            json!({ "nominal": it.nominal, "value": finite(it.value), "unit": it.unit, "standard_deviations": finite(it.sds) });
+        let value = json!({
+            "nominal": it.nominal, "value": finite(it.value), "low": finite(it.low), "high": finite(it.high), "unit": it.unit,
+            "standard_deviations": finite(it.sds)
+        });
         (it.name.to_string(), value)
     });
     Value::Object(each.collect::<Map<String, Value>>())

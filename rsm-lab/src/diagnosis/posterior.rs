@@ -1,0 +1,333 @@
+//! What records and tolerances together say of each number: standard deviations and 95 % intervals.
+//!
+//! In: a fit with its derivatives. Out: deviations and intervals by unknown. Readings are normal about the simulation, which is in proportion near the fit; tolerances are normal as far as two
+//! standard deviations, where a cause begins; a number that physics bounds is beyond its bound with certainty not. An unknown at a bound is known no better for that: it stays in the
+//! covariance, and its interval is the shortest that holds 95 % of what is left of the bell. Without a bound within reach that is 1.96 standard deviations to both sides.
+
+use super::levenberg::{self, Fit};
+use super::model::{Place, Unknown};
+use super::normal::Normal;
+use super::random::Random;
+
+/// Standard deviations on either side of a number that hold it in 95 of 100 cases.
+pub const REACH: f64 = 1.96;
+
+/// A bound is within reach where more than one case in a thousand would lie beyond it, 3.1 standard deviations off: an interval of 95 % does not feel fewer.
+const WITHIN_REACH: f64 = 3.1;
+
+/// Draws where a bound is within reach: they know an end of an interval to 2 % of a standard deviation, and neighbours are alike.
+const DRAWS: usize = 20_000;
+
+/// Draws before the first that counts: from a corner, where most bounds meet, to where most of the bell is.
+const BEFORE: usize = 500;
+
+/// So small a share of the draws, and of what they span, says nothing: the place of the shortest interval is known no better.
+const NEXT_TO_NOTHING: f64 = 0.005;
+
+/// Share of the draws in an interval.
+const SHARE: f64 = 0.95;
+
+/// Standard deviations and intervals of a fit's unknowns, each on the scale of its search; `None` of what does not move.
+#[derive(Debug, Clone)]
+pub struct Posterior {
+    deviations: Vec<Option<f64>>,
+    ends: Vec<Option<(f64, f64)>>,
+}
+
+impl Posterior {
+    /// Of a fit.
+    #[must_use]
+    pub fn of(fit: &Fit) -> Self {
+        let model = &fit.model;
+        let bounded = |unknown: &Unknown| unknown.prior.is_some() || !unknown.logarithmic;
+        // What is pressed against an end of a search that physics does not ask for is no number to speak of.
+        let held = fit
+            .held
+            .iter()
+            .filter(|it| bounded(&model.unknowns[it.unknown]) && it.column.values.iter().any(|value| *value != 0.0));
+        let which: Vec<usize> = fit.free.iter().copied().chain(held.clone().map(|it| it.unknown)).collect();
+        let columns: Vec<_> = fit.columns.iter().chain(held.map(|it| &it.column)).cloned().collect();
+        let n = which.len();
+        // Where more than noise is left, records say less by as much; tolerances say what they say.
+        let spread = (levenberg::cost(model, &fit.residual) / fit.residual.len().max(1) as f64).max(1.0);
+        let prior = |k: usize| model.unknowns[which[k]].prior.map_or(0.0, |(_, sd)| 1.0 / (sd * sd));
+        let mut matrix = levenberg::gram(model, &which, &columns);
+        for i in 0..n {
+            for j in 0..n {
+                let prior = if i == j { prior(i) } else { 0.0 };
+                matrix[i * n + j] = (matrix[i * n + j] - prior) / spread + prior;
+            }
+        }
+        let normal = Normal::fine(&matrix, n);
+        // Starts are known to whatever the rest leaves, and nobody asks for them.
+        let asked: Vec<usize> = (0..n).filter(|k| !matches!(model.unknowns[which[*k]].place, Place::Start { .. })).collect();
+        let covariances: Vec<Vec<f64>> = asked.iter().map(|k| normal.covariances(*k)).collect();
+        let m = asked.len();
+        let covariance: Vec<f64> =
+            (0..m).flat_map(|i| asked.iter().map(move |j| (i, *j))).map(|(i, j)| covariances[i][j]).collect();
+        // The top of the bell, were there no bounds: only those that are held lie off it.
+        let free = fit.free.len();
+        let pull = levenberg::pull(model, &which, &columns, &fit.residual);
+        let pressed: Vec<f64> = (0..n).map(|k| if k < free { 0.0 } else { pull[k] / spread }).collect();
+        let beyond: Vec<f64> = covariances.iter().map(|it| it.iter().zip(&pressed).map(|(c, p)| c * p).sum()).collect();
+        let bell = Bell::new(&covariance, &beyond, |k| {
+            let unknown = &model.unknowns[which[asked[k]]];
+            let at = unknown.inward(model.value(which[asked[k]]));
+            let ends = if bounded(unknown) {
+                (unknown.inward(unknown.low), unknown.inward(unknown.high))
+            } else {
+                (f64::NEG_INFINITY, f64::INFINITY)
+            };
+            (ends.0 - at, ends.1 - at)
+        });
+        let told = bell.told();
+        let (mut deviations, mut ends) = (vec![None; model.unknowns.len()], vec![None; model.unknowns.len()]);
+        for (k, (deviation, low, high)) in asked.iter().zip(told) {
+            let at = model.unknowns[which[*k]].inward(model.value(which[*k]));
+            deviations[which[*k]] = Some(deviation);
+            ends[which[*k]] = Some((at + low, at + high));
+        }
+        Posterior { deviations, ends }
+    }
+
+    /// Standard deviations, by unknown.
+    #[must_use]
+    pub fn deviations(&self) -> &[Option<f64>] {
+        &self.deviations
+    }
+
+    /// The interval of an unknown, on the scale of its value.
+    #[must_use]
+    pub fn interval(&self, fit: &Fit, unknown: usize) -> Option<(f64, f64)> {
+        let (low, high) = self.ends[unknown]?;
+        let it = &fit.model.unknowns[unknown];
+        let outward = |end: f64| if it.logarithmic { end.exp() } else { end };
+        Some((outward(low), outward(high)))
+    }
+}
+
+/// A normal distribution of some numbers about 0, which is where the fit stands, and what bounds leave of it.
+struct Bell {
+    /// Lower triangle of the Cholesky factor of the covariance.
+    factor: Vec<f64>,
+    /// The top, without bounds.
+    top: Vec<f64>,
+    bounds: Vec<(f64, f64)>,
+}
+
+impl Bell {
+    fn new(covariance: &[f64], top: &[f64], bounds: impl Fn(usize) -> (f64, f64)) -> Self {
+        let n = top.len();
+        let mut factor = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                let sum = covariance[i * n + j] - (0..j).map(|k| factor[i * n + k] * factor[j * n + k]).sum::<f64>();
+                factor[i * n + j] = if i == j {
+                    sum.max(0.0).sqrt()
+                } else if factor[j * n + j] > 0.0 {
+                    sum / factor[j * n + j]
+                } else {
+                    0.0
+                };
+            }
+        }
+        Bell { factor, top: top.to_vec(), bounds: (0..n).map(bounds).collect() }
+    }
+
+    fn row(&self, k: usize) -> &[f64] {
+        let n = self.top.len();
+        &self.factor[k * n..(k + 1) * n]
+    }
+
+    fn deviation(&self, k: usize) -> f64 {
+        self.row(k).iter().map(|it| it * it).sum::<f64>().sqrt()
+    }
+
+    /// Of each number its standard deviation and its interval.
+    fn told(&self) -> Vec<(f64, f64, f64)> {
+        let n = self.top.len();
+        let is_within = |k: &usize| {
+            let (deviation, (low, high)) = (self.deviation(*k), self.bounds[*k]);
+            low > self.top[*k] - WITHIN_REACH * deviation || high < self.top[*k] + WITHIN_REACH * deviation
+        };
+        let bounded: Vec<usize> = (0..n).filter(is_within).collect();
+        if bounded.is_empty() {
+            let plain =
+                |k| (self.deviation(k), self.top[k] - REACH * self.deviation(k), self.top[k] + REACH * self.deviation(k));
+            return (0..n).map(plain).collect();
+        }
+        let draws = self.draws(&bounded);
+        draws.into_iter().zip(&self.bounds).map(|(list, bounds)| shortest(list, *bounds)).collect()
+    }
+
+    /// Draws of each number within its bounds: one whitened coordinate after another, given all others (S. Geman, D. Geman, 1984). Whitened they do not depend on each other but for
+    /// the bounds, so that even a direction that is a thousand times as long as the next is passed at once.
+    fn draws(&self, bounded: &[usize]) -> Vec<Vec<f64>> {
+        let n = self.top.len();
+        let mut random = Random::new(1);
+        // The fit itself is within all bounds.
+        let mut at = vec![0.0; n];
+        for k in 0..n {
+            let row = self.row(k);
+            let known: f64 = (0..k).map(|j| row[j] * at[j]).sum();
+            at[k] = if row[k] > 0.0 { (-self.top[k] - known) / row[k] } else { 0.0 };
+        }
+        let mut values: Vec<f64> =
+            (0..n).map(|k| self.top[k] + self.row(k).iter().zip(&at).map(|(f, z)| f * z).sum::<f64>()).collect();
+        let mut draws = vec![Vec::with_capacity(DRAWS); n];
+        for turn in 0..BEFORE + DRAWS {
+            for (j, at) in at.iter_mut().enumerate() {
+                let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+                for &k in bounded {
+                    let slope = self.row(k)[j];
+                    if slope == 0.0 {
+                        continue;
+                    }
+                    let (a, b) = ((self.bounds[k].0 - values[k]) / slope + *at, (self.bounds[k].1 - values[k]) / slope + *at);
+                    low = low.max(a.min(b));
+                    high = high.min(a.max(b));
+                }
+                // Rounding may put the fit a little beyond its own bound.
+                let next = if low < high { truncated(&mut random, low, high) } else { *at };
+                for (k, value) in values.iter_mut().enumerate().skip(j) {
+                    *value += self.factor[k * n + j] * (next - *at);
+                }
+                *at = next;
+            }
+            if turn >= BEFORE {
+                draws.iter_mut().zip(&values).for_each(|(list, value)| list.push(*value));
+            }
+        }
+        draws
+    }
+}
+
+/// A standard normal number between two ends (C. P. Robert, "Simulation of truncated normal variables", 1995).
+fn truncated(random: &mut Random, low: f64, high: f64) -> f64 {
+    if high < 0.0 {
+        return -truncated(random, -high, -low);
+    }
+    if low <= 0.0 && high - low > 2.5 {
+        loop {
+            let drawn = random.normal();
+            if (low..=high).contains(&drawn) {
+                return drawn;
+            }
+        }
+    }
+    let nearest = low.max(0.0);
+    if low > 0.0 && (high - low) * low > 1.0 {
+        // A tail falls as an exponential does, nearly.
+        loop {
+            let drawn = low - random.uniform().ln() / low;
+            let over = drawn - low;
+            if drawn <= high && random.uniform() < (-0.5 * over * over).exp() {
+                return drawn;
+            }
+        }
+    }
+    loop {
+        let drawn = low + (high - low) * random.uniform();
+        if random.uniform() < (0.5 * (nearest * nearest - drawn * drawn)).exp() {
+            return drawn;
+        }
+    }
+}
+
+/// The standard deviation of a list, and its shortest interval of 95 %, which goes to the end of the list, and to the bound beside it, where next to nothing lies between; where the fit itself, 0, lies beside it, as far as
+/// there.
+fn shortest(mut list: Vec<f64>, bounds: (f64, f64)) -> (f64, f64, f64) {
+    list.sort_by(f64::total_cmp);
+    let count = list.len();
+    let held = (SHARE * count as f64).ceil() as usize;
+    let width = |first: usize| list[first + held - 1] - list[first];
+    let first = (0..=count - held).min_by(|a, b| width(*a).total_cmp(&width(*b))).unwrap_or(0);
+    let mean = list.iter().sum::<f64>() / count as f64;
+    let square = list.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count as f64;
+    // Where the bell ends at an edge, the interval does.
+    let few = (NEXT_TO_NOTHING * count as f64) as usize;
+    let (least, most) = (list[0], list[count - 1]);
+    let near = NEXT_TO_NOTHING * (most - least);
+    let low = if first >= few {
+        list[first]
+    } else if least - bounds.0 < near {
+        bounds.0
+    } else {
+        least
+    };
+    let high = if first + held + few <= count {
+        list[first + held - 1]
+    } else if bounds.1 - most < near {
+        bounds.1
+    } else {
+        most
+    };
+    (square.sqrt(), low.min(0.0), high.max(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two numbers of deviations 1 and 10 that are nearly one, the first within two of its standard deviations.
+    fn bell(top: f64) -> Bell {
+        let covariance = [1.0, 9.99, 9.99, 100.0];
+        Bell::new(&covariance, &[top, 10.0 * top], |k| if k == 0 { (-2.0, 2.0) } else { (f64::NEG_INFINITY, f64::INFINITY) })
+    }
+
+    #[test]
+    fn a_bell_that_bounds_cut_at_two_deviations_holds_95_of_100_within_1_68() {
+        let told = bell(0.0).told();
+        // erf(2/sqrt 2) = 0.9545, of which 95 % is 0.9068 = erf(1.68/sqrt 2). The ends are known to some hundredths by so many draws, more where the bell is flat.
+        for (k, scale) in [(0, 1.0), (1, 10.0)] {
+            let (deviation, low, high) = told[k];
+            assert!((low / scale + 1.68).abs() < 0.1 && (high / scale - 1.68).abs() < 0.1, "{low} {high}");
+            // The variance of a normal number within two is 1 - 4 phi(2)/0.9545 = 0.774.
+            assert!((deviation / scale - 0.774_f64.sqrt()).abs() < 0.02, "{deviation}");
+        }
+    }
+
+    #[test]
+    fn a_bell_beyond_its_bound_leaves_a_tail_and_no_point() {
+        // Its top is four deviations beyond the upper end: what is left falls as an exponential of 1/6 there, 95 % within ln(20)/6 = 0.5 and a little less.
+        let mut bell = bell(6.0);
+        bell.bounds[0] = (-2.0, 0.0);
+        bell.top = vec![6.0, 60.0];
+        let (deviation, low, high) = bell.told()[0];
+        assert_eq!(high, 0.0);
+        assert!((-0.5..-0.42).contains(&low) && (0.1..0.17).contains(&deviation), "{low} {deviation}");
+    }
+
+    #[test]
+    fn an_edge_that_another_number_makes_is_not_a_bound_of_ones_own() {
+        // The first number is at its upper end, the second goes along with it, down from 0 by 20, and might be as low as -100 by itself.
+        let bell = Bell::new(&[1.0, 9.999, 9.999, 100.0], &[3.0, 30.0], |k| if k == 0 { (-2.0, 0.0) } else { (-100.0, 100.0) });
+        let (_, low, high) = bell.told()[1];
+        assert!((-12.0..-6.0).contains(&low) && (0.0..1.0).contains(&high), "{low} {high}");
+    }
+
+    #[test]
+    fn without_a_bound_within_reach_an_interval_is_1_96_deviations() {
+        let told = Bell::new(&[4.0], &[0.0], |_| (-7.0, 7.0)).told();
+        assert_eq!(told, [(2.0, -3.92, 3.92)]);
+    }
+
+    #[test]
+    fn truncated_numbers_stay_within_their_ends_and_have_their_mean() {
+        let mut random = Random::new(3);
+        // Means of a standard normal between two ends: (phi(low) - phi(high))/(Phi(high) - Phi(low)).
+        for (low, high, mean) in [
+            (-1.0, 1.0, 0.0),
+            (0.5, 0.8, 0.6452),
+            (3.0, f64::INFINITY, 3.2831),
+            (f64::NEG_INFINITY, -3.0, -3.2831),
+            (-0.5, 6.0, 0.5092),
+        ] {
+            let drawn: Vec<f64> = (0..20_000).map(|_| truncated(&mut random, low, high)).collect();
+            assert!(drawn.iter().all(|it| (low..=high).contains(it)));
+            let found = drawn.iter().sum::<f64>() / drawn.len() as f64;
+            // A deviation of 0.8 at most, over sqrt 20000, four times.
+            assert!((found - mean).abs() < 0.023, "{low} {high}: {found}");
+        }
+    }
+}
