@@ -279,3 +279,66 @@ fn every_effect_gives_what_its_equation_gives_by_hand() {
     let missing: Vec<&str> = effects::ALL.iter().map(|it| it.kind).filter(|kind| !kinds.contains(kind)).collect();
     assert!(missing.is_empty(), "no case for {missing:?}");
 }
+
+/// An effect without a single hook.
+struct Nothing;
+
+impl Effect for Nothing {}
+
+#[test]
+fn what_an_effect_has_no_hook_for_it_leaves_as_it_is() {
+    let given = Given::of("position=3 speed=5 viscous_friction=7");
+    let (before, mut parameters) = (given.survey(PlantKind::Pmac).parameters, given.survey(PlantKind::Pmac).parameters);
+    Nothing.parameters(&mut parameters);
+    assert_eq!(format!("{parameters:?}"), format!("{before:?}"));
+    assert_eq!([Nothing.input(24.0), Nothing.delay(), Nothing.reads_late(1)], [24.0, 0.0, 0.0]);
+    assert_eq!((Nothing.acts_between_rows(), Nothing.states(), Nothing.has_pieces()), (true, 0, false));
+    let mut own = [3.0, 4.0];
+    Nothing.start(&Start { motion: given.motion(), road_speed: 9.0 }, &mut own);
+    Nothing.settle(&[1.0, 2.0, 3.0], &mut own);
+    assert_eq!(own, [3.0, 4.0]);
+    let scale = Given::of("slowest=2 change=3").scale();
+    assert_eq!([Nothing.fastest_rate(&scale), Nothing.nonlinear_rate(&scale), Nothing.frame_angle(2.0)], [0.0; 3]);
+    assert_eq!([Nothing.voltage_limit([2.0, 3.0]), Nothing.voltage_loss([2.0, 3.0], [4.0, 5.0])], [[2.0, 3.0]; 2]);
+    let mut machine = Machine { resistance: 2.0, inductance: 3.0, flux_linkage: 4.0 };
+    Nothing.machine(&Currents { i_d: 5.0, i_q: 6.0, theta_e: 7.0 }, &[], &mut [], &mut machine);
+    assert_eq!([machine.resistance, machine.inductance, machine.flux_linkage], [2.0, 3.0, 4.0]);
+    assert_eq!([Nothing.effort(&given.motion()), Nothing.load(), Nothing.slack(Joint::Clutch)], [0.0; 3]);
+    assert_eq!((Nothing.split(), Nothing.vehicle_speed(&[])), (None, None));
+    let Motion { position, speed, viscous_friction } = Nothing.far_motion(&[]);
+    assert_eq!([position, speed, viscous_friction], [0.0; 3]);
+    let twist = Twist { joint: Joint::Clutch, angle: 2.0, rate: 3.0, stiffness: 4.0, damping: 5.0 };
+    let body = Split { near: given.motion(), inertia: 8.0, load: 6.0, held: Some(2) };
+    let carried = [
+        Nothing.passes(&body, &[], &mut []),
+        Nothing.joint(&twist, 6.0, Some(2)),
+        Nothing.joint_limit(Joint::Clutch, 6.0, Some(2)),
+    ];
+    assert!(carried.iter().all(|Carried { effort, piece }| (*effort, *piece) == (6.0, 0)));
+    assert_eq!([Nothing.engine_torque(5.0, 6.0), Nothing.air_speed(7.0)], [5.0, 7.0]);
+    assert_eq!(Nothing.traction(&Contact { surface_speed: 2.0, resistance: 3.0, mass: 4.0 }, &[], &mut []), None);
+    assert_eq!([Nothing.reads(1, 8.0, 2.0, &[], &mut []), Nothing.truth(1, 9.0, 2.0)], [8.0, 9.0]);
+    assert!(!Nothing.reads_with_memory());
+}
+
+#[test]
+fn the_rate_of_a_smooth_sign_is_its_slope_or_its_passing() {
+    // Level 12, inertia 6, width 0.5: 12/0.5/6 = 4 at rest, and at 0.25 the share 1 - tanh^2 0.5 of it.
+    let rate = |given: &str| smooth_sign_rate(12.0, 0.5, &Given::of(given).scale());
+    assert_eq!(rate(""), 4.0);
+    assert!(close(rate("slowest=0.25"), 4.0 * (1.0 - 0.5f64.tanh().powi(2))));
+    // Passing at 18 per second, twice the width in a span of one: sqrt(4 * 18/0.5) = 12.
+    assert!(close(rate("change=18"), 12.0));
+}
+
+#[test]
+fn a_scale_of_bodies_alone_has_no_windings_and_no_vehicle_that_move() {
+    let scale = Scale::of(8.0, 6.0, (-5.0, -2.0), 0.5);
+    assert_eq!([scale.inertia, scale.drive_inertia, scale.slowest, scale.change], [8.0, 6.0, 4.0, 2.0]);
+    assert_eq!(Scale::of(8.0, 6.0, (1.0, 4.0), 0.5).slowest, 0.0);
+    let Windings { inductance, decay, swing, turning, current, change } = scale.windings;
+    assert_eq!([inductance, decay, swing, turning, current.0, current.1, change], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let Vehicle { wheel, speed, crank_speed, clutch_mobility, clutch, swing } = scale.vehicle;
+    assert_eq!([wheel, swing], [(1.0, 1.0); 2]);
+    assert_eq!(([speed, crank_speed, clutch_mobility], clutch), ([0.0, 0.0, 1.0], (1.0, 0.0, 0.0)));
+}

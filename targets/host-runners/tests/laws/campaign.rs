@@ -150,9 +150,10 @@ fn it_comes_back_from_the_whole_grid_of_starts() {
 }
 
 fn check(rows: &[Row]) {
+    rows.iter().for_each(|row| println!("{row:?}"));
+    let broken: Vec<&Row> = rows.iter().filter(|row| !row.kept()).collect();
+    assert!(broken.is_empty(), "more than {MOST_A} A or {MOST_MS} ms: {broken:?}");
     for row in rows {
-        println!("{row:?}");
-        assert!(row.kept(), "more than {MOST_A} A or {MOST_MS} ms: {row:?}");
         if row.runs > 20 && matches!(row.kind, Kind::Nan | Kind::Infinity) && row.sensor.name() != "torque demand" {
             assert!(row.opened > 0, "the safe state was never reached: {row:?}");
         }
