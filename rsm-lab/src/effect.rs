@@ -370,6 +370,7 @@ impl Scale {
 #[allow(unused_variables)]
 pub trait Effect: Send + Sync {
     /// Parameters: once, before the simulation.
+    // mutant `body to ()`: it does nothing.
     fn parameters(&self, parameters: &mut Parameters) {}
 
     /// Inputs: the first input (both voltages of a motor) as it acts.
@@ -398,9 +399,11 @@ pub trait Effect: Send + Sync {
     }
 
     /// Extra states: their start.
+    // mutant `body to ()`: it does nothing.
     fn start(&self, start: &Start, own: &mut [f64]) {}
 
     /// Extra states: those that follow outputs, at rest with what the effects before this one read.
+    // mutant `body to ()`: it does nothing.
     fn settle(&self, outputs: &[f64; 3], own: &mut [f64]) {}
 
     /// The fastest rate, in 1/s, that it brings into the equations.
@@ -435,6 +438,7 @@ pub trait Effect: Send + Sync {
     }
 
     /// Parameters of a motor that depend on its state.
+    // mutant `body to ()`: it does nothing.
     fn machine(&self, at: &Currents, own: &[f64], rates: &mut [f64], machine: &mut Machine) {}
 
     /// Effort on the first body (rotor, carriage, wheel), positive forward.

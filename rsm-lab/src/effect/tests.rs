@@ -321,6 +321,20 @@ fn what_an_effect_has_no_hook_for_it_leaves_as_it_is() {
     assert!(!Nothing.reads_with_memory());
 }
 
+/// An effect with a rate alone.
+struct Fast;
+
+impl Effect for Fast {
+    fn fastest_rate(&self, scale: &Scale) -> f64 {
+        7.0 * scale.inertia
+    }
+}
+
+#[test]
+fn an_effect_that_says_nothing_of_its_linear_part_leaves_all_of_its_rate() {
+    assert_eq!(Fast.nonlinear_rate(&Given::of("inertia=3").scale()), 21.0);
+}
+
 #[test]
 fn the_rate_of_a_smooth_sign_is_its_slope_or_its_passing() {
     // Level 12, inertia 6, width 0.5: 12/0.5/6 = 4 at rest, and at 0.25 the share 1 - tanh^2 0.5 of it.
