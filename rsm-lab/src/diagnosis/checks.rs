@@ -3,17 +3,18 @@
 //! In: a prepared record. Out: findings, with the rows they concern taken out of every later figure. Where time is missing or a block of rows stands twice, the
 //! inputs of the plant are missing too, and nobody knows its state afterwards: a part without such a break is kept. Never corrects a sample.
 
-use std::collections::HashMap;
-
+use super::blocks::twice;
 use super::bridges;
 use super::kernel::Prepared;
 use super::noise::median;
+use super::rest::{self, Resting};
+use super::share::Piece;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 use crate::simulate::Simulator;
 
 /// In a noisy channel two equal readings one after the other are chance; this many are a channel that hangs.
-const STUCK: usize = 8;
+pub(super) const STUCK: usize = 8;
 
 /// A channel counts as noisy when fewer than this share of its readings equal the one before: rounding to coarse steps repeats far more.
 const REPEATS: f64 = 0.02;
@@ -21,17 +22,11 @@ const REPEATS: f64 = 0.02;
 /// A sample so many robust standard deviations of second differences off its neighbours' line is a jump: normal noise passes 12 once in 10^32.
 const JUMP: f64 = 12.0;
 
-/// Blocks of rows that stand twice by chance are rarer than this in a record.
-const TWICE: f64 = 1e-6;
-
 /// The part of a record from its beginning is kept where it has at least this share of the rows: its first state is known best.
 const FIRST_PART: f64 = 0.25;
 
 /// What a wrong first state moves counts as gone when this share of it is left.
 const GONE: f64 = 1e-3;
-
-/// A sensor that reads exactly 0 says rest where the nominal plant, which may have no dry friction, is slower than this share of its largest reading.
-const AT_REST: f64 = 0.1;
 
 /// A channel that has one value from a row to the end hangs there, whatever the value, where that is this part of the record.
 const STAYS: usize = 4;
@@ -53,14 +48,17 @@ pub struct Finding {
 }
 
 /// Records as a diagnosis takes them, and what is wrong with them.
-pub fn prepared(records: impl IntoIterator<Item = Record>, file: &PlantFile) -> (Vec<Prepared>, Vec<Finding>) {
+pub fn prepared(pieces: impl IntoIterator<Item = Piece>, file: &PlantFile) -> (Vec<Prepared>, Vec<Finding>) {
     let mut findings = Vec::new();
-    let one = |record: Record| {
-        let mut one = Prepared::new(record, file.kind.outputs().len());
+    let one = |piece: Piece| {
+        let mut one = Prepared { from: piece.from, ..Prepared::new(piece.record, file.kind.outputs().len()) };
         findings.extend(check(&mut one, file));
+        // Rows of the file, of which a check may have left out some.
+        let settling = (0..one.record.rows()).take_while(|row| one.file_row(*row) < piece.from + piece.settling).count();
+        one.used.iter_mut().for_each(|used| used[..settling].fill(false));
         one
     };
-    let prepared = records.into_iter().map(one).collect();
+    let prepared = pieces.into_iter().map(one).collect();
     (prepared, findings)
 }
 
@@ -85,7 +83,8 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     }
     let mut blocks = twice(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
     // A plant at rest repeats itself; a recorder that repeats a block repeats its noise.
-    blocks.retain(|(from, to)| (0..count).any(|k| noisy[k] && !is_constant(&prepared.measured(k)[*from..*to])));
+    let resting: Vec<Resting> = (0..count).map(|k| Resting::new(prepared.measured(k), nominal[k].as_deref())).collect();
+    blocks.retain(|(from, to)| (0..count).any(|k| noisy[k] && !resting[k].is_still(*from..*to)));
     for block in &blocks {
         findings.push(finding("row", "duplicated block", (block.0, block.1 - 1)));
     }
@@ -114,7 +113,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
                 continue;
             }
             let extreme = values[first] == low || values[first] == high;
-            if row - first >= STUCK / 2 && rests(nominal[k].as_deref(), values, first..row) {
+            if row - first >= STUCK / 2 && resting[k].rests(first..row) {
                 first = row;
                 continue;
             }
@@ -134,7 +133,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     let unbroken = longest_part(prepared, &blocks);
     if unbroken != (0..rows) {
         // The state after a break is unknown where sensors do not show all of it.
-        let settled = if unbroken.start == 0 { 0 } else { memory(prepared, file, unbroken.clone()) };
+        let settled = if unbroken.start == 0 { 0 } else { memory(prepared, file, unbroken.clone()).unwrap_or(0) };
         let first = (unbroken.start + settled).min(unbroken.end);
         for lost in [0..unbroken.start, unbroken.end..rows] {
             if !lost.is_empty() {
@@ -196,13 +195,6 @@ fn is_constant(values: &[f64]) -> bool {
     values.windows(2).all(|pair| pair[0] == pair[1])
 }
 
-/// Whether equal readings are a plant at rest: the sensor reads exactly 0, and the nominal plant, which may lack the friction that holds it, is slow there.
-fn rests(nominal: Option<&[f64]>, measured: &[f64], rows: std::ops::Range<usize>) -> bool {
-    let Some(nominal) = nominal else { return false };
-    let largest = nominal.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-    measured[rows.start] == 0.0 && nominal[rows].iter().all(|value| value.abs() < AT_REST * largest)
-}
-
 /// Takes the rows of findings out.
 fn leave_out(prepared: &mut Prepared, file: &PlantFile, findings: &[Finding]) {
     let names = file.kind.outputs();
@@ -213,50 +205,6 @@ fn leave_out(prepared: &mut Prepared, file: &PlantFile, findings: &[Finding]) {
             }
         }
     }
-}
-
-/// Blocks of rows whose noisy readings all stood in the record before: first row and the row after the last.
-fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
-    let Some(first) = channels.first() else { return Vec::new() };
-    let rows = first.len();
-    // How probable it is that two rows are equal by chance: the share of equal pairs in each channel, one at least.
-    let chance = |values: &&[f64]| {
-        let mut sorted = values.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let equal: f64 = sorted.chunk_by(|a, b| a == b).map(|run| (run.len() * (run.len() - 1)) as f64).sum();
-        (equal.max(2.0) / (rows as f64 * (rows as f64 - 1.0)).max(1.0)).ln()
-    };
-    let of_a_row: f64 = channels.iter().map(chance).sum();
-    let same = |a: usize, b: usize| channels.iter().all(|values| values[a] == values[b]);
-    let mut places: HashMap<u64, Vec<usize>> = HashMap::new();
-    // For each row the longest block from it on that stood before; a block that began a row earlier is not counted again.
-    let longest: Vec<(usize, bool)> = (0..rows)
-        .map(|row| {
-            let before = places.entry(first[row].to_bits()).or_default();
-            let length = |start: usize| (0..rows - row).take_while(|k| start + k < row && same(start + k, row + k)).count();
-            let best = before.iter().map(|start| (length(*start), *start)).max().unwrap_or((0, 0));
-            before.push(row);
-            (best.0, best.0 > 0 && (best.1 == 0 || !same(best.1 - 1, row - 1)))
-        })
-        .collect();
-    // A block so long stands twice among all pairs of rows less often than `TWICE`, if rows were independent.
-    let independent = (TWICE.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE);
-    // They are not where a plant rests or repeats its motion: after one row that stood before, how often did the next one too? Short blocks tell.
-    let short = |least: usize| longest.iter().filter(|it| it.1 && (least..STUCK).contains(&it.0)).count() as f64;
-    let (one, two) = (short(1), short(2));
-    let following = if two > 0.0 { 1.0 + (TWICE / one).ln() / (two / one).min(1.0 - 1.0 / (one + 1.0)).ln() } else { 0.0 };
-    let least = independent.max(following).ceil().max(2.0);
-    let mut blocks = Vec::new();
-    let mut row = 0;
-    while row < rows {
-        let length = longest[row].0;
-        let stands_twice = length as f64 >= least;
-        if stands_twice {
-            blocks.push((row, row + length));
-        }
-        row += if stands_twice { length } else { 1 };
-    }
-    blocks
 }
 
 /// The part of a record without breaks that is kept.
@@ -280,19 +228,19 @@ fn longest_part(prepared: &Prepared, blocks: &[(usize, usize)]) -> std::ops::Ran
 }
 
 /// How many rows the plant remembers a first state: its simulation from the middle of a part, against the one that came from the part's beginning. A constant
-/// difference is another start, which is free anyway.
-fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -> usize {
+/// difference is another start, which is free anyway. `None` where it cannot be simulated.
+pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -> Option<usize> {
     let whole = prepared.record.piece(part.clone());
     let middle = part.len() / 2;
     let run = |record: &Record| Simulator::new(file, record).ok()?.run(record).ok();
-    let Some(long) = run(&whole) else { return 0 };
+    let long = run(&whole)?;
     let mut later = whole.piece(middle..part.len());
     for (output, measured) in file.kind.outputs().iter().zip(&mut later.measured) {
         if let (Some(measured), Some(values)) = (measured, long.of(output.name)) {
             measured.copy_from_slice(&values[middle..]);
         }
     }
-    let Some(short) = run(&later) else { return 0 };
+    let short = run(&later)?;
     let of_output = |name: &str| {
         let (long, short) = (long.of(name)?, short.of(name)?);
         let off: Vec<f64> = long[middle..].iter().zip(short).map(|(long, short)| long - short).collect();
@@ -306,7 +254,7 @@ fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -
             off.iter().rposition(|off| (off - end).abs() > GONE * most).map(|row| row + 1)
         }
     };
-    prepared.outputs.iter().filter_map(|output| of_output(file.kind.outputs()[*output].name)).max().unwrap_or(0)
+    prepared.outputs.iter().filter_map(|output| of_output(file.kind.outputs()[*output].name)).max()
 }
 
 /// Few readings that repeat the one before, beside the longest time for which the channel hangs.
@@ -344,7 +292,10 @@ fn repeats_little(values: &[f64]) -> bool {
 #[must_use]
 pub fn jumps(values: &[f64]) -> Vec<usize> {
     let second: Vec<f64> = values.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
-    let mut sizes: Vec<f64> = second.iter().map(|value| value.abs()).collect();
+    // Where a channel repeats itself it is at rest, and says nothing about noise.
+    let moves = rest::moving(values);
+    let sizes = second.iter().enumerate().filter(|(k, _)| moves[k + 1]).map(|(_, value)| value.abs());
+    let mut sizes: Vec<f64> = sizes.collect();
     // The median of |x| is 0.6745 standard deviations of a normal x.
     let sd = median(&mut sizes) / 0.6745;
     if sd == 0.0 {
@@ -492,16 +443,5 @@ mod tests {
         let findings = check(&mut prepared, &file);
         assert_eq!((findings[0].what, findings[0].rows), ("duplicated block", (170, 189)));
         assert_eq!(prepared.record.rows(), 170);
-    }
-
-    #[test]
-    fn blocks_of_coarse_readings_may_stand_twice_by_chance() {
-        // Forty readings at random: of 400 rows every run of two stands twice somewhere, of three some.
-        let mut random = Random::new(9);
-        let coarse: Vec<f64> = (0..400).map(|_| (40.0 * random.uniform()).floor()).collect();
-        assert_eq!(twice(&[&coarse]), vec![]);
-        let mut doubled = coarse.clone();
-        doubled.copy_within(100..120, 300);
-        assert_eq!(twice(&[&doubled]), vec![(300, 320)]);
     }
 }

@@ -10,7 +10,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::noise::Floor;
 use super::selection::Believed;
-use super::share::Share;
+use super::share::{Piece, Share};
 use super::verdict::{self, Cause, Diagnosis, Interval, NAMED, Verdict};
 use super::{Options, Refused, bootstrap, calibrate, checks, of_nominal, tested, validation, worth};
 use crate::effect::Subject;
@@ -108,7 +108,7 @@ fn judged(filed: &PlantFile, training: &[Record], validation: &[Record], options
     }
     // As much of long records as the search looks at.
     let mut share = Share::of_rows(training, validation);
-    let (records, _) = checks::prepared(training.iter().map(|record| share.beginning(record)), filed);
+    let (records, _) = checks::prepared(training.iter().flat_map(|record| share.pieces(record, filed)), filed);
     let mut kernel = Kernel::new(records, [Floor::white(1.0); 3], options.threads);
     let mut none = kernel.on(Vec::new());
     share.cut(&mut kernel, &mut none, filed);
@@ -196,7 +196,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.nominal = before.nominal.clone();
     anew.gain = verdict::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
-    let (prepared, _) = checks::prepared(judges.iter().cloned(), setting.filed);
+    let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
     let kernel = Kernel::new(prepared, judged.floors, setting.options.threads);
     let records: Vec<&Record> = judges.iter().collect();
     let sds = judged.floors.map(|floor| floor.sd);

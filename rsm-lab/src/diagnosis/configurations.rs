@@ -114,5 +114,5 @@ fn structure(kernel: &Kernel, fit: &Fit, sds: &[Option<f64>]) -> Option<f64> {
     }
     let there = validation::on(kernel, &fit.model)?;
     let moved = validation::within(kernel, &fit.model, sds, &there)?;
-    Some(verdict::left_there(kernel, moved).excess)
+    Some(verdict::left_there(kernel, moved, 1).excess)
 }

@@ -1,7 +1,7 @@
 //! Diagnosis of a plant: what its simulation gets wrong, which cause of the catalogue explains it, and what that gains.
 //!
 //! ```text
-//!   records --checks--> rows that count --noise--> floor --levenberg--> calibrated plant
+//!   records --units, checks--> rows that count --noise--> floor --levenberg--> calibrated plant
 //!      --screen--> ranked hypotheses --profile--> best numbers --selection--> causes --validation--> gain
 //!      --excitations--> records that could be made --experiment--> the one that tells causes apart
 //! ```
@@ -13,6 +13,7 @@
 mod axis_under_steps;
 pub mod beginnings;
 pub mod bends;
+pub mod blocks;
 pub mod bootstrap;
 pub mod bridges;
 pub mod chance;
@@ -23,6 +24,7 @@ pub mod compete;
 mod confidence;
 pub mod configurations;
 pub mod correction;
+pub mod everywhere;
 pub mod excitations;
 pub mod experiment;
 pub mod finish;
@@ -47,6 +49,7 @@ pub mod profile;
 pub mod quantities;
 pub mod random;
 pub mod regions;
+pub mod rest;
 pub mod rounding;
 pub mod screen;
 pub mod selection;
@@ -56,6 +59,8 @@ pub mod steps;
 pub mod survey;
 pub mod tested;
 pub mod tracks;
+pub mod units;
+pub mod upper_band;
 pub mod validation;
 pub mod valleys;
 pub mod verdict;
@@ -151,11 +156,34 @@ pub fn diagnose_and_test(
     test: &[Record],
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
-    if file.effects.is_empty() {
-        of_nominal(file, training, validation, test, options)
-    } else {
-        claims::diagnose(file, training, validation, test, options)
+    let found = units::look(file, training, options.threads);
+    let diagnosed = |training: &[Record], validation: &[Record], test: &[Record]| {
+        if file.effects.is_empty() {
+            of_nominal(file, training, validation, test, options)
+        } else {
+            claims::diagnose(file, training, validation, test, options)
+        }
+    };
+    if found.is_empty() {
+        return diagnosed(training, validation, test);
     }
+    let mut all = [training, validation, test].map(<[Record]>::to_vec);
+    for (one, right) in &found {
+        (options.progress)(&one.to_string());
+        all.iter_mut().flatten().for_each(|record| right.apply(record));
+    }
+    let mut whole = diagnosed(&all[0], &all[1], &all[2])?;
+    let noise = &whole.noise;
+    let gains = units::asked_again(&found, &whole.plant, &all[0], noise, options.threads);
+    if whole.verdict != Verdict::Unexplained && gains.iter().any(Option::is_none) {
+        // Beside the causes that were found the factor is another: no unit.
+        return diagnosed(training, validation, test);
+    }
+    whole.units = found.into_iter().map(|it| it.0).collect();
+    for (unit, gain) in whole.units.iter_mut().zip(gains) {
+        unit.gain = gain.unwrap_or(unit.gain);
+    }
+    Ok(whole)
 }
 
 /// Diagnoses a plant whose effects, if it has any, are given.
@@ -168,7 +196,7 @@ fn of_nominal(
 ) -> Result<Diagnosis, Refused> {
     let outputs = file.kind.outputs().len();
     let mut share = Share::of_rows(training, validation);
-    let prepare = |records: &[Record]| checks::prepared(records.iter().map(|record| share.beginning(record)), file);
+    let prepare = |records: &[Record]| checks::prepared(records.iter().flat_map(|record| share.pieces(record, file)), file);
     let ((trained, mut findings), (judging, more)) = (prepare(training), prepare(validation));
     findings.extend(more);
     let white = [Floor::white(1.0); 3];
@@ -228,7 +256,9 @@ fn of_nominal(
     let rows = kernel.records.iter().map(|it| it.record.rows()).sum();
     kernel.pace = kernel.pace.beside(run, rows);
     unseen.pace = kernel.pace.clone();
-    let effort = Effort::within((MOST_RUNS * run).min(MOST_STEPS));
+    // Of long records the answer is asked on all rows afterwards: that is work, too.
+    let most = if share.not_seen().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
+    let effort = Effort::within((MOST_RUNS * run).min(most));
     // A law that is known says which sensor is off before friction and mass are asked.
     let known_loop = known_loop::look(&kernel.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
@@ -279,10 +309,11 @@ fn of_nominal(
         };
         let found = search.run_from(start.clone(), seed.clone());
         let floors = with_rounding(&kernel, &found.fit, floors(&kernel, &found.fit, file), &rounded);
-        let moved = floors
-            .iter()
-            .zip(&kernel.floors)
-            .any(|(new, old)| (new.sd / old.sd - 1.0).abs() > 0.1 || new.rounding.is_some() != old.rounding.is_some());
+        let moved = floors.iter().zip(&kernel.floors).any(|(new, old)| {
+            (new.sd / old.sd - 1.0).abs() > 0.1
+                || new.rounding.is_some() != old.rounding.is_some()
+                || growth::differ(new.growth, old.growth)
+        });
         // With causes in the plant, readings after a gap say more about what stood in it.
         let corrected = (round == 0 && !found.causes.is_empty()).then(|| bridges::corrected(&kernel, &found.fit)).flatten();
         let again = round == 0 && (moved || corrected.is_some()) && !found.causes.is_empty();
@@ -310,6 +341,11 @@ fn of_nominal(
     });
     unseen.floors = kernel.floors;
     selection.known_loop = known_loop;
+    if share.not_seen().is_some() {
+        (options.progress)("asking all rows");
+        let all: Vec<&Record> = training.iter().chain(validation).collect();
+        selection.everywhere = Some(everywhere::look(&all, file, &kernel, &selection.fit));
+    }
     let fit = selection.fit.clone();
     let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
@@ -365,6 +401,7 @@ fn of_one_record(
         remaining: Vec::new(),
         stopped,
         known_loop: None,
+        everywhere: None,
     };
     let mut nominal = Model::nominal(file, &[], own.kernel.floors.map(|floor| floor.sd));
     let records: Vec<&Record> = own.kernel.records.iter().map(|it| &it.record).collect();

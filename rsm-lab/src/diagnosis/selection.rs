@@ -5,6 +5,7 @@
 
 use super::chance::best_of;
 use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
+use super::everywhere::Everywhere;
 use super::hypotheses::{Hypothesis, label};
 use super::kernel::Kernel;
 use super::known_loop::KnownLoop;
@@ -115,6 +116,8 @@ pub struct Selection {
     pub stopped: Option<Limit>,
     /// What a known law says of its sensors, whatever the search found.
     pub known_loop: Option<KnownLoop>,
+    /// What all rows of records that are too long to be searched say of the answer.
+    pub everywhere: Option<Everywhere>,
 }
 
 /// What ends a search that would go on.
@@ -298,7 +301,18 @@ impl Search<'_> {
         if let Some(limit) = stopped {
             (self.progress)(&format!("the search stopped {limit}"));
         }
-        Selection { calibrated, fit, causes, refused, threshold, ranking, remaining, stopped, known_loop: None }
+        Selection {
+            calibrated,
+            fit,
+            causes,
+            refused,
+            threshold,
+            ranking,
+            remaining,
+            stopped,
+            known_loop: None,
+            everywhere: None,
+        }
     }
 
     /// Adds causes, one after another, while they pay: the fits on the way, the last one last. Empty where nothing pays.

@@ -8,6 +8,7 @@ use super::checks::{self, Finding};
 use super::kernel::{Kernel, Simulated};
 use super::model::Model;
 use super::noise::Floor;
+use super::share::Piece;
 use super::validation::{self, Error};
 use super::verdict::{gain, gain_of};
 use crate::plant_file::PlantFile;
@@ -43,7 +44,7 @@ pub fn tested(
     nominal: &Model,
     extended: &Model,
 ) -> Option<Tested> {
-    let (prepared, findings) = checks::prepared(records.iter().cloned(), file);
+    let (prepared, findings) = checks::prepared(records.iter().cloned().map(Piece::whole), file);
     if prepared.is_empty() {
         return None;
     }

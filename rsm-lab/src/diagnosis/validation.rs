@@ -17,13 +17,25 @@ const FIRST_SHARE: usize = 16;
 /// Rows with fewer of which a beginning says nothing about a start that the whole does not.
 const LEAST_ROWS: usize = 30;
 
-/// The model on other records, their starts as they fit best; its residual comes with it.
-#[must_use]
-pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
+/// The model with the starts of other records, from their first readings, as its only unknowns.
+fn started(kernel: &Kernel, model: &Model) -> Model {
     let mut other = model.clone();
     let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
     other.take_starts(&records, kernel.floors.map(|floor| floor.sd));
     other.unknowns.retain(|unknown| matches!(unknown.place, Place::Start { .. }));
+    other
+}
+
+/// The model on other records, one step of their starts from first readings: enough where they are nearly right.
+#[must_use]
+pub fn at_once(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
+    levenberg::fit(kernel, started(kernel, model), 1)
+}
+
+/// The model on other records, their starts as they fit best; its residual comes with it.
+#[must_use]
+pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
+    let mut other = started(kernel, model);
     let mut share = FIRST_SHARE;
     while share > 1 {
         let cut = |it: &Prepared| it.shortened(it.record.rows() / share);

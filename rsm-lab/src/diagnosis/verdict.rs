@@ -7,10 +7,11 @@ use super::bridges::{self, Bridged};
 use super::checks::Finding;
 use super::claims::Claim;
 use super::confidence::{self, Case};
+use super::everywhere::Everywhere;
 use super::experiment::NextExperiment;
 use super::finish;
 use super::hypotheses::generalises;
-use super::kernel::Kernel;
+use super::kernel::{Kernel, Simulated};
 use super::known_loop::KnownLoop;
 use super::levenberg::Fit;
 use super::model::{Model, Place};
@@ -22,6 +23,7 @@ use super::selection::{Believed, Limit, Selection};
 use super::share::NotSeen;
 use super::steps::{self, Step};
 use super::tested::Tested;
+use super::units::InUnit;
 use super::validation::{self, Error};
 use super::veto::Refusal;
 use super::whiteness::{self, Left};
@@ -155,6 +157,10 @@ pub struct Diagnosis {
     pub findings: Vec<Finding>,
     /// Rows that were not looked at, where records are longer than a diagnosis may take.
     pub not_seen: Option<NotSeen>,
+    /// What all rows say of the answer, where the search did not look at all of them.
+    pub everywhere: Option<Everywhere>,
+    /// Columns that are in another unit than the records say; they were converted before anything else.
+    pub units: Vec<InUnit>,
     /// Gaps of a few rows that were bridged.
     pub bridged: Vec<Bridged>,
     /// Noise of each output that the records hold: place, standard deviation, correlation from row to row.
@@ -209,8 +215,18 @@ pub fn conclude(
     findings: Vec<Finding>,
     rounded: &[(usize, f64)],
 ) -> Diagnosis {
-    let Selection { calibrated, fit, causes: believed, refused, threshold, ranking, remaining, stopped, known_loop } =
-        selection;
+    let Selection {
+        calibrated,
+        fit,
+        causes: believed,
+        refused,
+        threshold,
+        ranking,
+        remaining,
+        stopped,
+        known_loop,
+        everywhere,
+    } = selection;
     let judged = if unseen.records.is_empty() { kernel } else { unseen };
     let before = validation::on(judged, nominal);
     // From the calibrated plant's starts or from first readings, whichever suits.
@@ -240,6 +256,7 @@ pub fn conclude(
     let of_rounding = if told { 0.0 } else { OF_ROUNDING };
     let most_left = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess));
     let most_left = most_left.max(predicted.as_ref().map_or(0.0, |it| it.excess));
+    let most_left = most_left.max(everywhere.as_ref().map_or(0.0, |it| it.excess));
     let beyond = most_left > allowed(of_rounding, wrong);
     let gone = 1.0 - most_left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
     let practical = (beyond && !believed.is_empty() && most_left < FOR_PRACTICE && gone > NEARLY_ALL)
@@ -327,6 +344,8 @@ pub fn conclude(
         plant,
         findings,
         not_seen: None,
+        everywhere,
+        units: Vec::new(),
         bridged: bridges::bridged(kernel.records.iter().chain(&unseen.records)),
         noise: present.iter().map(|k| (*k, kernel.floors[*k].sd, kernel.floors[*k].correlation)).collect(),
         growing: growing(kernel, &present),
@@ -358,22 +377,38 @@ fn growing(kernel: &Kernel, present: &[usize]) -> Vec<(usize, f64, f64)> {
     grows.map(|&output| (output, kernel.floors[output].sd_at(0.0), kernel.floors[output].sd_at(largest(output)))).collect()
 }
 
-/// What is left on unseen records, by the noise that they have themselves.
-pub(super) fn left_there(unseen: &Kernel, moved: Fit) -> Left {
+/// What is left on unseen records, by the noise that they have themselves, as one of so many looks.
+pub(super) fn left_there(unseen: &Kernel, moved: Fit, looks: usize) -> Left {
     let (there, fit) = by_own_noise(unseen, moved);
-    whiteness::look(&there, &fit)
+    whiteness::look_among(&there, &fit, looks)
 }
 
 /// Unseen records with the noise that they have themselves, and a fit by it: its level is known from the others to a per cent, and a day's is not that of the next.
 /// Far more of it is none, and records that are too short to show theirs have that of the others.
 fn by_own_noise(unseen: &Kernel, moved: Fit) -> (Kernel, Fit) {
-    let mut there = unseen.clone();
-    for (floor, shown) in there.floors.iter_mut().zip(super::shown(unseen, &moved.simulated)) {
-        if let Some(own) = shown.floor.filter(|own| floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd) {
-            *floor = own;
+    let its_own = |floors: &[Floor; 3], kernel: &Kernel, simulated: &[Simulated]| {
+        let mut floors = *floors;
+        for (floor, shown) in floors.iter_mut().zip(super::shown(kernel, simulated)) {
+            if let Some(own) = shown.floor.filter(|own| floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd) {
+                *floor = own;
+            }
         }
+        floors
+    };
+    let mut there = unseen.clone();
+    there.floors = its_own(&unseen.floors, unseen, &moved.simulated);
+    // A record may have noise of its own law, too: each is judged by its own, and what that is known worse by counts for all.
+    let mut residual = Vec::with_capacity(moved.residual.len());
+    let pooled = there.floors;
+    for (record, simulated) in unseen.records.iter().zip(&moved.simulated) {
+        let simulated = std::slice::from_ref(simulated);
+        let mut alone = unseen.on(vec![record.clone()]);
+        alone.floors = its_own(&pooled, &alone, simulated);
+        for (floor, own) in there.floors.iter_mut().zip(&alone.floors) {
+            floor.error = floor.error.max(own.error);
+        }
+        residual.extend(alone.residual(simulated));
     }
-    let residual = there.residual(&moved.simulated);
     (there, Fit { residual, ..moved })
 }
 
@@ -564,7 +599,7 @@ mod tests {
                 let swing = swing * kernel.floors[0].sd * (0.1 * row as f64).sin();
                 *value = simulated + louder * (*value - simulated) + swing;
             }
-            left_there(&unseen, fit.clone()).excess
+            left_there(&unseen, fit.clone(), 1).excess
         };
         assert_eq!(left(1.0, 0.0), 0.0);
         assert_eq!(left(1.4, 0.0), 0.0);

@@ -23,6 +23,8 @@ const LEAST_SCATTER: f64 = 0.01;
 pub struct Band {
     /// The output, by its place in the plant.
     pub output: usize,
+    /// The octave, from the highest down.
+    pub octave: usize,
     /// Lowest frequency, in Hz.
     pub low: f64,
     /// Highest frequency, in Hz.
@@ -46,9 +48,21 @@ pub struct Left {
     pub excess: f64,
 }
 
+/// What the largest of so many deviations of noise passes once in two hundred times, if there are so many such looks.
+#[must_use]
+pub fn point(bands: usize, looks: usize) -> f64 {
+    quantile(ALARM / (LOOKS * bands.max(1) * looks.max(1)) as f64)
+}
+
 /// Looks at the residual of a fit.
 #[must_use]
 pub fn look(kernel: &Kernel, fit: &Fit) -> Left {
+    look_among(kernel, fit, 1)
+}
+
+/// The same, as one of so many looks that may not raise a false alarm together.
+#[must_use]
+pub fn look_among(kernel: &Kernel, fit: &Fit, looks: usize) -> Left {
     let mut sums = [[Octave::default(); OCTAVES]; 3];
     let mut rate = 0.0_f64;
     let mut first = 0;
@@ -69,6 +83,7 @@ pub fn look(kernel: &Kernel, fit: &Fit) -> Left {
             let high = 0.5 * rate * 0.5_f64.powi(k as i32);
             bands.push(Band {
                 output,
+                octave: k,
                 low: if k == OCTAVES - 1 { 0.0 } else { high / 2.0 },
                 high,
                 ratio: octave.ratio(),
@@ -77,7 +92,7 @@ pub fn look(kernel: &Kernel, fit: &Fit) -> Left {
             });
         }
     }
-    let point = quantile(ALARM / (LOOKS * bands.len().max(1)) as f64);
+    let point = point(bands.len(), looks);
     let all: f64 = bands.iter().map(|band| band.lines as f64).sum();
     let beyond = bands.iter().filter(|band| band.deviation > point);
     let excess = beyond.map(|band| (band.ratio - 1.0) * band.lines as f64).sum::<f64>() / all.max(1.0);

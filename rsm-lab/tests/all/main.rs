@@ -11,6 +11,7 @@ mod next_experiment;
 mod rejected;
 mod step;
 mod track;
+mod units;
 
 use std::path::{Path, PathBuf};
 

@@ -383,39 +383,31 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     // Other gears for validation: what only holds in the gears of the training is not the cause.
     let gears = [2, 3, 4, 2, 3];
     let untidy = &choice.untidy;
-    let mut runs: Vec<Run> = (0..RUNS.0 + RUNS.1)
+    let made: Vec<Made> = (0..RUNS.0 + RUNS.1)
         .map(|run| {
             let stream = Random::new(random.whole(0, u64::from(u32::MAX)), "run");
             let gear = gears[run];
             let (start, mut drive) = excitation(&true_plant, gear, stream.clone());
             let mut truth = truth.clone();
             truth.effects.extend(own.iter().filter(|(its, _)| *its == run).map(|(_, effect)| effect.clone()));
-            let truth = &truth;
-            let exact = plant::run(truth, start, nominal.period, nominal.rows, &mut drive);
+            let exact = plant::run(&truth, start, nominal.period, nominal.rows, &mut drive);
             let without = again(&bare, &exact, &true_plant, gear, &stream);
             // What a coarse sensor rounds off is its signal, so rounding counts here.
             let mut read = exact.clone();
-            plant::quantise(truth, &mut read);
+            plant::quantise(&truth, &mut read);
             for (output, sums) in moved.iter_mut().enumerate() {
                 let sum = &mut sums[usize::from(run >= RUNS.0)];
                 let pairs = read.outputs[output].iter().zip(&without.outputs[output]);
                 sum.0 += pairs.map(|(with, without)| ((with - without) / nominal.noise[output]).powi(2)).sum::<f64>();
                 sum.1 += nominal.rows as f64;
             }
-            let mut noisy = exact.clone();
-            let mut own = Random::new(random.clone().whole(0, u64::from(u32::MAX)), "untidy");
-            for (output, column) in noisy.outputs.iter_mut().enumerate() {
-                let noise = random.noise(nominal.rows, nominal.noise[output], colours[output]);
-                let factors = untidy.factors(column, &mut own);
-                column.iter_mut().zip(noise).zip(factors).for_each(|((value, noise), factor)| *value += factor * noise);
-            }
-            let left_out = untidy.lost_rows(nominal.rows, &mut own);
-            outside::on_readings(truth, &exact, &mut noisy);
-            // A coarse sensor rounds what it reads, noise and all.
-            plant::quantise(truth, &mut noisy);
-            Run { noisy, exact, left_out }
+            let untidy = Random::new(random.clone().whole(0, u64::from(u32::MAX)), "untidy");
+            let outputs = 0..exact.outputs.len();
+            let noise = outputs.map(|output| random.noise(nominal.rows, nominal.noise[output], colours[output])).collect();
+            Made { truth, exact, noise, untidy }
         })
         .collect();
+    let mut runs = read(made, untidy);
     let validate = runs.split_off(RUNS.0);
     // Nobody finds what no training record shows, nor sees that it helps where no record for validation does.
     let shown = |which: usize| moved.iter().map(|sums| (sums[which].0 / sums[which].1).sqrt()).fold(0.0, f64::max);
@@ -456,6 +448,40 @@ fn within_two(random: &mut Random) -> f64 {
             return off;
         }
     }
+}
+
+/// A run before its sensors read it.
+struct Made {
+    truth: Truth,
+    exact: Record,
+    /// By output.
+    noise: Vec<Vec<f64>>,
+    /// Its own stream of random numbers for what is untidy.
+    untidy: Random,
+}
+
+/// Runs as sensors give them.
+fn read(made: Vec<Made>, untidy: &Untidy) -> Vec<Run> {
+    let largest = |output: usize| {
+        let all = made.iter().flat_map(|it| it.exact.outputs[output].iter());
+        all.fold(0.0_f64, |most, value| most.max(value.abs()))
+    };
+    let outputs = made.first().map_or(0, |it| it.exact.outputs.len());
+    let largest: Vec<f64> = (0..outputs).map(largest).collect();
+    let one = |made: Made| {
+        let Made { truth, exact, noise, untidy: mut own } = made;
+        let mut noisy = exact.clone();
+        for (output, column) in noisy.outputs.iter_mut().enumerate() {
+            let factors = untidy.factors(column, largest[output], &mut own);
+            column.iter_mut().zip(&noise[output]).zip(factors).for_each(|((value, noise), factor)| *value += factor * noise);
+        }
+        let left_out = untidy.lost_rows(exact.outputs[0].len(), &mut own);
+        outside::on_readings(&truth, &exact, &mut noisy);
+        // A coarse sensor rounds what it reads, noise and all.
+        plant::quantise(&truth, &mut noisy);
+        Run { noisy, exact, left_out }
+    };
+    made.into_iter().map(one).collect()
 }
 
 /// An effect of one record alone, clearly visible.

@@ -19,10 +19,11 @@ use report::{Line, Report};
 const USAGE: &str = "\
 usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far] [--case NAME] [--quick]
                               [--rows N] [--colour CORRELATION] [--stated FACTOR]
-                              [--lost N] [--growing SHARE] [--tails FREEDOM] [--without OUTPUT,...]
+                              [--lost N] [--growing SHARE] [--tails FREEDOM] [--outliers SHARE] [--without OUTPUT,...]
            makes cases, runs `rsm diagnose` on each, compares with the truth
            --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all
            --lost: one row in N is lost, in gaps of 1 to 3; --growing: noise grows by so many times itself up to the largest reading; --tails: it is Student's t;
+           --outliers: such a share of the readings has 20 times the noise;
            --without: no record holds these outputs
        hidden-effects make   --out DIR [the same]      makes the cases only
        hidden-effects verify --rsm PROGRAM --out DIR [--seed N] [--quick]
@@ -64,6 +65,7 @@ fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Wor
             "--lost" => choice.untidy.lost = Some(value()?.parse().map_err(|error| format!("--lost: {error}"))?),
             "--growing" => choice.untidy.growing = Some(value()?.parse().map_err(|error| format!("--growing: {error}"))?),
             "--tails" => choice.untidy.tails = Some(value()?.parse().map_err(|error| format!("--tails: {error}"))?),
+            "--outliers" => choice.untidy.outliers = Some(value()?.parse().map_err(|error| format!("--outliers: {error}"))?),
             "--without" => choice.untidy.without = value()?.split(',').map(str::to_string).collect(),
             "--stated" => choice.stated = Some(value()?.parse().map_err(|error| format!("--stated: {error}"))?),
             _ => return Err(format!("unknown word {word}\n{USAGE}")),

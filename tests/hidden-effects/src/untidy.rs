@@ -10,6 +10,9 @@ use crate::random::Random;
 /// A gap is of one row up to so many.
 const LONGEST_GAP: u64 = 3;
 
+/// The deviation of an outlier over that of the others.
+const OUTLIER: f64 = 20.0;
+
 /// What is asked for; nothing by default.
 #[derive(Debug, Clone, Default)]
 pub struct Untidy {
@@ -19,6 +22,8 @@ pub struct Untidy {
     pub growing: Option<f64>,
     /// The noise is Student's t with so many degrees of freedom (more than 2), of the same standard deviation.
     pub tails: Option<f64>,
+    /// This share of the readings has noise of `OUTLIER` times the usual deviation.
+    pub outliers: Option<f64>,
     /// Outputs that no record holds.
     pub without: Vec<String>,
 }
@@ -42,11 +47,13 @@ impl Untidy {
         }
     }
 
-    /// What the noise of each row is multiplied by, from the exact readings.
-    pub fn factors(&self, exact: &[f64], random: &mut Random) -> Vec<f64> {
-        let largest = exact.iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()));
+    /// What the noise of each row is multiplied by, from the exact readings and the largest one of all records: a sensor has one law, whatever the record.
+    pub fn factors(&self, exact: &[f64], largest: f64, random: &mut Random) -> Vec<f64> {
+        let largest = largest.max(f64::MIN_POSITIVE);
         let factor = |value: &f64| {
             let grown = 1.0 + self.growing.unwrap_or(0.0) * value.abs() / largest;
+            let far = self.outliers.is_some_and(|share| random.uniform(0.0, 1.0) < share);
+            let grown = if far { OUTLIER * grown } else { grown };
             let Some(freedom) = self.tails else { return grown };
             // A normal number over the root of chi squared/freedom; its variance is freedom/(freedom - 2).
             let chi: f64 = (0..freedom as usize).map(|_| random.normal().powi(2)).sum();
@@ -73,10 +80,15 @@ mod tests {
     #[test]
     fn noise_grows_and_has_tails_at_the_same_deviation() {
         let growing = Untidy { growing: Some(4.0), ..Untidy::default() };
-        assert_eq!(growing.factors(&[0.0, -10.0, 5.0], &mut Random::new(1, "g")), [1.0, 5.0, 3.0]);
+        assert_eq!(growing.factors(&[0.0, -10.0, 5.0], 10.0, &mut Random::new(1, "g")), [1.0, 5.0, 3.0]);
+        let outliers = Untidy { outliers: Some(0.01), ..Untidy::default() };
+        let far =
+            outliers.factors(&vec![1.0; 40_000], 1.0, &mut Random::new(3, "o")).iter().filter(|it| **it == OUTLIER).count();
+        // 400, and four times the root of that.
+        assert!((320..=480).contains(&far), "{far}");
         let tails = Untidy { tails: Some(5.0), ..Untidy::default() };
         let mut random = Random::new(2, "t");
-        let factors = tails.factors(&vec![1.0; 40_000], &mut random);
+        let factors = tails.factors(&vec![1.0; 40_000], 1.0, &mut random);
         let squares = factors.iter().map(|it| it * it * random.normal().powi(2));
         let (mut sum, mut far) = (0.0, 0);
         for square in squares {

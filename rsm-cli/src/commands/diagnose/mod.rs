@@ -312,7 +312,16 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         }).collect::<Map<String, Value>>(),
         "data": findings(&found.findings),
         "bridged": bridged(&found.bridged),
+        "units": found.units.iter().map(|it| json!({
+            "columns": it.columns, "stated": it.stated, "unit": it.unit, "factor": it.factor,
+            "gain": { "value": output::finite(it.gain[0]), "low": output::finite(it.gain[1]), "high": output::finite(it.gain[2]) },
+            "indistinguishable_from": it.alike,
+        })).collect::<Vec<Value>>(),
         "rows_seen": found.not_seen.map(|it| json!({ "seen": it.seen, "of": it.of })),
+        "all_rows": found.everywhere.as_ref().map(|it| json!({
+            "rows": it.rows, "of": it.of, "windows": it.windows, "excess": output::finite(it.excess), "not_simulated": it.lost,
+            "beyond_noise": it.beyond.iter().map(|it| json!({ "record": it.record, "excess": output::finite(it.excess) })).collect::<Vec<Value>>(),
+        })),
         "threshold": found.threshold,
         "stopped": found.stopped.map(|limit| limit.to_string()),
         "structure_left": found.left.excess,

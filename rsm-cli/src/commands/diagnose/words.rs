@@ -215,8 +215,14 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         let (low, high) = (figure(Some(*low)), figure(Some(*high)));
         tell!("The noise of {name} grows with the reading: its standard deviation is {low} at 0 and {high} at the largest.");
     }
+    for it in &found.units {
+        tell!("{it}.");
+    }
     if let Some(it) = &found.not_seen {
-        tell!("{it}");
+        tell!("{it}.");
+    }
+    if let Some(it) = &found.everywhere {
+        tell!("{it}.");
     }
     for it in &found.bridged {
         tell!("{}: {}", it.record, bridged(it));

@@ -69,8 +69,14 @@ fn data(body: &mut String, found: &Diagnosis) {
         let _ = write!(body, " Nothing has seen the test records before the last figures: {}.", files.join(", "));
     }
     body.push_str("</p>\n");
+    for it in &found.units {
+        let _ = writeln!(body, "<p><b>A column in another unit.</b> {}.</p>", escaped(&it.to_string()));
+    }
     if let Some(it) = &found.not_seen {
         let _ = writeln!(body, "<p>{it}.</p>");
+    }
+    if let Some(it) = &found.everywhere {
+        let _ = writeln!(body, "<p>{}.</p>", escaped(&it.to_string()));
     }
     for it in &found.bridged {
         let _ = writeln!(body, "<p>{}: {}.</p>", escaped(&it.record), words::bridged(it));

@@ -1,0 +1,71 @@
+//! Blocks of rows that stand twice in a record: a recorder that wrote its buffer again.
+//!
+//! In: the noisy channels of a record. Out: the rows of the second blocks. Knows how often equal rows meet by chance; never looks at time or at a plant.
+
+use std::collections::HashMap;
+
+use super::checks::STUCK;
+
+/// Blocks of rows that stand twice by chance are rarer than this in a record.
+const TWICE: f64 = 1e-6;
+
+/// Blocks of rows whose noisy readings all stood in the record before: first row and the row after the last.
+pub fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
+    let Some(first) = channels.first() else { return Vec::new() };
+    let rows = first.len();
+    // How probable it is that two rows are equal by chance: the share of equal pairs in each channel, one at least.
+    let chance = |values: &&[f64]| {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let equal: f64 = sorted.chunk_by(|a, b| a == b).map(|run| (run.len() * (run.len() - 1)) as f64).sum();
+        (equal.max(2.0) / (rows as f64 * (rows as f64 - 1.0)).max(1.0)).ln()
+    };
+    let of_a_row: f64 = channels.iter().map(chance).sum();
+    let same = |a: usize, b: usize| channels.iter().all(|values| values[a] == values[b]);
+    let mut places: HashMap<u64, Vec<usize>> = HashMap::new();
+    // For each row the longest block from it on that stood before; a block that began a row earlier is not counted again.
+    let longest: Vec<(usize, bool)> = (0..rows)
+        .map(|row| {
+            let before = places.entry(first[row].to_bits()).or_default();
+            let length = |start: usize| (0..rows - row).take_while(|k| start + k < row && same(start + k, row + k)).count();
+            let best = before.iter().map(|start| (length(*start), *start)).max().unwrap_or((0, 0));
+            before.push(row);
+            (best.0, best.0 > 0 && (best.1 == 0 || !same(best.1 - 1, row - 1)))
+        })
+        .collect();
+    // A block so long stands twice among all pairs of rows less often than `TWICE`, if rows were independent.
+    let independent = (TWICE.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE);
+    // They are not where a plant rests or repeats its motion: after one row that stood before, how often did the next one too? Short blocks tell.
+    let short = |least: usize| longest.iter().filter(|it| it.1 && (least..STUCK).contains(&it.0)).count() as f64;
+    let (one, two) = (short(1), short(2));
+    let following = if two > 0.0 { 1.0 + (TWICE / one).ln() / (two / one).min(1.0 - 1.0 / (one + 1.0)).ln() } else { 0.0 };
+    let least = independent.max(following).ceil().max(2.0);
+    let mut blocks = Vec::new();
+    let mut row = 0;
+    while row < rows {
+        let length = longest[row].0;
+        let stands_twice = length as f64 >= least;
+        if stands_twice {
+            blocks.push((row, row + length));
+        }
+        row += if stands_twice { length } else { 1 };
+    }
+    blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::Random;
+    use super::*;
+
+    #[test]
+    fn blocks_of_coarse_readings_may_stand_twice_by_chance() {
+        // Forty readings at random: of 400 rows every run of two stands twice somewhere, of three some.
+        let mut random = Random::new(9);
+        let coarse: Vec<f64> = (0..400).map(|_| (40.0 * random.uniform()).floor()).collect();
+        assert_eq!(twice(&[&coarse]), vec![]);
+        let mut doubled = coarse.clone();
+        doubled.copy_within(100..120, 300);
+        assert_eq!(twice(&[&doubled]), vec![(300, 320)]);
+    }
+}

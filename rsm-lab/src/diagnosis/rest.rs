@@ -1,0 +1,173 @@
+//! A plant at rest is no fault: readings that repeat there are what an encoder, a dead band or a coarse step gives.
+//!
+//! In: the readings of a channel, the nominal plant along it. Out: whether equal readings are rest. A sensor that hangs is left by a jump, for the plant has moved on; its noise is gone while that of
+//! its neighbours in time is not; and what it shows is any value. Rest is entered and left gently. The nominal plant is asked last: it may lack the friction that holds the true one.
+
+use std::ops::Range;
+
+/// Equal readings in a row that say that a channel stands still.
+const STILL: usize = 3;
+
+/// A reading of exactly 0 is rest where the plant comes to it and leaves it within this share of its largest reading: a dead band is smaller.
+const GENTLE: f64 = 0.1;
+
+/// And where the nominal plant, which may have no dry friction, is slower than this share of its largest reading.
+const SLOW: f64 = 0.1;
+
+/// So many of the smallest steps a coarse sensor moves from row to row beside a rest.
+const STEPS: f64 = 2.5;
+
+/// Rows on either side of a rest that say how the sensor reads there.
+const BESIDE: usize = 20;
+
+/// Steps of a sensor are whole to this share of one, nearly all of them.
+const WHOLE: (f64, f64) = (0.01, 0.98);
+
+/// Fewer steps say nothing.
+const LEAST: usize = 20;
+
+/// Which rows move: they are not in a run of equal readings.
+#[must_use]
+pub fn moving(values: &[f64]) -> Vec<bool> {
+    let mut moves = vec![true; values.len()];
+    for run in values.chunk_by(|a, b| a == b).scan(0, |at, run| {
+        *at += run.len();
+        Some(*at - run.len()..*at)
+    }) {
+        if run.len() >= STILL {
+            moves[run].fill(false);
+        }
+    }
+    moves
+}
+
+/// A channel that may rest.
+pub struct Resting<'a> {
+    values: &'a [f64],
+    nominal: Option<&'a [f64]>,
+    /// The largest reading, and the largest of the nominal plant.
+    largest: [f64; 2],
+    /// The step of which all changes are multiples.
+    step: Option<f64>,
+}
+
+impl<'a> Resting<'a> {
+    /// Of a channel, with the nominal plant's value of it.
+    #[must_use]
+    pub fn new(values: &'a [f64], nominal: Option<&'a [f64]>) -> Self {
+        let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        Resting { values, nominal, largest: [largest(values), nominal.map_or(0.0, largest)], step: step(values) }
+    }
+
+    /// Whether equal readings in these rows are a plant at rest.
+    #[must_use]
+    pub fn rests(&self, rows: Range<usize>) -> bool {
+        self.is_dead_band(&rows) || self.is_coarse(&rows)
+    }
+
+    /// Whether nothing moves in these rows but the last digit of a coarse sensor.
+    #[must_use]
+    pub fn is_still(&self, rows: Range<usize>) -> bool {
+        let part = &self.values[rows];
+        let (low, high) = part.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+        // Up or down by one.
+        high == low || self.step.is_some_and(|step| high - low <= 2.0 * (1.0 + WHOLE.0) * step)
+    }
+
+    /// By how much a channel moves into a run of rows and out of it.
+    fn ends(&self, rows: &Range<usize>) -> [f64; 2] {
+        let value = self.values[rows.start];
+        let off = |row: Option<usize>| row.and_then(|row| self.values.get(row)).map_or(0.0, |other| (other - value).abs());
+        [off(rows.start.checked_sub(1)), off(Some(rows.end))]
+    }
+
+    fn is_dead_band(&self, rows: &Range<usize>) -> bool {
+        if self.values[rows.start] != 0.0 {
+            return false;
+        }
+        let slow = self.nominal.is_some_and(|it| it[rows.clone()].iter().all(|value| value.abs() < SLOW * self.largest[1]));
+        slow || self.ends(rows).iter().all(|off| *off <= GENTLE * self.largest[0])
+    }
+
+    /// A sensor of coarse steps: it repeats where it creeps. One with noise of some steps would not; it hangs.
+    fn is_coarse(&self, rows: &Range<usize>) -> bool {
+        let Some(step) = self.step else { return false };
+        let gently = |row: usize| (self.values[row + 1] - self.values[row]).abs() <= STEPS * step;
+        let beside = |rows: Range<usize>| rows.len() == 0 || 2 * rows.clone().filter(|row| gently(*row)).count() >= rows.len();
+        let last = self.values.len() - 1;
+        let after = (rows.end - 1).min(last)..(rows.end - 1 + BESIDE).min(last);
+        let before = rows.start.saturating_sub(BESIDE)..rows.start;
+        self.ends(rows).iter().all(|off| *off <= STEPS * step) && (beside(before) || beside(after))
+    }
+}
+
+/// The step of which all changes are multiples, where one is so coarse that a sensor repeats itself.
+fn step(values: &[f64]) -> Option<f64> {
+    let changes: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0).collect();
+    let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    // Below the digits of a number there is no step.
+    let least = changes.iter().copied().filter(|change| *change > 1e-12 * largest).fold(f64::INFINITY, f64::min);
+    if changes.len() < LEAST || least.is_infinite() {
+        return None;
+    }
+    let whole =
+        changes.iter().filter(|it| (*it / least - (*it / least).round()).abs() < WHOLE.0.max(1e-9 * largest / least)).count();
+    (whole as f64 > WHOLE.1 * changes.len() as f64).then_some(least)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::Random;
+    use super::*;
+
+    /// A speed that comes to rest for 100 rows and goes on, in steps, with noise of so many of them.
+    fn readings(step: f64, noise: f64) -> Vec<f64> {
+        let mut random = Random::new(2);
+        let value = |k: usize| match k {
+            0..200 => 200.0 - k as f64,
+            200..300 => 0.0,
+            _ => k as f64 - 300.0,
+        };
+        (0..500).map(|k| ((value(k) + noise * random.normal()) / step).round() * step).collect()
+    }
+
+    #[test]
+    fn rest_of_a_coarse_sensor_and_of_a_dead_band_is_rest() {
+        let coarse = readings(1.0, 0.0);
+        assert!(Resting::new(&coarse, None).rests(200..301));
+        // The same sensor with an offset: its zero is no number in particular.
+        let offset: Vec<f64> = coarse.iter().map(|value| value + 17.3).collect();
+        assert!(Resting::new(&offset, None).rests(200..301));
+        let mut dead = readings(1e-9, 2.0);
+        dead.iter_mut().filter(|value| value.abs() < 8.0).for_each(|value| *value = 0.0);
+        let start = dead.iter().position(|value| *value == 0.0).unwrap();
+        assert!(Resting::new(&dead, None).rests(start..300));
+    }
+
+    #[test]
+    fn a_sensor_that_hangs_does_not_rest() {
+        for (step, noise) in [(1.0, 0.0), (1.0, 3.0), (1e-9, 2.0)] {
+            let mut hangs = readings(step, noise);
+            let value = hangs[60];
+            hangs[60..120].fill(value);
+            assert!(!Resting::new(&hangs, None).rests(60..120), "{step} {noise}");
+            // A wire that is off reads 0, at once.
+            hangs[60..120].fill(0.0);
+            assert!(!Resting::new(&hangs, None).rests(60..120), "{step} {noise}");
+        }
+        // At rest its noise is gone.
+        let mut hangs = readings(1.0, 6.0);
+        let value = hangs[230];
+        hangs[230..270].fill(value);
+        assert!(value == 0.0 || !Resting::new(&hangs, None).rests(230..270));
+    }
+
+    #[test]
+    fn a_jump_beside_rest_is_still_a_jump_and_noise_beside_rest_is_none() {
+        let mut values = readings(1e-9, 2.0);
+        values[195..495].fill(0.0);
+        assert_eq!(super::super::checks::jumps(&values), Vec::<usize>::new());
+        values[100] += 60.0;
+        assert_eq!(super::super::checks::jumps(&values), [100]);
+    }
+}
