@@ -85,7 +85,11 @@ fn windows(record: &Record, file: &PlantFile) -> Vec<Piece> {
     let one = |k: usize| {
         let start = k * rows / count;
         let from = start.saturating_sub(settling);
-        share::piece(record, file.kind, from..(k + 1) * rows / count, start - from)
+        let end = (k + 1) * rows / count;
+        let mut piece = share::piece(record, file.kind, from..end, start - from);
+        // Messages name the rows that count.
+        piece.record.file = format!("{}, rows {} to {end}", record.file, start + 1);
+        piece
     };
     order.into_iter().map(one).collect()
 }

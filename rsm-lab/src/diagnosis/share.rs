@@ -221,12 +221,12 @@ mod tests {
         let share = Share::of_rows(&training, &[]);
         let pieces = share.pieces(&training[0], &file);
         let of: Vec<(usize, usize)> = pieces.iter().map(|it| (it.from, it.from + it.record.rows())).collect();
-        assert_eq!(of, [(0, 12_000), (58_625, 60_125), (105_250, 106_750), (151_875, 153_375), (198_500, 200_000)]);
+        assert_eq!(of, [(0, 12_000), (58_250, 61_250), (104_500, 107_500), (150_750, 153_750), (197_000, 200_000)]);
         assert!(pieces[1..].iter().all(|it| (200..300).contains(&it.settling)), "{}", pieces[1].settling);
-        assert!(pieces[1].record.file.ends_with("rows 58626 to 60125") && pieces[1].record.time[0] == 58.625);
+        assert!(pieces[1].record.file.ends_with("rows 58251 to 61250") && pieces[1].record.time[0] == 58.25);
         let (prepared, _) = checks::prepared(pieces.clone(), &file);
         assert!(prepared[1].used[0].iter().position(|used| *used) == Some(pieces[1].settling));
-        assert_eq!(prepared[1].file_row(0), 58_625);
+        assert_eq!(prepared[1].file_row(0), 58_250);
     }
 
     #[test]
