@@ -9,8 +9,9 @@ use super::checks;
 use super::kernel::Kernel;
 use super::levenberg::Fit;
 use super::octaves::{OCTAVES, Octave};
+use super::posterior::Posterior;
 use super::share::{self, Piece};
-use super::{regions, validation, verdict, veto, whiteness};
+use super::{regions, validation, verdict, whiteness};
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 
@@ -99,7 +100,7 @@ fn windows(record: &Record, file: &PlantFile) -> Vec<Piece> {
 pub fn look(records: &[&Record], file: &PlantFile, kernel: &Kernel, fit: &Fit) -> Everywhere {
     let mut by_record: Vec<std::vec::IntoIter<Piece>> = records.iter().map(|it| windows(it, file).into_iter()).collect();
     let looks: usize = by_record.iter().map(ExactSizeIterator::len).sum();
-    let sds = veto::deviations(fit);
+    let sds = Posterior::of(fit).deviations().to_vec();
     let mut found = Everywhere {
         rows: 0,
         of: records.iter().map(|it| it.rows()).sum(),
