@@ -1,6 +1,6 @@
-//! Measured data as records that `rsm diagnose` reads, and what repeats with the rotation of the measured outrunner.
+//! Measured data as records that `rsm diagnose` reads, how well a free run follows the measured axis, and what repeats with the rotation of the measured outrunner.
 //!
-//! In: the folder of the measured data and one to write to. Out: records as CSV, amplitudes over the order of rotation as CSV and as drawings. Judges nothing.
+//! In: the folder of the measured data and one to write to. Out: records as CSV, amplitudes over the order of rotation as CSV and as drawings; errors and the largest waves as text.
 //!
 //!     cargo run --release -p rsm-lab --example measured -- ../shared/data FOLDER
 
@@ -10,8 +10,10 @@ use std::path::Path;
 
 use rsm_core::source::Source;
 use rsm_fit::table::{Table, Wanted};
+use rsm_lab::diagnosis::free_run;
 use rsm_lab::orders::{Wave, uniform, wave};
 use rsm_lab::plant_file::PlantFile;
+use rsm_lab::record::Record;
 
 /// Orders of rotation that are looked at: twice the sixth electrical order of twelve pole pairs.
 const ORDERS: u32 = 150;
@@ -27,6 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (data, out) = (Path::new(data), Path::new(out));
     std::fs::create_dir_all(out)?;
     axis(data, out)?;
+    axis_in_open_loop(data)?;
     let (mut speeds, mut currents) = (Vec::new(), Vec::new());
     for name in ["rolling_1", "rolling_2"] {
         let columns = read(&data.join(format!("bldc-cogging/{name}.csv")), &["t_s", "pos_rad", "vel_rad_s", "i_q_A", "u_q_V"])?;
@@ -80,6 +83,23 @@ fn axis(data: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
         writeln!(text, "{time},{},{position},{command}", reference + pulse / gain)?;
     }
     std::fs::write(out.join("emps_test_pulses.csv"), text)?;
+    Ok(())
+}
+
+/// From the recorded command to the position, fitted to the training record: root mean square errors of the position. Small forces add up: a newton that lasts moves the axis by millimetres
+/// in seconds.
+fn axis_in_open_loop(data: &Path) -> Result<(), Box<dyn Error>> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("plants/emps-open.toml");
+    let file = PlantFile::read(&Source::read(&file)?)?;
+    let record = |name: &str| -> Result<Record, Box<dyn Error>> {
+        Ok(Record::read(&Source::read(&data.join("emps").join(name))?, &file)?)
+    };
+    let (training, test) = (record("emps_train.csv")?, record("emps_test_pulses.csv")?);
+    let follow = free_run::follow_axis(&file, &training, &test).ok_or("the axis cannot be simulated along its records")?;
+    println!("EMPS in open loop, recorded command to position, root mean square error:");
+    for (what, error) in follow {
+        println!("  {:5.2} mm  {what}", 1e3 * error);
+    }
     Ok(())
 }
 

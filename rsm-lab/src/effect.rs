@@ -294,6 +294,8 @@ pub struct Start {
     pub motion: Motion,
     /// Road speed of a driveline, in m/s; 0 elsewhere.
     pub road_speed: f64,
+    /// The time of the record's first row, in s.
+    pub time: f64,
 }
 
 /// What decides how fast an effect's own dynamics are, at an instant and in the span that follows.
@@ -447,7 +449,7 @@ pub trait Effect: Send + Sync {
     }
 
     /// Effort of the load, positive against forward motion.
-    fn load(&self) -> f64 {
+    fn load(&self, own: &[f64], rates: &mut [f64]) -> f64 {
         0.0
     }
 

@@ -190,7 +190,8 @@ impl Hooks {
         if self.inner.is_empty() {
             return Carried { effort: body.load, piece: 0 };
         }
-        let mut reaction = self.inner().fold(body.load, |load, it| load + it.effect.load());
+        let own = |dx: &mut [f64], it: &Active| it.effect.load(&x[it.first..it.end], &mut dx[it.first..it.end]);
+        let mut reaction = self.inner().fold(body.load, |load, it| load + own(dx, it));
         let mut pieces = 0;
         for k in (0..self.active.len()).rev() {
             let it = &self.active[k];

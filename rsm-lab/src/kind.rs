@@ -68,6 +68,16 @@ impl PlantKind {
         }
     }
 
+    /// What can stand under `[initial]`, in the places of a simulation's start: outputs, and of an axis the speed, which no column holds.
+    #[must_use]
+    pub fn starts(self) -> &'static [Signal] {
+        const AXIS: &[Signal] = &[signal("position", "m"), signal("speed", "m/s")];
+        match self {
+            PlantKind::ServoAxis => AXIS,
+            _ => self.outputs(),
+        }
+    }
+
     /// The place of an output among [`PlantKind::outputs`].
     #[must_use]
     pub fn output(self, name: &str) -> Option<usize> {

@@ -106,6 +106,12 @@ impl Record {
         faults.finish(Some(record))
     }
 
+    /// The time of its first row, in s; 0 without rows (a drive that makes its own).
+    #[must_use]
+    pub fn first_time(&self) -> f64 {
+        self.time.first().copied().unwrap_or(0.0)
+    }
+
     /// How many rows there are.
     #[must_use]
     pub fn rows(&self) -> usize {

@@ -128,23 +128,18 @@ impl Simulator {
                 (hooks, Equations::ServoAxis(plant))
             }
         };
-        let needed: &[usize] = match file.kind {
-            PlantKind::Pmac if holds => &[1, 2],
-            PlantKind::Pmac => &[0, 1, 2],
-            PlantKind::Driveline => &[1],
-            PlantKind::ServoAxis => &[0],
-        };
         let mut start = [0.0; 3];
-        for &output in needed {
-            let name = file.kind.outputs()[output].name;
-            let initial = file.initial.iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
-            let first = record.measured[output].as_ref().and_then(|values| values.first().copied());
-            let Some(reading) = initial.or(first) else {
+        for &place in starting(record, file.kind) {
+            let Some(reading) = start_of(file, record, place) else {
+                let name = file.kind.starts()[place].name;
                 let what = format!("nothing says where `{name}` starts");
                 let help = format!("give the column `{name}` in the record, or a value under [initial] of the plant file");
                 return Err(Faults::one(Fault::whole_file(&record.file, what).help(help)));
             };
-            start[output] = hooks.truth(output, reading, record.time[0]);
+            start[place] = match file.kind.output(file.kind.starts()[place].name) {
+                Some(output) => hooks.truth(output, reading, record.time[0]),
+                None => reading,
+            };
         }
         let work = Work::new(hooks.states());
         Ok(Simulator { equations, kind: file.kind, hooks, start, refinement: 1, allowed: usize::MAX, taken: 0, work })
@@ -251,6 +246,28 @@ impl Simulator {
         self.taken = allowed - run.left;
         done
     }
+}
+
+/// The places of [`PlantKind::starts`] that decide where a record starts (docs/plants.md, section 2).
+#[must_use]
+pub fn starting(record: &Record, kind: PlantKind) -> &'static [usize] {
+    match kind {
+        PlantKind::Pmac if record.drive == Drive::HoldsDirectCurrent => &[1, 2],
+        PlantKind::Pmac => &[0, 1, 2],
+        PlantKind::Driveline => &[1],
+        PlantKind::ServoAxis => &[0, 1],
+    }
+}
+
+/// Where one of them starts: as the plant file says, else as the record's first row; what no column can hold starts at rest. `None` where nothing says it.
+#[must_use]
+pub fn start_of(file: &PlantFile, record: &Record, place: usize) -> Option<f64> {
+    let name = file.kind.starts()[place].name;
+    let initial = file.initial.iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
+    initial.or_else(|| match file.kind.output(name) {
+        Some(output) => record.measured[output].as_ref().and_then(|values| values.first().copied()),
+        None => Some(0.0),
+    })
 }
 
 /// A controller in the loop: from a row and the outputs as they are read there to the first input.

@@ -6,10 +6,11 @@ use std::f64::consts::{PI, TAU};
 
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
-use super::model::{self, Model, Place};
+use super::model::{Model, Place};
 use super::noise::Floor;
 use super::open;
 use crate::plant_file::PlantFile;
+use crate::simulate::starting;
 
 /// Steps of a fit that begins at its end.
 const STEPS: usize = 4;
@@ -36,7 +37,8 @@ pub fn finish(kernel: &mut Kernel, mut fit: Fit, floors: impl Fn(&Kernel, &Fit) 
 }
 
 /// The extended plant as its file says it. A parameter that was pressed against the end of its tolerance, and of which the records say nothing any more (an effect that stands in its place
-/// took over), has its nominal value again; an output that no record holds starts where the first record was found to start, else nobody could simulate it.
+/// took over), has its nominal value again; an output that no record holds, and the speed of an axis that begins in motion, start where the first record was found to start,
+/// else nobody could simulate it.
 #[must_use]
 pub fn written(file: &PlantFile, kernel: &Kernel, nominal: &Model, fit: &Fit) -> PlantFile {
     let mut plant = fit.model.file.clone();
@@ -52,14 +54,25 @@ pub fn written(file: &PlantFile, kernel: &Kernel, nominal: &Model, fit: &Fit) ->
     }
     plant.initial = file.initial.clone();
     let Some((first, starts)) = kernel.records.first().zip(fit.model.starts.first()) else { return plant };
-    for output in model::starting(&first.record, file) {
-        let name = file.kind.outputs()[*output].name;
-        let is_held = kernel.records.iter().any(|it| it.record.measured[*output].is_some());
-        if !is_held && plant.initial.iter().all(|(found, _)| *found != name) {
-            plant.initial.push((name, starts[*output]));
+    for &place in starting(&first.record, file.kind) {
+        let name = file.kind.starts()[place].name;
+        let wanted = match file.kind.output(name) {
+            Some(output) => kernel.records.iter().all(|it| it.record.measured[output].is_none()),
+            None => moves(kernel, fit, place),
+        };
+        if wanted && plant.initial.iter().all(|(found, _)| *found != name) {
+            plant.initial.push((name, starts[place]));
         }
     }
     plant
+}
+
+/// Whether the first record begins in motion: at rest it would cost more than three standard deviations of the noise.
+fn moves(kernel: &Kernel, fit: &Fit, place: usize) -> bool {
+    let mut at_rest = fit.model.clone();
+    at_rest.starts[0][place] = 0.0;
+    let costs = kernel.run(&at_rest).map(|simulated| levenberg::cost(&at_rest, &kernel.residual(&simulated)));
+    costs.is_none_or(|cost| cost > fit.cost + 9.0)
 }
 
 /// Waves with positive amplitudes and phases within half a turn of 0.

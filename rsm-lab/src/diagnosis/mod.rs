@@ -28,6 +28,7 @@ pub mod everywhere;
 pub mod excitations;
 pub mod experiment;
 pub mod finish;
+pub mod free_run;
 mod friction;
 pub mod growth;
 pub mod hypotheses;

@@ -3,8 +3,9 @@
 //! In: a plant file, records. Out: the same plant with other values of its unknowns. Knows neither residuals nor hypotheses.
 
 use crate::plant_file::PlantFile;
-use crate::record::{Drive, Record};
+use crate::record::Record;
 use crate::schema::Bound;
+use crate::simulate::{start_of, starting};
 
 /// How far from its guess a positive number is searched, as a factor.
 const REACH: f64 = 10.0;
@@ -21,12 +22,12 @@ pub enum Place {
         /// Its number.
         number: &'static str,
     },
-    /// The first reading of an output in a record.
+    /// Where a record starts.
     Start {
         /// Which record.
         record: usize,
-        /// Which output.
-        output: usize,
+        /// Which place of the plant's starts.
+        place: usize,
     },
 }
 
@@ -97,18 +98,6 @@ pub struct Model {
     pub unknowns: Vec<Unknown>,
 }
 
-/// The outputs whose first readings decide where a record starts (docs/plants.md, section 2).
-#[must_use]
-pub fn starting(record: &Record, file: &PlantFile) -> &'static [usize] {
-    use crate::kind::PlantKind;
-    match file.kind {
-        PlantKind::Pmac if record.drive == Drive::HoldsDirectCurrent => &[1, 2],
-        PlantKind::Pmac => &[0, 1, 2],
-        PlantKind::Driveline => &[1],
-        PlantKind::ServoAxis => &[0],
-    }
-}
-
 impl Model {
     /// The nominal plant: parameters with a tolerance and all starts are unknown.
     #[must_use]
@@ -140,21 +129,27 @@ impl Model {
         self.starts.clear();
         for (k, record) in records.iter().enumerate() {
             let mut start = [0.0; 3];
-            for &output in starting(record, &self.file) {
-                let name = self.file.kind.outputs()[output].name;
-                let initial = self.file.initial.iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
-                let first = record.measured[output].as_ref().and_then(|values| values.first().copied());
-                start[output] = initial.or(first).unwrap_or(0.0);
+            for &place in starting(record, self.file.kind) {
+                start[place] = start_of(&self.file, record, place).unwrap_or(0.0);
+                let scale = self.scale_of_start(record, place, sds);
                 self.unknowns.push(Unknown {
-                    place: Place::Start { record: k, output },
+                    place: Place::Start { record: k, place },
                     logarithmic: false,
                     low: f64::NEG_INFINITY,
                     high: f64::INFINITY,
-                    scale: sds[output],
+                    scale,
                     prior: None,
                 });
             }
             self.starts.push(start);
+        }
+    }
+
+    /// What counts as a step of a start: the noise of its output; of a speed that no output holds, what this noise makes of the difference of two rows.
+    fn scale_of_start(&self, record: &Record, place: usize, sds: [f64; 3]) -> f64 {
+        match self.file.kind.output(self.file.kind.starts()[place].name) {
+            Some(output) => sds[output],
+            None => sds[0] * std::f64::consts::SQRT_2 / record.period,
         }
     }
 
@@ -167,7 +162,7 @@ impl Model {
         match self.unknowns[unknown].place {
             Place::Nominal(name) => self.file.parameters.number(name),
             Place::Effect { entry, number } => self.file.effects[entry].arguments.number(number),
-            Place::Start { record, output } => self.starts[record][output],
+            Place::Start { record, place } => self.starts[record][place],
         }
     }
 
@@ -192,7 +187,7 @@ impl Model {
                     found.1 = value;
                 }
             }
-            Place::Start { record, output } => self.starts[record][output] = value,
+            Place::Start { record, place } => self.starts[record][place] = value,
         }
     }
 
@@ -201,8 +196,7 @@ impl Model {
     pub fn for_record(&self, record: usize, of: &Record) -> PlantFile {
         let mut file = self.file.clone();
         let start = self.starts[record];
-        file.initial =
-            starting(of, &self.file).iter().map(|&output| (file.kind.outputs()[output].name, start[output])).collect();
+        file.initial = starting(of, file.kind).iter().map(|&place| (file.kind.starts()[place].name, start[place])).collect();
         file
     }
 }

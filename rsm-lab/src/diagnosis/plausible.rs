@@ -73,6 +73,7 @@ fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option
         ("sensor-lag", "time_constant") | ("input-delay" | "sensor-delay", "delay") => below(SHARE_OF_RECORD * survey.duration),
         ("headwind", "wind") => about(STORM),
         ("road-grade", "grade") => about(STEEPEST),
+        ("load-drift", _) => about(effort / survey.duration),
         ("coulomb-friction" | "constant-load" | "brake-drag", _) | ("cogging-torque", "amplitude") => about(effort),
         ("asymmetric-friction", "forward" | "backward") | ("stribeck-friction", "coulomb" | "static") => below(effort),
         // Typical is half of the largest: beyond three times that the curve is not passed.

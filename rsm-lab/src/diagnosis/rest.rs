@@ -93,7 +93,7 @@ impl<'a> Resting<'a> {
     fn is_coarse(&self, rows: &Range<usize>) -> bool {
         let Some(step) = self.step else { return false };
         let gently = |row: usize| (self.values[row + 1] - self.values[row]).abs() <= STEPS * step;
-        let beside = |rows: Range<usize>| rows.len() == 0 || 2 * rows.clone().filter(|row| gently(*row)).count() >= rows.len();
+        let beside = |rows: Range<usize>| rows.is_empty() || 2 * rows.clone().filter(|row| gently(*row)).count() >= rows.len();
         let last = self.values.len() - 1;
         let after = (rows.end - 1).min(last)..(rows.end - 1 + BESIDE).min(last);
         let before = rows.start.saturating_sub(BESIDE)..rows.start;

@@ -42,7 +42,7 @@ pub fn others(unit: &str) -> Vec<&'static Other> {
     const LENGTH: [Other; 3] = [other("mm", 1000.0), other("cm", 100.0), other("inch", 39.370_08)];
     const TORQUE: [Other; 4] =
         [other("kgf m", 0.101_971_6), other("N cm", 100.0), other("N mm", 1000.0), other("lbf ft", 0.737_562_1)];
-    const PHASE: [Other; 2] = [other("r.m.s. values", 0.707_106_8), other("peak-to-peak values", 2.0)];
+    const PHASE: [Other; 2] = [other("r.m.s. values", std::f64::consts::FRAC_1_SQRT_2), other("peak-to-peak values", 2.0)];
     const SHARE: [Other; 1] = [other("per cent", 100.0)];
     const ACCELERATION: [Other; 1] = [other("g", 0.101_971_6)];
     let lists: Vec<&'static [Other]> = match unit {

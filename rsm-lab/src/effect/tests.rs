@@ -130,7 +130,10 @@ fn found(effect: &dyn Effect, plant: PlantKind, hook: &str, given: &Given<'_>) -
     };
     let value: Vec<f64> = match hook {
         "effort" => vec![effect.effort(&given.motion())],
-        "load" => vec![effect.load()],
+        "load" => {
+            let load = effect.load(&own, &mut rates);
+            [vec![load], rates].concat()
+        }
         "delay" => vec![effect.delay()],
         "reads_late" => vec![effect.reads_late(given.number("output") as usize)],
         "rate" => vec![effect.fastest_rate(&given.scale())],
@@ -170,7 +173,7 @@ fn found(effect: &dyn Effect, plant: PlantKind, hook: &str, given: &Given<'_>) -
         "slack" => vec![effect.slack(given.joint())],
         "engine_torque" => vec![effect.engine_torque(given.number("torque"), given.number("angle"))],
         "start" => {
-            let start = Start { motion: given.motion(), road_speed: given.number("road") };
+            let start = Start { motion: given.motion(), road_speed: given.number("road"), time: given.or("time", 0.0) };
             start_of(&|own| effect.start(&start, own))
         }
         "settle" => start_of(&|own| effect.settle(&[3.0, 4.0, 200.0], own)),
@@ -294,7 +297,7 @@ fn what_an_effect_has_no_hook_for_it_leaves_as_it_is() {
     assert_eq!([Nothing.input(24.0), Nothing.delay(), Nothing.reads_late(1)], [24.0, 0.0, 0.0]);
     assert_eq!((Nothing.acts_between_rows(), Nothing.states(), Nothing.has_pieces()), (true, 0, false));
     let mut own = [3.0, 4.0];
-    Nothing.start(&Start { motion: given.motion(), road_speed: 9.0 }, &mut own);
+    Nothing.start(&Start { motion: given.motion(), road_speed: 9.0, time: 7.0 }, &mut own);
     Nothing.settle(&[1.0, 2.0, 3.0], &mut own);
     assert_eq!(own, [3.0, 4.0]);
     let scale = Given::of("slowest=2 change=3").scale();
@@ -303,7 +306,7 @@ fn what_an_effect_has_no_hook_for_it_leaves_as_it_is() {
     let mut machine = Machine { resistance: 2.0, inductance: 3.0, flux_linkage: 4.0 };
     Nothing.machine(&Currents { i_d: 5.0, i_q: 6.0, theta_e: 7.0 }, &[], &mut [], &mut machine);
     assert_eq!([machine.resistance, machine.inductance, machine.flux_linkage], [2.0, 3.0, 4.0]);
-    assert_eq!([Nothing.effort(&given.motion()), Nothing.load(), Nothing.slack(Joint::Clutch)], [0.0; 3]);
+    assert_eq!([Nothing.effort(&given.motion()), Nothing.load(&[], &mut []), Nothing.slack(Joint::Clutch)], [0.0; 3]);
     assert_eq!((Nothing.split(), Nothing.vehicle_speed(&[])), (None, None));
     let Motion { position, speed, viscous_friction } = Nothing.far_motion(&[]);
     assert_eq!([position, speed, viscous_friction], [0.0; 3]);

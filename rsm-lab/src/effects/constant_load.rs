@@ -42,7 +42,7 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for ConstantLoad {
-    fn load(&self) -> f64 {
+    fn load(&self, _own: &[f64], _rates: &mut [f64]) -> f64 {
         self.load
     }
 }
@@ -57,6 +57,6 @@ mod tests {
 
     #[test]
     fn it_is_the_load_whatever_the_motion() {
-        assert_eq!(made(&[("force", -3.2)]).load(), -3.2);
+        assert_eq!(made(&[("force", -3.2)]).load(&[], &mut []), -3.2);
     }
 }

@@ -18,6 +18,7 @@ pub mod headwind;
 pub mod input_delay;
 pub mod input_gain;
 pub mod inverter_dead_time;
+pub mod load_drift;
 pub mod magnetic_saturation;
 pub mod parameter_error;
 pub mod resistance_heating;
@@ -46,6 +47,7 @@ pub const ALL: &[&Description] = &[
     &stribeck_friction::DESCRIPTION,
     &windage::DESCRIPTION,
     &constant_load::DESCRIPTION,
+    &load_drift::DESCRIPTION,
     &cogging_torque::DESCRIPTION,
     &torque_ripple::DESCRIPTION,
     &magnetic_saturation::DESCRIPTION,

@@ -39,7 +39,8 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
     let outputs: Vec<&'static str> = kind.outputs().iter().map(|signal| signal.name).collect();
     let tolerance = named(top, "tolerance", &tolerated, Bound::NotNegative, faults);
     let noise = named(top, "noise", &outputs, Bound::NotNegative, faults);
-    let initial = named(top, "initial", &outputs, Bound::Any, faults);
+    let starts: Vec<&'static str> = kind.starts().iter().map(|signal| signal.name).collect();
+    let initial = named(top, "initial", &starts, Bound::Any, faults);
     let effects = entries(kind, top, faults);
     let columns = renamed(kind, top, faults);
     // Half a file is judged to its end, and refused.

@@ -86,7 +86,7 @@ const WHEEL_SPEED: usize = 6;
 impl Plant for Driveline {
     const STATES: usize = 7;
 
-    fn start(&self, hooks: &Hooks, outputs: &[f64; 3], _record: &Record, inputs: &[f64; 3], x: &mut [f64]) {
+    fn start(&self, hooks: &Hooks, outputs: &[f64; 3], record: &Record, inputs: &[f64; 3], x: &mut [f64]) {
         let wheel = outputs[1] / self.radius;
         let shaft = self.final_ratio * wheel;
         let engine = self.gear_ratio * shaft;
@@ -102,7 +102,7 @@ impl Plant for Driveline {
         x[WHEEL_ANGLE] = -(driveshaft / self.driveshaft.0 + sign * hooks.slack(Joint::Driveshaft) / 2.0);
         x[WHEEL_SPEED] = wheel;
         let motion = Motion { position: x[WHEEL_ANGLE], speed: wheel, viscous_friction: self.wheel_damping };
-        hooks.start(&Start { motion, road_speed: outputs[1] }, x);
+        hooks.start(&Start { motion, road_speed: outputs[1], time: record.first_time() }, x);
     }
 
     fn evaluate(

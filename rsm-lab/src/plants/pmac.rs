@@ -56,7 +56,7 @@ impl Plant for Pmac {
             (x[0], x[1]) = (cos * outputs[0] - sin * outputs[1], sin * outputs[0] + cos * outputs[1]);
         }
         (x[2], x[3]) = (outputs[2], theta);
-        hooks.start(&Start { motion: self.motion(x), road_speed: 0.0 }, x);
+        hooks.start(&Start { motion: self.motion(x), road_speed: 0.0, time: record.first_time() }, x);
     }
 
     fn evaluate(

@@ -44,9 +44,9 @@ impl ServoAxis {
 impl Plant for ServoAxis {
     const STATES: usize = 2;
 
-    fn start(&self, hooks: &Hooks, outputs: &[f64; 3], _record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
-        (x[0], x[1]) = (outputs[0], 0.0);
-        hooks.start(&Start { motion: self.motion(x), road_speed: 0.0 }, x);
+    fn start(&self, hooks: &Hooks, outputs: &[f64; 3], record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
+        (x[0], x[1]) = (outputs[0], outputs[1]);
+        hooks.start(&Start { motion: self.motion(x), road_speed: 0.0, time: record.first_time() }, x);
     }
 
     fn evaluate(

@@ -10,13 +10,14 @@ use rsm_lab::plant_file::PlantFile;
 use super::path;
 
 /// The first column of the table of docs/plants.md, section 3.
-const KINDS: [&str; 32] = [
+const KINDS: [&str; 33] = [
     "parameter-error",
     "coulomb-friction",
     "asymmetric-friction",
     "stribeck-friction",
     "windage",
     "constant-load",
+    "load-drift",
     "cogging-torque",
     "torque-ripple",
     "magnetic-saturation",

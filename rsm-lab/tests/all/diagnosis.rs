@@ -288,3 +288,44 @@ fn friction_and_load_are_one_thing_where_a_motor_turns_one_way() {
     }
     assert!(cause.confidence < 0.6, "{}", cause.confidence);
 }
+
+/// An axis in open loop under steps of its command; the logger begins after 300 rows.
+fn axis_from_its_middle(true_plant: &PlantFile, seed: u64) -> Record {
+    let mut random = Random::new(seed);
+    let mut text = "time[s],command[V],position[m]\n".to_string();
+    let mut command = 1.5;
+    for k in 0..1300 {
+        if k % 130 == 0 {
+            command = 4.0 * random.uniform() - 2.0 + if command > 0.0 { -1.0 } else { 1.0 };
+        }
+        text += &format!("{},{command},0\n", f64::from(k) / 1000.0);
+    }
+    let mut whole = record(&text, true_plant);
+    let outputs = run(true_plant, &whole);
+    let noisy = outputs.of("position").unwrap().iter().map(|value| value + 2e-7 * random.normal());
+    whole.measured[0] = Some(noisy.collect());
+    whole.piece(300..1300)
+}
+
+#[test]
+fn an_axis_that_moves_where_its_record_begins_needs_no_cause_for_that() {
+    let options = Options { threads: 2, progress: &|_| {} };
+    let nominal = plant("servo-axis", "\n[tolerance]\nmass = 0.02\n");
+    for (effects, verdict, causes) in [
+        ("", Verdict::NoDiscrepancy, vec![]),
+        (
+            "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 12 }\n",
+            Verdict::Explained,
+            vec!["coulomb-friction"],
+        ),
+    ] {
+        let true_plant = plant("servo-axis", effects);
+        let records: Vec<Record> = (1..=3).map(|seed| axis_from_its_middle(&true_plant, seed)).collect();
+        let found = diagnose(&nominal, &records[..2], &records[2..], &options).unwrap();
+        let kinds: Vec<&str> = found.entries().map(|it| it.kind).collect();
+        assert_eq!((found.verdict, kinds), (verdict, causes));
+        // The extended plant says how fast the first record began: 300 rows after the rest.
+        let (_, speed) = found.plant.initial.iter().find(|(name, _)| *name == "speed").expect("it begins in motion");
+        assert!(speed.abs() > 1e-3, "{speed}");
+    }
+}

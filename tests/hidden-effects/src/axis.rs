@@ -38,6 +38,7 @@ struct Law {
     stribeck_static: f64,
     stribeck_velocity: f64,
     constant_load: f64,
+    load_drift: f64,
     cogging: f64,
     pitch: f64,
     phase: f64,
@@ -99,6 +100,7 @@ impl Axis {
             stribeck_static: truth.or("stribeck-friction", "static", 0.0),
             stribeck_velocity: truth.or("stribeck-friction", "stribeck_velocity", 1.0),
             constant_load: truth.or("constant-load", "force", 0.0),
+            load_drift: truth.or("load-drift", "force_rate", 0.0),
             cogging: truth.or("cogging-torque", "amplitude", 0.0),
             pitch: truth.or("cogging-torque", "pitch", 1.0),
             phase: truth.or("cogging-torque", "phase", 0.0),
@@ -167,6 +169,7 @@ impl Flow for Law {
         let mut force = self.gain * self.force_gain * self.command
             - self.friction(v, y[TIME])
             - self.constant_load
+            - self.load_drift * y[TIME]
             - self.square * y[POSITION] * y[POSITION]
             - self.bristle_force * y[BRISTLE] / self.bristle_length
             + self.cogging * (std::f64::consts::TAU * y[POSITION] / self.pitch + self.phase).sin();

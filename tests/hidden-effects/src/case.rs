@@ -309,7 +309,9 @@ impl Choice {
     fn has(&self, plan: &Plan) -> bool {
         !self.without_families.contains(&plan.family)
             && self.family.is_none_or(|family| family == plan.family)
-            && self.name.as_ref().is_none_or(|name| *name == plan.name)
+            && self.name.as_ref().is_none_or(|name| {
+                name.strip_suffix('*').map_or(*name == plan.name, |beginning| plan.name.starts_with(beginning))
+            })
             && (!self.quick || QUICK.contains(&plan.name.as_str()))
     }
 }
@@ -475,7 +477,8 @@ fn read(made: Vec<Made>, untidy: &Untidy) -> Vec<Run> {
             let factors = untidy.factors(column, largest[output], &mut own);
             column.iter_mut().zip(&noise[output]).zip(factors).for_each(|((value, noise), factor)| *value += factor * noise);
         }
-        let left_out = untidy.lost_rows(exact.outputs[0].len(), &mut own);
+        let mut left_out = untidy.lost_rows(exact.outputs[0].len(), &mut own);
+        left_out.push(0..untidy.late);
         outside::on_readings(&truth, &exact, &mut noisy);
         // A coarse sensor rounds what it reads, noise and all.
         plant::quantise(&truth, &mut noisy);

@@ -137,6 +137,7 @@ pub fn catalogue(kind: Kind) -> &'static [&'static str] {
             "stribeck-friction",
             "windage",
             "constant-load",
+            "load-drift",
             "cogging-torque",
             "torque-ripple",
             "magnetic-saturation",
@@ -181,6 +182,7 @@ pub fn catalogue(kind: Kind) -> &'static [&'static str] {
             "asymmetric-friction",
             "stribeck-friction",
             "constant-load",
+            "load-drift",
             "cogging-torque",
             "input-delay",
             "input-gain",
@@ -234,6 +236,11 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
         }
         "sensor-gain" => Effect::on("sensor-gain", sensed, &[("gain", off(random, 0.015, 0.08))]),
         "sensor-bias" => Effect::on("sensor-bias", sensed, &[("bias", random.sign() * random.spread(0.01, 0.06) * size)]),
+        // At the end of a record as large as a constant load may be.
+        "load-drift" if kind == Kind::Motor => {
+            Effect::new("load-drift", &[("torque_rate", random.sign() * random.spread(0.05, 0.6) / seconds)])
+        }
+        "load-drift" => Effect::new("load-drift", &[("force_rate", random.sign() * random.spread(1.0, 12.0) / seconds)]),
         "sensor-drift" => {
             let rate = random.sign() * random.spread(0.02, 0.08) * size / seconds;
             Effect::on("sensor-drift", sensed, &[("rate", rate)])

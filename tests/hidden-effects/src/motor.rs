@@ -41,6 +41,7 @@ struct Law {
     stribeck_velocity: f64,
     windage: f64,
     constant_load: f64,
+    load_drift: f64,
     cogging: f64,
     cycles: f64,
     phase: f64,
@@ -98,6 +99,7 @@ impl Motor {
             stribeck_velocity: truth.or("stribeck-friction", "stribeck_velocity", 1.0),
             windage: truth.or("windage", "coefficient", 0.0),
             constant_load: truth.or("constant-load", "torque", 0.0),
+            load_drift: truth.or("load-drift", "torque_rate", 0.0),
             cogging: truth.or("cogging-torque", "amplitude", 0.0),
             cycles: truth.or("cogging-torque", "cycles", 0.0),
             phase: truth.or("cogging-torque", "phase", 0.0),
@@ -162,7 +164,11 @@ impl Law {
         let breath = 1.0 + self.friction_swing * (std::f64::consts::TAU * time / self.friction_period).sin();
         let stribeck = self.stribeck_coulomb
             + (self.stribeck_static - self.stribeck_coulomb) * (-(w / self.stribeck_velocity).powi(2)).exp();
-        viscous * breath * w + (self.coulomb + level + stribeck) * sign + self.windage * w * w.abs() + self.constant_load
+        viscous * breath * w
+            + (self.coulomb + level + stribeck) * sign
+            + self.windage * w * w.abs()
+            + self.constant_load
+            + self.load_drift * time
             - self.cogging * (self.cycles * angle + self.phase).sin()
     }
 

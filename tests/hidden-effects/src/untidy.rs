@@ -24,6 +24,8 @@ pub struct Untidy {
     pub tails: Option<f64>,
     /// This share of the readings has noise of `OUTLIER` times the usual deviation.
     pub outliers: Option<f64>,
+    /// The logger starts so many rows late: records begin in motion.
+    pub late: usize,
     /// Outputs that no record holds.
     pub without: Vec<String>,
 }
