@@ -167,12 +167,10 @@ mod tests {
         let file = |effects: &str| axis_under_steps::file("viscous_friction = 0.02", effects);
         let truth = file(&axis_under_steps::friction(0.8));
         let (kernel, model) = axis_under_steps::kernel(&file(""), &truth, false);
-        let starts = model.starts.clone();
         let fit = levenberg::fit(&kernel, model, 8).unwrap();
         assert_eq!(fit.held.len(), 1);
         let nuisance = Nuisance::new(&fit);
-        // Without its friction the axis would begin in motion.
-        let with = Model { file: truth, starts, ..fit.model.clone() };
+        let with = Model { file: truth, ..fit.model.clone() };
         let residual = kernel.residual(&kernel.run(&with).unwrap());
         let (left, back) = nuisance.left(&residual);
         assert_eq!(back, 1);
