@@ -66,6 +66,7 @@ fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Wor
             "--growing" => choice.untidy.growing = Some(value()?.parse().map_err(|error| format!("--growing: {error}"))?),
             "--tails" => choice.untidy.tails = Some(value()?.parse().map_err(|error| format!("--tails: {error}"))?),
             "--outliers" => choice.untidy.outliers = Some(value()?.parse().map_err(|error| format!("--outliers: {error}"))?),
+            "--late" => choice.untidy.late = value()?.parse().map_err(|error| format!("--late: {error}"))?,
             "--without" => choice.untidy.without = value()?.split(',').map(str::to_string).collect(),
             "--stated" => choice.stated = Some(value()?.parse().map_err(|error| format!("--stated: {error}"))?),
             _ => return Err(format!("unknown word {word}\n{USAGE}")),
