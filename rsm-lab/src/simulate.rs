@@ -349,7 +349,8 @@ impl Run<'_, '_, '_> {
         };
         self.work.restart();
         plant.start(self.hooks, start, record, &before_any, &mut self.work.x);
-        let mut held = [self.work.x[0]; 3];
+        // The positions that the drive of an axis read last: it came to its start at its start's speed.
+        let mut held = [0.0, 1.0, 2.0].map(|rows| self.work.x[0] - rows * record.period * self.work.x[1]);
         for row in 0..record.rows() {
             let time = record.time[row];
             if record.drive == Drive::Closed {
