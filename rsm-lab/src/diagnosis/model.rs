@@ -70,6 +70,9 @@ pub enum Place {
     },
 }
 
+/// Centre and standard deviation of a Gaussian, where something is known.
+type Prior = Option<(f64, f64)>;
+
 /// A number that is to be found.
 #[derive(Debug, Clone)]
 pub struct Unknown {
@@ -84,7 +87,7 @@ pub struct Unknown {
     /// What counts as one step of it (of its logarithm, where it is logarithmic).
     pub scale: f64,
     /// A Gaussian prior: centre and standard deviation.
-    pub prior: Option<(f64, f64)>,
+    pub prior: Prior,
 }
 
 impl Unknown {
@@ -187,7 +190,7 @@ impl Model {
 
     /// Where a search of a start begins, what counts as a step of it, and what is known of it; `None` where it is known. An output begins near its first reading, which is one among all others.
     /// The speed of an axis is known to be 0 unless the first readings say that it moves: an unknown that nothing holds would take up what a missing cause does to the whole record.
-    fn begins(&self, record: &Record, place: usize, at: f64, sds: [f64; 3]) -> Option<(f64, f64, Option<(f64, f64)>)> {
+    fn begins(&self, record: &Record, place: usize, at: f64, sds: [f64; 3]) -> Option<(f64, f64, Prior)> {
         if let Some(output) = self.file.kind.output(self.file.kind.starts()[place].name) {
             return Some((at, sds[output], None));
         }
