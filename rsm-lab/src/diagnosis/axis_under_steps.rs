@@ -1,13 +1,16 @@
 //! For tests of this folder: an axis in open loop under steps of its command, with an effect that the nominal plant lacks.
 //!
-//! In: tolerances, an effect, noise. Out: kernel, nominal and true plant. Never in a program.
+//! In: tolerances, an effect, noise. Out: kernel, nominal and true plant; a search with what a test gives it. Never in a program.
 
 use rsm_core::source::Source;
 
+use super::hypotheses::Hypothesis;
 use super::kernel::{Kernel, Prepared};
 use super::model::Model;
 use super::noise::Floor;
 use super::random::Random;
+use super::selection::{Effort, Search};
+use crate::effect::Survey;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 use crate::simulate::Simulator;
@@ -42,4 +45,25 @@ pub fn kernel(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (Kernel, M
     record.measured[0] = Some(simulated.of("position").unwrap().iter().map(|value| value + noise()).collect());
     let model = Model::nominal(nominal, &[&record], [NOISE; 3]);
     (Kernel::new(vec![Prepared::new(record, 2)], [Floor::white(NOISE); 3], 1), model)
+}
+
+/// A search with work without end, that tells nobody.
+pub fn search<'a>(
+    kernel: &'a Kernel,
+    unseen: &'a Kernel,
+    nominal: &'a Model,
+    hypotheses: &'a [Hypothesis],
+    survey: &'a Survey,
+) -> Search<'a> {
+    Search {
+        kernel,
+        unseen,
+        nominal,
+        hypotheses,
+        survey,
+        looks: 0,
+        rounded: &[],
+        effort: Effort::within(u64::MAX / 2),
+        progress: &|_| {},
+    }
 }

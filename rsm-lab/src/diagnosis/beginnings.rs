@@ -204,8 +204,7 @@ mod tests {
     use super::super::kernel::Prepared;
     use super::super::noise::Floor;
     use super::super::random::Random;
-    use super::super::selection::Effort;
-    use super::super::{calibrate, hypotheses, survey};
+    use super::super::{axis_under_steps, calibrate, hypotheses, survey};
     use super::*;
     use crate::plant_file::PlantFile;
     use crate::record::Record;
@@ -255,17 +254,7 @@ mod tests {
         let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
         let unseen = kernel.on(Vec::new());
-        let search = Search {
-            kernel: &kernel,
-            unseen: &unseen,
-            nominal: &nominal,
-            hypotheses: &slips,
-            survey: &survey,
-            looks: 0,
-            rounded: &[],
-            effort: Effort::within(u64::MAX / 2),
-            progress: &|_| {},
-        };
+        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &slips, &survey);
         let screened = screen(&kernel, &calibrated, &nominal, &slips);
         let mut candidates = search.compete(&calibrated, &screened, 40.0);
         let rows = calibrated.residual.len() as f64;

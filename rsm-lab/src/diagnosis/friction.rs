@@ -102,7 +102,6 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::kernel::Kernel;
-    use super::super::selection::Effort;
     use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
 
@@ -115,18 +114,7 @@ mod tests {
         let survey = survey::survey(&kernel, &calibrated);
         let hypotheses = hypotheses::all(nominal.file.kind, &survey, &[0]);
         let unseen = Kernel::new(Vec::new(), kernel.floors, 1);
-        let effort = Effort::within(u64::MAX);
-        let search = Search {
-            kernel: &kernel,
-            unseen: &unseen,
-            nominal: &nominal,
-            hypotheses: &hypotheses,
-            survey: &survey,
-            looks: 0,
-            rounded: &[],
-            effort,
-            progress: &|_| {},
-        };
+        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &hypotheses, &survey);
         let model = nominal.with_effects(&nominal, file(entries).effects);
         let fit = search.narrowed(search.levelled(levenberg::fit(&kernel, model, 20).unwrap()), 30.0);
         let kinds = fit.model.file.effects.iter();

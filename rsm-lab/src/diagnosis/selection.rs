@@ -594,17 +594,8 @@ mod tests {
         let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
         let survey = survey::survey(&kernel, &calibrated);
         let all = hypotheses::all(nominal.file.kind, &survey, &[0]);
-        let search = Search {
-            kernel: &kernel,
-            unseen: &Kernel::new(Vec::new(), kernel.floors, 1),
-            nominal: &nominal,
-            hypotheses: &all,
-            survey: &survey,
-            looks: 0,
-            rounded: &[],
-            effort: Effort::within(u64::MAX / 2),
-            progress: &|_| {},
-        };
+        let unseen = Kernel::new(Vec::new(), kernel.floors, 1);
+        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &all, &survey);
         let fit = levenberg::fit(&kernel, nominal.with_effects(&nominal, file(gain).effects), 20).unwrap();
         // All work is spent.
         let mut path = Path::until(0, 0);

@@ -180,7 +180,6 @@ fn neutral(fit: &Fit, entry: usize, hypotheses: &[Hypothesis]) -> Option<String>
 
 #[cfg(test)]
 mod tests {
-    use super::super::selection::Effort;
     use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
 
@@ -197,17 +196,7 @@ mod tests {
         let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
         let survey = survey::survey(&kernel, &calibrated);
         let all = hypotheses::all(nominal.file.kind, &survey, &[0]);
-        let search = Search {
-            kernel: &kernel,
-            unseen: &other,
-            nominal: &nominal,
-            hypotheses: &all,
-            survey: &survey,
-            looks: 0,
-            rounded: &[],
-            effort: Effort::within(u64::MAX / 2),
-            progress: &|_| {},
-        };
+        let search = axis_under_steps::search(&kernel, &other, &nominal, &all, &survey);
         let with = nominal.with_effects(&nominal, file(0.1).effects);
         let fit = levenberg::fit(&kernel, with, 20).unwrap();
         let believed = Believed {
