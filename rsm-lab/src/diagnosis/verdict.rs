@@ -388,7 +388,7 @@ pub(super) fn left_there(unseen: &Kernel, moved: Fit, looks: usize) -> Left {
 fn by_own_noise(unseen: &Kernel, moved: Fit) -> (Kernel, Fit) {
     let its_own = |floors: &[Floor; 3], kernel: &Kernel, simulated: &[Simulated]| {
         let mut floors = *floors;
-        for (floor, shown) in floors.iter_mut().zip(super::shown(kernel, simulated)) {
+        for (floor, shown) in floors.iter_mut().zip(super::calibration::shown(kernel, simulated)) {
             if let Some(own) = shown.floor.filter(|own| floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd) {
                 *floor = own;
             }
