@@ -226,10 +226,13 @@ void motor_currents(motor_current_state *state, const motor_drive *drive, const 
         const float scale = exact_select(1.0f, share, per_root(exact_at_least(share, 1.0f)), 1.0f);
         const float v_d = exact_product(scale, wanted_d);
         const float v_q = exact_product(scale, wanted_q);
-        const float integral_d = state->integral_d_v
-            + (exact_product(drive->integral_gain_v_per_a, error_d) + exact_product(drive->tracking, v_d - wanted_d));
-        const float integral_q = state->integral_q_v
-            + (exact_product(drive->integral_gain_v_per_a, error_q) + exact_product(drive->tracking, v_q - wanted_q));
+        const float cross = exact_product(w_e, drive->inductance_h);
+        const float missing_d = exact_product(drive->gain_v_per_a, error_d) - exact_product(cross, error_q);
+        const float missing_q = exact_product(drive->gain_v_per_a, error_q) + exact_product(cross, error_d);
+        const float target_d = exact_select(1.0f, share, -state->integral_d_v, missing_d);
+        const float target_q = exact_select(1.0f, share, -state->integral_q_v, missing_q);
+        const float integral_d = state->integral_d_v + exact_product(drive->integral_share, target_d);
+        const float integral_q = state->integral_q_v + exact_product(drive->integral_share, target_q);
         const float most = exact_product(INTEGRAL_SHARE, radius);
 
         const float later = angle + exact_product(drive->advance_turns_s, speed.value);

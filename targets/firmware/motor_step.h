@@ -44,8 +44,7 @@ typedef struct {
     float amperes_per_volt;
     float characteristic_current_a;
     float gain_v_per_a;
-    float integral_gain_v_per_a;
-    float tracking;
+    float integral_share;
     float slew_a;
     float slew_v_per_a;
     float advance_turns_s;

@@ -244,9 +244,16 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let scale = select(1.0, share, per_root(at_least(share, 1.0)), 1.0);
     let v_d = scale * wanted_d;
     let v_q = scale * wanted_q;
-    // What the limit took off goes back into the integrals, over the proportional gain (the conditioned controller of Hanus, 1987), so that they do not wind up.
-    let integral_d = state.integral_d_v + (drive.integral_gain_v_per_a * error_d + drive.tracking * (v_d - wanted_d));
-    let integral_q = state.integral_q_v + (drive.integral_gain_v_per_a * error_q + drive.tracking * (v_q - wanted_q));
+    // The voltage that the constants miss shows as (K + r + j w_e L) e; the integral goes there with the time constant of the winding at every speed. A law that leaves the
+    // rotation out goes there five times as slowly at top speed, on a spiral: one axis's integral first fills the other's.
+    let cross = w_e * drive.inductance_h;
+    let missing_d = drive.gain_v_per_a * error_d - cross * error_q;
+    let missing_q = drive.gain_v_per_a * error_q + cross * error_d;
+    // At the limit of the voltage the errors say nothing of the constants, and the integral falls: wound up there, it would have to run down when the references are back in the circle.
+    let target_d = select(1.0, share, -state.integral_d_v, missing_d);
+    let target_q = select(1.0, share, -state.integral_q_v, missing_q);
+    let integral_d = state.integral_d_v + drive.integral_share * target_d;
+    let integral_q = state.integral_q_v + drive.integral_share * target_q;
     let most = INTEGRAL_SHARE * radius_v;
     state.integral_d_v = select(0.0, open, 0.0, within(integral_d, -most, most));
     state.integral_q_v = select(0.0, open, 0.0, within(integral_q, -most, most));

@@ -131,10 +131,8 @@ pub struct Drive {
     pub characteristic_current_a: f32,
     /// Proportional gain of the current control, in V/A.
     pub gain_v_per_a: f32,
-    /// Integral gain times T, in V/A: what a period adds.
-    pub integral_gain_v_per_a: f32,
-    /// Integral gain times T over the proportional gain: how much of what the limit took off goes back into the integral.
-    pub tracking: f32,
+    /// T r/L: the share of its way that the integral part goes in a period.
+    pub integral_share: f32,
     /// How far the reference of the current control moves in a period, in A.
     pub slew_a: f32,
     /// 0.75 L/T, in V/A: what moving the current takes, less what the proportional part gives, which sees the references 1.5 periods ahead.
@@ -189,8 +187,7 @@ impl Drive {
             amperes_per_volt: positive(period / l),
             characteristic_current_a: positive(lambda / l),
             gain_v_per_a: positive(bandwidth * l),
-            integral_gain_v_per_a: positive(bandwidth * r * period),
-            tracking: positive(r * period / l),
+            integral_share: positive(r * period / l),
             slew_a: positive(SLEW_SHARE * motor.current_limit_a),
             slew_v_per_a: positive(0.75 * l / period),
             advance_turns_s: positive(1.5 * period * pole_pairs / TAU),

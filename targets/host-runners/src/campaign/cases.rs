@@ -149,30 +149,41 @@ pub struct Spoiler {
     kind: Kind,
     /// What was said before.
     before: Option<(Demand, Measured)>,
-    random: u64,
+    draw: Draw,
+}
+
+/// Random numbers.
+#[derive(Debug, Clone)]
+pub struct Draw(u64);
+
+impl Draw {
+    /// From a seed. Neighbouring ones give distant states (Vigna's splitmix64).
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        let mixed = (seed + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        Draw((mixed ^ (mixed >> 27)) | 1)
+    }
+
+    /// Marsaglia's xorshift, as a number from 0 to 1.
+    pub fn uniform(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Twelve uniform numbers, less 6: a standard deviation of 1.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
 }
 
 impl Spoiler {
     /// A fault that has said nothing yet.
     #[must_use]
     pub fn new(sensor: Sensor, kind: Kind, seed: u64) -> Self {
-        // Neighbouring seeds give distant states (Vigna's splitmix64).
-        let mixed = (seed + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        let mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        Spoiler { sensor, kind, before: None, random: (mixed ^ (mixed >> 27)) | 1 }
-    }
-
-    /// Marsaglia's xorshift, as a number from 0 to 1.
-    fn uniform(&mut self) -> f64 {
-        self.random ^= self.random << 13;
-        self.random ^= self.random >> 7;
-        self.random ^= self.random << 17;
-        (self.random >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Twelve uniform numbers, less 6: a standard deviation of 1.
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+        Spoiler { sensor, kind, before: None, draw: Draw::new(seed) }
     }
 
     /// Notes what a whole sensor says.
@@ -209,9 +220,9 @@ impl Spoiler {
             Kind::Nan => f32::NAN,
             Kind::Infinity => f32::INFINITY,
             Kind::Stuck => before,
-            Kind::Wild => (3.0 * scale * (2.0 * self.uniform() - 1.0)) as f32,
+            Kind::Wild => (3.0 * scale * (2.0 * self.draw.uniform() - 1.0)) as f32,
             Kind::Bias => truth + (0.05 * scale) as f32,
-            Kind::Noise => truth + (0.05 * scale * self.normal()) as f32,
+            Kind::Noise => truth + (0.05 * scale * self.draw.normal()) as f32,
         }
     }
 }

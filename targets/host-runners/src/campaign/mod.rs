@@ -10,6 +10,8 @@ pub mod rig;
 use rsm_lab::motor::controller::{self, Controller, Known};
 use rsm_lab::motor::field_oriented::FullController;
 
+use motor_loop::{Demand, Measured};
+
 use cases::{BUSES, DURATIONS, Kind, POINTS, Point, Sensor, Spoiler};
 use plant::Plant;
 use rig::{Exchanged, PERIOD_S, PERIODS_A_TICK, Rig};
@@ -89,15 +91,31 @@ fn settled(point: &Point, bus: f64) -> (Rig, Vec<f64>) {
     (rig, torques)
 }
 
-/// One fault of `samples` samples; `seen` gets what the steps were told and answered, period by period.
-fn one(settled: &(Rig, Vec<f64>), point: &Point, mut spoiler: Spoiler, samples: u32, seen: &mut dyn FnMut(&Exchanged)) -> Run {
+/// What goes wrong in a period: the number of the period since the fault began, and what the steps are told.
+type Fault<'a> = &'a mut dyn FnMut(u32, &mut Demand, &mut Measured);
+
+/// What a bus moves by in a period, in V: 60 A out of a capacitor of 1 mF.
+const BUS_V: f64 = 6.0;
+
+/// One fault of `samples` samples, in which the bus falls to `sag` and rises again if there is one; `seen` gets what the steps were told and answered, period by period.
+fn one(
+    settled: &(Rig, Vec<f64>),
+    point: &Point,
+    samples: u32,
+    sag: Option<f64>,
+    fault: Fault<'_>,
+    seen: &mut dyn FnMut(&Exchanged),
+) -> Run {
     let (rig, torques) = settled;
     let mut rig = rig.clone();
+    let whole = rig.plant.bus;
     let mut run = Run { longest_a: 0.0, back_ms: 0.0, opened: false, torque_error_nm: 0.0 };
     for (k, clean) in (0..samples + AFTER).zip(torques) {
+        let moved = BUS_V * f64::from((k + 1).min(samples.saturating_sub(k)));
+        rig.plant.bus = sag.map_or(whole, |low| low.max(whole - moved));
         let exchanged = rig.step(point.demand(rig.period), &mut |demand, measured| {
             if k < samples {
-                spoiler.spoil(demand, measured);
+                fault(k, demand, measured);
             }
         });
         seen(&exchanged);
@@ -111,6 +129,66 @@ fn one(settled: &(Rig, Vec<f64>), point: &Point, mut spoiler: Spoiler, samples: 
     }
     run.longest_a = rig.plant.longest;
     run
+}
+
+/// A run of a fault that was drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn {
+    /// The fault.
+    pub words: String,
+    /// Whether a sensor moves away from the truth in steps that are plausible: no step can see it, and nothing is promised of the current.
+    pub runs_away: bool,
+    /// The run.
+    pub run: Run,
+}
+
+/// What makes references that the voltage does not reach: a bus or a speed that the steps are told wrong, or a bus that sags in truth.
+/// Speed, torque, bus voltage, kind, size and length are drawn from the seed.
+#[must_use]
+pub fn beyond_the_voltage(seed: u64) -> Drawn {
+    let mut draw = cases::Draw::new(seed);
+    let mut between = |low: f64, high: f64| low + (high - low) * draw.uniform();
+    let point = Point { speed: between(-900.0, 900.0), torque: between(-21.6, 21.6) as f32, reversal: 0, inertia: None };
+    let bus = between(180.0, 330.0);
+    // From one sample to what the campaign has at most, evenly in its logarithm.
+    let samples = 500f64.powf(between(0.0, 1.0)).round() as u32;
+    let sensor = if between(0.0, 1.0) < 0.6 { Sensor::Bus } else { Sensor::Speed };
+    let (kind, size) = (between(0.0, 4.0) as u32, between(-1.0, 1.0));
+    let mut spoiler = Spoiler::new(sensor, Kind::Wild, seed);
+    // The largest step that is plausible, or less; and far more.
+    let step = if sensor == Sensor::Bus { 48.0 * size } else { 95.0 * size };
+    let far = if sensor == Sensor::Bus { 150.0 * size } else { 600.0 * size };
+    let add = |value: f64, demand: &mut Demand, measured: &mut Measured| {
+        if sensor == Sensor::Bus {
+            measured.bus_voltage_v += value as f32;
+            demand.bus_voltage_v = measured.bus_voltage_v;
+        } else {
+            measured.speed_rad_s += value as f32;
+            demand.speed_rad_s = measured.speed_rad_s;
+        }
+    };
+    let low = 160.0 + (bus - 160.0) * size.abs();
+    let (word, sag) = match kind {
+        0 => ("wild".to_string(), None),
+        1 => (format!("off by {step:.0}"), None),
+        2 => (format!("runs away to {far:.0} off"), None),
+        _ => (format!("true sag to {low:.0} V"), Some(low)),
+    };
+    let settled = settled(&point, bus);
+    let mut fault = |k: u32, demand: &mut Demand, measured: &mut Measured| match kind {
+        0 => spoiler.spoil(demand, measured),
+        1 => add(step, demand, measured),
+        // In fifty periods: from one to the next it is plausible.
+        2 => add(far * (f64::from(k) / 50.0).min(1.0), demand, measured),
+        _ => (),
+    };
+    let run = one(&settled, &point, samples, sag, &mut fault, &mut |_| ());
+    let name = if sag.is_some() { "bus" } else { sensor.name() };
+    let words = format!(
+        "seed {seed}: {:.0} rad/s, {:.1} N m, {bus:.0} V: {name}, {word}, {samples} samples",
+        point.speed, point.torque
+    );
+    Drawn { words, runs_away: kind == 2, run }
 }
 
 /// Every `every`-th case of the campaign, counted over all of them in a fixed order: 1 is all. A row for each sensor and fault.
@@ -139,7 +217,8 @@ pub fn run_seen(every: usize, seen: &mut dyn FnMut(&Exchanged)) -> Vec<Row> {
                     let mut spoiler = Spoiler::new(row.sensor, row.kind, case as u64);
                     let (demand, measured) = settled.0.truth(point.demand(settled.0.period));
                     spoiler.whole(&demand, &measured);
-                    let run = one(&settled, point, spoiler, samples, seen);
+                    let mut fault = |_: u32, demand: &mut Demand, measured: &mut Measured| spoiler.spoil(demand, measured);
+                    let run = one(&settled, point, samples, None, &mut fault, seen);
                     row.runs += 1;
                     row.longest_a = row.longest_a.max(run.longest_a);
                     row.back_ms = row.back_ms.max(run.back_ms);
