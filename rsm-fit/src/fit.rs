@@ -7,6 +7,7 @@
 use rsm_core::model::{Input, Model};
 use rsm_core::source::{Collector, Faults};
 
+use crate::constrain::NotProven;
 use crate::evidence;
 use crate::records::{DataFile, Records, Refused, Rows, Units};
 use crate::response::Task;
@@ -92,7 +93,9 @@ impl Outcome {
     pub fn report(&self) -> Report<'_> {
         let of_one = |response: &'_ ResponseOutcome| response.name.clone();
         let responses = self.responses.iter().map(|response| (of_one(response), response.statistics.as_ref())).collect();
-        Report { model: &self.model.name, responses: Named(responses) }
+        let without = self.responses.iter().filter(|response| response.statistics.is_none());
+        let not_fitted = without.map(|response| (of_one(response), NotFitted::new(&response.verdict))).collect();
+        Report { model: &self.model.name, responses: Named(responses), not_fitted: Named(not_fitted) }
     }
 }
 
@@ -103,6 +106,30 @@ pub struct Report<'a> {
     pub model: &'a str,
     /// The figures of every response.
     pub responses: Named<Option<&'a ResponseStatistics>>,
+    /// Why a response is null; left out where none is.
+    #[serde(skip_serializing_if = "is_empty")]
+    pub not_fitted: Named<NotFitted<'a>>,
+}
+
+/// Why a response could not be fitted.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct NotFitted<'a> {
+    /// In words.
+    pub why: String,
+    /// What of its constraints is not proven, and what ended the search; left out for other reasons.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_proven: Option<&'a NotProven>,
+}
+
+impl<'a> NotFitted<'a> {
+    fn new(verdict: &'a Verdict) -> Self {
+        let not_proven = if let Verdict::NotProven(why) = verdict { Some(why) } else { None };
+        NotFitted { why: verdict.to_string(), not_proven }
+    }
+}
+
+fn is_empty<T>(named: &Named<T>) -> bool {
+    named.0.is_empty()
 }
 
 /// Rows to fit, to validate and to test.
@@ -253,4 +280,41 @@ fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faul
 fn relative(weights: &[f64]) -> Vec<f64> {
     let mean = weights.iter().sum::<f64>() / weights.len() as f64;
     weights.iter().map(|weight| weight / mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::constrain::{Stop, Unproven};
+
+    #[test]
+    fn a_response_without_a_surface_says_why() {
+        let one = Unproven {
+            constraint: "convex".into(),
+            quantity: "curvature per half range squared",
+            bound: -0.5,
+            share_of_spread: -0.125,
+            seen: Some(0.25),
+            at: Some(Named(vec![("x".into(), 2.0)])),
+        };
+        let why = NotProven { constraints: vec![one], stopped_by: Stop::LargestShift, shift: 1e-4, rounds: 9, work: 0.5 };
+        let (verdict, contradiction) = (Verdict::NotProven(why), Verdict::Infeasible { constraints: vec!["convex".into()] });
+        let object = |verdict| serde_json::to_value(NotFitted::new(verdict)).unwrap();
+        let expected = serde_json::json!({
+            "constraints": [{ "constraint": "convex", "quantity": "curvature per half range squared", "bound": -0.5, "share_of_spread": -0.125,
+                "seen": 0.25, "at": { "x": 2.0 } }],
+            "stopped_by": "largest-shift", "shift": 1e-4, "rounds": 9, "work": 0.5
+        });
+        assert_eq!(object(&verdict)["not_proven"], expected);
+        assert_eq!(object(&verdict)["why"], verdict.to_string());
+        assert_eq!(
+            object(&contradiction),
+            serde_json::json!({ "why": "infeasible: no coefficients of the chosen terms keep: convex" })
+        );
+        let responses = Named(vec![("y".to_string(), None)]);
+        let fine = Report { model: "m", responses: responses.clone(), not_fitted: Named(vec![]) };
+        assert_eq!(serde_json::to_string(&fine).unwrap(), "{\"model\":\"m\",\"responses\":{\"y\":null}}");
+        let not_fitted = Named(vec![("y".to_string(), NotFitted::new(&contradiction))]);
+        assert_eq!(serde_json::to_value(Report { not_fitted, ..fine }).unwrap()["not_fitted"]["y"], object(&contradiction));
+    }
 }

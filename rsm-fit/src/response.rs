@@ -216,8 +216,8 @@ impl Task<'_> {
                 };
                 (self.with_apart(surface, design, statistics), told)
             }
-            Constrained::Infeasible { constraints } => return Err(Verdict::Infeasible { constraints, is_certain: true }),
-            Constrained::NotProven { constraints } => return Err(Verdict::Infeasible { constraints, is_certain: false }),
+            Constrained::Infeasible { constraints } => return Err(Verdict::Infeasible { constraints }),
+            Constrained::NotProven(why) => return Err(Verdict::NotProven(why)),
         };
         statistics.constraints = Some(told);
         Ok(statistics)

@@ -12,6 +12,7 @@
 //! A plane through clean quadratic data fails the second. A good surface through noisy data passes both: no surface could explain
 //! the noise, and none should be asked to.
 
+use crate::constrain::NotProven;
 use crate::selection::ChosenBy;
 
 /// The share of the spread about the mean that must be explained on rows that chose nothing. At a half the surface and its error are
@@ -46,13 +47,13 @@ pub enum Verdict {
         /// The C that was asked for.
         wanted: f64,
     },
-    /// No coefficients of the chosen terms keep the constraints, or none could be proven to. There is no surface.
+    /// No coefficients of the chosen terms keep the constraints. There is no surface.
     Infeasible {
-        /// The constraints that contradict each other or the terms; those without a proof.
+        /// The constraints that contradict each other or the terms.
         constraints: Vec<String>,
-        /// Whether there are none, rather than no proof.
-        is_certain: bool,
     },
+    /// Some coefficients may keep the constraints, but none could be proven to. There is no surface.
+    NotProven(NotProven),
     /// The data cannot tell some columns apart. There is no surface.
     IllConditioned {
         /// How much larger a column is than the part of it that the others do not make up.
@@ -158,12 +159,10 @@ impl std::fmt::Display for Verdict {
                 write!(f, "confidence {confidence:.4} % about zero ({wanted} % wanted), but not reached about the mean: {why}")
             }
             Verdict::NotReached { best, wanted } => write!(f, "confidence {wanted} % not reached, best {best:.4} %"),
-            Verdict::Infeasible { constraints, is_certain: true } => {
+            Verdict::Infeasible { constraints } => {
                 write!(f, "infeasible: no coefficients of the chosen terms keep: {}", constraints.join("; "))
             }
-            Verdict::Infeasible { constraints, is_certain: false } => {
-                write!(f, "not proven to keep over the whole region: {}", constraints.join("; "))
-            }
+            Verdict::NotProven(why) => why.fmt(f),
             Verdict::IllConditioned { condition, columns } => write!(
                 f,
                 "ill-conditioned ({condition:.1e}): the data cannot tell apart the terms {}; vary their inputs independently or drop a term",
@@ -227,9 +226,8 @@ mod tests {
         ] {
             assert_eq!(about_zero(why), format!("{begin}{words}"));
         }
-        let infeasible = |is_certain| told(Verdict::Infeasible { constraints: vec!["a".into(), "b".into()], is_certain });
-        assert_eq!(infeasible(true), "infeasible: no coefficients of the chosen terms keep: a; b");
-        assert_eq!(infeasible(false), "not proven to keep over the whole region: a; b");
+        let constraints = vec!["a".to_string(), "b".to_string()];
+        assert_eq!(told(Verdict::Infeasible { constraints }), "infeasible: no coefficients of the chosen terms keep: a; b");
         assert_eq!(
             told(Verdict::IllConditioned { condition: 2e15, columns: vec!["x".into(), "z".into()] }),
             "ill-conditioned (2.0e15): the data cannot tell apart the terms x, z; vary their inputs independently or drop a term"

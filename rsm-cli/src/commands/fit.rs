@@ -148,7 +148,9 @@ pub fn in_words(fitted: &Fitted) -> String {
 /// The verdict, and on which rows its C is.
 pub fn verdict_in_words(response: &ResponseOutcome) -> String {
     match response.verdict {
-        Verdict::Fitted | Verdict::Infeasible { .. } | Verdict::IllConditioned { .. } => response.verdict.to_string(),
+        Verdict::Fitted | Verdict::Infeasible { .. } | Verdict::NotProven(_) | Verdict::IllConditioned { .. } => {
+            response.verdict.to_string()
+        }
         _ => format!("{} (C on {})", response.verdict, response.chosen_by.words()),
     }
 }

@@ -16,6 +16,7 @@ mod claim;
 mod curvature;
 mod points;
 mod program;
+mod unproven;
 mod valleys;
 
 use rsm_core::basis::{Factor, Variable};
@@ -34,6 +35,7 @@ use claim::Claim;
 use curvature::LeastEigenvalue;
 use points::Points;
 use program::Solution;
+pub use unproven::{NotProven, Stop, Unproven};
 
 /// How far inside a constraint is enforced at first, as a share of the spread of the response.
 pub const SHIFT: f64 = 1e-7;
@@ -136,10 +138,7 @@ pub enum Constrained {
         constraints: Vec<String>,
     },
     /// Some may, but there is no proof.
-    NotProven {
-        /// The constraints without one.
-        constraints: Vec<String>,
-    },
+    NotProven(NotProven),
 }
 
 /// A surface whose coefficients are sought.
@@ -189,14 +188,21 @@ impl Task<'_> {
         let mut random = Random::new(0);
         let mut rounds = Rounds { count: 0, shift: SHIFT };
         let mut is_complete = false;
+        let mut stopped_by = Stop::LargestShift;
         while let Some(shift) = rounds.next(is_complete) {
             let (c, active) = match program::shortest(&points.rows(shift), free.len()) {
                 Solution::Shortest { c, active } => (c, active),
                 Solution::Infeasible => match self.contradiction(&points) {
                     Some(constraints) => return Constrained::Infeasible { constraints },
-                    None => break,
+                    None => {
+                        stopped_by = Stop::NoneSoFarInside;
+                        break;
+                    }
                 },
-                Solution::Failed => break,
+                Solution::Failed => {
+                    stopped_by = Stop::Program;
+                    break;
+                }
             };
             let step = self.problem.coefficients_of(c);
             coefficients = free.iter().zip(&step).map(|(free, step)| (*free + *step).to_f64()).collect();
@@ -227,7 +233,8 @@ impl Task<'_> {
                 }
             }
         }
-        Constrained::NotProven { constraints: self.without_proof(&claims, &found) }
+        let spent = MOST_PATIENCE - patience.left;
+        Constrained::NotProven(NotProven::new(self, &claims, &found, &rounds, spent, stopped_by))
     }
 
     /// The constraints that contradict each other at these points: without any one of them the others do not. None where they do so only with a shift
@@ -249,12 +256,6 @@ impl Task<'_> {
             }
         }
         Some(self.names(kept.into_iter()))
-    }
-
-    /// The constraints with a claim whose bound is not enough.
-    fn without_proof(&self, claims: &[Claim], found: &[Found]) -> Vec<String> {
-        let without = claims.iter().zip(found).filter(|(_, found)| found.bound < self.enough());
-        self.names(without.map(|(claim, _)| claim.constraint))
     }
 
     fn names(&self, constraints: impl Iterator<Item = usize>) -> Vec<String> {

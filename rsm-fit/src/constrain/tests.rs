@@ -357,10 +357,31 @@ fn what_is_not_proven_is_named() {
     let slack = 4e-12;
     let found = [1.0, -1.0, -slack, -1.5 * slack].map(|bound| Found { bound, seen: 0.0, shares: vec![0.0] });
     assert!(case.task().is_proven(&found[2..3]) && !case.task().is_proven(&found[2..]));
+    let rounds = Rounds { count: 7, shift: 2e-4 };
+    let told = NotProven::new(&case.task(), &case.claims(), &found, &rounds, 150, Stop::LargestShift);
+    let names: Vec<&String> = told.constraints.iter().map(|one| &one.constraint).collect();
+    assert_eq!(names, [&case.constraints[0].to_string(), &case.constraints[2].to_string()]);
+    assert_eq!((told.shift, told.rounds, told.work), (MOST_SHIFT, 7, 0.25));
+    // The worse of both bounds; 4 is the spread.
     assert_eq!(
-        case.task().without_proof(&case.claims(), &found),
-        [case.constraints[0].to_string(), case.constraints[2].to_string()]
+        (told.constraints[0].bound, told.constraints[0].share_of_spread, told.constraints[0].seen),
+        (-1.0, -0.25, Some(0.0))
     );
+    // Share 0 of [0, 4].
+    assert_eq!(told.constraints[0].at.as_ref().map(|at| at.0[0].1), Some(0.0));
+    let words = told.to_string();
+    for part in [
+        "is proven to be at least -1.00e0, 2.5e-1 of the spread, where 0 is asked; kept wherever it was looked at, least seen 0.00e0 at",
+        "The search ended after 7 rounds and 25 % of the work for proofs: the constraints were enforced 1.0e-4 of the spread inside",
+    ] {
+        assert!(words.contains(part), "{words}");
+    }
+    let broken = Found { bound: -2.0, seen: -0.5, shares: vec![1.0] };
+    let unseen = [0.0, 0.0, 0.0].map(|bound| Found { bound, seen: f64::INFINITY, shares: vec![] });
+    let all: Vec<Found> = std::iter::once(broken).chain(unseen).collect();
+    let told = NotProven::new(&case.task(), &case.claims(), &all, &rounds, 10_000, Stop::Program);
+    assert_eq!((told.constraints.len(), told.work, told.constraints[0].seen), (1, 1.0, Some(-0.5)));
+    assert!(told.to_string().contains("broken, least seen -5.00e-1"), "{told}");
 }
 
 #[test]

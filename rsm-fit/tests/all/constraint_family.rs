@@ -218,6 +218,7 @@ fn fault(seed: u64, scratch: &Scratch) -> Option<String> {
     if outcome.responses[0].verdict != Verdict::Fitted {
         return Some(format!("{}: {} after {seconds:.1} s", problem.name, outcome.responses[0].verdict));
     }
+    println!("seed {seed}: proven after {seconds:.1} s");
     let statistics = outcome.responses[0].statistics.as_ref().unwrap();
     let told = statistics.constraints.as_ref().unwrap();
     let near: Vec<Vec<f64>> =

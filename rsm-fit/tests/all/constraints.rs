@@ -135,7 +135,7 @@ fn contradictions_are_an_outcome_with_names() {
     ] {
         let outcome = fit("contradiction", "x[A],y[V]", &rows, &rest);
         assert!(outcome.model.surfaces.is_empty() && !outcome.reached());
-        let Verdict::Infeasible { constraints, is_certain: true } = &outcome.responses[0].verdict else {
+        let Verdict::Infeasible { constraints } = &outcome.responses[0].verdict else {
             panic!("{rest}: {}", outcome.responses[0].verdict)
         };
         assert_eq!(constraints.join("; "), expected);

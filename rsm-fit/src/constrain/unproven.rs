@@ -1,0 +1,121 @@
+//! Why a constraint ended without a proof.
+//!
+//! In: what the last search says of the claims, how the rounds ended. Out: for every constraint without a proof what was bounded, how far the bound is from what was asked,
+//! and the limit of work that ended the search, in words and as data.
+
+use serde::Serialize;
+
+use super::claim::Claim;
+use super::{Found, MOST_PATIENCE, MOST_SHIFT, SHIFT, Task};
+use crate::spec::Constraint;
+use crate::statistics::Named;
+
+/// How a search for a proof ended.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NotProven {
+    /// The constraints without a proof.
+    pub constraints: Vec<Unproven>,
+    /// What ended the search.
+    pub stopped_by: Stop,
+    /// How far inside the constraints were enforced at last, as a share of the spread of the response.
+    pub shift: f64,
+    /// Rounds of exchange.
+    pub rounds: usize,
+    /// The share of the work for proofs that was spent, 0 to 1.
+    pub work: f64,
+}
+
+/// A constraint without a proof.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unproven {
+    /// In the words of the specification.
+    pub constraint: String,
+    /// What is bounded.
+    pub quantity: &'static str,
+    /// It was proven to be nowhere less than this, in the unit of the response; 0 was to be proven. Minus infinity, which is null in JSON, where no search ended.
+    pub bound: f64,
+    /// The same as a share of the spread of the response.
+    pub share_of_spread: f64,
+    /// The least value that was seen: not negative where only the proof is missing. Null where none was.
+    pub seen: Option<f64>,
+    /// Where.
+    pub at: Option<Named<f64>>,
+}
+
+/// What ended a search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stop {
+    /// The constraints are enforced as far inside as they may be.
+    LargestShift,
+    /// Enforced so far inside, the points leave no coefficients; nearer to the bound they do.
+    NoneSoFarInside,
+    /// The quadratic program found no solution within its own limits.
+    Program,
+}
+
+impl NotProven {
+    /// From the last search.
+    pub(super) fn new(
+        task: &Task<'_>,
+        claims: &[Claim],
+        found: &[Found],
+        rounds: &super::Rounds,
+        spent: usize,
+        stopped_by: Stop,
+    ) -> Self {
+        let of_one = |(k, constraint): (usize, &Constraint)| {
+            let own = || claims.iter().zip(found).filter(|(claim, _)| claim.constraint == k);
+            let bound = own().map(|(_, found)| found.bound).fold(f64::INFINITY, f64::min);
+            let seen = own()
+                .filter(|(_, found)| found.seen.is_finite())
+                .min_by(|(_, one), (_, other)| one.seen.total_cmp(&other.seen));
+            let point = |(claim, found): (&Claim, &Found)| task.natural(&claim.point(&found.shares));
+            let quantity = match constraint {
+                Constraint::Bounds { .. } => "distance from the bounds",
+                Constraint::Monotone { .. } => "slope per half range",
+                Constraint::Convex | Constraint::Concave => "curvature per half range squared",
+            };
+            let (share_of_spread, seen_value) = (bound / task.spread, seen.map(|(_, found)| found.seen));
+            let at = seen.map(point);
+            let told = Unproven { constraint: constraint.to_string(), quantity, bound, share_of_spread, seen: seen_value, at };
+            (bound < task.enough()).then_some(told)
+        };
+        let constraints = task.constraints.iter().enumerate().filter_map(of_one).collect();
+        // The shift that a round was denied is not one at which anything was enforced.
+        let (shift, work) = (rounds.shift.min(MOST_SHIFT), spent.min(MOST_PATIENCE) as f64 / MOST_PATIENCE as f64);
+        NotProven { constraints, stopped_by, shift, rounds: rounds.count, work }
+    }
+}
+
+impl std::fmt::Display for NotProven {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "not proven to keep over the whole region: ")?;
+        for (k, one) in self.constraints.iter().enumerate() {
+            let Unproven { constraint, quantity, bound, share_of_spread, seen, at } = one;
+            let separator = if k == 0 { "" } else { "; " };
+            write!(
+                f,
+                "{separator}{constraint} ({quantity} is proven to be at least {bound:.2e}, {:.1e} of the spread, where 0 is asked",
+                share_of_spread.abs()
+            )?;
+            if let (Some(seen), Some(at)) = (seen, at) {
+                let place = at.0.iter().map(|(name, x)| format!("{name} = {x:.4}")).collect::<Vec<_>>().join(", ");
+                let kind = if *seen < 0.0 { "broken" } else { "kept wherever it was looked at" };
+                write!(f, "; {kind}, least seen {seen:.2e} at {place}")?;
+            }
+            write!(f, ")")?;
+        }
+        let (shift, rounds, work) = (self.shift, self.rounds, 100.0 * self.work);
+        let why = match self.stopped_by {
+            Stop::LargestShift => {
+                format!("the constraints were enforced {shift:.1e} of the spread inside, the most that is allowed")
+            }
+            Stop::NoneSoFarInside => {
+                format!("no coefficients keep them {shift:.1e} of the spread inside, while some do {SHIFT:.0e} inside")
+            }
+            Stop::Program => "the quadratic program for the coefficients did not converge".to_string(),
+        };
+        write!(f, ". The search ended after {rounds} rounds and {work:.0} % of the work for proofs: {why}")
+    }
+}
