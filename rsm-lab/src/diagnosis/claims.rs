@@ -12,7 +12,7 @@ use super::noise::Floor;
 use super::selection::Believed;
 use super::share::{Piece, Share};
 use super::verdict::{self, Cause, Diagnosis, Interval, NAMED, Verdict};
-use super::{Options, Refused, bootstrap, calibrate, checks, of_nominal, tested, validation, worth};
+use super::{Options, Refused, bootstrap, calibrate, checks, of_nominal, tails, tested, validation, worth};
 use crate::effect::Subject;
 use crate::plant_file::{Entry, PlantFile};
 use crate::record::Record;
@@ -72,13 +72,7 @@ pub(super) fn diagnose(
             }
             let anew = of_nominal(&other, training, validation, test, options)?;
             if is_better(&anew, moved.len(), &found) {
-                found = contradicted(
-                    anew,
-                    &found,
-                    &judged,
-                    &moved,
-                    &Setting { filed: &filed, training, validation, test, options },
-                );
+                found = contradicted(anew, &found, &judged, &moved, &Setting { filed: &filed, training, validation, test });
             }
         }
         if found.verdict == Verdict::NoDiscrepancy {
@@ -98,7 +92,8 @@ struct Judged {
     /// Whether free numbers gain what decides between two explanations.
     contradict: bool,
     decides: f64,
-    floors: [Floor; 3],
+    /// Noise as the training records have it, without them.
+    noise: Kernel,
 }
 
 /// Fits the numbers of the claims to the training records; `None` where there are none, or nothing can be simulated.
@@ -112,7 +107,10 @@ fn judged(filed: &PlantFile, training: &[Record], validation: &[Record], options
     let mut kernel = Kernel::new(records, [Floor::white(1.0); 3], options.threads);
     let mut none = kernel.on(Vec::new());
     share.cut(&mut kernel, &mut none, filed);
-    let (nominal, calibrated) = calibrate(&mut kernel, filed)?;
+    let (mut nominal, mut calibrated) = calibrate(&mut kernel, filed)?;
+    if tails::found(&mut kernel, &calibrated) {
+        (nominal, calibrated) = calibrate(&mut kernel, filed)?;
+    }
     let without = |model: &Model| {
         let mut model = model.clone();
         model.file.given.clear();
@@ -124,7 +122,7 @@ fn judged(filed: &PlantFile, training: &[Record], validation: &[Record], options
     let decides = worth::decides(BY_CHANCE + 2.0 * numbers as f64, fit.cost, kernel.rows());
     let claims = filed.given.iter().enumerate().map(|(place, entry)| claim(&fit, place, entry)).collect();
     let contradict = calibrated.cost - fit.cost > decides;
-    Some(Judged { claims, contradict, decides, floors: kernel.floors, fit, filed: calibrated })
+    Some(Judged { claims, contradict, decides, noise: kernel.on(Vec::new()), fit, filed: calibrated })
 }
 
 fn claim(fit: &Fit, place: usize, entry: &Entry) -> Claim {
@@ -152,7 +150,6 @@ struct Setting<'a> {
     training: &'a [Record],
     validation: &'a [Record],
     test: &'a [Record],
-    options: &'a Options<'a>,
 }
 
 /// The diagnosis of the plant with other numbers, told from the plant of the file: what was contradicted is a cause.
@@ -197,14 +194,14 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.gain = verdict::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
     let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
-    let kernel = Kernel::new(prepared, judged.floors, setting.options.threads);
+    let kernel = tails::tamed(judged.noise.on(prepared), &judged.filed.model);
     let records: Vec<&Record> = judges.iter().collect();
-    let sds = judged.floors.map(|floor| floor.sd);
+    let sds = judged.noise.floors.map(|floor| floor.sd);
     let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));
     if let (Some(filed), Some(extended)) = (validation::on(&kernel, &filed), validation::on(&kernel, &extended)) {
         anew.gain_interval = bootstrap::gain_interval(&kernel, &filed.simulated, &extended.simulated, verdict::gain_of);
     }
-    anew.tested = tested::tested(setting.filed, setting.test, judged.floors, setting.options.threads, &filed, &extended);
+    anew.tested = tested::tested(setting.filed, setting.test, &judged.noise, &filed, &extended);
     anew
 }
 

@@ -11,7 +11,7 @@ use super::levenberg::Fit;
 use super::octaves::{OCTAVES, Octave};
 use super::posterior::Posterior;
 use super::share::{self, Piece};
-use super::{regions, validation, verdict, whiteness};
+use super::{regions, tails, validation, verdict, whiteness};
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 
@@ -120,7 +120,7 @@ pub fn look(records: &[&Record], file: &PlantFile, kernel: &Kernel, fit: &Fit) -
             if prepared.iter().all(|it| it.outputs.is_empty()) {
                 continue;
             }
-            let there = kernel.on(prepared);
+            let there = tails::tamed(kernel.on(prepared), &fit.model);
             // From first readings straight on; where that leaves something, as carefully as an unseen record.
             let quick = validation::at_once(&there, &fit.model).map(|started| verdict::left_there(&there, started, looks));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::bridges::Bridge;
 use super::model::{Model, Place};
 use super::noise::Floor;
+use super::tails::Tails;
 use crate::record::{Drive, Record};
 use crate::simulate::{Outputs, Simulator};
 use crate::threads::in_threads_with;
@@ -168,6 +169,8 @@ pub struct Kernel {
     pub records: Vec<Prepared>,
     /// Noise of each output of the plant.
     pub floors: [Floor; 3],
+    /// The laws by which readings were made tame where their noise has heavy tails.
+    pub tails: [Option<Tails>; 3],
     /// How many simulations run side by side.
     pub threads: usize,
     /// What simulations may take, and have taken.
@@ -208,13 +211,13 @@ impl Kernel {
     /// Of records, with nothing simulated yet.
     #[must_use]
     pub fn new(records: Vec<Prepared>, floors: [Floor; 3], threads: usize) -> Self {
-        Kernel { records, floors, threads, pace: Pace::default() }
+        Kernel { records, floors, tails: [None; 3], threads, pace: Pace::default() }
     }
 
     /// The same for other records: their work counts as its own.
     #[must_use]
     pub fn on(&self, records: Vec<Prepared>) -> Self {
-        Kernel { records, floors: self.floors, threads: self.threads, pace: self.pace.clone() }
+        Kernel { records, floors: self.floors, tails: self.tails, threads: self.threads, pace: self.pace.clone() }
     }
 
     /// Runs jobs on all threads; `None` where the numbers left no way on.

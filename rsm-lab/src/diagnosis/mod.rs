@@ -59,6 +59,7 @@ pub mod share;
 pub mod spectrum;
 pub mod steps;
 pub mod survey;
+pub mod tails;
 pub mod tested;
 pub mod tracks;
 pub mod units;
@@ -196,6 +197,24 @@ fn of_nominal(
     test: &[Record],
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
+    let found = searched(file, training, validation, test, options, true)?;
+    if found.tails.is_empty() || found.verdict != Verdict::Unexplained {
+        return Ok(found);
+    }
+    // What is explained as it was recorded had no tails: they were structure.
+    let plain = searched(file, training, validation, test, options, false)?;
+    Ok(if plain.verdict == Verdict::Unexplained { found } else { plain })
+}
+
+/// The same, with or without a look at the tails of the noise.
+fn searched(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    test: &[Record],
+    options: &Options<'_>,
+    with_tails: bool,
+) -> Result<Diagnosis, Refused> {
     let outputs = file.kind.outputs().len();
     let mut share = Share::of_rows(training, validation);
     let prepare = |records: &[Record]| checks::prepared(records.iter().flat_map(|record| share.pieces(record, file)), file);
@@ -217,6 +236,13 @@ fn of_nominal(
     let (mut nominal, mut calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
     unseen.floors = kernel.floors;
     if second_look(&mut kernel, &mut unseen, &calibrated, &mut findings) {
+        (nominal, calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
+        unseen.floors = kernel.floors;
+    }
+
+    if with_tails && tails::found(&mut kernel, &calibrated) {
+        (options.progress)("noise with heavy tails: readings far off their neighbours count less");
+        unseen = tails::tamed(kernel.on(unseen.records), &calibrated.model);
         (nominal, calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
         unseen.floors = kernel.floors;
     }
@@ -351,7 +377,7 @@ fn of_nominal(
     let fit = selection.fit.clone();
     let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
-    found.tested = tested::tested(file, test, kernel.floors, options.threads, &nominal, &fit.model);
+    found.tested = tested::tested(file, test, &kernel, &nominal, &fit.model);
     found.not_seen = share.not_seen();
     Ok(found)
 }
@@ -422,7 +448,7 @@ fn of_one_record(
     whole.causes = its.causes.into_iter().map(of_record).collect();
     whole.helpers = its.helpers.into_iter().map(of_record).collect();
     whole.own_record = Some(record.clone());
-    whole.tested = tested::tested(file, test, own.kernel.floors, options.threads, &nominal, &own.fit.model);
+    whole.tested = tested::tested(file, test, &own.kernel, &nominal, &own.fit.model);
     Ok(whole)
 }
 

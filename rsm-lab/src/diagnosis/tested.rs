@@ -7,8 +7,8 @@ use super::bootstrap;
 use super::checks::{self, Finding};
 use super::kernel::{Kernel, Simulated};
 use super::model::Model;
-use super::noise::Floor;
 use super::share::Piece;
+use super::tails;
 use super::validation::{self, Error};
 use super::verdict::{gain, gain_of};
 use crate::plant_file::PlantFile;
@@ -34,21 +34,14 @@ pub struct Tested {
     pub gain_interval: (f64, f64),
 }
 
-/// The figures; `None` where there are no test records, or a plant cannot be simulated along them.
+/// The figures, by the noise of the records that were fitted; `None` where there are no test records, or a plant cannot be simulated along them.
 #[must_use]
-pub fn tested(
-    file: &PlantFile,
-    records: &[Record],
-    floors: [Floor; 3],
-    threads: usize,
-    nominal: &Model,
-    extended: &Model,
-) -> Option<Tested> {
+pub fn tested(file: &PlantFile, records: &[Record], fitted: &Kernel, nominal: &Model, extended: &Model) -> Option<Tested> {
     let (prepared, findings) = checks::prepared(records.iter().cloned().map(Piece::whole), file);
     if prepared.is_empty() {
         return None;
     }
-    let kernel = Kernel::new(prepared, floors, threads);
+    let kernel = tails::tamed(fitted.on(prepared), extended);
     let before = from_first_part(&kernel, nominal)?;
     let after = from_first_part(&kernel, extended)?;
     let mut rest = kernel.clone();

@@ -22,6 +22,7 @@ use super::predicted::{self, Predicted};
 use super::selection::{Believed, Limit, Selection};
 use super::share::NotSeen;
 use super::steps::{self, Step};
+use super::tails::Tails;
 use super::tested::Tested;
 use super::units::InUnit;
 use super::validation::{self, Error};
@@ -167,6 +168,8 @@ pub struct Diagnosis {
     pub noise: Vec<(usize, f64, f64)>,
     /// Outputs whose noise grows with the reading: its standard deviation at a reading of 0 and at the largest one.
     pub growing: Vec<(usize, f64, f64)>,
+    /// Outputs whose noise has heavy tails, with the law by which their readings were made tame.
+    pub tails: Vec<(usize, Tails)>,
     /// What a cause had to gain.
     pub threshold: f64,
     /// What the screen of the calibrated plant predicted.
@@ -349,6 +352,7 @@ pub fn conclude(
         bridged: bridges::bridged(kernel.records.iter().chain(&unseen.records)),
         noise: present.iter().map(|k| (*k, kernel.floors[*k].sd, kernel.floors[*k].correlation)).collect(),
         growing: growing(kernel, &present),
+        tails: present.iter().filter_map(|&output| Some((output, kernel.tails[output]?))).collect(),
         threshold,
         ranking,
         remaining,

@@ -308,6 +308,10 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
                 noise["sd_at_zero"] = json!(at_zero);
                 noise["sd_at_largest"] = json!(at_largest);
             }
+            if let Some((_, law)) = found.tails.iter().find(|it| it.0 == *k) {
+                noise["freedom"] = json!(law.freedom);
+                noise["outlying"] = json!(law.outlying);
+            }
             (kind.outputs()[*k].name.to_string(), noise)
         }).collect::<Map<String, Value>>(),
         "data": findings(&found.findings),

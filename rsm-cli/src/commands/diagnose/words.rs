@@ -215,6 +215,14 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         let (low, high) = (figure(Some(*low)), figure(Some(*high)));
         tell!("The noise of {name} grows with the reading: its standard deviation is {low} at 0 and {high} at the largest.");
     }
+    for (output, law) in &found.tails {
+        tell!(
+            "The noise of {} has heavy tails (Student's t with {} degrees of freedom; {:.2} % of its readings are far off their neighbours): such readings count less.",
+            kind.outputs()[*output].name,
+            law.freedom,
+            100.0 * law.outlying
+        );
+    }
     for it in &found.units {
         tell!("{it}.");
     }

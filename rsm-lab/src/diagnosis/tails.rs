@@ -1,0 +1,344 @@
+//! Noise with heavy tails: readings far off their neighbours count as little as Student's t says.
+//!
+//! In: what a simulation leaves of the outputs. Out: the law of the noise of each output that has heavy tails, and readings in which it is tame: each is moved towards the readings beside it until a least squares
+//! fit to all of them solves the equations that the likelihood of Student's t asks (pseudo-values; P. J. Huber, "Robust statistics", 1981, section 7.8). What follows sees noise of an even size whose variance is
+//! that of the best estimate there is, so costs, thresholds and intervals hold as they stand. Where noise is normal nothing is touched. Never decides by the simulation alone: what a row has beside its neighbours is
+//! asked, so structure that lasts some rows is no outlier.
+
+use super::kernel::{Kernel, Simulated};
+use super::levenberg::Fit;
+use super::model::Model;
+use super::noise::{Floor, median};
+use super::validation;
+
+/// Rows to either side that say where a row should be: their median is not moved by outliers.
+const BESIDE: usize = 4;
+
+/// Degrees of freedom that are tried. Beyond the last one a least squares fit loses less than 4 % of what readings say (3 f/((f + 3)(f - 2)) of it; R. A. Fisher, 1922).
+const FREEDOMS: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0];
+
+/// Fewer rows say too little about what stands beside their outermost fiftieth.
+const LEAST_ROWS: usize = 2000;
+
+/// Twice the logarithm of the likelihood ratio that tails must reach. Chi squared with two degrees of freedom (scale and freedom) passes 40 twice in 10^9 cases: such noise is never near the limit, and normal noise is to stay untouched.
+const SURE: f64 = 40.0;
+
+/// The outermost rows that are asked whether they come together: one in fifty.
+const OUTERMOST: f64 = 0.02;
+
+/// Rows within which they would.
+const TOGETHER: usize = 8;
+
+/// How many times as often as chance has it they may stand together. Noise is from row to row its own: slow noise under tails stands together up to twice as often as chance has it. Contacts, ripples
+/// and noise that belongs to some part of a record come in bunches, ten times as often and more.
+const OF_CHANCE: f64 = 3.0;
+
+/// How far the rows beside the outermost ones may lie off, in the middle, over all rows: an outlier is alone, and a corner or a bend that a simulation misses is not. Of forty rows with two beside each
+/// the middle of the sizes scatters by a seventh; slow noise under tails has 1.2.
+const BESIDE_OUTERMOST: f64 = 1.6;
+
+/// Readings that repeat the one before, as a share of all, from which a sensor is coarse: it reads one step off or none, which is no tail.
+const REPEATS: f64 = 0.02;
+
+/// The median of the size of a normal number.
+const MEDIAN_SIZE: f64 = 0.6745;
+
+/// Scales beyond which a reading is called outlying in words: of normal noise one in 16,000 is.
+const OUTLYING: f64 = 4.0;
+
+/// Iterations of the scale: each makes its error smaller by f/(f + 3) at worst.
+const ROUNDS: usize = 60;
+
+/// A law of heavy tails, of one output.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tails {
+    /// Degrees of freedom of Student's t.
+    pub freedom: f64,
+    /// Its scale, over the deviation that the median of sizes gives in a record: records may have noise of different size.
+    pub scale: f64,
+    /// The mean slope of the pull over the deviation.
+    pub slope: f64,
+    /// Share of the rows that lie beyond four scales of their neighbours.
+    pub outlying: f64,
+}
+
+impl Tails {
+    /// What is left of a deviation, in scales.
+    fn tame(&self, deviation: f64) -> f64 {
+        deviation / (1.0 + deviation * deviation / self.freedom) / self.slope
+    }
+
+    /// From what is left of an output, one list a record: readings, what is left, rows that count. `None` where noise has no heavy tails, as far as can be told.
+    #[must_use]
+    pub fn found(lists: &[(&[f64], &[f64], &[bool])]) -> Option<Tails> {
+        let mut all = Vec::new();
+        let mut beside_outermost = Vec::new();
+        let (mut together, mut places, mut outermost) = (0, 0, 0);
+        for (measured, left, used) in lists {
+            let repeats = measured.windows(2).filter(|pair| pair[0] == pair[1]).count();
+            let off = off_neighbours(left, used);
+            let size = deviation(&off)?;
+            if repeats as f64 > REPEATS * measured.len() as f64 || size <= 0.0 {
+                return None;
+            }
+            let off: Vec<Option<f64>> = off.iter().map(|it| it.map(|off| off / size)).collect();
+            all.extend(off.iter().flatten());
+            let mut sizes: Vec<f64> = off.iter().flatten().map(|it| it.abs()).collect();
+            sizes.sort_by(f64::total_cmp);
+            let limit = sizes[((1.0 - OUTERMOST) * (sizes.len() - 1) as f64) as usize];
+            let is_out = |row: usize| off[row].is_some_and(|it| it.abs() > limit);
+            for row in (0..off.len()).filter(|row| is_out(*row)) {
+                outermost += 1;
+                let near = row + 1..off.len().min(row + 1 + TOGETHER);
+                places += near.clone().filter(|row| off[*row].is_some()).count();
+                together += near.filter(|row| is_out(*row)).count();
+                let beside = [row.wrapping_sub(1), row + 1].map(|row| off.get(row).copied().flatten());
+                beside_outermost.extend(beside.into_iter().flatten().map(f64::abs));
+            }
+        }
+        if all.len() < LEAST_ROWS {
+            return None;
+        }
+        // As many as chance puts there, and what that scatters by: four standard deviations of a count.
+        let chance = outermost as f64 / all.len() as f64 * places as f64;
+        if together as f64 > OF_CHANCE * chance + 4.0 * chance.sqrt() {
+            return None;
+        }
+        if median(&mut beside_outermost) > BESIDE_OUTERMOST * MEDIAN_SIZE {
+            return None;
+        }
+        let n = all.len() as f64;
+        let normal = 0.5 * n * (1.0 + (all.iter().map(|it| it * it).sum::<f64>() / n).ln() + std::f64::consts::TAU.ln());
+        let laws = FREEDOMS.map(|freedom| (freedom, scale(&all, freedom)));
+        let (freedom, scale) = laws.into_iter().min_by(|a, b| cost(&all, *a).total_cmp(&cost(&all, *b)))?;
+        // At the lightest tails of the list they may be lighter still.
+        if 2.0 * (normal - cost(&all, (freedom, scale))) < SURE || freedom >= FREEDOMS[FREEDOMS.len() - 1] {
+            return None;
+        }
+        let slope = all.iter().map(|it| (it / scale).powi(2) / freedom).map(|u| (1.0 - u) / ((1.0 + u) * (1.0 + u)));
+        let slope = slope.sum::<f64>() / n;
+        let outlying = all.iter().filter(|it| it.abs() > OUTLYING * scale).count() as f64 / n;
+        (slope > 0.0).then_some(Tails { freedom, scale, slope, outlying })
+    }
+
+    /// Readings of a record in which the noise is tame: moved towards their neighbours. `left` is what a simulation leaves of them.
+    fn tamed(&self, measured: &[f64], left: &[f64], used: &[bool], law: &Floor) -> Vec<f64> {
+        let (even, uneven) = evened(law, measured, left);
+        let off = off_neighbours(&even, used);
+        let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return measured.to_vec() };
+        let scale = self.scale * size;
+        let moved = |(measured, (off, uneven)): (&f64, (&Option<f64>, &f64))| {
+            measured - off.map_or(0.0, |off| uneven * (off - scale * self.tame(off / scale)))
+        };
+        measured.iter().zip(off.iter().zip(&uneven)).map(moved).collect()
+    }
+}
+
+/// What is left as it would be if the noise did not grow with the reading, and what each row was divided by.
+fn evened(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (mut even, mut units) = (left.to_vec(), vec![1.0; left.len()]);
+    floor.even(measured, &mut even);
+    floor.even(measured, &mut units);
+    (even, units.into_iter().map(|unit| 1.0 / unit).collect())
+}
+
+/// Each row less the median of the rows beside it; `None` where it does not count, or stands alone.
+fn off_neighbours(left: &[f64], used: &[bool]) -> Vec<Option<f64>> {
+    let mut beside = Vec::with_capacity(2 * BESIDE);
+    (0..left.len())
+        .map(|row| {
+            if !used[row] {
+                return None;
+            }
+            beside.clear();
+            let near = row.saturating_sub(BESIDE)..(row + BESIDE + 1).min(left.len());
+            beside.extend(near.filter(|at| *at != row && used[*at]).map(|at| left[at]));
+            (beside.len() >= BESIDE).then(|| left[row] - median(&mut beside))
+        })
+        .collect()
+}
+
+/// The deviation that the median of sizes gives.
+fn deviation(off: &[Option<f64>]) -> Option<f64> {
+    let mut sizes: Vec<f64> = off.iter().flatten().map(|it| it.abs()).collect();
+    (!sizes.is_empty()).then(|| median(&mut sizes) / MEDIAN_SIZE)
+}
+
+/// The scale of Student's t by iterated weights (A. P. Dempster, N. M. Laird, D. B. Rubin, 1980).
+fn scale(values: &[f64], freedom: f64) -> f64 {
+    let mut square = 1.0;
+    for _ in 0..ROUNDS {
+        let weighted = values.iter().map(|it| (freedom + 1.0) * it * it / (freedom + it * it / square)).sum::<f64>();
+        let next = weighted / values.len() as f64;
+        let done = (next / square - 1.0).abs() < 1e-6;
+        square = next;
+        if done {
+            break;
+        }
+    }
+    square.sqrt()
+}
+
+/// The negative logarithm of the likelihood of Student's t.
+fn cost(values: &[f64], (freedom, scale): (f64, f64)) -> f64 {
+    let level =
+        log_gamma(0.5 * freedom) - log_gamma(0.5 * (freedom + 1.0)) + 0.5 * (freedom * std::f64::consts::PI).ln() + scale.ln();
+    let tail = |value: &f64| 0.5 * (freedom + 1.0) * ((value / scale).powi(2) / freedom).ln_1p();
+    values.len() as f64 * level + values.iter().map(tail).sum::<f64>()
+}
+
+/// The logarithm of the gamma function for numbers above 0 (J. Stirling's series from 10 on, by the recursion below it; to 1e-10).
+fn log_gamma(x: f64) -> f64 {
+    let (mut x, mut below) = (x, 0.0);
+    while x < 10.0 {
+        below += x.ln();
+        x += 1.0;
+    }
+    let inverse = 1.0 / x;
+    let series = inverse / 12.0 - inverse.powi(3) / 360.0 + inverse.powi(5) / 1260.0 - inverse.powi(7) / 1680.0;
+    (x - 0.5) * x.ln() - x + 0.5 * std::f64::consts::TAU.ln() + series - below
+}
+
+/// The laws of all outputs, from what a simulation leaves of a kernel's records.
+fn laws(kernel: &Kernel, simulated: &[Simulated]) -> [Option<Tails>; 3] {
+    let mut laws = [None; 3];
+    for (output, law) in laws.iter_mut().enumerate() {
+        let floor = &kernel.floors[output];
+        let mut lists: Vec<(&[f64], Vec<f64>, &[bool])> = Vec::new();
+        for (prepared, simulated) in kernel.records.iter().zip(simulated) {
+            let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
+            let left = less(prepared.measured(k), &simulated[k]);
+            lists.push((prepared.measured(k), evened(floor, prepared.measured(k), &left).0, &prepared.used[k]));
+        }
+        let lists: Vec<(&[f64], &[f64], &[bool])> =
+            lists.iter().map(|(measured, left, used)| (*measured, left.as_slice(), *used)).collect();
+        *law = if lists.is_empty() { None } else { Tails::found(&lists) };
+    }
+    laws
+}
+
+/// Looks for heavy tails beside a calibrated plant and makes the kernel's records tame; whether there were any.
+pub fn found(kernel: &mut Kernel, calibrated: &Fit) -> bool {
+    kernel.tails = laws(kernel, &calibrated.simulated);
+    tame(kernel, &calibrated.simulated);
+    kernel.tails.iter().any(Option::is_some)
+}
+
+/// Makes the noise of a kernel's records tame by its laws. `simulated` is a simulation of them; their readings are as they were recorded.
+fn tame(kernel: &mut Kernel, simulated: &[Simulated]) {
+    for (prepared, simulated) in kernel.records.iter_mut().zip(simulated) {
+        for (k, values) in simulated.iter().enumerate() {
+            let output = prepared.outputs[k];
+            let Some(law) = kernel.tails[output] else { continue };
+            let measured = prepared.measured(k);
+            let tamed = law.tamed(measured, &less(measured, values), &prepared.used[k], &kernel.floors[output]);
+            prepared.record.measured[output] = Some(tamed);
+        }
+    }
+}
+
+/// Records that no fit has seen, their noise tame by the laws of those that were fitted. Where a model cannot be simulated along them they stay as they are.
+#[must_use]
+pub fn tamed(mut unseen: Kernel, model: &Model) -> Kernel {
+    if unseen.tails.iter().any(Option::is_some)
+        && let Some(there) = validation::on(&unseen, model)
+    {
+        tame(&mut unseen, &there.simulated);
+    }
+    unseen
+}
+
+fn less(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
+    measured.iter().zip(simulated).map(|(measured, simulated)| measured - simulated).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::Random;
+    use super::*;
+
+    /// Student's t with so many degrees of freedom, of scale one.
+    fn student(random: &mut Random, freedom: usize) -> f64 {
+        let chi: f64 = (0..freedom).map(|_| random.normal().powi(2)).sum();
+        random.normal() / (chi / freedom as f64).sqrt()
+    }
+
+    fn found(rows: usize, mut noise: impl FnMut(usize) -> f64) -> Option<Tails> {
+        let left: Vec<f64> = (0..rows).map(&mut noise).collect();
+        let measured: Vec<f64> = left.iter().enumerate().map(|(k, left)| 20.0 * (k as f64 / 150.0).sin() + left).collect();
+        Tails::found(&[(&measured, &left, &vec![true; rows])])
+    }
+
+    #[test]
+    fn tails_are_found_and_normal_noise_has_none() {
+        let mut random = Random::new(3);
+        let law = found(6000, |_| 0.2 * student(&mut random, 3)).expect("three degrees of freedom");
+        assert!((2.0..=5.0).contains(&law.freedom) && law.outlying > 0.01, "{law:?}");
+        let law = found(6000, |_| if random.uniform() < 0.01 { 4.0 } else { 0.2 } * random.normal()).expect("outliers");
+        assert!(law.freedom < 10.0, "{law:?}");
+        for _ in 0..100 {
+            assert_eq!(found(2000, |_| random.normal()), None);
+        }
+        // Slow noise, two sizes of noise, a wave: none has tails.
+        let mut last = 0.0;
+        let mut slow = || {
+            last = 0.8 * last + 0.6 * random.normal();
+            last
+        };
+        assert_eq!(found(4000, |_| slow()), None);
+        assert_eq!(found(4000, |k| if k < 2000 { 1.0 } else { 1.5 } * random.normal()), None);
+        assert_eq!(found(4000, |k| 3.0 * (k as f64 / 3.0).sin() + random.normal()), None);
+    }
+
+    #[test]
+    fn what_comes_in_bunches_is_no_tail() {
+        let mut random = Random::new(4);
+        // A contact rings for twelve rows, once in two hundred.
+        let ring = |k: usize| if k % 200 < 12 { 8.0 * (2.0 * k as f64).sin() } else { 0.0 };
+        assert_eq!(found(6000, |k| ring(k) + random.normal()), None);
+        // Corners of what a simulation misses, a hundred times as high as the noise.
+        let corners = |k: usize| 30.0 * (k as f64 / 20.0).sin().asin();
+        assert_eq!(found(6000, |k| corners(k) + random.normal()), None);
+    }
+
+    /// Over many draws the variance of the mean of tamed readings, times their number, and the mean of a slow wave that is in them.
+    fn of_means(mut noise: impl FnMut() -> f64) -> (f64, f64) {
+        let (rows, draws) = (2000, 200);
+        let mut means = Vec::new();
+        let mut waves = 0.0;
+        for _ in 0..draws {
+            let wave = |k: usize| (std::f64::consts::TAU * 5.0 * k as f64 / rows as f64).sin();
+            let left: Vec<f64> = (0..rows).map(|k| wave(k) + noise()).collect();
+            let used = vec![true; rows];
+            // A record that holds few outliers by chance counts as normal.
+            let law = Tails::found(&[(&left, &left, &used)]);
+            let tamed = law.map_or(left.clone(), |law| law.tamed(&left, &left, &used, &Floor::white(1.0)));
+            means.push(tamed.iter().sum::<f64>() / rows as f64);
+            waves += tamed.iter().enumerate().map(|(k, it)| 2.0 * wave(k) * it / rows as f64).sum::<f64>() / draws as f64;
+        }
+        (rows as f64 * means.iter().map(|it| it * it).sum::<f64>() / draws as f64, waves)
+    }
+
+    #[test]
+    fn least_squares_on_tamed_readings_is_as_good_as_the_likelihood() {
+        let mut random = Random::new(5);
+        // The best there is: (f + 3)/(f + 1) of the squared scale, 1.5 for three degrees of freedom; the plain mean has f/(f - 2), which is 3. Two hundred draws know a variance to 10 %, three of it.
+        let (variance, wave) = of_means(|| student(&mut random, 3));
+        assert!((1.05..1.95).contains(&variance) && (wave - 1.0).abs() < 0.02, "{variance} {wave}");
+        // One reading in a hundred has 20 times the noise: 0.99 is the best, the plain mean has 5.
+        let (variance, wave) = of_means(|| if random.uniform() < 0.01 { 20.0 } else { 1.0 } * random.normal());
+        assert!((0.7..1.5).contains(&variance) && (wave - 1.0).abs() < 0.02, "{variance} {wave}");
+    }
+
+    #[test]
+    fn log_gamma_of_halves_and_wholes() {
+        for (x, value) in [
+            (0.5, std::f64::consts::PI.sqrt().ln()),
+            (1.0, 0.0),
+            (5.0, 24.0_f64.ln()),
+            (1.5, (0.5 * std::f64::consts::PI.sqrt()).ln()),
+        ] {
+            assert!((log_gamma(x) - value).abs() < 1e-9, "{x}");
+        }
+    }
+}
