@@ -385,6 +385,7 @@ fn a_search_spends_its_budget_and_with_patience_so_many_times_that() {
     assert_eq!(least(&terms, &sides, &EVERYWHERE), once);
     assert_eq!(extent(&terms, &sides).range.low, once.bound);
     assert_eq!(least_with_patience(&terms, &sides, &EVERYWHERE, 2), twice);
+    assert_eq!(least_measure(&[terms.to_vec()], &sides, &Value, &EVERYWHERE, 2), twice);
     assert_eq!(BUDGET, 20_000_000, "a tenth of a second");
 }
 

@@ -83,7 +83,7 @@ impl Middle {
     /// Of these rows and columns. None where an entry may be infinite.
     fn of(of: &LeastEigenvalue, values: &[Interval], rows: &[usize]) -> Option<Self> {
         let size = rows.len();
-        let (mut entries, mut radius, mut largest) = (Vec::with_capacity(size * size), 0f64, 0f64);
+        let (mut entries, mut radius, mut largest) = (Vec::new(), 0f64, 0f64);
         for a in rows {
             for b in rows {
                 let entry = of.entry(values, *a, *b);
@@ -139,11 +139,12 @@ impl Measure for LeastEigenvalue {
         }
         let least = DMatrix::from_row_slice(middle.size, middle.size, &middle.entries).symmetric_eigenvalues().min();
         // The pivots take one margin, the eigenvalue in f64 another.
-        let proven = [2.0, 4.0, 64.0].into_iter().map(|times| least - times * middle.margin).find(|m| middle.is_above(*m));
-        proven.map_or(f64::NEG_INFINITY, |m| m.min(most))
+        let proven = least - 2.0 * middle.margin;
+        if middle.is_above(proven) { proven.min(most) } else { f64::NEG_INFINITY }
     }
 
     fn high(&self, values: &[Interval]) -> f64 {
+        // mutant `any to all`: of one infinite entry the sum below is infinite too.
         if values.iter().any(|entry| !entry.magnitude().is_finite()) {
             return f64::INFINITY;
         }
@@ -157,8 +158,14 @@ impl Measure for LeastEigenvalue {
                 sum = sum + self.entry(values, a, b) * u * Interval::point(direction[b]);
             }
         }
-        (sum.high / if sum.high < 0.0 { square.high } else { square.low }).next_up()
+        most_of_quotient(sum, square)
     }
+}
+
+/// At least every quotient of a number and a positive one.
+fn most_of_quotient(number: Interval, positive: Interval) -> f64 {
+    // mutant `< to <=`: 0 over either is 0.
+    (number.high / if number.high < 0.0 { positive.high } else { positive.low }).next_up()
 }
 
 #[cfg(test)]

@@ -18,10 +18,13 @@ const MOST_MOVES: usize = 400;
 /// Minima nearer than this share of every side are one place.
 const APART: f64 = 0.01;
 
-/// A polynomial over shares of its sides, for many values.
+/// A polynomial over shares of its sides, for many values: a round of exchange asks for millions of them.
 pub(super) struct Landscape {
-    terms: Vec<(Vec<u32>, f64)>,
+    /// Of each term the coefficient and where its factors stand among the powers of all variables; a variable that it does not have is left out.
+    terms: Vec<(f64, Vec<usize>)>,
     sides: Vec<[f64; 2]>,
+    /// Powers kept of each variable, 0 to the largest.
+    kept: usize,
 }
 
 /// A place and the value there.
@@ -34,17 +37,25 @@ pub(super) struct Valley {
 
 impl Landscape {
     pub(super) fn new(monomials: &[Monomial], sides: Vec<[f64; 2]>) -> Self {
-        let middle = |term: &Monomial| (term.powers.clone(), term.coefficient.low.midpoint(term.coefficient.high));
-        Landscape { terms: monomials.iter().map(middle).collect(), sides }
+        let kept = monomials.iter().flat_map(|term| &term.powers).max().map_or(1, |largest| *largest as usize + 1);
+        let of_one = |term: &Monomial| {
+            let factors = term.powers.iter().enumerate().filter(|(_, power)| **power > 0);
+            let places = factors.map(|(axis, power)| axis * kept + *power as usize).collect();
+            (term.coefficient.low.midpoint(term.coefficient.high), places)
+        };
+        Landscape { terms: monomials.iter().map(of_one).collect(), sides, kept }
     }
 
     pub(super) fn value(&self, shares: &[f64]) -> f64 {
-        let x: Vec<f64> = self.sides.iter().zip(shares).map(|([low, high], share)| low + share * (high - low)).collect();
-        let product = |powers: &[u32]| {
-            let power = |(x, power): (&f64, &u32)| (0..*power).fold(1.0, |product, _| product * x);
-            x.iter().zip(powers).map(power).product::<f64>()
-        };
-        self.terms.iter().map(|(powers, coefficient)| coefficient * product(powers)).sum()
+        // mutant `* to +`: room, which grows where it is too little.
+        // mutant `* to /`: likewise.
+        let mut powers = Vec::with_capacity(self.sides.len() * self.kept);
+        for ([low, high], share) in self.sides.iter().zip(shares) {
+            let x = low + share * (high - low);
+            powers.extend((0..self.kept).scan(1.0, |next, _| Some(std::mem::replace(next, *next * x))));
+        }
+        let product = |places: &[usize]| places.iter().map(|place| powers[*place]).product::<f64>();
+        self.terms.iter().map(|(coefficient, places)| coefficient * product(places)).sum()
     }
 
     /// The local minima below a value that descents from `starts` reach, the lowest first, each place once.

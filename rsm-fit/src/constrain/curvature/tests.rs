@@ -163,6 +163,25 @@ fn the_worst_matrix_of_an_enclosure_is_not_called_better_than_it_is() {
     }
 }
 
+/// The margin holds half of the widest entry, rounded up, and the rounding of the largest one, whatever its sign; a pivot of 0 proves nothing.
+#[test]
+fn the_margin_is_no_less_than_what_may_be_missing() {
+    let of = |entries: [Interval; 3]| Middle::of(&LeastEigenvalue(2), &entries, &[0, 1]).unwrap().margin;
+    assert_eq!(of([-8.0, 1.0, 2.0].map(Interval::point)), 2.0 * (5e-324 + ROUNDING * 8.0));
+    // The middle of 0 and the least number above is rounded to 0: all of the width lies above.
+    let least = 5e-324;
+    assert_eq!(0f64.midpoint(least), 0.0);
+    assert_eq!(of([Interval::new(0.0, least), Interval::point(0.0), Interval::point(0.0)]), 2.0 * (2.0 * least));
+    let exact = Middle { size: 2, entries: vec![2.0, 0.0, 0.0, 1.0], margin: 0.0 };
+    assert!(exact.is_above(1f64.next_down()) && !exact.is_above(1.0));
+}
+
+#[test]
+fn a_quotient_is_rounded_up() {
+    let of = |high: f64| most_of_quotient(Interval::new(-9.0, high), Interval::new(2.0, 4.0));
+    assert_eq!([of(0.5), of(-0.5), of(6.0), of(-6.0)], [0.25f64, -0.125, 3.0, -1.5].map(f64::next_up));
+}
+
 /// Sums of fewer squares than rows, of small whole numbers: every one is exact, and its least eigenvalue is 0. Rounded pivots say otherwise.
 #[test]
 fn a_matrix_that_is_singular_is_not_called_positive_by_rounding() {
@@ -180,6 +199,8 @@ fn a_matrix_that_is_singular_is_not_called_positive_by_rounding() {
         assert!(!middle.is_above(1e-300), "{singular}");
         let (low, high) = (measure.low(&values, f64::INFINITY), measure.high(&values));
         assert!(low <= 0.0 && high >= 0.0, "{low} {high} {singular}");
+        // One margin for the pivots, one for the eigenvalue, and what the eigenvalue may be off the other way.
+        assert!(low >= -3.0 * middle.margin, "{low} {singular}");
         middle.margin = 0.0;
         by_pivots += usize::from(middle.is_above(1e-300));
     }

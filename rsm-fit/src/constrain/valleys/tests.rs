@@ -121,3 +121,22 @@ fn the_step_is_halved_from_a_sixteenth_to_a_2048th_and_of_equal_ways_the_upper_i
     let hill = landscape(&[(&[2], -1.0), (&[1], 1.0), (&[0], -0.25)], &[[0.0, 1.0]]);
     assert_eq!(only(&hill, 0.0, &[0.5]).shares, [1.0]);
 }
+
+/// Powers and products are the plain ones, to the bit, in their order.
+#[test]
+fn values_are_those_of_the_plain_sum() {
+    let mut random = crate::random::Random::new(5);
+    let mut number = || 4.0 * random.share() - 2.0;
+    let terms: Vec<([u32; 3], f64)> =
+        [[0, 0, 0], [3, 0, 1], [0, 5, 0], [1, 1, 1], [0, 0, 2], [2, 4, 0]].map(|powers| (powers, number())).to_vec();
+    let told: Vec<(&[u32], f64)> = terms.iter().map(|(powers, value)| (&powers[..], *value)).collect();
+    let ground = landscape(&told, &[[-1.0, 1.5], [0.25, 2.0], [-3.0, -1.0]]);
+    for _ in 0..50 {
+        let shares = [(); 3].map(|()| (number() + 2.0) / 4.0);
+        let x: Vec<f64> = ground.sides.iter().zip(shares).map(|([low, high], share)| low + share * (high - low)).collect();
+        let power = |(x, power): (&f64, &u32)| (0..*power).fold(1.0, |product, _| product * x);
+        let plain = terms.iter().map(|(powers, value)| value * x.iter().zip(powers).map(power).product::<f64>()).sum::<f64>();
+        assert_eq!(ground.value(&shares), plain, "{shares:?}");
+    }
+    assert_eq!(landscape(&[], &[[0.0, 1.0]]).value(&[0.5]), 0.0);
+}
