@@ -153,6 +153,9 @@ const RUNS: (usize, usize) = (3, 2);
 /// starts take a part. Below it a case asks for luck, and is drawn again.
 const LEAST_SIGNAL: f64 = 0.3;
 
+/// Draws of a case before it is given up.
+const ATTEMPTS: usize = 50;
+
 /// What a case is made from.
 struct Plan {
     name: String,
@@ -324,20 +327,36 @@ pub fn cases(seed: u64, choice: Choice) -> impl Iterator<Item = Case> {
     };
     let chosen = plans().into_iter().enumerate().filter(|(place, plan)| choice.has(plan) && its_turn(*place, plan));
     let chosen: Vec<Plan> = chosen.map(|it| it.1).collect();
-    chosen.into_iter().map(move |plan| case(&plan, seed, &choice))
+    chosen.into_iter().filter_map(move |plan| case(&plan, seed, &choice))
 }
 
-/// Draws until the causes show: see `LEAST_SIGNAL`.
-fn case(plan: &Plan, seed: u64, choice: &Choice) -> Case {
+/// Outputs of a plant that records hold, by their places.
+fn recorded(kind: Kind, untidy: &Untidy) -> Vec<usize> {
+    let is_held = |place: &usize| untidy.without.iter().all(|out| *out != kind.outputs()[*place].0);
+    (0..kind.outputs().len()).filter(is_held).collect()
+}
+
+/// Draws until the causes show: see `LEAST_SIGNAL`. `None` where they cannot, since nobody recorded the outputs in which they would: an effect of a sensor that no record holds, a fault of
+/// its column.
+fn case(plan: &Plan, seed: u64, choice: &Choice) -> Option<Case> {
+    let held = recorded(plan.kind, &choice.untidy);
+    let all = plan.kind.outputs().len();
+    // Faults are those of the last output.
+    if held.is_empty() || plan.fault.is_some() && !held.contains(&(all - 1)) {
+        return None;
+    }
     let mut attempt = 0;
     loop {
         let case = draw_case(plan, Random::new(seed, &format!("{} {attempt}", plan.name)), choice);
         let hides_nothing = plan.effects.is_empty() && plan.outside.is_none();
         if hides_nothing || case.signal_to_noise >= LEAST_SIGNAL {
-            return case;
+            return Some(case);
         }
         attempt += 1;
-        assert!(attempt < 50, "{}: fifty draws, none of which shows", plan.name);
+        if attempt == ATTEMPTS && held.len() < all {
+            return None;
+        }
+        assert!(attempt < ATTEMPTS, "{}: {ATTEMPTS} draws, none of which shows", plan.name);
     }
 }
 
@@ -349,7 +368,16 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let poor = if kind == Kind::Car { random.spread(0.6, 2.0) } else { random.spread(1.0, 4.0) };
     true_plant.noise.iter_mut().for_each(|sigma| *sigma *= poor);
     let mut parameters = true_plant.parameters.clone();
-    let causes: Vec<Effect> = plan.effects.iter().map(|effect| draw::effect(effect, &true_plant, None, &mut random)).collect();
+    let held = recorded(kind, &choice.untidy);
+    let causes: Vec<Effect> = plan
+        .effects
+        .iter()
+        .map(|effect| {
+            let missing = held.len() < kind.outputs().len();
+            let sensor = missing.then(|| held[random.whole(0, held.len() as u64 - 1) as usize]);
+            draw::effect(effect, &true_plant, sensor, &mut random)
+        })
+        .collect();
     let mut nominal = true_plant.clone();
     for (name, sigma) in &true_plant.tolerance {
         let off = if choice.normal { within_two(&mut random) } else { random.uniform(-1.5, 1.5) };
@@ -412,9 +440,16 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let mut runs = read(made, untidy);
     let validate = runs.split_off(RUNS.0);
     // Nobody finds what no training record shows, nor sees that it helps where no record for validation does.
-    let shown = |which: usize| moved.iter().map(|sums| (sums[which].0 / sums[which].1).sqrt()).fold(0.0, f64::max);
+    let shown =
+        |which: usize| held.iter().map(|place| moved[*place][which]).map(|(sum, rows)| (sum / rows).sqrt()).fold(0.0, f64::max);
     let signal_to_noise = shown(0).min(shown(1));
     let signal_to_noise = signal_to_noise.max(outside::signal_on_readings(&truth, &nominal));
+    // Of a sensor that nobody recorded nothing can be said, whatever moves beside it.
+    let is_held = |cause: &Effect| match cause.which {
+        Some(("output", name)) => held.iter().any(|place| kind.outputs()[*place].0 == name),
+        _ => true,
+    };
+    let signal_to_noise = if causes.iter().all(is_held) { signal_to_noise } else { 0.0 };
     match plan.fault {
         Some(Fault::Constant) => runs.iter_mut().for_each(|run| damage(run, Fault::Constant, &mut random)),
         Some(fault) => damage(&mut runs[0], fault, &mut random),
@@ -608,6 +643,28 @@ mod tests {
                 assert!((found - 0.9).abs() < 0.07, "{found}");
             }
         }
+    }
+
+    #[test]
+    fn nobody_is_asked_for_a_sensor_that_no_record_holds() {
+        let without = vec!["i_d".to_string(), "speed".to_string(), "position".to_string(), "road_speed".to_string()];
+        let of = |name: &str, without: &[String]| {
+            let untidy = Untidy { without: without.to_vec(), ..Untidy::default() };
+            cases(5, Choice { name: Some(name.to_string()), rows: Some(600), untidy, ..Choice::default() }).next()
+        };
+        for effect in ["sensor-gain", "sensor-bias", "sensor-quantisation"] {
+            for (plant, held) in [("pmac", &["i_q"][..]), ("driveline", &["engine_speed", "acceleration"])] {
+                let case = of(&format!("{plant}-{effect}"), &without).expect("a sensor is left");
+                let (_, sensor) = case.causes[0].which.expect("a sensor's effect names it");
+                assert!(held.contains(&sensor), "{plant} {effect}: {sensor}");
+                assert!(case.signal_to_noise >= LEAST_SIGNAL);
+            }
+        }
+        // Of the axis only its position may be late.
+        assert!(of("servo-axis-sensor-delay", &without).is_none());
+        assert!(of("fault-stuck-pmac", &without[1..2]).is_none() && of("fault-stuck-driveline", &without).is_some());
+        // With all sensors a case is what it was.
+        assert_eq!(of("pmac-sensor-gain", &[]).map(|it| it.causes), of("pmac-sensor-gain", &without[3..]).map(|it| it.causes));
     }
 
     #[test]
