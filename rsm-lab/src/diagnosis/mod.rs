@@ -336,6 +336,12 @@ fn searched(
             progress: options.progress,
         };
         let found = search.run_from(start.clone(), seed.clone());
+        // Tails that stood under structure are seen once causes have taken it away.
+        let first_look = with_tails && round == 0 && !found.causes.is_empty() && kernel.tails.iter().all(Option::is_none);
+        let tailed = first_look && tails::found(&mut kernel, &found.fit);
+        if tailed {
+            unseen = tails::tamed(kernel.on(unseen.records), &found.fit.model);
+        }
         let floors = with_rounding(&kernel, &found.fit, floors(&kernel, &found.fit, file), &rounded);
         let moved = floors.iter().zip(&kernel.floors).any(|(new, old)| {
             (new.sd / old.sd - 1.0).abs() > 0.1
@@ -344,7 +350,7 @@ fn searched(
         });
         // With causes in the plant, readings after a gap say more about what stood in it.
         let corrected = (round == 0 && !found.causes.is_empty()).then(|| bridges::corrected(&kernel, &found.fit)).flatten();
-        let again = round == 0 && (moved || corrected.is_some()) && !found.causes.is_empty();
+        let again = round == 0 && (moved || tailed || corrected.is_some()) && !found.causes.is_empty();
         if !found.causes.is_empty() {
             correct_unseen(&mut unseen, &found.fit.model);
         }

@@ -255,7 +255,9 @@ fn less(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::super::random::Random;
+    use super::super::{Options, Verdict, axis_under_steps, diagnose};
     use super::*;
+    use crate::record::Record;
 
     /// Student's t with so many degrees of freedom, of scale one.
     fn student(random: &mut Random, freedom: usize) -> f64 {
@@ -328,6 +330,32 @@ mod tests {
         // One reading in a hundred has 20 times the noise: 0.99 is the best, the plain mean has 5.
         let (variance, wave) = of_means(|| if random.uniform() < 0.01 { 20.0 } else { 1.0 } * random.normal());
         assert!((0.7..1.5).contains(&variance) && (wave - 1.0).abs() < 0.02, "{variance} {wave}");
+    }
+
+    #[test]
+    fn a_cause_is_found_under_outliers_and_explains() {
+        let nominal = axis_under_steps::file("mass = 0.01", "");
+        let truth = axis_under_steps::file("mass = 0.01", &axis_under_steps::friction(0.5));
+        let mut random = Random::new(6);
+        let records: Vec<Record> = (0..6)
+            .map(|number| {
+                let mut record = axis_under_steps::kernel(&nominal, &truth, false).0.records[0].record.clone();
+                record.file = format!("record {number}");
+                for value in record.measured[0].as_mut().unwrap() {
+                    *value += if random.uniform() < 0.01 { 2e-4 } else { 1e-5 } * random.normal();
+                }
+                record
+            })
+            .collect();
+        let options = Options { threads: 2, progress: &|_| {} };
+        let found = diagnose(&nominal, &records[..4], &records[4..], &options).unwrap();
+        let kinds: Vec<&str> = found.entries().map(|cause| cause.kind).collect();
+        assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["coulomb-friction"]), "{:?}", found.left);
+        assert!(found.tails.len() == 1 && found.tails[0].1.outlying > 0.003, "{:?}", found.tails);
+        // The deviation of the readings without outliers, and a tenth.
+        assert!(found.noise[0].1 < 1.1e-5, "{:?}", found.noise);
+        let force = &found.causes[0].parameters[0];
+        assert!(force.low <= 0.5 && 0.5 <= force.high, "{force:?}");
     }
 
     #[test]
