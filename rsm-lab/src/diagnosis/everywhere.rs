@@ -71,35 +71,36 @@ impl fmt::Display for Everywhere {
     }
 }
 
-/// Windows of a record, in an order in which the first ones are spread over it.
-fn windows(record: &Record, file: &PlantFile) -> Vec<Piece> {
+/// Windows of a record, made as they are asked for, in an order in which the first ones are spread over it.
+fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterator<Item = Piece> + 'a> {
     let rows = record.rows();
     let beginning = record.piece(0..WINDOW.min(rows));
     let Some(settling) = share::settling(&beginning, file).filter(|settling| 2 * settling <= WINDOW) else {
         // A plant that does not forget its start goes on from the first one.
-        return vec![Piece::whole(record.clone())];
+        return Box::new(std::iter::once_with(|| Piece::whole(record.clone())));
     };
     let count = rows.div_ceil(WINDOW);
     let mut order: Vec<usize> = (0..count).collect();
     // Bits reversed: halves, quarters, eighths.
     order.sort_by_key(|k| k.reverse_bits());
-    let one = |k: usize| {
+    let kind = file.kind;
+    let one = move |k: usize| {
         let start = k * rows / count;
         let from = start.saturating_sub(settling);
         let end = (k + 1) * rows / count;
-        let mut piece = share::piece(record, file.kind, from..end, start - from);
+        let mut piece = share::piece(record, kind, from..end, start - from);
         // Messages name the rows that count.
         piece.record.file = format!("{}, rows {} to {end}", record.file, start + 1);
         piece
     };
-    order.into_iter().map(one).collect()
+    Box::new(order.into_iter().map(one))
 }
 
 /// Asks all rows. `kernel` has the noise and the pace of the search.
 #[must_use]
 pub fn look(records: &[&Record], file: &PlantFile, kernel: &Kernel, fit: &Fit) -> Everywhere {
-    let mut by_record: Vec<std::vec::IntoIter<Piece>> = records.iter().map(|it| windows(it, file).into_iter()).collect();
-    let looks: usize = by_record.iter().map(ExactSizeIterator::len).sum();
+    let mut by_record: Vec<_> = records.iter().map(|it| windows(it, file)).collect();
+    let looks: usize = by_record.iter().map(|it| it.len()).sum();
     let sds = Posterior::of(fit).deviations().to_vec();
     let mut found = Everywhere {
         rows: 0,

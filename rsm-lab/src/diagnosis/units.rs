@@ -8,7 +8,7 @@
 //! a calibration; the calibrations say which one it is; and a free gain beside all that is free anyway says whether it is that factor.
 
 use super::checks;
-use super::kernel::{Kernel, dot};
+use super::kernel::{Kernel, Prepared, dot};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::noise::{Floor, median};
@@ -222,14 +222,25 @@ fn candidates(columns: &[Columns]) -> Vec<Candidate> {
     list
 }
 
-/// The records with a candidate put right, ready to be simulated; residuals in shares of each output's spread.
-fn kernel(records: &[Record], candidates: &[Candidate], file: &PlantFile, threads: usize) -> Kernel {
+/// Records with columns put right, checked: which rows count does not hang on a factor, so that candidates share it.
+fn prepared(records: &[Record], before: &[Candidate], file: &PlantFile) -> Vec<Prepared> {
     let right = |record: &Record| {
         let mut record = record.clone();
-        candidates.iter().for_each(|it| it.put_right(&mut record));
+        before.iter().for_each(|it| it.put_right(&mut record));
         Piece::whole(record)
     };
-    let (prepared, _) = checks::prepared(records.iter().map(right), file);
+    checks::prepared(records.iter().map(right), file).0
+}
+
+/// The same with one more column put right.
+fn beside(given: &[Prepared], it: &Candidate) -> Vec<Prepared> {
+    let mut right = given.to_vec();
+    right.iter_mut().for_each(|prepared| it.put_right(&mut prepared.record));
+    right
+}
+
+/// What simulates them; residuals in shares of each output's spread.
+fn kernel(prepared: Vec<Prepared>, file: &PlantFile, threads: usize) -> Kernel {
     let mut kernel = Kernel::new(prepared, [Floor::white(1.0); 3], threads);
     for output in 0..file.kind.outputs().len() {
         let lists = kernel.records.iter().filter_map(|it| it.outputs.iter().position(|k| *k == output).map(|k| it.measured(k)));
@@ -317,7 +328,7 @@ pub fn asked_again(
     let mut plant = plant.clone();
     plant.effects.retain(|it| it.description.kind != "sensor-quantisation");
     let records: Vec<Record> = right.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
-    let mut kernel = kernel(&records, &[], &plant, threads);
+    let mut kernel = kernel(prepared(&records, &[], &plant), &plant, threads);
     noise.iter().for_each(|(output, sd, _)| kernel.floors[*output] = Floor::white(*sd));
     let fit = calibrated(&kernel, &plant).map(|it| it.0);
     let of = |it: &PutRight| {
@@ -347,7 +358,8 @@ fn next(
     all: &[Candidate],
     threads: usize,
 ) -> Option<(InUnit, Candidate)> {
-    let given = kernel(records, before, file, threads);
+    let checked = prepared(records, before, file);
+    let given = kernel(checked.clone(), file, threads);
     let noise = noise(&given);
     let as_given = calibrated(&given, file).map_or(WRONG, |it| it.1);
     if as_given < NEAR_NOISE * noise {
@@ -361,14 +373,14 @@ fn next(
     let taken = |it: &Candidate| before.iter().any(|one| one.which.names.iter().any(|name| it.which.names.contains(name)));
     let mut promising: Vec<(f64, &Candidate)> = Vec::new();
     for it in all.iter().filter(|it| !taken(it)) {
-        let kernel = kernel(records, &[before, std::slice::from_ref(it)].concat(), file, threads);
+        let kernel = kernel(beside(&checked, it), file, threads);
         promising.push((plain(&kernel), it));
     }
     promising.retain(|it| it.0 < nominal);
     promising.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut fits: Vec<(f64, &Candidate, Kernel, Fit)> = Vec::new();
     for (_, it) in promising.into_iter().take(CALIBRATED) {
-        let kernel = kernel(records, &[before, std::slice::from_ref(it)].concat(), file, threads);
+        let kernel = kernel(beside(&checked, it), file, threads);
         if let Some((fit, left)) = calibrated(&kernel, file) {
             fits.push((left, it, kernel, fit));
         }
