@@ -13,6 +13,9 @@ pub enum PlantKind {
     ServoAxis,
 }
 
+/// A start of a simulation: a value for each of [`PlantKind::starts`], 0 beyond them.
+pub type Starts = [f64; 6];
+
 /// A named quantity with its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Signal {
@@ -68,13 +71,23 @@ impl PlantKind {
         }
     }
 
-    /// What can stand under `[initial]`, in the places of a simulation's start: outputs, and of an axis the speed, which no column holds.
+    /// What can stand under `[initial]`, in the places of a simulation's start: outputs, and what no column holds. Of an axis that is the speed; of a car by how much the engine's torque, the
+    /// driveshaft's twist and its speed differ from those of a car that rolls steadily under its pedal.
     #[must_use]
     pub fn starts(self) -> &'static [Signal] {
         const AXIS: &[Signal] = &[signal("position", "m"), signal("speed", "m/s")];
+        const DRIVELINE: &[Signal] = &[
+            signal("engine_speed", "rad/s"),
+            signal("road_speed", "m/s"),
+            signal("acceleration", "m/s^2"),
+            signal("torque_offset", "N*m"),
+            signal("twist_offset", "rad"),
+            signal("twist_rate", "rad/s"),
+        ];
         match self {
             PlantKind::ServoAxis => AXIS,
-            _ => self.outputs(),
+            PlantKind::Driveline => DRIVELINE,
+            PlantKind::Pmac => self.outputs(),
         }
     }
 

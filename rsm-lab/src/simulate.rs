@@ -9,7 +9,7 @@ use rsm_core::source::{Fault, Faults};
 
 use crate::hooks::Hooks;
 use crate::integrate::{self, MOST_STEPS, Span, System, Work};
-use crate::kind::{PlantKind, Signal};
+use crate::kind::{PlantKind, Signal, Starts};
 use crate::plant_file::PlantFile;
 use crate::plants::Plant;
 use crate::plants::driveline::Driveline;
@@ -96,7 +96,7 @@ pub struct Simulator {
     equations: Equations,
     kind: PlantKind,
     hooks: Hooks,
-    start: [f64; 3],
+    start: Starts,
     refinement: usize,
     /// Sub-steps a row that a run may take on average.
     allowed: usize,
@@ -128,7 +128,7 @@ impl Simulator {
                 (hooks, Equations::ServoAxis(plant))
             }
         };
-        let mut start = [0.0; 3];
+        let mut start = Starts::default();
         for &place in starting(record, file.kind) {
             let Some(reading) = start_of(file, record, place) else {
                 let name = file.kind.starts()[place].name;
@@ -165,9 +165,9 @@ impl Simulator {
         self.taken
     }
 
-    /// The start as the diagnosis may vary it: true outputs.
-    pub fn set_start(&mut self, outputs: [f64; 3]) {
-        self.start = outputs;
+    /// The start as the diagnosis may vary it: true outputs, and what no column holds.
+    pub fn set_start(&mut self, start: Starts) {
+        self.start = start;
     }
 
     /// Runs along the record.
@@ -254,12 +254,12 @@ pub fn starting(record: &Record, kind: PlantKind) -> &'static [usize] {
     match kind {
         PlantKind::Pmac if record.drive == Drive::HoldsDirectCurrent => &[1, 2],
         PlantKind::Pmac => &[0, 1, 2],
-        PlantKind::Driveline => &[1],
+        PlantKind::Driveline => &[1, 3, 4, 5],
         PlantKind::ServoAxis => &[0, 1],
     }
 }
 
-/// Where one of them starts: as the plant file says, else as the record's first row; what no column can hold starts at rest. `None` where nothing says it.
+/// Where one of them starts: as the plant file says, else as the record's first row; what no column can hold starts at 0 (an axis at rest, a car steadily). `None` where nothing says it.
 #[must_use]
 pub fn start_of(file: &PlantFile, record: &Record, place: usize) -> Option<f64> {
     let name = file.kind.starts()[place].name;
@@ -330,7 +330,7 @@ struct Run<'a, 'c, 'd> {
 }
 
 impl Run<'_, '_, '_> {
-    fn along<P: Plant>(&mut self, plant: &P, start: &[f64; 3], first: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
+    fn along<P: Plant>(&mut self, plant: &P, start: &Starts, first: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
         let record = self.record;
         let (whole, part) = periods(self.hooks.delay(), record);
         let mut late_readings: Vec<LateReading> = (first..first + outputs.values.len())

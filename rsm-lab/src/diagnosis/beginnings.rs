@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn a_clutch_that_swings_at_its_limit_is_followed_from_its_first_slip() {
         let (mut kernel, file) = slipping(140.0);
-        let (nominal, calibrated) = calibrate(&mut kernel, &file).unwrap();
+        let (nominal, calibrated) = calibrate(&mut kernel, &file, false).unwrap();
         let survey = survey::survey(&kernel, &calibrated);
         let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
@@ -277,7 +277,7 @@ mod tests {
         let (kernel, file) = slipping(140.0);
         let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
         let mut model = Model::nominal(&file, &records, [0.5, 0.02, 0.05]);
-        model.starts = vec![[0.0, 8.0, 0.0]; 2];
+        model.starts = vec![[0.0, 8.0, 0.0, 0.0, 0.0, 0.0]; 2];
         let ends = reach(&kernel, &model).unwrap();
         // The first push beyond the capacity is at 2 s in both records.
         assert!(ends.iter().all(|end| (200..260).contains(end)), "{ends:?}");

@@ -12,7 +12,7 @@ use crate::plant_file::PlantFile;
 use crate::record::Record;
 
 /// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.
-pub fn calibrate(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> {
+pub fn calibrate(kernel: &mut Kernel, file: &PlantFile, under_way: bool) -> Option<(Model, Fit)> {
     let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
@@ -20,7 +20,8 @@ pub fn calibrate(kernel: &mut Kernel, file: &PlantFile) -> Option<(Model, Fit)> 
     nominal.file.effects = file.effects.clone();
     let simulated = kernel.run(&nominal)?;
     kernel.floors = estimate(kernel, &simulated, file);
-    nominal = Model::nominal(file, &records, kernel.floors.map(|floor| floor.sd));
+    nominal = Model { under_way, ..Model::nominal(file, &[], kernel.floors.map(|floor| floor.sd)) };
+    nominal.take_starts(&records, kernel.floors.map(|floor| floor.sd));
     let fit = levenberg::fit(kernel, nominal.clone(), 8)?;
     kernel.floors = floors(kernel, &fit, file);
     let fit = converged(kernel, levenberg::fit(kernel, fit.model, 8)?)?;

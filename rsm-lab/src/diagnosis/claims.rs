@@ -107,9 +107,9 @@ fn judged(filed: &PlantFile, training: &[Record], validation: &[Record], options
     let mut kernel = Kernel::new(records, [Floor::white(1.0); 3], options.threads);
     let mut none = kernel.on(Vec::new());
     share.cut(&mut kernel, &mut none, filed);
-    let (mut nominal, mut calibrated) = calibrate(&mut kernel, filed)?;
+    let (mut nominal, mut calibrated) = calibrate(&mut kernel, filed, false)?;
     if tails::found(&mut kernel, &calibrated) {
-        (nominal, calibrated) = calibrate(&mut kernel, filed)?;
+        (nominal, calibrated) = calibrate(&mut kernel, filed, false)?;
     }
     let without = |model: &Model| {
         let mut model = model.clone();

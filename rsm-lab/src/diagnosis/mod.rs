@@ -62,6 +62,7 @@ pub mod survey;
 pub mod tails;
 pub mod tested;
 pub mod tracks;
+pub mod under_way;
 pub mod units;
 pub mod upper_band;
 pub mod validation;
@@ -233,17 +234,21 @@ fn searched(
         (options.progress)(&not_seen.to_string());
     }
     (options.progress)("calibrating within tolerances");
-    let (mut nominal, mut calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
+    let (mut nominal, mut calibrated) = calibrate(&mut kernel, file, false).ok_or(Refused::CannotSimulate)?;
     unseen.floors = kernel.floors;
     if second_look(&mut kernel, &mut unseen, &calibrated, &mut findings) {
-        (nominal, calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
+        (nominal, calibrated) = calibrate(&mut kernel, file, false).ok_or(Refused::CannotSimulate)?;
         unseen.floors = kernel.floors;
     }
-
+    if under_way::shown(&kernel, &calibrated, &unseen) {
+        (options.progress)("a record begins in the middle of a motion: torque and twist are unknown there");
+        (nominal, calibrated) = calibrate(&mut kernel, file, true).ok_or(Refused::CannotSimulate)?;
+        unseen.floors = kernel.floors;
+    }
     if with_tails && tails::found(&mut kernel, &calibrated) {
         (options.progress)("noise with heavy tails: readings far off their neighbours count less");
         unseen = tails::tamed(kernel.on(unseen.records), &calibrated.model);
-        (nominal, calibrated) = calibrate(&mut kernel, file).ok_or(Refused::CannotSimulate)?;
+        (nominal, calibrated) = calibrate(&mut kernel, file, nominal.under_way).ok_or(Refused::CannotSimulate)?;
         unseen.floors = kernel.floors;
     }
 
@@ -342,6 +347,8 @@ fn searched(
         if tailed {
             unseen = tails::tamed(kernel.on(unseen.records), &found.fit.model);
         }
+        // What hid a start in motion may be explained now.
+        let begun = round == 0 && !found.causes.is_empty() && under_way::shown(&kernel, &found.fit, &unseen);
         let floors = with_rounding(&kernel, &found.fit, floors(&kernel, &found.fit, file), &rounded);
         let moved = floors.iter().zip(&kernel.floors).any(|(new, old)| {
             (new.sd / old.sd - 1.0).abs() > 0.1
@@ -350,7 +357,7 @@ fn searched(
         });
         // With causes in the plant, readings after a gap say more about what stood in it.
         let corrected = (round == 0 && !found.causes.is_empty()).then(|| bridges::corrected(&kernel, &found.fit)).flatten();
-        let again = round == 0 && (moved || tailed || corrected.is_some()) && !found.causes.is_empty();
+        let again = round == 0 && (moved || tailed || begun || corrected.is_some()) && !found.causes.is_empty();
         if !found.causes.is_empty() {
             correct_unseen(&mut unseen, &found.fit.model);
         }
@@ -363,6 +370,14 @@ fn searched(
         }
         kernel.floors = floors;
         unseen.floors = floors;
+        if begun {
+            let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+            for model in [&mut nominal, &mut start.model] {
+                model.under_way = true;
+                model.take_starts(&records, floors.map(|floor| floor.sd));
+            }
+            seed = None;
+        }
         match levenberg::fit(&kernel, start.model.clone(), 4) {
             Some(fit) => start = fit,
             None => break,

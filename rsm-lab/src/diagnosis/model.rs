@@ -4,7 +4,9 @@
 
 use super::kernel::dot;
 use super::normal::Normal;
+use crate::kind::{PlantKind, Starts};
 use crate::plant_file::PlantFile;
+use crate::plants::driveline::{self, FIRST_OFFSET};
 use crate::record::Record;
 use crate::schema::Bound;
 use crate::simulate::{start_of, starting};
@@ -134,10 +136,13 @@ impl Unknown {
 pub struct Model {
     /// The plant; effects are the causes that are believed.
     pub file: PlantFile,
-    /// First readings of each record's outputs.
-    pub starts: Vec<[f64; 3]>,
+    /// Where each record starts.
+    pub starts: Vec<Starts>,
     /// What is searched.
     pub unknowns: Vec<Unknown>,
+    /// Whether records of a car begin in the middle of a motion: torque and twist of their starts are unknown then. They are forgotten within seconds, so that they can take up little of what
+    /// a missing cause does.
+    pub under_way: bool,
 }
 
 impl Model {
@@ -160,7 +165,7 @@ impl Model {
                 });
             }
         }
-        let mut model = Model { file: file.clone(), starts: Vec::new(), unknowns };
+        let mut model = Model { file: file.clone(), starts: Vec::new(), unknowns, under_way: false };
         model.take_starts(records, sds);
         model
     }
@@ -170,7 +175,7 @@ impl Model {
         self.unknowns.retain(|unknown| !matches!(unknown.place, Place::Start { .. }));
         self.starts.clear();
         for (k, record) in records.iter().enumerate() {
-            let mut start = [0.0; 3];
+            let mut start = Starts::default();
             for &place in starting(record, self.file.kind) {
                 start[place] = start_of(&self.file, record, place).unwrap_or(0.0);
                 let Some((value, scale, prior)) = self.begins(record, place, start[place], sds) else { continue };
@@ -193,6 +198,11 @@ impl Model {
     fn begins(&self, record: &Record, place: usize, at: f64, sds: [f64; 3]) -> Option<(f64, f64, Prior)> {
         if let Some(output) = self.file.kind.output(self.file.kind.starts()[place].name) {
             return Some((at, sds[output], None));
+        }
+        if self.file.kind == PlantKind::Driveline {
+            let sd =
+                self.under_way.then(|| driveline::start_scales(&self.file.parameters, record.gear)[place - FIRST_OFFSET])?;
+            return Some((at, 0.1 * sd, Some((0.0, sd))));
         }
         let readings = record.measured[0].as_deref().unwrap_or(&[]);
         let (speed, sd) = speed_at_start(readings, record.period).filter(|(speed, sd)| speed.abs() > MOVES * sd)?;

@@ -379,7 +379,7 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let kernel = Kernel::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); 3], 1);
         assert_eq!(kernel.records[0].outputs, [2]);
-        let model = Model { file, starts: vec![[0.0; 3]], unknowns: Vec::new() };
+        let model = Model { file, starts: vec![crate::kind::Starts::default()], unknowns: Vec::new(), under_way: false };
         let simulated = vec![vec![smooth]];
         let found = orders(&kernel, &model, &simulated, &simulated);
         assert_eq!(found.len(), 1);

@@ -306,7 +306,7 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let floor = Floor { correlation: told, ..Floor::white(SD) };
         let kernel = Kernel::new(vec![Prepared::new(record, 3)], [floor; 3], 1);
-        let model = Model { file, starts: vec![[0.0; 3]], unknowns: Vec::new() };
+        let model = Model { file, starts: vec![crate::kind::Starts::default()], unknowns: Vec::new(), under_way: false };
         let simulated = vec![vec![smooth]];
         let residual = kernel.residual(&simulated);
         let cost = dot(&residual, &residual);

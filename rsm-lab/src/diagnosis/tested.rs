@@ -64,5 +64,5 @@ pub fn tested(file: &PlantFile, records: &[Record], fitted: &Kernel, nominal: &M
 fn from_first_part(kernel: &Kernel, model: &Model) -> Option<Vec<Simulated>> {
     let first = kernel.records.iter().map(|it| it.shortened(it.record.rows() / FIRST_PART)).collect();
     let started = validation::on(&kernel.on(first), model)?.model;
-    kernel.run(&Model { file: model.file.clone(), starts: started.starts, unknowns: Vec::new() })
+    kernel.run(&Model { starts: started.starts, unknowns: Vec::new(), ..model.clone() })
 }

@@ -52,7 +52,7 @@ pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
 #[must_use]
 pub fn from_starts_of(kernel: &Kernel, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
     let unknowns = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
-    let other = Model { file: model.file.clone(), starts: earlier.model.starts.clone(), unknowns: unknowns.cloned().collect() };
+    let other = Model { starts: earlier.model.starts.clone(), unknowns: unknowns.cloned().collect(), ..model.clone() };
     levenberg::fit(kernel, other, STEPS)
 }
 
@@ -60,7 +60,7 @@ pub fn from_starts_of(kernel: &Kernel, model: &Model, earlier: &levenberg::Fit) 
 /// what it is. Starts begin where an earlier fit to these records left them.
 #[must_use]
 pub fn within(kernel: &Kernel, model: &Model, sds: &[Option<f64>], earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
-    let mut other = Model { file: model.file.clone(), starts: earlier.model.starts.clone(), unknowns: Vec::new() };
+    let mut other = Model { starts: earlier.model.starts.clone(), unknowns: Vec::new(), ..model.clone() };
     for (k, (unknown, sd)) in model.unknowns.iter().zip(sds).enumerate() {
         let value = model.value(k);
         let (false, Some(sd)) = (matches!(unknown.place, Place::Start { .. }), sd.filter(|sd| *sd > 0.0 && sd.is_finite()))

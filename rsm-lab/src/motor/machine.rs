@@ -121,7 +121,7 @@ impl Machine {
             measured: Vec::new(),
             breaks: Vec::new(),
         };
-        self.plant.start(&self.hooks, &[0.0, 0.0, speed], &record, &[0.0; 3], &mut self.x);
+        self.plant.start(&self.hooks, &[0.0, 0.0, speed, 0.0, 0.0, 0.0], &record, &[0.0; 3], &mut self.x);
         self.plant.evaluate(&self.hooks, None, &[0.0; 3], &self.x, &mut self.k[0], &mut self.outputs);
         self.hooks.settle(0.0, self.outputs, &mut self.x, &mut self.k[0]);
     }

@@ -6,6 +6,7 @@
 use super::{Plant, Rates};
 use crate::effect::{Contact, Joint, Motion, Scale, Start, Twist, Vehicle};
 use crate::hooks::Hooks;
+use crate::kind::Starts;
 use crate::plant_file::Parameters;
 use crate::record::Record;
 
@@ -74,6 +75,23 @@ impl Driveline {
     }
 }
 
+/// The first of the places of a start that no output shows.
+pub const FIRST_OFFSET: usize = 3;
+
+/// How large the offsets of a start may be, as standard deviations: torque as at full throttle in the middle of the map, the twist that carries it to the wheel, and the rate of a swing of that twist.
+#[must_use]
+pub fn start_scales(parameters: &Parameters, gear: usize) -> [f64; 3] {
+    let plant = Driveline::new(parameters, gear);
+    // The speed at which the map has its largest torque, where it has one.
+    let best = if plant.torque[2] < 0.0 { (-0.5 * plant.torque[1] / plant.torque[2]).max(0.0) } else { 0.0 };
+    let torque = plant.commanded(1.0, best).abs();
+    let ratio = plant.gear_ratio * plant.final_ratio;
+    let twist = ratio * torque / plant.driveshaft.0;
+    // The engine swings against the wheel through the driveshaft.
+    let swing = (plant.driveshaft.0 / (plant.engine_inertia * ratio * ratio)).sqrt();
+    [torque, twist, swing * twist]
+}
+
 /// The order of the states.
 const TORQUE: usize = 0;
 const ENGINE_ANGLE: usize = 1;
@@ -86,13 +104,17 @@ const WHEEL_SPEED: usize = 6;
 impl Plant for Driveline {
     const STATES: usize = 7;
 
-    fn start(&self, hooks: &Hooks, outputs: &[f64; 3], record: &Record, inputs: &[f64; 3], x: &mut [f64]) {
-        let wheel = outputs[1] / self.radius;
-        let shaft = self.final_ratio * wheel;
+    fn start(&self, hooks: &Hooks, outputs: &Starts, record: &Record, inputs: &[f64; 3], x: &mut [f64]) {
+        let [_, road_speed, _, torque_offset, twist_offset, twist_rate] = *outputs;
+        let wheel = road_speed / self.radius;
+        let shaft = self.final_ratio * (wheel + twist_rate);
         let engine = self.gear_ratio * shaft;
-        let torque = self.commanded(inputs[0], engine);
-        let clutch = torque - self.engine_drag(engine);
-        let driveshaft = self.gear_ratio * self.final_ratio * clutch;
+        // A car that rolls steadily, and what it has beyond that. The shaft between is light: the clutch carries what the driveshaft does.
+        let steady = self.gear_ratio * (self.final_ratio * wheel);
+        let ratio = self.gear_ratio * self.final_ratio;
+        let clutch = self.commanded(inputs[0], steady) - self.engine_drag(steady) + self.driveshaft.0 * twist_offset / ratio;
+        let torque = self.commanded(inputs[0], steady) + torque_offset;
+        let driveshaft = ratio * clutch;
         let sign = if driveshaft == 0.0 { 0.0 } else { driveshaft.signum() };
         x[TORQUE] = torque;
         x[ENGINE_ANGLE] = clutch / self.clutch.0;
@@ -102,7 +124,7 @@ impl Plant for Driveline {
         x[WHEEL_ANGLE] = -(driveshaft / self.driveshaft.0 + sign * hooks.slack(Joint::Driveshaft) / 2.0);
         x[WHEEL_SPEED] = wheel;
         let motion = Motion { position: x[WHEEL_ANGLE], speed: wheel, viscous_friction: self.wheel_damping };
-        hooks.start(&Start { motion, road_speed: outputs[1], time: record.first_time() }, x);
+        hooks.start(&Start { motion, road_speed, time: record.first_time() }, x);
     }
 
     fn evaluate(

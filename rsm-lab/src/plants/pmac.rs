@@ -7,6 +7,7 @@
 use super::{Plant, Rates};
 use crate::effect::{Currents, Machine, Motion, Scale, Split, Start, Windings};
 use crate::hooks::Hooks;
+use crate::kind::Starts;
 use crate::plant_file::Parameters;
 use crate::record::Record;
 
@@ -47,7 +48,7 @@ impl Pmac {
 impl Plant for Pmac {
     const STATES: usize = 4;
 
-    fn start(&self, hooks: &Hooks, outputs: &[f64; 3], record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
+    fn start(&self, hooks: &Hooks, outputs: &Starts, record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
         let theta = record.angle.unwrap_or(0.0);
         let (sin, cos) = hooks.frame_angle(theta).sin_cos();
         if self.holds_i_d {

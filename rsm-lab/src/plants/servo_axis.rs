@@ -6,6 +6,7 @@
 use super::{Plant, Rates};
 use crate::effect::{Motion, Scale, Split, Start};
 use crate::hooks::Hooks;
+use crate::kind::Starts;
 use crate::plant_file::{Parameters, VelocityFrom};
 use crate::record::Record;
 
@@ -44,7 +45,7 @@ impl ServoAxis {
 impl Plant for ServoAxis {
     const STATES: usize = 2;
 
-    fn start(&self, hooks: &Hooks, outputs: &[f64; 3], record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
+    fn start(&self, hooks: &Hooks, outputs: &Starts, record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
         (x[0], x[1]) = (outputs[0], outputs[1]);
         hooks.start(&Start { motion: self.motion(x), road_speed: 0.0, time: record.first_time() }, x);
     }

@@ -50,7 +50,7 @@ impl Car {
     }
 
     fn start(&mut self, throttle: f64, speed: f64) {
-        self.plant.start(&self.hooks, &[0.0, speed, 0.0], &self.record, &[throttle, 0.0, 0.0], &mut self.x);
+        self.plant.start(&self.hooks, &[0.0, speed, 0.0, 0.0, 0.0, 0.0], &self.record, &[throttle, 0.0, 0.0], &mut self.x);
         let Car { plant, hooks, x, k, outputs, .. } = self;
         plant.evaluate(hooks, None, &[throttle, 0.0, 0.0], x, &mut k[0], outputs);
     }
