@@ -341,14 +341,14 @@ fn searched(
             progress: options.progress,
         };
         let found = search.run_from(start.clone(), seed.clone());
+        // What hid a start in motion may be explained now.
+        let begun = round == 0 && !found.causes.is_empty() && under_way::shown(&kernel, &found.fit, &unseen);
         // Tails that stood under structure are seen once causes have taken it away.
         let first_look = with_tails && round == 0 && !found.causes.is_empty() && kernel.tails.iter().all(Option::is_none);
         let tailed = first_look && tails::found(&mut kernel, &found.fit);
         if tailed {
             unseen = tails::tamed(kernel.on(unseen.records), &found.fit.model);
         }
-        // What hid a start in motion may be explained now.
-        let begun = round == 0 && !found.causes.is_empty() && under_way::shown(&kernel, &found.fit, &unseen);
         let floors = with_rounding(&kernel, &found.fit, floors(&kernel, &found.fit, file), &rounded);
         let moved = floors.iter().zip(&kernel.floors).any(|(new, old)| {
             (new.sd / old.sd - 1.0).abs() > 0.1
