@@ -25,6 +25,7 @@ pub mod compete;
 mod confidence;
 pub mod configurations;
 pub mod correction;
+pub mod equations;
 pub mod everywhere;
 pub mod excitations;
 pub mod experiment;
@@ -282,6 +283,8 @@ fn searched(
     hypotheses.retain(|it| {
         it.description.kind != "sensor-quantisation" || !rounded.iter().any(|(k, _)| it.subject == Some(names[*k].name))
     });
+    (options.progress)("asking the equations along the records");
+    let said = equations::look(&kernel, &nominal, &hypotheses);
     // What one run of the calibrated plant takes is the measure of all work that follows.
     let before = kernel.pace.taken();
     kernel.run(&calibrated.model).ok_or(Refused::CannotSimulate)?;
@@ -322,6 +325,7 @@ fn searched(
         };
         let mut whole = of_one_record(file, &own, &its, findings, test, options)?;
         whole.not_seen = share.not_seen();
+        whole.equations = said;
         return Ok(whole);
     }
     let mut selection = None;
@@ -400,6 +404,7 @@ fn searched(
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
     found.tested = tested::tested(file, test, &kernel, &nominal, &fit.model);
     found.not_seen = share.not_seen();
+    found.equations = said;
     Ok(found)
 }
 

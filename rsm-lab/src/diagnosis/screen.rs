@@ -225,7 +225,7 @@ fn beside(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]], back:
 }
 
 /// A guess's numbers when its traces are wanted by these shares; `None` where physics has no such sign.
-fn scaled(guess: &Guess, share: &[f64], hypothesis: &Hypothesis, kind: PlantKind) -> Option<Vec<f64>> {
+pub(super) fn scaled(guess: &Guess, share: &[f64], hypothesis: &Hypothesis, kind: PlantKind) -> Option<Vec<f64>> {
     let mut values = guess.values.clone();
     match (guess.neutral, guess.phase) {
         (Some((place, _)), Some(phase)) => {

@@ -7,6 +7,7 @@ use super::bridges::{self, Bridged};
 use super::checks::Finding;
 use super::claims::Claim;
 use super::confidence::{self, Case};
+use super::equations::Said;
 use super::everywhere::Everywhere;
 use super::experiment::NextExperiment;
 use super::finish;
@@ -186,6 +187,8 @@ pub struct Diagnosis {
     pub left_unseen: Option<Left>,
     /// What the law of a known loop says of its sensors.
     pub known_loop: Option<KnownLoop>,
+    /// What the equations say along the recorded signals, without a free run.
+    pub equations: Option<Said>,
     /// What predicts a part of what is left, on the records where it predicts more.
     pub predicted: Option<Predicted>,
     /// Rivals that leave the same trace, the strongest of the strongest cause first.
@@ -361,6 +364,7 @@ pub fn conclude(
         left,
         left_unseen,
         known_loop,
+        equations: None,
         predicted,
         aliases: aliases.into_iter().map(|it| it.1).collect(),
         next: None,

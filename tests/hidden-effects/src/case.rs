@@ -30,11 +30,13 @@ pub enum Family {
     Symmetries,
     /// Nothing, with tolerances four times as wide and parameters near their ends: a calibration that begins far away.
     Far,
+    /// Effects of the catalogue beyond what a usual bench shows: waves of any order, long delays, friction that is most of the effort, sensors that are far off.
+    Beyond,
 }
 
 impl Family {
     /// All, in the order of the table.
-    pub const ALL: [Family; 8] = [
+    pub const ALL: [Family; 9] = [
         Family::Singles,
         Family::Nulls,
         Family::Pairs,
@@ -43,6 +45,7 @@ impl Family {
         Family::Records,
         Family::Symmetries,
         Family::Far,
+        Family::Beyond,
     ];
 
     /// Its word on the command line.
@@ -56,6 +59,7 @@ impl Family {
             Family::Records => "records",
             Family::Symmetries => "symmetries",
             Family::Far => "far",
+            Family::Beyond => "beyond",
         }
     }
 
@@ -63,7 +67,7 @@ impl Family {
     pub fn threshold(self) -> f64 {
         match self {
             Family::Singles | Family::Nulls | Family::Faults | Family::Far => 0.95,
-            Family::Pairs | Family::Records | Family::Symmetries => 0.85,
+            Family::Pairs | Family::Records | Family::Symmetries | Family::Beyond => 0.85,
             Family::Outside => 0.90,
         }
     }
@@ -201,6 +205,25 @@ const SYMMETRIES: &[(&str, Kind, &[&str])] = &[
     ("gain-closed", Kind::ClosedAxis, &["input-gain", "coulomb-friction"]),
 ];
 
+/// Effects beyond a usual bench: see `draw::beyond`. Two waves beside each other are not asked: the catalogue has a wave once.
+const BEYOND: &[(&str, Kind, &[&str])] = &[
+    ("order-a", Kind::Motor, &["any-order"]),
+    ("order-b", Kind::Motor, &["any-order"]),
+    ("late-input", Kind::Motor, &["late-input"]),
+    ("late-sensor", Kind::Motor, &["late-sensor"]),
+    ("friction", Kind::Motor, &["heavy-friction"]),
+    ("gain", Kind::Motor, &["far-gain"]),
+    ("order+friction", Kind::Motor, &["any-order", "heavy-friction"]),
+    ("order+gain", Kind::Motor, &["any-order", "sensor-gain"]),
+    ("late-input", Kind::Car, &["late-input"]),
+    ("late-sensor", Kind::Car, &["late-sensor"]),
+    ("gain", Kind::Car, &["far-gain"]),
+    ("friction", Kind::OpenAxis, &["heavy-friction"]),
+    ("order+friction", Kind::OpenAxis, &["any-order", "heavy-friction"]),
+    ("late-sensor-closed", Kind::ClosedAxis, &["late-sensor"]),
+    ("gain-closed", Kind::ClosedAxis, &["sensor-gain", "heavy-friction"]),
+];
+
 /// How many times as wide the tolerances of a calibration from far away are, and between how many of their standard deviations parameters lie off.
 const FAR: (f64, f64, f64) = (4.0, 1.5, 1.9);
 
@@ -266,6 +289,9 @@ fn plans() -> Vec<Plan> {
     for (name, kind, effects) in SYMMETRIES {
         plans.push(Plan::new(format!("symmetry-{name}"), Family::Symmetries, *kind, effects.to_vec()));
     }
+    for (name, kind, effects) in BEYOND {
+        plans.push(Plan::new(format!("beyond-{}-{name}", kind.name()), Family::Beyond, *kind, effects.to_vec()));
+    }
     for kind in [Kind::Motor, Kind::Car, Kind::OpenAxis, Kind::ClosedAxis] {
         plans.push(Plan::new(format!("far-{kind:?}").to_lowercase(), Family::Far, kind, vec![]));
     }
@@ -304,7 +330,8 @@ impl Choice {
     /// What intervals are counted of: nothing hidden, a symmetry, and some single effects, others with every seed. Two causes at once and damaged data ask for more than intervals.
     #[must_use]
     pub fn for_coverage(mut self, seed: u64) -> Self {
-        self.without_families = vec![Family::Pairs, Family::Outside, Family::Faults, Family::Records, Family::Far];
+        self.without_families =
+            vec![Family::Pairs, Family::Outside, Family::Faults, Family::Records, Family::Far, Family::Beyond];
         self.singles = Some((SINGLES_IN_TURNS as usize, (seed % SINGLES_IN_TURNS) as usize));
         self
     }

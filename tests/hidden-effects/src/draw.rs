@@ -218,6 +218,9 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
     let sigma = nominal.noise[output];
     let size = typical(sensed);
     let seconds = nominal.period * nominal.rows as f64;
+    if let Some(found) = beyond(name, nominal, random) {
+        return found;
+    }
     match name {
         "parameter-error" => parameter_error(nominal, random),
         "mass-error" => {
@@ -272,6 +275,42 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
             Kind::OpenAxis | Kind::ClosedAxis => of_axis(name, random),
         },
     }
+}
+
+/// An effect of the catalogue beyond what a usual bench shows: a wave of any order, a delay of tens of rows, a friction that is most of the effort, a sensor that is far off.
+/// `None` for other words.
+fn beyond(name: &str, nominal: &Nominal, random: &mut Random) -> Option<Effect> {
+    let (kind, period) = (nominal.kind, nominal.period);
+    let found = match (name, kind) {
+        // 12 slots with 14 poles make 84 cycles a turn, 9 with 10 make 90: the commonest small motors.
+        ("any-order", Kind::Motor) => Effect::new(
+            "cogging-torque",
+            &[
+                ("amplitude", random.spread(0.15, 0.8)),
+                ("cycles", random.whole(1, 100) as f64),
+                ("phase", random.uniform(-3.0, 3.0)),
+            ],
+        ),
+        ("any-order", _) => of_axis("cogging-torque", random),
+        // 10 to 40 rows of a motor or an axis; a throttle is slower: 0.2 to 0.6 s.
+        ("late-input", Kind::Car) => Effect::new("input-delay", &[("delay", random.spread(20.0, 60.0) * period)]),
+        ("late-input", _) => Effect::new("input-delay", &[("delay", random.spread(10.0, 40.0) * period)]),
+        ("late-sensor", _) => {
+            let names = kind.outputs();
+            let output = if kind == Kind::ClosedAxis { 0 } else { random.whole(0, names.len() as u64 - 1) as usize };
+            Effect::on("sensor-delay", names[output].0, &[("delay", random.spread(10.0, 60.0) * period)])
+        }
+        // A fifth to more than half of what the records drive with.
+        ("heavy-friction", Kind::Motor) => Effect::new("coulomb-friction", &[("torque", random.spread(0.6, 3.0))]),
+        ("heavy-friction", _) => Effect::new("coulomb-friction", &[("force", random.spread(25.0, 80.0))]),
+        ("far-gain", _) => {
+            let names = kind.outputs();
+            let output = random.whole(0, names.len() as u64 - 1) as usize;
+            Effect::on("sensor-gain", names[output].0, &[("gain", off(random, 0.15, 0.45))])
+        }
+        _ => return None,
+    };
+    Some(found)
 }
 
 /// The range of an output in the records of `excitation`, of which biases and drifts are a share.

@@ -17,7 +17,7 @@ use hidden_effects::{files, judge, verification};
 use report::{Line, Report};
 
 const USAGE: &str = "\
-usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far] [--case NAME] [--quick]
+usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond] [--case NAME] [--quick]
                               [--rows N] [--colour CORRELATION] [--stated FACTOR]
                               [--lost N] [--growing SHARE] [--tails FREEDOM] [--outliers SHARE] [--without OUTPUT,...] [--late ROWS]
            makes cases, runs `rsm diagnose` on each, compares with the truth

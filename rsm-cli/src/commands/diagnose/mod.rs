@@ -4,6 +4,7 @@
 //! a black box gains, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or absent. Every
 //! verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
 
+mod equations;
 mod evidence;
 mod next;
 mod portrait;
@@ -339,6 +340,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
                 "rms_stated": output::finite(it.stated), "rms_left": output::finite(it.left),
             })
         }),
+        "equations": found.equations.as_ref().map(equations::value),
         "predicted_by": found.predicted.as_ref().map(|it| json!({
             "output": kind.outputs()[it.output].name, "what": it.what, "excess": output::finite(it.excess), "ln_p": output::finite(it.ln_p),
         })),

@@ -13,6 +13,7 @@ use rsm_lab::diagnosis::portrait::Portrait;
 use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
 use rsm_lab::kind::PlantKind;
 
+use super::equations;
 use super::evidence::{self, label};
 use super::next;
 use super::words;
@@ -107,6 +108,19 @@ fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     list(body, "Effects of the plant file", &claims);
     let refused: Vec<String> = found.refused.iter().map(|it| format!("{}: {}.", it.cause, it.why)).collect();
     list(body, "Tried and refused", &refused);
+    if let Some(said) = &found.equations {
+        let sentences = equations::sentences(said);
+        if !sentences.is_empty() {
+            let _ = writeln!(
+                body,
+                "<h3>What the equations say</h3>\n<p>Along the recorded signals, without a simulation: what each equation ({}) misses, judged on blocks of rows that gave no number. \
+                 Calibration leaves {:.2} %. The search did not begin with these terms; they are no answer, and stand here to be compared with it.</p>",
+                escaped(&said.equations.join(", ")),
+                100.0 * said.calibrated
+            );
+            list(body, "Terms, in the order in which they were chosen", &sentences);
+        }
+    }
 }
 
 fn listed(body: &mut String, kind: PlantKind, found: &Diagnosis, heading: &str, causes: &[Cause]) {
