@@ -289,7 +289,7 @@ pub struct Contact {
 
 /// The true state at the start, for the states of effects.
 #[derive(Debug, Clone, Copy)]
-pub struct Start {
+pub struct FirstInstant {
     /// Position and speed of the first body.
     pub motion: Motion,
     /// Road speed of a driveline, in m/s; 0 elsewhere.
@@ -402,7 +402,7 @@ pub trait Effect: Send + Sync {
 
     /// Extra states: their start.
     // mutant `body to ()`: it does nothing.
-    fn start(&self, start: &Start, own: &mut [f64]) {}
+    fn start(&self, start: &FirstInstant, own: &mut [f64]) {}
 
     /// Extra states: those that follow outputs, at rest with what the effects before this one read.
     // mutant `body to ()`: it does nothing.

@@ -3,7 +3,7 @@
 //! In: effects, built. Out: what the plant gets at each of its fixed places. Holds which of the plant's states belong to which effect;
 //! the plant's own come first. Never allocates once it is built.
 
-use crate::effect::{Carried, Contact, Currents, Effect, Joint, Machine, Motion, Scale, Split, Start, Twist};
+use crate::effect::{Carried, Contact, Currents, Effect, FirstInstant, Joint, Machine, Motion, Scale, Split, Twist};
 use crate::plant_file::PlantFile;
 
 struct Active {
@@ -102,7 +102,7 @@ impl Hooks {
     }
 
     /// Start of the states of all effects.
-    pub fn start(&self, start: &Start, x: &mut [f64]) {
+    pub fn start(&self, start: &FirstInstant, x: &mut [f64]) {
         for it in &self.active {
             it.effect.start(start, &mut x[it.first..it.end]);
         }

@@ -14,7 +14,7 @@ pub enum PlantKind {
 }
 
 /// A start of a simulation: a value for each of [`PlantKind::starts`], 0 beyond them.
-pub type Starts = [f64; 6];
+pub type StartValues = [f64; 6];
 
 /// A named quantity with its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

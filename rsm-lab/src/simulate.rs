@@ -9,7 +9,7 @@ use rsm_core::source::{Fault, Faults};
 
 use crate::hooks::Hooks;
 use crate::integrate::{self, MOST_STEPS, Span, System, Work};
-use crate::kind::{PlantKind, Signal, Starts};
+use crate::kind::{PlantKind, Signal, StartValues};
 use crate::plant_file::PlantFile;
 use crate::plants::Plant;
 use crate::plants::driveline::Driveline;
@@ -96,7 +96,7 @@ pub struct Simulator {
     equations: Equations,
     kind: PlantKind,
     hooks: Hooks,
-    start: Starts,
+    start: StartValues,
     refinement: usize,
     /// Sub-steps a row that a run may take on average.
     allowed: usize,
@@ -128,7 +128,7 @@ impl Simulator {
                 (hooks, Equations::ServoAxis(plant))
             }
         };
-        let mut start = Starts::default();
+        let mut start = StartValues::default();
         for &place in starting(record, file.kind) {
             let Some(reading) = start_of(file, record, place) else {
                 let name = file.kind.starts()[place].name;
@@ -166,7 +166,7 @@ impl Simulator {
     }
 
     /// The start as the diagnosis may vary it: true outputs, and what no column holds.
-    pub fn set_start(&mut self, start: Starts) {
+    pub fn set_start(&mut self, start: StartValues) {
         self.start = start;
     }
 
@@ -330,7 +330,7 @@ struct Run<'a, 'c, 'd> {
 }
 
 impl Run<'_, '_, '_> {
-    fn along<P: Plant>(&mut self, plant: &P, start: &Starts, first: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
+    fn along<P: Plant>(&mut self, plant: &P, start: &StartValues, first: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
         let record = self.record;
         let (whole, part) = periods(self.hooks.delay(), record);
         let mut late_readings: Vec<LateReading> = (first..first + outputs.values.len())

@@ -201,10 +201,12 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::calibration::calibrate;
     use super::super::kernel::Prepared;
+    use super::super::model::AtStart;
     use super::super::noise::Floor;
     use super::super::random::Random;
-    use super::super::{axis_under_steps, calibrate, hypotheses, survey};
+    use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
     use crate::plant_file::PlantFile;
     use crate::record::Record;
@@ -249,7 +251,7 @@ mod tests {
     #[test]
     fn a_clutch_that_swings_at_its_limit_is_followed_from_its_first_slip() {
         let (mut kernel, file) = slipping(140.0);
-        let (nominal, calibrated) = calibrate(&mut kernel, &file, false).unwrap();
+        let (nominal, calibrated) = calibrate(&mut kernel, &file, AtStart::Steady).unwrap();
         let survey = survey::survey(&kernel, &calibrated);
         let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();

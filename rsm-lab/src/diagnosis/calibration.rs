@@ -5,14 +5,14 @@
 
 use super::kernel::{self, Kernel};
 use super::levenberg::{self, Fit};
-use super::model::{self, Model};
+use super::model::{self, AtStart, Model};
 use super::noise::Floor;
 use super::rounding::Rounding;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 
 /// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.
-pub fn calibrate(kernel: &mut Kernel, file: &PlantFile, under_way: bool) -> Option<(Model, Fit)> {
+pub fn calibrate(kernel: &mut Kernel, file: &PlantFile, at_start: AtStart) -> Option<(Model, Fit)> {
     let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
@@ -20,7 +20,7 @@ pub fn calibrate(kernel: &mut Kernel, file: &PlantFile, under_way: bool) -> Opti
     nominal.file.effects = file.effects.clone();
     let simulated = kernel.run(&nominal)?;
     kernel.floors = estimate(kernel, &simulated, file);
-    nominal = Model { under_way, ..Model::nominal(file, &[], kernel.floors.map(|floor| floor.sd)) };
+    nominal = Model { at_start, ..Model::nominal(file, &[], kernel.floors.map(|floor| floor.sd)) };
     nominal.take_starts(&records, kernel.floors.map(|floor| floor.sd));
     let fit = levenberg::fit(kernel, nominal.clone(), 8)?;
     kernel.floors = floors(kernel, &fit, file);

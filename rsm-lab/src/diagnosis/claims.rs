@@ -8,11 +8,11 @@ use super::confidence::{self, Case};
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::noise::Floor;
+use super::ready::{HeavyTails, Ready};
 use super::selection::Believed;
-use super::share::{Piece, Share};
+use super::share::Piece;
 use super::verdict::{self, Cause, Diagnosis, Interval, NAMED, Verdict};
-use super::{Options, Refused, bootstrap, calibrate, checks, of_nominal, tails, tested, validation, worth};
+use super::{Options, Refused, bootstrap, checks, of_nominal, tails, tested, validation, worth};
 use crate::effect::Subject;
 use crate::plant_file::{Entry, PlantFile};
 use crate::record::Record;
@@ -61,7 +61,9 @@ pub(super) fn diagnose(
 ) -> Result<Diagnosis, Refused> {
     let filed = as_given(file);
     let mut found = of_nominal(&filed, training, validation, test, options)?;
-    if let Some(judged) = judged(&filed, training, validation, options) {
+    // Tails that the answer has no use for were structure.
+    let tails = if found.tails.is_empty() { HeavyTails::LeftAlone } else { HeavyTails::LookedFor };
+    if let Some(judged) = judged(&filed, training, validation, tails, options) {
         let moved: Vec<usize> = (0..judged.claims.len()).filter(|k| !judged.claims[*k].stands).collect();
         found.claims = judged.claims.clone();
         if judged.contradict && !moved.is_empty() && !matches!(found.verdict, Verdict::NoDiscrepancy) {
@@ -97,20 +99,18 @@ struct Judged {
 }
 
 /// Fits the numbers of the claims to the training records; `None` where there are none, or nothing can be simulated.
-fn judged(filed: &PlantFile, training: &[Record], validation: &[Record], options: &Options<'_>) -> Option<Judged> {
+fn judged(
+    filed: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    tails: HeavyTails,
+    options: &Options<'_>,
+) -> Option<Judged> {
     if filed.given.is_empty() {
         return None;
     }
-    // As much of long records as the search looks at.
-    let mut share = Share::of_rows(training, validation);
-    let (records, _) = checks::prepared(training.iter().flat_map(|record| share.pieces(record, filed)), filed);
-    let mut kernel = Kernel::new(records, [Floor::white(1.0); 3], options.threads);
-    let mut none = kernel.on(Vec::new());
-    share.cut(&mut kernel, &mut none, filed);
-    let (mut nominal, mut calibrated) = calibrate(&mut kernel, filed, false)?;
-    if tails::found(&mut kernel, &calibrated) {
-        (nominal, calibrated) = calibrate(&mut kernel, filed, false)?;
-    }
+    // From the rows, the noise and the starts with which the search began.
+    let Ready { kernel, nominal, calibrated, .. } = Ready::of(filed, training, validation, tails, options).ok()?;
     let without = |model: &Model| {
         let mut model = model.clone();
         model.file.given.clear();

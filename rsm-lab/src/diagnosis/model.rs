@@ -4,7 +4,7 @@
 
 use super::kernel::dot;
 use super::normal::Normal;
-use crate::kind::{PlantKind, Starts};
+use crate::kind::{PlantKind, StartValues};
 use crate::plant_file::PlantFile;
 use crate::plants::driveline::{self, FIRST_OFFSET};
 use crate::record::Record;
@@ -131,18 +131,26 @@ impl Unknown {
     }
 }
 
+/// How records of a car begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AtStart {
+    /// It rolls steadily: torque and twist follow from its speed.
+    Steady,
+    /// In the middle of a motion: torque and twist are unknown. They are forgotten within seconds, so that they can take up little of what a missing cause does.
+    InMotion,
+}
+
 /// A plant with its starts.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// The plant; effects are the causes that are believed.
     pub file: PlantFile,
     /// Where each record starts.
-    pub starts: Vec<Starts>,
+    pub starts: Vec<StartValues>,
     /// What is searched.
     pub unknowns: Vec<Unknown>,
-    /// Whether records of a car begin in the middle of a motion: torque and twist of their starts are unknown then. They are forgotten within seconds, so that they can take up little of what
-    /// a missing cause does.
-    pub under_way: bool,
+    /// How records of a car begin.
+    pub at_start: AtStart,
 }
 
 impl Model {
@@ -165,7 +173,7 @@ impl Model {
                 });
             }
         }
-        let mut model = Model { file: file.clone(), starts: Vec::new(), unknowns, under_way: false };
+        let mut model = Model { file: file.clone(), starts: Vec::new(), unknowns, at_start: AtStart::Steady };
         model.take_starts(records, sds);
         model
     }
@@ -175,7 +183,7 @@ impl Model {
         self.unknowns.retain(|unknown| !matches!(unknown.place, Place::Start { .. }));
         self.starts.clear();
         for (k, record) in records.iter().enumerate() {
-            let mut start = Starts::default();
+            let mut start = StartValues::default();
             for &place in starting(record, self.file.kind) {
                 start[place] = start_of(&self.file, record, place).unwrap_or(0.0);
                 let Some((value, scale, prior)) = self.begins(record, place, start[place], sds) else { continue };
@@ -200,8 +208,10 @@ impl Model {
             return Some((at, sds[output], None));
         }
         if self.file.kind == PlantKind::Driveline {
-            let sd =
-                self.under_way.then(|| driveline::start_scales(&self.file.parameters, record.gear)[place - FIRST_OFFSET])?;
+            if self.at_start == AtStart::Steady {
+                return None;
+            }
+            let sd = driveline::start_scales(&self.file.parameters, record.gear)[place - FIRST_OFFSET];
             return Some((at, 0.1 * sd, Some((0.0, sd))));
         }
         let readings = record.measured[0].as_deref().unwrap_or(&[]);

@@ -379,7 +379,12 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let kernel = Kernel::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); 3], 1);
         assert_eq!(kernel.records[0].outputs, [2]);
-        let model = Model { file, starts: vec![crate::kind::Starts::default()], unknowns: Vec::new(), under_way: false };
+        let model = Model {
+            file,
+            starts: vec![crate::kind::StartValues::default()],
+            unknowns: Vec::new(),
+            at_start: super::super::model::AtStart::Steady,
+        };
         let simulated = vec![vec![smooth]];
         let found = orders(&kernel, &model, &simulated, &simulated);
         assert_eq!(found.len(), 1);

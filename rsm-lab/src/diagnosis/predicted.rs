@@ -306,7 +306,12 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let floor = Floor { correlation: told, ..Floor::white(SD) };
         let kernel = Kernel::new(vec![Prepared::new(record, 3)], [floor; 3], 1);
-        let model = Model { file, starts: vec![crate::kind::Starts::default()], unknowns: Vec::new(), under_way: false };
+        let model = Model {
+            file,
+            starts: vec![crate::kind::StartValues::default()],
+            unknowns: Vec::new(),
+            at_start: super::super::model::AtStart::Steady,
+        };
         let simulated = vec![vec![smooth]];
         let residual = kernel.residual(&simulated);
         let cost = dot(&residual, &residual);

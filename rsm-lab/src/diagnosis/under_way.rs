@@ -5,7 +5,7 @@
 
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
-use super::model::Model;
+use super::model::{AtStart, Model};
 use super::validation;
 use crate::kind::PlantKind;
 use crate::record::Record;
@@ -19,7 +19,7 @@ const GAINS: f64 = 30.0;
 /// Whether a record that is fitted, or one that is not, begins so.
 #[must_use]
 pub fn shown(kernel: &Kernel, fit: &Fit, unseen: &Kernel) -> bool {
-    if fit.model.file.kind != PlantKind::Driveline || fit.model.under_way {
+    if fit.model.file.kind != PlantKind::Driveline || fit.model.at_start == AtStart::InMotion {
         return false;
     }
     let free = levenberg::fit(kernel, freed(kernel, &fit.model), STEPS);
@@ -34,7 +34,7 @@ pub fn shown(kernel: &Kernel, fit: &Fit, unseen: &Kernel) -> bool {
 
 /// The model with starts that need not be steady, its other starts where they were.
 fn freed(kernel: &Kernel, model: &Model) -> Model {
-    let mut free = Model { under_way: true, ..model.clone() };
+    let mut free = Model { at_start: AtStart::InMotion, ..model.clone() };
     let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
     free.take_starts(&records, kernel.floors.map(|floor| floor.sd));
     free.starts.clone_from(&model.starts);

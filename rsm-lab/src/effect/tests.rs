@@ -173,7 +173,7 @@ fn found(effect: &dyn Effect, plant: PlantKind, hook: &str, given: &Given<'_>) -
         "slack" => vec![effect.slack(given.joint())],
         "engine_torque" => vec![effect.engine_torque(given.number("torque"), given.number("angle"))],
         "start" => {
-            let start = Start { motion: given.motion(), road_speed: given.number("road"), time: given.or("time", 0.0) };
+            let start = FirstInstant { motion: given.motion(), road_speed: given.number("road"), time: given.or("time", 0.0) };
             start_of(&|own| effect.start(&start, own))
         }
         "settle" => start_of(&|own| effect.settle(&[3.0, 4.0, 200.0], own)),
@@ -297,7 +297,7 @@ fn what_an_effect_has_no_hook_for_it_leaves_as_it_is() {
     assert_eq!([Nothing.input(24.0), Nothing.delay(), Nothing.reads_late(1)], [24.0, 0.0, 0.0]);
     assert_eq!((Nothing.acts_between_rows(), Nothing.states(), Nothing.has_pieces()), (true, 0, false));
     let mut own = [3.0, 4.0];
-    Nothing.start(&Start { motion: given.motion(), road_speed: 9.0, time: 7.0 }, &mut own);
+    Nothing.start(&FirstInstant { motion: given.motion(), road_speed: 9.0, time: 7.0 }, &mut own);
     Nothing.settle(&[1.0, 2.0, 3.0], &mut own);
     assert_eq!(own, [3.0, 4.0]);
     let scale = Given::of("slowest=2 change=3").scale();

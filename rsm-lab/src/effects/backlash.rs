@@ -10,7 +10,7 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Carried, Description, Effect, Guess, Joint, Motion, Scale, Split, Start, Subject, Survey, Twist,
+    Argument, Arguments, Carried, Description, Effect, FirstInstant, Guess, Joint, Motion, Scale, Split, Subject, Survey, Twist,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -108,7 +108,7 @@ impl Effect for Backlash {
     }
 
     // Together with the drive, the joint at rest.
-    fn start(&self, start: &Start, own: &mut [f64]) {
+    fn start(&self, start: &FirstInstant, own: &mut [f64]) {
         if self.far.is_some() {
             own.copy_from_slice(&[start.motion.position, start.motion.speed]);
         }

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Start, Subject, Survey};
+use crate::effect::{Argument, Arguments, Description, Effect, FirstInstant, Guess, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -47,7 +47,7 @@ impl Effect for LoadDrift {
         1
     }
 
-    fn start(&self, start: &Start, own: &mut [f64]) {
+    fn start(&self, start: &FirstInstant, own: &mut [f64]) {
         own[0] = start.time;
     }
 

@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Motion, Scale, Split, Start, Subject, Survey};
+use crate::effect::{
+    Argument, Arguments, Carried, Description, Effect, FirstInstant, Guess, Motion, Scale, Split, Subject, Survey,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -63,7 +65,7 @@ impl Effect for ShaftCompliance {
     }
 
     // Together with the drive, the joint at rest.
-    fn start(&self, start: &Start, own: &mut [f64]) {
+    fn start(&self, start: &FirstInstant, own: &mut [f64]) {
         own.copy_from_slice(&[start.motion.position, start.motion.speed]);
     }
 

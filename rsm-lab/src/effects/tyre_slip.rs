@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Contact, Description, Effect, Guess, Scale, Start, Subject, Survey};
+use crate::effect::{Argument, Arguments, Contact, Description, Effect, FirstInstant, Guess, Scale, Subject, Survey};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -47,7 +47,7 @@ impl Effect for TyreSlip {
         1
     }
 
-    fn start(&self, start: &Start, own: &mut [f64]) {
+    fn start(&self, start: &FirstInstant, own: &mut [f64]) {
         // Without slip: road_speed = r w_w. The radius comes with the wheel's speed in the start of the plant.
         own[0] = start.road_speed;
     }

@@ -4,9 +4,9 @@
 //! slip, and wheel and vehicle are one inertia J_w + m r^2.
 
 use super::{Plant, Rates};
-use crate::effect::{Contact, Joint, Motion, Scale, Start, Twist, Vehicle};
+use crate::effect::{Contact, FirstInstant, Joint, Motion, Scale, Twist, Vehicle};
 use crate::hooks::Hooks;
-use crate::kind::Starts;
+use crate::kind::StartValues;
 use crate::plant_file::Parameters;
 use crate::record::Record;
 
@@ -104,7 +104,7 @@ const WHEEL_SPEED: usize = 6;
 impl Plant for Driveline {
     const STATES: usize = 7;
 
-    fn start(&self, hooks: &Hooks, outputs: &Starts, record: &Record, inputs: &[f64; 3], x: &mut [f64]) {
+    fn start(&self, hooks: &Hooks, outputs: &StartValues, record: &Record, inputs: &[f64; 3], x: &mut [f64]) {
         let [_, road_speed, _, torque_offset, twist_offset, twist_rate] = *outputs;
         let wheel = road_speed / self.radius;
         let shaft = self.final_ratio * (wheel + twist_rate);
@@ -124,7 +124,7 @@ impl Plant for Driveline {
         x[WHEEL_ANGLE] = -(driveshaft / self.driveshaft.0 + sign * hooks.slack(Joint::Driveshaft) / 2.0);
         x[WHEEL_SPEED] = wheel;
         let motion = Motion { position: x[WHEEL_ANGLE], speed: wheel, viscous_friction: self.wheel_damping };
-        hooks.start(&Start { motion, road_speed, time: record.first_time() }, x);
+        hooks.start(&FirstInstant { motion, road_speed, time: record.first_time() }, x);
     }
 
     fn evaluate(

@@ -7,7 +7,7 @@ pub mod pmac;
 pub mod servo_axis;
 
 use crate::hooks::Hooks;
-use crate::kind::Starts;
+use crate::kind::StartValues;
 use crate::record::Record;
 
 /// How fast a plant with its effects moves at a state, in 1/s.
@@ -29,7 +29,7 @@ pub trait Plant {
     const STATES: usize;
 
     /// The states at the start from the true outputs of the first row, and what no output shows.
-    fn start(&self, hooks: &Hooks, outputs: &Starts, record: &Record, inputs: &[f64; 3], x: &mut [f64]);
+    fn start(&self, hooks: &Hooks, outputs: &StartValues, record: &Record, inputs: &[f64; 3], x: &mut [f64]);
 
     /// Rates and true outputs. The answer names the pieces of the laws of joints to which the state belongs. Where pieces are held, the laws follow those
     /// all the same.

@@ -5,9 +5,9 @@
 //! the limits (20) bind whoever makes the record, not this file.
 
 use super::{Plant, Rates};
-use crate::effect::{Currents, Machine, Motion, Scale, Split, Start, Windings};
+use crate::effect::{Currents, FirstInstant, Machine, Motion, Scale, Split, Windings};
 use crate::hooks::Hooks;
-use crate::kind::Starts;
+use crate::kind::StartValues;
 use crate::plant_file::Parameters;
 use crate::record::Record;
 
@@ -48,7 +48,7 @@ impl Pmac {
 impl Plant for Pmac {
     const STATES: usize = 4;
 
-    fn start(&self, hooks: &Hooks, outputs: &Starts, record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
+    fn start(&self, hooks: &Hooks, outputs: &StartValues, record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
         let theta = record.angle.unwrap_or(0.0);
         let (sin, cos) = hooks.frame_angle(theta).sin_cos();
         if self.holds_i_d {
@@ -57,7 +57,7 @@ impl Plant for Pmac {
             (x[0], x[1]) = (cos * outputs[0] - sin * outputs[1], sin * outputs[0] + cos * outputs[1]);
         }
         (x[2], x[3]) = (outputs[2], theta);
-        hooks.start(&Start { motion: self.motion(x), road_speed: 0.0, time: record.first_time() }, x);
+        hooks.start(&FirstInstant { motion: self.motion(x), road_speed: 0.0, time: record.first_time() }, x);
     }
 
     fn evaluate(

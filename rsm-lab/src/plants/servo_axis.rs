@@ -4,9 +4,9 @@
 //! drive: it sees the true position, is computed at the instants of the record and held.
 
 use super::{Plant, Rates};
-use crate::effect::{Motion, Scale, Split, Start};
+use crate::effect::{FirstInstant, Motion, Scale, Split};
 use crate::hooks::Hooks;
-use crate::kind::Starts;
+use crate::kind::StartValues;
 use crate::plant_file::{Parameters, VelocityFrom};
 use crate::record::Record;
 
@@ -45,9 +45,9 @@ impl ServoAxis {
 impl Plant for ServoAxis {
     const STATES: usize = 2;
 
-    fn start(&self, hooks: &Hooks, outputs: &Starts, record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
+    fn start(&self, hooks: &Hooks, outputs: &StartValues, record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
         (x[0], x[1]) = (outputs[0], outputs[1]);
-        hooks.start(&Start { motion: self.motion(x), road_speed: 0.0, time: record.first_time() }, x);
+        hooks.start(&FirstInstant { motion: self.motion(x), road_speed: 0.0, time: record.first_time() }, x);
     }
 
     fn evaluate(

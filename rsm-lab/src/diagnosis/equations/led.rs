@@ -12,7 +12,7 @@
 use super::readings::{Readings, Version, WIDTH};
 use crate::diagnosis::kernel::Prepared;
 use crate::hooks::Hooks;
-use crate::kind::{PlantKind, Starts};
+use crate::kind::{PlantKind, StartValues};
 use crate::plant_file::PlantFile;
 use crate::plants::Plant;
 use crate::plants::driveline::Driveline;
@@ -182,7 +182,7 @@ impl<P: Plant> Along<'_, P> {
         let period = self.record.period;
         let mut x = [0.0; STATES];
         // What no column holds begins as a plant in order does.
-        let mut starts = Starts::default();
+        let mut starts = StartValues::default();
         starts[..3].copy_from_slice(&self.first);
         plant.start(hooks, &starts, self.record, &(self.inputs)(0), &mut x[..states]);
         if hooks.vehicle_speed(&x).is_some() {

@@ -5,6 +5,7 @@ use rsm_core::source::Source;
 use super::super::calibration::calibrate;
 use super::super::hypotheses;
 use super::super::kernel::Kernel;
+use super::super::model::AtStart;
 use super::super::noise::Floor;
 use super::super::random::Random;
 use super::super::survey;
@@ -63,7 +64,7 @@ fn said(plant: &str, record: Record) -> Said {
     let file = file(plant);
     let outputs = file.kind.outputs().len();
     let mut kernel = Kernel::new(vec![Prepared::new(record, outputs)], [Floor::white(1.0); 3], 1);
-    let (nominal, fit) = calibrate(&mut kernel, &file, false).unwrap();
+    let (nominal, fit) = calibrate(&mut kernel, &file, AtStart::Steady).unwrap();
     let survey = survey::survey(&kernel, &fit);
     let all = hypotheses::all(file.kind, &survey, &kernel.records[0].outputs);
     look(&kernel, &nominal, &all).unwrap()
