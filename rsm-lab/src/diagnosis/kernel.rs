@@ -227,17 +227,28 @@ impl Kernel {
     }
 
     fn one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<Simulated> {
+        self.run_one(record, model, outputs)?;
+        // The outputs of a run are those of the drive; a record may hold fewer.
+        let (prepared, names) = (&self.records[record], model.file.kind.outputs());
+        let values: Option<Vec<Vec<f64>>> =
+            prepared.outputs.iter().map(|output| outputs.of(names[*output].name).map(<[f64]>::to_vec)).collect();
+        values.filter(|values| values.iter().flatten().all(|value| value.is_finite()))
+    }
+
+    /// All outputs of one model along one record, those that the record does not hold as well; `None` where the numbers left no way on.
+    #[must_use]
+    pub fn all_outputs(&self, record: usize, model: &Model) -> Option<Outputs> {
+        let mut outputs = Outputs::default();
+        self.run_one(record, model, &mut outputs).map(|()| outputs)
+    }
+
+    fn run_one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<()> {
         let prepared = &self.records[record];
         let file = model.for_record(record, &prepared.record);
         let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.pace.most);
         let done = simulator.run_into(&prepared.record, outputs);
         self.pace.taken.fetch_add(simulator.taken() as u64, Ordering::Relaxed);
-        done.ok()?;
-        // The outputs of a run are those of the drive; a record may hold fewer.
-        let names = file.kind.outputs();
-        let values: Option<Vec<Vec<f64>>> =
-            prepared.outputs.iter().map(|output| outputs.of(names[*output].name).map(<[f64]>::to_vec)).collect();
-        values.filter(|values| values.iter().flatten().all(|value| value.is_finite()))
+        done.ok()
     }
 
     /// One model along all records.

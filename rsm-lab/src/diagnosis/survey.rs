@@ -69,10 +69,18 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
             speed = largest[1] / parameters.number("wheel_radius");
         }
         PlantKind::ServoAxis => {
-            for prepared in &kernel.records {
+            for (place, prepared) in kernel.records.iter().enumerate() {
                 let record = &prepared.record;
-                let commands = if record.drive == Drive::Closed { record.measured[1].as_ref() } else { record.inputs.first() };
-                let commands = commands.map_or(&[] as &[f64], Vec::as_slice);
+                // A command that nobody recorded is that of the calibrated plant's own loop.
+                let simulated = (record.drive == Drive::Closed && record.measured[1].is_none())
+                    .then(|| kernel.all_outputs(place, &fit.model))
+                    .flatten();
+                let commands = if record.drive == Drive::Closed {
+                    record.measured[1].as_deref().or_else(|| simulated.as_ref()?.of("command"))
+                } else {
+                    record.inputs.first().map(Vec::as_slice)
+                };
+                let commands = commands.unwrap_or_default();
                 let mean = commands.iter().map(|value| value * value).sum::<f64>() / commands.len().max(1) as f64;
                 effort = effort.max(parameters.number("force_gain") * mean.sqrt());
                 if let Some(k) = prepared.outputs.iter().position(|it| *it == 0) {

@@ -289,6 +289,34 @@ fn friction_and_load_are_one_thing_where_a_motor_turns_one_way() {
     assert!(cause.confidence < 0.6, "{}", cause.confidence);
 }
 
+/// An axis in closed loop that goes to and fro by a few centimetres; the record holds reference and position.
+fn axis_without_command(true_plant: &PlantFile, seed: u64) -> Record {
+    let mut random = Random::new(seed);
+    let mut text = "time[s],reference[m],position[m]\n".to_string();
+    let (travel, turns) = (0.02 + 0.02 * random.uniform(), 2.0 + 2.0 * random.uniform());
+    for k in 0..1000 {
+        let time = f64::from(k) / 1000.0;
+        text += &format!("{time},{},0\n", travel * (1.0 - (std::f64::consts::TAU * turns * time).cos()));
+    }
+    let mut record = record(&text, true_plant);
+    let outputs = run(true_plant, &record);
+    record.measured[0] = Some(outputs.of("position").unwrap().iter().map(|value| value + 2e-7 * random.normal()).collect());
+    record
+}
+
+/// The position alone holds a dry friction to half a per cent: how large forces are follows from the loop of the plant file.
+#[test]
+fn friction_is_found_in_an_axis_that_records_its_position_alone() {
+    let friction = "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 12 }\n";
+    let rubbing = plant("servo-axis", friction);
+    let records: Vec<Record> = (1..=3).map(|seed| axis_without_command(&rubbing, seed)).collect();
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&plant("servo-axis", ""), &records[..2], &records[2..], &options).unwrap();
+    let kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();
+    assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["coulomb-friction"]));
+    assert!((found.causes[0].parameters[0].value / 12.0 - 1.0).abs() < 0.005, "{:?}", found.causes[0].parameters);
+}
+
 /// An axis in open loop under steps of its command; the logger begins after 300 rows.
 fn axis_from_its_middle(true_plant: &PlantFile, seed: u64) -> Record {
     let mut random = Random::new(seed);

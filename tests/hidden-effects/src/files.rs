@@ -59,7 +59,10 @@ pub fn plant_file(
 /// A record as CSV. Rows listed in `left_out` and outputs listed in `without` are absent.
 pub fn record(kind: Kind, record: &Record, left_out: &[std::ops::Range<usize>], without: &[String]) -> String {
     let signals: Vec<_> = kind.inputs().iter().chain(kind.outputs()).collect();
-    let kept: Vec<bool> = signals.iter().map(|(name, _)| without.iter().all(|out| out != name)).collect();
+    // The command of an axis is an output in closed loop and an input in open loop, without which there is no record.
+    let inputs = kind.inputs().len();
+    let is_kept = |(place, (name, _)): (usize, &&(&str, &str))| place < inputs || without.iter().all(|out| out != name);
+    let kept: Vec<bool> = signals.iter().enumerate().map(is_kept).collect();
     let mut text = "time[s]".to_string();
     signals
         .iter()
