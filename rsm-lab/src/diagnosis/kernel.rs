@@ -184,11 +184,13 @@ pub struct Pace {
     pub most: usize,
     /// Sub-steps of all runs of this kernel and of its copies.
     taken: Arc<AtomicU64>,
+    /// Those after which multistart ends with the best that it has.
+    end: Arc<AtomicU64>,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Pace { most: MOST_STEPS_A_ROW, taken: Arc::default() }
+        Pace { most: MOST_STEPS_A_ROW, taken: Arc::default(), end: Arc::new(AtomicU64::new(u64::MAX)) }
     }
 }
 
@@ -197,6 +199,17 @@ impl Pace {
     #[must_use]
     pub fn taken(&self) -> u64 {
         self.taken.load(Ordering::Relaxed)
+    }
+
+    /// Says how many sub-steps, from the beginning on, the work that follows may take. It holds for all copies.
+    pub fn ends_at(&self, steps: u64) {
+        self.end.store(steps, Ordering::Relaxed);
+    }
+
+    /// Whether that is used up. Asked between runs, never beside them: the answer is the same for any number of threads.
+    #[must_use]
+    pub fn is_spent(&self) -> bool {
+        self.taken() > self.end.load(Ordering::Relaxed)
     }
 
     /// For candidates beside a plant whose run over so many rows took so many sub-steps.

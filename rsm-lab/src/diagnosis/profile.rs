@@ -47,6 +47,9 @@ pub fn profile(kernel: &Kernel, nuisance: &Nuisance<'_>, model: Model, first: us
     let (mut cost, mut back) = nuisance.left(&residual);
     let mut damping = 1e-3;
     for _ in 0..steps {
+        if kernel.pace.is_spent() {
+            break;
+        }
         let columns = kernel.derivatives(&model, &simulated, &own)?;
         let n = own.len();
         if n == 0 {

@@ -22,6 +22,9 @@ use crate::record::Record;
 /// to 1000; what takes more is outside the catalogue, and the search goes round among helpers.
 const MOST_RUNS: u64 = 4000;
 
+/// Sub-steps a row that such a run counts as, at least. An axis without effects takes one; a law with a kink (friction, free play) takes four and more, and those are what a search tries.
+const LEAST_STEPS_A_ROW: u64 = 4;
+
 /// Sub-steps that a search may take at most, however long records are or fast the plant: a minute of one core, at 150 ns each.
 const MOST_STEPS: u64 = 400_000_000;
 
@@ -60,7 +63,7 @@ impl<'a> Asked<'a> {
             hypotheses,
             survey: ready.survey.clone(),
             rounded: ready.rounded.clone(),
-            effort: Effort::within((MOST_RUNS * run).min(most)),
+            effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
             // The wave lengths of an axis are the best of many.
             looks: if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 },
             progress: options.progress,

@@ -268,7 +268,9 @@ impl Search<'_> {
         screened.iter_mut().for_each(Screened::slim);
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
-        let mut path = Path::until(self.kernel.pace.taken() + self.effort.steps, self.effort.steps_for_rivals);
+        let until = self.kernel.pace.taken() + self.effort.steps;
+        let mut path = Path::until(until, self.effort.steps_for_rivals);
+        self.kernel.pace.ends_at(until);
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
         let first = seed.as_ref().map_or(Some(screened), |_| None);
         let begin = seed.unwrap_or_else(|| calibrated.clone());
@@ -294,6 +296,7 @@ impl Search<'_> {
             }
         }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
+        self.kernel.pace.ends_at(until + self.effort.steps_for_rivals);
         let fit = self.merged(fit, threshold, &mut path);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
         let (fit, causes, refused) = self.vetoed(&calibrated, fit, causes, threshold);

@@ -59,7 +59,7 @@ const SEED: u64 = 7;
 pub fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
     let mut fit = fit;
     for _ in 0..VALLEYS {
-        if is_noise(&fit) {
+        if is_noise(&fit) || kernel.pace.is_spent() {
             break;
         }
         let nuisance = Nuisance::new(&fit);
@@ -186,7 +186,7 @@ pub fn settled(kernel: &Kernel, fit: Fit, steps: usize, hops: usize, enough: f64
     let mut led = None;
     let mut vain = 0;
     for hop in 0..MOST_HOPS {
-        if is_noise(&fit) || vain > hops {
+        if is_noise(&fit) || vain > hops || kernel.pace.is_spent() {
             break;
         }
         let led_to = led.get_or_insert_with(|| by_most_parts(kernel, fit.model.clone()));
