@@ -27,6 +27,9 @@ const PARTS: usize = 10;
 /// 97.5 % of Student's t with nine degrees of freedom.
 const REACH: f64 = 2.262;
 
+/// 99.95 % of it: a gain that is named as off lies so far from 1. Two gains are asked of every loop, and 95 % would name a sensor that is in order in one of twenty.
+const NAMED: f64 = 4.781;
+
 /// Fewer rows say nothing.
 const LEAST_ROWS: usize = 200;
 
@@ -57,8 +60,15 @@ pub struct Known {
 }
 
 impl Known {
+    #[cfg(test)]
     fn holds(&self, value: f64) -> bool {
         self.low <= value && value <= self.high
+    }
+
+    /// Whether a gain is surely not 1.
+    fn is_off(&self) -> bool {
+        let sd = 0.5 * (self.high - self.low) / REACH;
+        (self.value - 1.0).abs() > NAMED * sd
     }
 }
 
@@ -71,7 +81,7 @@ pub struct KnownLoop {
     pub command: Known,
     /// Rows by which the position is read late; negative where it is early.
     pub late: isize,
-    /// Root mean square of what the law as the file has it misses of the command, in V.
+    /// Root mean square of what the law as the file has it, and a constant, miss of the command, in V. A sensor with a bias makes a constant, and is no gain.
     pub stated: f64,
     /// The same of the two lines, on rows that did not make them.
     pub left: f64,
@@ -91,7 +101,7 @@ impl KnownLoop {
         let Some(description) = crate::effects::of("sensor-gain").filter(|_| self.is_worth() && self.late == 0) else {
             return Vec::new();
         };
-        let off = [("position", &self.position), ("command", &self.command)].into_iter().filter(|(_, gain)| !gain.holds(1.0));
+        let off = [("position", &self.position), ("command", &self.command)].into_iter().filter(|(_, gain)| gain.is_off());
         off.map(|(name, gain)| {
             let numbers = vec![("gain", gain.value)];
             Entry { description, arguments: Arguments { plant: file.kind, subject: Some(name.to_string()), numbers } }
@@ -257,9 +267,11 @@ fn gains([of_reference, of_law, _]: [f64; 3]) -> [f64; 2] {
     [command / of_law, command]
 }
 
-/// The mean square of what the law as it is stated misses.
+/// The mean square of what the law as it is stated, and a constant, miss.
 fn missed(rows: &[Row]) -> f64 {
-    rows.iter().map(|row| (row.command - row.law).powi(2)).sum::<f64>() / rows.len().max(1) as f64
+    let count = rows.len().max(1) as f64;
+    let constant = rows.iter().map(|row| row.command - row.law).sum::<f64>() / count;
+    rows.iter().map(|row| (row.command - row.law - constant).powi(2)).sum::<f64>() / count
 }
 
 /// Checks the law; `None` where no record has the loop with both outputs, or where they do not move.
@@ -319,6 +331,11 @@ mod tests {
 
     /// An axis in closed loop with friction that its file does not have, whose readings are off by these gains and late by so many rows.
     fn found(gains: [f64; 2], late: usize, noise: f64, seed: u64) -> (KnownLoop, PlantFile) {
+        found_beside(0.0, gains, late, noise, seed)
+    }
+
+    /// The same where the position reads too much as well, by so many metres.
+    fn found_beside(bias: f64, gains: [f64; 2], late: usize, noise: f64, seed: u64) -> (KnownLoop, PlantFile) {
         let text = include_str!("../../plants/servo-axis.toml").to_string();
         let file = PlantFile::read(&Source::new("axis.toml", text.clone())).unwrap();
         let rubbing = "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 40 }\n[[effects]]\nkind = \"constant-load\"\nparameters = { force = -8 }\n";
@@ -336,6 +353,9 @@ mod tests {
             let from = |row: usize| values[if output == 0 { row.saturating_sub(late) } else { row }];
             record.measured[output] =
                 Some((0..values.len()).map(|row| gains[output] * from(row) + noise * sd * random.normal()).collect());
+            if let (0, Some(values)) = (output, &mut record.measured[0]) {
+                values.iter_mut().for_each(|value| *value += bias);
+            }
         }
         (look(&[Prepared::new(record, 2)], &file).unwrap(), file)
     }
@@ -368,6 +388,17 @@ mod tests {
         // Two intervals of 95 %, dependent: 0.90 of 60 at least, less three standard deviations of a binomial count.
         let held = held.count();
         assert!(held >= 47, "{held} of {draws}");
+    }
+
+    #[test]
+    fn a_bias_of_the_position_is_no_gain_of_a_sensor() {
+        for seed in 0..40 {
+            let (found, file) = found_beside(1e-3, [1.0, 1.0], 0, 1.0, 300 + seed);
+            assert!(found.entries(&file).is_empty(), "{seed}: {found:?}");
+            // A gain beside it is found all the same.
+            let (found, file) = found_beside(1e-3, [1.0, 0.95], 0, 1.0, 300 + seed);
+            assert_eq!(found.entries(&file).len(), 1, "{seed}: {found:?}");
+        }
     }
 
     #[test]
