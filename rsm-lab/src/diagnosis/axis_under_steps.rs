@@ -63,6 +63,7 @@ pub fn search<'a>(
         survey,
         looks: 0,
         rounded: &[],
+        said: &[],
         effort: Effort::within(u64::MAX / 2),
         progress: &|_| {},
     }

@@ -3,6 +3,7 @@
 //! In: a plant file, records. Out: a [`Diagnosis`]. Brings the parts together in their order; what a cause is worth is decided in `selection`.
 
 use super::configurations::Apart;
+use super::equations::Said;
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::Model;
@@ -37,6 +38,9 @@ struct Asked<'a> {
     survey: Survey,
     rounded: Vec<(usize, f64)>,
     effort: Effort,
+    /// What the equations say along the recorded signals.
+    said: Option<Said>,
+    /// Guesses that were looked at beside those of the catalogue.
     looks: usize,
     progress: &'a (dyn Fn(&str) + Sync),
 }
@@ -50,6 +54,9 @@ impl<'a> Asked<'a> {
         let mut hypotheses = hypotheses::all(file.kind, &ready.survey, &present);
         let is_rounded = |name: &str| ready.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
         hypotheses.retain(|it| it.description.kind != "sensor-quantisation" || !it.subject.is_some_and(is_rounded));
+        (options.progress)("asking the equations along the records");
+        let said = equations::look(&ready.kernel, &ready.nominal, &hypotheses);
+        said.iter().for_each(|it| it.hand_over(&mut hypotheses));
         let kernel = &mut ready.kernel;
         let before = kernel.pace.taken();
         kernel.run(&ready.calibrated.model).ok_or(Refused::CannotSimulate)?;
@@ -59,18 +66,21 @@ impl<'a> Asked<'a> {
         ready.unseen.pace = kernel.pace.clone();
         // Of long records the answer is asked on all rows afterwards: that is work, too.
         let most = if ready.share.not_seen().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
+        // The wave lengths of an axis are the best of many, and so are the terms and orders of the equations.
+        let waves = if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 };
+        let terms = said.as_ref().filter(|it| !it.terms.is_empty() || !it.orders.is_empty()).map_or(0, |it| it.looks);
         Ok(Asked {
             hypotheses,
             survey: ready.survey.clone(),
             rounded: ready.rounded.clone(),
-            effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
-            // The wave lengths of an axis are the best of many.
-            looks: if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 },
+effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
+            said,
+            looks: waves + terms,
             progress: options.progress,
         })
     }
 
-    fn search<'s>(&'s self, kernel: &'s Kernel, unseen: &'s Kernel, nominal: &'s Model) -> Search<'s> {
+    fn search<'s>(&'s self, kernel: &'s Kernel, unseen: &'s Kernel, nominal: &'s Model, said: &'s [Fit]) -> Search<'s> {
         Search {
             kernel,
             unseen,
@@ -79,6 +89,7 @@ impl<'a> Asked<'a> {
             survey: &self.survey,
             looks: self.looks,
             rounded: &self.rounded,
+            said,
             effort: self.effort,
             progress: self.progress,
         }
@@ -96,8 +107,6 @@ pub(super) fn searched(
 ) -> Result<Diagnosis, Refused> {
     let mut ready = Ready::of(file, training, validation, tails, options)?;
     let asked = Asked::of(&mut ready, file, options)?;
-    (options.progress)("asking the equations along the records");
-    let said = equations::look(&ready.kernel, &ready.nominal, &asked.hypotheses);
     // A law that is known says which sensor is off before friction and mass are asked.
     let known_loop = known_loop::look(&ready.kernel.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
@@ -113,10 +122,10 @@ pub(super) fn searched(
         let floors = |kernel: &Kernel, fit: &Fit| calibration::floors(kernel, fit, file);
         if let Some(own) = configurations::apart(&ready.kernel, &ready.unseen, &ready.nominal, &floors) {
             let none = own.alone.on(Vec::new());
-            let search = asked.search(&own.alone, &none, &own.nominal);
+            let search = asked.search(&own.alone, &none, &own.nominal, &[]);
             let mut whole = of_one_record(file, &own, &search, ready.findings, test, options)?;
             whole.not_seen = ready.share.not_seen();
-            whole.equations = said;
+            whole.equations = asked.said;
             return Ok(whole);
         }
     }
@@ -137,7 +146,7 @@ pub(super) fn searched(
     found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
     found.tested = tested::tested(file, test, &kernel, &nominal, &fit.model);
     found.not_seen = share.not_seen();
-    found.equations = said;
+    found.equations = asked.said;
     Ok(found)
 }
 
@@ -149,9 +158,10 @@ fn in_rounds(
     file: &PlantFile,
     tails: HeavyTails,
 ) -> Option<Selection> {
+    let mut said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.kernel, &ready.calibrated));
     let mut selection = None;
     for round in 1..=ROUNDS {
-        let search = asked.search(&ready.kernel, &ready.unseen, &ready.nominal);
+        let search = asked.search(&ready.kernel, &ready.unseen, &ready.nominal, &said);
         let found = selection.insert(search.run_from(ready.calibrated.clone(), seed.clone()));
         if found.causes.is_empty() {
             break;
@@ -186,6 +196,8 @@ fn in_rounds(
             None => break,
         }
         seed = seed.and_then(|it| levenberg::fit(&ready.kernel, it.model, 4));
+        // From the starts of the calibrated plant, which may begin in motion now.
+        said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.kernel, &ready.calibrated));
     }
     selection
 }

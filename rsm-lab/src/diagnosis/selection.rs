@@ -240,6 +240,8 @@ pub struct Search<'a> {
     pub looks: usize,
     /// Outputs whose readings are rounded, with their steps.
     pub rounded: &'a [(usize, f64)],
+    /// The plant with what the equations say along the recorded signals, term by term, fitted; all of it is asked here again.
+    pub said: &'a [Fit],
     /// How much work.
     pub effort: Effort,
     /// Told what happens.
@@ -295,6 +297,16 @@ impl Search<'_> {
                 }
             }
         }
+        if !self.leaves_noise(&fit, threshold)
+            && let Some(said) = self.said_together(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
+        {
+            (self.progress)("going on from what the equations say");
+            let from = self.grown(said.clone(), None, threshold, &mut competed, &mut remaining, &mut path);
+            let from = from.into_iter().next_back().unwrap_or_else(|| said.clone());
+            if self.prefers(&from, &fit, &calibrated, threshold) {
+                fit = from;
+            }
+        }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
         self.kernel.pace.ends_at(until + self.effort.steps_for_rivals);
         let fit = self.merged(fit, threshold, &mut path);
@@ -337,6 +349,7 @@ impl Search<'_> {
             });
             *remaining = self.ranking(&screened);
             let mut candidates = self.compete(&fit, &screened, threshold);
+            self.add_said(&fit, &mut candidates);
             if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
                 self.add_from_beginnings(&fit, &mut candidates, threshold);
             }
@@ -354,6 +367,28 @@ impl Search<'_> {
             }
         }
         stages
+    }
+
+    /// What the equations say by one cause competes for the first place.
+    fn add_said(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
+        let alone = self.said.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
+        let Some(said) = alone.and_then(|it| self.judged(fit, it.clone())) else { return };
+        match candidates.iter_mut().find(|it| it.label == said.label) {
+            Some(known) if said.score < known.score => *known = Candidate { alike: std::mem::take(&mut known.alike), ..said },
+            Some(_) => {}
+            None => candidates.push(said),
+        }
+        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+    }
+
+    /// What the equations say by several causes, in the place of none, where each of them may be; the fewest first.
+    fn said_together(&self, fit: &Fit) -> impl Iterator<Item = &Fit> {
+        let none = fit.model.file.effects.is_empty();
+        let sound = |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.kernel, it);
+        self.said.iter().filter(move |it| {
+            let effects = &it.model.file.effects;
+            none && effects.len() > 1 && effects.iter().all(sound)
+        })
     }
 
     /// By how much two explanations must differ, one of which is this, before the better one is believed.

@@ -358,6 +358,18 @@ fn an_axis_that_moves_where_its_record_begins_needs_no_cause_for_that() {
     }
 }
 
+#[test]
+fn a_wave_of_an_order_that_no_list_has_is_found_beside_a_friction() {
+    // 37 is prime, and no multiple of teeth or poles: the equations hand it over, and the free run judges it.
+    let effects =
+        effect("coulomb-friction", "torque = 0.4") + &effect("cogging-torque", "amplitude = 0.3, cycles = 37, phase = 1.0");
+    let found = diagnosed(&effects, 2);
+    let kinds: Vec<&str> = found.entries().map(|it| it.kind).collect();
+    assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["coulomb-friction", "cogging-torque"]));
+    let cycles = found.plant.effects.iter().find_map(|it| it.arguments.optional("cycles"));
+    assert_eq!(cycles, Some(37.0));
+}
+
 /// A car whose pedal moves at drawn instants, from the middle of a longer record: its driveshaft swings there.
 fn car_from_its_middle(plant: &PlantFile, seed: u64) -> Record {
     let mut random = Random::new(seed);

@@ -1,12 +1,13 @@
 //! The screen by equation error: every cause of the catalogue asked along the recorded signals, beside the free run that may have left them.
 //!
 //! ```text
-//!   readings --led--> what each equation misses --held_out--> ordered terms
+//!   readings --led--> what each equation misses --held_out--> ordered terms --> plants from which the search goes on
 //! ```
 //!
 //! In: prepared records, the nominal plant, hypotheses. Out: an ordered list of terms with their numbers, chosen forward and judged on blocks of time that did not make them. No free run and no start: what a missing cause has made of a simulation after a second, and where in its turning the
 //! simulated rotor is, do not matter. What no column holds (a twist, a vehicle that slips) has no equation here, and small effects stand out less than over a whole free run:
-//! nothing is decided here.
+//! nothing is decided here. The plant with these terms is where the free run may begin, and a candidate among all others. Guesses of the catalogue stay as they are, so that what is equal to a term is found as it
+//! is for any other cause; only whole numbers, which no fit moves, are added to them.
 //!
 //! Source: L. Ljung, System Identification, 1999, section 7.3 (equation errors and prediction errors); S. A. Billings, Nonlinear System Identification, 2013, chapter 3 (forward selection).
 
@@ -22,6 +23,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::chance::best_of;
 use super::hypotheses::{Hypothesis, generalises};
 use super::kernel::{Kernel, Prepared};
+use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::screen::scaled;
 use crate::effect::Guess;
@@ -57,6 +59,12 @@ const STEP: f64 = 0.1;
 /// Steps of Gauss and Newton after each term.
 const STEPS: usize = 4;
 
+/// Orders of a rotor that are handed to the search: a free run over a whole record tells waves that blocks of rows do not.
+const ORDERS: usize = 10;
+
+/// Steps of the first fit to a free run: those of a competition's.
+const FIT_STEPS: usize = 8;
+
 /// A term of the equations.
 #[derive(Debug, Clone)]
 pub struct Term {
@@ -77,6 +85,12 @@ pub struct Said {
     pub calibrated: f64,
     /// Terms, in the order in which they were chosen.
     pub terms: Vec<Term>,
+    /// The plant with the first term, with the first two, and so on, as the equations have them.
+    pub models: Vec<Model>,
+    /// First guesses of waves of a rotor at the orders that promise most, by hypothesis.
+    pub orders: Vec<(usize, Guess)>,
+    /// Guesses among which terms and orders were chosen.
+    pub looks: usize,
     /// Evaluations of a plant's rates that all took.
     pub work: u64,
 }
@@ -95,6 +109,7 @@ pub fn look(kernel: &Kernel, nominal: &Model, hypotheses: &[Hypothesis]) -> Opti
     let mut candidates = equations.catalogue(nominal, hypotheses);
     let without_orders = candidates.len();
     candidates.extend(equations.orders(nominal, hypotheses));
+    let looks = candidates.len();
     let mut model = nominal.clone();
     let mut base = equations.base(&model)?;
     let (first, whole) = base.left();
@@ -102,6 +117,7 @@ pub fn look(kernel: &Kernel, nominal: &Model, hypotheses: &[Hypothesis]) -> Opti
         return None;
     }
     let mut left = first;
+    let mut orders = Vec::new();
     for round in 0..=MOST_TERMS {
         let judged = equations.judged(&base, &candidates, &model, hypotheses);
         let least = best_of(candidates.len(), 2).max(LEAST_SHARE * left);
@@ -115,7 +131,11 @@ pub fn look(kernel: &Kernel, nominal: &Model, hypotheses: &[Hypothesis]) -> Opti
             let base = equations.base(&with)?;
             (base.left().0 < left - least).then_some((with, base))
         });
-        let Some((with, its)) = next else { break };
+        let Some((with, its)) = next else {
+            // Beside all that is known: a wave may stand behind what is larger.
+            orders.extend(best_orders(&judged, &candidates, without_orders));
+            break;
+        };
         (model, base) = (with, its);
         left = base.left().0;
         if model.file.effects.last().is_some_and(|it| it.arguments.subject.as_deref() == Some("speed")) {
@@ -125,11 +145,15 @@ pub fn look(kernel: &Kernel, nominal: &Model, hypotheses: &[Hypothesis]) -> Opti
         }
     }
     model = equations.needed(model, nominal, left);
-    let terms = equations.one_by_one(&model, nominal, whole);
+    orders.extend(model.file.effects.iter().filter_map(|entry| order_of(entry, hypotheses)));
+    let (terms, models) = equations.one_by_one(&model, nominal, whole);
     Some(Said {
         equations: equations.names.clone(),
         calibrated: first / whole,
         terms,
+        models,
+        orders,
+        looks,
         work: equations.work.load(Ordering::Relaxed),
     })
 }
@@ -146,6 +170,46 @@ impl Judged {
     /// How many numbers it has; NaN leaves one out.
     fn numbers(&self) -> usize {
         self.values.iter().filter(|value| value.is_finite()).count()
+    }
+}
+
+/// The orders of a rotor that give most; candidates from `first` on are orders.
+fn best_orders(judged: &[Judged], candidates: &[Candidate], first: usize) -> Vec<(usize, Guess)> {
+    let mut waves: Vec<&Judged> = judged.iter().filter(|it| it.gain > 0.0 && it.candidate >= first).collect();
+    waves.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let guess = |it: &Judged| {
+        let candidate = &candidates[it.candidate];
+        (candidate.hypothesis, Guess { values: it.values.clone(), ..candidate.guess.clone() })
+    };
+    waves.into_iter().take(ORDERS).map(guess).collect()
+}
+
+/// The guess that a term of a rotor's order is; `None` for all other terms.
+fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> {
+    if entry.description.kind != "cogging-torque" || entry.arguments.plant != PlantKind::Pmac {
+        return None;
+    }
+    let place = hypotheses.iter().position(|it| it.is(entry))?;
+    let values = ["amplitude", "cycles", "phase"].map(|name| entry.arguments.number(name)).to_vec();
+    Some((place, Guess { values, neutral: Some((0, 0.0)), phase: Some(2) }))
+}
+
+impl Said {
+    /// Puts its orders beside those of the catalogue.
+    pub fn hand_over(&self, hypotheses: &mut [Hypothesis]) {
+        for (place, guess) in &self.orders {
+            let known = &mut hypotheses[*place].guesses;
+            if known.iter().all(|it| it.values[1] != guess.values[1]) {
+                known.push(guess.clone());
+            }
+        }
+    }
+
+    /// The plant with the first term, with the first two and so on, each fitted to a free run, from the starts of another fit.
+    #[must_use]
+    pub fn fitted(&self, kernel: &Kernel, calibrated: &Fit) -> Vec<Fit> {
+        let its = |model: &Model| Model { starts: calibrated.model.starts.clone(), ..model.clone() };
+        self.models.iter().filter_map(|model| levenberg::fit(kernel, its(model), FIT_STEPS)).collect()
     }
 }
 
@@ -272,16 +336,16 @@ impl Equations {
     }
 
     /// The terms of a model in their order, with what is left with those up to each, and the models up to each.
-    fn one_by_one(&self, model: &Model, nominal: &Model, whole: f64) -> Vec<Term> {
+    fn one_by_one(&self, model: &Model, nominal: &Model, whole: f64) -> (Vec<Term>, Vec<Model>) {
         let count = model.file.effects.len();
         let up_to = |k: usize| {
             let first = model.with_effects(nominal, model.file.effects[..=k].to_vec());
             let settled = if k + 1 == count { model.clone() } else { self.settled(first)? };
             let entry = model.file.effects[k].clone();
             let label = super::hypotheses::label(entry.description.kind, entry.arguments.subject.as_deref());
-            Some(Term { label, left: self.base(&settled)?.left().0 / whole, entry })
+            Some((Term { label, left: self.base(&settled)?.left().0 / whole, entry }, settled))
         };
-        (0..count).map_while(up_to).collect()
+        (0..count).map_while(up_to).unzip()
     }
 
     /// Every guess of every hypothesis, and delays beside those of the catalogue, as the nominal plant answers them.

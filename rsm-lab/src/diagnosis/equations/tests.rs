@@ -96,6 +96,9 @@ fn a_wave_of_any_order_is_found_beside_a_friction() {
     assert_eq!(number(&found.terms[1], "cycles"), 37.0);
     assert!((number(&found.terms[1], "amplitude") / 0.5 - 1.0).abs() < 0.05, "{:?}", found.terms);
     assert!((number(&found.terms[1], "phase") - 1.0).abs() < 0.1, "{:?}", found.terms);
+    // A start of the search for each count of terms, and the order for the catalogue: no guess of anything else.
+    assert_eq!(found.models.iter().map(|it| it.file.effects.len()).collect::<Vec<_>>(), [1, 2]);
+    assert_eq!(found.orders.iter().map(|(_, guess)| guess.values[1]).collect::<Vec<_>>(), [37.0]);
     assert!(found.terms[1].left < found.terms[0].left && found.terms[0].left < found.calibrated);
 }
 

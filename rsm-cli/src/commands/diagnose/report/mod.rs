@@ -114,7 +114,7 @@ fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
             let _ = writeln!(
                 body,
                 "<h3>What the equations say</h3>\n<p>Along the recorded signals, without a simulation: what each equation ({}) misses, judged on blocks of rows that gave no number. \
-                 Calibration leaves {:.2} %. The search did not begin with these terms; they are no answer, and stand here to be compared with it.</p>",
+                 Calibration leaves {:.2} %. The search asked them in a free run beside all others; they are no answer.</p>",
                 escaped(&said.equations.join(", ")),
                 100.0 * said.calibrated
             );
