@@ -20,22 +20,32 @@ const BETTER: f64 = 4.0;
 pub fn take_back_motion(records: &mut [Prepared], simulated: &[Simulated], kind: PlantKind, findings: &mut Vec<Finding>) {
     for (prepared, simulated) in records.iter_mut().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
-            let name = kind.outputs()[prepared.outputs[k]].name;
             let left: Vec<f64> = prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - value).collect();
             let true_jumps = jumps(&left);
             let mut back = Vec::new();
-            findings.retain(|it| {
-                let here = it.what == "jump" && it.channel == name && it.record == prepared.record.file;
-                let Some(row) = prepared.row_of(it.rows.0).filter(|_| here) else { return true };
-                let stays = true_jumps.contains(&row);
-                if !stays {
+            findings.retain(|it| match jump(prepared, k, kind, it) {
+                Some(row) if !true_jumps.contains(&row) => {
                     back.push(row);
+                    false
                 }
-                stays
+                _ => true,
             });
             back.into_iter().for_each(|row| prepared.used[k][row] = true);
         }
     }
+}
+
+/// The row of the k-th output of a record that a finding calls a jump.
+fn jump(prepared: &Prepared, k: usize, kind: PlantKind, finding: &Finding) -> Option<usize> {
+    let name = kind.outputs()[prepared.outputs[k]].name;
+    let here = finding.what == "jump" && finding.channel == name && finding.record == prepared.record.file;
+    prepared.row_of(finding.rows.0).filter(|_| here)
+}
+
+/// The rows of the k-th output of a record that were left out as jumps.
+#[must_use]
+pub fn jumps_of(prepared: &Prepared, k: usize, kind: PlantKind, findings: &[Finding]) -> Vec<usize> {
+    findings.iter().filter_map(|it| jump(prepared, k, kind, it)).collect()
 }
 
 /// A channel of a record and how many rows it is late.

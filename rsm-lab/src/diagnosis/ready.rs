@@ -90,9 +90,8 @@ impl Ready {
             (options.progress)("a record begins in the middle of a motion: torque and twist are unknown there");
             (nominal, calibrated) = anew(&mut kernel, &mut unseen, AtStart::InMotion)?;
         }
-        if tails == HeavyTails::LookedFor && tails::found(&mut kernel, &calibrated) {
+        if tails == HeavyTails::LookedFor && tails::found(&mut kernel, &mut unseen, &calibrated, &findings) {
             (options.progress)("noise with heavy tails: readings far off their neighbours count less");
-            unseen = tails::tamed(kernel.on(unseen.records), &calibrated.model);
             (nominal, calibrated) = anew(&mut kernel, &mut unseen, nominal.at_start)?;
         }
         if let Some((records, fit)) = bridges::corrected(&kernel, &calibrated) {
@@ -135,12 +134,7 @@ impl Ready {
 
     /// Looks for tails that stood under structure until a fit took that away; whether there are any, which are tame then.
     pub fn tails_beside(&mut self, fit: &Fit) -> bool {
-        let any = self.kernel.tails.iter().all(Option::is_none) && tails::found(&mut self.kernel, fit);
-        if any {
-            let records = std::mem::take(&mut self.unseen.records);
-            self.unseen = tails::tamed(self.kernel.on(records), &fit.model);
-        }
-        any
+        self.kernel.tails.iter().all(Option::is_none) && tails::found(&mut self.kernel, &mut self.unseen, fit, &self.findings)
     }
 
     /// What readings say of inputs in the gaps of their records, the plant being that of a fit; whether those of the training records moved.

@@ -3,19 +3,25 @@
 //! In: what a simulation leaves of the outputs. Out: the law of the noise of each output that has heavy tails, and readings in which it is tame: each is moved towards the readings beside it until a least squares
 //! fit to all of them solves the equations that the likelihood of Student's t asks (pseudo-values; P. J. Huber, "Robust statistics", 1981, section 7.8). What follows sees noise of an even size whose variance is
 //! that of the best estimate there is, so costs, thresholds and intervals hold as they stand. Where noise is normal nothing is touched. Never decides by the simulation alone: what a row has beside its neighbours is
-//! asked, so structure that lasts some rows is no outlier.
+//! asked, so structure that lasts some rows is no outlier. Where noise follows itself from row to row, that is asked of the innovations: each reading less what the reading before, itself tame, says of it.
 
-use super::kernel::{Kernel, Simulated};
+use super::checks::Finding;
+use super::compared;
+use super::kernel::{Kernel, Prepared, Simulated};
 use super::levenberg::Fit;
 use super::model::Model;
 use super::noise::{Floor, median};
 use super::validation;
+use crate::kind::PlantKind;
 
 /// Rows to either side that say where a row should be: their median is not moved by outliers.
 const BESIDE: usize = 4;
 
-/// Degrees of freedom that are tried. Beyond the last one a least squares fit loses less than 4 % of what readings say (3 f/((f + 3)(f - 2)) of it; R. A. Fisher, 1922).
-const FREEDOMS: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0];
+/// Degrees of freedom that are tried. Beyond ten a least squares fit loses less than 4 % of what readings say (3 f/((f + 3)(f - 2)) of it; R. A. Fisher, 1922); lighter laws say only whether there are tails at all.
+const FREEDOMS: [f64; 12] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, LIGHT, 14.0, 20.0, 30.0];
+
+/// From so many degrees of freedom on tails are not worth a law.
+const LIGHT: f64 = 10.0;
 
 /// Fewer rows say too little about what stands beside their outermost fiftieth.
 const LEAST_ROWS: usize = 2000;
@@ -46,8 +52,35 @@ const MEDIAN_SIZE: f64 = 0.6745;
 /// Scales beyond which a reading is called outlying in words: of normal noise one in 16,000 is.
 const OUTLYING: f64 = 4.0;
 
+/// Passes in which each row learns what the rows before it are without their outliers. One is found by the first, those that stand beside one another by the next.
+const PASSES: usize = 4;
+
 /// Iterations of the scale: each makes its error smaller by f/(f + 3) at worst.
 const ROUNDS: usize = 60;
+
+/// What is left of an output of a record.
+#[derive(Debug, Clone)]
+pub struct Left<'a> {
+    /// Readings.
+    pub measured: &'a [f64],
+    /// What is left of them.
+    pub left: &'a [f64],
+    /// Rows that count.
+    pub used: &'a [bool],
+    /// Rows that do not, for they were taken for jumps.
+    pub jumps: Vec<usize>,
+}
+
+impl Left<'_> {
+    fn with_jumps(&self) -> Vec<bool> {
+        let mut used = self.used.to_vec();
+        self.jumps.iter().for_each(|row| used[*row] = true);
+        used
+    }
+}
+
+/// Readings, what is left of them, rows that count.
+type Used<'a> = (&'a [f64], &'a [f64], &'a [bool]);
 
 /// A law of heavy tails, of one output.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +93,8 @@ pub struct Tails {
     pub slope: f64,
     /// Share of the rows that lie beyond four scales of their neighbours.
     pub outlying: f64,
+    /// Correlation of the noise from row to row, outliers apart.
+    pub correlation: f64,
 }
 
 impl Tails {
@@ -68,15 +103,32 @@ impl Tails {
         deviation / (1.0 + deviation * deviation / self.freedom) / self.slope
     }
 
-    /// From what is left of an output, one list a record: readings, what is left, rows that count. `None` where noise has no heavy tails, as far as can be told.
+    /// From what is left of an output, one list a record: readings, what is left, rows that count, rows that were left out as jumps. `None` where noise has no heavy tails, as far as can be told.
+    /// Light tails are none, but where jumps were left out: of a law whose outermost part is cut away the rest looks lighter than it is. Where the law with them is heavy, that of the rest holds, however light. Jumps
+    /// in normal noise are faults of single readings, and leave no tails.
     #[must_use]
-    pub fn found(lists: &[(&[f64], &[f64], &[bool])]) -> Option<Tails> {
+    pub fn found(lists: &[Left<'_>]) -> Option<Tails> {
+        let rest: Vec<Used<'_>> = lists.iter().map(|it| (it.measured, it.left, it.used)).collect();
+        let correlation = correlation(&rest);
+        let law = Tails::likely(&rest, correlation)?;
+        if law.freedom < LIGHT {
+            return Some(law);
+        }
+        let counts: Vec<Vec<bool>> = lists.iter().map(Left::with_jumps).collect();
+        let all: Vec<Used<'_>> = lists.iter().zip(&counts).map(|(it, used)| (it.measured, it.left, used.as_slice())).collect();
+        let heavy = lists.iter().any(|it| !it.jumps.is_empty())
+            && Tails::likely(&all, correlation).is_some_and(|all| all.freedom < LIGHT);
+        heavy.then_some(law)
+    }
+
+    /// The most likely law, where tails are sure.
+    fn likely(lists: &[Used<'_>], correlation: f64) -> Option<Tails> {
         let mut all = Vec::new();
         let mut beside_outermost = Vec::new();
         let (mut together, mut places, mut outermost) = (0, 0, 0);
         for (measured, left, used) in lists {
             let repeats = measured.windows(2).filter(|pair| pair[0] == pair[1]).count();
-            let off = off_neighbours(left, used);
+            let off = off_expected(left, used, correlation);
             let size = deviation(&off)?;
             if repeats as f64 > REPEATS * measured.len() as f64 || size <= 0.0 {
                 return None;
@@ -111,26 +163,33 @@ impl Tails {
         let normal = 0.5 * n * (1.0 + (all.iter().map(|it| it * it).sum::<f64>() / n).ln() + std::f64::consts::TAU.ln());
         let laws = FREEDOMS.map(|freedom| (freedom, scale(&all, freedom)));
         let (freedom, scale) = laws.into_iter().min_by(|a, b| cost(&all, *a).total_cmp(&cost(&all, *b)))?;
-        // At the lightest tails of the list they may be lighter still.
-        if 2.0 * (normal - cost(&all, (freedom, scale))) < SURE || freedom >= FREEDOMS[FREEDOMS.len() - 1] {
+        if 2.0 * (normal - cost(&all, (freedom, scale))) < SURE {
             return None;
         }
         let slope = all.iter().map(|it| (it / scale).powi(2) / freedom).map(|u| (1.0 - u) / ((1.0 + u) * (1.0 + u)));
         let slope = slope.sum::<f64>() / n;
         let outlying = all.iter().filter(|it| it.abs() > OUTLYING * scale).count() as f64 / n;
-        (slope > 0.0).then_some(Tails { freedom, scale, slope, outlying })
+        (slope > 0.0).then_some(Tails { freedom, scale, slope, outlying, correlation })
     }
 
     /// Readings of a record in which the noise is tame: moved towards their neighbours. `left` is what a simulation leaves of them.
     fn tamed(&self, measured: &[f64], left: &[f64], used: &[bool], law: &Floor) -> Vec<f64> {
         let (even, uneven) = evened(law, measured, left);
-        let off = off_neighbours(&even, used);
+        let off = off_expected(&even, used, self.correlation);
         let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return measured.to_vec() };
         let scale = self.scale * size;
-        let moved = |(measured, (off, uneven)): (&f64, (&Option<f64>, &f64))| {
-            measured - off.map_or(0.0, |off| uneven * (off - scale * self.tame(off / scale)))
-        };
-        measured.iter().zip(off.iter().zip(&uneven)).map(moved).collect()
+        // What is new in a row stays, by the correlation, in those that follow: so tame readings, whitened, are tame news.
+        let mut follows = 0.0;
+        let mut tamed = measured.to_vec();
+        for (row, value) in tamed.iter_mut().enumerate() {
+            follows *= self.correlation;
+            if let Some(off) = off[row] {
+                let believed = limited(off, size);
+                follows += scale * self.tame(off / scale) - believed;
+                *value += uneven[row] * (believed - off + follows);
+            }
+        }
+        tamed
     }
 }
 
@@ -156,6 +215,46 @@ fn off_neighbours(left: &[f64], used: &[bool]) -> Vec<Option<f64>> {
             (beside.len() >= BESIDE).then(|| left[row] - median(&mut beside))
         })
         .collect()
+}
+
+/// Each row less what is expected there: by the rows beside it, and, where noise follows itself, by the row before. Of such noise a row less its correlation times the row before is new, and new rows are
+/// compared with new rows beside them. The row before counts as it is, or, where it is an outlier, as it was expected: an outlier says nothing of the next row. Behind a gap the rows beside it say alone
+/// where a row should be: that deviates as much, to a tenth, up to correlations of 0.8.
+fn off_expected(left: &[f64], used: &[bool], correlation: f64) -> Vec<Option<f64>> {
+    let plain = off_neighbours(left, used);
+    if correlation == 0.0 {
+        return plain;
+    }
+    let counts: Vec<bool> = (0..left.len()).map(|row| row > 0 && used[row] && used[row - 1]).collect();
+    let mut off = plain.clone();
+    for _ in 0..PASSES {
+        let before = without_outliers(left, &off);
+        let new = |row: usize| if counts[row] { left[row] - correlation * before[row - 1] } else { 0.0 };
+        let new: Vec<f64> = (0..left.len()).map(new).collect();
+        off = off_neighbours(&new, &counts);
+        off.iter_mut().zip(&plain).zip(&counts).filter(|(_, counts)| !**counts).for_each(|((off, plain), _)| *off = *plain);
+    }
+    off
+}
+
+/// What is left, outliers where they are expected.
+fn without_outliers(left: &[f64], off: &[Option<f64>]) -> Vec<f64> {
+    let size = deviation(off).unwrap_or(0.0);
+    left.iter().zip(off).map(|(left, off)| off.map_or(*left, |off| left - off + limited(off, size))).collect()
+}
+
+/// What is left of a deviation where outliers alone are taken away.
+fn limited(off: f64, size: f64) -> f64 {
+    if off.abs() > OUTLYING * size { 0.0 } else { off }
+}
+
+/// The correlation of the noise from row to row, as it is without outliers.
+fn correlation(lists: &[Used<'_>]) -> f64 {
+    let without = |(_, left, used): &Used<'_>| without_outliers(left, &off_neighbours(left, used));
+    let without: Vec<Vec<f64>> = lists.iter().map(without).collect();
+    let without: Vec<(&[f64], &[bool])> = without.iter().zip(lists).map(|(left, it)| (left.as_slice(), it.2)).collect();
+    // Noise that is less than white has no slow part that medians could miss.
+    Floor::estimate(&without).map_or(0.0, |floor| floor.correlation.max(0.0))
 }
 
 /// The deviation that the median of sizes gives.
@@ -200,28 +299,35 @@ fn log_gamma(x: f64) -> f64 {
 }
 
 /// The laws of all outputs, from what a simulation leaves of a kernel's records.
-fn laws(kernel: &Kernel, simulated: &[Simulated]) -> [Option<Tails>; 3] {
+fn laws(kernel: &Kernel, simulated: &[Simulated], kind: PlantKind, findings: &[Finding]) -> [Option<Tails>; 3] {
     let mut laws = [None; 3];
     for (output, law) in laws.iter_mut().enumerate() {
         let floor = &kernel.floors[output];
-        let mut lists: Vec<(&[f64], Vec<f64>, &[bool])> = Vec::new();
+        let mut even: Vec<(&Prepared, usize, Vec<f64>)> = Vec::new();
         for (prepared, simulated) in kernel.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let left = less(prepared.measured(k), &simulated[k]);
-            lists.push((prepared.measured(k), evened(floor, prepared.measured(k), &left).0, &prepared.used[k]));
+            even.push((prepared, k, evened(floor, prepared.measured(k), &left).0));
         }
-        let lists: Vec<(&[f64], &[f64], &[bool])> =
-            lists.iter().map(|(measured, left, used)| (*measured, left.as_slice(), *used)).collect();
+        let mut lists: Vec<Left<'_>> = Vec::new();
+        for (prepared, k, left) in &even {
+            let jumps = compared::jumps_of(prepared, *k, kind, findings);
+            lists.push(Left { measured: prepared.measured(*k), left, used: &prepared.used[*k], jumps });
+        }
         *law = if lists.is_empty() { None } else { Tails::found(&lists) };
     }
     laws
 }
 
-/// Looks for heavy tails beside a calibrated plant and makes the kernel's records tame; whether there were any.
-pub fn found(kernel: &mut Kernel, calibrated: &Fit) -> bool {
-    kernel.tails = laws(kernel, &calibrated.simulated);
+/// Looks for heavy tails beside a calibrated plant and makes the noise of both kernels tame; whether there were any. `findings` tell which rows were left out as jumps.
+pub fn found(kernel: &mut Kernel, unseen: &mut Kernel, calibrated: &Fit, findings: &[Finding]) -> bool {
+    kernel.tails = laws(kernel, &calibrated.simulated, calibrated.model.file.kind, findings);
+    if kernel.tails.iter().all(Option::is_none) {
+        return false;
+    }
     tame(kernel, &calibrated.simulated);
-    kernel.tails.iter().any(Option::is_some)
+    *unseen = tamed(kernel.on(std::mem::take(&mut unseen.records)), &calibrated.model);
+    true
 }
 
 /// Makes the noise of a kernel's records tame by its laws. `simulated` is a simulation of them; their readings are as they were recorded.
@@ -254,6 +360,7 @@ fn less(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::checks::jumps;
     use super::super::random::Random;
     use super::super::{Options, Verdict, axis_under_steps, diagnose};
     use super::*;
@@ -268,7 +375,7 @@ mod tests {
     fn found(rows: usize, mut noise: impl FnMut(usize) -> f64) -> Option<Tails> {
         let left: Vec<f64> = (0..rows).map(&mut noise).collect();
         let measured: Vec<f64> = left.iter().enumerate().map(|(k, left)| 20.0 * (k as f64 / 150.0).sin() + left).collect();
-        Tails::found(&[(&measured, &left, &vec![true; rows])])
+        Tails::found(&[Left { measured: &measured, left: &left, used: &vec![true; rows], jumps: Vec::new() }])
     }
 
     #[test]
@@ -293,6 +400,74 @@ mod tests {
     }
 
     #[test]
+    fn tails_are_found_on_noise_that_follows_itself_and_its_colour_stays() {
+        let mut random = Random::new(8);
+        for correlation in [0.4, 0.6, 0.8] {
+            let mut slow = || {
+                let mut last = random.normal();
+                (0..6000)
+                    .map(|_| {
+                        last = correlation * last + (1.0_f64 - correlation * correlation).sqrt() * random.normal();
+                        last
+                    })
+                    .collect::<Vec<f64>>()
+            };
+            // Normal noise has none, whatever its colour.
+            for _ in 0..20 {
+                let normal = slow();
+                assert_eq!(found(6000, |k| normal[k]), None, "{correlation}");
+            }
+            let normal = slow();
+            // A reading in a hundred is off by 20 times the noise, and a structure ten times as large as the noise lies under all.
+            let under = |k: usize| 10.0 * (k as f64 / 300.0).sin();
+            let mut left = normal.clone();
+            left.iter_mut().step_by(100).for_each(|it| *it += 20.0);
+            left.iter_mut().enumerate().for_each(|(k, it)| *it += under(k));
+            let law = found(6000, |k| left[k]).unwrap_or_else(|| panic!("{correlation}"));
+            // Four of the upper band's errors, the structure being there: 0.043 at 0.6.
+            assert!((law.correlation - correlation).abs() < 0.17 && law.freedom < 10.0, "{correlation}: {law:?}");
+            let tamed = law.tamed(&left, &left, &vec![true; 6000], &Floor::white(1.0));
+            let of_noise = |noise: &[f64]| {
+                let square = noise.iter().map(|it| it * it).sum::<f64>() / 6000.0;
+                (square, noise.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / 6000.0 / square)
+            };
+            let tamed: Vec<f64> = tamed.iter().enumerate().map(|(k, it)| it - under(k)).collect();
+            let ((before, follows), (after, then)) = (of_noise(&normal), of_noise(&tamed));
+            // A law of three to five degrees takes a sixth of what normal noise says, and 60 of 6000 rows are gone; 3 % by chance, twice.
+            assert!(
+                (after / before - 1.0).abs() < 0.25 && (then - follows).abs() < 0.05,
+                "{correlation}: {before} {after} {follows} {then}"
+            );
+        }
+    }
+
+    #[test]
+    fn jumps_belong_to_tails_where_the_other_readings_have_some() {
+        let mut random = Random::new(9);
+        let law = |left: &[f64], jumps: Vec<usize>| {
+            let mut used = vec![true; left.len()];
+            jumps.iter().for_each(|row| used[*row] = false);
+            Tails::found(&[Left { measured: left, left, used: &used, jumps }])
+        };
+        // A reading in a hundred has 20 times the noise, which follows itself: most of those are left out as jumps, and the rest alone is nearly normal.
+        let mut last = 0.0;
+        let mut slow = || {
+            last = 0.8 * last + 0.6 * random.normal();
+            if random.uniform() < 0.01 { 20.0 * last } else { last }
+        };
+        let left: Vec<f64> = (0..6000).map(|_| slow()).collect();
+        let rows = jumps(&left);
+        assert!(rows.len() > 30, "{}", rows.len());
+        let rest = law(&left, rows).expect("outliers");
+        assert!(rest.freedom >= LIGHT && (rest.correlation - 0.8).abs() < 0.05, "{rest:?}");
+        // Six readings of a sensor that loses contact, in normal noise: faults, and no law.
+        let mut left: Vec<f64> = (0..6000).map(|_| random.normal()).collect();
+        left.iter_mut().skip(500).step_by(1000).for_each(|it| *it += 100.0);
+        let rows = jumps(&left);
+        assert_eq!((rows.len(), law(&left, rows)), (6, None));
+    }
+
+    #[test]
     fn what_comes_in_bunches_is_no_tail() {
         let mut random = Random::new(4);
         // A contact rings for twelve rows, once in two hundred.
@@ -313,7 +488,7 @@ mod tests {
             let left: Vec<f64> = (0..rows).map(|k| wave(k) + noise()).collect();
             let used = vec![true; rows];
             // A record that holds few outliers by chance counts as normal.
-            let law = Tails::found(&[(&left, &left, &used)]);
+            let law = Tails::found(&[Left { measured: &left, left: &left, used: &used, jumps: Vec::new() }]);
             let tamed = law.map_or(left.clone(), |law| law.tamed(&left, &left, &used, &Floor::white(1.0)));
             means.push(tamed.iter().sum::<f64>() / rows as f64);
             waves += tamed.iter().enumerate().map(|(k, it)| 2.0 * wave(k) * it / rows as f64).sum::<f64>() / draws as f64;
