@@ -73,7 +73,7 @@ impl<'a> Asked<'a> {
             hypotheses,
             survey: ready.survey.clone(),
             rounded: ready.rounded.clone(),
-effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
+            effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
             said,
             looks: waves + terms,
             progress: options.progress,

@@ -360,10 +360,13 @@ fn an_axis_that_moves_where_its_record_begins_needs_no_cause_for_that() {
 
 #[test]
 fn a_wave_of_an_order_that_no_list_has_is_found_beside_a_friction() {
-    // 37 is prime, and no multiple of teeth or poles: the equations hand it over, and the free run judges it.
+    // 37 is prime, and no multiple of teeth or poles: the equations hand it over, and the free run judges it. At 40 rad/s it has four rows a wave.
     let effects =
         effect("coulomb-friction", "torque = 0.4") + &effect("cogging-torque", "amplitude = 0.3, cycles = 37, phase = 1.0");
-    let found = diagnosed(&effects, 2);
+    let true_plant = plant("pmac", &effects);
+    let records: Vec<Record> = (1..=3).map(|seed| motor_between(&true_plant, seed, -40.0, 40.0)).collect();
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&plant("pmac", ""), &records[..2], &records[2..], &options).unwrap();
     let kinds: Vec<&str> = found.entries().map(|it| it.kind).collect();
     assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["coulomb-friction", "cogging-torque"]));
     let cycles = found.plant.effects.iter().find_map(|it| it.arguments.optional("cycles"));
