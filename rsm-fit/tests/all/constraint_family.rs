@@ -258,8 +258,7 @@ fn feasible_convex_problems_of_three_and_four_inputs_end_with_a_proof() {
 /// |---|---|---|---|---|
 /// | 91 to 237 | 147 | 138 | 103 (5.2e-5 now), 175 | 91, 95, 139, 143, 187, 191, 235: convex, four inputs, order 4 and 5 |
 ///
-/// 90 takes two minutes. Of 243 to 269 (bounds, then slopes) 243 to 254, 256 to 258, 260 to 262, 264 and 265 are proven near the least sum; 255, 259, 263 and 266 to 269, and 238 to 242, were not
-/// run to an end.
+/// 90 takes two minutes. Of 238 to 269 all are proven near the least sum but 239, which was not run to its end: 255 (91 s) and 266 (63 s) take longest.
 ///
 /// 43 (convex, four inputs, order 4) was not run to its end: 46 rounds of exchange find every place in 94 s, half of it descents, and then proofs with `PATIENCE` take 30 to 40 s each. The least curvature is next to 0
 /// along whole surfaces of x, so the bound of a proof is about one over the shift: 4.1e-4 below 0 at a shift of 1.1e-5, 1.7e-4 at 2.2e-5. `MOST_PATIENCE` and `MOST_SHIFT` leave two more.
