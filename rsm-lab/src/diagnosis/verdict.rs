@@ -255,8 +255,7 @@ pub fn conclude(
     let left_unseen = there.as_ref().map(|(there, fit)| whiteness::look(there, fit));
     let predicts = there.iter().filter_map(|(there, fit)| predicted::look(there, fit)).chain(predicted::look(kernel, &fit));
     let predicted = predicts.max_by(|a, b| a.excess.total_cmp(&b.excess));
-    // What the calibrated plant gets wrong, a row.
-    let wrong = (calibrated.cost / calibrated.residual.len().max(1) as f64 - 1.0).max(0.0);
+    let wrong = wrong_a_row(calibrated.cost, calibrated.residual.len());
     let told = |floor: &Floor| floor.rounding.is_some() && floor.correlation == 0.0;
     let told = rounded.iter().all(|(output, _)| told(&kernel.floors[*output]));
     let of_rounding = if told { 0.0 } else { OF_ROUNDING };
@@ -264,9 +263,7 @@ pub fn conclude(
     let most_left = most_left.max(predicted.as_ref().map_or(0.0, |it| it.excess));
     let most_left = most_left.max(everywhere.as_ref().map_or(0.0, |it| it.excess));
     let beyond = most_left > allowed(of_rounding, wrong);
-    let gone = 1.0 - most_left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
-    let practical = (beyond && !believed.is_empty() && most_left < FOR_PRACTICE && gone > NEARLY_ALL)
-        .then_some(Practical { gone, left: most_left });
+    let practical = if beyond && !believed.is_empty() { practical(most_left, wrong) } else { None };
     let structure = beyond && practical.is_none();
     let calibrated_there = validation::on(judged, &calibrated.model);
     let compared = match (&before, &calibrated_there, &after) {
@@ -420,6 +417,19 @@ fn by_own_noise(unseen: &Kernel, moved: Fit) -> (Kernel, Fit) {
     (there, Fit { residual, ..moved })
 }
 
+/// What a calibrated plant gets wrong, a row: its squared error over the noise's, beyond 1.
+fn wrong_a_row(cost: f64, rows: usize) -> f64 {
+    (cost / rows.max(1) as f64 - 1.0).max(0.0)
+}
+
+/// What causes do that leave so much, where that matters little for practice; `wrong` is what was wrong before.
+fn practical(left: f64, wrong: f64) -> Option<Practical> {
+    // Where nothing was wrong nothing is gone.
+    // mutant `f64::MIN_POSITIVE doubled`: both are far below what anything leaves.
+    let gone = 1.0 - left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
+    (left < FOR_PRACTICE && gone > NEARLY_ALL).then_some(Practical { gone, left })
+}
+
 /// The energy beyond the noise that may be left, over that of the noise, where the calibrated plant had so much a row.
 fn allowed(of_rounding: f64, wrong: f64) -> f64 {
     of_rounding.max(OF_THE_WHOLE * wrong).min(MOST_LEFT)
@@ -441,6 +451,7 @@ pub fn gain(before: &[Error], after: &[Error]) -> f64 {
     let above = |errors: &[Error]| errors.iter().map(|it| (it.noise_ratio * it.noise_ratio - 1.0).max(0.0)).sum::<f64>();
     let all = above(before);
     // Without an error above the noise there is nothing to gain; 1e-3 of the noise's energy is its scatter over 10^6 rows.
+    // mutant `< to <=`: a number of at least 1, less 1, is a multiple of 2^-52, and so is a sum of them; 1e-3 is none.
     if all < 1e-3 { 0.0 } else { (1.0 - above(after) / all).max(-1.0) }
 }
 
@@ -448,6 +459,7 @@ pub fn gain(before: &[Error], after: &[Error]) -> f64 {
 pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
     let above = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| (it[which] / it[2] - 1.0).max(0.0)).sum::<f64>();
     let all = above(0);
+    // mutant `< to <=`: as above.
     if all < 1e-3 { 0.0 } else { (1.0 - above(1) / all).max(-1.0) }
 }
 
@@ -482,6 +494,7 @@ pub(super) fn cause(
     let name = subject.clone().unwrap_or_default();
     sentence = sentence.replace("{parameter}", &name).replace("{output}", &name);
     while let (Some(open), Some(close)) = (sentence.find('{'), sentence.find('}')) {
+        // mutant `> to >=`: one place holds one bracket.
         if open > close {
             break;
         }
@@ -588,56 +601,4 @@ fn unit(plant: PlantKind, description: &crate::effect::Description, subject: Opt
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::levenberg;
-    use super::*;
-
-    #[test]
-    fn louder_noise_on_unseen_records_is_no_structure_and_a_swing_is() {
-        use super::super::axis_under_steps;
-        let file = axis_under_steps::file("mass = 0.02", "");
-        let (kernel, nominal) = axis_under_steps::kernel(&file, &file, true);
-        let fit = levenberg::fit(&kernel, nominal, 4).unwrap();
-        // The residual times `louder`, and a swing of so many times the noise beside it, ten to the record.
-        let left = |louder: f64, swing: f64| {
-            let mut unseen = kernel.clone();
-            let measured = unseen.records[0].record.measured[0].as_mut().unwrap();
-            for (row, value) in measured.iter_mut().enumerate() {
-                let simulated = fit.simulated[0][0][row];
-                let swing = swing * kernel.floors[0].sd * (0.1 * row as f64).sin();
-                *value = simulated + louder * (*value - simulated) + swing;
-            }
-            left_there(&unseen, fit.clone(), 1).excess
-        };
-        assert_eq!(left(1.0, 0.0), 0.0);
-        assert_eq!(left(1.4, 0.0), 0.0);
-        assert!(left(1.8, 0.0) > 0.5, "{}", left(1.8, 0.0));
-        assert!(left(1.0, 0.7) > 0.05, "{}", left(1.0, 0.7));
-    }
-
-    #[test]
-    fn numbers_in_sentences_have_four_digits_and_their_unit() {
-        let of =
-            |value: f64, unit: &str| with_unit(&Interval { name: "x", value, low: value, high: value, unit: unit.to_string() });
-        assert_eq!(of(8.04761, "N*m"), "8.048 N m");
-        assert_eq!(of(1.0757, "1"), "1.076");
-        assert_eq!(of(-4.2e-7, "m/s"), "-0.00000042 m/s");
-    }
-
-    #[test]
-    fn twice_the_noise_is_never_explained_however_wrong_the_plant_was() {
-        // A plant that is wrong by 1000 times the noise may leave 0.5 of its energy; one that is wrong by 10^7 times no more than makes twice the noise of the whole.
-        assert_eq!(allowed(0.0, 1e6), 0.5);
-        assert_eq!(allowed(OF_ROUNDING, 1.0), OF_ROUNDING);
-        assert_eq!((1.0 + allowed(0.0, 1e14)).sqrt(), 2.0);
-    }
-
-    #[test]
-    fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {
-        assert_eq!(judged_by(false, None, false), Verdict::Explained);
-        assert_eq!(judged_by(false, None, true), Verdict::NoDiscrepancy);
-        assert_eq!(judged_by(false, Some(Limit::Steps), false), Verdict::Explained);
-        assert_eq!(judged_by(true, Some(Limit::Steps), false), Verdict::Unexplained);
-        assert_eq!(judged_by(false, Some(Limit::Circle), false), Verdict::Unexplained);
-    }
-}
+mod tests;

@@ -283,6 +283,20 @@ fn every_effect_gives_what_its_equation_gives_by_hand() {
     assert!(missing.is_empty(), "no case for {missing:?}");
 }
 
+#[test]
+fn an_effect_takes_the_numbers_of_its_plant_and_no_others() {
+    let names = |kind: &str, plant| -> Vec<&str> {
+        effects::of(kind).expect("a kind").arguments_on(plant).map(|argument| argument.name).collect()
+    };
+    // The shaft of a car has its stiffness in the plant; the drive of an axis is rigid until the effect says what its play touches with.
+    assert_eq!(names("backlash", PlantKind::Driveline), ["gap"]);
+    assert_eq!(names("backlash", PlantKind::ServoAxis), ["gap", "mass_ratio", "stiffness", "damping"]);
+    // A number that names no plant is taken on each.
+    for (_, plant) in PlantKind::NAMES {
+        assert_eq!(names("sensor-bias", plant), ["bias"]);
+    }
+}
+
 /// An effect without a single hook.
 struct Nothing;
 
