@@ -22,10 +22,15 @@ pub fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
     };
     let of_a_row: f64 = channels.iter().map(chance).sum();
     let same = |a: usize, b: usize| channels.iter().all(|values| values[a] == values[b]);
+    // Where nothing moves from the row before, a plant rests or a recorder hangs: no block begins there, and a long rest is not compared with all of itself.
+    let moves = |row: usize| row == 0 || !same(row - 1, row);
     let mut places: HashMap<u64, Vec<usize>> = HashMap::new();
     // For each row the longest block from it on that stood before; a block that began a row earlier is not counted again.
     let longest: Vec<(usize, bool)> = (0..rows)
         .map(|row| {
+            if !moves(row) {
+                return (0, false);
+            }
             let before = places.entry(first[row].to_bits()).or_default();
             let length = |start: usize| (0..rows - row).take_while(|k| start + k < row && same(start + k, row + k)).count();
             let best = before.iter().map(|start| (length(*start), *start)).max().unwrap_or((0, 0));

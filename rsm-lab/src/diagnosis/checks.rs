@@ -95,6 +95,8 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             let same = |k: usize| prepared.measured(k)[row] == prepared.measured(k)[row - 1];
             if (0..count).all(same)
                 && !(row > 1 && (0..count).all(|k| prepared.measured(k)[row - 1] == prepared.measured(k)[row - 2]))
+                // A drive that is switched off at rest reads 0 everywhere.
+                && !(0..count).all(|k| resting[k].rests(run_at(prepared.measured(k), row)))
             {
                 findings.push(finding("row", "duplicated row", (row, row)));
             }
@@ -257,6 +259,12 @@ pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Rang
     prepared.outputs.iter().filter_map(|output| of_output(file.kind.outputs()[*output].name)).max()
 }
 
+/// The rows around one that all read what it reads.
+fn run_at(values: &[f64], row: usize) -> std::ops::Range<usize> {
+    let same = |it: &&f64| **it == values[row];
+    row - values[..row].iter().rev().take_while(same).count()..row + values[row..].iter().take_while(same).count()
+}
+
 /// Few readings that repeat the one before, beside the longest time for which the channel hangs.
 fn is_noisy(values: &[f64]) -> bool {
     let mut hangs = 0..0;
@@ -269,8 +277,14 @@ fn is_noisy(values: &[f64]) -> bool {
             first = row;
         }
     }
-    let others: Vec<f64> = values[..hangs.start].iter().chain(&values[hangs.end..]).copied().collect();
-    if hangs.len() >= STUCK && others.len() >= ENOUGH_BESIDE { repeats_little(&others) } else { repeats_little(values) }
+    let mut beside: Vec<f64> = values[..hangs.start].iter().chain(&values[hangs.end..]).copied().collect();
+    if hangs.len() < STUCK || beside.len() < ENOUGH_BESIDE {
+        beside = values.to_vec();
+    }
+    // A limit and a dead band repeat one reading, whatever the noise; readings between them say whether there is any.
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    let between: Vec<f64> = beside.iter().copied().filter(|value| ![low, high, 0.0].contains(value)).collect();
+    repeats_little(if between.len() < ENOUGH_BESIDE { &beside } else { &between })
 }
 
 fn repeats_little(values: &[f64]) -> bool {
@@ -298,7 +312,9 @@ pub fn jumps(values: &[f64]) -> Vec<usize> {
     let mut sizes: Vec<f64> = sizes.collect();
     // The median of |x| is 0.6745 standard deviations of a normal x.
     let sd = median(&mut sizes) / 0.6745;
-    if sd == 0.0 {
+    // Steps of a sensor on a straight line: what is left of second differences are the last digits of four readings, each of them off by half a digit.
+    let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    if sd <= 4.0 * f64::EPSILON * largest {
         return Vec::new();
     }
     let off = |k: usize| k.checked_sub(1).and_then(|k| second.get(k)).copied().unwrap_or(0.0);

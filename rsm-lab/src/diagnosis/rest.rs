@@ -14,7 +14,8 @@ const GENTLE: f64 = 0.1;
 /// And where the nominal plant, which may have no dry friction, is slower than this share of its largest reading.
 const SLOW: f64 = 0.1;
 
-/// So many of the smallest steps a coarse sensor moves from row to row beside a rest.
+/// So many of the smallest steps a coarse sensor moves from row to row into a rest and out of it, and so many its motion changes from row to row beside one: three readings that
+/// are rounded bend by two.
 const STEPS: f64 = 2.5;
 
 /// Rows on either side of a rest that say how the sensor reads there.
@@ -89,10 +90,12 @@ impl<'a> Resting<'a> {
         slow || self.ends(rows).iter().all(|off| *off <= GENTLE * self.largest[0])
     }
 
-    /// A sensor of coarse steps: it repeats where it creeps. One with noise of some steps would not; it hangs.
+    /// A sensor of coarse steps: it repeats where it creeps, or where a smooth motion ends. One with noise of some steps would not; it hangs.
     fn is_coarse(&self, rows: &Range<usize>) -> bool {
         let Some(step) = self.step else { return false };
-        let gently = |row: usize| (self.values[row + 1] - self.values[row]).abs() <= STEPS * step;
+        // About as far as in the row before: noise bends the line from row to row, a motion that comes to its end does not.
+        let change = |row: usize| self.values[row + 1] - self.values[row];
+        let gently = |row: usize| (change(row) - if row == 0 { 0.0 } else { change(row - 1) }).abs() <= STEPS * step;
         let beside = |rows: Range<usize>| rows.is_empty() || 2 * rows.clone().filter(|row| gently(*row)).count() >= rows.len();
         let last = self.values.len() - 1;
         let after = (rows.end - 1).min(last)..(rows.end - 1 + BESIDE).min(last);

@@ -9,6 +9,7 @@ mod measured;
 mod motor;
 mod next_experiment;
 mod rejected;
+mod rest;
 mod step;
 mod track;
 mod units;
