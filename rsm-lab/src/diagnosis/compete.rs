@@ -87,6 +87,21 @@ fn crowd(screened: &[Screened], least: f64) -> Crowd {
     Crowd { kept: screened.iter().filter(|it| !out.contains(&form_of(it))).cloned().collect(), aside }
 }
 
+/// A group of forms of one trace, or a form with a trace of its own.
+type Trace = Result<usize, (usize, usize)>;
+
+/// The place of each among those that are fitted: forms of one trace have one place.
+fn places(traces: &[Trace]) -> Vec<usize> {
+    let mut known: Vec<Trace> = Vec::new();
+    let mut place = |its: &Trace| {
+        known.iter().position(|it| it == its).unwrap_or_else(|| {
+            known.push(*its);
+            known.len() - 1
+        })
+    };
+    traces.iter().map(&mut place).collect()
+}
+
 /// A hypothesis with and without its optional numbers is two: each is fitted, and the simpler one wins a tie.
 #[must_use]
 pub fn form_of(it: &Screened) -> (usize, usize) {
@@ -218,18 +233,11 @@ impl Search<'_> {
         let mut chosen = leading(pool, 2 * self.effort.fitted, 1, |it| it.form());
         let best = chosen.first().map_or(0.0, |it| it.cost);
         let alike = best + (1.0 - AS_GOOD) * (fit.cost - best);
-        // Forms of one trace have one place among those that are fitted.
-        let mut places: Vec<Result<usize, (usize, usize)>> = Vec::new();
-        chosen.retain(|it| {
-            let its = group_of(screened, it.form()).ok_or(it.form());
-            let place = places.iter().position(|known| *known == its).unwrap_or_else(|| {
-                places.push(its);
-                places.len() - 1
-            });
-            place < self.effort.fitted || it.cost <= alike
-        });
+        let traces: Vec<Trace> = chosen.iter().map(|it| group_of(screened, it.form()).ok_or(it.form())).collect();
+        let mut places = places(&traces).into_iter();
+        chosen.retain(|it| places.next().is_some_and(|place| place < self.effort.fitted) || it.cost <= alike);
         // The best of each trace, and all of the best one's.
-        let mut fitted: Vec<Result<usize, (usize, usize)>> = Vec::new();
+        let mut fitted: Vec<Trace> = Vec::new();
         chosen.retain(|it| {
             let its = group_of(screened, it.form()).ok_or(it.form());
             let again = fitted.contains(&its);
@@ -404,6 +412,15 @@ mod tests {
         assert_eq!(crowd.kept.iter().map(|it| it.hypothesis).collect::<Vec<_>>(), [0, 1, 2, 3, 6]);
         // What promises as much is an alias; what promises less is none.
         assert_eq!(crowd.aside, [(0, 4)]);
+    }
+
+    #[test]
+    fn four_forms_of_one_trace_do_not_keep_the_sixth_form_out() {
+        // Of a car on a fast road: drag area, air density and two dampings are one; two others promise less than all four. Five are fitted.
+        let traces = [Ok(0), Ok(0), Ok(0), Ok(0), Err((4, 1)), Ok(5)];
+        assert_eq!(places(&traces), [0, 0, 0, 0, 1, 2]);
+        // The two forms of a hypothesis are two, wherever they stand.
+        assert_eq!(places(&[Err((4, 1)), Ok(0), Err((4, 2)), Ok(0)]), [0, 1, 2, 1]);
     }
 
     #[test]
