@@ -81,15 +81,15 @@ fn axis(mass: f64, viscous: f64, effects: &str) -> PlantFile {
     PlantFile::read(&rsm_core::source::Source::new("axis.toml", text)).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// Pulses of the command in both directions, or a slow swing: 3 s at 1 kHz.
+/// Pulses of the command in both directions, or a slow swing: 3 s at 500 Hz.
 fn moved(true_plant: &PlantFile, rich: bool, random: &mut Random) -> Record {
     let mut text = "time[s],command[V],position[m]\n".to_string();
     let (mut until, mut command, mut sign) = (0, 0.0, 1.0);
     let (hertz, amplitude) = (0.4 + 0.4 * random.uniform(), 1.5 + random.uniform());
-    for k in 0..3000 {
-        let t = f64::from(k) / 1000.0;
+    for k in 0..1500 {
+        let t = f64::from(k) / 500.0;
         if rich && k >= until {
-            until = k + 80 + (300.0 * random.uniform()) as i32;
+            until = k + 40 + (150.0 * random.uniform()) as i32;
             sign = -sign;
             command = sign * (1.0 + 3.0 * random.uniform());
         }
