@@ -11,15 +11,18 @@ use std::path::Path;
 use rsm_core::source::Source;
 use rsm_fit::table::{Table, Wanted};
 use rsm_lab::diagnosis::free_run;
-use rsm_lab::orders::{Wave, uniform, wave};
+use rsm_lab::orders::{Wave, wave};
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::Record;
 
 /// Orders of rotation that are looked at: twice the sixth electrical order of twelve pole pairs.
 const ORDERS: u32 = 150;
 
-/// The grid of the outrunner's records: its log has a row a millisecond, with jitter.
+/// The outrunner's log has a row a millisecond, with jitter.
 const PERIOD_S: f64 = 1e-3;
+
+/// Rows of the outrunner's records that are written: the search takes minutes over all of them, and ten revolutions tell as much.
+const ROWS: usize = 1300;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -32,16 +35,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     axis_in_open_loop(data)?;
     let (mut speeds, mut currents) = (Vec::new(), Vec::new());
     for name in ["rolling_1", "rolling_2"] {
-        let columns = read(&data.join(format!("bldc-cogging/{name}.csv")), &["t_s", "pos_rad", "vel_rad_s", "i_q_A", "u_q_V"])?;
-        let [time, angle, speed, current, voltage] = columns.as_slice() else { unreachable!("five columns were asked for") };
+        let columns = read(&data.join(format!("bldc-cogging/{name}.csv")), &["pos_rad", "vel_rad_s", "i_q_A", "u_q_V"])?;
+        let [angle, speed, current, voltage] = columns.as_slice() else { unreachable!("four columns were asked for") };
         let waves = |values: &[f64]| (1..=ORDERS).map(|order| wave(angle, values, order)).collect::<Vec<Wave>>();
         speeds.push(waves(speed));
         currents.push(waves(current));
-        let grid = |values: &[f64]| uniform(time, values, PERIOD_S);
+        // Ten revolutions at the logger's 1 ms: their instants jitter, by far less than the waves that are looked for.
         let mut text = "time[s],v_q[V],load_torque[N*m],angle[rad],i_q[A],speed[rad/s]\n".to_string();
-        let rows = grid(angle).into_iter().zip(grid(voltage)).zip(grid(current)).zip(grid(speed));
+        let rows = angle.iter().zip(voltage).zip(current).zip(speed).take(ROWS);
         for (k, (((angle, voltage), current), speed)) in rows.enumerate() {
-            writeln!(text, "{:.3},{voltage},0,{angle},{current},{speed}", k as f64 * PERIOD_S)?;
+            writeln!(text, "{},{voltage},0,{angle},{current},{speed}", k as f64 * PERIOD_S)?;
         }
         std::fs::write(out.join(format!("{name}.csv")), text)?;
     }
@@ -97,7 +100,7 @@ fn axis_in_open_loop(data: &Path) -> Result<(), Box<dyn Error>> {
     let (training, test) = (record("emps_train.csv")?, record("emps_test_pulses.csv")?);
     let follow = free_run::follow_axis(&file, &training, &test).ok_or("the axis cannot be simulated along its records")?;
     println!("EMPS in open loop, recorded command to position, root mean square error:");
-    for (what, error) in follow {
+    for (what, error) in follow.errors {
         println!("  {:5.2} mm  {what}", 1e3 * error);
     }
     Ok(())

@@ -1,7 +1,7 @@
 //! What repeats with the rotation: amplitude and phase of a signal at orders of a revolution.
 //!
-//! In: a signal and the angle at which each value was taken, however unevenly. Out: the wave at each order, by least squares. Also puts unevenly sampled signals on a
-//! uniform grid. Never decides what makes a wave.
+//! In: a signal and the angle at which each value was taken, however unevenly. Out: the wave at each order, by least squares.
+//! Never decides what makes a wave.
 
 use crate::diagnosis::normal::Normal;
 
@@ -43,28 +43,6 @@ pub fn wave(angle: &[f64], values: &[f64], order: u32) -> Wave {
     Wave { order, amplitude, phase: solved[2].atan2(solved[1]), share }
 }
 
-/// Values at the instants first, first + period, ... up to the last instant, on straight lines between neighbours. Instants must rise.
-#[must_use]
-pub fn uniform(instants: &[f64], values: &[f64], period: f64) -> Vec<f64> {
-    let (Some(first), Some(last)) = (instants.first(), instants.last()) else { return Vec::new() };
-    // A millionth of a period: decimals of instants do not meet multiples exactly.
-    let rows = ((last - first) / period + 1e-6).floor() as usize;
-    let mut place = 0;
-    (0..=rows)
-        .map(|row| {
-            let at = first + row as f64 * period;
-            while place + 2 < instants.len() && instants[place + 1] <= at {
-                place += 1;
-            }
-            if place + 1 == instants.len() {
-                return values[place];
-            }
-            let share = (at - instants[place]) / (instants[place + 1] - instants[place]);
-            values[place] + share * (values[place + 1] - values[place])
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,14 +60,5 @@ mod tests {
         }
         // 0.5^2/2 of 0.5^2/2 + 0.1^2/2.
         assert!((wave(&angle, &values, 18).share - 0.25 / 0.26).abs() < 0.02);
-    }
-
-    #[test]
-    fn a_straight_line_is_kept_by_a_uniform_grid() {
-        let values = uniform(&[1.0, 1.1, 1.4, 2.0], &[10.0, 11.0, 14.0, 20.0], 0.25);
-        for (k, value) in values.iter().enumerate() {
-            assert!((value - (10.0 + 2.5 * k as f64)).abs() < 1e-12, "{values:?}");
-        }
-        assert_eq!(values.len(), 5);
     }
 }

@@ -51,27 +51,39 @@ pub fn errors(model: &Model, record: &Record, rows: std::ops::Range<usize>) -> O
     Some(each.collect())
 }
 
-/// The measured axis in open loop, step by step: a free run of the training record, then of the test record as the training left the axis, without the drift (what a load does while one
-/// record is made is that record's own), and with the viscous friction of the test record's first quarter, over all of it and over the three quarters that nothing has seen. In m.
+/// The measured axis in open loop, step by step.
+#[derive(Debug, Clone)]
+pub struct Followed {
+    /// What was simulated, and the root mean square error of the position, in m.
+    pub errors: Vec<(&'static str, f64)>,
+    /// The plant as the training record left it.
+    pub trained: Model,
+    /// The same without its drift, with the viscous friction of the test record's first quarter.
+    pub today: Model,
+}
+
+/// A free run of the training record, then of the test record as the training left the axis, without the drift (what a load does while one record is made is that record's own), and with the
+/// viscous friction of the test record's first quarter, over all of it and over the three quarters that nothing has seen. `None` where the axis cannot be simulated.
 #[must_use]
-pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option<Vec<(&'static str, f64)>> {
+pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option<Followed> {
     /// The smallest step of its encoder, in m; with one output only the priors feel it.
     const ENCODER: f64 = 5e-8;
     let (noise, rows) = ([ENCODER; 3], test.rows());
     let position = |model: &Model, record: &Record, rows| errors(model, record, rows).map(|errors| errors[0]);
     let mut found = fitted(file, &[training], noise, 1)?;
-    let trained = position(&found.model, training, 0..training.rows())?;
+    let trained = found.model.clone();
     let drift = found.model.file.effects.iter_mut().flat_map(|it| &mut it.arguments.numbers).find(|it| it.0 == "force_rate")?;
     drift.1 = 0.0;
     let as_trained = adapted(&found, test, rows, &[], noise)?;
     let quarter = rows / 4;
     let today = adapted(&found, test, quarter, &["viscous_forward", "viscous_backward"], noise)?;
-    Some(vec![
-        ("training record", trained),
+    let errors = vec![
+        ("training record", position(&trained, training, 0..training.rows())?),
         ("test record, all numbers from the training record but its start", position(&as_trained, test, 0..rows)?),
         ("test record, viscous friction from its first quarter", position(&today, test, 0..rows)?),
         ("  the three quarters behind it", position(&today, test, quarter..rows)?),
-    ])
+    ];
+    Some(Followed { errors, trained, today })
 }
 
 fn kernel(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: usize) -> Kernel {

@@ -108,11 +108,13 @@ fn motor(seed: u64) -> Recorded {
     let holds = 0.2 + 0.5 * random.uniform();
     let mut signals = [Vec::new(), Vec::new(), Vec::new()];
     let voltage: Vec<f64> = drive.0.iter().map(|level| 25.0 * level).collect();
-    // Where the motor stands without a voltage, some drives open their bridge.
+    // Where the motor has stood without a voltage for 50 ms, four times the time constant of its winding, some drives open their bridge.
     let opens = random.uniform() < 0.5;
+    let mut stands = 0;
     let mut open = Vec::new();
     for v_q in &voltage {
-        let is_open = opens && *v_q == 0.0 && speed == 0.0;
+        stands = if *v_q == 0.0 && speed == 0.0 { stands + 1 } else { 0 };
+        let is_open = opens && stands > 50;
         if is_open {
             (i_d, i_q) = (0.0, 0.0);
         }

@@ -6,11 +6,12 @@
 use rsm_core::source::Source;
 use rsm_fit::table::{Table, Wanted};
 use rsm_lab::diagnosis::random::Random;
-use rsm_lab::diagnosis::{Options, Verdict, diagnose};
+use rsm_lab::diagnosis::{Options, Verdict, diagnose_and_test};
 use rsm_lab::plant_file::PlantFile;
 use rsm_lab::record::Record;
 
 use super::super::record;
+use super::prose;
 
 /// The row i_d = 0 of the map for i_q >= 0, in V s, and its column i_q = 0: steps of 2 A.
 struct Map {
@@ -110,18 +111,32 @@ fn a_constant_inductance_against_the_flux_map_is_saturation() {
     let training = [1, 2].map(|seed| recorded(&map, 14.0, seed, &file));
     // Judged up to currents that training has not reached: there the law is extrapolated.
     let validation = [recorded(&map, 22.0, 3, &file)];
-    let found = diagnose(&file, &training, &validation, &Options { threads: 2, progress: &|_| {} }).unwrap();
+    // And once more up to the currents of the training, on a record that nothing has seen.
+    let test = [recorded(&map, 14.0, 4, &file)];
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose_and_test(&file, &training, &validation, &test, &options).unwrap();
     super::tell("flux map, currents up to 14 A, judged up to 22 A", &found);
     assert_eq!(super::kinds(&found), ["magnetic-saturation"]);
-    // Measured 0.996: the current is off by 3.9 A (r.m.s.) with a constant inductance, by 0.29 A with the law, whose misfit of a third at 22 A is what is left.
-    assert!(found.gain > 0.98, "{}", found.gain);
-    assert!(
-        found.portrait.before.iter().any(|it| it.region.starts_with("current above") && it.share_of_error > 0.5),
-        "{:?}",
-        found.portrait.before
+    let tested = found.tested.as_ref().unwrap();
+    let above = found.portrait.before.iter().find(|it| it.region == "current above 12 A").unwrap();
+    let current = found.entries().next().unwrap().parameters[0].value;
+    prose::tells("`magnetic-saturation`, {} A, nothing else.", &[current]);
+    // What is left up to 22 A is the law's misfit of a third there.
+    prose::tells(
+        "Trained up to 14 A, it removes {} % of the squared error of the current on a test record up to 14 A ({} to {} A) and {} % on one up to 22 A ({} to {} A); \
+         {} % of the error stand above 12 A, in {} % of the rows.",
+        &[
+            100.0 * tested.gain,
+            tested.nominal[0].rmse,
+            tested.extended[0].rmse,
+            100.0 * found.gain,
+            found.nominal[0].rmse,
+            found.extended[0].rmse,
+            100.0 * above.share_of_error,
+            100.0 * above.share_of_rows,
+        ],
     );
     // The law that is nearest to the map's own inductance has 6.36 A over 26 A (the test below); a free run weighs currents by their time, here 14 A at most.
-    let current = found.entries().next().unwrap().parameters[0].value;
     assert!((current / 6.36 - 1.0).abs() < 0.12, "{current}");
     // The law leaves up to a seventh of the inductance: structure that no entry explains, and the verdict says so.
     assert_eq!(found.verdict, Verdict::Unexplained);
@@ -151,17 +166,33 @@ fn the_law_of_saturation_holds_on_the_q_axis_up_to_half_the_current_and_not_on_t
     }
     let (_, inductance, saturation) = best;
     println!("flux map: nearest law {inductance:.4} H, {saturation:.2} A");
-    assert!((inductance - 0.1496).abs() < 0.002 && (saturation - 6.37).abs() < 0.1, "{inductance} {saturation}");
+    let mut within = 0.0_f64;
     for (k, value) in measured.iter().enumerate() {
         let off = law(inductance, saturation, middle(k)) / value - 1.0;
         println!("  q axis at {:4.1} A: {value:.4} H, law {:+.0} %", middle(k), 100.0 * off);
+        if middle(k) <= 15.0 {
+            within = within.max(100.0 * off.abs());
+        }
         // A constant inductance is wrong by a factor of ten at 25 A. The law keeps within a sixth up to 13 A and falls a third short at 25 A: iron that is full still has the
         // inductance of air.
         assert!(off.abs() < if middle(k) < 14.0 { 0.17 } else { 0.4 }, "{k}: {off}");
     }
+    let last = measured[measured.len() - 1];
+    prose::tells(
+        "nearest to the map's q axis ({} H, {} A) is within {} % of the inductance up to 15 A, and {} % short at {} A, where a constant is {} times too large.",
+        &[
+            inductance,
+            saturation,
+            within,
+            100.0 * (1.0 - law(inductance, saturation, middle(measured.len() - 1)) / last),
+            middle(measured.len() - 1),
+            inductance / last,
+        ],
+    );
     // The magnets saturate the d axis by themselves: its inductance is largest at +5 A. The law is even and has its largest at 0.
     let d = between(&map.psi_d_of_i_d);
     let largest = d.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map(|(k, _)| -20.0 + middle(k)).unwrap();
     println!("  d axis: {:.4} H at -1 A, {:.4} H at {largest} A, {:.4} H at 19 A", d[9], d[12], d[19]);
     assert!(largest == 5.0 && d[12] > 2.0 * d[9], "{d:?}");
+    prose::tells("the inductance is largest at i_d = +{} A ({} mH), {} mH at -1 A.", &[largest, 1e3 * d[12], 1e3 * d[9]]);
 }

@@ -2,6 +2,7 @@
 
 mod emps;
 mod flux_map;
+mod prose;
 mod rolling;
 
 use std::io::Write;
