@@ -296,19 +296,14 @@ fn what_is_broken_in_a_record_with_rest_is_found() {
 
 #[test]
 fn an_axis_that_sticks_at_rest_has_friction_and_its_rest_is_not_cut_away() {
-    // Rest before, amid and after, with each of the sensors; the friction that holds is a third above that in motion.
-    let names = |seed: u64| {
-        let records: Vec<Record> = [seed, seed + 1].map(|seed| axis(seed, (16.0, 21.0), 4e-3).record()).to_vec();
-        let options = Options { threads: 2, progress: &|_| {} };
-        let found = diagnose(&nominal_axis(), &records[..1], &records[1..], &options).unwrap();
-        assert!(found.findings.is_empty(), "{seed}: {:?}", found.findings);
-        assert_ne!(found.verdict, Verdict::NoDiscrepancy);
-        found.entries().map(|it| it.kind).collect::<Vec<_>>()
-    };
-    for seed in [4] {
-        let names = names(seed);
-        assert!(names.iter().any(|kind| kind.ends_with("friction")), "seed {seed}: {names:?}");
-    }
+    // The friction that holds is a third above that in motion.
+    let records: Vec<Record> = [4, 5].map(|seed| axis(seed, (16.0, 21.0), 4e-3).record()).to_vec();
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&nominal_axis(), &records[..1], &records[1..], &options).unwrap();
+    assert!(found.findings.is_empty(), "{:?}", found.findings);
+    assert_ne!(found.verdict, Verdict::NoDiscrepancy);
+    let names: Vec<&str> = found.entries().map(|it| it.kind).collect();
+    assert!(names.iter().any(|kind| kind.ends_with("friction")), "{names:?}");
 }
 
 #[test]
