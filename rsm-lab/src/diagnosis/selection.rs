@@ -290,10 +290,11 @@ impl Search<'_> {
                 && path.visit(labels(&pair.model))
             {
                 (self.progress)(&format!("found {}", labels(&pair.model).join(" with ")));
+                let mut after = remaining.clone();
                 let grown =
-                    self.grown(pair.clone(), None, threshold, &mut competed, &mut remaining, &mut path).pop().unwrap_or(pair);
+                    self.grown(pair.clone(), None, threshold, &mut competed, &mut after, &mut path).pop().unwrap_or(pair);
                 if self.prefers(&grown, &fit, &calibrated, threshold) {
-                    fit = grown;
+                    (fit, remaining) = (grown, after);
                 }
             }
         }
@@ -301,10 +302,11 @@ impl Search<'_> {
             && let Some(said) = self.said_together(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
         {
             (self.progress)("going on from what the equations say");
-            let from = self.grown(said.clone(), None, threshold, &mut competed, &mut remaining, &mut path);
+            let mut after = remaining.clone();
+            let from = self.grown(said.clone(), None, threshold, &mut competed, &mut after, &mut path);
             let from = from.into_iter().next_back().unwrap_or_else(|| said.clone());
             if self.prefers(&from, &fit, &calibrated, threshold) {
-                fit = from;
+                (fit, remaining) = (from, after);
             }
         }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
