@@ -60,11 +60,6 @@ pub struct Known {
 }
 
 impl Known {
-    #[cfg(test)]
-    fn holds(&self, value: f64) -> bool {
-        self.low <= value && value <= self.high
-    }
-
     /// Whether a gain is surely not 1.
     fn is_off(&self) -> bool {
         let sd = 0.5 * (self.high - self.low) / REACH;
@@ -328,6 +323,12 @@ mod tests {
     use crate::record::Record;
     use crate::simulate::Simulator;
     use rsm_core::source::Source;
+
+    impl Known {
+        fn holds(&self, value: f64) -> bool {
+            self.low <= value && value <= self.high
+        }
+    }
 
     /// An axis in closed loop with friction that its file does not have, whose readings are off by these gains and late by so many rows.
     fn found(gains: [f64; 2], late: usize, noise: f64, seed: u64) -> (KnownLoop, PlantFile) {

@@ -71,16 +71,11 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
         PlantKind::ServoAxis => {
             for (place, prepared) in kernel.records.iter().enumerate() {
                 let record = &prepared.record;
+                let recorded = if record.drive == Drive::Closed { record.measured[1].as_ref() } else { record.inputs.first() };
                 // A command that nobody recorded is that of the calibrated plant's own loop.
-                let simulated = (record.drive == Drive::Closed && record.measured[1].is_none())
-                    .then(|| kernel.all_outputs(place, &fit.model))
-                    .flatten();
-                let commands = if record.drive == Drive::Closed {
-                    record.measured[1].as_deref().or_else(|| simulated.as_ref()?.of("command"))
-                } else {
-                    record.inputs.first().map(Vec::as_slice)
-                };
-                let commands = commands.unwrap_or_default();
+                let simulated = if recorded.is_none() { kernel.all_outputs(place, &fit.model) } else { None };
+                let simulated = simulated.as_ref().and_then(|outputs| outputs.of("command"));
+                let commands = recorded.map(Vec::as_slice).or(simulated).unwrap_or_default();
                 let mean = commands.iter().map(|value| value * value).sum::<f64>() / commands.len().max(1) as f64;
                 effort = effort.max(parameters.number("force_gain") * mean.sqrt());
                 if let Some(k) = prepared.outputs.iter().position(|it| *it == 0) {
