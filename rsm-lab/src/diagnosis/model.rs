@@ -20,8 +20,9 @@ const FIRST_ROWS: usize = 20;
 /// Standard deviations beyond which it moves: with the sixteen degrees of freedom that a cubic leaves of twenty rows, chance passes six once in 50,000 records.
 const MOVES: f64 = 6.0;
 
-/// The first readings count again among all others, and a cubic is not the motion: its speed is believed to three of its own standard deviations.
-const TRUNCATED: f64 = 3.0;
+/// What effects remember of the time before a record (a delayed input, a lagging sensor, a twisted shaft) changes the speed that fits the rest of it: the estimate is believed to ten of its own
+/// standard deviations.
+const REMEMBERED: f64 = 10.0;
 
 /// The speed at which positions begin, and its standard deviation: the slope of a cubic through the first rows, by the residual of that cubic and by how far a parabola's slope is from it. `None`
 /// for fewer rows.
@@ -131,13 +132,23 @@ impl Unknown {
     }
 }
 
-/// How records of a car begin.
+/// How records of a car or an axis begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AtStart {
-    /// It rolls steadily: torque and twist follow from its speed.
+    /// A car rolls steadily: torque and twist follow from its speed. An axis rests.
     Steady,
-    /// In the middle of a motion: torque and twist are unknown. They are forgotten within seconds, so that they can take up little of what a missing cause does.
+    /// In the middle of a motion: torque and twist of a car, the speed of an axis are unknown. A car forgets them within seconds, so that they can take up little of what a missing cause does.
     InMotion,
+}
+
+/// Whether the first readings of an axis say that it moves.
+pub fn moves_at_start(record: &Record) -> bool {
+    speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVES * sd)
+}
+
+/// The speed at which an axis begins, and its standard deviation.
+fn speed_of(record: &Record) -> Option<(f64, f64)> {
+    speed_at_start(record.measured[0].as_deref().unwrap_or(&[]), record.period)
 }
 
 /// A plant with its starts.
@@ -149,7 +160,7 @@ pub struct Model {
     pub starts: Vec<StartValues>,
     /// What is searched.
     pub unknowns: Vec<Unknown>,
-    /// How records of a car begin.
+    /// How records begin.
     pub at_start: AtStart,
 }
 
@@ -202,21 +213,20 @@ impl Model {
     }
 
     /// Where a search of a start begins, what counts as a step of it, and what is known of it; `None` where it is known. An output begins near its first reading, which is one among all others.
-    /// The speed of an axis is known to be 0 unless the first readings say that it moves: an unknown that nothing holds would take up what a missing cause does to the whole record.
+    /// What no column holds is known where records begin steadily: an unknown that nothing holds would take up what a missing cause does to the whole record.
     fn begins(&self, record: &Record, place: usize, at: f64, sds: [f64; 3]) -> Option<(f64, f64, Prior)> {
         if let Some(output) = self.file.kind.output(self.file.kind.starts()[place].name) {
             return Some((at, sds[output], None));
         }
+        if self.at_start == AtStart::Steady {
+            return None;
+        }
         if self.file.kind == PlantKind::Driveline {
-            if self.at_start == AtStart::Steady {
-                return None;
-            }
             let sd = driveline::start_scales(&self.file.parameters, record.gear)[place - FIRST_OFFSET];
             return Some((at, 0.1 * sd, Some((0.0, sd))));
         }
-        let readings = record.measured[0].as_deref().unwrap_or(&[]);
-        let (speed, sd) = speed_at_start(readings, record.period).filter(|(speed, sd)| speed.abs() > MOVES * sd)?;
-        Some((speed, sd, Some((speed, TRUNCATED * sd))))
+        let (speed, sd) = speed_of(record)?;
+        Some((speed, sd, Some((speed, REMEMBERED * sd))))
     }
 
     /// The value of an unknown.

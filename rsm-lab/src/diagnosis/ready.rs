@@ -82,9 +82,10 @@ impl Ready {
             unseen.floors = kernel.floors;
             Ok(found)
         };
-        let (mut nominal, mut calibrated) = anew(&mut kernel, &mut unseen, AtStart::Steady)?;
+        let at_start = under_way::of_axis(&mut kernel, &mut unseen, file);
+        let (mut nominal, mut calibrated) = anew(&mut kernel, &mut unseen, at_start)?;
         if second_look(&mut kernel, &mut unseen, &calibrated, &mut findings) {
-            (nominal, calibrated) = anew(&mut kernel, &mut unseen, AtStart::Steady)?;
+            (nominal, calibrated) = anew(&mut kernel, &mut unseen, at_start)?;
         }
         if under_way::shown(&kernel, &calibrated, &unseen) {
             (options.progress)("a record begins in the middle of a motion: torque and twist are unknown there");
