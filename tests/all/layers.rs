@@ -10,17 +10,17 @@ use rsm_tests::cases;
 use toml::de::{DeTable, DeValue};
 
 /// What a package may use.
-struct Law {
-    package: &'static str,
+pub(super) struct Law {
+    pub(super) package: &'static str,
     /// Packages of ours at run time.
-    ours: &'static [&'static str],
+    pub(super) ours: &'static [&'static str],
     /// Packages of ours in build.rs and in tests, beyond those.
     aside: &'static [&'static str],
     /// Outside packages; `None` for any.
     outside: Option<&'static [&'static str]>,
 }
 
-const LAWS: &[Law] = &[
+pub(super) const LAWS: &[Law] = &[
     // What every target build compiles is kept small.
     Law {
         package: "rsm-core",

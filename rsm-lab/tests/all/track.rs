@@ -105,7 +105,7 @@ fn the_rounds_bring_the_damping_of_the_response_to_its_target() {
     let tuned = tuned.unwrap_or_else(|faults| panic!("{faults}"));
     let (before, _) = zeta(&tuned.uncompensated);
     let best = &tuned.rounds[tuned.best];
-    // The full experiment gives 0.70 and 0.03 (ARCHITECTURE.md). The mean of ten has a noise of 0.02/sqrt(10), the largest of ten is at 1.5 of
+    // The full experiment gives 0.70 and 0.03 (`rsm demo`). The mean of ten has a noise of 0.02/sqrt(10), the largest of ten is at 1.5 of
     // them, and ten rows leave two to smooth them: twice the targets of the full one would be failure.
     assert!((best.zeta_mean - 0.7).abs() < 0.02, "{} {}", best.zeta_mean, best.zeta_max_residual);
     assert!(best.zeta_max_residual < 0.07, "{}", best.zeta_max_residual);
