@@ -38,7 +38,11 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         largest[output] = all.iter().fold(0.0, |most, value| most.max(value.abs()));
         spread[output] = (all.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / all.len() as f64).sqrt();
-        quantum[output] = lattice(&lists, kernel.floors[output].sd);
+        let used = kernel
+            .records
+            .iter()
+            .filter_map(|it| it.outputs.iter().position(|found| *found == output).map(|k| it.used[k].as_slice()));
+        quantum[output] = lattice(lists.iter().copied().zip(used), kernel.floors[output].sd);
     }
     for prepared in &kernel.records {
         let record = &prepared.record;
@@ -142,11 +146,12 @@ fn torque_without_current(kernel: &Kernel, parameters: &Parameters) -> f64 {
     if load.max(inertia) > 0.0 { load.max(inertia) } else { voltage }
 }
 
-/// The step of which all readings are multiples, where there is one that stands out of the noise.
-fn lattice(lists: &[&[f64]], noise: f64) -> Option<f64> {
+/// The step of which all readings are multiples, where there is one that stands out of the noise. In: readings with whether each counts; what stands for a lost one is no multiple.
+fn lattice<'a>(lists: impl Iterator<Item = (&'a [f64], &'a [bool])>, noise: f64) -> Option<f64> {
     let mut steps: Vec<f64> = lists
-        .iter()
-        .flat_map(|values| values.windows(2).map(|w| (w[1] - w[0]).abs()))
+        .flat_map(|(values, used)| values.windows(2).zip(used.windows(2)))
+        .filter(|(_, used)| used[0] && used[1])
+        .map(|(w, _)| (w[1] - w[0]).abs())
         .filter(|step| *step > 1e-9 * noise)
         .collect();
     if steps.len() < 50 {
@@ -160,4 +165,24 @@ fn lattice(lists: &[&[f64]], noise: f64) -> Option<f64> {
     }
     let whole = steps.iter().filter(|it| ((*it / step) - (*it / step).round()).abs() < 0.01).count();
     (whole as f64 > 0.98 * steps.len() as f64).then_some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_is_that_of_readings_and_not_of_what_stands_for_lost_ones() {
+        let mut values: Vec<f64> = (0..400).map(|k| 0.25 * f64::from(k % 3)).collect();
+        let mut used = vec![true; values.len()];
+        // Every tenth is lost, and the middle of its neighbours stands for it.
+        for k in (5..395).step_by(10) {
+            values[k] = f64::midpoint(values[k - 1], values[k + 1]);
+            used[k] = false;
+        }
+        let found = |used: &[bool]| lattice([(values.as_slice(), used)].into_iter(), 0.01);
+        assert_eq!(found(&used), Some(0.25));
+        // As readings they would halve it: the test sees them.
+        assert_ne!(found(&vec![true; values.len()]), Some(0.25));
+    }
 }
