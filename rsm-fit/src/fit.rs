@@ -99,7 +99,7 @@ impl Outcome {
     }
 }
 
-/// The object of docs/formats.md 4.1. A response that could not be fitted is null.
+/// The object of docs/book/src/reference/formats.md 4.1. A response that could not be fitted is null.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Report<'a> {
     /// The name of the model.

@@ -1,4 +1,4 @@
-//! The fit specification (docs/formats.md 3): which data, which inputs, which responses, how terms are chosen.
+//! The fit specification (docs/book/src/reference/formats.md 3): which data, which inputs, which responses, how terms are chosen.
 //!
 //! In: a TOML file. Out: a [`Specification`] whose parts fit together as far as they can be judged without the data, or every
 //! fault with line and column and what is accepted. Paths in it are relative to it. What the format names but this version

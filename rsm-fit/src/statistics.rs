@@ -1,4 +1,4 @@
-//! What a fitted surface is worth: the figures of docs/formats.md 4.1.
+//! What a fitted surface is worth: the figures of docs/book/src/reference/formats.md 4.1.
 //!
 //! In: the design of the chosen terms, the solved problem, points and responses. Out: plain structs whose serialised keys are
 //! those of `rsm fit --json`. A figure that does not exist (no degree of freedom, a residual of exactly zero) is `None`, never
@@ -122,7 +122,7 @@ pub struct Warning {
     pub what: String,
 }
 
-/// One response, with the keys of docs/formats.md 4.1.
+/// One response, with the keys of docs/book/src/reference/formats.md 4.1.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ResponseStatistics {
     /// The terms, in the order of the model file.

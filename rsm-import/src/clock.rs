@@ -6,7 +6,7 @@
 
 use rsm_core::number::decimal;
 
-/// Jitter up to this share of the period is left as it is: what a record may have (docs/plants.md 1.2).
+/// Jitter up to this share of the period is left as it is: what a record may have (docs/book/src/reference/plants.md 1.2).
 const JITTER: f64 = 0.01;
 
 /// A step is a gap beyond as many periods. A uniform record: one row is missing. With jitter a step of two periods may be one late row.

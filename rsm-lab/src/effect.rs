@@ -539,10 +539,10 @@ pub fn smooth_sign_rate(level: f64, width: f64, scale: &Scale) -> f64 {
     slope.max((slope * scale.change / width).sqrt())
 }
 
-/// Width of the smooth sign on a rotor, in rad/s (docs/plants.md, section 3).
+/// Width of the smooth sign on a rotor, in rad/s (docs/book/src/reference/plants.md, section 3).
 pub const ROTOR_SIGN_WIDTH: f64 = 1.0;
 
-/// Width of the smooth sign on an axis, in m/s (docs/plants.md, section 3).
+/// Width of the smooth sign on an axis, in m/s (docs/book/src/reference/plants.md, section 3).
 pub const AXIS_SIGN_WIDTH: f64 = 1e-3;
 
 /// The width on a plant.

@@ -1,8 +1,8 @@
-//! The kinds of plants and their signals (docs/plants.md 1.2).
+//! The kinds of plants and their signals (docs/book/src/reference/plants.md 1.2).
 //!
 //! In: nothing. Out: names and units of inputs and outputs, the same for files, records and simulation. Never holds a value.
 
-/// A plant of section 2 of docs/plants.md.
+/// A plant of section 2 of docs/book/src/reference/plants.md.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlantKind {
     /// Surface permanent-magnet motor in the rotor frame.

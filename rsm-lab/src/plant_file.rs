@@ -1,4 +1,4 @@
-//! The plant file (docs/plants.md 1.1) as the simulation sees it.
+//! The plant file (docs/book/src/reference/plants.md 1.1) as the simulation sees it.
 //!
 //! In: a file, by `read`. Out: [`PlantFile`], and its text again with the effects filled in, by `write`. Only numbers that keep their
 //! bounds are in a [`PlantFile`] that was read.
@@ -66,7 +66,7 @@ pub type Named = (&'static str, f64);
 /// A column of the record under another name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Renamed {
-    /// The name of docs/plants.md 1.2.
+    /// The name of docs/book/src/reference/plants.md 1.2.
     pub signal: &'static str,
     /// The name in the record.
     pub column: String,

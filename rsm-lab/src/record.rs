@@ -1,4 +1,4 @@
-//! Records (docs/plants.md 1.2): reading a CSV for a plant, writing one.
+//! Records (docs/book/src/reference/plants.md 1.2): reading a CSV for a plant, writing one.
 //!
 //! In: a CSV and the plant file that says what its columns are called. Out: a [`Record`] in the units of the code, uniformly sampled; or
 //! every fault with the line. Never fills a gap, never resamples.
@@ -10,7 +10,7 @@ use rsm_fit::table::{Table, Wanted};
 use crate::kind::{PlantKind, Signal};
 use crate::plant_file::PlantFile;
 
-/// Jitter beyond this share of the period is a fault (docs/plants.md 1.2).
+/// Jitter beyond this share of the period is a fault (docs/book/src/reference/plants.md 1.2).
 const JITTER: f64 = 0.01;
 
 /// What drives the plant in a record.

@@ -1,4 +1,4 @@
-//! The nominal parameters of each plant (docs/plants.md, section 2): name, unit, and what physics says of the sign.
+//! The nominal parameters of each plant (docs/book/src/reference/plants.md, section 2): name, unit, and what physics says of the sign.
 //!
 //! In: nothing. Out: tables for the reader, the writer and `parameter-error`. Never holds a value of a parameter.
 
@@ -126,7 +126,7 @@ const GEAR_RATIOS: &[Nominal] = &[
     of("gear_ratios[5]", "1", Positive),
 ];
 
-/// The numbers of a plant, in the order of docs/plants.md. The gear ratios and the choice of the velocity stand beside them.
+/// The numbers of a plant, in the order of docs/book/src/reference/plants.md. The gear ratios and the choice of the velocity stand beside them.
 #[must_use]
 pub fn parameters(kind: PlantKind) -> &'static [Nominal] {
     match kind {

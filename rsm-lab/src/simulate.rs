@@ -248,7 +248,7 @@ impl Simulator {
     }
 }
 
-/// The places of [`PlantKind::starts`] that decide where a record starts (docs/plants.md, section 2).
+/// The places of [`PlantKind::starts`] that decide where a record starts (docs/book/src/reference/plants.md, section 2).
 #[must_use]
 pub fn starting(record: &Record, kind: PlantKind) -> &'static [usize] {
     match kind {

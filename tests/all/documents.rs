@@ -32,7 +32,8 @@ fn no_document_is_cited_that_is_not_there() {
     let files = tracked();
     let mut missing = Vec::new();
     let mut found = 0;
-    for file in files.iter().filter(|file| !file.starts_with("tests/all/documents")) {
+    // Their own tests name documents that are nowhere.
+    for file in files.iter().filter(|file| !file.starts_with("tests/all/documents") && *file != "tests/all/book.rs") {
         let Ok(text) = std::fs::read_to_string(root().join(file)) else { continue };
         for (k, line) in text.lines().enumerate() {
             for name in cited(line) {
@@ -55,6 +56,9 @@ fn no_document_is_cited_that_is_not_there() {
 
 #[test]
 fn a_citation_is_seen_in_prose_in_brackets_and_at_the_end_of_a_sentence() {
-    assert_eq!(cited("see docs/plants.md, [x](paper.md). And README.md."), ["docs/plants.md", "paper.md", "README.md"]);
+    assert_eq!(
+        cited("see docs/book/src/reference/plants.md, [x](paper.md). And README.md."),
+        ["docs/book/src/reference/plants.md", "paper.md", "README.md"]
+    );
     assert_eq!(cited("no document: cmd, .md, a.mdx"), [""; 0]);
 }

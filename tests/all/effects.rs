@@ -1,6 +1,6 @@
 //! Every effect of the catalogue, against plants that share no code with `rsm-lab`.
 //!
-//! `hidden-effects` is written from docs/plants.md alone: another frame, other states, another integrator. What the two simulations agree on is the text.
+//! `hidden-effects` is written from docs/book/src/reference/plants.md alone: another frame, other states, another integrator. What the two simulations agree on is the text.
 
 use hidden_effects::verification::{self, Check};
 use rsm_core::source::Source;

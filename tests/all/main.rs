@@ -1,11 +1,13 @@
 //! The tests that cross crates, in one binary.
 
 mod bit_for_bit;
+mod book;
 mod documents;
 mod effects;
 mod firmware;
 mod inlined;
 mod layers;
+mod library;
 mod lowering;
 mod measured;
 mod names;

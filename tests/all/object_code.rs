@@ -62,7 +62,7 @@ fn checked_in_c_is_free_of_branches_and_calls() {
     }
 }
 
-/// The sentence stands in every emitted header, in README.md and on the page of its decision, word for word, and is true: with optimisation
+/// The sentence stands in every emitted header, in the book and on the page of its decision, word for word, and is true: with optimisation
 /// there is nothing, without it there are calls, and with software floats too.
 #[test]
 fn it_is_said_when_there_is_no_branch_and_no_call() {
@@ -73,8 +73,8 @@ fn it_is_said_when_there_is_no_branch_and_no_call() {
     let units: Vec<&Unit> = cases.iter().map(|case| &case.unit).collect();
     compilers::write_c(units.iter().copied(), &folder);
     let headers = units.iter().map(|unit| folder.join(format!("{}.h", unit.model)));
-    for file in headers.chain(["README.md", "docs/decisions/003-no-branch-and-no-call.md"].map(|name| cases::root().join(name)))
-    {
+    let pages = ["docs/book/src/theory/bits.md", "docs/decisions/003-no-branch-and-no-call.md"];
+    for file in headers.chain(pages.map(|name| cases::root().join(name))) {
         let text = std::fs::read_to_string(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         assert!(words(&text).contains(&sentence), "{} does not say: {sentence}", file.display());
     }

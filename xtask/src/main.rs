@@ -1,10 +1,12 @@
-//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`, `cargo xtask mutants`, `cargo xtask fuzz`.
+//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`, `cargo xtask mutants`, `cargo xtask fuzz`,
+//! `cargo xtask book`.
 //!
 //! In: one word. Out: the exit status, 0 when everything held, 1 when a stage failed, 2 for a word it does not know. Runs cargo and
 //! the command `rsm`, and prints what it runs. Imports no crate, not even ours, so that it builds in a second on a machine that has only cargo.
 
 mod bench;
 mod bless;
+mod book;
 mod fuzz;
 mod generated;
 mod hidden_effects;
@@ -31,7 +33,8 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
        cargo xtask mutants [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--list]
                             changes the meaning of the code place by place, and names the changes that no test of the package notices
        cargo xtask fuzz [--count INPUTS] [--seed N] [--subject NAME] [--input NUMBER]
-                            feeds changed inputs to every reader and to the core of every subcommand; a million where no count is given";
+                            feeds changed inputs to every reader and to the core of every subcommand; a million where no count is given
+       cargo xtask book     builds the book in docs/book and checks its links; installs mdbook below target/ where the search path has none";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -43,6 +46,7 @@ fn main() -> ExitCode {
         ["hidden-effects", rest @ ..] => hidden_effects::run(rest),
         ["mutants", rest @ ..] => mutants::run(rest),
         ["fuzz", rest @ ..] => fuzz::run(rest),
+        ["book"] => book::run(),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             true

@@ -11,4 +11,6 @@ mod limits;
 mod made_up_runs;
 mod motor;
 mod readme;
+mod reference;
 mod streams;
+mod tutorial;

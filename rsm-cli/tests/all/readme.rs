@@ -1,43 +1,56 @@
-//! The README's example, run as it is pasted.
+//! The README's examples, run as they are pasted.
 
 use std::path::Path;
 use std::process::Command;
 
-/// The indented block below a heading.
-fn block(readme: &str, heading: &str) -> String {
+fn root() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The indented block below a heading of the README, with the command under test in place of `cargo rsm`.
+fn block(heading: &str) -> String {
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
     let after = readme.split_once(heading).unwrap_or_else(|| panic!("README has no `{heading}`")).1;
     let lines = after
         .lines()
         .skip_while(|line| !line.starts_with("    "))
         .take_while(|line| line.starts_with("    ") || line.is_empty());
-    lines.map(|line| line.strip_prefix("    ").unwrap_or(line)).collect::<Vec<_>>().join("\n")
+    let script = lines.map(|line| line.strip_prefix("    ").unwrap_or(line)).collect::<Vec<_>>().join("\n");
+    script.replace("cargo rsm", env!("CARGO_BIN_EXE_rsm"))
+}
+
+fn run(script: &str, folder: &Path) -> String {
+    let script = format!("exec 2>&1\n{script}");
+    let output = Command::new("sh").args(["-e", "-c", &script]).current_dir(folder).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{text}");
+    text
 }
 
 #[test]
 fn the_example_of_the_readme_gives_the_header_that_it_promises() {
-    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../README.md")).unwrap();
-    let script = block(&readme, "## From CSV to a C header").replace("cargo rsm", env!("CARGO_BIN_EXE_rsm"));
+    let script = block("## From CSV to a C header");
     let folder = tempfile::tempdir().unwrap();
-    let output = Command::new("sh").args(["-e", "-c", &script]).current_dir(folder.path()).output().unwrap();
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
+    let text = run(&script, folder.path());
     // What stands behind the `#` of the last line.
     let promised = script.lines().rev().find_map(|line| line.split_once("# ")).unwrap().1.trim();
     assert!(text.contains(promised), "{promised} is not in\n{text}");
+    assert!(folder.path().join("example/report/report.html").is_file());
 }
 
 #[test]
-fn the_example_of_new_data_names_what_the_readme_says() {
-    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../README.md")).unwrap();
-    let first = block(&readme, "## From CSV to a C header");
-    let script = format!("{first}\n{}", block(&readme, "## A surface against new data"));
+fn the_diagnosis_of_the_readme_names_the_cause_that_it_promises() {
+    let script = block("## What a simulation gets wrong");
     let folder = tempfile::tempdir().unwrap();
-    let script = script.replace("cargo rsm", env!("CARGO_BIN_EXE_rsm"));
-    let output = Command::new("sh").args(["-e", "-c", &script]).current_dir(folder.path()).output().unwrap();
-    let (text, said) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
-    assert!(output.status.success(), "{text}\n{said}");
+    let (plants, example) = (folder.path().join("rsm-lab/plants"), folder.path().join("example"));
+    std::fs::create_dir_all(&plants).unwrap();
+    std::fs::create_dir_all(&example).unwrap();
+    for name in ["servo-axis.toml", "servo-axis.csv"] {
+        std::fs::copy(root().join("rsm-lab/plants").join(name), plants.join(name)).unwrap();
+    }
+    let text = run(&script, &example);
     let promised = script.lines().rev().find_map(|line| line.split_once("# ")).unwrap().1.trim();
-    assert!(text.contains(&format!("\"kind\": \"{promised}\"")), "{promised} is not in\n{text}");
-    // The figures of the sentence below the example.
-    assert!(said.contains("b 3.1") && said.contains("run 11 ("), "{said}");
+    let extended = text.rsplit_once("[[effects]]").unwrap().1;
+    assert!(extended.contains(&format!("kind = \"{promised}\"")), "{promised} is not in\n{text}");
+    assert!(example.join("found/report.html").is_file());
 }

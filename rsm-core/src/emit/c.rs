@@ -19,8 +19,8 @@ pub struct CFiles {
     pub source: String,
 }
 
-/// What an evaluator's object code has none of, and when. README.md and docs/decisions/003-no-branch-and-no-call.md have the
-/// same words, and a test compares them.
+/// What an evaluator's object code has none of, and when. docs/book/src/theory/bits.md and
+/// docs/decisions/003-no-branch-and-no-call.md have the same words, and a test compares them.
 pub const NO_BRANCH: [&str; 4] = [
     "No branch and no call: from gcc and clang with optimisation (-O1 and higher, -Os too), for a machine that has",
     "instructions for the floating-point type of the function. At -O0 helpers are called, and a choice may be a branch.",

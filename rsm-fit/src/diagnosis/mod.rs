@@ -62,7 +62,7 @@ const MOST_WORK_OF_FOLD: usize = 1_000_000_000;
 /// With fewer rows inside there is nothing to test.
 const LEAST_ROWS: usize = 6;
 
-/// How a diagnosis ends, of a surface as of a plant (docs/formats.md 4.3).
+/// How a diagnosis ends, of a surface as of a plant (docs/book/src/reference/formats.md 4.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// The data are what the file says, within its tolerances, and noise.

@@ -176,7 +176,7 @@ impl Model {
                 unknowns.push(Unknown {
                     place: Place::Nominal(name),
                     logarithmic: false,
-                    // Beyond two standard deviations it is a cause, not calibration (docs/formats.md 4.3).
+                    // Beyond two standard deviations it is a cause, not calibration (docs/book/src/reference/formats.md 4.3).
                     low: value - 2.0 * sd,
                     high: value + 2.0 * sd,
                     scale: sd,

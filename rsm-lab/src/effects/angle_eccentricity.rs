@@ -1,7 +1,7 @@
 //! The encoder disc runs out of centre.
 //!
 //! Formula      as angle-offset, with delta = e sin(theta)
-//! Source       geometry of a disc mounted beside its centre; docs/plants.md, section 3
+//! Source       geometry of a disc mounted beside its centre; docs/book/src/reference/plants.md, section 3
 //! Acts on      the frame of voltages and currents
 //! Looks like   torque ripple of first order
 //! Told apart   by its order: once a mechanical turn

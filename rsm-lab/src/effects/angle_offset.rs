@@ -1,7 +1,7 @@
 //! The encoder is mounted at an angle.
 //!
 //! Formula      x_d = cos(delta) rec_d - sin(delta) rec_q, x_q = sin(delta) rec_d + cos(delta) rec_q are the true quantities
-//! Source       the rotation of (19); docs/plants.md, section 3
+//! Source       the rotation of (19); docs/book/src/reference/plants.md, section 3
 //! Acts on      the frame of voltages and currents
 //! Looks like   an error of the flux linkage where i_d is 0
 //! Told apart   by currents on both axes

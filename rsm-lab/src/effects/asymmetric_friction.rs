@@ -1,7 +1,7 @@
 //! Friction that differs with the direction.
 //!
 //! Formula      F+ tanh(v/v_s) forward, F- backward; where given, b+ v and b- v in place of the nominal b v
-//! Source       A. Janot, M. Gautier, M. Brunot, 2019 (the measured EMPS axis); docs/plants.md, section 3
+//! Source       A. Janot, M. Gautier, M. Brunot, 2019 (the measured EMPS axis); docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the rotor; force on the carriage
 //! Looks like   coulomb friction with a constant load
 //! Told apart   by different speeds in both directions: an offset does not change with the viscous part

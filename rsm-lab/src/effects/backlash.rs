@@ -1,7 +1,7 @@
 //! Free play in a joint.
 //!
 //! Formula      twist phi becomes phi - clamp(phi, -gap/2, gap/2), the damper acts in contact only; on the axis a drive of (1 - rho) M and a carriage of rho M; sensors and friction stay on the drive
-//! Source       M. Nordin, P.-O. Gutman, 2002 (survey of backlash models); docs/plants.md, section 3
+//! Source       M. Nordin, P.-O. Gutman, 2002 (survey of backlash models); docs/book/src/reference/plants.md, section 3
 //! Acts on      the driveshaft; the joint between drive and carriage
 //! Looks like   shaft compliance, coulomb friction at reversals
 //! Told apart   by a reversal of the load under small amplitudes

@@ -1,7 +1,7 @@
 //! A brake that does not let go.
 //!
 //! Formula      torque T tanh(w_w/w_s) against the rotation of the wheel, w_s = 1 rad/s as on every rotor
-//! Source       C. A. Coulomb, 1785; docs/plants.md, section 3
+//! Source       C. A. Coulomb, 1785; docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the wheel
 //! Looks like   road grade, an error of rolling_resistance_1: one and the same while the car rolls forward
 //! Told apart   by standstill or backward motion

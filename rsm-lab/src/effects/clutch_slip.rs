@@ -1,7 +1,7 @@
 //! The clutch cannot carry more.
 //!
 //! Formula      abs(T_c) is limited to a capacity
-//! Source       C. A. Coulomb, 1785 (dry friction between discs); docs/plants.md, section 3
+//! Source       C. A. Coulomb, 1785 (dry friction between discs); docs/book/src/reference/plants.md, section 3
 //! Acts on      the law of the clutch, after what other effects make of it
 //! Looks like   an error of the torque map at full load
 //! Told apart   by engine speed against road speed

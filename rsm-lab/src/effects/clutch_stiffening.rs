@@ -1,7 +1,7 @@
 //! The springs of the clutch disc stiffen.
 //!
 //! Formula      T_c gains k_3 phi^3
-//! Source       G. Duffing, 1918; docs/plants.md, section 3
+//! Source       G. Duffing, 1918; docs/book/src/reference/plants.md, section 3
 //! Acts on      the law of the clutch
 //! Looks like   an error of the clutch stiffness at one torque
 //! Told apart   by tip-ins of different size

@@ -1,7 +1,7 @@
 //! Torque of the magnets on the teeth.
 //!
 //! Formula      A sin(N theta + phase) on the rotor; A sin(2 pi q/pitch + phase) on the axis
-//! Source       D. C. Hanselman, Brushless Permanent-Magnet Motor Design, 1994; docs/plants.md, section 3
+//! Source       D. C. Hanselman, Brushless Permanent-Magnet Motor Design, 1994; docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the rotor; force on the carriage
 //! Looks like   torque ripple of the same order, unless the current changes
 //! Told apart   by motion without current

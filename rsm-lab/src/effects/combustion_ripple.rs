@@ -1,7 +1,7 @@
 //! The engine pulls in strokes.
 //!
 //! Formula      T_e (1 + h sin(3 th_e))
-//! Source       J. B. Heywood, Internal Combustion Engine Fundamentals, 1988 (six cylinders, four strokes: three a turn); docs/plants.md, section 3
+//! Source       J. B. Heywood, Internal Combustion Engine Fundamentals, 1988 (six cylinders, four strokes: three a turn); docs/book/src/reference/plants.md, section 3
 //! Acts on      the torque of the engine
 //! Looks like   torque noise of third order
 //! Told apart   by its order: three times a turn

@@ -1,7 +1,7 @@
 //! A load that is not in the record: gravity, a spring balance.
 //!
 //! Formula      the load gains T (or F), positive against forward motion
-//! Source       statics; docs/plants.md, section 3
+//! Source       statics; docs/book/src/reference/plants.md, section 3
 //! Acts on      the load: behind a joint, where an effect puts one
 //! Looks like   coulomb friction in one direction, a bias of the input
 //! Told apart   by a record with both directions

@@ -1,7 +1,7 @@
 //! Coulomb friction.
 //!
 //! Formula      resisting torque T_c tanh(w/w_s), w_s = 1 rad/s; force F_c tanh(v/v_s), v_s = 1 mm/s
-//! Source       C. A. Coulomb, 1785; docs/plants.md, section 3
+//! Source       C. A. Coulomb, 1785; docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the rotor; force on the carriage
 //! Looks like   constant load in one direction of motion, stribeck friction at low speed
 //! Told apart   by a record with both directions and a slow reversal

@@ -1,7 +1,7 @@
 //! The air moves.
 //!
 //! Formula      drag acts on (road_speed + wind)^2
-//! Source       quadratic drag, I. Newton, 1687; docs/plants.md, section 3
+//! Source       quadratic drag, I. Newton, 1687; docs/book/src/reference/plants.md, section 3
 //! Acts on      the speed of the air
 //! Looks like   an error of drag area at one speed
 //! Told apart   by different speeds

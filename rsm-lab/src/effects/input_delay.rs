@@ -1,7 +1,7 @@
 //! The input acts later.
 //!
 //! Formula      u(t - delay); before the record its first value
-//! Source       transport delay; docs/plants.md, section 3
+//! Source       transport delay; docs/book/src/reference/plants.md, section 3
 //! Acts on      the first input: both voltages, throttle, command
 //! Looks like   a lag of an actuator; half a sample of delay looks like the zero-order hold
 //! Told apart   by steps of the input

@@ -1,7 +1,7 @@
 //! The input acts stronger or weaker.
 //!
 //! Formula      gain u
-//! Source       a wrong scale of an amplifier; docs/plants.md, section 3
+//! Source       a wrong scale of an amplifier; docs/book/src/reference/plants.md, section 3
 //! Acts on      the first input: both voltages, throttle, command
 //! Looks like   an error of a gain of the plant
 //! Told apart   not at all where the plant has a gain of its own in the same place

@@ -1,7 +1,7 @@
 //! The switches take a voltage against the current.
 //!
 //! Formula      the applied voltage is v - V_loss i/sqrt(i^2 + (0.5 A)^2), along the current vector
-//! Source       S.-G. Jeong, M.-H. Park, 1991 (dead time of inverters); docs/plants.md, section 3
+//! Source       S.-G. Jeong, M.-H. Park, 1991 (dead time of inverters); docs/book/src/reference/plants.md, section 3
 //! Acts on      the voltage at the windings
 //! Looks like   an error of the resistance at one current
 //! Told apart   by small currents: the loss does not shrink with them

@@ -1,7 +1,7 @@
 //! A load that grows or falls as time goes by: a belt or a preload that warms, a drive whose zero wanders.
 //!
 //! Formula      the load gains rate t, t the time of the record, positive against forward motion
-//! Source       measured on the EMPS axis (A. Janot, M. Gautier, M. Brunot, 2019); docs/plants.md, section 3
+//! Source       measured on the EMPS axis (A. Janot, M. Gautier, M. Brunot, 2019); docs/book/src/reference/plants.md, section 3
 //! Acts on      the load: behind a joint, where an effect puts one
 //! Looks like   a sensor that drifts, friction that changes as it warms
 //! Told apart   by a record with both directions: friction changes its sign with the motion

@@ -1,7 +1,7 @@
 //! The iron carries less flux for each ampere more.
 //!
 //! Formula      L becomes L/(1 + (i/i_sat)^2), i = sqrt(i_d^2 + i_q^2)
-//! Source       a one-parameter form after F. de Leon, A. Semlyen, 1992; docs/plants.md, section 3
+//! Source       a one-parameter form after F. de Leon, A. Semlyen, 1992; docs/book/src/reference/plants.md, section 3
 //! Acts on      the inductance wherever it stands
 //! Looks like   an error of the inductance at one current
 //! Told apart   by steps at small and large currents

@@ -1,7 +1,7 @@
-//! The catalogue of effects (docs/plants.md, section 3): one file each, and the list of them.
+//! The catalogue of effects (docs/book/src/reference/plants.md, section 3): one file each, and the list of them.
 //!
-//! In: nothing. Out: descriptions, in the order of docs/plants.md. A test compares the list with the files of this folder and with the table
-//! of docs/plants.md. Never holds an effect that is built.
+//! In: nothing. Out: descriptions, in the order of docs/book/src/reference/plants.md. A test compares the list with the files of this folder and with the table
+//! of docs/book/src/reference/plants.md. Never holds an effect that is built.
 
 pub mod angle_eccentricity;
 pub mod angle_offset;

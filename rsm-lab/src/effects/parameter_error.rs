@@ -1,7 +1,7 @@
 //! A nominal parameter has another value.
 //!
 //! Formula      p becomes value; `gear_ratios[3]` is the ratio of third gear
-//! Source       the definition of a wrong data sheet; docs/plants.md, section 3
+//! Source       the definition of a wrong data sheet; docs/book/src/reference/plants.md, section 3
 //! Acts on      the parameters, before the simulation
 //! Looks like   whatever the parameter stands for; grade is `road-grade`
 //! Told apart   by a record that moves the plant where its other parameters matter

@@ -1,7 +1,7 @@
 //! The winding warms up and its resistance grows.
 //!
 //! Formula      r becomes r (1 + 0.00393 Th); tau dTh/dt = R_th 1.5 r (1 + 0.00393 Th) i^2 - Th, Th = 0 at the start
-//! Source       temperature coefficient of copper at 20 degC, IEC 60028; docs/plants.md, section 3
+//! Source       temperature coefficient of copper at 20 degC, IEC 60028; docs/book/src/reference/plants.md, section 3
 //! Acts on      the phase resistance
 //! Looks like   an error of the resistance in a short record
 //! Told apart   by a record longer than the time constant

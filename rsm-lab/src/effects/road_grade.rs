@@ -1,7 +1,7 @@
 //! The grade is not what the plant file says.
 //!
 //! Formula      grade becomes grade
-//! Source       statics of a slope; docs/plants.md, section 3
+//! Source       statics of a slope; docs/book/src/reference/plants.md, section 3
 //! Acts on      the parameter grade, before the simulation
 //! Looks like   brake drag, an error of rolling resistance, in a record that always rolls forward; `parameter-error` of grade is the same cause
 //! Told apart   by coasting in both directions of the road

@@ -1,7 +1,7 @@
 //! A sensor of wrong zero.
 //!
 //! Formula      reading = truth + bias
-//! Source       calibration; docs/plants.md, section 3
+//! Source       calibration; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   a wrong start of the record
 //! Told apart   by a known rest

@@ -1,7 +1,7 @@
 //! A sensor that is late.
 //!
 //! Formula      y(t) = x(t - delay); before the record its first value
-//! Source       transport delay; docs/plants.md, section 3
+//! Source       transport delay; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   a lag of the sensor; where it is the only output, a delay of the input
 //! Told apart   by steps, which a lag rounds; by another output that is read on time

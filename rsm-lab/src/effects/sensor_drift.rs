@@ -1,7 +1,7 @@
 //! A sensor whose zero wanders.
 //!
 //! Formula      reading = truth + rate t, t the time of the record
-//! Source       calibration; docs/plants.md, section 3
+//! Source       calibration; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   a slow change of the plant
 //! Told apart   by a record that ends where it began

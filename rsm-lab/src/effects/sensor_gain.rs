@@ -1,7 +1,7 @@
 //! A sensor of wrong scale.
 //!
 //! Formula      reading = gain truth
-//! Source       calibration; docs/plants.md, section 3
+//! Source       calibration; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   an error of a parameter that scales the same output
 //! Told apart   by outputs that measure the same thing

@@ -1,7 +1,7 @@
 //! A slow sensor.
 //!
 //! Formula      T dy/dt = x - y, y is read; at rest at the start
-//! Source       first-order low-pass; docs/plants.md, section 3
+//! Source       first-order low-pass; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   input delay
 //! Told apart   by another output that is read without lag

@@ -1,7 +1,7 @@
 //! A sensor that rounds.
 //!
 //! Formula      reading = step round(truth/step)
-//! Source       B. Widrow, 1956 (rounding as noise); docs/plants.md, section 3
+//! Source       B. Widrow, 1956 (rounding as noise); docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   noise
 //! Told apart   by readings that are multiples of a step

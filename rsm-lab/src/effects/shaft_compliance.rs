@@ -1,7 +1,7 @@
 //! The shaft between drive and load is a spring.
 //!
 //! Formula      J splits: (1 - rho) J at the drive, rho J behind k (th_1 - th_2) + c (w_1 - w_2); the load acts on the second body, sensors and friction stay on the first
-//! Source       S. P. Timoshenko, Vibration Problems in Engineering, 1928 (two inertias on a shaft); docs/plants.md, section 3
+//! Source       S. P. Timoshenko, Vibration Problems in Engineering, 1928 (two inertias on a shaft); docs/book/src/reference/plants.md, section 3
 //! Acts on      the joint between drive and load
 //! Looks like   backlash at large amplitudes, sensor lag
 //! Told apart   by an excitation near the resonance

@@ -1,7 +1,7 @@
 //! Friction that falls from its static to its Coulomb level.
 //!
 //! Formula      (F_c + (F_s - F_c) exp(-(v/v_st)^2)) tanh(v/v_s)
-//! Source       R. Stribeck, 1902; B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, 1994; docs/plants.md, section 3
+//! Source       R. Stribeck, 1902; B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, 1994; docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the rotor; force on the carriage
 //! Looks like   coulomb friction at speed
 //! Told apart   by slow motion around the Stribeck velocity

@@ -1,7 +1,7 @@
 //! The throttle plate is not linear.
 //!
 //! Formula      throttle^n in place of throttle
-//! Source       flow through a plate, approximated by a power; docs/plants.md, section 3
+//! Source       flow through a plate, approximated by a power; docs/book/src/reference/plants.md, section 3
 //! Acts on      the throttle
 //! Looks like   an error of the torque map at part load
 //! Told apart   by several throttle openings

@@ -1,7 +1,7 @@
 //! Harmonics of the flux linkage.
 //!
 //! Formula      lambda becomes lambda (1 + h cos(6 theta_e)), in EMF and in torque
-//! Source       T. M. Jahns, W. L. Soong, 1996; docs/plants.md, section 3
+//! Source       T. M. Jahns, W. L. Soong, 1996; docs/book/src/reference/plants.md, section 3
 //! Acts on      the flux linkage
 //! Looks like   cogging torque, unless the current changes
 //! Told apart   by different currents at one speed: it grows with the current

@@ -1,7 +1,7 @@
 //! The tyre pulls by slipping.
 //!
 //! Formula      m dV/dt = F - resistances, F = C (r w_w - V)/max(abs(V), 1 m/s); J_w alone on the wheel; road_speed = V
-//! Source       H. B. Pacejka, Tyre and Vehicle Dynamics, 2002 (linear longitudinal slip); docs/plants.md, section 3
+//! Source       H. B. Pacejka, Tyre and Vehicle Dynamics, 2002 (linear longitudinal slip); docs/book/src/reference/plants.md, section 3
 //! Acts on      the contact of wheel and road
 //! Looks like   driveshaft damping
 //! Told apart   by engine speed against road speed

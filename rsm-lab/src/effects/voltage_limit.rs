@@ -1,7 +1,7 @@
 //! The bus sags.
 //!
 //! Formula      a voltage vector longer than V_max is scaled back to V_max; with i_d held at 0 the vector is v_q alone
-//! Source       the circle (20) of the paper; docs/plants.md, section 3
+//! Source       the circle (20) of the paper; docs/book/src/reference/plants.md, section 3
 //! Acts on      the voltage that the bus allows
 //! Looks like   a gain of the input at high voltage
 //! Told apart   by records below and above the limit

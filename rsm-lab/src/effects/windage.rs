@@ -1,7 +1,7 @@
 //! Drag of the air in the gap and on the fan.
 //!
 //! Formula      resisting torque c w abs(w)
-//! Source       quadratic drag, I. Newton, 1687; docs/plants.md, section 3
+//! Source       quadratic drag, I. Newton, 1687; docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the rotor
 //! Looks like   viscous friction over a narrow range of speed
 //! Told apart   by a run-up to high speed: it grows with the square

@@ -10,7 +10,7 @@ use crate::kind::StartValues;
 use crate::plant_file::Parameters;
 use crate::record::Record;
 
-/// Standard gravity, in m/s^2 (docs/plants.md 2.2).
+/// Standard gravity, in m/s^2 (docs/book/src/reference/plants.md 2.2).
 const GRAVITY: f64 = 9.80665;
 
 /// The driveline in one gear.

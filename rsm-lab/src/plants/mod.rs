@@ -1,6 +1,6 @@
 //! One file a plant, and what a plant is for the integrator.
 //!
-//! In: parameters. Out: equations of docs/plants.md section 2, with hooks at fixed places. Never knows an effect.
+//! In: parameters. Out: equations of docs/book/src/reference/plants.md section 2, with hooks at fixed places. Never knows an effect.
 
 pub mod driveline;
 pub mod pmac;

@@ -177,7 +177,7 @@ pub fn figures(plant: &PlantFile, study: &Study<'_>) -> Result<Figures, Faults> 
 fn left(plant: &PlantFile, lash: &PlantFile, car: &Car, study: &Study<'_>) -> Result<Vec<Without>, Faults> {
     let compensation = Compensation::new(&Checked::from_model(car.tuned.model())?, COMPENSATOR)?;
     let mut no_lag = lash.clone();
-    // A tenth: 10 ms, which no shuffle sees (0.5 rad at 50 rad/s); a lag of 0 is not a driveline of docs/plants.md.
+    // A tenth: 10 ms, which no shuffle sees (0.5 rad at 50 rad/s); a lag of 0 is not a driveline of docs/book/src/reference/plants.md.
     let lag = no_lag.parameters.number("torque_lag");
     no_lag.parameters.set("torque_lag", lag / 10.0);
     let mut straight = lash.clone();

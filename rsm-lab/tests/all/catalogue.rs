@@ -1,4 +1,4 @@
-//! The list of effects is that of the folder and that of docs/plants.md, and no plant knows any of them.
+//! The list of effects is that of the folder and that of docs/book/src/reference/plants.md, and no plant knows any of them.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use rsm_lab::plant_file::PlantFile;
 
 use super::path;
 
-/// The first column of the table of docs/plants.md, section 3.
+/// The first column of the table of docs/book/src/reference/plants.md, section 3.
 const KINDS: [&str; 33] = [
     "parameter-error",
     "coulomb-friction",
@@ -60,6 +60,15 @@ fn every_kind_has_a_file_and_a_place_in_the_list() {
     let expected: BTreeSet<String> = KINDS.iter().map(|kind| kind.replace('-', "_")).collect();
     assert_eq!(listed, expected);
     assert_eq!(files.len(), listed.len() + 1, "a file of effects/ is missing");
+}
+
+#[test]
+fn the_reference_has_a_row_for_every_kind_in_this_order() {
+    let page = std::fs::read_to_string(path("../docs/book/src/reference/plants.md")).unwrap();
+    let section = page.split_once("## 3. The catalogue of effects").unwrap().1;
+    let rows: Vec<&str> = section.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next()).collect();
+    assert_eq!(rows, KINDS);
+    assert_eq!(effects::ALL.iter().map(|it| it.kind).collect::<Vec<_>>(), KINDS);
 }
 
 #[test]

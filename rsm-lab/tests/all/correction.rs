@@ -21,7 +21,7 @@ const ROWS: usize = 3000;
 /// Standard deviations of the noise of position and command.
 const NOISE: [f64; 2] = [2e-6, 0.01];
 
-/// Position and command of the axis of docs/plants.md 2.3 with a force of -stiffness q abs(q): semi-implicit Euler in 20 steps a row. Two sines of other periods in
+/// Position and command of the axis of docs/book/src/reference/plants.md 2.3 with a force of -stiffness q abs(q): semi-implicit Euler in 20 steps a row. Two sines of other periods in
 /// each record, slow enough for the command to stay within its limit.
 fn axis(stiffness: f64, periods: [f64; 2]) -> [Vec<f64>; 3] {
     let (mut q, mut v) = (0.0_f64, 0.0_f64);

@@ -6,7 +6,7 @@ use rsm_lab::simulate::Simulator;
 
 use super::{effect, plant, record, run};
 
-/// The equations of docs/plants.md section 2 once more, written here from the text and constant in their inputs.
+/// The equations of docs/book/src/reference/plants.md section 2 once more, written here from the text and constant in their inputs.
 struct Motor;
 struct Car;
 

@@ -148,7 +148,7 @@ struct Shuttle {
 /// 7500 rpm is 785 rad/s; turned back a little before.
 const TURN_ABOVE_RAD_S: f64 = 750.0;
 const TURN_BELOW_RAD_S: f64 = 50.0;
-/// Within both circles up to the turning speed (docs/plants.md's motor has 21.6 N m at rest).
+/// Within both circles up to the turning speed (docs/book/src/reference/plants.md's motor has 21.6 N m at rest).
 const TORQUE_NM: f64 = 8.0;
 
 impl Task for Shuttle {

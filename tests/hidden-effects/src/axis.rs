@@ -1,7 +1,7 @@
 //! The servo axis, with the drive's position and what the carriage lags behind it.
 //!
 //! In: a command, or a reference that a controller follows. Out: the position; in closed loop the command too. The controller sees the true
-//! position, as docs/plants.md has it.
+//! position, as docs/book/src/reference/plants.md has it.
 
 use crate::flow::{Flow, STATES, State, Stepper};
 use crate::plant::{Delay, Kind, Plant, Truth};

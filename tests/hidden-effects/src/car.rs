@@ -1,7 +1,7 @@
 //! The driveline, with twists in place of angles.
 //!
 //! States are the twist of the clutch th_e - i_t th_t, the twist of the driveshaft th_t/i_f - th_w, the speeds and the engine's torque: the
-//! angles of docs/plants.md (27), (28) grow without bound and enter by these differences alone. Only combustion needs th_e itself. In: throttle
+//! angles of docs/book/src/reference/plants.md (27), (28) grow without bound and enter by these differences alone. Only combustion needs th_e itself. In: throttle
 //! and gear. Out: engine speed, road speed, acceleration.
 
 use crate::flow::{Flow, STATES, State, Stepper};
@@ -83,7 +83,7 @@ pub struct Car {
 }
 
 impl Car {
-    /// docs/plants.md 2.2, start.
+    /// docs/book/src/reference/plants.md 2.2, start.
     pub fn new(truth: &Truth, start: Start, first: &[f64], period: f64) -> Self {
         let of = |name| truth.parameters.get(name);
         let i_f = of("final_drive_ratio");

@@ -622,7 +622,7 @@ mod tests {
         let expected: usize = [Kind::Motor, Kind::Car, Kind::OpenAxis].iter().map(|kind| draw::catalogue(*kind).len()).sum();
         assert_eq!(of(Family::Singles).count(), expected);
         let kinds: BTreeSet<&str> = of(Family::Singles).flat_map(|plan| plan.effects.iter().copied()).collect();
-        // docs/plants.md, section 3, has 33.
+        // docs/book/src/reference/plants.md, section 3, has 33.
         assert_eq!(kinds.len(), 33);
         for family in [Family::Records, Family::Symmetries, Family::Far] {
             assert!(of(family).count() >= 4, "{family:?}");

@@ -127,7 +127,7 @@ fn axis(kind: Kind, random: &mut Random) -> Nominal {
     }
 }
 
-/// Every kind of the catalogue that stands on this plant, in the order of docs/plants.md.
+/// Every kind of the catalogue that stands on this plant, in the order of docs/book/src/reference/plants.md.
 pub fn catalogue(kind: Kind) -> &'static [&'static str] {
     match kind {
         Kind::Motor => &[

@@ -1,4 +1,4 @@
-//! Plant files and records, as docs/plants.md 1 has them.
+//! Plant files and records, as docs/book/src/reference/plants.md 1 has them.
 //!
 //! In: plants, effects and records. Out: text. Writes to no file.
 

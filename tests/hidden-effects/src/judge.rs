@@ -1,6 +1,6 @@
 //! Is an answer right?
 //!
-//! In: a case and the JSON of `rsm diagnose` (docs/formats.md 4.3). Out: right or wrong with the reason, and errors of parameters. Knows the truth, and the
+//! In: a case and the JSON of `rsm diagnose` (docs/book/src/reference/formats.md 4.3). Out: right or wrong with the reason, and errors of parameters. Knows the truth, and the
 //! causes that leave the same trace. A missing key is a wrong answer, never a crash.
 
 use serde_json::Value;
@@ -29,7 +29,7 @@ pub fn name(effect: &Effect) -> String {
     effect.which.map_or_else(|| effect.kind.to_string(), |(_, which)| format!("{}:{which}", effect.kind))
 }
 
-/// Sets of causes that leave the trace of this one, beside itself: docs/plants.md 3, last part, and what follows from the equations.
+/// Sets of causes that leave the trace of this one, beside itself: docs/book/src/reference/plants.md 3, last part, and what follows from the equations.
 fn aliases(kind: Kind, effect: &Effect) -> Vec<Vec<&'static str>> {
     let this = name(effect);
     // A torque against the wheel, a climb and rolling resistance are one term while the car rolls forward, as it does in every case.
@@ -94,7 +94,7 @@ fn found(answer: &Value) -> Vec<Found<'_>> {
     causes.iter().map(one).collect()
 }
 
-/// The longest list of twins that still says something. The longest that docs/plants.md names has three.
+/// The longest list of twins that still says something. The longest that docs/book/src/reference/plants.md names has three.
 const TWINS: usize = 3;
 
 /// Whether these causes are the truth: each of the truth is named, or a set of its aliases is, or a cause names it among its few twins; and nothing else is named.
@@ -153,7 +153,7 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
             let told = case.fault.is_some_and(|fault| words.to_lowercase().contains(fault.word()));
             verdict == "no-discrepancy" && found.is_empty() && told
         }
-        // Causes that help may be named beside it (docs/formats.md 4.3).
+        // Causes that help may be named beside it (docs/book/src/reference/formats.md 4.3).
         Family::Outside => verdict == "unexplained",
         Family::Records => verdict == "explained" && found.len() == 1 && is_own(case, &found[0]),
         Family::Singles | Family::Pairs | Family::Symmetries | Family::Beyond => verdict == "explained" && same(case, &found),

@@ -4,7 +4,7 @@
 //!   seed -> Case (true plant, nominal file, excitations) -> records with noise -> folder -> rsm diagnose -> judge -> table
 //! ```
 //!
-//! The plants of docs/plants.md, written a second time from that text alone: the motor in the frame of the stator, the driveline with twists, steps
+//! The plants of docs/book/src/reference/plants.md, written a second time from that text alone: the motor in the frame of the stator, the driveline with twists, steps
 //! controlled by error, kinks located. No crate of ours is imported, so an error of `rsm-lab` cannot stand on both sides of a comparison.
 
 pub mod axis;

@@ -1,12 +1,12 @@
 //! The motor, in the frame of the stator.
 //!
-//! docs/plants.md writes (17) and (18) in the rotor's frame. With complex numbers, i = i_d + j i_q there and s = i exp(j th_e) here,
+//! docs/book/src/reference/plants.md writes (17) and (18) in the rotor's frame. With complex numbers, i = i_d + j i_q there and s = i exp(j th_e) here,
 //!
 //! ```text
 //! L ds/dt = v exp(j th_e) - r s - j w_e lambda exp(j th_e),
 //! ```
 //!
-//! so nothing is coupled, and what docs/plants.md has in rotor coordinates is turned at the ends: voltages in, currents out. In: voltages as recorded
+//! so nothing is coupled, and what docs/book/src/reference/plants.md has in rotor coordinates is turned at the ends: voltages in, currents out. In: voltages as recorded
 //! and the load torque. Out: currents as recorded and the speed.
 
 use crate::flow::{Flow, STATES, State, Stepper};
@@ -200,7 +200,7 @@ impl Flow for Law {
         let v_alpha = back * (cos_in * v_d - sin_in * v_q) - lost * y[ALPHA];
         let v_beta = back * (sin_in * v_d + cos_in * v_q) - lost * y[BETA];
 
-        // 0.00393 1/K: copper, as docs/plants.md has it.
+        // 0.00393 1/K: copper, as docs/book/src/reference/plants.md has it.
         let hot = self.r * (1.0 + 0.00393 * y[HEAT]);
         let inductance = self.l / (1.0 + square / (self.saturation * self.saturation));
         let emf = self.pairs * y[SPEED] * self.flux(y);

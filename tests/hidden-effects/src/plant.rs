@@ -1,6 +1,6 @@
 //! What a true plant is: its kind, its parameters, its effects, and how it is run along a record.
 //!
-//! In: numbers by the names of docs/plants.md. Out: columns of a record without noise. Never reads a file.
+//! In: numbers by the names of docs/book/src/reference/plants.md. Out: columns of a record without noise. Never reads a file.
 
 use crate::axis::Axis;
 use crate::car::Car;
@@ -94,7 +94,7 @@ fn gear(name: &str) -> Option<usize> {
 /// An effect, of the catalogue or outside it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Effect {
-    /// Its name in docs/plants.md, or a name of ours.
+    /// Its name in docs/book/src/reference/plants.md, or a name of ours.
     pub kind: &'static str,
     /// `parameter` or `output`, and which.
     pub which: Option<(&'static str, &'static str)>,
@@ -155,7 +155,7 @@ impl Truth {
 pub enum Start {
     /// At rest, without current.
     Rest,
-    /// At a road speed, as docs/plants.md 2.2 has it, under the first throttle.
+    /// At a road speed, as docs/book/src/reference/plants.md 2.2 has it, under the first throttle.
     Rolling(f64),
 }
 

@@ -63,7 +63,7 @@ const fn time(key: &'static str, words: &'static str, paper: &'static str, bound
     Line { key, words, paper, bound, is_time: true }
 }
 
-/// In the order of the report. The paper's figures: docs/paper.md, cases 1 and 2.
+/// In the order of the report. The paper's figures: docs/book/src/reference/paper.md, cases 1 and 2.
 const LINES: [Line; 24] = [
     line("points_measured", "points of the split plan, in random order", "90", Bound::Equal(90.0)),
     line("points_full", "points of the full plan", "180", Bound::Equal(180.0)),

@@ -20,7 +20,7 @@ pub struct Evidence {
     pub speaks_against: Vec<String>,
 }
 
-/// The name of a cause in lists (docs/formats.md 4.3).
+/// The name of a cause in lists (docs/book/src/reference/formats.md 4.3).
 pub fn label(cause: &Cause) -> String {
     cause.subject.as_ref().map_or(cause.kind.to_string(), |subject| format!("{}:{subject}", cause.kind))
 }

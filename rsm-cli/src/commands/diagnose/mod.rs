@@ -219,7 +219,7 @@ fn findings(list: &[Finding]) -> Vec<Value> {
     each.collect()
 }
 
-/// docs/formats.md 4.3.
+/// docs/book/src/reference/formats.md 4.3.
 pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     let cause_value = |cause: &Cause| {
         let mut one = Map::new();

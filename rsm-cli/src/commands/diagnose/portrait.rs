@@ -1,4 +1,4 @@
-//! What docs/formats.md 4.3 leaves room for: evidence, calibration, what is left and its correction, as JSON.
+//! What docs/book/src/reference/formats.md 4.3 leaves room for: evidence, calibration, what is left and its correction, as JSON.
 //!
 //! In: a diagnosis. Out: values of diagnosis.json, and correction.toml. Decides nothing.
 

@@ -125,7 +125,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
     }
 }
 
-/// docs/formats.md 4.3, as far as it goes for surfaces; every cause has its `response`.
+/// docs/book/src/reference/formats.md 4.3, as far as it goes for surfaces; every cause has its `response`.
 pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
     let name = |response: &ResponseDiagnosis| model.surfaces[response.surface].name.clone();
     let mut all: Vec<(&ResponseDiagnosis, &Cause)> =

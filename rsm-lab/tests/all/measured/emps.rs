@@ -146,7 +146,7 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
             assert!(after.rmse < 0.95 * before.rmse, "{before:?} {after:?}");
         }
     }
-    // README.md, "Measured data", line by line.
+    // docs/book/src/results/measured.md, line by line.
     let lines = [
         "| mass and viscous friction, calibrated | {} um | {} V | {} % | {} % |",
         "| and dry friction | {} um | {} V | {} % | {} % |",

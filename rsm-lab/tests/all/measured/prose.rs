@@ -1,4 +1,4 @@
-//! Figures of README.md beside the run that they tell of: a sentence is found by its words, its numbers are compared with what was measured.
+//! Figures of measured.md beside the run that they tell of: a sentence is found by its words, its numbers are compared with what was measured.
 //!
 //! In: a sentence with `{}` where its figures stand, the measured values in their order. Out: nothing, or a failure that prints the sentence as it ought to be.
 
@@ -53,20 +53,20 @@ fn filled(sentence: &str, stated: &[Printed], values: &[f64]) -> String {
 
 fn is_told(text: &str, sentence: &str, values: &[f64]) -> Result<(), String> {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    let stated = figures(&text, sentence).ok_or_else(|| format!("README.md has no sentence \"{sentence}\""))?;
+    let stated = figures(&text, sentence).ok_or_else(|| format!("measured.md has no sentence \"{sentence}\""))?;
     assert_eq!(stated.len(), values.len(), "a value for each figure of \"{sentence}\"");
     // Half a unit of the last digit is rounding; as much again is left for a sine of another library.
     let is_near = |(stated, value): (&Printed, &f64)| (stated.value - value).abs() <= 10_f64.powi(-(stated.decimals as i32));
     if stated.iter().zip(values).all(is_near) {
         return Ok(());
     }
-    Err(format!("README.md does not say what is measured, {values:?}: \"{}\"", filled(sentence, &stated, values)))
+    Err(format!("measured.md does not say what is measured, {values:?}: \"{}\"", filled(sentence, &stated, values)))
 }
 
-/// Compares a sentence of README.md with what was measured: each figure within a unit of its last digit. Line breaks of the file are spaces.
+/// Compares a sentence of measured.md with what was measured: each figure within a unit of its last digit. Line breaks of the file are spaces.
 pub(super) fn tells(sentence: &str, values: &[f64]) {
-    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("../README.md");
-    let text = std::fs::read_to_string(&readme).unwrap_or_else(|error| panic!("{}: {error}", readme.display()));
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/book/src/results/measured.md");
+    let text = std::fs::read_to_string(&page).unwrap_or_else(|error| panic!("{}: {error}", page.display()));
     is_told(&text, sentence, values).unwrap_or_else(|why| panic!("{why}"));
 }
 

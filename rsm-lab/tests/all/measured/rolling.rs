@@ -110,7 +110,7 @@ fn the_diagnosis_finds_the_cogging_of_one_record_and_names_nothing_absurd_in_the
     let diagnosed = |training: &Record, validation: &Record| {
         let found = diagnose(&plant, std::slice::from_ref(training), std::slice::from_ref(validation), &options).unwrap();
         super::tell("rolling", &found);
-        // README.md, "Measured data": not explained, and no cause.
+        // docs/book/src/results/measured.md: not explained, and no cause.
         assert!(found.verdict == Verdict::Unexplained && found.causes.is_empty(), "{:?} {:?}", found.verdict, found.causes);
         found
     };
