@@ -68,7 +68,6 @@ fn the_reference_has_a_row_for_every_kind_in_this_order() {
     let section = page.split_once("## 3. The catalogue of effects").unwrap().1;
     let rows: Vec<&str> = section.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next()).collect();
     assert_eq!(rows, KINDS);
-    assert_eq!(effects::ALL.iter().map(|it| it.kind).collect::<Vec<_>>(), KINDS);
 }
 
 #[test]
