@@ -136,7 +136,7 @@ impl Ready {
 
     /// Looks for tails that stood under structure until a fit took that away; whether there are any, which are tame then.
     pub fn tails_beside(&mut self, fit: &Fit) -> bool {
-        self.kernel.tails.iter().all(Option::is_none) && tails::found(&mut self.kernel, &mut self.unseen, fit, &self.findings)
+        tails::found(&mut self.kernel, &mut self.unseen, fit, &self.findings)
     }
 
     /// What readings say of inputs in the gaps of their records, the plant being that of a fit; whether those of the training records moved.
