@@ -6,6 +6,7 @@ mod design;
 mod diagnose;
 mod diagnose_surface;
 mod driveline;
+mod guides;
 mod import;
 mod limits;
 mod made_up_runs;
