@@ -39,10 +39,8 @@ fn steps(page: &str) -> Vec<Step> {
                 step.commands += line;
                 step.commands.push('\n');
             }
-            (Some("text"), None) => {
-                if line != "..." {
-                    steps.last_mut().expect("opened above").prints.push(line.trim().to_string());
-                }
+            (Some("text"), None) if line != "..." => {
+                steps.last_mut().expect("opened above").prints.push(line.trim().to_string());
             }
             _ => {}
         }
