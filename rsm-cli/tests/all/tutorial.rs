@@ -90,6 +90,10 @@ fn every_block_of_the_first_hour_prints_what_the_page_says() {
         }
     }
     let example = clone.path().join("example");
+    for folder in ["surface", "plant"] {
+        let lacking = keys_without_a_word(&example.join(folder).join("diagnosis.json"));
+        assert!(lacking.is_empty(), "reference/formats.md does not name these keys of {folder}: {lacking:?}");
+    }
     compare("surface.svg", &surface(&example.join("report/report.html")));
     compare("diagnosis.svg", &diagnosis(&example.join("plant/report.html")));
 }
@@ -102,6 +106,16 @@ fn output_that_is_not_printed_in_this_order_is_missed() {
     assert_eq!(steps[0].prints, ["a", "b c"]);
     assert_eq!(missing(&steps[0].prints, "x a y b c"), None);
     assert_eq!(missing(&steps[0].prints, "b c a"), Some("b c"));
+}
+
+/// Keys of a diagnosis, and of its first cause, that the reference does not name.
+fn keys_without_a_word(file: &Path) -> Vec<String> {
+    let page = std::fs::read_to_string(book("reference/formats.md")).unwrap();
+    let answer: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+    let of = |value: &serde_json::Value| value.as_object().expect("an object").keys().cloned().collect::<Vec<String>>();
+    let keys = [of(&answer), of(&answer["causes"][0])].concat();
+    assert!(keys.len() > 15, "{keys:?}");
+    keys.into_iter().filter(|key| !page.contains(&format!("`{key}`")) && !page.contains(&format!("\"{key}\""))).collect()
 }
 
 /// The plots of a report as SVG, each with its title and caption.
