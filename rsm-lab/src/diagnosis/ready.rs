@@ -10,6 +10,7 @@ use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model};
 use super::noise::Floor;
 use super::share::Share;
+use super::tails::Recorded;
 use super::{Options, Refused, bridges, compared, regions, survey, tails, under_way, validation};
 use crate::effect::Survey;
 use crate::plant_file::PlantFile;
@@ -23,6 +24,9 @@ pub enum HeavyTails {
     /// Readings stay as they were recorded.
     LeftAlone,
 }
+
+/// Looks for tails beside the calibrated plant: the first is led astray by outliers, the next is not.
+const TAILS: usize = 2;
 
 /// Steps of a fit that begins near its best.
 const STEPS: usize = 4;
@@ -45,6 +49,8 @@ pub struct Ready {
     pub survey: Survey,
     /// Outputs whose readings are rounded, with their steps.
     pub rounded: Vec<(usize, f64)>,
+    /// Readings of both kernels as they were recorded.
+    recorded: [Recorded; 2],
 }
 
 impl Ready {
@@ -92,9 +98,15 @@ impl Ready {
             under_way::set_aside(&mut kernel, &mut unseen, file.kind);
             (nominal, calibrated) = anew(&mut kernel, &mut unseen, AtStart::InMotion)?;
         }
-        if tails == HeavyTails::LookedFor && tails::found(&mut kernel, &mut unseen, &calibrated, &findings) {
-            (options.progress)("noise with heavy tails: readings far off their neighbours count less");
-            (nominal, calibrated) = anew(&mut kernel, &mut unseen, nominal.at_start)?;
+        let mut recorded = [&kernel, &unseen].map(Recorded::of);
+        if tails == HeavyTails::LookedFor {
+            for _ in 0..TAILS {
+                if !tails::found(&mut kernel, &mut unseen, &mut recorded, &calibrated, &findings) {
+                    break;
+                }
+                (options.progress)("noise with heavy tails: readings far off their neighbours count less");
+                (nominal, calibrated) = anew(&mut kernel, &mut unseen, nominal.at_start)?;
+            }
         }
         if let Some((records, fit)) = bridges::corrected(&kernel, &calibrated) {
             kernel.records = records;
@@ -104,7 +116,7 @@ impl Ready {
         }
         correct_unseen(&mut unseen, &calibrated.model);
         let survey = survey::survey(&kernel, &calibrated);
-        let mut ready = Ready { kernel, unseen, nominal, calibrated, findings, share, survey, rounded: Vec::new() };
+        let mut ready = Ready { kernel, unseen, nominal, calibrated, findings, share, survey, rounded: Vec::new(), recorded };
         ready.round(file)?;
         Ok(ready)
     }
@@ -134,9 +146,9 @@ impl Ready {
         with_rounding(&self.kernel, fit, floors(&self.kernel, fit, file), &self.rounded)
     }
 
-    /// Looks for tails that stood under structure until a fit took that away; whether there are any, which are tame then.
+    /// Looks for tails that stood under structure until a fit took that away; whether that changes readings.
     pub fn tails_beside(&mut self, fit: &Fit) -> bool {
-        tails::found(&mut self.kernel, &mut self.unseen, fit, &self.findings)
+        tails::found(&mut self.kernel, &mut self.unseen, &mut self.recorded, fit, &self.findings)
     }
 
     /// What readings say of inputs in the gaps of their records, the plant being that of a fit; whether those of the training records moved.
