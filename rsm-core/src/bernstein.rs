@@ -153,26 +153,14 @@ pub struct Least {
 /// The least value of the polynomial over a region of the box.
 #[must_use]
 pub fn least(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>) -> Least {
-    least_with_patience(terms, sides, wanted, 1)
+    search_within(&Cell::new(&[terms], sides), &Value, wanted, BUDGET).0
 }
 
-/// As [`least`], with so many times the work.
+/// The least measure of some polynomials over a region of the box.
 #[must_use]
-pub fn least_with_patience(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>, times: usize) -> Least {
-    search_within(&Cell::new(&[terms], sides), &Value, wanted, times * BUDGET).0
-}
-
-/// The least measure of some polynomials over a region of the box, with so many times the usual work.
-#[must_use]
-pub fn least_measure(
-    polynomials: &[Vec<Monomial>],
-    sides: &[Interval],
-    measure: &impl Measure,
-    wanted: &Search<'_>,
-    times: usize,
-) -> Least {
+pub fn least_measure(polynomials: &[Vec<Monomial>], sides: &[Interval], measure: &impl Measure, wanted: &Search<'_>) -> Least {
     let polynomials: Vec<&[Monomial]> = polynomials.iter().map(Vec::as_slice).collect();
-    search_within(&Cell::new(&polynomials, sides), measure, wanted, times * BUDGET).0
+    search_within(&Cell::new(&polynomials, sides), measure, wanted, BUDGET).0
 }
 
 /// Branch and bound; with the work that was done.

@@ -38,6 +38,11 @@ fn place(a: usize, b: usize, inputs: usize) -> usize {
     a * inputs - a * (a + 1) / 2 + b
 }
 
+/// At most u'Hu for every direction u whose largest entry is 1, of so many: the square of u is between 1 and their number. u'Hu is at least the eigenvalue, or where that is negative so many times it.
+pub(super) fn of_directions(eigenvalue: f64, inputs: usize) -> f64 {
+    eigenvalue.min(eigenvalue * inputs as f64)
+}
+
 /// The least eigenvalue of symmetric matrices with so many rows.
 pub(super) struct LeastEigenvalue(pub usize);
 

@@ -8,14 +8,15 @@
 //! [`bernstein::least`] looks for the worst place of the whole region and either proves that there is none or gives it as a new
 //! point, with the other local minima where a constraint is broken (`valleys.rs`); points that no longer hold are dropped (`points.rs`). At the points a constraint is enforced [`SHIFT`]
 //! inside, so that the dips between them, which shrink with the square of their distance, end at 0 and not only tend to it. Where
-//! they still have not after `SHIFTED_ROUNDS`, or only the proof is missing, the shift grows up to `MOST_SHIFT`. Convexity is proven in all
-//! directions at once (`curvature.rs`). Region: the
+//! they still have not after `SHIFTED_ROUNDS`, or only the proof is missing, the shift grows up to `MOST_SHIFT`. Convexity is searched and proven in all
+//! directions at once (`curvature.rs`). What a search neither breaks nor proves is proven by sums of squares (`squares.rs`). Region: the
 //! box cut by the support; a cell of the search that the support's edge cuts counts as a whole once it is small.
 
 mod claim;
 mod curvature;
 mod points;
 mod program;
+mod squares;
 mod unproven;
 mod valleys;
 
@@ -35,6 +36,7 @@ use claim::Claim;
 use curvature::LeastEigenvalue;
 use points::Points;
 use program::Solution;
+use squares::Work;
 pub use unproven::{NotProven, Stop, Unproven};
 
 /// How far inside a constraint is enforced at first, as a share of the spread of the response.
@@ -56,20 +58,11 @@ const GROWTH_OF_PROOF: f64 = 2.0;
 /// The largest shift: below the noise of usual measurements. Beyond it the outcome is "not proven".
 const MOST_SHIFT: f64 = 1e-4;
 
-/// Work of a search that must prove, and not only find, as a multiple of the usual: with four inputs and order 4 some sixty places
-/// hold a surface, and each has its cloud of small cells, whose number is as one over the shift. With ten times the usual work a slope of order 5 needed a shift that cost
-/// 1.4e-4 of the residual sum of squares.
-const PATIENCE: usize = 60;
+/// Work of all certificates for one surface, in multiplications: some two minutes. Beyond it, what a search alone does not prove is "not proven".
+const MOST_WORK: u64 = 1_000_000_000_000;
 
-/// The same while the shift is below [`PATIENT_SHIFT`]: a shift that doubles halves the work of the proof, and costs nothing that anyone sees until it is near its end. A
-/// Hessian that is singular along curves and surfaces would need thousands of times the usual work at the first shift.
-const PATIENCE_AT_FIRST: usize = 6;
-
-/// A twentieth of the largest shift: from here on more work is cheaper than a larger shift. With a tenth one of 60 random problems ended 1.04e-4 above the least residual sum of squares.
-const PATIENT_SHIFT: f64 = 5e-6;
-
-/// Work of all such searches for one surface, in the same unit: from a minute to five of them. Beyond it searches only find, and what they cannot prove either is "not proven".
-const MOST_PATIENCE: usize = 600;
+/// A certificate may take this share of it: the shift doubles ten times from the first to the largest.
+const WORK_SHARES: u64 = 10;
 
 /// What is told of the constraints on a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -171,10 +164,10 @@ impl Task<'_> {
         let halves: Vec<f64> = region.sides.iter().map(|[low, high]| (high - low) / 2.0).collect();
         let claims = claim::of(self.constraints, self.surface, self.inputs, &halves);
         let mut coefficients: Vec<f64> = self.surface.terms.iter().map(|term| term.coefficient).collect();
-        let mut patience = Patience { left: MOST_PATIENCE };
+        let mut work = Work { left: MOST_WORK };
         let mut found = self.search(&claims, &coefficients);
         if self.is_unbroken(&found) {
-            found = self.proof(&claims, &coefficients, found, patience.next(MOST_SHIFT));
+            found = self.proof(&claims, &coefficients, found, &mut work);
         }
         if self.is_proven(&found) {
             return Constrained::Inactive { constraints: self.reports(&claims, &found, &[]) };
@@ -212,7 +205,7 @@ impl Task<'_> {
                 valleys = points.valleys(&coefficients, &active, &mut random);
                 // A proof is sought where no place is known that would break it.
                 if valleys.is_empty() && self.is_unbroken(&found) {
-                    found = self.proof(&claims, &coefficients, found, patience.next(shift));
+                    found = self.proof(&claims, &coefficients, found, &mut work);
                 }
             }
             if self.is_proven(&found) {
@@ -233,7 +226,7 @@ impl Task<'_> {
                 }
             }
         }
-        let spent = MOST_PATIENCE - patience.left;
+        let spent = (MOST_WORK - work.left) as f64 / MOST_WORK as f64;
         Constrained::NotProven(NotProven::new(self, &claims, &found, &rounds, spent, stopped_by))
     }
 
@@ -284,46 +277,50 @@ impl Task<'_> {
         let mut found = Vec::new();
         for claim in claims {
             match claim.largest {
-                None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough(), 1)),
+                None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough())),
                 // One search for all directions.
-                Some(0) => found.extend(self.least_curvature(claim, coefficients, 1)),
+                Some(0) => found.extend(self.least_curvature(claim, coefficients)),
                 Some(_) => {}
             }
         }
         found
     }
 
-    /// The same with so many times the work for every claim whose bound is not enough.
-    fn proof(&self, claims: &[Claim], coefficients: &[f64], mut found: Vec<Found>, times: usize) -> Vec<Found> {
-        if times == 1 {
-            return found;
-        }
+    /// A certificate for every claim whose bound is not enough.
+    fn proof(&self, claims: &[Claim], coefficients: &[f64], mut found: Vec<Found>, work: &mut Work) -> Vec<Found> {
+        let inputs = self.inputs.len();
         for (k, claim) in claims.iter().enumerate() {
-            let count = if claim.largest.is_some() { self.inputs.len() } else { 1 };
+            let count = if claim.largest.is_some() { inputs } else { 1 };
             if claim.largest.unwrap_or(0) > 0 || found[k..k + count].iter().all(|found| found.bound >= self.enough()) {
                 continue;
             }
-            let again = match claim.largest {
-                None => vec![self.least(claim, &claim.monomials(coefficients), self.enough(), times)],
-                Some(_) => self.least_curvature(claim, coefficients, times),
+            let monomials = claim.monomials(coefficients);
+            let (entries, enough) = match claim.largest {
+                None => (vec![monomials], self.enough()),
+                Some(_) => (curvature::entries(&monomials, inputs), self.enough() / inputs as f64),
             };
-            found.splice(k..k + count, again);
+            let given = work.left.min(MOST_WORK / WORK_SHARES);
+            let mut own = Work { left: given };
+            let bound = squares::least_eigenvalue(&entries, &claim.sides[..inputs], &self.surface.support, enough, &mut own);
+            work.left -= given - own.left;
+            if let Some(bound) = bound {
+                found[k..k + count].iter_mut().for_each(|found| found.bound = curvature::of_directions(bound, count));
+            }
         }
         found
     }
 
     /// What one search for the least curvature says of the claims of all directions in a piece: each has its bound, and the worst place belongs to the one whose entry is the
     /// largest of that direction.
-    fn least_curvature(&self, first: &Claim, coefficients: &[f64], times: usize) -> Vec<Found> {
+    fn least_curvature(&self, first: &Claim, coefficients: &[f64]) -> Vec<Found> {
         let inputs = self.inputs.len();
         let (measure, hessian) = (LeastEigenvalue(inputs), curvature::entries(&first.monomials(coefficients), inputs));
         let place = |cell: &[[f64; 2]]| self.place(first, cell);
-        // The square of u is between 1 and the number of inputs, where its largest entry is 1: u'Hu is at least the eigenvalue, or where that is negative so many times it.
         let enough = self.enough() / inputs as f64;
         let wanted = Search { place: &place, finest: finest(inputs), enough };
         let sides = &first.sides[..inputs];
-        let least = bernstein::least_measure(&hessian, sides, &measure, &wanted, times);
-        let bound = least.bound.min(least.bound * inputs as f64);
+        let least = bernstein::least_measure(&hessian, sides, &measure, &wanted);
+        let bound = curvature::of_directions(least.bound, inputs);
         let (largest, direction) = measure.worst(&hessian, sides, &least.at);
         let of_one = |k: usize| {
             let is_worst = k == largest;
@@ -333,10 +330,10 @@ impl Task<'_> {
         (0..inputs).map(of_one).collect()
     }
 
-    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64, times: usize) -> Found {
+    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
         let wanted = Search { place: &place, finest: finest(self.inputs.len()), enough };
-        let found = bernstein::least_with_patience(monomials, &claim.sides, &wanted, times);
+        let found = bernstein::least(monomials, &claim.sides, &wanted);
         Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
 
@@ -410,7 +407,7 @@ impl Task<'_> {
                     .iter()
                     .map(|term| bernstein::Monomial { coefficient: term.coefficient * Interval::point(sign), ..term.clone() })
                     .collect();
-                let found = self.least(&claim, &turned, f64::INFINITY, 1);
+                let found = self.least(&claim, &turned, f64::INFINITY);
                 // mutant `< to <=`: of two changes of one size either is the largest.
                 if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
                     largest = (sign * found.seen, claim.point(&found.shares));
@@ -437,21 +434,6 @@ impl Rounds {
             (false, false) => 1.0,
         };
         (self.shift <= MOST_SHIFT).then_some(self.shift)
-    }
-}
-
-/// How much work is left for searches that must prove.
-struct Patience {
-    left: usize,
-}
-
-impl Patience {
-    /// The work of the next search, as a multiple of the usual.
-    fn next(&mut self, shift: f64) -> usize {
-        let wanted = if shift < PATIENT_SHIFT { PATIENCE_AT_FIRST } else { PATIENCE };
-        let given = wanted.min(self.left).max(1);
-        self.left = self.left.saturating_sub(wanted);
-        given
     }
 }
 

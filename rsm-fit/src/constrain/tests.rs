@@ -358,7 +358,7 @@ fn what_is_not_proven_is_named() {
     let found = [1.0, -1.0, -slack, -1.5 * slack].map(|bound| Found { bound, seen: 0.0, shares: vec![0.0] });
     assert!(case.task().is_proven(&found[2..3]) && !case.task().is_proven(&found[2..]));
     let rounds = Rounds { count: 7, shift: 2e-4 };
-    let told = NotProven::new(&case.task(), &case.claims(), &found, &rounds, 150, Stop::LargestShift);
+    let told = NotProven::new(&case.task(), &case.claims(), &found, &rounds, 0.25, Stop::LargestShift);
     let names: Vec<&String> = told.constraints.iter().map(|one| &one.constraint).collect();
     assert_eq!(names, [&case.constraints[0].to_string(), &case.constraints[2].to_string()]);
     assert_eq!((told.shift, told.rounds, told.work), (MOST_SHIFT, 7, 0.25));
@@ -379,27 +379,20 @@ fn what_is_not_proven_is_named() {
     let broken = Found { bound: -2.0, seen: -0.5, shares: vec![1.0] };
     let unseen = [0.0, 0.0, 0.0].map(|bound| Found { bound, seen: f64::INFINITY, shares: vec![] });
     let all: Vec<Found> = std::iter::once(broken).chain(unseen).collect();
-    let told = NotProven::new(&case.task(), &case.claims(), &all, &rounds, 10_000, Stop::Program);
+    let told = NotProven::new(&case.task(), &case.claims(), &all, &rounds, 1.0, Stop::Program);
     assert_eq!((told.constraints.len(), told.work, told.constraints[0].seen), (1, 1.0, Some(-0.5)));
     assert!(told.to_string().contains("broken, least seen -5.00e-1"), "{told}");
 }
 
 #[test]
-fn a_proof_gets_more_work_near_the_largest_shift_and_no_more_than_there_is() {
-    let mut patience = Patience { left: MOST_PATIENCE };
-    let small = PATIENT_SHIFT.next_down();
-    assert_eq!([SHIFT, small, PATIENT_SHIFT, MOST_SHIFT].map(|shift| patience.next(shift)), [6, 6, 60, 60]);
-    assert_eq!(patience.left, 600 - 132);
-    // The last one gets what is left; after it searches only find.
-    patience.left = 70;
-    assert_eq!([(); 4].map(|()| patience.next(MOST_SHIFT)), [60, 10, 1, 1]);
+fn the_finest_cells_of_an_edge_are_some_thousand() {
     let shares: Vec<f64> = [0, 1, 2, 3, 4, 5, 9].map(|inputs| 1.0 / finest(inputs)).to_vec();
     assert_eq!(shares, [1024.0, 1024.0, 1024.0, 64.0, 16.0, 8.0, 8.0]);
 }
 
 #[test]
 fn a_proof_is_sought_for_what_has_none() {
-    // The first claim is said to have no proof, and the search gives one; the second has one, and is not asked again: the bound that it is said to have stays.
+    // The first claim is said to have no proof, and the squares give one; the second has one, and is not asked again: the bound that it is said to have stays.
     let case = Case::new(
         &[[-1.0, 1.0]],
         &[&[0], &[2]],
@@ -413,10 +406,15 @@ fn a_proof_is_sought_for_what_has_none() {
         vec![found(-1.0), found(0.25)]
     };
     assert!(task.is_unbroken(&unproven()) && !task.is_proven(&unproven()));
-    let again = task.proof(&claims, &coefficients, unproven(), 6);
+    let mut work = Work { left: MOST_WORK };
+    let again = task.proof(&claims, &coefficients, unproven(), &mut work);
     assert!(again[0].bound >= task.enough() && again[1].bound == 0.25, "{} {}", again[0].bound, again[1].bound);
-    let kept = task.proof(&claims, &coefficients, unproven(), 1);
-    assert_eq!([kept[0].bound, kept[1].bound], [-1.0, 0.25], "the usual work has been done already");
+    // One input and one entry: three moments, 27 multiplications a step.
+    let spent = MOST_WORK - work.left;
+    assert!(spent > 0 && spent % 27 == 0 && spent < 50 * 27, "{spent}");
+    work.left = 26;
+    let kept = task.proof(&claims, &coefficients, unproven(), &mut work);
+    assert_eq!(([kept[0].bound, kept[1].bound], work.left), ([-1.0, 0.25], 26), "nothing is left for it");
     let broken = vec![Found { bound: -1.0, seen: -1e-6, shares: vec![0.5] }];
     assert!(!task.is_unbroken(&broken));
 }

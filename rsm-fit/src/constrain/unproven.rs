@@ -6,7 +6,7 @@
 use serde::Serialize;
 
 use super::claim::Claim;
-use super::{Found, MOST_PATIENCE, MOST_SHIFT, SHIFT, Task};
+use super::{Found, MOST_SHIFT, SHIFT, Task};
 use crate::spec::Constraint;
 use crate::statistics::Named;
 
@@ -61,7 +61,7 @@ impl NotProven {
         claims: &[Claim],
         found: &[Found],
         rounds: &super::Rounds,
-        spent: usize,
+        work: f64,
         stopped_by: Stop,
     ) -> Self {
         let of_one = |(k, constraint): (usize, &Constraint)| {
@@ -83,7 +83,7 @@ impl NotProven {
         };
         let constraints = task.constraints.iter().enumerate().filter_map(of_one).collect();
         // The shift that a round was denied is not one at which anything was enforced.
-        let (shift, work) = (rounds.shift.min(MOST_SHIFT), spent.min(MOST_PATIENCE) as f64 / MOST_PATIENCE as f64);
+        let shift = rounds.shift.min(MOST_SHIFT);
         NotProven { constraints, stopped_by, shift, rounds: rounds.count, work }
     }
 }

@@ -1,0 +1,110 @@
+//! A proof that a symmetric matrix of polynomials is positive semidefinite over a region: weighted sums of squares.
+//!
+//! In: the entries of H(x), the box and the half-spaces of the region. Out: a number that no eigenvalue of H(x) is below anywhere in the region, or none. Never looks for a place where H is not positive
+//! semidefinite, never knows where H comes from.
+//!
+//! Branch and bound encloses H in cells. Where its least eigenvalue is next to 0 along whole curves and surfaces of x, the number of cells is a power of one over the distance from 0. A sum of squares
+//! has no cells: with x = c + h t, so that every t_k lies in [-1, 1],
+//!
+//! ```text
+//! u'(H(x) - m I)u = sum over k of g_k(t) v_k'X_k v_k + u'R(t)u,    v_k = u times every monomial of t up to a degree
+//! ```
+//!
+//! with weights g_k that are not negative in the region (`region.rs`) and X_k that are positive semidefinite: m less the norm of R is a bound. For a matrix that is positive definite over the region there are such sums once
+//! the degree is high enough (Putinar 1993, Indiana Univ. Math. J. 42; of matrices Scherer, Hol 2006, Math. Programming 107). The largest m of a degree is a semidefinite program (Parrilo 2003, Math. Programming 96; `moments.rs`).
+//! Where the least degree and the next do not do, the region is halved: the squares of one half need not fit the other.
+
+mod matrix;
+mod moments;
+mod region;
+
+use rsm_core::bernstein::Monomial;
+use rsm_core::interval::Interval;
+use rsm_core::model::HalfSpace;
+
+use moments::{Outcome, Program};
+use region::{Polynomial, Scaling};
+
+/// Cells of one proof; those of four inputs that were seen took 11 at most.
+const MOST_CELLS: usize = 64;
+
+/// Multiplications that may still be made, about: a step of a program counts the cube of its unknown moments.
+pub(super) struct Work {
+    pub left: u64,
+}
+
+/// No eigenvalue of the matrix with these entries (on and above its diagonal, row by row) is below the number in the part of the box in which the half-spaces hold. The number is at least `aim`; none where the work did not do for that.
+pub(super) fn least_eigenvalue(
+    entries: &[Vec<Monomial>],
+    sides: &[Interval],
+    spaces: &[HalfSpace],
+    aim: f64,
+    work: &mut Work,
+) -> Option<f64> {
+    let mut least = f64::INFINITY;
+    let mut cells = vec![sides.to_vec()];
+    let mut left = MOST_CELLS;
+    while let Some(cell) = cells.pop() {
+        match of_cell(entries, &cell, spaces, aim, work) {
+            Outcome::Bound(bound) => least = least.min(bound),
+            Outcome::Open(spreads) => {
+                // Both halves come to those that wait.
+                left = left.checked_sub(2)?;
+                // Across the variable that varies most, as a share of its side.
+                let share = |k: usize| (cell[k].high - cell[k].low) / (sides[k].high - sides[k].low);
+                let variance = |(k, of_cell): &(usize, f64)| of_cell * share(*k).powi(2);
+                let (axis, _) =
+                    spreads.into_iter().reduce(|one, other| if variance(&other) > variance(&one) { other } else { one })?;
+                let middle = cell[axis].low.midpoint(cell[axis].high);
+                for half in [Interval::new(cell[axis].low, middle), Interval::new(middle, cell[axis].high)] {
+                    let mut part = cell.clone();
+                    part[axis] = half;
+                    cells.push(part);
+                }
+            }
+            Outcome::Stopped => return None,
+        }
+    }
+    Some(least)
+}
+
+fn of_cell(entries: &[Vec<Monomial>], sides: &[Interval], spaces: &[HalfSpace], aim: f64, work: &mut Work) -> Outcome {
+    let size = (1..).find(|size| size * (size + 1) / 2 >= entries.len()).expect("a matrix has a size");
+    let scaling = Scaling::of(sides);
+    let entries: Vec<Polynomial> = entries.iter().map(|entry| scaling.polynomial(entry)).collect();
+    let entry = |a: usize, b: usize| &entries[a.min(b) * size - a.min(b) * (a.min(b) + 1) / 2 + a.max(b)];
+    let live: Vec<usize> = (0..size).filter(|a| (0..size).any(|b| !entry(*a, b).is_empty())).collect();
+    // An input in which nothing bends has the eigenvalue 0, to the bit.
+    let most = if live.len() < size { 0.0 } else { f64::INFINITY };
+    if most < aim {
+        return Outcome::Stopped;
+    }
+    let powers = |k: usize| entries.iter().flat_map(|entry| entry.keys()).map(move |powers| powers[k]);
+    let axes: Vec<usize> = (0..sides.len()).filter(|k| powers(*k).any(|power| power > 0)).collect();
+    // On other variables nothing depends: a half-space across one of them is left out.
+    let kept = |powers: &Vec<u32>| axes.iter().map(|k| powers[*k]).collect::<Vec<u32>>();
+    let of_live = |(k, a): (usize, &usize)| live[k..].iter().map(|b| entry(*a, *b)).collect::<Vec<_>>();
+    let matrix: Vec<Polynomial> = live
+        .iter()
+        .enumerate()
+        .flat_map(of_live)
+        .map(|entry| entry.iter().map(|(powers, value)| (kept(powers), *value)).collect())
+        .collect();
+    let Some(weights) = scaling.weights(spaces, &axes) else { return Outcome::Bound(f64::INFINITY) };
+    let degree = matrix.iter().flat_map(|entry| entry.keys()).map(|powers| powers.iter().sum::<u32>()).max();
+    let Some(degree) = degree else { return Outcome::Bound(most) };
+    let least = degree.div_ceil(2).max(1);
+    let mut outcome = Outcome::Stopped;
+    for half in [least, least + 1] {
+        let Some(program) = Program::new(&matrix, live.len(), &weights, half) else { break };
+        outcome = match program.solved(aim, work) {
+            Outcome::Bound(found) => return Outcome::Bound(found.min(most)),
+            Outcome::Open(spreads) => Outcome::Open(spreads.into_iter().map(|(k, spread)| (axes[k], spread)).collect()),
+            Outcome::Stopped => return Outcome::Stopped,
+        };
+    }
+    outcome
+}
+
+#[cfg(test)]
+mod tests;
