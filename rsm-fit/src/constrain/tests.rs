@@ -411,7 +411,7 @@ fn a_proof_is_sought_for_what_has_none() {
     assert!(again[0].bound >= task.enough() && again[1].bound == 0.25, "{} {}", again[0].bound, again[1].bound);
     // One input and one entry: three moments, 27 multiplications a step.
     let spent = MOST_WORK - work.left;
-    assert!(spent > 0 && spent % 27 == 0 && spent < 50 * 27, "{spent}");
+    assert!(spent > 0 && spent.is_multiple_of(27) && spent < 50 * 27, "{spent}");
     work.left = 26;
     let kept = task.proof(&claims, &coefficients, unproven(), &mut work);
     assert_eq!(([kept[0].bound, kept[1].bound], work.left), ([-1.0, 0.25], 26), "nothing is left for it");

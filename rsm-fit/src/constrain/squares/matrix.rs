@@ -196,8 +196,8 @@ mod tests {
             let right: Vec<f64> = (0..size).map(|k| k as f64 - 3.0).collect();
             let solved = factor.solved(&right);
             let product = matrix.times(&factor.inverse());
-            for i in 0..size {
-                assert!((dot(matrix.row(i), &solved) - right[i]).abs() < 1e-10);
+            for (i, right) in right.iter().enumerate() {
+                assert!((dot(matrix.row(i), &solved) - right).abs() < 1e-10);
                 for j in 0..size {
                     let expected = if i == j { 1.0 } else { 0.0 };
                     assert!((product.row(i)[j] - expected).abs() < 1e-10);
