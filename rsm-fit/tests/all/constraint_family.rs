@@ -255,13 +255,13 @@ fn feasible_convex_problems_of_three_and_four_inputs_end_with_a_proof() {
 /// What was found before there were proofs by sums of squares, a process a seed, 300 s at most on a machine that was busy: of seeds 91 to 269 all were proven near the least sum but 91, 95, 139, 143, 187, 191, 235 and 239 (convex, four inputs,
 /// order 4 and 5), which did not end, as 43; 90 took two minutes, 255 91 s, 266 63 s.
 ///
-/// With them, on a machine that was busier, so that processor time counts (of the fit and, where it is given, the bound of this test, which takes the larger part of it):
+/// With them, on a machine that was busier, with a fifth of a core a process:
 ///
 /// | seed | order | outcome |
 /// |---|---|---|
-/// | 139 | 4 | proven after 39 rounds, shift 2.1e-5, 3.8e-5 above the bound; 52 s with the bound |
-/// | 43, 91, 187, 235 | 4 | proven; 43 with its bound 97 s, 91 97 s before its bound ended |
-/// | 95, 143 | 5 | proven after 400 s and 490 s with a fifth of a core; the bound was not run to its end |
+/// | 139 | 4 | proven after 39 rounds and 74 s, shift 2.1e-5, 3.8e-5 above the bound; 52 s of processor time with the bound |
+/// | 43, 91, 187, 235 | 4 | proven after 198 s, 133 s, 140 s and 72 s; their bounds were not run to their ends |
+/// | 95, 143 | 5 | proven after 396 s and 490 s; their bounds were not run to their ends |
 /// | 191, 239 | 5 | not run to their ends |
 #[test]
 #[ignore = "takes hours: SEEDS=0-32 cargo test -p rsm-fit --test all -- --ignored --nocapture every_feasible"]
