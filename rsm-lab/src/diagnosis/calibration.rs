@@ -16,7 +16,8 @@ pub fn calibrate(kernel: &mut Kernel, file: &PlantFile, at_start: AtStart) -> Op
     let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
-    let mut nominal = Model::nominal(&bare, &records, [1.0; 3]);
+    let mut nominal = Model { at_start, ..Model::nominal(&bare, &[], [1.0; 3]) };
+    nominal.take_starts(&records, [1.0; 3]);
     nominal.file.effects = file.effects.clone();
     let simulated = kernel.run(&nominal)?;
     kernel.floors = estimate(kernel, &simulated, file);

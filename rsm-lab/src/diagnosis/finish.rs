@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
-use super::model::{Model, Place};
+use super::model::{AtStart, Model, Place};
 use super::noise::Floor;
 use super::open;
 use crate::plant_file::PlantFile;
@@ -53,12 +53,19 @@ pub fn written(file: &PlantFile, kernel: &Kernel, nominal: &Model, fit: &Fit) ->
         }
     }
     plant.initial = file.initial.clone();
-    let Some((first, starts)) = kernel.records.first().zip(fit.model.starts.first()) else { return plant };
-    for &place in starting(&first.record, file.kind) {
+    let Some((first, mut starts)) = kernel.records.first().zip(fit.model.starts.first().copied()) else { return plant };
+    let places = starting(&first.record, file.kind);
+    let is_hidden = |place: &usize| file.kind.output(file.kind.starts()[*place].name).is_none();
+    let mut in_motion = false;
+    if let Some((kernel, fit)) = began(kernel, fit) {
+        starts = fit.model.starts[0];
+        in_motion = places.iter().filter(|it| is_hidden(it)).any(|place| moves(&kernel, &fit, *place));
+    }
+    for &place in places {
         let name = file.kind.starts()[place].name;
         let wanted = match file.kind.output(name) {
             Some(output) => kernel.records.iter().all(|it| it.record.measured[output].is_none()),
-            None => moves(kernel, fit, place),
+            None => in_motion,
         };
         if wanted && plant.initial.iter().all(|(found, _)| *found != name) {
             plant.initial.push((name, starts[place]));
@@ -67,7 +74,26 @@ pub fn written(file: &PlantFile, kernel: &Kernel, nominal: &Model, fit: &Fit) ->
     plant
 }
 
-/// Whether the first record begins in motion: at rest it would cost more than three standard deviations of the noise.
+/// A fit of the start of the first record alone, with its records; `None` where records begin steadily. Rows that judged nothing, for causes that were not known yet could have a memory of what was before
+/// them, say best how it begins now that the causes stand.
+fn began(kernel: &Kernel, fit: &Fit) -> Option<(Kernel, Fit)> {
+    if fit.model.at_start == AtStart::Steady {
+        return None;
+    }
+    let mut first = kernel.records.first()?.clone();
+    for used in &mut first.used {
+        let aside = used.iter().position(|used| *used).unwrap_or(0);
+        used[..aside].fill(true);
+    }
+    let of_first = |place: &Place| matches!(place, Place::Start { record: 0, .. });
+    let unknowns = fit.model.unknowns.iter().filter(|it| of_first(&it.place)).cloned().collect();
+    let model = Model { starts: fit.model.starts[..1].to_vec(), unknowns, ..fit.model.clone() };
+    let kernel = kernel.on(vec![first]);
+    let fit = levenberg::fit(&kernel, model, STEPS)?;
+    Some((kernel, fit))
+}
+
+/// Whether a record begins in motion, by one number of its start: at rest it would cost more than three standard deviations of the noise.
 fn moves(kernel: &Kernel, fit: &Fit, place: usize) -> bool {
     let mut at_rest = fit.model.clone();
     at_rest.starts[0][place] = 0.0;

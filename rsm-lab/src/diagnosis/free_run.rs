@@ -4,7 +4,7 @@
 
 use super::kernel::{Kernel, Prepared};
 use super::levenberg::{self, Fit};
-use super::model::{Model, Place};
+use super::model::{AtStart, Model, Place};
 use super::noise::Floor;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
@@ -31,6 +31,7 @@ pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], nois
     let own = |place: &Place| matches!(place, Place::Effect { number, .. } if numbers.contains(number));
     model.unknowns.retain(|it| own(&it.place));
     model.file.initial.clear();
+    model.at_start = AtStart::of(model.file.kind, whole.into_iter());
     model.take_starts(&whole, noise);
     let beginning = Prepared::new(record.clone(), model.file.kind.outputs().len()).shortened(rows);
     let kernel = Kernel::new(vec![beginning], noise.map(Floor::white), 1);

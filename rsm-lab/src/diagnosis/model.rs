@@ -141,9 +141,12 @@ pub enum AtStart {
     InMotion,
 }
 
-/// Whether the first readings of an axis say that it moves.
-pub fn moves_at_start(record: &Record) -> bool {
-    speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVES * sd)
+impl AtStart {
+    /// As the records of an axis show: in motion where the first readings of one of them say that it moves. Records of other plants begin steadily, as long as no simulation shows the contrary.
+    pub fn of<'a>(kind: PlantKind, mut records: impl Iterator<Item = &'a Record>) -> Self {
+        let moves = |record| speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVES * sd);
+        if kind == PlantKind::ServoAxis && records.any(moves) { AtStart::InMotion } else { AtStart::Steady }
+    }
 }
 
 /// The speed at which an axis begins, and its standard deviation.
@@ -184,7 +187,8 @@ impl Model {
                 });
             }
         }
-        let mut model = Model { file: file.clone(), starts: Vec::new(), unknowns, at_start: AtStart::Steady };
+        let at_start = AtStart::of(file.kind, records.iter().copied());
+        let mut model = Model { file: file.clone(), starts: Vec::new(), unknowns, at_start };
         model.take_starts(records, sds);
         model
     }

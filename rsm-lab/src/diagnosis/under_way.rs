@@ -43,12 +43,12 @@ pub fn set_aside(kernel: &mut Kernel, unseen: &mut Kernel, kind: PlantKind) {
 
 /// How records of an axis begin; where in motion, their first rows are set aside. Of other plants: steadily, as long as nothing shows the contrary.
 pub fn of_axis(kernel: &mut Kernel, unseen: &mut Kernel, file: &PlantFile) -> AtStart {
-    let mut records = kernel.records.iter().chain(&unseen.records);
-    if file.kind != PlantKind::ServoAxis || !records.any(|it| model::moves_at_start(&it.record)) {
-        return AtStart::Steady;
+    let records = kernel.records.iter().chain(&unseen.records).map(|it| &it.record);
+    let at_start = AtStart::of(file.kind, records);
+    if at_start == AtStart::InMotion {
+        set_aside(kernel, unseen, file.kind);
     }
-    set_aside(kernel, unseen, file.kind);
-    AtStart::InMotion
+    at_start
 }
 
 /// Whether a record that is fitted, or one that is not, begins so.

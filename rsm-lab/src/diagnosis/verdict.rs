@@ -210,6 +210,18 @@ impl Diagnosis {
     }
 }
 
+/// Places of gains, the largest first.
+fn by_gain(gains: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..gains.len()).collect();
+    order.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
+    order
+}
+
+/// What rounding may leave beside noise: nothing where the floors of all rounded outputs know it, and their noise is white.
+fn of_rounding<'a>(mut rounded: impl Iterator<Item = &'a Floor>) -> f64 {
+    if rounded.all(|floor| floor.rounding.is_some() && floor.correlation == 0.0) { 0.0 } else { OF_ROUNDING }
+}
+
 /// Everything that there is to say.
 #[must_use]
 pub fn conclude(
@@ -244,8 +256,7 @@ pub fn conclude(
         before.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
         after.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
     );
-    let mut order: Vec<usize> = (0..believed.len()).collect();
-    order.sort_by(|a, b| believed[*b].gain.total_cmp(&believed[*a].gain));
+    let order = by_gain(&believed.iter().map(|it| it.gain).collect::<Vec<_>>());
     let steps = steps::steps(kernel, judged, nominal, &calibrated, &fit, &order);
     let left = whiteness::look(kernel, &fit);
     // On unseen records the numbers of the plant may move as far as they are unsure.
@@ -256,13 +267,13 @@ pub fn conclude(
     let predicts = there.iter().filter_map(|(there, fit)| predicted::look(there, fit)).chain(predicted::look(kernel, &fit));
     let predicted = predicts.max_by(|a, b| a.excess.total_cmp(&b.excess));
     let wrong = wrong_a_row(calibrated.cost, calibrated.residual.len());
-    let told = |floor: &Floor| floor.rounding.is_some() && floor.correlation == 0.0;
-    let told = rounded.iter().all(|(output, _)| told(&kernel.floors[*output]));
-    let of_rounding = if told { 0.0 } else { OF_ROUNDING };
-    let most_left = left.excess.max(left_unseen.as_ref().map_or(0.0, |it| it.excess));
-    let most_left = most_left.max(predicted.as_ref().map_or(0.0, |it| it.excess));
-    let most_left = most_left.max(everywhere.as_ref().map_or(0.0, |it| it.excess));
-    let beyond = most_left > allowed(of_rounding, wrong);
+    let elsewhere = [
+        left_unseen.as_ref().map(|it| it.excess),
+        predicted.as_ref().map(|it| it.excess),
+        everywhere.as_ref().map(|it| it.excess),
+    ];
+    let most_left = elsewhere.into_iter().flatten().fold(left.excess, f64::max);
+    let beyond = most_left > allowed(of_rounding(rounded.iter().map(|(output, _)| &kernel.floors[*output])), wrong);
     let practical = if beyond && !believed.is_empty() { practical(most_left, wrong) } else { None };
     let structure = beyond && practical.is_none();
     let calibrated_there = validation::on(judged, &calibrated.model);

@@ -205,3 +205,20 @@ fn a_cause_is_told_in_its_sentence_with_the_numbers_of_its_own_entry() {
         format!("The parameter mass is {}, not what the plant file says.", with_unit(&mass.parameters[0]))
     );
 }
+
+#[test]
+fn causes_are_told_by_their_gain() {
+    assert_eq!(by_gain(&[2.0, 5.0, 1.0, 3.0]), [1, 3, 0, 2]);
+}
+
+#[test]
+fn rounding_may_leave_something_where_one_floor_does_not_know_it() {
+    let plain = Floor::white(0.1);
+    let known = Floor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..plain };
+    let slow = Floor { correlation: 0.2, ..known };
+    assert_eq!(of_rounding([].into_iter()), 0.0);
+    assert_eq!(of_rounding([&known, &known].into_iter()), 0.0);
+    for one in [&plain, &slow] {
+        assert_eq!(of_rounding([&known, one].into_iter()), OF_ROUNDING);
+    }
+}
