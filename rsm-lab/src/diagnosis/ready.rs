@@ -95,7 +95,6 @@ impl Ready {
         }
         if under_way::shown(&kernel, &calibrated, &unseen) {
             (options.progress)("a record begins in the middle of a motion: torque and twist are unknown there");
-            under_way::set_aside(&mut kernel, &mut unseen, file.kind);
             (nominal, calibrated) = anew(&mut kernel, &mut unseen, AtStart::InMotion)?;
         }
         let mut recorded = [&kernel, &unseen].map(Recorded::of);
@@ -169,7 +168,6 @@ impl Ready {
 
     /// From here on records begin in motion.
     pub fn begins_in_motion(&mut self) {
-        under_way::set_aside(&mut self.kernel, &mut self.unseen, self.nominal.file.kind);
         let records: Vec<&Record> = self.kernel.records.iter().map(|it| &it.record).collect();
         for model in [&mut self.nominal, &mut self.calibrated.model] {
             model.at_start = AtStart::InMotion;

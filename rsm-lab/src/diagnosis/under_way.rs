@@ -20,33 +20,23 @@ const STEPS: usize = 4;
 /// Three numbers of a start gain 3 in noise, and 30 once in a million records. Where more than noise is left, so many times that.
 const GAINS: f64 = 30.0;
 
-/// How long a plant with its drives and sensors remembers, s. Delays and lags of an axis are tens of milliseconds, and a position loop of some 30/s forgets in as many; sensors of a car lag by
-/// tenths of a second, and a driveshaft swings as long.
-fn remembers(kind: PlantKind) -> f64 {
-    match kind {
-        PlantKind::Driveline => 1.0,
-        PlantKind::Pmac | PlantKind::ServoAxis => 0.1,
-    }
-}
+/// How long an axis with its drives and sensors remembers, s: delays and lags are tens of milliseconds, and a position loop of some 30/s forgets in as many.
+const REMEMBERED: f64 = 0.1;
 
 /// Rows that judge nothing are at most this share of a record.
 const MOST_SHARE: usize = 10;
 
-/// First rows lead the simulation and judge nothing from here on: as many as the plant remembers.
-pub fn set_aside(kernel: &mut Kernel, unseen: &mut Kernel, kind: PlantKind) {
-    for prepared in kernel.records.iter_mut().chain(&mut unseen.records) {
-        let rows = prepared.record.rows();
-        let first = ((remembers(kind) / prepared.record.period) as usize).min(rows / MOST_SHARE);
-        prepared.used.iter_mut().for_each(|used| used[..first].fill(false));
-    }
-}
-
-/// How records of an axis begin; where in motion, their first rows are set aside. Of other plants: steadily, as long as nothing shows the contrary.
+/// How records of an axis begin; where in motion, their first rows lead the simulation and judge nothing from here on. Of other plants: steadily, as long as nothing shows the contrary.
 pub fn of_axis(kernel: &mut Kernel, unseen: &mut Kernel, file: &PlantFile) -> AtStart {
     let records = kernel.records.iter().chain(&unseen.records).map(|it| &it.record);
     let at_start = AtStart::of(file.kind, records);
-    if at_start == AtStart::InMotion {
-        set_aside(kernel, unseen, file.kind);
+    if at_start == AtStart::Steady {
+        return at_start;
+    }
+    for prepared in kernel.records.iter_mut().chain(&mut unseen.records) {
+        let rows = prepared.record.rows();
+        let first = ((REMEMBERED / prepared.record.period) as usize).min(rows / MOST_SHARE);
+        prepared.used.iter_mut().for_each(|used| used[..first].fill(false));
     }
     at_start
 }
