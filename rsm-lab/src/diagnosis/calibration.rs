@@ -16,13 +16,11 @@ pub fn calibrate(kernel: &mut Kernel, file: &PlantFile, at_start: AtStart) -> Op
     let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
-    let mut nominal = Model { at_start, ..Model::nominal(&bare, &[], [1.0; 3]) };
-    nominal.take_starts(&records, [1.0; 3]);
+    let mut nominal = Model::beginning(&bare, at_start, &records, [1.0; 3]);
     nominal.file.effects = file.effects.clone();
     let simulated = kernel.run(&nominal)?;
     kernel.floors = estimate(kernel, &simulated, file);
-    nominal = Model { at_start, ..Model::nominal(file, &[], kernel.floors.map(|floor| floor.sd)) };
-    nominal.take_starts(&records, kernel.floors.map(|floor| floor.sd));
+    nominal = Model::beginning(file, at_start, &records, kernel.floors.map(|floor| floor.sd));
     let fit = levenberg::fit(kernel, nominal.clone(), 8)?;
     kernel.floors = floors(kernel, &fit, file);
     let fit = converged(kernel, levenberg::fit(kernel, fit.model, 8)?)?;

@@ -171,6 +171,12 @@ impl Model {
     /// The nominal plant: parameters with a tolerance and all starts are unknown.
     #[must_use]
     pub fn nominal(file: &PlantFile, records: &[&Record], sds: [f64; 3]) -> Self {
+        Model::beginning(file, AtStart::of(file.kind, records.iter().copied()), records, sds)
+    }
+
+    /// The same, where it is known how records begin.
+    #[must_use]
+    pub fn beginning(file: &PlantFile, at_start: AtStart, records: &[&Record], sds: [f64; 3]) -> Self {
         let mut unknowns = Vec::new();
         for (name, tolerance) in &file.tolerance {
             let (Some(value), true) = (file.parameters.optional(name), *tolerance > 0.0) else { continue };
@@ -187,7 +193,6 @@ impl Model {
                 });
             }
         }
-        let at_start = AtStart::of(file.kind, records.iter().copied());
         let mut model = Model { file: file.clone(), starts: Vec::new(), unknowns, at_start };
         model.take_starts(records, sds);
         model

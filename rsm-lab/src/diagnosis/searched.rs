@@ -240,10 +240,8 @@ fn of_one_record(
         known_loop: None,
         everywhere: None,
     };
-    let at_start = own.fit.model.at_start;
-    let mut nominal = Model { at_start, ..Model::nominal(file, &[], own.kernel.floors.map(|floor| floor.sd)) };
     let records: Vec<&Record> = own.kernel.records.iter().map(|it| &it.record).collect();
-    nominal.take_starts(&records, own.kernel.floors.map(|floor| floor.sd));
+    let nominal = Model::beginning(file, own.fit.model.at_start, &records, own.kernel.floors.map(|floor| floor.sd));
     let mut whole = verdict::conclude(file, &own.kernel, &own.unseen, &nominal, nothing, findings, &[]);
     whole.verdict = match (whole.verdict, its.verdict) {
         (Verdict::NoDiscrepancy, Verdict::Explained) => Verdict::Explained,

@@ -110,9 +110,8 @@ mod tests {
         let mut kernel = Kernel::new(records, [Floor::white(1e-6); 3], 1);
         let mut unseen = Kernel::new(vec![axis(&file, 0.0, 4)], [Floor::white(1e-6); 3], 1);
         let at_start = of_axis(&mut kernel, &mut unseen, &file);
-        let mut model = Model { at_start, ..Model::nominal(&file, &[], [1e-6; 3]) };
         let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
-        model.take_starts(&records, [1e-6; 3]);
+        let model = Model::beginning(&file, at_start, &records, [1e-6; 3]);
         let is_speed = |place: &model::Place| matches!(place, model::Place::Start { place: 1, .. });
         let unknown = model.unknowns.iter().filter(|it| is_speed(&it.place)).count();
         let judging = kernel.records.iter().chain(&unseen.records).map(|it| it.used[0].iter().filter(|used| **used).count());
