@@ -1,6 +1,6 @@
 //! What a simulation and a diagnosis cost.
 //!
-//! In: the plants that rsm-lab ships, an effect for each, records of steps from fixed seeds. Out: rows a second along a record of 8000 rows, and the seconds of a diagnosis of
+//! In: the plants that rsm-sim ships, an effect for each, records of steps from fixed seeds. Out: rows a second along a record of 8000 rows, and the seconds of a diagnosis of
 //! three such records with sensor noise. Every run is the whole of what `rsm simulate` and `rsm diagnose` do, but for files.
 
 use std::fmt::Write as _;
@@ -8,11 +8,11 @@ use std::path::Path;
 use std::time::Instant;
 
 use rsm_core::source::Source;
-use rsm_lab::diagnosis::random::Random;
-use rsm_lab::diagnosis::{Diagnosis, Options, diagnose};
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::record::Record;
-use rsm_lab::simulate::{Outputs, Simulator};
+use rsm_diagnose::plant::random::Random;
+use rsm_diagnose::plant::{Diagnosis, Options, diagnose};
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+use rsm_sim::simulate::{Outputs, Simulator};
 
 /// Rows of a record.
 pub const ROWS: usize = 8000;
@@ -55,7 +55,7 @@ impl Subject {
     }
 
     fn file(&self, effects: &str) -> PlantFile {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../rsm-lab/plants/{}.toml", self.plant));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../rsm-sim/plants/{}.toml", self.plant));
         let shipped = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let name = format!("{}.toml", self.plant);
         PlantFile::read(&Source::new(name, shipped + effects)).unwrap_or_else(|faults| panic!("{faults}"))

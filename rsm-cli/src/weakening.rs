@@ -8,9 +8,9 @@ use rsm_core::source::Source;
 use rsm_fit::fit::Outcome as Fitted;
 use rsm_fit::plan::{DesignSpecification, Plan};
 use rsm_fit::spec::Specification;
-use rsm_lab::bench::{self, Bench, Setting};
-use rsm_lab::motor::closed_loop::Drive;
-use rsm_lab::plant_file::PlantFile;
+use rsm_rigs::bench::{self, Bench, Setting};
+use rsm_rigs::motor::closed_loop::Drive;
+use rsm_sim::plant_file::PlantFile;
 
 use crate::commands::{experiment, fit};
 use crate::outcome::Refusal;
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn the_shipped_motor_has_the_shipped_ranges() {
-        let text = include_str!("../../rsm-lab/plants/pmac.toml");
+        let text = include_str!("../../rsm-sim/plants/pmac.toml");
         let plant = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
         let (bench, specification) = for_motor(&plant);
         assert_eq!(bench, Bench::default());

@@ -94,7 +94,5 @@ pub mod recursive;
 
 pub mod plan;
 
-pub mod diagnosis;
-
 #[cfg(test)]
 mod reference;

@@ -5,7 +5,7 @@
 #include "motor_step.h"
 #include "throttle_step.h"
 
-/* The motor of rsm-lab/plants/pmac.toml at 10 kHz. */
+/* The motor of rsm-sim/plants/pmac.toml at 10 kHz. */
 extern const motor_drive tables_drive;
 
 /* Everything between the converters and the throttle's step: a board with other sensors has another table. */

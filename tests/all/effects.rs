@@ -1,17 +1,17 @@
-//! Every effect of the catalogue, against plants that share no code with `rsm-lab`.
+//! Every effect of the catalogue, against plants that share no code with `rsm-sim`.
 //!
 //! `hidden-effects` is written from docs/book/src/reference/plants.md alone: another frame, other states, another integrator. What the two simulations agree on is the text.
 
 use hidden_effects::verification::{self, Check};
 use rsm_core::source::Source;
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::record::Record;
-use rsm_lab::simulate::Simulator;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+use rsm_sim::simulate::Simulator;
 
 /// Any: nothing was chosen by it. `hidden-effects verify` runs others, at full length.
 const SEED: u64 = 20;
 
-/// What `rsm-lab` makes of a plant file along the record of a check.
+/// What `rsm-sim` makes of a plant file along the record of a check.
 fn simulated(check: &Check, plant: &str) -> Vec<Vec<f64>> {
     let plant = PlantFile::read(&Source::new("plant.toml", plant)).unwrap_or_else(|faults| panic!("{faults}"));
     let record = Record::read(&Source::new("record.csv", check.csv()), &plant).unwrap_or_else(|faults| panic!("{faults}"));

@@ -32,7 +32,10 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "rsm-fit", ours: &["rsm-core"], aside: &[], outside: None },
     // Files of other tools: it knows units and tables, neither plants nor models.
     Law { package: "rsm-import", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
-    Law { package: "rsm-lab", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
+    Law { package: "rsm-sim", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
+    Law { package: "rsm-rigs", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
+    // It knows plants, not rigs: a diagnosis may not know how a record was made.
+    Law { package: "rsm-diagnose", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
     Law {
         package: "rsm-cli",
         ours: &[
@@ -40,7 +43,9 @@ pub(super) const LAWS: &[Law] = &[
             "rsm-macros",
             "rsm-fit",
             "rsm-import",
-            "rsm-lab",
+            "rsm-sim",
+            "rsm-rigs",
+            "rsm-diagnose",
             "host-loop",
             "host-runners",
             "motor-loop",
@@ -59,7 +64,7 @@ pub(super) const LAWS: &[Law] = &[
     // On a host, so the plants that the loops run against may be there.
     Law {
         package: "host-runners",
-        ours: &["host-loop", "motor-loop", "throttle-loop", "rsm-core", "rsm-lab"],
+        ours: &["host-loop", "motor-loop", "throttle-loop", "rsm-core", "rsm-sim", "rsm-rigs"],
         aside: &[],
         outside: Some(&["stats_alloc"]),
     },
@@ -69,7 +74,8 @@ pub(super) const LAWS: &[Law] = &[
             "rsm-core",
             "rsm-macros",
             "rsm-fit",
-            "rsm-lab",
+            "rsm-sim",
+            "rsm-rigs",
             "host-loop",
             "host-runners",
             "motor-loop",
@@ -79,9 +85,14 @@ pub(super) const LAWS: &[Law] = &[
         aside: &["rsm-core"],
         outside: None,
     },
-    // Judges what rsm-lab says by records that rsm-lab did not make: with one import of ours, an error could stand on both sides.
+    // Judges what a diagnosis says by records that our plants did not make: with one import of ours, an error could stand on both sides.
     Law { package: "hidden-effects", ours: &[], aside: &[], outside: Some(&["serde_json"]) },
-    Law { package: "fuzz", ours: &["rsm-core", "rsm-fit", "rsm-import", "rsm-lab"], aside: &[], outside: Some(&[]) },
+    Law {
+        package: "fuzz",
+        ours: &["rsm-core", "rsm-fit", "rsm-import", "rsm-sim", "rsm-diagnose"],
+        aside: &[],
+        outside: Some(&[]),
+    },
     // Reads sources as text; it knows none of ours.
     Law {
         package: "mutants",
@@ -89,7 +100,7 @@ pub(super) const LAWS: &[Law] = &[
         aside: &[],
         outside: Some(&["prettyplease", "proc-macro2", "quote", "serde_json", "syn"]),
     },
-    Law { package: "rsm-bench", ours: &["rsm-core", "rsm-macros", "rsm-lab"], aside: &[], outside: None },
+    Law { package: "rsm-bench", ours: &["rsm-core", "rsm-macros", "rsm-sim", "rsm-diagnose"], aside: &[], outside: None },
     Law { package: "xtask", ours: &[], aside: &[], outside: Some(&[]) },
 ];
 

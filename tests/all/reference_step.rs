@@ -1,4 +1,4 @@
-//! `rsm check --limits` proves the step of `rsm-lab/src/motor/limits/step.rs`. Here it gives the bits of the step that runs, `motor_loop::references`, and the proof's
+//! `rsm check --limits` proves the step of `rsm-rigs/src/motor/limits/step.rs`. Here it gives the bits of the step that runs, `motor_loop::references`, and the proof's
 //! box holds what the drive lets pass.
 //!
 //! The copy has no judgement of samples and no memory: it is asked with what the target's step went on with, which its state tells after the tick.
@@ -10,14 +10,14 @@ use motor_loop::{
 };
 use rsm_core::check::Checked;
 use rsm_core::source::Source;
-use rsm_lab::motor::limits::range::Range;
-use rsm_lab::motor::limits::step::{Constants, Step, Tapes};
-use rsm_lab::motor::limits::{self, Operation, Verdict};
-use rsm_lab::plant_file::{Parameters, PlantFile};
+use rsm_rigs::motor::limits::range::Range;
+use rsm_rigs::motor::limits::step::{Constants, Step, Tapes};
+use rsm_rigs::motor::limits::{self, Operation, Verdict};
+use rsm_sim::plant_file::{Parameters, PlantFile};
 use rsm_tests::cases;
 
 fn parameters() -> Parameters {
-    let source = Source::read(&cases::root().join("rsm-lab/plants/pmac.toml")).unwrap_or_else(|faults| panic!("{faults}"));
+    let source = Source::read(&cases::root().join("rsm-sim/plants/pmac.toml")).unwrap_or_else(|faults| panic!("{faults}"));
     PlantFile::read(&source).unwrap_or_else(|faults| panic!("{faults}")).effective_parameters()
 }
 

@@ -1,6 +1,6 @@
 //! `rsm experiment`: the simulated bench and the simulated track, by a plan.
 //!
-//! In: a plan and a plant file. Out: a CSV of measured points or runs, and records of the runs, whole or absent. The simulation is rsm-lab's; here are files and words.
+//! In: a plan and a plant file. Out: a CSV of measured points or runs, and records of the runs, whole or absent. The simulation is rsm-rigs'; here are files and words.
 
 use std::path::{Path, PathBuf};
 
@@ -9,14 +9,14 @@ use indicatif::ProgressBar;
 use rsm_core::check::Checked;
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_fit::plan::Plan;
-use rsm_lab::bench::{self, Bench, Setting};
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::threads::threads;
-use rsm_lab::track::experiment::{self, FLAGGED_AT_MOST};
-use rsm_lab::track::measure::Measured;
-use rsm_lab::track::plan::TrackPlan;
-use rsm_lab::track::rounds;
-use rsm_lab::track::run::Compensation;
+use rsm_rigs::bench::{self, Bench, Setting};
+use rsm_rigs::track::experiment::{self, FLAGGED_AT_MOST};
+use rsm_rigs::track::measure::Measured;
+use rsm_rigs::track::plan::TrackPlan;
+use rsm_rigs::track::rounds;
+use rsm_rigs::track::run::Compensation;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::threads::threads;
 use serde_json::json;
 
 use crate::outcome::{Answer, Outcome, Refusal};

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use rsm_core::source::{Fault, Faults, Source};
 use rsm_import::{File, Named, Record, Wishes};
-use rsm_lab::plant_file::PlantFile;
+use rsm_sim::plant_file::PlantFile;
 use serde_json::{Value, json};
 
 use crate::outcome::{Answer, Outcome};
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if let Some(path) = &arguments.plant {
         let plant = PlantFile::read(&Source::read(path)?)?;
         let name = arguments.out.display().to_string();
-        rsm_lab::record::Record::read_with_gaps(&Source::new(name, &*text), &plant).map_err(|found| of_import(&found, path))?;
+        rsm_sim::record::Record::read_with_gaps(&Source::new(name, &*text), &plant).map_err(|found| of_import(&found, path))?;
     }
     output::write_all(&[(arguments.out.clone(), text.as_bytes())])?;
     for note in &record.notes {

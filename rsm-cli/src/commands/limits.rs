@@ -1,15 +1,15 @@
 //! `rsm check --limits`: whether the motor's loop around the surfaces keeps the limits of voltage and current.
 //!
-//! In: a checked model, a plant file, the box. Out: the answer of `rsm_lab::motor::limits` in words and as JSON. No mathematics of its own.
+//! In: a checked model, a plant file, the box. Out: the answer of `rsm_rigs::motor::limits` in words and as JSON. No mathematics of its own.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use rsm_core::check::Checked as Model;
 use rsm_core::source::Source;
-use rsm_lab::kind::PlantKind;
-use rsm_lab::motor::limits::{self, Limits, Operation, Point, Share, Verdict};
-use rsm_lab::plant_file::PlantFile;
+use rsm_rigs::motor::limits::{self, Limits, Operation, Point, Share, Verdict};
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
 use serde_json::{Map, Value, json};
 
 use super::check::Problem;

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rsm_core::source::Source;
-use rsm_lab::kind::{PlantKind, Signal};
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::record::{self, Drive, Record};
-use rsm_lab::simulate::{Outputs, Simulator};
+use rsm_sim::kind::{PlantKind, Signal};
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::{self, Drive, Record};
+use rsm_sim::simulate::{Outputs, Simulator};
 use serde_json::{Map, Value, json};
 
 use crate::outcome::{Answer, Outcome, Refusal};

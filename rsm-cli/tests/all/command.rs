@@ -273,7 +273,7 @@ fn the_demo_reaches_the_figures_of_the_paper() {
 #[test]
 fn simulate_writes_a_record_that_it_reads_again() {
     let here = folder();
-    let plants = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants");
+    let plants = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants");
     let file = |name: &str| plants.join(name).canonicalize().unwrap().display().to_string();
     for plant in ["pmac", "driveline", "servo-axis"] {
         let (model, record) = (file(&format!("{plant}.toml")), file(&format!("{plant}.csv")));

@@ -3,7 +3,7 @@
 use super::command::{folder, json, keys, rsm, text};
 
 fn shipped(name: &str) -> String {
-    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants").join(name).display().to_string()
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).display().to_string()
 }
 
 #[test]

@@ -8,12 +8,12 @@ use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_fit::fit::fit;
 use rsm_fit::spec::Specification;
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::track::experiment::{csv, experiment};
-use rsm_lab::track::figures::{LASH, Study, car, with_lash};
-use rsm_lab::track::gearbox::{self, Against, OTHER_RATIOS, with_ratios};
-use rsm_lab::track::plan::TrackPlan;
-use rsm_lab::track::rounds::{self, Poles, specification};
+use rsm_rigs::track::experiment::{csv, experiment};
+use rsm_rigs::track::figures::{LASH, Study, car, with_lash};
+use rsm_rigs::track::gearbox::{self, Against, OTHER_RATIOS, with_ratios};
+use rsm_rigs::track::plan::TrackPlan;
+use rsm_rigs::track::rounds::{self, Poles, specification};
+use rsm_sim::plant_file::PlantFile;
 use serde_json::json as value;
 
 use crate::command::{folder, json, published, rsm, text};
@@ -33,7 +33,7 @@ fn shipped(name: &str) -> PathBuf {
 }
 
 fn nominal() -> PlantFile {
-    let path = root().join("rsm-lab/plants/driveline.toml");
+    let path = root().join("rsm-sim/plants/driveline.toml");
     PlantFile::read(&Source::new("driveline.toml", std::fs::read_to_string(path).unwrap())).unwrap()
 }
 
@@ -99,7 +99,7 @@ const PLAN: &str = "run[1],gear[1],engine_speed[rpm]\n1,2,3000\n2,1,2000\n";
 fn an_experiment_gives_a_row_a_run_and_records_that_simulate_reads() {
     let here = folder();
     std::fs::write(here.path().join("plan.csv"), PLAN).unwrap();
-    let plant = root().join("rsm-lab/plants/driveline.toml").canonicalize().unwrap().display().to_string();
+    let plant = root().join("rsm-sim/plants/driveline.toml").canonicalize().unwrap().display().to_string();
     let run = |further: &[&str], out: &str| {
         let arguments = ["experiment", "driveline", "--plan", "plan.csv", "--plant", &plant, "--out", out, "--json"];
         let output = rsm(&[&arguments[..], further].concat(), here.path());
@@ -127,8 +127,8 @@ fn an_experiment_gives_a_row_a_run_and_records_that_simulate_reads() {
 fn bad_plans_and_compensators_are_refused_with_their_lines() {
     let here = folder();
     let write = |name: &str, text: &str| std::fs::write(here.path().join(name), text).unwrap();
-    let driveline = root().join("rsm-lab/plants/driveline.toml").canonicalize().unwrap().display().to_string();
-    let motor = root().join("rsm-lab/plants/pmac.toml").canonicalize().unwrap().display().to_string();
+    let driveline = root().join("rsm-sim/plants/driveline.toml").canonicalize().unwrap().display().to_string();
+    let motor = root().join("rsm-sim/plants/pmac.toml").canonicalize().unwrap().display().to_string();
     let model = published("driveline.toml");
     let (absent, none) = (format!("{model}:nothing"), published("throttle.toml"));
     let bad = "run[1],gear[1],engine_speed[rpm],load[kg]\n1,6,3000,0\n2,2,-1,0\n3,2,3000,-5\n";
@@ -238,7 +238,7 @@ fn the_shipped_runs_predict_a_car_with_another_gearbox() {
 #[test]
 fn the_load_is_a_third_factor_from_plan_to_c() {
     let here = folder();
-    let plant = root().join("rsm-lab/plants/driveline.toml").canonicalize().unwrap().display().to_string();
+    let plant = root().join("rsm-sim/plants/driveline.toml").canonicalize().unwrap().display().to_string();
     std::fs::copy(shipped("load.toml"), here.path().join("load.toml")).unwrap();
     for (name, seed, runs) in [("tip-in-load", "1", 75), ("tip-in-load-unseen", "2", 40)] {
         let design = shipped(&format!("{name}.toml")).display().to_string();

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::command::{folder, json, keys, rsm, text};
 
 fn shipped(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name);
     path.canonicalize().unwrap().display().to_string()
 }
 

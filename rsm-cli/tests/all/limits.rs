@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::command::{folder, published, rsm, text};
 
 fn plants(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants").join(name).display().to_string()
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).display().to_string()
 }
 
 /// The shipped surfaces, and those of a loop that weakens too little: the slope of the weakening current over the speed is 12 A in place of 19 A.

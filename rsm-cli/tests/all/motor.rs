@@ -25,7 +25,7 @@ fn scratch() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }
 
-const PLANT: &str = "../../../rsm-lab/plants/pmac.toml";
+const PLANT: &str = "../../../rsm-sim/plants/pmac.toml";
 
 /// Tables agree in every cell to the last of the six digits that are written: another library's sine may differ in its last bit.
 fn same_table(found: &str, expected: &str) -> bool {
@@ -97,7 +97,7 @@ fn what_the_bench_cannot_set_is_refused_with_its_line() {
     );
     let found = refused("run[1],depth[%],angle[deg]\n1,10,0\n", PLANT);
     assert!(found.contains("the plan has no factor `advance`") && found.contains("the bench has no factor `angle`"), "{found}");
-    let found = refused("run[1],depth[%],advance[deg]\n1,10,0\n", "../../../rsm-lab/plants/driveline.toml");
+    let found = refused("run[1],depth[%],advance[deg]\n1,10,0\n", "../../../rsm-sim/plants/driveline.toml");
     assert!(found.contains("driveline.toml") && found.contains("found \"driveline\", expected \"pmac\""), "{found}");
     // Units are converted: half a turn in rad is beyond the last advance all the same.
     let found = refused("run[1],depth[1],advance[rad]\n1,0.5,3.1416\n", PLANT);

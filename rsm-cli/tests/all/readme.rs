@@ -42,11 +42,11 @@ fn the_example_of_the_readme_gives_the_header_that_it_promises() {
 fn the_diagnosis_of_the_readme_names_the_cause_that_it_promises() {
     let script = block("## What a simulation gets wrong");
     let folder = tempfile::tempdir().unwrap();
-    let (plants, example) = (folder.path().join("rsm-lab/plants"), folder.path().join("example"));
+    let (plants, example) = (folder.path().join("rsm-sim/plants"), folder.path().join("example"));
     std::fs::create_dir_all(&plants).unwrap();
     std::fs::create_dir_all(&example).unwrap();
     for name in ["servo-axis.toml", "servo-axis.csv"] {
-        std::fs::copy(root().join("rsm-lab/plants").join(name), plants.join(name)).unwrap();
+        std::fs::copy(root().join("rsm-sim/plants").join(name), plants.join(name)).unwrap();
     }
     let text = run(&script, &example);
     let promised = script.lines().rev().find_map(|line| line.split_once("# ")).unwrap().1.trim();

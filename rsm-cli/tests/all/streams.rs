@@ -13,7 +13,7 @@ const DESIGN: &str =
     "format = 1\nplan = \"p\"\nseed = 1\ndesign = \"random\"\nruns = 5\n[factors.a]\nunit = \"1\"\nrange = [0, 1]\n";
 
 fn shipped(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants").join(name).canonicalize().unwrap().display().to_string()
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).canonicalize().unwrap().display().to_string()
 }
 
 /// A folder with something to read for every subcommand.

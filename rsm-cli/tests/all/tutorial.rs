@@ -69,10 +69,10 @@ fn every_block_of_the_first_hour_prints_what_the_page_says() {
     assert!(steps.len() > 12 && steps.iter().filter(|step| !step.prints.is_empty()).count() > 8);
     // A clone, as far as the tutorial needs one.
     let clone = tempfile::tempdir().unwrap();
-    let plants = clone.path().join("rsm-lab/plants");
+    let plants = clone.path().join("rsm-sim/plants");
     std::fs::create_dir_all(&plants).unwrap();
     for name in ["servo-axis.toml", "servo-axis.csv"] {
-        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants").join(name);
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name);
         std::fs::copy(shipped, plants.join(name)).unwrap();
     }
     let mut script = "exec 2>&1\n".to_string();

@@ -1,28 +1,10 @@
-//! Where test data lie, and fits of a specification given as text.
+//! Fits of a specification given as text, and folders for tests that write files.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use rsm_core::source::Source;
 use rsm_fit::fit::{Outcome, fit};
 use rsm_fit::spec::Specification;
-
-/// The published data beside the repository, or `None` where they are not there: said loudly, and a failure in CI.
-pub fn shared(set: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(set);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    assert!(std::env::var_os("CI").is_none(), "../shared/data/{set} is missing, and in CI these tests must run");
-    // Written past the test harness, which would keep the words of a test that passes; `cargo xtask test` counts such lines.
-    let _ = writeln!(std::io::stdout(), "\nSKIPPED: ../shared/data/{set} is missing");
-    None
-}
-
-/// NIST's Statistical Reference Datasets, which ship with the project.
-pub fn nist() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/nist-strd")
-}
 
 /// The specification of a text whose paths are relative to a folder.
 pub fn specification(text: &str, folder: &Path) -> Specification {

@@ -3,6 +3,7 @@
 mod constraint_family;
 mod constraints;
 mod data;
+mod folders;
 mod honest;
 mod ladder;
 mod nist;
@@ -12,6 +13,5 @@ mod recursive;
 mod rejected;
 mod splits;
 mod support;
-mod surface_diagnosis;
 mod textbook;
 mod weights;

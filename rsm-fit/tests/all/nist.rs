@@ -7,7 +7,8 @@
 
 use serde_json::Value;
 
-use crate::data::{fitted, nist};
+use crate::data::fitted;
+use crate::folders::nist;
 
 /// Coefficients, standard errors, residual standard deviation, R^2.
 const FLOORS: &[(&str, [f64; 4])] = &[

@@ -10,7 +10,8 @@
 //! model file refuses it. The two continuous bases beside it also come within a tenth: i_q times the full third-order
 //! polynomial (10 terms), and third order in each variable (12 terms).
 
-use crate::data::{fitted, shared};
+use crate::data::fitted;
+use crate::folders::shared;
 
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=15;
 

@@ -4,7 +4,7 @@ use rsm_fit::dd::Dd;
 use rsm_fit::qr::{Compressed, Growing};
 use rsm_fit::recursive::RecursiveLeastSquares;
 
-use crate::data::nist;
+use crate::folders::nist;
 
 /// Powers 0 to `order` of x, in double-double.
 fn powers(x: f64, order: usize) -> Vec<Dd> {

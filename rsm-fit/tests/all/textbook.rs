@@ -7,7 +7,8 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::data::{Scratch, fitted, shared};
+use crate::data::{Scratch, fitted};
+use crate::folders::shared;
 
 struct Case {
     name: &'static str,

@@ -1,22 +1,22 @@
 //! The simulated car, a millisecond at a time, with a gear lever.
 //!
-//! In: throttle and gear. Out: speed and acceleration. The plant `driveline` of `rsm-lab` in steps of the classical Runge-Kutta method, as many a
+//! In: throttle and gear. Out: speed and acceleration. The plant `driveline` of `rsm-sim` in steps of the classical Runge-Kutta method, as many a
 //! millisecond as its fastest rate wants. A change of gear puts the new gear in at the speed of the road, clutch closed.
 
 use rsm_core::source::Source;
-use rsm_lab::hooks::Hooks;
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::plants::Plant;
-use rsm_lab::plants::driveline::Driveline;
-use rsm_lab::record::Record;
+use rsm_sim::hooks::Hooks;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::plants::Plant;
+use rsm_sim::plants::driveline::Driveline;
+use rsm_sim::record::Record;
 
 /// The shipped car.
-const PLANT: &str = include_str!("../../../rsm-lab/plants/driveline.toml");
+const PLANT: &str = include_str!("../../../rsm-sim/plants/driveline.toml");
 
 /// `Plant::start` wants a record; the driveline does not look into it.
 const RECORD: &str = "time[s],throttle[1],gear[1],road_speed[m/s]\n0,0,2,8\n0.001,0,2,8\n";
 
-/// A sub-step is at most this over the fastest rate, as in `rsm-lab/src/simulate.rs`.
+/// A sub-step is at most this over the fastest rate, as in `rsm-sim/src/simulate.rs`.
 const STEP_RATE: f64 = 0.25;
 
 const TICK_S: f64 = 0.001;

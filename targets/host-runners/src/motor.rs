@@ -8,15 +8,15 @@ use motor_loop::{
     Command, CurrentState, Demand, Drive, Measured, Motor, ReferenceState, References, Tuning, currents, references,
 };
 use rsm_core::source::Source;
-use rsm_lab::motor::closed_loop::{self, ClosedLoop, Sensed, Task};
-use rsm_lab::motor::controller::{self, Controller, Known};
-use rsm_lab::motor::machine::Truth;
-use rsm_lab::plant_file::PlantFile;
+use rsm_rigs::motor::closed_loop::{self, ClosedLoop, Sensed, Task};
+use rsm_rigs::motor::controller::{self, Controller, Known};
+use rsm_rigs::motor::machine::Truth;
+use rsm_sim::plant_file::PlantFile;
 
 use crate::exchange::{self, Exchange, PlantEnd};
 
 /// The trial motor of the project.
-const PLANT: &str = include_str!("../../../rsm-lab/plants/pmac.toml");
+const PLANT: &str = include_str!("../../../rsm-sim/plants/pmac.toml");
 
 /// Of the current control, over the PWM period: 1/6 leaves 75 degrees of phase margin beside its dead time of 1.5 periods.
 const BANDWIDTH_PERIODS: f64 = 1.0 / 6.0;

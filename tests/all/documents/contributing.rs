@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rsm_lab::effects;
-use rsm_lab::kind::PlantKind;
+use rsm_sim::effects;
+use rsm_sim::kind::PlantKind;
 
 use super::map::{is_path, is_there, quoted};
 use super::{root, tracked};
@@ -102,7 +102,7 @@ fn the_files_of_an_effect_are_those_that_name_every_effect() {
     }
 }
 
-/// How many plants a text knows, by the names of `rsm-lab` or by those of the second simulation.
+/// How many plants a text knows, by the names of `rsm-sim` or by those of the second simulation.
 fn plants_known(text: &str) -> usize {
     const NAMES: [&[&str]; 3] = [
         &["pmac", "kind::motor"],
@@ -117,7 +117,7 @@ fn plants_known(text: &str) -> usize {
 fn the_files_of_a_plant_hold_all_that_name_every_plant() {
     let texts = texts();
     let is_source = |file: &str| file.contains("/src/") && file.ends_with(".rs") && !file.ends_with("/tests.rs");
-    let effects = "rsm-lab/src/effects/";
+    let effects = "rsm-sim/src/effects/";
     let sources = texts.iter().filter(|(file, _)| is_source(file) && !file.starts_with(effects));
     let know_all = sources.filter(|(_, text)| plants_known(text) == PlantKind::NAMES.len());
     lacking(&know_all.map(|(file, _)| file.as_str()).collect(), "A plant");

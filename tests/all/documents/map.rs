@@ -10,14 +10,15 @@ use crate::layers::LAWS;
 const MOST_WORDS: usize = 1500;
 
 /// Folders whose entries must all be named, each under a heading of its own.
-const COMPLETE: [&str; 8] = [
+const COMPLETE: [&str; 9] = [
     "rsm-core/src/",
     "rsm-macros/src/",
     "rsm-fit/src/",
-    "rsm-fit/src/diagnosis/",
+    "rsm-diagnose/src/surface/",
     "rsm-import/src/",
-    "rsm-lab/src/",
-    "rsm-lab/src/diagnosis/",
+    "rsm-sim/src/",
+    "rsm-rigs/src/",
+    "rsm-diagnose/src/plant/",
     "rsm-cli/src/",
 ];
 

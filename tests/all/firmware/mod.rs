@@ -10,13 +10,13 @@ use std::fmt::Write as _;
 
 use builds::{Build, CORTEX_M4F};
 use motor_loop::{Band, Drive, Motor, Tuning};
-use rsm_lab::plant_file::PlantFile;
+use rsm_sim::plant_file::PlantFile;
 use rsm_tests::{cases, object};
 use throttle_loop::raw::{Channel, Scaling};
 
 /// The motor of the shipped plant file, current control at 10 kHz with a bandwidth of 1/(6 T) in round numbers, and 1 us of dead time.
 fn drive() -> Drive {
-    let path = cases::root().join("rsm-lab").join("plants").join("pmac.toml");
+    let path = cases::root().join("rsm-sim").join("plants").join("pmac.toml");
     let source = rsm_core::source::Source::read(&path).unwrap_or_else(|faults| panic!("{faults}"));
     let parameters = PlantFile::read(&source).unwrap_or_else(|faults| panic!("{faults}")).effective_parameters();
     let number = |name: &str| parameters.number(name) as f32;
@@ -39,7 +39,7 @@ const TABLES_H: &str = "\
 #include \"motor_step.h\"
 #include \"throttle_step.h\"
 
-/* The motor of rsm-lab/plants/pmac.toml at 10 kHz. */
+/* The motor of rsm-sim/plants/pmac.toml at 10 kHz. */
 extern const motor_drive tables_drive;
 
 /* Everything between the converters and the throttle's step: a board with other sensors has another table. */

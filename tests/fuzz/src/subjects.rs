@@ -10,16 +10,16 @@ use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
 use rsm_core::{compile, emit, lower};
-use rsm_fit::diagnosis::data::NewData;
-use rsm_fit::diagnosis::diagnose;
+use rsm_diagnose::surface::data::NewData;
+use rsm_diagnose::surface::diagnose;
 use rsm_fit::fit::fit;
 use rsm_fit::plan::{DesignSpecification, Plan};
 use rsm_fit::spec::Specification;
 use rsm_fit::table::{Table, Wanted};
 use rsm_import::{File, Wishes};
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::record::Record;
-use rsm_lab::simulate::Simulator;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+use rsm_sim::simulate::Simulator;
 
 use crate::mutate::Random;
 
@@ -45,8 +45,8 @@ impl Ground {
         let read = |name: &str| Source::read(&root.join(name)).unwrap_or_else(|faults| panic!("{faults}"));
         let plant = |name: &str| {
             let plant =
-                PlantFile::read(&read(&format!("rsm-lab/plants/{name}.toml"))).unwrap_or_else(|faults| panic!("{faults}"));
-            (plant, head(read(&format!("rsm-lab/plants/{name}.csv")).text(), 30))
+                PlantFile::read(&read(&format!("rsm-sim/plants/{name}.toml"))).unwrap_or_else(|faults| panic!("{faults}"));
+            (plant, head(read(&format!("rsm-sim/plants/{name}.csv")).text(), 30))
         };
         Ground {
             folder: root.join("rsm-cli/demo/motor"),
@@ -108,7 +108,7 @@ pub fn all(root: &Path) -> Vec<Subject> {
         texts
     };
     let cases = ["rsm-core/tests/cases", "generated/coefficients", "rsm-cli/tests/cases", "rsm-cli/demo"];
-    let plants = ["rsm-lab/plants", "rsm-lab/tests/cases", "rsm-cli/tests/cases"];
+    let plants = ["rsm-sim/plants", "rsm-sim/tests/cases", "rsm-cli/tests/cases"];
     vec![
         Subject { name: "model", texts: with(files(root, &cases, "toml", "[surfaces"), &[MODEL]), feed: model },
         Subject {
@@ -136,7 +136,7 @@ pub fn all(root: &Path) -> Vec<Subject> {
             feed: plan,
         },
         Subject { name: "plant", texts: files(root, &plants, "toml", "plant ="), feed: plant },
-        Subject { name: "record", texts: files(root, &["rsm-lab/plants", "rsm-lab/tests/cases"], "csv", "time"), feed: record },
+        Subject { name: "record", texts: files(root, &["rsm-sim/plants", "rsm-sim/tests/cases"], "csv", "time"), feed: record },
         Subject { name: "import", texts: LOGS.map(String::from).to_vec(), feed: import },
         Subject { name: "new data", texts: vec![DATA.to_string()], feed: new_data },
     ]

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The plants of docs/book/src/reference/plants.md, written a second time from that text alone: the motor in the frame of the stator, the driveline with twists, steps
-//! controlled by error, kinks located. No crate of ours is imported, so an error of `rsm-lab` cannot stand on both sides of a comparison.
+//! controlled by error, kinks located. No crate of ours is imported, so an error of our crates cannot stand on both sides of a comparison.
 
 pub mod axis;
 pub mod car;

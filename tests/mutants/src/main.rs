@@ -20,7 +20,7 @@ use judge::Fate;
 
 const USAGE: &str = "\
 usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--list]
-  --package NAME    rsm-core, rsm-fit or rsm-lab; without it all three, each with the files that are listed below
+  --package NAME    rsm-core, rsm-fit, rsm-sim or rsm-diagnose; without it all four, each with the files that are listed below
   --file PART       only files whose name contains PART (several may be given)
   --function NAME   only mutants inside this function
   --line N          only mutants of this line
@@ -48,7 +48,8 @@ const FILES: &[(&str, &[&str])] = &[
         ],
     ),
     ("rsm-fit", &["src/statistics", "src/qr", "src/recursive", "src/canonical", "src/ladder", "src/constrain", "src/verdict"]),
-    ("rsm-lab", &["src/effect", "src/effects", "src/diagnosis/verdict"]),
+    ("rsm-sim", &["src/effect", "src/effects"]),
+    ("rsm-diagnose", &["src/plant/verdict"]),
 ];
 
 #[derive(Default)]

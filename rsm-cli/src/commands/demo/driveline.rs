@@ -10,12 +10,12 @@ use rsm_core::model::Input;
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::threads::threads;
-use rsm_lab::track::figures::{self, Car, Figures, Study};
-use rsm_lab::track::gearbox::{self, OTHER_RATIOS, Prediction, Residual};
-use rsm_lab::track::plan::TrackPlan;
-use rsm_lab::track::run::{COAST_ROWS, PERIOD, Trace};
+use rsm_rigs::track::figures::{self, Car, Figures, Study};
+use rsm_rigs::track::gearbox::{self, OTHER_RATIOS, Prediction, Residual};
+use rsm_rigs::track::plan::TrackPlan;
+use rsm_rigs::track::run::{COAST_ROWS, PERIOD, Trace};
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::threads::threads;
 use serde_json::{Map, Value, json};
 
 use super::paper::Paper;
@@ -25,7 +25,7 @@ use crate::plot::{self, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
 use crate::{output, report};
 
 /// The shipped car.
-const PLANT: &str = include_str!("../../../../rsm-lab/plants/driveline.toml");
+const PLANT: &str = include_str!("../../../../rsm-sim/plants/driveline.toml");
 
 /// Of the noise, of the run order, of the unseen set. The same as that of the shipped data.
 const SEED: u64 = 1;

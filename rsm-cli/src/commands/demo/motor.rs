@@ -13,12 +13,12 @@ use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
 use rsm_fit::fit::Outcome as Fitted;
 use rsm_fit::spec::Specification;
-use rsm_lab::bench::{self, Bench};
-use rsm_lab::motor::closed_loop::{Drive, Row, Trace};
-use rsm_lab::motor::field_oriented::FullController;
-use rsm_lab::motor::figures::{self, RUN_UP_SPEED};
-use rsm_lab::motor::surface::Surfaces;
-use rsm_lab::plant_file::PlantFile;
+use rsm_rigs::bench::{self, Bench};
+use rsm_rigs::motor::closed_loop::{Drive, Row, Trace};
+use rsm_rigs::motor::field_oriented::FullController;
+use rsm_rigs::motor::figures::{self, RUN_UP_SPEED};
+use rsm_rigs::motor::surface::Surfaces;
+use rsm_sim::plant_file::PlantFile;
 use serde_json::{Map, Value, json};
 
 use super::paper::Paper;
@@ -31,7 +31,7 @@ use crate::weakening::{self, FIT, PLANS, SEEDS};
 use crate::{output, report};
 
 /// What is shipped: the plant, and the study of forms.
-const PLANT: &str = include_str!("../../../../rsm-lab/plants/pmac.toml");
+const PLANT: &str = include_str!("../../../../rsm-sim/plants/pmac.toml");
 const STUDY: &str = include_str!("../../../demo/motor/study.toml");
 
 /// Seeds of the random profiles, which no experiment has.

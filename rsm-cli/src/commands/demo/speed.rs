@@ -7,13 +7,13 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use host_runners::motor::Steps;
-use rsm_lab::motor::circle_diagram::CircleDiagram;
-use rsm_lab::motor::closed_loop::Drive;
-use rsm_lab::motor::controller::{Controller, Demand};
-use rsm_lab::motor::field_oriented::FullController;
-use rsm_lab::motor::figures;
-use rsm_lab::motor::inverter::Fidelity;
-use rsm_lab::plant_file::PlantFile;
+use rsm_rigs::motor::circle_diagram::CircleDiagram;
+use rsm_rigs::motor::closed_loop::Drive;
+use rsm_rigs::motor::controller::{Controller, Demand};
+use rsm_rigs::motor::field_oriented::FullController;
+use rsm_rigs::motor::figures;
+use rsm_rigs::motor::inverter::Fidelity;
+use rsm_sim::plant_file::PlantFile;
 use serde_json::{Value, json};
 
 use super::Teller;

@@ -2,7 +2,7 @@
 //!
 //! In: what the screen by equation error found. Out: sentences and a value. Decides nothing.
 
-use rsm_lab::diagnosis::equations::{Said, Term};
+use rsm_diagnose::plant::equations::{Said, Term};
 use serde_json::{Map, Value, json};
 
 use crate::output;

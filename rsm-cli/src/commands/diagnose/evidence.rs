@@ -2,8 +2,8 @@
 //!
 //! In: a diagnosis. Out: sentences. Decides nothing: every number is the diagnosis's own.
 
-use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
-use rsm_lab::kind::PlantKind;
+use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
+use rsm_sim::kind::PlantKind;
 
 use super::words;
 use crate::page::figure;

@@ -21,15 +21,15 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader;
-use rsm_lab::diagnosis::bridges::Bridged;
-use rsm_lab::diagnosis::checks::Finding;
-use rsm_lab::diagnosis::tested::Tested;
-use rsm_lab::diagnosis::{self, Cause, Diagnosis, Options};
-use rsm_lab::effect::Subject;
-use rsm_lab::kind::PlantKind;
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::record::Record;
-use rsm_lab::threads::threads;
+use rsm_diagnose::plant::bridges::Bridged;
+use rsm_diagnose::plant::checks::Finding;
+use rsm_diagnose::plant::tested::Tested;
+use rsm_diagnose::plant::{self, Cause, Diagnosis, Options};
+use rsm_sim::effect::Subject;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+use rsm_sim::threads::threads;
 use serde_json::{Map, Value, json};
 
 use crate::outcome::{Answer, Outcome, Refusal};
@@ -100,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
     let progress = |words: &str| bar.set_message(words.to_string());
     let options = Options { threads: threads(), progress: &progress };
-    let found = diagnosis::diagnose_and_test(&plant, &training, &validation, &test, &options);
+    let found = plant::diagnose_and_test(&plant, &training, &validation, &test, &options);
     let found = found.map_err(|why| Refusal::new(format!("{}: {why}", arguments.plant.display())))?;
     let refitted = match (&arguments.out, arguments.refit) {
         (Some(folder), true) => {
@@ -189,7 +189,7 @@ fn is_model(source: &Source, arguments: &Arguments) -> Result<bool, Refusal> {
 
 /// The effects of the plant file, judged.
 fn claims(found: &Diagnosis) -> Vec<Value> {
-    let one = |claim: &diagnosis::claims::Claim| {
+    let one = |claim: &plant::claims::Claim| {
         let numbers: Map<String, Value> = claim
             .records
             .iter()
@@ -251,15 +251,15 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     let causes: Vec<Value> = found.causes.iter().map(cause_value).collect();
     let helpers: Vec<Value> = found.helpers.iter().map(cause_value).collect();
     let refused: Vec<Value> = found.refused.iter().map(|it| json!({ "cause": it.cause, "why": it.why })).collect();
-    let by_output = |list: &[diagnosis::validation::Error]| -> Value {
+    let by_output = |list: &[plant::validation::Error]| -> Value {
         let each = list.iter().map(|it| {
             let value = json!({ "rmse": output::finite(it.rmse), "noise_ratio": output::finite(it.noise_ratio) });
             (kind.outputs()[it.output].name.to_string(), value)
         });
         Value::Object(each.collect::<Map<String, Value>>())
     };
-    let errors = |list: &[diagnosis::validation::Error]| -> Value { json!({ "validate": by_output(list) }) };
-    let with_test = |list: &[diagnosis::validation::Error], test: fn(&Tested) -> &[diagnosis::validation::Error]| -> Value {
+    let errors = |list: &[plant::validation::Error]| -> Value { json!({ "validate": by_output(list) }) };
+    let with_test = |list: &[plant::validation::Error], test: fn(&Tested) -> &[plant::validation::Error]| -> Value {
         let mut value = errors(list);
         if let Some(tested) = &found.tested {
             value["test"] = by_output(test(tested));
@@ -332,7 +332,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "structure_left": found.left.excess,
         "structure_left_unseen": found.left_unseen.as_ref().map(|it| it.excess),
         "known_loop": found.known_loop.as_ref().map(|it| {
-            let gain = |known: &diagnosis::known_loop::Known| {
+            let gain = |known: &plant::known_loop::Known| {
                 json!({ "value": output::finite(known.value), "low": output::finite(known.low), "high": output::finite(known.high) })
             };
             json!({

@@ -1,10 +1,10 @@
 //! The next experiment in words, as JSON and as a file.
 //!
-//! In: a diagnosis. Out: a sentence, an object, next_experiment.csv. Chooses nothing: the record comes from rsm-lab.
+//! In: a diagnosis. Out: a sentence, an object, next_experiment.csv. Chooses nothing: the record comes from rsm-diagnose.
 
-use rsm_lab::diagnosis::Diagnosis;
-use rsm_lab::diagnosis::excitations::{self, Excitation};
-use rsm_lab::diagnosis::experiment::{Apart, NextExperiment};
+use rsm_diagnose::plant::Diagnosis;
+use rsm_diagnose::plant::excitations::{self, Excitation};
+use rsm_diagnose::plant::experiment::{Apart, NextExperiment};
 use serde_json::{Value, json};
 
 use crate::output;

@@ -2,10 +2,10 @@
 //!
 //! In: a diagnosis. Out: values of diagnosis.json, and correction.toml. Decides nothing.
 
-use rsm_lab::diagnosis::correction::Offer;
-use rsm_lab::diagnosis::regions::Region;
-use rsm_lab::diagnosis::{Cause, Diagnosis};
-use rsm_lab::kind::PlantKind;
+use rsm_diagnose::plant::correction::Offer;
+use rsm_diagnose::plant::regions::Region;
+use rsm_diagnose::plant::{Cause, Diagnosis};
+use rsm_sim::kind::PlantKind;
 use serde_json::{Map, Value, json};
 
 use super::evidence;

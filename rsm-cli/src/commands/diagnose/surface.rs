@@ -10,11 +10,11 @@ use rsm_core::check::Checked;
 use rsm_core::model::Model;
 use rsm_core::model_file;
 use rsm_core::source::Source;
-use rsm_fit::diagnosis::causes::{Cause, OutlyingRun};
-use rsm_fit::diagnosis::data::NewData;
-use rsm_fit::diagnosis::regions::Region;
-use rsm_fit::diagnosis::unseen::Errors;
-use rsm_fit::diagnosis::{self, Diagnosis, ResponseDiagnosis, Tested};
+use rsm_diagnose::surface::causes::{Cause, OutlyingRun};
+use rsm_diagnose::surface::data::NewData;
+use rsm_diagnose::surface::regions::Region;
+use rsm_diagnose::surface::unseen::Errors;
+use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Tested};
 use serde_json::{Map, Value, json};
 
 use super::surface_report;
@@ -56,7 +56,7 @@ pub fn run(task: &Task<'_>) -> Outcome {
     );
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
     let mut progress = |words: &str| bar.set_message(words.to_string());
-    let found = diagnosis::diagnose_and_test(&checked, &data, unseen.as_ref(), test.as_ref(), &mut progress);
+    let found = rsm_diagnose::surface::diagnose_and_test(&checked, &data, unseen.as_ref(), test.as_ref(), &mut progress);
     bar.finish_and_clear();
     let found = found.map_err(|why| Refusal::new(format!("{}: {why}", task.model.name())))?;
     let value = value(model, &data, &found);

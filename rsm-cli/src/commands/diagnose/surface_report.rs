@@ -5,10 +5,10 @@
 use std::fmt::Write as _;
 
 use rsm_core::model::{Model, Surface};
-use rsm_fit::diagnosis::causes::Cause;
-use rsm_fit::diagnosis::data::NewData;
-use rsm_fit::diagnosis::regions::Region;
-use rsm_fit::diagnosis::{Diagnosis, ResponseDiagnosis, Verdict};
+use rsm_diagnose::surface::causes::Cause;
+use rsm_diagnose::surface::data::NewData;
+use rsm_diagnose::surface::regions::Region;
+use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Verdict};
 
 use crate::outcome::Refusal;
 use crate::page::{escaped, figure, page};

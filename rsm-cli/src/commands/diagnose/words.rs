@@ -2,16 +2,16 @@
 //!
 //! In: a diagnosis. Out: sentences with its numbers. Decides nothing.
 
-use rsm_lab::diagnosis::bridges::Bridged;
-use rsm_lab::diagnosis::claims::Claim;
-use rsm_lab::diagnosis::correction::Offer;
-use rsm_lab::diagnosis::portrait::Portrait;
-use rsm_lab::diagnosis::regions::{Region, telling};
-use rsm_lab::diagnosis::steps::Step;
-use rsm_lab::diagnosis::tested::FIRST_PART;
-use rsm_lab::diagnosis::{Cause, Diagnosis, Interval, Verdict};
-use rsm_lab::effect::Subject;
-use rsm_lab::kind::PlantKind;
+use rsm_diagnose::plant::bridges::Bridged;
+use rsm_diagnose::plant::claims::Claim;
+use rsm_diagnose::plant::correction::Offer;
+use rsm_diagnose::plant::portrait::Portrait;
+use rsm_diagnose::plant::regions::{Region, telling};
+use rsm_diagnose::plant::steps::Step;
+use rsm_diagnose::plant::tested::FIRST_PART;
+use rsm_diagnose::plant::{Cause, Diagnosis, Interval, Verdict};
+use rsm_sim::effect::Subject;
+use rsm_sim::kind::PlantKind;
 
 use super::evidence::label;
 use super::next;
@@ -42,7 +42,7 @@ pub fn judging(portrait: &Portrait) -> String {
 /// The verdict with its numbers.
 pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
     let judging = judging(&found.portrait);
-    let worst = |errors: &[rsm_lab::diagnosis::validation::Error]| {
+    let worst = |errors: &[rsm_diagnose::plant::validation::Error]| {
         let worst = errors.iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio));
         worst.map_or((String::new(), 0.0), |it| (kind.outputs()[it.output].name.to_string(), it.noise_ratio))
     };

@@ -7,8 +7,8 @@ pub mod cases;
 pub mod plant;
 pub mod rig;
 
-use rsm_lab::motor::controller::{self, Controller, Known};
-use rsm_lab::motor::field_oriented::FullController;
+use rsm_rigs::motor::controller::{self, Controller, Known};
+use rsm_rigs::motor::field_oriented::FullController;
 
 use motor_loop::{Demand, Measured};
 

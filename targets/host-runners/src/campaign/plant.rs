@@ -13,7 +13,7 @@ const STEPS: u32 = 100;
 /// hundredth of the current limit.
 const DIODE_WIDTH_A: f64 = 0.5;
 
-/// The trial motor of the project (`rsm-lab/plants/pmac.toml`), and its state.
+/// The trial motor of the project (`rsm-sim/plants/pmac.toml`), and its state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plant {
     /// Resistance of a phase, in ohm.

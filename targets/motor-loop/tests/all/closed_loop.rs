@@ -1,6 +1,6 @@
 //! Both steps with a motor behind them: the equations (17), (18) in the rotor frame under the duties of an averaged inverter, one period late.
 //!
-//! A few lines, so that this package's tests need no laboratory; the full plant with a switched inverter is in `rsm-lab`.
+//! A few lines, so that this package's tests need no laboratory; the full plant with a switched inverter is in `rsm-rigs`.
 
 use std::f64::consts::TAU;
 

@@ -64,7 +64,7 @@ fn an_error_becomes_a_voltage_at_its_place() {
 
 #[test]
 fn measured_currents_are_turned_into_the_rotor() {
-    // 10 A on the q axis at 30 degrees: along phase b (see `rsm-lab/src/motor/park.rs`). As wanted: no voltage but that of the resistance.
+    // 10 A on the q axis at 30 degrees: along phase b (see `rsm-rigs/src/motor/park.rs`). As wanted: no voltage but that of the resistance.
     let measured = Measured { currents_a: [-5.0, 10.0, -5.0], angle_turns: 1.0 / 12.0, ..AT_REST };
     let [alpha, beta] = vector(first(i_q(10.0), measured), 270.0);
     assert!((alpha.hypot(beta) - 0.8).abs() < 2e-4, "{alpha} {beta}");

@@ -7,7 +7,7 @@ mod references;
 
 use motor_loop::{Drive, Motor, Tuning};
 
-/// The trial motor of the project (`rsm-lab/plants/pmac.toml`).
+/// The trial motor of the project (`rsm-sim/plants/pmac.toml`).
 const MOTOR: Motor = Motor {
     phase_resistance_ohm: 0.08,
     phase_inductance_h: 0.9e-3,

@@ -4,13 +4,13 @@
 
 use rsm_core::check::Checked;
 use rsm_core::model::Model;
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::threads::threads;
-use rsm_lab::track::experiment::experiment;
-use rsm_lab::track::measure::Measured;
-use rsm_lab::track::plan::TrackPlan;
-use rsm_lab::track::rounds::{self, COMPENSATOR, Poles, Settings};
-use rsm_lab::track::run::Compensation;
+use rsm_rigs::track::experiment::experiment;
+use rsm_rigs::track::measure::Measured;
+use rsm_rigs::track::plan::TrackPlan;
+use rsm_rigs::track::rounds::{self, COMPENSATOR, Poles, Settings};
+use rsm_rigs::track::run::Compensation;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::threads::threads;
 use serde_json::{Value, json};
 
 use super::{Refitted, Request, collected, gain, usable, workshop};
@@ -143,7 +143,7 @@ mod tests {
     use rsm_core::source::Source;
 
     fn plant(stiffness: f64, effects: &str) -> PlantFile {
-        let text = include_str!("../../../../../rsm-lab/plants/driveline.toml")
+        let text = include_str!("../../../../../rsm-sim/plants/driveline.toml")
             .replace("driveshaft_stiffness = 5000.0", &format!("driveshaft_stiffness = {stiffness}"))
             .replace("driveshaft_damping = 65.0", &format!("driveshaft_damping = {}", 0.013 * stiffness));
         PlantFile::read(&Source::new("driveline.toml", text + effects)).unwrap()

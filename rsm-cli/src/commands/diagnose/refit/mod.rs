@@ -13,10 +13,10 @@ mod motor;
 
 use std::path::{Path, PathBuf};
 
-use rsm_lab::effect::Subject;
-use rsm_lab::kind::PlantKind;
-use rsm_lab::plant_file::PlantFile;
-use rsm_lab::record::Record;
+use rsm_sim::effect::Subject;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
 use serde_json::Value;
 
 use crate::outcome::Refusal;

@@ -4,12 +4,12 @@
 //! and settings of its own, and which steady windows of the records show by their flux linkages.
 
 use rsm_core::check::Checked;
-use rsm_lab::motor::closed_loop::Drive;
-use rsm_lab::motor::controller::Known;
-use rsm_lab::motor::figures::{self, RUN_UP_SPEED};
-use rsm_lab::motor::limit_points::{self, LimitPoint};
-use rsm_lab::motor::surface::{SurfaceController, Surfaces};
-use rsm_lab::plant_file::PlantFile;
+use rsm_rigs::motor::closed_loop::Drive;
+use rsm_rigs::motor::controller::Known;
+use rsm_rigs::motor::figures::{self, RUN_UP_SPEED};
+use rsm_rigs::motor::limit_points::{self, LimitPoint};
+use rsm_rigs::motor::surface::{SurfaceController, Surfaces};
+use rsm_sim::plant_file::PlantFile;
 use serde_json::{Value, json};
 
 use super::{Refitted, Request, collected, gain, usable, workshop};
@@ -168,7 +168,7 @@ mod tests {
     use rsm_core::source::Source;
 
     fn plant(flux: f64, effects: &str) -> PlantFile {
-        let text = include_str!("../../../../../rsm-lab/plants/pmac.toml")
+        let text = include_str!("../../../../../rsm-sim/plants/pmac.toml")
             .replace("flux_linkage = 0.06", &format!("flux_linkage = {flux}"));
         PlantFile::read(&Source::new("pmac.toml", text + effects)).unwrap()
     }

@@ -5,10 +5,10 @@
 use std::fmt::Write as _;
 use std::ops::Range;
 
-use rsm_lab::diagnosis::Diagnosis;
-use rsm_lab::diagnosis::orders::Orders;
-use rsm_lab::diagnosis::portrait::Trace;
-use rsm_lab::kind::PlantKind;
+use rsm_diagnose::plant::Diagnosis;
+use rsm_diagnose::plant::orders::Orders;
+use rsm_diagnose::plant::portrait::Trace;
+use rsm_sim::kind::PlantKind;
 
 use super::super::words;
 use crate::outcome::Refusal;
@@ -51,7 +51,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
     }
     let telling: Vec<&Orders> = portrait.orders.iter().filter(|it| it.order.len() > 4).collect();
     let telling = telling.into_iter().filter(|orders| {
-        let named = |list: &[rsm_lab::diagnosis::regions::Region]| {
+        let named = |list: &[rsm_diagnose::plant::regions::Region]| {
             list.iter().any(|region| region.output == orders.output && region.quantity == "order")
         };
         named(&portrait.before) || named(&portrait.after)

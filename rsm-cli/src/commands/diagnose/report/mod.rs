@@ -8,10 +8,10 @@ mod where_wrong;
 
 use std::fmt::Write as _;
 
-use rsm_lab::diagnosis::correction::Offer;
-use rsm_lab::diagnosis::portrait::Portrait;
-use rsm_lab::diagnosis::{Cause, Diagnosis, Verdict};
-use rsm_lab::kind::PlantKind;
+use rsm_diagnose::plant::correction::Offer;
+use rsm_diagnose::plant::portrait::Portrait;
+use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
+use rsm_sim::kind::PlantKind;
 
 use super::equations;
 use super::evidence::{self, label};

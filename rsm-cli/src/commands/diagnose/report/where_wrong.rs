@@ -4,9 +4,9 @@
 
 use std::fmt::Write as _;
 
-use rsm_lab::diagnosis::Diagnosis;
-use rsm_lab::diagnosis::regions::{Region, Slice};
-use rsm_lab::kind::PlantKind;
+use rsm_diagnose::plant::Diagnosis;
+use rsm_diagnose::plant::regions::{Region, Slice};
+use rsm_sim::kind::PlantKind;
 
 use crate::page::{bar, escaped};
 

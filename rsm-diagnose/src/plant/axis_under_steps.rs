@@ -1,0 +1,70 @@
+//! For tests of this folder: an axis in open loop under steps of its command, with an effect that the nominal plant lacks.
+//!
+//! In: tolerances, an effect, noise. Out: kernel, nominal and true plant; a search with what a test gives it. Never in a program.
+
+use rsm_core::source::Source;
+
+use super::hypotheses::Hypothesis;
+use super::kernel::{Kernel, Prepared};
+use super::model::Model;
+use super::noise::Floor;
+use super::random::Random;
+use super::selection::{Effort, Search};
+use rsm_sim::effect::Survey;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+use rsm_sim::simulate::Simulator;
+
+/// Standard deviation of the noise of the position, in m.
+const NOISE: f64 = 1e-5;
+
+/// The axis as its file has it: tolerances and effects as TOML.
+pub fn file(tolerances: &str, effects: &str) -> PlantFile {
+    let text = format!(
+        "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\ncommand_limit = 10\n\
+         [tolerance]\n{tolerances}\n{effects}\n"
+    );
+    PlantFile::read(&Source::new("axis.toml", text)).unwrap()
+}
+
+/// Dry friction of so many newtons.
+pub fn friction(force: f64) -> String {
+    format!("[[effects]]\nkind = \"coulomb-friction\"\nparameters = {{ force = {force} }}\n")
+}
+
+/// 0.6 s of a true axis along steps of 2 V and -1.5 V, with or without noise; its nominal plant.
+pub fn kernel(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (Kernel, Model) {
+    let mut csv = "time[s],command[V],position[m]\n".to_string();
+    for k in 0..600 {
+        csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
+    }
+    let mut record = Record::read(&Source::new("r.csv", csv), truth).unwrap();
+    let simulated = Simulator::new(truth, &record).unwrap().run(&record).unwrap();
+    let mut random = Random::new(5);
+    let mut noise = || if noisy { NOISE * random.normal() } else { 0.0 };
+    record.measured[0] = Some(simulated.of("position").unwrap().iter().map(|value| value + noise()).collect());
+    let model = Model::nominal(nominal, &[&record], [NOISE; 3]);
+    (Kernel::new(vec![Prepared::new(record, 2)], [Floor::white(NOISE); 3], 1), model)
+}
+
+/// A search with work without end, that tells nobody.
+pub fn search<'a>(
+    kernel: &'a Kernel,
+    unseen: &'a Kernel,
+    nominal: &'a Model,
+    hypotheses: &'a [Hypothesis],
+    survey: &'a Survey,
+) -> Search<'a> {
+    Search {
+        kernel,
+        unseen,
+        nominal,
+        hypotheses,
+        survey,
+        looks: 0,
+        rounded: &[],
+        said: &[],
+        effort: Effort::within(u64::MAX / 2),
+        progress: &|_| {},
+    }
+}

@@ -1,0 +1,304 @@
+//! A cause looked for where a record begins, and followed to its end.
+//!
+//! In: a fit that leaves structure, hypotheses that no number scales. Out: fits with one of them, along the whole of all records. What adds up along a record (a
+//! clutch that has slipped swings at its limit, and every swing depends on all before) makes a cost with many narrow valleys, and what has run away is like
+//! nothing in first order. At a beginning little has added up: there the valleys are wide, and calibration is not yet bent. Never judges what it finds.
+
+use super::compete::Candidate;
+use super::hypotheses::Hypothesis;
+use super::kernel::Kernel;
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::screen::{Screened, screen};
+use super::selection::Search;
+use super::valleys::escaped;
+use rsm_sim::effect::Guess;
+
+/// A beginning ends where the squared residual, from the first row on, passes this many times that of noise. What is wrong then has three parts in four of it: enough to
+/// fit a number to, and of the size of the noise, where first order holds.
+const TIMES: f64 = 4.0;
+
+/// Rows with fewer of which a beginning is too short to say so: with one output, noise makes 1.6 in place of 4 in one of ten thousand.
+const LEAST_ROWS: usize = 50;
+
+/// A record is made no longer than this many times at once.
+const LONGER: usize = 2;
+
+/// A plant that cannot follow any record by this share further has lost it.
+const STEP: f64 = 0.05;
+
+/// Stages at most: from fifty rows, seven doublings pass 6000, and records need not do theirs at the same time.
+const STAGES: usize = 24;
+
+/// Hypotheses that are followed.
+const FOLLOWED: usize = 2;
+
+/// Beginnings that hold this share of all rows show no more than the whole does.
+const NEARLY_ALL: f64 = 0.8;
+
+/// Steps of a scan from the lowest to the highest guess of a number. A limit that is passed in a few rows of a beginning makes a valley as wide as what passes it is
+/// high: some per cent, where guesses reach from half of what can be to all of it.
+const SCAN: usize = 24;
+
+/// Records up to where a plant follows them, and the plant.
+struct Beginning {
+    /// Rows of each record.
+    ends: Vec<usize>,
+    /// Fitted to them.
+    fit: Fit,
+}
+
+/// The first rows of each record.
+fn cut(kernel: &Kernel, ends: &[usize]) -> Kernel {
+    let records = kernel.records.iter().zip(ends).map(|(record, rows)| record.shortened(*rows)).collect();
+    kernel.on(records)
+}
+
+/// How far a plant follows each record; `None` where it cannot be simulated.
+fn reach(kernel: &Kernel, model: &Model) -> Option<Vec<usize>> {
+    let residual = kernel.residual(&kernel.run(model)?);
+    let mut first = 0;
+    let each = kernel.records.iter().map(|prepared| {
+        let (rows, outputs) = (prepared.record.rows(), prepared.outputs.len());
+        let mut squared = 0.0;
+        let mut end = rows;
+        for row in 0..rows {
+            squared += (0..outputs).map(|k| residual[first + k * rows + row].powi(2)).sum::<f64>();
+            if row >= LEAST_ROWS && squared > TIMES * (outputs * (row + 1)) as f64 {
+                end = row + 1;
+                break;
+            }
+        }
+        first += rows * outputs;
+        end
+    });
+    Some(each.collect())
+}
+
+/// The same, but no record becomes longer than `LONGER` times what it was, and none shorter. Where the plant cannot be simulated so far, half as much further.
+fn further(kernel: &Kernel, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
+    let mut more = (LONGER - 1) as f64;
+    while more > STEP {
+        let each = ends.iter().zip(&kernel.records);
+        let wide: Vec<usize> = each.map(|(end, it)| (*end + (*end as f64 * more) as usize).min(it.record.rows())).collect();
+        if let Some(found) = reach(&cut(kernel, &wide), model) {
+            return Some(found.iter().zip(ends).map(|(found, end)| *found.max(end)).collect());
+        }
+        more /= 2.0;
+    }
+    None
+}
+
+/// Whether any record is longer by enough, or whole.
+fn leads_on(kernel: &Kernel, before: &[usize], after: &[usize]) -> bool {
+    let mut each = before.iter().zip(after).zip(&kernel.records);
+    each.any(|((before, after), it)| {
+        after > before && (*after == it.record.rows() || *after as f64 > (1.0 + STEP) * *before as f64)
+    })
+}
+
+fn is_whole(kernel: &Kernel, ends: &[usize]) -> bool {
+    ends.iter().zip(&kernel.records).all(|(end, it)| *end == it.record.rows())
+}
+
+/// How far the plant follows the records when it is calibrated to no more than that.
+fn beginning(kernel: &Kernel, model: Model, steps: usize) -> Option<Beginning> {
+    let mut ends = reach(kernel, &model)?;
+    let mut model = model;
+    for _ in 0..STAGES {
+        let fit = levenberg::fit(&cut(kernel, &ends), model, steps)?;
+        let found = reach(kernel, &fit.model)?;
+        let found: Vec<usize> = found.iter().zip(&ends).map(|(found, end)| *found.max(end)).collect();
+        if !leads_on(kernel, &ends, &found) {
+            return Some(Beginning { ends, fit });
+        }
+        (ends, model) = (found, fit.model);
+    }
+    None
+}
+
+/// A cause followed along longer and longer beginnings to the end of all records; `None` where it loses them.
+fn followed(kernel: &Kernel, model: Model, mut ends: Vec<usize>, steps: usize, threshold: f64) -> Option<Fit> {
+    let mut model = model;
+    for _ in 0..STAGES {
+        let short = cut(kernel, &ends);
+        let fit = escaped(&short, levenberg::fit(&short, model, steps)?, steps, threshold);
+        if is_whole(kernel, &ends) {
+            return Some(fit);
+        }
+        let found = further(kernel, &fit.model, &ends)?;
+        if !leads_on(kernel, &ends, &found) {
+            return None;
+        }
+        (ends, model) = (found, fit.model);
+    }
+    None
+}
+
+/// The hypotheses that no number scales, those with one number with guesses close to one another.
+fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
+    // Steps of rounding have no derivative, and nothing of them adds up.
+    let follows = |it: &&Hypothesis| {
+        it.description.kind != "sensor-quantisation" && it.guesses.iter().all(|guess| guess.neutral.is_none())
+    };
+    let nonlinear = hypotheses.iter().filter(follows);
+    let each = nonlinear.map(|it| {
+        let values: Vec<f64> = it.guesses.iter().filter(|guess| guess.values.len() == 1).map(|guess| guess.values[0]).collect();
+        let (low, high) = values.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), it| (low.min(*it), high.max(*it)));
+        if values.len() < it.guesses.len() || low <= 0.0 || high <= low {
+            return it.clone();
+        }
+        let at = |k: usize| Guess::at(vec![low * (high / low).powf(k as f64 / SCAN as f64)]);
+        Hypothesis { guesses: (0..=SCAN).map(at).collect(), ..it.clone() }
+    });
+    each.collect()
+}
+
+impl Search<'_> {
+    /// Adds to the candidates of a competition what the beginnings of the records say. Of two fits of the same hypothesis the better one stays.
+    pub(super) fn add_from_beginnings(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
+        for it in self.at_beginnings(fit, threshold) {
+            let same = candidates.iter().position(|other| other.label == it.label && other.numbers == it.numbers);
+            match same {
+                Some(place) if candidates[place].score <= it.score => {}
+                Some(place) => candidates[place] = it,
+                None => candidates.push(it),
+            }
+        }
+        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+    }
+
+    /// What a competition at the beginning of the records finds for the place of one more cause, followed to their end. Empty where the plant follows the
+    /// records nearly from end to end: whoever looks at the whole then sees as much.
+    fn at_beginnings(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
+        let effort = self.effort;
+        // Calibrated anew: to the whole, parameters were bent by what they cannot explain.
+        let plain = self.nominal.with_effects(self.nominal, fit.model.file.effects.clone());
+        let Some(base) = beginning(self.kernel, plain, effort.fit_steps) else { return Vec::new() };
+        let rows: usize = self.kernel.records.iter().map(|it| it.record.rows()).sum();
+        if base.ends.iter().sum::<usize>() as f64 > NEARLY_ALL * rows as f64 {
+            return Vec::new();
+        }
+        (self.progress)("looking at the beginnings of the records");
+        let short = cut(self.kernel, &base.ends);
+        let unseen = short.on(Vec::new());
+        let hypotheses = scanned(self.hypotheses);
+        let there = Search { kernel: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
+        let mut screened = screen(&short, &base.fit, self.nominal, &hypotheses);
+        screened.iter_mut().for_each(Screened::slim);
+        let mut found = there.compete(&base.fit, &screened, threshold);
+        found.retain(|it| base.fit.cost - it.fit.cost > threshold);
+        found.truncate(FOLLOWED);
+        let mut candidates = Vec::new();
+        for it in found {
+            (self.progress)(&format!("following {}", it.label));
+            let whole = followed(self.kernel, it.fit.model, base.ends.clone(), effort.fit_steps, threshold);
+            candidates.extend(whole.and_then(|whole| self.judged(fit, whole)));
+        }
+        candidates
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::calibration::calibrate;
+    use super::super::kernel::Prepared;
+    use super::super::model::AtStart;
+    use super::super::noise::Floor;
+    use super::super::random::Random;
+    use super::super::{axis_under_steps, hypotheses, survey};
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::plant_file::PlantFile;
+    use rsm_sim::record::Record;
+    use rsm_sim::simulate::Simulator;
+
+    /// A soft clutch that slips under every second push of the pedal and then swings between its limits, in two records of 15 s.
+    fn slipping(capacity: f64) -> (Kernel, PlantFile) {
+        let soft = |text: &str| {
+            text.replace("clutch_stiffness = 10000.0", "clutch_stiffness = 1300.0")
+                .replace("clutch_damping = 30.0", "clutch_damping = 9.0")
+        };
+        let nominal = soft(include_str!("../../../rsm-sim/plants/driveline.toml"));
+        // Off by half of what the file allows.
+        let truth = nominal.replace("mass = 1560.0", "mass = 1576.0")
+            + &format!("\n[[effects]]\nkind = \"clutch-slip\"\nparameters = {{ capacity = {capacity} }}\n");
+        let file = |text: String| PlantFile::read(&Source::new("car.toml", text)).unwrap();
+        let (nominal, truth) = (file(nominal), file(truth));
+        let mut random = Random::new(6);
+        let sds = [0.5, 0.02, 0.05];
+        let records = [(400, 0.9), (550, 0.85)].map(|(push, pedal)| {
+            let mut csv = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
+            for k in 0..1500 {
+                let throttle = match k % push {
+                    0..100 => 0.4,
+                    200..270 => pedal,
+                    _ => 0.03,
+                };
+                csv += &format!("{},{throttle},2,0,8,0\n", f64::from(k) / 100.0);
+            }
+            let mut record = Record::read(&Source::new("r.csv", csv), &truth).unwrap();
+            let simulated = Simulator::new(&truth, &record).unwrap().run(&record).unwrap();
+            for (k, name) in ["engine_speed", "road_speed", "acceleration"].iter().enumerate() {
+                let noisy = simulated.of(name).unwrap().iter().map(|value| value + sds[k] * random.normal());
+                record.measured[k] = Some(noisy.collect());
+            }
+            Prepared::new(record, 3)
+        });
+        (Kernel::new(records.to_vec(), sds.map(Floor::white), 2), nominal)
+    }
+
+    #[test]
+    fn a_clutch_that_swings_at_its_limit_is_followed_from_its_first_slip() {
+        let (mut kernel, file) = slipping(140.0);
+        let (nominal, calibrated) = calibrate(&mut kernel, &file, AtStart::Steady).unwrap();
+        let survey = survey::survey(&kernel, &calibrated);
+        let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
+        let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
+        let unseen = kernel.on(Vec::new());
+        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &slips, &survey);
+        let screened = screen(&kernel, &calibrated, &nominal, &slips);
+        let mut candidates = search.compete(&calibrated, &screened, 40.0);
+        let rows = calibrated.residual.len() as f64;
+        // On the whole nothing comes near: a hundred times the noise is left.
+        assert!(
+            candidates.iter().all(|it| it.fit.cost > 100.0 * rows),
+            "{:?}",
+            candidates.iter().map(|it| it.fit.cost / rows).collect::<Vec<_>>()
+        );
+        search.add_from_beginnings(&calibrated, &mut candidates, 40.0);
+        let best = &candidates[0].fit;
+        let capacity = best.model.file.effects[0].arguments.number("capacity");
+        // A tenth of a per cent; and what is left is noise, as far as floors that were made beside a slipping clutch say.
+        assert!((capacity / 140.0 - 1.0).abs() < 1e-3, "{capacity}");
+        assert!(best.cost < 1.5 * rows, "{} of {rows}", best.cost);
+    }
+
+    #[test]
+    fn a_beginning_ends_where_the_error_is_as_large_as_twice_the_noise() {
+        let (kernel, file) = slipping(140.0);
+        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+        let mut model = Model::nominal(&file, &records, [0.5, 0.02, 0.05]);
+        model.starts = vec![[0.0, 8.0, 0.0, 0.0, 0.0, 0.0]; 2];
+        let ends = reach(&kernel, &model).unwrap();
+        // The first push beyond the capacity is at 2 s in both records.
+        assert!(ends.iter().all(|end| (200..260).contains(end)), "{ends:?}");
+        assert_eq!(further(&kernel, &model, &[60, 600]).unwrap(), vec![120, 600]);
+    }
+
+    #[test]
+    fn one_number_is_scanned_between_its_guesses_and_waves_are_not() {
+        let hypothesis = |guesses: Vec<Guess>| Hypothesis {
+            description: rsm_sim::effects::of("clutch-slip").unwrap(),
+            subject: None,
+            guesses,
+        };
+        let list =
+            [hypothesis(vec![Guess::at(vec![100.0]), Guess::at(vec![200.0])]), hypothesis(vec![Guess::scaled(vec![1.0], 0.0)])];
+        let scanned = scanned(&list);
+        assert_eq!(scanned.len(), 1);
+        let values: Vec<f64> = scanned[0].guesses.iter().map(|it| it.values[0]).collect();
+        assert_eq!((values.len(), values[0]), (SCAN + 1, 100.0));
+        assert!((values[SCAN] - 200.0).abs() < 1e-9 && (values[SCAN / 2] - 141.421_356).abs() < 1e-6);
+    }
+}

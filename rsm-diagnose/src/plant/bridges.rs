@@ -1,0 +1,403 @@
+//! Gaps of a few rows, bridged: a logger that loses a row now and then has lost nothing else.
+//!
+//! In: a prepared record with gaps. Out: the same record with rows in their place, so that a simulation goes on. Outputs there do not count. Inputs go linearly from the row before
+//! the gap to the row after it; where readings after a gap show that an input was higher or lower in it, the line is moved by as much. Never bridges what it does not know: a
+//! long gap, one that is no whole number of rows, time that goes back. Never touches a row that was recorded.
+
+use std::ops::Range;
+
+use super::kernel::{Column, Kernel, Prepared, dot};
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::normal::Normal;
+use super::nuisance::Nuisance;
+
+/// The longest gap that is bridged, in rows. An instant may be off by 1 % of a period, so over ten rows their number is still known to a tenth; and of an input that
+/// changes once in the gap its mean says when, of one that changes twice it does not.
+pub const LONGEST: usize = 10;
+
+/// A gap is a whole number of periods to this share of one: ten times the jitter of a row.
+const OFF_GRID: f64 = 0.1;
+
+/// What an input in a gap moves, in squared standard deviations of the noise, below which it does not matter how it went: a hundredth of what a cause has to gain.
+const MATTERS: f64 = 0.3;
+
+/// Inputs in gaps of a record that are asked for: those that matter most. Three inputs in each of the 82 gaps of a record of 8000 rows that lost one row in 97 are 246. Each takes a simulation of
+/// its record, so all of them cost as much as a quarter to a half of one cause (500 to 1000 runs).
+const MOST_ASKED: usize = 250;
+
+/// The squared residual a row, in squared standard deviations, below which noise is what is left. The level of the noise is known to 2 to 4 % from the upper band, 4 to 8 % in squares: a smaller
+/// limit refuses noise. An effect of a third of the noise, the smallest that can be told at all, adds 10 %: a larger one lets gaps answer for it.
+const NOISE_IS_LEFT: f64 = 1.1;
+
+/// How often inputs in gaps are asked for, a calibration after each: what gaps get wrong moves what is calibrated, and the other way round.
+const CORRECTIONS: usize = 4;
+
+/// Steps of a calibration between them.
+const STEPS: usize = 8;
+
+/// Times that offsets are solved for with the same traces: what the gaps get wrong counts as noise at first, and falls.
+const TURNS: usize = 6;
+
+/// The variance of an input that changes once in a gap, at an unknown instant, about the middle between its two values, over the square of the change.
+const OF_A_CHANGE: f64 = 1.0 / 12.0;
+
+/// Offsets that gain less together, in squared standard deviations of the noise, are not worth another calibration.
+const GAINS: f64 = 1.0;
+
+/// A gap that was filled.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bridge {
+    /// The rows that stand for those that are missing.
+    pub rows: Range<usize>,
+    /// By how much each input is moved from the line between the rows beside the gap.
+    pub offsets: [f64; 3],
+}
+
+/// What was bridged in a record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Bridged {
+    /// The record, as messages speak of it.
+    pub record: String,
+    /// Gaps.
+    pub gaps: usize,
+    /// Rows in them.
+    pub rows: usize,
+    /// Rows of the longest.
+    pub longest: usize,
+}
+
+/// What was bridged in records, those without a gap left out.
+#[must_use]
+pub fn bridged<'a>(records: impl IntoIterator<Item = &'a Prepared>) -> Vec<Bridged> {
+    let of = |it: &Prepared| Bridged {
+        record: it.record.file.clone(),
+        gaps: it.bridges.len(),
+        rows: it.bridges.iter().map(|bridge| bridge.rows.len()).sum(),
+        longest: it.bridges.iter().map(|bridge| bridge.rows.len()).max().unwrap_or(0),
+    };
+    records.into_iter().filter(|it| !it.bridges.is_empty()).map(of).collect()
+}
+
+/// Fills the short gaps of a record; breaks that stay are those that were not filled.
+pub fn fill(prepared: &mut Prepared) {
+    let record = &prepared.record;
+    let missing = |row: &usize| {
+        let periods = (record.time[*row] - record.time[*row - 1]) / record.period;
+        let whole = periods.round();
+        let fits = (periods - whole).abs() <= OFF_GRID && whole >= 2.0 && whole <= (LONGEST + 1) as f64;
+        if fits { whole as usize - 1 } else { 0 }
+    };
+    let gaps: Vec<(usize, usize)> = record.breaks.iter().map(|row| (*row, missing(row))).collect();
+    if gaps.iter().all(|gap| gap.1 == 0) {
+        return;
+    }
+    let filled = |values: &[f64]| {
+        let mut all = Vec::with_capacity(values.len() + gaps.iter().map(|gap| gap.1).sum::<usize>());
+        let mut from = 0;
+        for (row, count) in &gaps {
+            all.extend_from_slice(&values[from..*row]);
+            all.extend((1..=*count).map(|k| between(values[*row - 1], values[*row], k as f64 / (*count + 1) as f64)));
+            from = *row;
+        }
+        all.extend_from_slice(&values[from..]);
+        all
+    };
+    let (mut breaks, mut inserted) = (Vec::new(), 0);
+    for (row, count) in &gaps {
+        let start = row + inserted;
+        if *count == 0 {
+            breaks.push(start);
+        } else {
+            prepared.bridges.push(Bridge { rows: start..start + count, offsets: [0.0; 3] });
+        }
+        inserted += count;
+    }
+    let mut record = record.clone();
+    record.time = filled(&record.time);
+    record.inputs = record.inputs.iter().map(|values| filled(values)).collect();
+    record.measured = record.measured.iter().map(|values| values.as_ref().map(|values| filled(values))).collect();
+    record.breaks = breaks;
+    prepared.record = record;
+    let rows = prepared.record.rows();
+    for used in &mut prepared.used {
+        *used = vec![true; rows];
+        prepared.bridges.iter().for_each(|it| used[it.rows.clone()].fill(false));
+    }
+}
+
+fn between(before: f64, after: f64, share: f64) -> f64 {
+    before + share * (after - before)
+}
+
+/// Writes an input in a gap: the line between the rows beside it, moved by an offset.
+fn write(prepared: &mut Prepared, place: Place, offset: f64) {
+    let bridge = &mut prepared.bridges[place.bridge];
+    bridge.offsets[place.input] = offset;
+    let rows = bridge.rows.clone();
+    let values = &mut prepared.record.inputs[place.input];
+    let (before, after) = (values[rows.start - 1], values[rows.end]);
+    for (k, value) in values[rows.clone()].iter_mut().enumerate() {
+        *value = between(before, after, (k + 1) as f64 / (rows.len() + 1) as f64) + offset;
+    }
+}
+
+/// An input in a gap.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    bridge: usize,
+    input: usize,
+    /// Rows of the gap.
+    rows: f64,
+    /// How far the input may be off the line: a standard deviation.
+    sd: f64,
+}
+
+/// The inputs in gaps of a record. What a line gets wrong in other places of the record says how far it may be off here; a change across the gap may lie anywhere in it.
+fn open(prepared: &Prepared) -> Vec<Place> {
+    let mut list = Vec::new();
+    for (input, values) in prepared.record.inputs.iter().enumerate().filter(|(_, values)| !values.is_empty()) {
+        let mut elsewhere = [None; LONGEST + 1];
+        for (bridge, it) in prepared.bridges.iter().enumerate() {
+            let rows = it.rows.len();
+            let usual = *elsewhere[rows].get_or_insert_with(|| off_a_line(values, rows));
+            let change = values[it.rows.end] - values[it.rows.start - 1];
+            let sd = f64::max(usual, OF_A_CHANGE * change * change).sqrt();
+            if sd > 0.0 {
+                list.push(Place { bridge, input, rows: rows as f64, sd });
+            }
+        }
+    }
+    list
+}
+
+/// The mean square by which the mean of so many values is off the line between those beside them.
+fn off_a_line(values: &[f64], rows: usize) -> f64 {
+    let off = values.windows(rows + 2).map(|w| {
+        let mean = w[1..=rows].iter().sum::<f64>() / rows as f64;
+        (mean - 0.5 * (w[0] + w[rows + 1])).powi(2)
+    });
+    off.sum::<f64>() / values.len().saturating_sub(rows + 1).max(1) as f64
+}
+
+/// Those of them that matter: what one of an input moves says what the others do, in proportion.
+fn that_matter(kernel: &Kernel, fit: &Fit, record: usize) -> Vec<Place> {
+    let all = open(&kernel.records[record]);
+    let mut list: Vec<(f64, Place)> = Vec::new();
+    for input in 0..kernel.records[record].record.inputs.len() {
+        let its: Vec<Place> = all.iter().filter(|it| it.input == input).copied().collect();
+        // The first one has the longest time to move what it moves.
+        let Some(first) = its.first() else { continue };
+        let Some(Some(trace)) = traces(kernel, fit, record, &[*first]).pop() else { continue };
+        let energy = trace.and(&trace);
+        let of = |it: &Place| energy * (it.sd * it.rows / first.rows).powi(2);
+        list.extend(its.iter().map(|it| (of(it), *it)).filter(|it| it.0 > MATTERS));
+    }
+    list.sort_by(|a, b| b.0.total_cmp(&a.0));
+    list.truncate(MOST_ASKED);
+    list.into_iter().map(|it| it.1).collect()
+}
+
+/// Records whose inputs in gaps are moved to what the readings ask for, and the fit to them. `None` where that gains nothing, and where more than noise is left then: a plant that
+/// gets something else wrong would have its gaps answer for it.
+#[must_use]
+pub fn corrected(kernel: &Kernel, fit: &Fit) -> Option<(Vec<Prepared>, Fit)> {
+    if kernel.records.iter().all(|it| it.bridges.is_empty()) {
+        return None;
+    }
+    let mut other = kernel.clone();
+    let mut best: Option<Fit> = None;
+    for _ in 0..CORRECTIONS {
+        let from = best.as_ref().unwrap_or(fit);
+        if !correct(&mut other, from) {
+            break;
+        }
+        best = Some(levenberg::fit(&other, from.model.clone(), STEPS)?);
+    }
+    let best = best.filter(|best| best.cost < NOISE_IS_LEFT * best.residual.len() as f64)?;
+    Some((other.records, best))
+}
+
+/// Moves inputs in gaps once, in first order, all gaps of a record together, beside everything that is free anyway; whether that gained something.
+fn correct(kernel: &mut Kernel, fit: &Fit) -> bool {
+    let nuisance = Nuisance::new(fit);
+    let mut residual = fit.residual.clone();
+    let before = nuisance.left(&residual).0;
+    for record in 0..kernel.records.len() {
+        correct_one(kernel, fit, &nuisance, record, &mut residual);
+    }
+    before - nuisance.left(&residual).0 > GAINS
+}
+
+/// The same for one record; the residual of all follows.
+fn correct_one(kernel: &mut Kernel, fit: &Fit, nuisance: &Nuisance<'_>, record: usize, residual: &mut Vec<f64>) {
+    let places = that_matter(kernel, fit, record);
+    let traces = traces(kernel, fit, record, &places).into_iter().zip(places);
+    let traces: Vec<(Place, Column)> = traces.filter_map(|(trace, place)| Some((place, trace?))).collect();
+    if traces.is_empty() {
+        return;
+    }
+    let n = traces.len();
+    let products: Vec<Vec<f64>> = traces.iter().map(|(_, trace)| nuisance.products_of(trace)).collect();
+    let mut own = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..=i {
+            let product = nuisance.between(traces[i].1.and(&traces[j].1), &products[i], &products[j], 0);
+            (own[i * n + j], own[j * n + i]) = (product, product);
+        }
+    }
+    let first = kernel.first(record);
+    let mut cost = nuisance.left(residual).0;
+    for _ in 0..TURNS {
+        // What all gaps of the record still get wrong counts as noise.
+        let its = &residual[first..first + Kernel::length(&kernel.records[record])];
+        let noise = (dot(its, its) / its.len().max(1) as f64).max(1.0);
+        let mut matrix: Vec<f64> = own.iter().map(|product| product / noise).collect();
+        let certain: Vec<f64> = traces.iter().map(|(it, _)| 1.0 / (it.sd * it.sd)).collect();
+        (0..n).for_each(|i| matrix[i * n + i] += certain[i]);
+        let now: Vec<f64> = traces.iter().map(|(it, _)| kernel.records[record].bridges[it.bridge].offsets[it.input]).collect();
+        let asked = nuisance.asked(&traces, &products, residual);
+        let right: Vec<f64> = (0..n).map(|i| asked[i] / noise - now[i] * certain[i]).collect();
+        let change = Normal::new(&matrix, n, 0.0).solve(&right);
+        let mut tried = kernel.records[record].clone();
+        for ((place, _), (now, change)) in traces.iter().zip(now.iter().zip(&change)) {
+            write(&mut tried, *place, now + change);
+        }
+        let other = kernel.on(vec![tried]);
+        let model = Model { starts: vec![fit.model.starts[record]], ..fit.model.clone() };
+        let Some(run) = other.run(&model) else { return };
+        let mut moved = residual.clone();
+        let its = other.residual(&run);
+        moved[first..first + its.len()].copy_from_slice(&its);
+        let left = nuisance.left(&moved).0;
+        if left >= cost {
+            return;
+        }
+        let gain = cost - left;
+        if let Some(tried) = other.records.into_iter().next() {
+            kernel.records[record] = tried;
+        }
+        (*residual, cost) = (moved, left);
+        if gain < GAINS {
+            return;
+        }
+    }
+}
+
+/// What each offset does to the outputs of its record, a unit of it; `None` where that cannot be simulated.
+fn traces(kernel: &Kernel, fit: &Fit, record: usize, places: &[Place]) -> Vec<Option<Column>> {
+    let first = kernel.first(record);
+    let mut list = Vec::new();
+    // Some at a time: each has a record of its own.
+    for some in places.chunks(4 * kernel.threads.max(1)) {
+        let now = |it: &Place| kernel.records[record].bridges[it.bridge].offsets[it.input];
+        let moved = |it: &Place| {
+            let mut prepared = kernel.records[record].clone();
+            write(&mut prepared, *it, now(it) + it.sd);
+            prepared
+        };
+        let other = kernel.on(some.iter().map(moved).collect());
+        let model = Model { starts: vec![fit.model.starts[record]; some.len()], ..fit.model.clone() };
+        let jobs: Vec<(usize, &Model)> = (0..some.len()).map(|k| (k, &model)).collect();
+        let runs = other.simulate(&jobs).into_iter().zip(some);
+        list.extend(runs.map(|(run, it)| {
+            run.map(|run| Column { first, values: kernel.change(record, &fit.simulated[record], &run, it.sd) })
+        }));
+    }
+    list
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::noise::Floor;
+    use super::super::random::Random;
+    use super::super::{axis_under_steps, levenberg};
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::record::Record;
+
+    const AXIS: &str = "mass = 0.1\nviscous_friction = 0.5";
+
+    fn record(csv: String) -> Record {
+        let file = axis_under_steps::file(AXIS, "");
+        Record::read_with_gaps(&Source::new("r.csv", csv), &file).unwrap()
+    }
+
+    /// An axis with a row each millisecond, without those of a list.
+    fn without(rows: usize, lost: &[usize], value: impl Fn(usize) -> (f64, f64)) -> Prepared {
+        let mut csv = "time[s],command[V],position[m]\n".to_string();
+        for k in (0..rows).filter(|k| !lost.contains(k)) {
+            let (command, position) = value(k);
+            csv += &format!("{},{command},{position}\n", k as f64 / 1000.0);
+        }
+        Prepared::new(record(csv), 2)
+    }
+
+    #[test]
+    fn short_gaps_are_filled_and_rows_are_those_of_the_file() {
+        let mut lost = vec![20, 40, 41];
+        lost.extend(60..71);
+        let mut prepared = without(100, &lost, |k| (k as f64, 2.0 * k as f64));
+        fill(&mut prepared);
+        assert_eq!(prepared.bridges.iter().map(|it| it.rows.clone()).collect::<Vec<_>>(), [20..21, 40..42]);
+        // Eleven rows stay a break: the one before row 71 of the truth, 11 rows are lost there.
+        assert_eq!(prepared.record.breaks, [60]);
+        assert_eq!(prepared.record.rows(), 100 - 11);
+        for (k, value) in prepared.record.inputs[0][..60].iter().enumerate() {
+            assert!((value - k as f64).abs() < 1e-9 && (prepared.record.time[k] - k as f64 / 1000.0).abs() < 1e-9);
+        }
+        let unused: Vec<usize> = (0..89).filter(|k| !prepared.used[0][*k]).collect();
+        assert_eq!(unused, [20, 40, 41]);
+        // Row 30 of the truth stands in row 29 of the file, row 50 in row 47.
+        assert_eq!((prepared.file_row(30), prepared.file_row(50)), (29, 47));
+        assert_eq!((prepared.row_of(29), prepared.row_of(47), prepared.row_of(86)), (Some(30), Some(50), None));
+        prepared.keep(30..60);
+        assert_eq!((prepared.file_row(0), prepared.file_row(20), prepared.row_of(47)), (29, 47, Some(20)));
+        assert_eq!(bridged([&prepared]), [Bridged { record: "r.csv".to_string(), gaps: 1, rows: 2, longest: 2 }]);
+    }
+
+    #[test]
+    fn a_gap_that_is_no_whole_number_of_rows_stays_a_break() {
+        let mut csv = "time[s],command[V],position[m]\n".to_string();
+        for k in 0..60 {
+            let time = f64::from(k) / 1000.0 + if k >= 30 { 0.0015 } else { 0.0 };
+            csv += &format!("{time},0,0\n");
+        }
+        let mut prepared = Prepared::new(record(csv), 2);
+        fill(&mut prepared);
+        assert_eq!((prepared.record.breaks.len(), prepared.bridges.len()), (1, 0));
+    }
+
+    #[test]
+    fn an_input_that_changed_in_a_gap_is_found_from_the_readings_after_it() {
+        // The command goes up at row 100 and down at row 201; rows 100 and 200 are lost. Of the first the value after it is true, of the second the one before.
+        let file = axis_under_steps::file(AXIS, "");
+        let command = |k: usize| if (100..201).contains(&k) { 4.0 } else { -1.0 };
+        let mut whole = without(400, &[], |k| (command(k), 0.0));
+        let truth = rsm_sim::simulate::Simulator::new(&file, &whole.record).unwrap().run(&whole.record).unwrap();
+        let noise = 1e-6;
+        let mut random = Random::new(4);
+        let read: Vec<f64> = truth.of("position").unwrap().iter().map(|value| value + noise * random.normal()).collect();
+        whole.record.measured[0] = Some(read.clone());
+        let mut prepared = without(400, &[100, 200], |k| (command(k), read[k]));
+        fill(&mut prepared);
+        let floors = [Floor::white(noise); 3];
+        let mut kernel = Kernel::new(vec![prepared], floors, 1);
+        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+        let model = Model::nominal(&file, &records, [noise; 3]);
+        let before = levenberg::fit(&kernel, model, 8).unwrap();
+        let (records, after) = corrected(&kernel, &before).unwrap();
+        kernel.records = records;
+        let offsets: Vec<f64> = kernel.records[0].bridges.iter().map(|it| it.offsets[0]).collect();
+        // Half of 5 V up.
+        assert!((offsets[0] - 2.5).abs() < 0.05 && (offsets[1] - 2.5).abs() < 0.05, "{offsets:?}");
+        // Of a plant that is wrong otherwise nothing is asked.
+        let mut wrong = before.model.clone();
+        wrong.file.parameters.set("force_gain", 3.0);
+        let records: Vec<Prepared> = kernel.records.clone();
+        let there = levenberg::here(&kernel.on(records), wrong).unwrap();
+        assert!(corrected(&kernel, &there).is_none());
+        // 398 readings: four standard deviations of their squared noise, 4 sqrt(2 * 398), and what the priors of two offsets leave.
+        assert!(after.cost < 398.0 + 113.0 + 10.0, "{} from {}", after.cost, before.cost);
+    }
+}

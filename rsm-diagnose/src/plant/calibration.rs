@@ -1,0 +1,177 @@
+//! The calibrated plant, and the noise of each output.
+//!
+//! In: records, a plant file. Out: parameters within their tolerances and starts that fit the records best, from several starts; noise floors from what that fit leaves, or from what readings that are
+//! rounded leave about their mean. Never adds a cause.
+
+use super::kernel::{self, Kernel};
+use super::levenberg::{self, Fit};
+use super::model::{self, AtStart, Model};
+use super::noise::Floor;
+use super::rounding::Rounding;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+
+/// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.
+pub fn calibrate(kernel: &mut Kernel, file: &PlantFile, at_start: AtStart) -> Option<(Model, Fit)> {
+    let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
+    let records: Vec<&Record> = records.iter().collect();
+    let bare = PlantFile { effects: Vec::new(), ..file.clone() };
+    let mut nominal = Model::beginning(&bare, at_start, &records, [1.0; 3]);
+    nominal.file.effects = file.effects.clone();
+    let simulated = kernel.run(&nominal)?;
+    kernel.floors = estimate(kernel, &simulated, file);
+    nominal = Model::beginning(file, at_start, &records, kernel.floors.map(|floor| floor.sd));
+    let fit = levenberg::fit(kernel, nominal.clone(), 8)?;
+    kernel.floors = floors(kernel, &fit, file);
+    let fit = converged(kernel, levenberg::fit(kernel, fit.model, 8)?)?;
+    if is_near_noise(&fit) {
+        return Some((nominal, fit));
+    }
+    // Another valley may be the right one: from the beginnings of the records, and from the other side of what was found.
+    let mut best = fit;
+    let from_beginnings = from_beginnings(kernel, &nominal);
+    for start in from_beginnings.into_iter().chain([mirrored(&nominal, &best.model)]) {
+        let Some(other) = levenberg::fit(kernel, start, 8) else { continue };
+        if other.cost < 0.9 * best.cost {
+            best = converged(kernel, other)?;
+        }
+        if is_near_noise(&best) {
+            break;
+        }
+    }
+    let floors_there = floors(kernel, &best, file);
+    kernel.floors = floors_there;
+    let fit = levenberg::fit(kernel, best.model, 8)?;
+    Some((nominal, fit))
+}
+
+/// Twice the noise and less: no other start would find much.
+fn is_near_noise(fit: &Fit) -> bool {
+    fit.cost < 4.0 * fit.residual.len() as f64
+}
+
+/// A fit that goes on while it gains a thousandth of its cost, four times at most: eight steps are enough near a best, and none from far away.
+fn converged(kernel: &Kernel, mut fit: Fit) -> Option<Fit> {
+    for _ in 0..4 {
+        let further = levenberg::onward(kernel, fit.model.clone(), 8, Some(&fit))?;
+        let done = fit.cost - further.cost < (1e-3 * fit.cost).max(1.0);
+        if further.cost < fit.cost {
+            fit = further;
+        }
+        if done {
+            break;
+        }
+    }
+    Some(fit)
+}
+
+/// A calibration to the first eighth of each record, then to twice as much, and so on: what turns or swings is in step there.
+fn from_beginnings(kernel: &Kernel, nominal: &Model) -> Option<Model> {
+    let mut model = nominal.clone();
+    for share in [8, 4, 2] {
+        let records = kernel.records.iter().map(|it| it.shortened(it.record.rows() / share)).collect();
+        model = levenberg::fit(&kernel.on(records), model, 6)?.model;
+    }
+    Some(model)
+}
+
+/// Calibrated parameters on the other side of their nominal values, each start as it was found.
+fn mirrored(nominal: &Model, found: &Model) -> Model {
+    let mut model = found.clone();
+    for k in 0..model.unknowns.len() {
+        if let model::Place::Nominal(name) = model.unknowns[k].place {
+            let value = 2.0 * nominal.file.parameters.number(name) - found.file.parameters.number(name);
+            model.set(k, value);
+        }
+    }
+    model
+}
+
+/// The noise of each output from what a fit leaves.
+pub fn floors(kernel: &Kernel, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
+    estimate(kernel, &fit.simulated, file)
+}
+
+/// Floors where outputs (place, step) are rounded: what rounding leaves about the mean reading, where that can be told; else its whole error as white noise, at least.
+pub fn with_rounding(kernel: &Kernel, fit: &Fit, mut floors: [Floor; 3], rounded: &[(usize, f64)]) -> [Floor; 3] {
+    for &(output, step) in rounded {
+        let mut lists: Vec<(&[f64], &[f64], &[bool])> = Vec::new();
+        for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+            if let Some(k) = prepared.outputs.iter().position(|it| *it == output) {
+                lists.push((prepared.measured(k), simulated[k].as_slice(), prepared.used[k].as_slice()));
+            }
+        }
+        let rows = lists.iter().flat_map(|(measured, simulated, used)| measured.iter().zip(*simulated).zip(*used));
+        let pairs: Vec<(f64, f64)> =
+            rows.filter(|(_, used)| **used).map(|((measured, simulated), _)| (*measured, *simulated)).collect();
+        let found = Rounding::found(step, &pairs).and_then(|rounding| {
+            let left: Vec<Vec<f64>> = lists
+                .iter()
+                .map(|(measured, simulated, _)| {
+                    measured.iter().zip(*simulated).map(|(measured, value)| measured - rounding.expected(*value)).collect()
+                })
+                .collect();
+            let left: Vec<(&[f64], &[bool])> =
+                left.iter().zip(&lists).map(|(left, (_, _, used))| (left.as_slice(), *used)).collect();
+            let simulated: Vec<&[f64]> = lists.iter().map(|it| it.1).collect();
+            Floor::of_rounding(rounding, &simulated, &left)
+        });
+        // The error of rounding is uniform over a step: its standard deviation is step/sqrt(12).
+        let uniform = step / 12.0_f64.sqrt();
+        floors[output] = match found {
+            Some(floor) => floor,
+            None if floors[output].sd < uniform => Floor::white(uniform),
+            None => floors[output],
+        };
+    }
+    floors
+}
+
+/// The noise of each output from what a simulation leaves; where records are too short for a spectrum, what the file says, or a thousandth of the largest reading.
+fn estimate(kernel: &Kernel, simulated: &[kernel::Simulated], file: &PlantFile) -> [Floor; 3] {
+    let mut floors = kernel.floors;
+    for ((output, floor), shown) in floors.iter_mut().enumerate().zip(shown(kernel, simulated)) {
+        let name = file.kind.outputs().get(output).map_or("", |signal| signal.name);
+        let stated = file.noise.iter().find(|(found, _)| *found == name).map(|(_, sd)| *sd).filter(|sd| *sd > 0.0);
+        let otherwise = || Floor::white(stated.unwrap_or(1e-3 * shown.largest).max(shown.least()));
+        *floor = shown.floor.unwrap_or_else(otherwise);
+    }
+    floors
+}
+
+/// What records show of the noise of an output.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Shown {
+    /// The floor, where they are long enough for a spectrum.
+    pub floor: Option<Floor>,
+    /// The largest reading.
+    pub largest: f64,
+}
+
+impl Shown {
+    /// Below the digits of a simulation there is no noise to be told from it.
+    fn least(&self) -> f64 {
+        1e-9 * self.largest.max(1e-291)
+    }
+}
+
+/// The noise of each output as records show it when a simulation is taken from them.
+pub fn shown(kernel: &Kernel, simulated: &[kernel::Simulated]) -> [Shown; 3] {
+    let mut all = [Shown::default(); 3];
+    for (output, shown) in all.iter_mut().enumerate() {
+        let mut residuals: Vec<(&[f64], Vec<f64>, &[bool])> = Vec::new();
+        for (prepared, simulated) in kernel.records.iter().zip(simulated) {
+            let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
+            let difference = prepared.measured(k).iter().zip(&simulated[k]).map(|(a, b)| a - b).collect();
+            shown.largest = prepared.measured(k).iter().fold(shown.largest, |most, value| most.max(value.abs()));
+            residuals.push((prepared.measured(k), difference, &prepared.used[k]));
+        }
+        let lists: Vec<(&[f64], &[bool])> = residuals.iter().map(|(_, values, used)| (values.as_slice(), *used)).collect();
+        let with_readings: Vec<(&[f64], &[f64], &[bool])> =
+            residuals.iter().map(|(measured, values, used)| (*measured, values.as_slice(), *used)).collect();
+        let least = shown.least();
+        let above = |floor: Floor| if floor.sd >= least { floor } else { Floor::white(least) };
+        shown.floor = Floor::of_growing(&with_readings).or_else(|| Floor::estimate(&lists)).map(above);
+    }
+    all
+}

@@ -1,0 +1,463 @@
+//! Data before physics: samples that no sensor in order can have read.
+//!
+//! In: a prepared record. Out: findings, with the rows they concern taken out of every later figure. Where time is missing or a block of rows stands twice, the
+//! inputs of the plant are missing too, and nobody knows its state afterwards: a part without such a break is kept. Never corrects a sample.
+
+use super::blocks::twice;
+use super::bridges;
+use super::kernel::Prepared;
+use super::noise::median;
+use super::rest::{self, Resting};
+use super::share::Piece;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+use rsm_sim::simulate::Simulator;
+
+/// In a noisy channel two equal readings one after the other are chance; this many are a channel that hangs.
+pub(super) const STUCK: usize = 8;
+
+/// A channel counts as noisy when fewer than this share of its readings equal the one before: rounding to coarse steps repeats far more.
+const REPEATS: f64 = 0.02;
+
+/// A sample so many robust standard deviations of second differences off its neighbours' line is a jump: normal noise passes 12 once in 10^32.
+const JUMP: f64 = 12.0;
+
+/// The part of a record from its beginning is kept where it has at least this share of the rows: its first state is known best.
+const FIRST_PART: f64 = 0.25;
+
+/// What a wrong first state moves counts as gone when this share of it is left.
+const GONE: f64 = 1e-3;
+
+/// A channel that has one value from a row to the end hangs there, whatever the value, where that is this part of the record.
+const STAYS: usize = 4;
+
+/// A channel is judged noisy beside its longest run of equal readings where so many others are left.
+const ENOUGH_BESIDE: usize = 50;
+
+/// What was found in a record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// The record, as messages speak of it.
+    pub record: String,
+    /// The channel, "row" or "time".
+    pub channel: String,
+    /// What it is: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block", "shifted".
+    pub what: &'static str,
+    /// First and last row, from 0.
+    pub rows: (usize, usize),
+}
+
+/// Records as a diagnosis takes them, and what is wrong with them.
+pub fn prepared(pieces: impl IntoIterator<Item = Piece>, file: &PlantFile) -> (Vec<Prepared>, Vec<Finding>) {
+    let mut findings = Vec::new();
+    let one = |piece: Piece| {
+        let mut one = Prepared { from: piece.from, ..Prepared::new(piece.record, file.kind.outputs().len()) };
+        findings.extend(check(&mut one, file));
+        // Rows of the file, of which a check may have left out some.
+        let settling = (0..one.record.rows()).take_while(|row| one.file_row(*row) < piece.from + piece.settling).count();
+        one.used.iter_mut().for_each(|used| used[..settling].fill(false));
+        one
+    };
+    let prepared = pieces.into_iter().map(one).collect();
+    (prepared, findings)
+}
+
+/// Finds what is wrong with a record and takes those rows out.
+pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
+    bridges::fill(prepared);
+    let mut findings = without_constant(prepared, file);
+    let names = file.kind.outputs();
+    let nominal = along(prepared, file);
+    let record = prepared.record.file.clone();
+    let rows = prepared.record.rows();
+    let count = prepared.outputs.len();
+    let noisy: Vec<bool> = (0..count).map(|k| is_noisy(prepared.measured(k))).collect();
+    let finding = |channel: &str, what: &'static str, rows: (usize, usize)| Finding {
+        record: record.clone(),
+        channel: channel.to_string(),
+        what,
+        rows,
+    };
+    for row in &prepared.record.breaks {
+        findings.push(finding("time", "gap", (row - 1, *row)));
+    }
+    let mut blocks = twice(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
+    // A plant at rest repeats itself; a recorder that repeats a block repeats its noise.
+    let resting: Vec<Resting> = (0..count).map(|k| Resting::new(prepared.measured(k), nominal[k].as_deref())).collect();
+    blocks.retain(|(from, to)| (0..count).any(|k| noisy[k] && !resting[k].is_still(*from..*to)));
+    for block in &blocks {
+        findings.push(finding("row", "duplicated block", (block.0, block.1 - 1)));
+    }
+
+    // A row whose noisy channels all repeat the row before was written twice.
+    if count > 1 && noisy.iter().all(|noisy| *noisy) {
+        for row in 1..rows {
+            let same = |k: usize| prepared.measured(k)[row] == prepared.measured(k)[row - 1];
+            if (0..count).all(same)
+                && !(row > 1 && (0..count).all(|k| prepared.measured(k)[row - 1] == prepared.measured(k)[row - 2]))
+                // A drive that is switched off at rest reads 0 everywhere.
+                && !(0..count).all(|k| resting[k].rests(run_at(prepared.measured(k), row)))
+            {
+                findings.push(finding("row", "duplicated row", (row, row)));
+            }
+        }
+    }
+    for k in 0..count {
+        if !noisy[k] {
+            continue;
+        }
+        let values = prepared.measured(k);
+        let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+        let channel = names[prepared.outputs[k]].name.to_string();
+        let mut first = 0;
+        for row in 1..=rows {
+            if row < rows && values[row] == values[first] {
+                continue;
+            }
+            let extreme = values[first] == low || values[first] == high;
+            if row - first >= STUCK / 2 && resting[k].rests(first..row) {
+                first = row;
+                continue;
+            }
+            // At the end of the range a few equal readings are enough: noise does not repeat its extreme.
+            if row - first >= STUCK || (extreme && row - first >= STUCK / 2) {
+                // A limit is left again; what stays to the end of the record, for a good part of it, hangs.
+                let stays = row == rows && row - first >= rows / STAYS;
+                let what = if extreme && !stays { "clipped" } else { "stuck" };
+                findings.push(finding(&channel, what, (first, row - 1)));
+            }
+            first = row;
+        }
+        let jumps = jumps(values).into_iter().filter(|row| prepared.used[k][*row]);
+        findings.extend(jumps.map(|row| finding(&channel, "jump", (row, row))));
+    }
+    leave_out(prepared, file, &findings);
+    let unbroken = longest_part(prepared, &blocks);
+    if unbroken != (0..rows) {
+        // The state after a break is unknown where sensors do not show all of it.
+        let settled = if unbroken.start == 0 { 0 } else { memory(prepared, file, unbroken.clone()).unwrap_or(0) };
+        let first = (unbroken.start + settled).min(unbroken.end);
+        for lost in [0..unbroken.start, unbroken.end..rows] {
+            if !lost.is_empty() {
+                findings.push(finding("row", "beyond a gap or a block", (lost.start, lost.end - 1)));
+            }
+        }
+        if settled > 0 {
+            findings.push(finding("row", "settling after a gap or a block", (unbroken.start, first.max(1) - 1)));
+        }
+        for used in &mut prepared.used {
+            used[unbroken.start..first].fill(false);
+        }
+        in_file(prepared, &mut findings);
+        prepared.keep(unbroken);
+    } else {
+        in_file(prepared, &mut findings);
+    }
+    findings
+}
+
+/// Rows of findings as the file counts them: rows that were filled in are not in it.
+fn in_file(prepared: &Prepared, findings: &mut [Finding]) {
+    for finding in findings {
+        finding.rows = (prepared.file_row(finding.rows.0), prepared.file_row(finding.rows.1));
+    }
+}
+
+/// The nominal plant along a record, output by output; nothing where it cannot be simulated. It decides no size: only whether a channel should move at all.
+fn along(prepared: &Prepared, file: &PlantFile) -> Vec<Option<Vec<f64>>> {
+    let run = Simulator::new(file, &prepared.record).ok().and_then(|mut it| it.run(&prepared.record).ok());
+    let of = |output: &usize| run.as_ref()?.of(file.kind.outputs()[*output].name).map(<[f64]>::to_vec);
+    prepared.outputs.iter().map(of).collect()
+}
+
+/// Takes channels out that read one value in all rows, though the nominal plant moves there: such a sensor hangs, or the column was never filled in.
+fn without_constant(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let nominal = along(prepared, file);
+    for k in (0..prepared.outputs.len()).rev() {
+        let values = prepared.measured(k);
+        let moves = nominal[k].as_deref().is_some_and(|it| !is_constant(it));
+        if values.len() >= STUCK && is_constant(values) && moves {
+            let channel = file.kind.outputs()[prepared.outputs[k]].name.to_string();
+            findings.push(Finding {
+                record: prepared.record.file.clone(),
+                channel,
+                what: "constant",
+                rows: (0, values.len() - 1),
+            });
+            prepared.outputs.remove(k);
+            prepared.used.remove(k);
+        }
+    }
+    findings
+}
+
+/// Whether all values are one.
+fn is_constant(values: &[f64]) -> bool {
+    values.windows(2).all(|pair| pair[0] == pair[1])
+}
+
+/// Takes the rows of findings out.
+fn leave_out(prepared: &mut Prepared, file: &PlantFile, findings: &[Finding]) {
+    let names = file.kind.outputs();
+    for finding in findings.iter().filter(|it| it.channel != "time") {
+        for k in 0..prepared.outputs.len() {
+            if finding.channel == "row" || names[prepared.outputs[k]].name == finding.channel {
+                prepared.used[k][finding.rows.0..=finding.rows.1].fill(false);
+            }
+        }
+    }
+}
+
+/// The part of a record without breaks that is kept.
+fn longest_part(prepared: &Prepared, blocks: &[(usize, usize)]) -> std::ops::Range<usize> {
+    let rows = prepared.record.rows();
+    let mut cuts: Vec<(usize, usize)> =
+        prepared.record.breaks.iter().map(|row| (*row, *row)).chain(blocks.iter().copied()).collect();
+    cuts.sort_unstable();
+    let mut parts = Vec::new();
+    let mut start = 0;
+    for (from, to) in cuts {
+        parts.push(start..from.max(start));
+        start = to.max(start);
+    }
+    parts.push(start..rows);
+    let first = parts[0].clone();
+    if first.len() as f64 >= FIRST_PART * rows as f64 {
+        return first;
+    }
+    parts.into_iter().max_by_key(ExactSizeIterator::len).unwrap_or(first)
+}
+
+/// How many rows the plant remembers a first state: its simulation from the middle of a part, against the one that came from the part's beginning. A constant
+/// difference is another start, which is free anyway. `None` where it cannot be simulated.
+pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -> Option<usize> {
+    let whole = prepared.record.piece(part.clone());
+    let middle = part.len() / 2;
+    let run = |record: &Record| Simulator::new(file, record).ok()?.run(record).ok();
+    let long = run(&whole)?;
+    let mut later = whole.piece(middle..part.len());
+    for (output, measured) in file.kind.outputs().iter().zip(&mut later.measured) {
+        if let (Some(measured), Some(values)) = (measured, long.of(output.name)) {
+            measured.copy_from_slice(&values[middle..]);
+        }
+    }
+    let short = run(&later)?;
+    let of_output = |name: &str| {
+        let (long, short) = (long.of(name)?, short.of(name)?);
+        let off: Vec<f64> = long[middle..].iter().zip(short).map(|(long, short)| long - short).collect();
+        let end = *off.last()?;
+        let most = off.iter().fold(0.0_f64, |most, off| most.max((off - end).abs()));
+        // What is as small as the digits of a simulation is nothing.
+        let size = long.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        if most <= 1e-9 * size {
+            Some(0)
+        } else {
+            off.iter().rposition(|off| (off - end).abs() > GONE * most).map(|row| row + 1)
+        }
+    };
+    prepared.outputs.iter().filter_map(|output| of_output(file.kind.outputs()[*output].name)).max()
+}
+
+/// The rows around one that all read what it reads.
+fn run_at(values: &[f64], row: usize) -> std::ops::Range<usize> {
+    let same = |it: &&f64| **it == values[row];
+    row - values[..row].iter().rev().take_while(same).count()..row + values[row..].iter().take_while(same).count()
+}
+
+/// Few readings that repeat the one before, beside the longest time for which the channel hangs.
+fn is_noisy(values: &[f64]) -> bool {
+    let mut hangs = 0..0;
+    let mut first = 0;
+    for row in 1..=values.len() {
+        if row == values.len() || values[row] != values[first] {
+            if row - first > hangs.len() {
+                hangs = first..row;
+            }
+            first = row;
+        }
+    }
+    let mut beside: Vec<f64> = values[..hangs.start].iter().chain(&values[hangs.end..]).copied().collect();
+    if hangs.len() < STUCK || beside.len() < ENOUGH_BESIDE {
+        beside = values.to_vec();
+    }
+    // A limit and a dead band repeat one reading, whatever the noise; readings between them say whether there is any.
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    let between: Vec<f64> = beside.iter().copied().filter(|value| ![low, high, 0.0].contains(value)).collect();
+    repeats_little(if between.len() < ENOUGH_BESIDE { &beside } else { &between })
+}
+
+fn repeats_little(values: &[f64]) -> bool {
+    // A channel that hangs for a while repeats for that long: what moves between other rows decides.
+    let mut repeats = 0;
+    let mut runs = 0;
+    for k in 1..values.len() {
+        if values[k] == values[k - 1] {
+            repeats += 1;
+            if k < 2 || values[k - 1] != values[k - 2] {
+                runs += 1;
+            }
+        }
+    }
+    repeats < values.len() / 2 && (runs as f64) < REPEATS * values.len() as f64
+}
+
+/// Single samples far off their neighbours.
+#[must_use]
+pub fn jumps(values: &[f64]) -> Vec<usize> {
+    let second: Vec<f64> = values.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
+    // Where a channel repeats itself it is at rest, and says nothing about noise.
+    let moves = rest::moving(values);
+    let sizes = second.iter().enumerate().filter(|(k, _)| moves[k + 1]).map(|(_, value)| value.abs());
+    let mut sizes: Vec<f64> = sizes.collect();
+    // The median of |x| is 0.6745 standard deviations of a normal x.
+    let sd = median(&mut sizes) / 0.6745;
+    // Steps of a sensor on a straight line: what is left of second differences are the last digits of four readings, each of them off by half a digit.
+    let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    if sd <= 4.0 * f64::EPSILON * largest {
+        return Vec::new();
+    }
+    let off = |k: usize| k.checked_sub(1).and_then(|k| second.get(k)).copied().unwrap_or(0.0);
+    (1..values.len().saturating_sub(1))
+        .filter(|&row| {
+            // A spike bends the line at its row one way and at both neighbours half as much the other way; a step or a corner does not.
+            let here = off(row);
+            let (before, after) = (off(row - 1), off(row + 1));
+            here.abs() > JUMP * sd && before * here < -0.16 * here * here && after * here < -0.16 * here * here
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::Random;
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::record::Record;
+
+    fn rows(change: impl Fn(usize, &mut [f64; 3])) -> Vec<String> {
+        let mut random = Random::new(3);
+        (0..400)
+            .map(|k| {
+                let mut values = [0.0, 5.0, 100.0].map(|value| value + 0.1 * random.normal());
+                values[1] += if k > 200 { 3.0 } else { 0.0 };
+                change(k, &mut values);
+                format!("{},0,5,0,{},{},{}\n", k as f64 / 1000.0, values[0], values[1], values[2])
+            })
+            .collect()
+    }
+
+    fn prepared(rows: &[String]) -> (Prepared, PlantFile) {
+        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../rsm-sim/plants/pmac.toml")).unwrap();
+        let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
+        let csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string() + &rows.concat();
+        (Prepared::new(Record::read_with_gaps(&Source::new("r.csv", csv), &file).unwrap(), 3), file)
+    }
+
+    fn motor(change: impl Fn(usize, &mut [f64; 3])) -> (Prepared, PlantFile) {
+        prepared(&rows(change))
+    }
+
+    fn found(change: impl Fn(usize, &mut [f64; 3])) -> Vec<(String, &'static str, (usize, usize))> {
+        let (mut prepared, file) = motor(change);
+        let findings = check(&mut prepared, &file);
+        for finding in &findings {
+            assert!(!prepared.used[prepared.used.len() - 1][finding.rows.0] || finding.channel != "speed");
+        }
+        findings.into_iter().map(|it| (it.channel, it.what, it.rows)).collect()
+    }
+
+    #[test]
+    fn a_record_in_order_with_a_step_has_no_findings() {
+        assert_eq!(found(|_, _| {}), vec![]);
+    }
+
+    #[test]
+    fn a_spike_a_hanging_channel_and_a_clipped_one_are_found_where_they_are() {
+        let spike = found(|k, values| values[2] += if k == 77 { 5.0 } else { 0.0 });
+        assert_eq!(spike, vec![("speed".to_string(), "jump", (77, 77))]);
+        let stuck = found(|k, values| {
+            if (100..140).contains(&k) {
+                values[2] = 100.01;
+            }
+        });
+        assert_eq!(stuck, vec![("speed".to_string(), "stuck", (100, 139))]);
+        let clipped = found(|k, values| {
+            if (300..330).contains(&k) {
+                values[1] = 8.5;
+            }
+        });
+        assert_eq!(clipped, vec![("i_q".to_string(), "clipped", (300, 329))]);
+    }
+
+    #[test]
+    fn a_plant_at_rest_is_no_fault_and_a_channel_that_hangs_for_most_of_a_record_is_one() {
+        // A speed that is made from an encoder's counts reads 0 at rest; the motor turns by 100 rad/s at most, and rests where no voltage drives it.
+        let file = {
+            let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../rsm-sim/plants/pmac.toml")).unwrap();
+            PlantFile::read(&Source::new("pmac.toml", text)).unwrap()
+        };
+        let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
+        for k in 0..1200 {
+            csv += &format!("{},0,{},0,0,0,0\n", f64::from(k) / 1000.0, if (300..600).contains(&k) { 20.0 } else { 0.0 });
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
+        let mut random = Random::new(8);
+        for (k, name) in ["i_d", "i_q", "speed"].iter().enumerate() {
+            let values = simulated.of(name).unwrap().iter().map(|value| value + 0.1 * random.normal());
+            record.measured[k] = Some(values.collect());
+        }
+        let resting = |record: &Record| {
+            let mut record = record.clone();
+            for value in record.measured[2].as_mut().unwrap().iter_mut().take(200) {
+                *value = 0.0;
+            }
+            record
+        };
+        let found = |record: Record| {
+            let mut prepared = Prepared::new(record, 3);
+            check(&mut prepared, &file).into_iter().map(|it| (it.channel, it.what, it.rows)).collect::<Vec<_>>()
+        };
+        assert_eq!(found(resting(&record)), vec![]);
+        let mut hanging = record.clone();
+        let speed = hanging.measured[2].as_mut().unwrap();
+        let value = speed[400];
+        speed[400..].fill(value);
+        assert_eq!(found(hanging), vec![("speed".to_string(), "stuck", (400, 1199))]);
+        let mut constant = record.clone();
+        constant.measured[2].as_mut().unwrap().fill(0.0);
+        assert_eq!(found(constant), vec![("speed".to_string(), "constant", (0, 1199))]);
+    }
+
+    #[test]
+    fn a_record_ends_at_a_gap_and_begins_after_one_where_little_stands_before() {
+        for (missing, kept, from) in [(200..230, 200, 0), (50..80, 320, 80)] {
+            let all = rows(|_, _| {});
+            let (first, last) = (&all[..missing.start], &all[missing.end..]);
+            let (mut prepared, file) = prepared(&[first, last].concat());
+            let findings = check(&mut prepared, &file);
+            assert_eq!((findings[0].what, findings[0].rows), ("gap", (missing.start - 1, missing.start)));
+            assert_eq!((prepared.record.rows(), prepared.record.breaks.len()), (kept, 0));
+            // Of the file, whose rows are fewer by those that are missing.
+            assert_eq!(prepared.from, if from > 0 { missing.start } else { 0 });
+            assert!(prepared.used.iter().all(|used| used.len() == kept && used.iter().all(|used| *used)));
+            let period = prepared.record.period;
+            assert!((period - 0.001).abs() < 1e-9, "{period}");
+        }
+    }
+
+    #[test]
+    fn a_block_that_stands_twice_ends_a_record() {
+        let mut all = rows(|_, _| {});
+        for k in 150..170 {
+            // The recorder wrote the readings again; time went on.
+            let again = all[k].split_once(',').unwrap().1.to_string();
+            all[k + 20] = format!("{},{again}", (k + 20) as f64 / 1000.0);
+        }
+        let (mut prepared, file) = prepared(&all);
+        let findings = check(&mut prepared, &file);
+        assert_eq!((findings[0].what, findings[0].rows), ("duplicated block", (170, 189)));
+        assert_eq!(prepared.record.rows(), 170);
+    }
+}

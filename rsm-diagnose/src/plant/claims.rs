@@ -1,0 +1,277 @@
+//! A plant that comes with effects: what its file claims, judged by the records.
+//!
+//! In: a plant file with `[[effects]]`, as an earlier diagnosis or an engineer wrote it. Out: a diagnosis that begins with them: causes are what they do not explain, and a claim that
+//! the records contradict is a cause itself, with the number of the records beside that of the file. The effects are part of the plant while the search runs, so two
+//! searches decide: one in which the claims stand, and, where other numbers do clearly better, one with those. The simpler explanation is believed.
+
+use super::confidence::{self, Case};
+use super::kernel::Kernel;
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::ready::{HeavyTails, Ready};
+use super::selection::Believed;
+use super::share::Piece;
+use super::verdict::{self, Cause, Diagnosis, Interval, NAMED, Verdict};
+use super::{Options, Refused, bootstrap, checks, of_nominal, tails, tested, validation, worth};
+use rsm_sim::effect::Subject;
+use rsm_sim::plant_file::{Entry, PlantFile};
+use rsm_sim::record::Record;
+
+/// Steps of the fit in which the numbers of the claims are free: a search of one cause takes as many.
+const STEPS: usize = 40;
+
+/// What chance gains with one free number, in squared standard deviations of the noise, with a wide margin: one in 10^6 is beyond 24.
+const BY_CHANCE: f64 = 24.0;
+
+/// An effect of the plant file, judged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Claim {
+    /// The kind of the catalogue.
+    pub kind: &'static str,
+    /// The named output, where it has one.
+    pub subject: Option<String>,
+    /// Its numbers as the records have them, in the order of the file.
+    pub records: Vec<Interval>,
+    /// Its numbers as the file has them.
+    pub file: Vec<f64>,
+    /// Whether the records let it stand.
+    pub stands: bool,
+}
+
+/// The plant as the search takes it: errors of parameters are the parameters, all other effects are given.
+fn as_given(file: &PlantFile) -> PlantFile {
+    let mut given = file.clone();
+    given.effects.clear();
+    for entry in &file.effects {
+        match (entry.description.subject, entry.arguments.subject.as_deref(), entry.arguments.optional("value")) {
+            (Subject::Parameter, Some(name), Some(value)) => given.parameters.set(name, value),
+            _ => given.given.push(entry.clone()),
+        }
+    }
+    given
+}
+
+/// Diagnoses a plant with effects.
+pub(super) fn diagnose(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    test: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    let filed = as_given(file);
+    let mut found = of_nominal(&filed, training, validation, test, options)?;
+    // Tails that the answer has no use for were structure.
+    let tails = if found.tails.is_empty() { HeavyTails::LeftAlone } else { HeavyTails::LookedFor };
+    if let Some(judged) = judged(&filed, training, validation, tails, options) {
+        let moved: Vec<usize> = (0..judged.claims.len()).filter(|k| !judged.claims[*k].stands).collect();
+        found.claims = judged.claims.clone();
+        if judged.contradict && !moved.is_empty() && !matches!(found.verdict, Verdict::NoDiscrepancy) {
+            (options.progress)("with other numbers of the plant file's effects");
+            let mut other = filed.clone();
+            for k in &moved {
+                other.given[*k] = judged.fit.model.file.effects[*k].clone();
+            }
+            let anew = of_nominal(&other, training, validation, test, options)?;
+            if is_better(&anew, moved.len(), &found) {
+                found = contradicted(anew, &found, &judged, &moved, &Setting { filed: &filed, training, validation, test });
+            }
+        }
+        if found.verdict == Verdict::NoDiscrepancy {
+            found.claims.iter_mut().for_each(|claim| claim.stands = true);
+        }
+    }
+    found.plant.effects = found.plant.given.drain(..).chain(std::mem::take(&mut found.plant.effects)).collect();
+    Ok(found)
+}
+
+struct Judged {
+    claims: Vec<Claim>,
+    /// The plant with the claims' numbers free.
+    fit: Fit,
+    /// The plant with the file's numbers.
+    filed: Fit,
+    /// Whether free numbers gain what decides between two explanations.
+    contradict: bool,
+    decides: f64,
+    /// Noise as the training records have it, without them.
+    noise: Kernel,
+}
+
+/// Fits the numbers of the claims to the training records; `None` where there are none, or nothing can be simulated.
+fn judged(
+    filed: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    tails: HeavyTails,
+    options: &Options<'_>,
+) -> Option<Judged> {
+    if filed.given.is_empty() {
+        return None;
+    }
+    // From the rows, the noise and the starts with which the search began.
+    let Ready { kernel, nominal, calibrated, .. } = Ready::of(filed, training, validation, tails, options).ok()?;
+    let without = |model: &Model| {
+        let mut model = model.clone();
+        model.file.given.clear();
+        model
+    };
+    let free = without(&calibrated.model).with_effects(&without(&nominal), filed.given.clone());
+    let fit = levenberg::fit(&kernel, free, STEPS)?;
+    let numbers: usize = filed.given.iter().map(|entry| entry.arguments.numbers.len()).sum();
+    let decides = worth::decides(BY_CHANCE + 2.0 * numbers as f64, fit.cost, kernel.rows());
+    let claims = filed.given.iter().enumerate().map(|(place, entry)| claim(&fit, place, entry)).collect();
+    let contradict = calibrated.cost - fit.cost > decides;
+    Some(Judged { claims, contradict, decides, noise: kernel.on(Vec::new()), fit, filed: calibrated })
+}
+
+fn claim(fit: &Fit, place: usize, entry: &Entry) -> Claim {
+    let records = verdict::numbers(fit, place);
+    let file: Vec<f64> = entry.arguments.numbers.iter().map(|(_, value)| *value).collect();
+    let stands = records.iter().zip(&file).all(|(it, file)| it.low <= *file && *file <= it.high);
+    Claim { kind: entry.description.kind, subject: entry.arguments.subject.clone(), records, file, stands }
+}
+
+/// Whether an explanation that contradicts some claims is the one to believe.
+fn is_better(anew: &Diagnosis, contradicted: usize, found: &Diagnosis) -> bool {
+    let is_explained = |it: &Diagnosis| it.verdict != Verdict::Unexplained;
+    let left = |it: &Diagnosis| it.extended.iter().map(|error| error.noise_ratio.powi(2)).sum::<f64>();
+    match (is_explained(anew), is_explained(found)) {
+        (true, false) => true,
+        (false, true) => false,
+        // Both explain: the fewest things that are wrong. Neither: what leaves less, by what a cause must be worth.
+        (true, true) => anew.entries().count() + contradicted <= found.entries().count(),
+        (false, false) => worth::least(left(found), found.extended.len()) < left(found) - left(anew),
+    }
+}
+
+struct Setting<'a> {
+    filed: &'a PlantFile,
+    training: &'a [Record],
+    validation: &'a [Record],
+    test: &'a [Record],
+}
+
+/// The diagnosis of the plant with other numbers, told from the plant of the file: what was contradicted is a cause.
+fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved: &[usize], setting: &Setting<'_>) -> Diagnosis {
+    let explained = anew.verdict != Verdict::Unexplained;
+    let rows = judged.fit.residual.len() as f64;
+    let gain = judged.filed.cost - judged.fit.cost;
+    for place in moved {
+        let claim = &judged.claims[*place];
+        let case = Case {
+            gain,
+            rivals: &[],
+            unit: judged.decides,
+            left: anew.left.excess.max(0.0) * rows,
+            explained,
+            // The search in which the claims stand asked everything else, and did worse.
+            asked: true,
+        };
+        let believed = Believed {
+            label: claim.kind.to_string(),
+            gain,
+            rivals: Vec::new(),
+            alike: Vec::new(),
+            rival_models: Vec::new(),
+            asked: true,
+            without: judged.filed.model.clone(),
+        };
+        let mut cause = verdict::cause(&judged.fit, *place, &believed, Vec::new(), confidence::confidence(&case), None);
+        cause.sentence = told(&cause.sentence, claim);
+        let list = if explained || cause.confidence >= NAMED { &mut anew.causes } else { &mut anew.helpers };
+        list.push(cause);
+    }
+    let strongest = |list: &mut Vec<Cause>| list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    strongest(&mut anew.causes);
+    strongest(&mut anew.helpers);
+    if anew.verdict == Verdict::NoDiscrepancy {
+        anew.verdict = Verdict::Explained;
+    }
+    anew.claims = judged.claims.clone();
+    // Errors before are those of the file, with its own numbers.
+    anew.nominal = before.nominal.clone();
+    anew.gain = verdict::gain(&anew.nominal, &anew.extended);
+    let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
+    let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
+    let kernel = tails::tamed(judged.noise.on(prepared), &judged.filed.model);
+    let records: Vec<&Record> = judges.iter().collect();
+    let sds = judged.noise.floors.map(|floor| floor.sd);
+    let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));
+    if let (Some(filed), Some(extended)) = (validation::on(&kernel, &filed), validation::on(&kernel, &extended)) {
+        anew.gain_interval = bootstrap::gain_interval(&kernel, &filed.simulated, &extended.simulated, verdict::gain_of);
+    }
+    anew.tested = tested::tested(setting.filed, setting.test, &judged.noise, &filed, &extended);
+    anew
+}
+
+/// What the file says of it, behind what the records say.
+fn told(sentence: &str, claim: &Claim) -> String {
+    let numbers: Vec<String> = claim
+        .records
+        .iter()
+        .zip(&claim.file)
+        .filter(|(it, file)| **file < it.low || it.high < **file)
+        .map(|(it, file)| format!("{} = {}", it.name, verdict::with_unit(&Interval { value: *file, ..it.clone() })))
+        .collect();
+    format!("{sentence} The plant file says {}.", numbers.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::axis_under_steps::{self, friction};
+    use super::super::random::Random;
+    use super::*;
+
+    const TOLERANCES: &str = "mass = 0.01";
+
+    fn records(truth: &PlantFile, count: u64) -> Vec<Record> {
+        let nominal = axis_under_steps::file(TOLERANCES, "");
+        (0..count)
+            .map(|seed| {
+                let (kernel, _) = axis_under_steps::kernel(&nominal, truth, false);
+                let mut record = kernel.records[0].record.clone();
+                let mut random = Random::new(seed + 1);
+                record.file = format!("record {seed}");
+                record.measured[0].as_mut().unwrap().iter_mut().for_each(|value| *value += 1e-5 * random.normal());
+                record
+            })
+            .collect()
+    }
+
+    fn diagnosed(filed: &str, truth: &str) -> Diagnosis {
+        let all = records(&axis_under_steps::file(TOLERANCES, truth), 2);
+        let options = Options { threads: 2, progress: &|_| {} };
+        super::super::diagnose(&axis_under_steps::file(TOLERANCES, filed), &all[..1], &all[1..], &options).unwrap()
+    }
+
+    fn windless(force: f64) -> String {
+        format!("[[effects]]\nkind = \"constant-load\"\nparameters = {{ force = {force} }}\n")
+    }
+
+    #[test]
+    fn a_claim_that_is_right_stands_and_what_is_beside_it_is_found() {
+        let null = diagnosed(&friction(0.8), &friction(0.8));
+        assert_eq!((null.verdict, null.entries().count()), (Verdict::NoDiscrepancy, 0), "{:?}", null.causes);
+        assert!(null.claims[0].stands && null.claims[0].file == [0.8], "{:?}", null.claims);
+        assert_eq!((null.plant.effects.len(), null.plant.given.len()), (1, 0));
+        let beside = diagnosed(&friction(0.8), &(friction(0.8) + &windless(0.5)));
+        let kinds: Vec<&str> = beside.entries().map(|cause| cause.kind).collect();
+        assert_eq!((beside.verdict, kinds), (Verdict::Explained, vec!["constant-load"]));
+        let written: Vec<&str> = beside.plant.effects.iter().map(|entry| entry.description.kind).collect();
+        assert_eq!(written, ["coulomb-friction", "constant-load"]);
+    }
+
+    #[test]
+    fn a_claim_that_is_wrong_is_contradicted_with_the_number_of_the_records() {
+        let found = diagnosed(&friction(0.8), &friction(0.5));
+        assert_eq!(found.verdict, Verdict::Explained, "{:?}", found.causes);
+        let [cause] = &found.causes[..] else { panic!("{:?}", found.causes) };
+        let number = &cause.parameters[0];
+        assert_eq!(cause.kind, "coulomb-friction");
+        assert!(number.low <= 0.5 && 0.5 <= number.high && (number.value - 0.5).abs() < 0.02, "{number:?}");
+        assert!(cause.sentence.contains("The plant file says force = 0.8 N"), "{}", cause.sentence);
+        assert!(!found.claims[0].stands && found.gain > 0.95 && cause.confidence > 0.9, "{found:?}");
+        assert_eq!(found.plant.effects.len(), 1);
+    }
+}

@@ -1,0 +1,169 @@
+//! A second look at the data, beside the calibrated simulation: what the readings alone do not show.
+//!
+//! In: prepared records and their simulation. Out: jumps that are motion are taken back; a channel that is late or early in one record alone is found, and left
+//! out there. What is late in all records alike is the plant's or the sensor's, and a matter for the search. Never corrects a sample.
+
+use super::checks::{Finding, jumps};
+use super::kernel::{Prepared, Simulated};
+use rsm_sim::kind::PlantKind;
+
+/// Shifts up to so many rows are looked for, either way.
+const FARTHEST: usize = 50;
+
+/// One row either way is the phase of sampling: a shift is more.
+const LEAST: usize = 2;
+
+/// A shifted channel fits the simulation better by this factor, in squares, where it should have stood: its own slope explains what it misses.
+const BETTER: f64 = 4.0;
+
+/// Drops jumps that the simulation has, too: its rows count again.
+pub fn take_back_motion(records: &mut [Prepared], simulated: &[Simulated], kind: PlantKind, findings: &mut Vec<Finding>) {
+    for (prepared, simulated) in records.iter_mut().zip(simulated) {
+        for (k, values) in simulated.iter().enumerate() {
+            let left: Vec<f64> = prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - value).collect();
+            let true_jumps = jumps(&left);
+            let mut back = Vec::new();
+            findings.retain(|it| match jump(prepared, k, kind, it) {
+                Some(row) if !true_jumps.contains(&row) => {
+                    back.push(row);
+                    false
+                }
+                _ => true,
+            });
+            back.into_iter().for_each(|row| prepared.used[k][row] = true);
+        }
+    }
+}
+
+/// The row of the k-th output of a record that a finding calls a jump.
+fn jump(prepared: &Prepared, k: usize, kind: PlantKind, finding: &Finding) -> Option<usize> {
+    let name = kind.outputs()[prepared.outputs[k]].name;
+    let here = finding.what == "jump" && finding.channel == name && finding.record == prepared.record.file;
+    prepared.row_of(finding.rows.0).filter(|_| here)
+}
+
+/// The rows of the k-th output of a record that were left out as jumps.
+#[must_use]
+pub fn jumps_of(prepared: &Prepared, k: usize, kind: PlantKind, findings: &[Finding]) -> Vec<usize> {
+    findings.iter().filter_map(|it| jump(prepared, k, kind, it)).collect()
+}
+
+/// A channel of a record and how many rows it is late.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shift {
+    /// The record.
+    pub record: usize,
+    /// The output, by its place in the record.
+    pub output: usize,
+    /// Rows; negative where it is early.
+    pub late: isize,
+}
+
+/// Channels that stand at other instants than the same channel of the other records. Two other records at least must agree: of two, nobody knows which.
+#[must_use]
+pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
+    let mut found = Vec::new();
+    for output in 0..3 {
+        let of_output = |prepared: &Prepared| prepared.outputs.iter().position(|it| *it == output);
+        let have: Vec<(usize, usize)> =
+            records.iter().enumerate().filter_map(|(record, (prepared, _))| Some((record, of_output(prepared)?))).collect();
+        if have.len() < 3 {
+            continue;
+        }
+        let errors: Vec<Vec<f64>> = have
+            .iter()
+            .map(|&(record, k)| {
+                let (prepared, simulated) = records[record];
+                misses(prepared.measured(k), &simulated[k], &prepared.used[k])
+            })
+            .collect();
+        let best = |errors: &Vec<f64>| {
+            let place = (0..errors.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(FARTHEST);
+            place as isize - FARTHEST as isize
+        };
+        let late: Vec<isize> = errors.iter().map(best).collect();
+        for (place, &(record, k)) in have.iter().enumerate() {
+            let others: Vec<isize> =
+                late.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, late)| *late).collect();
+            let (least, most) = others.iter().fold((isize::MAX, isize::MIN), |(low, high), it| (low.min(*it), high.max(*it)));
+            let usual = (least + most).div_euclid(2);
+            let agree = ((most - least) as usize) < LEAST;
+            let apart = (late[place] - usual).unsigned_abs() >= LEAST && late[place].unsigned_abs() < FARTHEST;
+            let at = |late: isize| errors[place][(late + FARTHEST as isize) as usize];
+            if agree && apart && at(usual) > BETTER * at(late[place]) {
+                found.push(Shift { record, output: k, late: late[place] - usual });
+            }
+        }
+    }
+    found
+}
+
+/// Mean squares of what readings miss of a simulation that is late by -`FARTHEST` to `FARTHEST` rows, without the mean.
+fn misses(measured: &[f64], simulated: &[f64], used: &[bool]) -> Vec<f64> {
+    let rows = measured.len();
+    if rows < 8 * FARTHEST {
+        return vec![0.0; 2 * FARTHEST + 1];
+    }
+    (0..=2 * FARTHEST)
+        .map(|place| {
+            let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+            for row in FARTHEST..rows - FARTHEST {
+                if used[row] {
+                    let miss = measured[row] - simulated[row + FARTHEST - place];
+                    (count, sum, squares) = (count + 1.0, sum + miss, squares + miss * miss);
+                }
+            }
+            (squares - sum * sum / f64::max(count, 1.0)) / f64::max(count, 1.0)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::Random;
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::plant_file::PlantFile;
+    use rsm_sim::record::Record;
+
+    /// Five records of a speed that wanders, late by so many rows; what a simulation says of them is on time.
+    fn records(late: [usize; 5]) -> Vec<(Prepared, Simulated)> {
+        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../rsm-sim/plants/pmac.toml")).unwrap();
+        let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
+        let mut random = Random::new(5);
+        late.iter()
+            .map(|late| {
+                let mut speed = 0.0;
+                let truth: Vec<f64> = (0..1000_usize)
+                    .map(|_| {
+                        speed = 0.99 * speed + random.normal();
+                        speed
+                    })
+                    .collect();
+                let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],speed[rad/s]\n".to_string();
+                for row in 0..1000_usize {
+                    let reading = truth[row.saturating_sub(*late)] + 0.1 * random.normal();
+                    csv += &format!("{},0,5,0,{reading}\n", row as f64 / 1000.0);
+                }
+                let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+                (Prepared::new(record, 3), vec![truth])
+            })
+            .collect()
+    }
+
+    fn found(late: [usize; 5]) -> Vec<(usize, isize)> {
+        let records = records(late);
+        let pairs: Vec<(&Prepared, &Simulated)> = records.iter().map(|(prepared, simulated)| (prepared, simulated)).collect();
+        shifts(&pairs).iter().map(|it| (it.record, it.late)).collect()
+    }
+
+    #[test]
+    fn a_channel_late_in_one_record_is_found_and_a_delay_of_all_is_not() {
+        assert_eq!(found([0, 0, 0, 0, 0]), vec![]);
+        assert_eq!(found([0, 9, 0, 0, 0]), vec![(1, 9)]);
+        assert_eq!(found([6, 6, 6, 6, 6]), vec![]);
+        assert_eq!(found([6, 6, 6, 0, 6]), vec![(3, -6)]);
+        // One row is the phase of sampling.
+        assert_eq!(found([0, 0, 0, 0, 1]), vec![]);
+    }
+}

@@ -1,0 +1,438 @@
+//! A competition for the place of one more cause: guesses are refined, the best hypotheses fitted in full, one of them believed.
+//!
+//! In: a fit and what the screen found about it. Out: candidates, the best first, and the one to believe, if any. A candidate is judged on training and
+//! validation records together; only training records move a number. Never looks at how the fit came about.
+
+use super::chance::best_of;
+use super::hypotheses::{Hypothesis, label};
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::nuisance::Nuisance;
+use super::profile::{Profiled, profile};
+use super::screen::Screened;
+use super::selection::Search;
+use super::{validation, valleys, waves, whiteness, worth};
+use rsm_sim::plant_file::Entry;
+
+/// Ties: a simpler cause wins when it reaches this share of the gain, if the better one does not leave noise either. Smoothings and integrators of the same
+/// formula differ by a tenth of the noise, which is a share of this size where the cause moves the outputs by ten times the noise.
+const AS_GOOD: f64 = 0.995;
+
+/// Guesses of a hypothesis that are refined at most. Those of a resonance stand an octave or more apart: the next best ones are its neighbours.
+const STARTS: usize = 6;
+
+/// Steps of the rounds in which guesses are refined, before the rest of the steps: after each the better half goes on, as in successive halving
+/// (Z. Karnin, T. Koren, O. Somekh, 2013).
+const ROUNDS: [usize; 2] = [1, 2];
+
+/// Once more so many times the steps for the best: a law with kinks converges by a factor of three a step, not by a hundred.
+const SETTLE: usize = 3;
+
+/// What promises a third of what is needed may hold more: the screen sees the first order only.
+const PROMISING: f64 = 0.3;
+
+/// Forms of one trace that compete, those that promise most: more would keep another trace out, and none of them is told from these.
+const MOST_ALIKE: usize = 4;
+
+/// Steps of a fit of a wave in free run: where the axis creeps over crests, neighbours part, and a step goes only as far as they are together.
+const LED_STEPS: usize = 16;
+
+/// A wave that leaves no more than as much again as the noise is worth the work that its free run asks for.
+const NEAR_NOISE: f64 = 2.0;
+
+/// A hypothesis after its full fit.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Its name in lists.
+    pub label: String,
+    /// The fit with it.
+    pub fit: Fit,
+    /// How many numbers it adds.
+    pub numbers: usize,
+    /// Squared residual of training and validation records together.
+    pub score: f64,
+    /// Squared residual on validation records.
+    pub unseen: f64,
+    /// Hypotheses that promise as much by the same trace, and were not fitted for that.
+    pub alike: Vec<String>,
+}
+
+/// Forms that share a trace with others that promise more: they are not fitted. By group, with what the best of it promises.
+struct Crowd {
+    /// Guesses that compete.
+    kept: Vec<Screened>,
+    /// Group and hypothesis of those that do not.
+    aside: Vec<(usize, usize)>,
+}
+
+/// Divides guesses into those that compete and those that only say the same again. `least` is by how much two promises must differ to be two.
+fn crowd(screened: &[Screened], least: f64) -> Crowd {
+    let mut forms: Vec<(usize, (usize, usize), f64)> = Vec::new();
+    for it in best_guesses(screened, 1) {
+        if let Some(group) = it.group {
+            forms.push((group, form_of(it), it.gain));
+        }
+    }
+    let mut out: Vec<(usize, usize)> = Vec::new();
+    let mut aside = Vec::new();
+    for (place, (group, form, gain)) in forms.iter().enumerate() {
+        let before: Vec<f64> = forms[..place].iter().filter(|it| it.0 == *group).map(|it| it.2).collect();
+        if before.len() >= MOST_ALIKE {
+            out.push(*form);
+            if before[0] - gain < least {
+                aside.push((*group, form.0));
+            }
+        }
+    }
+    Crowd { kept: screened.iter().filter(|it| !out.contains(&form_of(it))).cloned().collect(), aside }
+}
+
+/// A group of forms of one trace, or a form with a trace of its own.
+type Trace = Result<usize, (usize, usize)>;
+
+/// The place of each among those that are fitted: forms of one trace have one place.
+fn places(traces: &[Trace]) -> Vec<usize> {
+    let mut known: Vec<Trace> = Vec::new();
+    let mut place = |its: &Trace| {
+        known.iter().position(|it| it == its).unwrap_or_else(|| {
+            known.push(*its);
+            known.len() - 1
+        })
+    };
+    traces.iter().map(&mut place).collect()
+}
+
+/// A hypothesis with and without its optional numbers is two: each is fitted, and the simpler one wins a tie.
+#[must_use]
+pub fn form_of(it: &Screened) -> (usize, usize) {
+    (it.hypothesis, it.values.iter().filter(|value| value.is_finite()).count())
+}
+
+/// The best guesses of each form, by gain.
+#[must_use]
+pub fn best_guesses(screened: &[Screened], each: usize) -> Vec<&Screened> {
+    let mut order: Vec<&Screened> = screened.iter().collect();
+    order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let mut taken: Vec<(usize, usize)> = Vec::new();
+    order.retain(|it| {
+        let before = taken.iter().filter(|form| **form == form_of(it)).count();
+        taken.push(form_of(it));
+        before < each
+    });
+    order
+}
+
+/// The first `forms` forms of a list in its order, each with its first `each`.
+#[must_use]
+pub fn leading<T>(list: Vec<T>, forms: usize, each: usize, form: impl Fn(&T) -> (usize, usize)) -> Vec<T> {
+    let mut taken: Vec<((usize, usize), usize)> = Vec::new();
+    let mut kept = Vec::new();
+    for it in list {
+        let its = form(&it);
+        let place = taken.iter().position(|(found, _)| *found == its).unwrap_or(taken.len());
+        if place == taken.len() {
+            if taken.len() == forms {
+                continue;
+            }
+            taken.push((its, 0));
+        }
+        if taken[place].1 < each {
+            taken[place].1 += 1;
+            kept.push(it);
+        }
+    }
+    kept
+}
+
+impl Search<'_> {
+    /// Refines the best of the screen, fits the best of those in full, and judges them: the best first.
+    pub(super) fn compete(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Candidate> {
+        let mut candidates = Vec::new();
+        let crowd = crowd(screened, self.decides(fit, threshold));
+        for it in self.refined(fit, &crowd.kept, threshold) {
+            (self.progress)(&format!("fitting {}", self.hypotheses[it.hypothesis].label()));
+            let mut found = self.fitted(fit, &it.entry);
+            if let (Some(found), Some(group)) = (found.as_mut(), group_of(&crowd.kept, it.form())) {
+                let same = crowd.aside.iter().filter(|aside| aside.0 == group);
+                found.alike = same.map(|aside| self.hypotheses[aside.1].label()).collect();
+            }
+            candidates.extend(found);
+        }
+        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+        // The best one is fitted to its end: what its steps left to do would look like one more cause.
+        if let Some(best) = candidates.first_mut()
+            && let Some(settled) = self.settled(fit, best, threshold)
+        {
+            let alike = std::mem::take(&mut best.alike);
+            *best = Candidate { alike, ..settled };
+        }
+        candidates
+    }
+
+    /// A candidate with more steps, and out of its valley where no number scales it; `None` where that changes nothing.
+    fn settled(&self, fit: &Fit, found: &Candidate, threshold: f64) -> Option<Candidate> {
+        let enough = 0.1 * threshold;
+        let steps = self.effort.fit_steps;
+        let mut further = levenberg::onward(self.kernel, found.fit.model.clone(), SETTLE * steps, Some(&found.fit))?;
+        let entry = further.model.file.effects.last()?;
+        let several = entry.arguments.numbers.len() > 1;
+        let scales = |it: &Hypothesis| it.guesses.iter().all(|guess| guess.neutral.is_some());
+        let scales = self.hypotheses.iter().any(|it| it.is(entry) && scales(it));
+        if !scales {
+            further = valleys::escaped(self.kernel, further, steps, enough);
+        }
+        let hops = if several && !scales { valleys::IN_VAIN } else { 0 };
+        if hops > 0 || valleys::in_few_parts(self.kernel, &further) {
+            further = valleys::settled(self.kernel, further, steps, hops, enough);
+        }
+        if found.fit.cost - further.cost > enough { self.judged(fit, further) } else { None }
+    }
+
+    /// The best forms with their numbers near their best, everything else in first order.
+    fn refined(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Profiled> {
+        let nuisance = Nuisance::new(fit);
+        let kind = fit.model.file.kind;
+        let mut guesses = best_guesses(screened, STARTS);
+        guesses.retain(|it| it.gain > PROMISING * threshold);
+        let mut forms = self.effort.profiled;
+        let guesses = leading(guesses, forms, STARTS, |it| form_of(it));
+        let mut pool: Vec<Profiled> = guesses
+            .into_iter()
+            .map(|it| Profiled {
+                hypothesis: it.hypothesis,
+                entry: self.hypotheses[it.hypothesis].entry(kind, &it.values),
+                cost: f64::INFINITY,
+            })
+            .collect();
+        let rest = self.effort.profile_steps.saturating_sub(ROUNDS.iter().sum()).max(1);
+        let mut starts = STARTS;
+        for steps in ROUNDS.into_iter().chain([rest]) {
+            let mut next = Vec::new();
+            for it in pool {
+                if waves::is_wave(it.entry.description.kind, kind) {
+                    // Read off the record, it is at its best in first order.
+                    let led =
+                        it.cost.is_infinite().then(|| waves::led(self.kernel, fit, self.nominal, &it.entry, &[])).flatten();
+                    let entry = led.and_then(|(model, cost)| Some((model.file.effects.last()?.clone(), cost)));
+                    next.push(entry.map_or(it.clone(), |(entry, cost)| Profiled { hypothesis: it.hypothesis, entry, cost }));
+                    continue;
+                }
+                let model = fit.model.joined(self.nominal, it.entry.clone());
+                let place = model.file.effects.len() - 1;
+                if let Some((model, cost)) = profile(self.kernel, &nuisance, model, place, steps) {
+                    next.push(Profiled { hypothesis: it.hypothesis, entry: model.file.effects[place].clone(), cost });
+                }
+            }
+            next.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            starts = starts.div_ceil(2);
+            pool = leading(next, forms, starts, |it| it.form());
+            // Full fits see more than the first order: twice as many forms as are fitted go into the last round.
+            forms = (2 * self.effort.fitted).min(forms);
+        }
+        // Those that promise as much as the best are fitted whatever their place: they leave the same trace, and the answer has to name them.
+        let mut chosen = leading(pool, 2 * self.effort.fitted, 1, |it| it.form());
+        let best = chosen.first().map_or(0.0, |it| it.cost);
+        let alike = best + (1.0 - AS_GOOD) * (fit.cost - best);
+        let traces: Vec<Trace> = chosen.iter().map(|it| group_of(screened, it.form()).ok_or(it.form())).collect();
+        let mut places = places(&traces).into_iter();
+        chosen.retain(|it| places.next().is_some_and(|place| place < self.effort.fitted) || it.cost <= alike);
+        // The best of each trace, and all of the best one's.
+        let mut fitted: Vec<Trace> = Vec::new();
+        chosen.retain(|it| {
+            let its = group_of(screened, it.form()).ok_or(it.form());
+            let again = fitted.contains(&its);
+            fitted.push(its);
+            !again || it.cost <= alike
+        });
+        chosen
+    }
+
+    /// A full fit with this entry. `None` where it cannot be simulated, or where it says what calibration may do.
+    pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
+        let led = waves::is_wave(entry.description.kind, entry.arguments.plant)
+            .then(|| waves::led(self.kernel, fit, self.nominal, entry, &waves::REACHES))
+            .flatten();
+        let found = match led {
+            // Derivatives of a plant without the wave are of no use to one with it.
+            Some((model, promised)) if promised < NEAR_NOISE * self.kernel.rows() as f64 => {
+                // Where it creeps over a crest a free run parts, late and by much: most of the record comes before that.
+                let surely = valleys::by_most_parts(self.kernel, model.clone()).unwrap_or(model);
+                self.led_to_its_end(levenberg::fit(self.kernel, surely, LED_STEPS)?)
+            }
+            Some((model, _)) => levenberg::fit(self.kernel, model, self.effort.fit_steps)?,
+            None => {
+                let model = fit.model.joined(self.nominal, entry.clone());
+                levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?
+            }
+        };
+        self.judged(fit, found)
+    }
+
+    /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do, or where a wave no longer comes again.
+    pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
+        let entry = fit.model.file.effects.last()?;
+        let come_again = fit.model.file.effects.iter().all(|it| waves::comes_again(self.kernel, it));
+        if within_tolerance(self.nominal, entry) || !self.may_be(entry) || !come_again {
+            return None;
+        }
+        let unseen = validation::squared_residual(self.unseen, &fit.model)?;
+        let label = label(entry.description.kind, entry.arguments.subject.as_deref());
+        (self.progress)(&format!("{label} gains {:.0}", without.cost - fit.cost));
+        // Whole numbers and steps count, although no fit moves them: each was chosen among many.
+        let numbers = entry.arguments.numbers.len();
+        Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit, alike: Vec::new() })
+    }
+
+    /// Whether numbers stand to one another as physics has it, and each within what is plausible.
+    pub(super) fn may_be(&self, entry: &Entry) -> bool {
+        is_physical(entry) && super::plausible::why_not(entry, self.survey, &self.nominal.file).is_none()
+    }
+
+    /// A fit with a wave that ended beside the record: led along what it lacks, it may find on.
+    fn led_to_its_end(&self, mut fit: Fit) -> Fit {
+        for reach in waves::AGAIN {
+            if whiteness::look(self.kernel, &fit).excess <= 0.0 {
+                break;
+            }
+            let place = fit.model.file.effects.len() - 1;
+            let again = waves::led_again(self.kernel, &fit, self.nominal, place, reach);
+            let other = again.and_then(|model| levenberg::fit(self.kernel, model, LED_STEPS));
+            fit = other.filter(|other| other.cost < fit.cost).unwrap_or(fit);
+        }
+        fit
+    }
+
+    /// Which of two explanations to prefer: the better one, or the one with fewer numbers where it is as good.
+    pub(super) fn prefers(&self, one: &Fit, other: &Fit, calibrated: &Fit, threshold: f64) -> bool {
+        let score =
+            |fit: &Fit| validation::squared_residual(self.unseen, &fit.model).map_or(f64::INFINITY, |unseen| fit.cost + unseen);
+        let (a, b) = (score(one), score(other));
+        let (best, least) = if a < b { (one, a) } else { (other, b) };
+        let tie = self.tie(best, score(calibrated) - least, least, threshold);
+        let (few, many) = (count(&one.model), count(&other.model));
+        if (a - b).abs() <= tie && few != many { few < many } else { a < b }
+    }
+
+    /// The candidate to believe, if any gains enough on training records and does no harm on unseen ones. Between equals, whose difference one number could make of noise, an
+    /// effect goes before an error of the plant file.
+    pub(super) fn winner<'c>(&self, fit: &Fit, candidates: &'c [Candidate], threshold: f64) -> Option<&'c Candidate> {
+        let unseen = validation::squared_residual(self.unseen, &fit.model)?;
+        let before = fit.cost + unseen;
+        let least = self.decides(fit, threshold);
+        let least_unseen = worth::least(unseen, self.unseen.rows());
+        let pays = |it: &&Candidate| {
+            fit.cost - it.fit.cost > least
+                && (self.unseen.records.is_empty() || it.unseen < unseen && unseen - it.unseen > least_unseen)
+        };
+        let paying: Vec<&Candidate> = candidates.iter().filter(pays).collect();
+        let best = paying.iter().min_by(|a, b| a.score.total_cmp(&b.score))?;
+        let enough = best.score + self.tie(&best.fit, before - best.score, best.score, threshold);
+        let simple: Vec<&Candidate> = paying.into_iter().filter(|it| it.score <= enough).collect();
+        let first = simple.iter().copied().min_by(|a, b| a.numbers.cmp(&b.numbers).then(a.score.total_cmp(&b.score)))?;
+        let equal = simple.into_iter().filter(|it| it.numbers == first.numbers && it.score <= first.score + best_of(1, 1));
+        equal.min_by(|a, b| a.is_of_the_file().cmp(&b.is_of_the_file()).then(a.score.total_cmp(&b.score)))
+    }
+
+    /// By how much a simpler explanation may be worse than the best one and still be preferred: by what chance gives; and where the best one leaves structure
+    /// itself, by as much as that, within a small share of the gain. Who removes more than half of what the simpler one leaves is right to be less simple.
+    pub(super) fn tie(&self, best: &Fit, gain: f64, score: f64, threshold: f64) -> f64 {
+        let rows = self.kernel.rows() + self.unseen.rows();
+        let left = whiteness::look(self.kernel, best).excess * rows as f64;
+        threshold.max(worth::tie(left.min((1.0 - AS_GOOD) * gain), score, rows))
+    }
+}
+
+impl Candidate {
+    /// Whether it says that a number of the plant file is wrong. Such a number was known, within its tolerance, to whoever wrote the file; what the file is silent about
+    /// (wind, a slope, a brake that drags) nobody has measured.
+    fn is_of_the_file(&self) -> bool {
+        let last = self.fit.model.file.effects.last();
+        last.is_some_and(|entry| entry.description.subject == rsm_sim::effect::Subject::Parameter)
+    }
+}
+
+impl Profiled {
+    /// Its hypothesis, with how many numbers.
+    fn form(&self) -> (usize, usize) {
+        (self.hypothesis, self.entry.arguments.numbers.len())
+    }
+}
+
+/// The group of a form's best guess.
+fn group_of(screened: &[Screened], form: (usize, usize)) -> Option<usize> {
+    let its = screened.iter().filter(|it| form_of(it) == form);
+    its.max_by(|a, b| a.gain.total_cmp(&b.gain))?.group
+}
+
+/// How many numbers the causes of a model have.
+#[must_use]
+pub fn count(model: &Model) -> usize {
+    model.file.effects.iter().map(|entry| entry.arguments.numbers.len()).sum()
+}
+
+/// Whether numbers stand to one another as physics has it: friction rises towards rest.
+#[must_use]
+pub fn is_physical(entry: &Entry) -> bool {
+    let of = |name| entry.arguments.optional(name);
+    !matches!((of("coulomb"), of("static")), (Some(coulomb), Some(rest)) if rest < coulomb)
+}
+
+/// Whether a parameter error is what calibration may do: within two standard deviations of its tolerance.
+#[must_use]
+pub fn within_tolerance(nominal: &Model, entry: &Entry) -> bool {
+    let Some(subject) = entry.arguments.subject.as_deref() else { return false };
+    let Some((_, tolerance)) = nominal.file.tolerance.iter().find(|(name, _)| *name == subject) else { return false };
+    let (Some(value), Some(nominal)) = (entry.arguments.optional("value"), nominal.file.parameters.optional(subject)) else {
+        return false;
+    };
+    (value - nominal).abs() <= 2.0 * tolerance * nominal.abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rsm_sim::effect::Arguments;
+    use rsm_sim::effects;
+    use rsm_sim::kind::PlantKind;
+
+    #[test]
+    fn each_form_leads_with_its_first_ones_in_the_order_of_the_list() {
+        let list = vec![(0, 'a'), (0, 'b'), (1, 'c'), (0, 'd'), (2, 'e'), (1, 'f')];
+        let kept: String = leading(list, 2, 2, |it| (it.0, 0)).into_iter().map(|it| it.1).collect();
+        assert_eq!(kept, "abcf");
+    }
+
+    #[test]
+    fn four_forms_of_one_trace_compete_and_no_more() {
+        // Six hypotheses of one trace promise most, and the seventh is another.
+        let promised = [100.0, 99.0, 98.0, 97.0, 96.0, 60.0, 50.0];
+        let one = |(hypothesis, gain): (usize, &f64)| Screened::told(hypothesis, *gain, Some(usize::from(hypothesis == 6)));
+        let screened: Vec<Screened> = promised.iter().enumerate().map(one).collect();
+        let crowd = crowd(&screened, 10.0);
+        assert_eq!(crowd.kept.iter().map(|it| it.hypothesis).collect::<Vec<_>>(), [0, 1, 2, 3, 6]);
+        // What promises as much is an alias; what promises less is none.
+        assert_eq!(crowd.aside, [(0, 4)]);
+    }
+
+    #[test]
+    fn four_forms_of_one_trace_do_not_keep_the_sixth_form_out() {
+        // Of a car on a fast road: drag area, air density and two dampings are one; two others promise less than all four. Five are fitted.
+        let traces = [Ok(0), Ok(0), Ok(0), Ok(0), Err((4, 1)), Ok(5)];
+        assert_eq!(places(&traces), [0, 0, 0, 0, 1, 2]);
+        // The two forms of a hypothesis are two, wherever they stand.
+        assert_eq!(places(&[Err((4, 1)), Ok(0), Err((4, 2)), Ok(0)]), [0, 1, 2, 1]);
+    }
+
+    #[test]
+    fn friction_that_falls_towards_rest_is_not_physical() {
+        let entry = |coulomb: f64, rest: f64| Entry {
+            description: effects::of("stribeck-friction").unwrap(),
+            arguments: Arguments {
+                plant: PlantKind::Pmac,
+                subject: None,
+                numbers: vec![("coulomb", coulomb), ("static", rest), ("stribeck_velocity", 5.0)],
+            },
+        };
+        assert!(is_physical(&entry(0.1, 0.2)) && !is_physical(&entry(0.2, 0.1)));
+    }
+}

@@ -1,0 +1,118 @@
+//! A record of another configuration: one road was steep, one load was heavier. What one record alone shows is no fault of the plant, and bends every cause that is fitted to all.
+//!
+//! In: records, the nominal plant. Out: the one record without which the calibrated plant leaves noise in all others, ready for a search of its own. Where two records are unlike the others,
+//! nobody knows which is usual: then there is none. Never looks for a cause.
+
+use super::kernel::{Kernel, Prepared};
+use super::levenberg::{self, Fit};
+use super::model::{Model, Place};
+use super::noise::Floor;
+use super::posterior::Posterior;
+use super::{validation, verdict, whiteness};
+use rsm_sim::record::Record;
+
+/// Steps of a calibration.
+const STEPS: usize = 8;
+
+/// Structure in the others that is none, in shares of the noise's energy: what a cause must be worth before it is named.
+const SLIGHT: f64 = 0.0015;
+
+/// Structure of the one record, at least: a twentieth of the noise's energy.
+const CLEAR: f64 = 0.05;
+
+/// The others are at least so many: of two records nobody knows which is usual.
+const LEAST_OTHERS: usize = 2;
+
+/// One record apart from all others.
+pub struct Apart {
+    /// Training records without it.
+    pub kernel: Kernel,
+    /// Unseen records without it.
+    pub unseen: Kernel,
+    /// The plant as the others have it.
+    pub fit: Fit,
+    /// That record alone.
+    pub alone: Kernel,
+    /// Its nominal plant: numbers may move as far as the others leave them unsure.
+    pub nominal: Model,
+}
+
+/// The record that is unlike all others, if there is exactly one. `floors` makes the noise from what a fit leaves.
+#[must_use]
+pub fn apart(kernel: &Kernel, unseen: &Kernel, nominal: &Model, floors: &dyn Fn(&Kernel, &Fit) -> [Floor; 3]) -> Option<Apart> {
+    let (trained, judged) = (kernel.records.len(), unseen.records.len());
+    if trained + judged <= LEAST_OTHERS {
+        return None;
+    }
+    let mut found = None;
+    for which in 0..trained + judged {
+        let it = match which.checked_sub(trained) {
+            None if trained > 1 => {
+                without(&kernel.records, which).map_or((kernel.clone(), unseen.clone()), |it| (kernel.on(it), unseen.clone()))
+            }
+            None => continue,
+            Some(place) => (kernel.clone(), unseen.on(without(&unseen.records, place)?)),
+        };
+        let record = if which < trained { &kernel.records[which] } else { &unseen.records[which - trained] };
+        let Some(it) = is_apart(it, record, nominal, floors) else { continue };
+        if found.is_some() {
+            return None;
+        }
+        found = Some(it);
+    }
+    found
+}
+
+/// All records but one.
+fn without(records: &[Prepared], which: usize) -> Option<Vec<Prepared>> {
+    (which < records.len()).then(|| records.iter().enumerate().filter(|(k, _)| *k != which).map(|(_, it)| it.clone()).collect())
+}
+
+/// Whether a calibration to the others leaves noise there, and structure in the one.
+fn is_apart(
+    (mut kernel, mut unseen): (Kernel, Kernel),
+    record: &Prepared,
+    nominal: &Model,
+    floors: &dyn Fn(&Kernel, &Fit) -> [Floor; 3],
+) -> Option<Apart> {
+    let mut fit = levenberg::fit(&kernel, on_records(nominal, &kernel), STEPS)?;
+    kernel.floors = floors(&kernel, &fit);
+    fit = levenberg::fit(&kernel, fit.model, STEPS)?;
+    unseen.floors = kernel.floors;
+    let sds = Posterior::of(&fit).deviations().to_vec();
+    if whiteness::look(&kernel, &fit).excess > SLIGHT || structure(&unseen, &fit, &sds)? > SLIGHT {
+        return None;
+    }
+    let alone = kernel.on(vec![record.clone()]);
+    if structure(&alone, &fit, &sds)? < CLEAR {
+        return None;
+    }
+    let mut its = on_records(&fit.model, &alone);
+    for (unknown, (of_others, sd)) in its.unknowns.iter_mut().zip(fit.model.unknowns.iter().zip(&sds)) {
+        if let (Place::Nominal(name), Some(sd)) = (unknown.place, sd.filter(|sd| *sd > 0.0)) {
+            debug_assert_eq!(unknown.place, of_others.place);
+            let value = fit.model.file.parameters.number(name);
+            (unknown.prior, unknown.low, unknown.high, unknown.scale) =
+                (Some((value, sd)), value - 2.0 * sd, value + 2.0 * sd, sd);
+        }
+    }
+    Some(Apart { kernel, unseen, fit, alone, nominal: its })
+}
+
+/// A model with the starts of these records.
+fn on_records(model: &Model, kernel: &Kernel) -> Model {
+    let mut model = model.clone();
+    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+    model.take_starts(&records, kernel.floors.map(|floor| floor.sd));
+    model
+}
+
+/// What a fit to other records leaves on these, its numbers moving as far as they are unsure.
+fn structure(kernel: &Kernel, fit: &Fit, sds: &[Option<f64>]) -> Option<f64> {
+    if kernel.records.is_empty() {
+        return Some(0.0);
+    }
+    let there = validation::on(kernel, &fit.model)?;
+    let moved = validation::within(kernel, &fit.model, sds, &there)?;
+    Some(verdict::left_there(kernel, moved, 1).excess)
+}

@@ -1,0 +1,434 @@
+//! A black-box correction: a response surface of what an extended simulation still gets wrong, over what it simulates and what drives it.
+//!
+//! In: the extended plant along training and unseen records. Out: a model file with a surface for each output that gains by one on unseen rows, or how much
+//! the best of them would have gained. It says `measured = simulated + surface`; it names no cause, and holds where the records went and nowhere else.
+//!
+//! The surface is static: what hangs on the past alone (a resonance, a lag) it cannot hold. Terms are chosen by the ladder of the fitter, on every other
+//! training record against the records between them (a single record: eighths); coefficients are then fitted to all of them. Never sees an unseen row before it is judged.
+
+use rsm_core::check::Checked;
+use rsm_core::lower;
+use rsm_core::model::{Evidence, Input, Model, Outside, Surface, Term};
+use rsm_core::number::Precision;
+use rsm_core::run::Interpreter;
+use rsm_core::tape::Tape;
+use rsm_fit::dd::Dd;
+use rsm_fit::design::{self, Design, Physical};
+use rsm_fit::ladder::{Judge, Ladder};
+use rsm_fit::qr::{Compressed, Growing, Triangle};
+
+use super::kernel::{Kernel, Prepared, Simulated};
+use super::quantities::{of_output, speed_of};
+use super::regions::{SIGNIFICANT, scatter};
+use rsm_sim::effect::{sign_width, smooth_sign};
+use rsm_sim::kind::PlantKind;
+use rsm_sim::record::Drive;
+
+/// Rows that are fitted, at most: runs of rows are averaged to so many. Double-double least squares of fifty terms over 4000 rows takes half a second.
+const MOST_ROWS: usize = 4000;
+
+/// Candidate terms at most: the order is as high as they allow.
+const MOST_TERMS: usize = 60;
+
+/// The highest order: beyond, a polynomial bends between rows.
+const HIGHEST_ORDER: u32 = 5;
+
+/// Parts of a single record that take turns in choosing terms.
+const PARTS: usize = 8;
+
+/// The fewest terms are wanted that explain this share of what the best choice explains: the rest is the path of one record.
+const AS_GOOD: f64 = 0.99;
+
+/// Blocks of a record over which the scatter of the gain is taken: long against the memory of a residual, enough for a standard deviation.
+const BLOCKS: usize = 10;
+
+/// One side of a normal distribution beyond which lie 5 % shared by three outputs.
+const SURE: f64 = 2.13;
+
+/// What a surface removes of its output's error beyond noise, at least: less is not worth a file.
+const WORTH: f64 = 0.02;
+
+/// An output with its surface.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Corrected {
+    /// The output, by its place in the plant.
+    pub output: usize,
+    /// The surface's name.
+    pub surface: String,
+    /// What it hangs on.
+    pub inputs: Vec<String>,
+    /// Its terms, in words.
+    pub terms: Vec<String>,
+    /// Root mean square error over the noise without it, on the rows that judge.
+    pub before: f64,
+    /// With it.
+    pub after: f64,
+}
+
+/// A correction.
+#[derive(Debug, Clone)]
+pub struct Correction {
+    /// The model file.
+    pub model: Model,
+    /// The outputs that have a surface.
+    pub outputs: Vec<Corrected>,
+    /// Share of the error beyond noise of the extended plant that it removes on the rows that judge, pooled over outputs in units of their noise.
+    pub gain: f64,
+    /// The same, less its scatter: the lower end of a one-sided 95 % interval.
+    pub low: f64,
+    /// Whether unseen records judged; otherwise the last third of every training record, which was held back.
+    pub unseen: bool,
+}
+
+/// What came of it.
+#[derive(Debug, Clone)]
+pub enum Offer {
+    /// It gains on unseen rows.
+    Gains(Box<Correction>),
+    /// Nothing gains on unseen rows.
+    Nothing {
+        /// The share of the error beyond noise that the surfaces would have removed; negative where they do harm.
+        gain: f64,
+    },
+}
+
+/// Records with the extended plant's simulation, from a row to a row.
+struct Rows<'a> {
+    prepared: &'a Prepared,
+    simulated: &'a Simulated,
+    variables: Vec<Vec<f64>>,
+    from: usize,
+    to: usize,
+}
+
+/// Fits and judges. `unseen` may be without records.
+#[must_use]
+pub fn correction(
+    kind: PlantKind,
+    kernel: &Kernel,
+    simulated: &[Simulated],
+    unseen: &Kernel,
+    simulated_unseen: &[Simulated],
+) -> Offer {
+    let has_unseen = !unseen.records.is_empty();
+    let part = |kernel, simulated, from: f64, to: f64| parts(kind, kernel, simulated, from, to);
+    let (training, judging) = if has_unseen {
+        (part(kernel, simulated, 0.0, 1.0), part(unseen, simulated_unseen, 0.0, 1.0))
+    } else {
+        (part(kernel, simulated, 0.0, 2.0 / 3.0), part(kernel, simulated, 2.0 / 3.0, 1.0))
+    };
+    let (Some(first), Some(_)) = (training.first(), judging.first()) else { return Offer::Nothing { gain: 0.0 } };
+    let names = names(kind, first.prepared);
+    let mut model = Model { name: "correction".to_string(), ..Model::default() };
+    let mut outputs = Vec::new();
+    let (mut won, mut variance, mut all, mut lost) = (0.0, 0.0, 0.0, 0.0);
+    for output in 0..kind.outputs().len() {
+        let floor = &kernel.floors[output];
+        let fitted = fit(kind, output, floor.sd, &names, &training);
+        let Some(judged) = judge(output, floor.sd, fitted.as_ref(), &judging) else { continue };
+        let beyond = judged.before - judged.rows as f64;
+        if beyond < SIGNIFICANT * scatter(floor, judged.rows) * judged.rows as f64 {
+            continue;
+        }
+        all += beyond;
+        lost += judged.gain;
+        let Some(surface) = fitted else { continue };
+        if judged.gain < WORTH * beyond || judged.gain < SURE * judged.variance.sqrt() {
+            continue;
+        }
+        won += judged.gain;
+        variance += judged.variance;
+        let mean = |square: f64| (square / judged.rows as f64).sqrt();
+        outputs.push(Corrected {
+            output,
+            surface: surface.surface.name.clone(),
+            inputs: surface.surface.inputs.clone(),
+            terms: surface.terms.clone(),
+            before: mean(judged.before),
+            after: mean(judged.before - judged.gain),
+        });
+        let mut with_evidence = surface.surface.clone();
+        let text = format!(
+            "black box, no physics: add to the simulated {}; fitted to what the extended simulation leaves",
+            kind.outputs()[output].name
+        );
+        with_evidence.evidence = vec![
+            ("what".to_string(), Evidence::Text(text)),
+            ("rows".to_string(), Evidence::Whole(surface.rows as i64)),
+            ("unseen_rows".to_string(), Evidence::Whole(judged.rows as i64)),
+            ("gain_on_unseen_rows".to_string(), Evidence::Number((judged.gain / beyond).min(1.0))),
+        ];
+        for input in surface.inputs {
+            if !model.inputs.contains(&input) {
+                model.inputs.push(input);
+            }
+        }
+        model.surfaces.push(with_evidence);
+    }
+    if outputs.is_empty() || all <= 0.0 {
+        return Offer::Nothing { gain: if all > 0.0 { lost / all } else { 0.0 } };
+    }
+    // 5 % of a normal distribution lie beyond 1.645 standard deviations.
+    let low = (won - 1.645 * variance.sqrt()) / all;
+    // Where what is left comes below the noise that was estimated, all that is beyond it is gone, not more.
+    let gain = (won / all).min(1.0);
+    Offer::Gains(Box::new(Correction { model, outputs, gain, low: low.min(1.0), unseen: has_unseen }))
+}
+
+/// What is to be added to the simulated output, a value a row; `None` where the output has no surface.
+#[must_use]
+pub fn added(
+    kind: PlantKind,
+    correction: &Correction,
+    prepared: &Prepared,
+    simulated: &Simulated,
+    output: usize,
+) -> Option<Vec<f64>> {
+    let one = correction.outputs.iter().find(|it| it.output == output)?;
+    let index = correction.model.surfaces.iter().position(|it| it.name == one.surface)?;
+    let checked = Checked::from_model(&correction.model).ok()?;
+    let tape = lower::surface(&checked, index, Precision::F64);
+    let names = names(kind, prepared);
+    let variables = variables(kind, prepared, simulated);
+    let surface = &correction.model.surfaces[index];
+    let columns: Option<Vec<usize>> =
+        surface.inputs.iter().map(|input| names.iter().position(|(name, _)| name == input)).collect();
+    let columns = columns?;
+    let mut interpreter = Interpreter::<f64>::new(&tape);
+    Some((0..prepared.record.rows()).map(|row| interpreter.eval(&at(&variables, &columns, row))).collect())
+}
+
+fn at(variables: &[Vec<f64>], columns: &[usize], row: usize) -> Vec<f64> {
+    columns.iter().map(|column| variables[*column][row]).collect()
+}
+
+fn parts<'a>(kind: PlantKind, kernel: &'a Kernel, simulated: &'a [Simulated], from: f64, to: f64) -> Vec<Rows<'a>> {
+    let each = kernel.records.iter().zip(simulated);
+    each.map(|(prepared, simulated)| {
+        let rows = prepared.record.rows() as f64;
+        let variables = variables(kind, prepared, simulated);
+        Rows { prepared, simulated, variables, from: (from * rows) as usize, to: (to * rows) as usize }
+    })
+    .collect()
+}
+
+/// Names and units of the variables of a correction, for one kind of record.
+fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static str)> {
+    let signals = kind.outputs();
+    let mut list: Vec<(&str, &str)> = Vec::new();
+    let mut simulated = |output: usize| {
+        if prepared.outputs.contains(&output) {
+            list.push((signals[output].name, signals[output].unit));
+        }
+    };
+    match kind {
+        PlantKind::Pmac => {
+            (0..3).for_each(&mut simulated);
+            list.push(("load_torque", "N*m"));
+            list.push(("direction", "1"));
+        }
+        PlantKind::Driveline => {
+            (0..2).for_each(&mut simulated);
+            list.extend([("throttle", "1"), ("gear", "1")]);
+        }
+        PlantKind::ServoAxis => {
+            simulated(0);
+            list.extend([("speed", "m/s"), ("direction", "1"), ("command", "V")]);
+        }
+    }
+    list
+}
+
+/// Their values, simulated by the extended plant or given by the record.
+fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec<Vec<f64>> {
+    let record = &prepared.record;
+    let zero = || vec![0.0; record.rows()];
+    let of = |output: usize| of_output(prepared, simulated, output).map(<[f64]>::to_vec);
+    let direction = |speed: &[f64]| speed.iter().map(|speed| smooth_sign(*speed, sign_width(kind))).collect::<Vec<f64>>();
+    match kind {
+        PlantKind::Pmac => {
+            let mut list: Vec<Vec<f64>> = (0..3).filter_map(of).collect();
+            list.push(record.inputs.get(2).cloned().unwrap_or_else(zero));
+            list.push(of(2).map_or_else(zero, |speed| direction(&speed)));
+            list
+        }
+        PlantKind::Driveline => {
+            let mut list: Vec<Vec<f64>> = (0..2).filter_map(of).collect();
+            list.push(record.inputs.first().cloned().unwrap_or_else(zero));
+            list.push(vec![record.gear as f64; record.rows()]);
+            list
+        }
+        PlantKind::ServoAxis => {
+            let position = of(0);
+            let speed = position.as_ref().map_or_else(zero, |position| speed_of(position, record.period));
+            let command = if record.drive == Drive::Closed { of(1) } else { record.inputs.first().cloned() };
+            let mut list: Vec<Vec<f64>> = position.into_iter().collect();
+            list.push(speed.clone());
+            list.push(direction(&speed));
+            list.push(command.unwrap_or_else(zero));
+            list
+        }
+    }
+}
+
+/// A surface that was fitted.
+struct Fitted {
+    surface: Surface,
+    inputs: Vec<Input>,
+    columns: Vec<usize>,
+    terms: Vec<String>,
+    rows: usize,
+    tape: Tape,
+}
+
+/// A row that is fitted: the mean over a run of rows, and in which part of the data it lies.
+struct Averaged {
+    point: Vec<f64>,
+    error: f64,
+    part: usize,
+}
+
+fn averaged(output: usize, training: &[Rows<'_>]) -> Vec<Averaged> {
+    let count: usize = training.iter().map(|it| it.to - it.from).sum();
+    let stride = count.div_ceil(MOST_ROWS).max(1);
+    let mut list = Vec::new();
+    for (record, rows) in training.iter().enumerate() {
+        let Some(k) = rows.prepared.outputs.iter().position(|it| *it == output) else { continue };
+        let (measured, used) = (rows.prepared.measured(k), &rows.prepared.used[k]);
+        for first in (rows.from..rows.to).step_by(stride) {
+            let run = first..(first + stride).min(rows.to);
+            if used[run.clone()].iter().any(|used| !used) {
+                continue;
+            }
+            let mean = |value: &dyn Fn(usize) -> f64| run.clone().map(value).sum::<f64>() / run.len() as f64;
+            list.push(Averaged {
+                point: rows.variables.iter().map(|values| mean(&|row| values[row])).collect(),
+                error: mean(&|row| measured[row] - rows.simulated[k][row]),
+                part: if training.len() > 1 { record } else { PARTS * (first - rows.from) / (rows.to - rows.from).max(1) },
+            });
+        }
+    }
+    list
+}
+
+/// The surface of an output over the variables that move, if the parts of the training records agree on one.
+fn fit(
+    kind: PlantKind,
+    output: usize,
+    sd: f64,
+    names: &[(&'static str, &'static str)],
+    training: &[Rows<'_>],
+) -> Option<Fitted> {
+    let rows = averaged(output, training);
+    let mut inputs = Vec::new();
+    let mut columns = Vec::new();
+    for (column, (name, unit)) in names.iter().enumerate() {
+        let values = rows.iter().map(|row| row.point[column]);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        // A variable that stands still, up to the digits of a simulation, carries nothing.
+        if high - low > 1e-6 * high.abs().max(low.abs()) && (high - low).is_finite() {
+            let input =
+                Input { name: (*name).to_string(), unit: (*unit).to_string(), range: [low, high], outside: Outside::Clamp };
+            inputs.push(input);
+            columns.push(column);
+        }
+    }
+    let mut surface = Surface { inputs: inputs.iter().map(|input| input.name.clone()).collect(), ..Surface::default() };
+    // A direction is +1 or -1: its square is a constant.
+    let direction = inputs.iter().position(|input| input.name == "direction");
+    let candidates = |order: u32| {
+        let mut terms = design::terms_up_to(&surface, order);
+        terms.retain(|powers| direction.is_none_or(|k| powers[k] <= 1));
+        terms
+    };
+    let max_order = (1..=HIGHEST_ORDER).rev().find(|order| candidates(*order).len() <= MOST_TERMS)?;
+    let terms = candidates(max_order);
+    if inputs.is_empty() || rows.len() < 4 * terms.len() {
+        return None;
+    }
+    let design = Design::new(&surface, &inputs, terms.clone());
+    let triangle = |chosen: &dyn Fn(usize) -> bool| -> Triangle {
+        let mut compressed = Compressed::new(terms.len() + 1);
+        for row in rows.iter().filter(|row| chosen(row.part)) {
+            let point: Vec<Physical> = columns.iter().map(|column| Physical(row.point[*column])).collect();
+            compressed.push(design.row_as_measured(&point).into_iter().chain([Dd::from(row.error / sd)]));
+        }
+        compressed.finish()
+    };
+    let (even, odd) = (triangle(&|part| part % 2 == 0), triangle(&|part| part % 2 == 1));
+    let judge = Judge::new(odd);
+    // Nothing is good enough at first: the ladder goes on while the other parts gain. C is the share of the square that is explained; below 0 they do better
+    // with no surface at all.
+    let climb = |wanted: f64| {
+        let ladder = Ladder { fit: &even, judge: &judge, terms: &terms, max_order, wanted };
+        ladder.climb(&mut |_, _, _| {}).ok().filter(|climb| climb.confidence > 0.0)
+    };
+    let climb = climb(AS_GOOD * climb(100.0)?.confidence)?;
+    let whole = triangle(&|_| true);
+    let coefficients = Growing::of(&whole, &climb.chosen).ok()?.coefficients();
+    // Inputs that no chosen term contains are none.
+    let kept: Vec<usize> = (0..inputs.len()).filter(|k| climb.chosen.iter().any(|term| terms[*term][*k] > 0)).collect();
+    if kept.is_empty() {
+        return None;
+    }
+    let cut = |powers: &[u32]| kept.iter().map(|k| powers[*k]).collect::<Vec<u32>>();
+    surface.inputs = kept.iter().map(|k| inputs[*k].name.clone()).collect();
+    let inputs: Vec<Input> = kept.iter().map(|k| inputs[*k].clone()).collect();
+    let columns: Vec<usize> = kept.iter().map(|k| columns[*k]).collect();
+    surface.terms = climb
+        .chosen
+        .iter()
+        .zip(&coefficients)
+        .map(|(term, coefficient)| Term { powers: cut(&terms[*term]), coefficient: coefficient.to_f64() * sd })
+        .collect();
+    let signal = kind.outputs()[output];
+    surface.name = format!("{}_correction", signal.name);
+    surface.unit = signal.unit.to_string();
+    let terms = surface.terms.iter().map(|term| design::name(&surface, &inputs, &term.powers)).collect();
+    let model =
+        Model { name: "correction".to_string(), inputs: inputs.clone(), surfaces: vec![surface.clone()], ..Model::default() };
+    let checked = Checked::from_model(&model).ok()?;
+    let tape = lower::surface(&checked, 0, Precision::F64);
+    Some(Fitted { surface, inputs, columns, terms, rows: rows.len(), tape })
+}
+
+/// A surface on rows that it has not seen, in squared standard deviations of the noise.
+struct Judged {
+    rows: usize,
+    before: f64,
+    gain: f64,
+    /// Of the gain, from its scatter over blocks.
+    variance: f64,
+}
+
+fn judge(output: usize, sd: f64, fitted: Option<&Fitted>, judging: &[Rows<'_>]) -> Option<Judged> {
+    let mut interpreter = fitted.map(|it| (Interpreter::<f64>::new(&it.tape), &it.columns));
+    let (mut rows, mut before) = (0, 0.0);
+    let mut blocks = Vec::new();
+    for it in judging {
+        let Some(k) = it.prepared.outputs.iter().position(|found| *found == output) else { continue };
+        let (measured, used) = (it.prepared.measured(k), &it.prepared.used[k]);
+        let mut sums = [(0.0, 0.0); BLOCKS];
+        for row in (it.from..it.to).filter(|row| used[*row]) {
+            let error = (measured[row] - it.simulated[k][row]) / sd;
+            rows += 1;
+            before += error * error;
+            if let Some((interpreter, columns)) = &mut interpreter {
+                let left = error - interpreter.eval(&at(&it.variables, columns, row)) / sd;
+                let sum: &mut (f64, f64) = &mut sums[BLOCKS * (row - it.from) / (it.to - it.from)];
+                *sum = (sum.0 + error * error, sum.1 + error * error - left * left);
+            }
+        }
+        blocks.extend(sums);
+    }
+    if rows == 0 {
+        return None;
+    }
+    let gain = blocks.iter().map(|it| it.1).sum::<f64>();
+    // A ratio of sums over blocks (W. G. Cochran, Sampling Techniques, 1977, 6.4): blocks differ in how much error they have, and that says nothing of the share
+    // that goes.
+    let share = if before > 0.0 { gain / before } else { 0.0 };
+    let count = blocks.len() as f64;
+    let variance = blocks.iter().map(|(error, gain)| (gain - share * error).powi(2)).sum::<f64>() * count / (count - 1.0);
+    Some(Judged { rows, before, gain, variance })
+}

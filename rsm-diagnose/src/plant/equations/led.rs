@@ -1,0 +1,386 @@
+//! A plant led by its readings: each equation along the recorded signals, with a short memory.
+//!
+//! ```text
+//!   p' = f(readings, inputs) + (reading - p)/memory        what the equation misses = reading - p
+//! ```
+//!
+//! In: a prepared record and a plant file with its effects. Out: what every equation misses that can be evaluated from the columns of the record: the currents and the speed
+//! of a motor; the position of an axis, and in closed loop its command by the controller's law; of a car the speed of the whole driveline, in which the torques of its joints
+//! cancel, and the road speed by the acceleration. Nothing is differentiated: the noise of a reading stands beside the reading as it is, and that of the others passes an
+//! integral. Nothing runs away either: what a free run has made of an error after a second is not in it. Never fits, never simulates.
+
+use super::readings::{Readings, Version, WIDTH};
+use crate::plant::kernel::Prepared;
+use rsm_sim::hooks::Hooks;
+use rsm_sim::kind::{PlantKind, StartValues};
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::plants::Plant;
+use rsm_sim::plants::driveline::Driveline;
+use rsm_sim::plants::pmac::Pmac;
+use rsm_sim::plants::servo_axis::ServoAxis;
+use rsm_sim::record::{Drive, Record};
+
+/// Rows of the memory. Longer, a constant error of a rate stands out of the noise by more, and what the plant makes of its own errors does so, too.
+pub const MEMORY: f64 = 100.0;
+
+/// The most states of a plant with effects: seven of the car and as many of effects.
+const STATES: usize = 16;
+
+/// What the equations of a record miss, and how many rates were evaluated for that.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Missed {
+    /// A value a row, by equation, in the unit of its reading.
+    pub equations: Vec<Vec<f64>>,
+    /// Rates that were evaluated.
+    pub work: u64,
+}
+
+/// The names of the equations of a record, in the order of [`missed`]; empty where the columns do not say enough.
+#[must_use]
+pub fn names(prepared: &Prepared, kind: PlantKind) -> Vec<&'static str> {
+    let has = |output: usize| prepared.outputs.contains(&output);
+    let closed = prepared.record.drive == Drive::Closed;
+    match kind {
+        PlantKind::Pmac if prepared.record.drive == Drive::HoldsDirectCurrent => {
+            if has(1) && has(2) {
+                vec!["i_q", "speed"]
+            } else {
+                Vec::new()
+            }
+        }
+        PlantKind::Pmac => {
+            if has(0) && has(1) && has(2) {
+                vec!["i_d", "i_q", "speed"]
+            } else {
+                Vec::new()
+            }
+        }
+        PlantKind::Driveline if !has(0) || !has(1) => Vec::new(),
+        PlantKind::Driveline => {
+            if has(2) {
+                vec!["driveline", "acceleration"]
+            } else {
+                vec!["driveline"]
+            }
+        }
+        PlantKind::ServoAxis if !has(0) || closed && !has(1) => Vec::new(),
+        PlantKind::ServoAxis => {
+            if closed {
+                vec!["position", "command"]
+            } else {
+                vec!["position"]
+            }
+        }
+    }
+}
+
+/// The output in whose reading an equation misses.
+fn read_by(equation: &str) -> usize {
+    match equation {
+        "i_d" | "position" => 0,
+        "speed" => 2,
+        _ => 1,
+    }
+}
+
+/// What the equations miss along a record by a plant file. `None` where the columns do not say enough, where an effect asks for more than the columns hold (a vehicle that
+/// slips on its wheel), or where its own states run away along them.
+#[must_use]
+pub fn missed(prepared: &Prepared, readings: &Readings, version: Version, file: &PlantFile) -> Option<Missed> {
+    if names(prepared, file.kind).is_empty() || prepared.record.rows() < 2 {
+        return None;
+    }
+    let parameters = file.effective_parameters();
+    let record = &prepared.record;
+    let found = match file.kind {
+        PlantKind::Pmac => {
+            let hooks = Hooks::new(file, Pmac::STATES);
+            let holds = record.drive == Drive::HoldsDirectCurrent;
+            let truths = truths(readings, version, file, &hooks, record);
+            motor(&Pmac::new(&parameters, &hooks, holds), &hooks, record, &truths, holds)
+        }
+        PlantKind::ServoAxis => {
+            let hooks = Hooks::new(file, ServoAxis::STATES);
+            let truths = truths(readings, version, file, &hooks, record);
+            let smooth = self::truths(readings, Version::Smooth, file, &hooks, record);
+            axis(&ServoAxis::new(&parameters, &hooks), &hooks, record, &truths, smooth[0].as_ref()?, readings.rests())
+        }
+        PlantKind::Driveline => {
+            let hooks = Hooks::new(file, Driveline::STATES);
+            let truths = truths(readings, version, file, &hooks, record);
+            let of = |name: &str| parameters.number(name);
+            let (gear, last) = (parameters.gear_ratios[record.gear - 1], of("final_drive_ratio"));
+            let shaft = of("transmission_inertia") + of("final_drive_inertia") / (last * last);
+            let wheel = of("wheel_inertia") + of("mass") * of("wheel_radius") * of("wheel_radius");
+            let geometry = Geometry {
+                weights: [gear * last * of("engine_inertia"), last * shaft, wheel],
+                ratios: [gear * last, last],
+                radius: of("wheel_radius"),
+            };
+            car(&Driveline::new(&parameters, record.gear), &hooks, record, &truths, &geometry)
+        }
+    };
+    // A sensor with a gain of its own reads so many times what is missed in truth.
+    let found = found.map(|mut found| {
+        let hooks = Hooks::new(file, STATES);
+        for (values, name) in found.equations.iter_mut().zip(names(prepared, file.kind)) {
+            let reads = 1.0 / (hooks.truth(read_by(name), 1.0, 0.0) - hooks.truth(read_by(name), 0.0, 0.0));
+            values.iter_mut().for_each(|value| *value *= reads);
+        }
+        found
+    });
+    found.filter(|it| it.equations.iter().flatten().all(|value| value.is_finite()))
+}
+
+fn truths(readings: &Readings, version: Version, file: &PlantFile, hooks: &Hooks, record: &Record) -> [Option<Vec<f64>>; 3] {
+    [0, 1, 2].map(
+        |output| if output < file.kind.outputs().len() { readings.truth(output, version, file, hooks, record) } else { None },
+    )
+}
+
+/// What a first input that acts late was on average in each row.
+fn acted(values: &[f64], hooks: &Hooks, period: f64) -> Vec<f64> {
+    let late = hooks.delay() / period;
+    let (whole, part) = (late.floor() as usize, late.fract());
+    let at = |row: usize, later: usize| hooks.input(values[row.saturating_sub(later)]);
+    (0..values.len()).map(|row| (1.0 - part) * at(row, whole) + part * at(row, whole + 1)).collect()
+}
+
+type State = [f64; STATES];
+
+/// A plant along states that are known.
+struct Along<'a, P: Plant> {
+    plant: &'a P,
+    hooks: &'a Hooks,
+    record: &'a Record,
+    /// Inputs as they act, a row.
+    inputs: &'a dyn Fn(usize) -> [f64; 3],
+    /// Fills the states that are known at a row.
+    known: &'a dyn Fn(usize, &mut State),
+    /// States of the plant that no column holds and that do not follow from columns.
+    free: &'a [usize],
+    /// True outputs of the first row.
+    first: [f64; 3],
+}
+
+impl<P: Plant> Along<'_, P> {
+    /// What each row adds to the states, by the plant's equations; states that are not known are integrated by the classical method of fourth order.
+    fn flows(&self) -> Option<(Vec<State>, u64)> {
+        let (plant, hooks) = (self.plant, self.hooks);
+        let (states, rows) = (hooks.states(), self.record.rows());
+        if states > STATES {
+            return None;
+        }
+        let own: Vec<usize> = self.free.iter().copied().chain(P::STATES..states).collect();
+        let mut work = 0;
+        let mut rates = |inputs: &[f64; 3], x: &State| -> State {
+            let (mut dx, mut outputs) = ([0.0; STATES], [0.0; 3]);
+            plant.evaluate(hooks, None, inputs, &x[..states], &mut dx[..states], &mut outputs);
+            work += 1;
+            dx
+        };
+        let period = self.record.period;
+        let mut x = [0.0; STATES];
+        // What no column holds begins as a plant in order does.
+        let mut starts = StartValues::default();
+        starts[..3].copy_from_slice(&self.first);
+        plant.start(hooks, &starts, self.record, &(self.inputs)(0), &mut x[..states]);
+        if hooks.vehicle_speed(&x).is_some() {
+            return None;
+        }
+        let mut flows = Vec::with_capacity(rows);
+        for row in 0..rows - 1 {
+            (self.known)(row, &mut x);
+            let inputs = (self.inputs)(row);
+            let mut next = x;
+            (self.known)(row + 1, &mut next);
+            let begin = rates(&inputs, &x);
+            if !own.is_empty() {
+                let mut half = x;
+                for (half, next) in half.iter_mut().zip(&next) {
+                    *half = 0.5 * (*half + next);
+                }
+                let with = |base: &State, rate: &State, share: f64| {
+                    let mut at = *base;
+                    own.iter().for_each(|k| at[*k] = x[*k] + share * period * rate[*k]);
+                    at
+                };
+                let second = rates(&inputs, &with(&half, &begin, 0.5));
+                let third = rates(&inputs, &with(&half, &second, 0.5));
+                let fourth = rates(&inputs, &with(&next, &third, 1.0));
+                for &k in &own {
+                    next[k] = x[k] + period / 6.0 * (begin[k] + 2.0 * (second[k] + third[k]) + fourth[k]);
+                }
+            }
+            // The input is held over the row: both ends see it. Simpson's rule (T. Simpson, 1743), the middle by Hermite's cubic from the ends and their rates: the currents of a motor
+            // swing within a row.
+            let end = rates(&inputs, &next);
+            let mut middle = x;
+            for (k, middle) in middle.iter_mut().enumerate().take(states) {
+                *middle = 0.5 * (x[k] + next[k]) + 0.125 * period * (begin[k] - end[k]);
+            }
+            let between = rates(&inputs, &middle);
+            let mut flow = [0.0; STATES];
+            for (k, flow) in flow.iter_mut().enumerate().take(states) {
+                *flow = period / 6.0 * (begin[k] + 4.0 * between[k] + end[k]);
+            }
+            flows.push(flow);
+            x = next;
+        }
+        Some((flows, work))
+    }
+}
+
+/// What a reading has beyond what its equation says, led by it.
+fn led(readings: impl Iterator<Item = f64>, mut flow: impl FnMut(usize) -> f64) -> Vec<f64> {
+    let mut said = None;
+    readings
+        .enumerate()
+        .map(|(row, reading)| {
+            let before = said.map_or(reading, |said| said + flow(row - 1));
+            let missed = reading - before;
+            said = Some(before + missed / MEMORY);
+            missed
+        })
+        .collect()
+}
+
+fn motor(plant: &Pmac, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f64>>; 3], holds: bool) -> Option<Missed> {
+    let (i_q, speed) = (truths[1].as_ref()?, truths[2].as_ref()?);
+    let rows = speed.len();
+    let mut angle = Vec::with_capacity(rows);
+    let mut theta = record.angle.unwrap_or(0.0);
+    for row in 0..rows {
+        theta += if row > 0 { 0.5 * record.period * (speed[row - 1] + speed[row]) } else { 0.0 };
+        angle.push(theta);
+    }
+    let pairs: Vec<[f64; 2]> = match &truths[0] {
+        Some(i_d) if !holds => (0..rows)
+            .map(|row| {
+                let (sin, cos) = hooks.frame_angle(angle[row]).sin_cos();
+                [cos * i_d[row] - sin * i_q[row], sin * i_d[row] + cos * i_q[row]]
+            })
+            .collect(),
+        _ => i_q.iter().map(|i_q| [0.0, *i_q]).collect(),
+    };
+    let zeros = Vec::new();
+    let v_d = acted(if record.inputs[0].is_empty() { &zeros } else { &record.inputs[0] }, hooks, record.period);
+    let v_q = acted(&record.inputs[1], hooks, record.period);
+    let inputs = |row: usize| [v_d.get(row).copied().unwrap_or(0.0), v_q[row], record.inputs[2][row]];
+    let known = |row: usize, x: &mut State| {
+        x[..4].copy_from_slice(&[pairs[row][0], pairs[row][1], speed[row], angle[row]]);
+    };
+    let first = [truths[0].as_ref().map_or(0.0, |i_d| i_d[0]), i_q[0], speed[0]];
+    let (flows, work) = Along { plant, hooks, record, inputs: &inputs, known: &known, free: &[], first }.flows()?;
+    let current = |k: usize| led(pairs.iter().map(|it| it[k]), |row| flows[row][k]);
+    let mut equations: Vec<Vec<f64>> = (usize::from(holds)..2).map(current).collect();
+    equations.push(led(speed.iter().copied(), |row| flows[row][2]));
+    Some(Missed { equations, work })
+}
+
+fn axis(
+    plant: &ServoAxis,
+    hooks: &Hooks,
+    record: &Record,
+    truths: &[Option<Vec<f64>>; 3],
+    smooth: &[f64],
+    rests: &[bool],
+) -> Option<Missed> {
+    let position = truths[0].as_ref()?;
+    let closed = record.drive == Drive::Closed;
+    let command = if closed { truths[1].as_ref()? } else { record.inputs.first()? };
+    let acting = acted(command, hooks, record.period);
+    let (period, last) = (record.period, position.len() - 1);
+    let speed: Vec<f64> = (0..=last)
+        .map(|row| {
+            let (before, after) = (row.saturating_sub(1), (row + 1).min(last));
+            (smooth[after] - smooth[before]) / ((after - before) as f64 * period)
+        })
+        .collect();
+    let inputs = |row: usize| [acting[row], command[row], 0.0];
+    let known = |row: usize, x: &mut State| (x[0], x[1]) = (smooth[row], speed[row]);
+    let first = [smooth[0], speed[0], 0.0];
+    let (flows, work) = Along { plant, hooks, record, inputs: &inputs, known: &known, free: &[], first }.flows()?;
+    // Both poles at 1 - 1/memory.
+    // Slopes at the ends are those of a few readings: the line through two that are not.
+    let inner = |row: usize| speed[row.min(last)];
+    let (mut said, mut moving) = (position[0], 2.0 * inner(WIDTH) - inner(2 * WIDTH));
+    let by_force = (0..=last)
+        .map(|row| {
+            if rests[row] {
+                // What holds it is not seen.
+                (said, moving) = (smooth[row], speed[row]);
+                return 0.0;
+            }
+            if row > 0 {
+                let gained = flows[row - 1][1];
+                said += period * (moving + 0.5 * gained);
+                moving += gained;
+            }
+            let missed = position[row] - said;
+            said += 2.0 / MEMORY * missed;
+            moving += missed / (MEMORY * MEMORY * period);
+            missed
+        })
+        .collect();
+    let mut equations = vec![by_force];
+    if closed {
+        let reference = &record.inputs[0];
+        let at = |row: usize, before: usize| position[row.saturating_sub(before)];
+        let law = |row: usize| {
+            plant.command(reference[row], &[position[row], speed[row]], [at(row, 0), at(row, 1), at(row, 2)], period)
+        };
+        equations.push((0..=last).map(|row| command[row] - law(row)).collect());
+    }
+    Some(Missed { equations, work })
+}
+
+/// How the bodies of a driveline hang together.
+struct Geometry {
+    /// Inertias of engine, shaft and wheel (with the vehicle), each times its ratio to the wheel.
+    weights: [f64; 3],
+    /// Speeds of engine and shaft over that of the wheel.
+    ratios: [f64; 2],
+    radius: f64,
+}
+
+fn car(plant: &Driveline, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f64>>; 3], it: &Geometry) -> Option<Missed> {
+    let (engine, road) = (truths[0].as_ref()?, truths[1].as_ref()?);
+    let throttle = acted(&record.inputs[0], hooks, record.period);
+    let inputs = |row: usize| [throttle[row], 0.0, 0.0];
+    let mut turned = Vec::with_capacity(engine.len());
+    let mut way = 0.0;
+    for row in 0..engine.len() {
+        way += if row > 0 { 0.5 * record.period * (engine[row - 1] + engine[row]) } else { 0.0 };
+        turned.push(way);
+    }
+    // Angles of shaft and wheel follow the engine's: what twists a joint cancels in the sum of all bodies, and the shaft's own inertia is a hundredth of it.
+    let known = |row: usize, x: &mut State| {
+        let wheel = road[row] / it.radius;
+        let angle = turned[row];
+        x[1..7].copy_from_slice(&[
+            angle,
+            engine[row],
+            angle * it.ratios[1] / it.ratios[0],
+            it.ratios[1] * wheel,
+            angle / it.ratios[0],
+            wheel,
+        ]);
+    };
+    let first = [engine[0], road[0], 0.0];
+    let (flows, work) = Along { plant, hooks, record, inputs: &inputs, known: &known, free: &[0], first }.flows()?;
+    let [of_engine, of_shaft, of_wheel] = it.weights;
+    // As a speed of the road.
+    let scale = it.radius / (of_engine * it.ratios[0] + of_shaft * it.ratios[1] + of_wheel);
+    let sum = |engine: f64, shaft: f64, wheel: f64| scale * (of_engine * engine + of_shaft * shaft + of_wheel * wheel);
+    let whole = (0..engine.len()).map(|row| {
+        let wheel = road[row] / it.radius;
+        sum(engine[row], it.ratios[1] * wheel, wheel)
+    });
+    let mut equations = vec![led(whole, |row| sum(flows[row][2], flows[row][4], flows[row][6]))];
+    if let Some(acceleration) = &truths[2] {
+        let gained = |row: usize| 0.5 * record.period * (acceleration[row] + acceleration[row + 1]);
+        equations.push(led(road.iter().copied(), gained));
+    }
+    Some(Missed { equations, work })
+}

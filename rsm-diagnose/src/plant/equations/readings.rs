@@ -1,0 +1,153 @@
+//! The readings of a record as equations want them: raw, smooth, and taken back through what sensors do to them.
+//!
+//! In: a prepared record. Out: signals a row, and which rows count. Never looks at an equation.
+
+use super::led::MEMORY;
+use crate::plant::kernel::Prepared;
+use rsm_sim::effect::AXIS_SIGN_WIDTH;
+use rsm_sim::hooks::Hooks;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+
+/// Rows on either side over which a reading is smoothed: where two versions of one reading are compared, its noise is in both and would look like a part of what is missed.
+pub const WIDTH: usize = 10;
+
+/// Below this speed, in widths of the sign's smoothing, dry friction is not what the speed says but what holds the axis.
+const REST: f64 = 3.0;
+
+/// The noise of a smooth speed, over the noise of a position a period: sqrt(sum of the squared slopes of the Hann window).
+const SPEED_NOISE: f64 = 0.043;
+
+/// The readings of a record, by output of the plant.
+#[derive(Debug, Clone)]
+pub struct Readings {
+    raw: [Option<Vec<f64>>; 3],
+    /// A mean weighted by a Hann window.
+    smooth: [Option<Vec<f64>>; 3],
+    /// The slope of the smooth readings, per second.
+    slope: [Option<Vec<f64>>; 3],
+    /// Rows at which an axis rests.
+    rests: Vec<bool>,
+    /// Rows whose memory holds no reading that does not count.
+    pub counts: Vec<bool>,
+}
+
+/// Rows at which an axis rests by its position, if that is what moves.
+fn at_rest(positions: &[f64], speed: &[f64], period: f64) -> Vec<bool> {
+    // Five standard deviations: a noise of the speed beyond the width of a sign is no direction either.
+    let slowest = (REST * AXIS_SIGN_WIDTH).max(5.0 * SPEED_NOISE * noise(positions) / period);
+    let mut rests = vec![false; speed.len()];
+    let mut row = 0;
+    while row < speed.len() {
+        let slow = speed[row..].iter().take_while(|it| it.abs() < slowest).count();
+        // Who reverses is slow for some rows; who rests is so for longer than readings are smoothed.
+        if slow >= 3 * WIDTH {
+            rests[row..row + slow].fill(true);
+        }
+        row += slow.max(1);
+    }
+    rests
+}
+
+/// Which version of the readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Version {
+    /// As they are.
+    Raw,
+    /// Smooth.
+    Smooth,
+}
+
+impl Readings {
+    /// Of a record.
+    #[must_use]
+    pub fn new(prepared: &Prepared, kind: PlantKind) -> Self {
+        let mut raw: [Option<Vec<f64>>; 3] = Default::default();
+        for (k, output) in prepared.outputs.iter().enumerate() {
+            raw[*output] = Some(prepared.measured(k).to_vec());
+        }
+        let smooth = raw.clone().map(|values| values.map(|values| smoothed(&values)));
+        let period = prepared.record.period;
+        let slope = smooth.clone().map(|values| {
+            values.map(|values| {
+                let last = values.len() - 1;
+                let (before, after) = (|row: usize| row.saturating_sub(1), |row: usize| (row + 1).min(last));
+                let of = |row: usize| {
+                    (values[after(row)] - values[before(row)]) / ((after(row) - before(row)).max(1) as f64 * period)
+                };
+                (0..values.len()).map(of).collect::<Vec<f64>>()
+            })
+        });
+        let rows = prepared.record.rows();
+        let rests = match (&raw[0], &slope[0]) {
+            (Some(positions), Some(speed)) if kind == PlantKind::ServoAxis => at_rest(positions, speed, period),
+            _ => vec![false; rows],
+        };
+        let memory = MEMORY as usize;
+        // A start whose speed is a slope of few readings is forgotten to a tenth.
+        let mut left_out = if kind == PlantKind::ServoAxis { 4 * memory } else { 0 };
+        let counts = (0..rows)
+            .map(|row| {
+                // What did not count may be far off; where a rest ended is known to some of the noise.
+                left_out = match (prepared.used.iter().all(|used| used[row]), rests[row]) {
+                    (false, _) => 4 * memory,
+                    (_, true) => left_out.max(3 * memory),
+                    _ => left_out.saturating_sub(1),
+                };
+                left_out == 0
+            })
+            .collect();
+        Readings { raw, smooth, slope, rests, counts }
+    }
+
+    /// Rows at which an axis rests.
+    #[must_use]
+    pub fn rests(&self) -> &[bool] {
+        &self.rests
+    }
+
+    /// What an output was in truth by the effects of a file, a value a row; `None` where the record does not hold it.
+    #[must_use]
+    pub fn truth(&self, output: usize, version: Version, file: &PlantFile, hooks: &Hooks, record: &Record) -> Option<Vec<f64>> {
+        let chosen = if version == Version::Raw { &self.raw } else { &self.smooth };
+        let (values, slope) = (chosen[output].as_ref()?, self.slope[output].as_ref()?);
+        let name = file.kind.outputs()[output].name;
+        // A slow sensor's reading and its slope times its time constant are what it reads.
+        let slow =
+            |kind: &str| file.acting().find(|it| it.description.kind == kind && it.arguments.subject.as_deref() == Some(name));
+        let lag = slow("sensor-lag").map_or(0.0, |it| it.arguments.number("time_constant"));
+        let late = hooks.reads_late(output) / record.period;
+        let (whole, part) = (late.round(), late - late.round());
+        let last = values.len() - 1;
+        let of = |row: usize| {
+            let at = (row + whole as usize).min(last);
+            let reading = values[at] + (part * record.period + lag) * slope[at];
+            hooks.truth(output, reading, record.time[row])
+        };
+        Some((0..values.len()).map(of).collect())
+    }
+}
+
+/// A mean over a Hann window (J. von Hann), narrower at the ends.
+fn smoothed(values: &[f64]) -> Vec<f64> {
+    let weight = |distance: usize| 0.5 + 0.5 * (std::f64::consts::PI * distance as f64 / (WIDTH + 1) as f64).cos();
+    let weights: Vec<f64> = (0..=WIDTH).map(weight).collect();
+    let of = |row: usize| {
+        let reach = WIDTH.min(row).min(values.len() - 1 - row);
+        let mut sum = values[row];
+        let mut whole = 1.0;
+        for (distance, weight) in weights.iter().enumerate().take(reach + 1).skip(1) {
+            sum += weight * (values[row - distance] + values[row + distance]);
+            whole += 2.0 * weight;
+        }
+        sum / whole
+    };
+    (0..values.len()).map(of).collect()
+}
+
+/// The noise of positions, by their second differences: a smooth motion has hardly any.
+fn noise(positions: &[f64]) -> f64 {
+    let bends = positions.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]) * (w[2] - 2.0 * w[1] + w[0]));
+    (bends.sum::<f64>() / (6.0 * positions.len().max(1) as f64)).sqrt()
+}

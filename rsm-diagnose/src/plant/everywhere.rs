@@ -1,0 +1,215 @@
+//! The answer, asked on all rows of records that are too long to be searched.
+//!
+//! In: whole records, the plant at the end of a search. Out: what it leaves, window by window, each with a start of its own, so that memory is that of one window. A window is judged as an unseen
+//! record is: by the noise that it has itself, the numbers of the plant moving as far as they are unsure. Never moves a cause, never names one.
+
+use std::fmt;
+
+use super::checks;
+use super::kernel::Kernel;
+use super::levenberg::Fit;
+use super::octaves::{OCTAVES, Octave};
+use super::posterior::Posterior;
+use super::share::{self, Piece};
+use super::{regions, tails, validation, verdict, whiteness};
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+
+/// Rows of a window that count: as long as records that a search takes whole.
+const WINDOW: usize = 8000;
+
+/// Sub-steps that all windows may take together: a quarter of a minute of one core, at 150 ns each. What is beyond is not asked, and is said.
+const MOST_STEPS: u64 = 100_000_000;
+
+/// A window in which more is left than noise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Window {
+    /// The record with its rows, as messages speak of it.
+    pub record: String,
+    /// Energy beyond that of noise over the noise's.
+    pub excess: f64,
+}
+
+/// What all rows say of an answer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Everywhere {
+    /// Rows that were asked.
+    pub rows: usize,
+    /// Rows of all records.
+    pub of: usize,
+    /// Windows that they were asked in.
+    pub windows: usize,
+    /// Windows in which more than noise is left, the worst first.
+    pub beyond: Vec<Window>,
+    /// Windows that could not be simulated.
+    pub lost: Vec<String>,
+    /// Energy beyond that of noise over the noise's: of the worst window, or of all together, whichever is more.
+    pub excess: f64,
+}
+
+/// Windows that a sentence names.
+const NAMED: usize = 3;
+
+impl fmt::Display for Everywhere {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "The answer was then asked on {} of all {} rows, in {} windows: ", self.rows, self.of, self.windows)?;
+        let names: Vec<String> = self.beyond.iter().take(NAMED).map(|it| regions::name_of(&it.record)).collect();
+        match (self.beyond.len(), self.excess > 0.0) {
+            (0, false) => write!(f, "each leaves noise")?,
+            (0, true) => write!(f, "each leaves noise, and all together {:.1} % more than noise", 100.0 * self.excess)?,
+            (count, _) => write!(
+                f,
+                "{count} leave more than noise, at worst {:.1} % of its energy ({})",
+                100.0 * self.excess,
+                names.join("; ")
+            )?,
+        }
+        if self.rows < self.of {
+            write!(f, "; what the other {} rows show was not asked", self.of - self.rows)?;
+        }
+        Ok(())
+    }
+}
+
+/// Windows of a record, made as they are asked for, in an order in which the first ones are spread over it.
+fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterator<Item = Piece> + 'a> {
+    let rows = record.rows();
+    let beginning = record.piece(0..WINDOW.min(rows));
+    let Some(settling) = share::settling(&beginning, file).filter(|settling| 2 * settling <= WINDOW) else {
+        // A plant that does not forget its start goes on from the first one.
+        return Box::new(std::iter::once_with(|| Piece::whole(record.clone())));
+    };
+    let count = rows.div_ceil(WINDOW);
+    let mut order: Vec<usize> = (0..count).collect();
+    // Bits reversed: halves, quarters, eighths.
+    order.sort_by_key(|k| k.reverse_bits());
+    let kind = file.kind;
+    let one = move |k: usize| {
+        let start = k * rows / count;
+        let from = start.saturating_sub(settling);
+        let end = (k + 1) * rows / count;
+        let mut piece = share::piece(record, kind, from..end, start - from);
+        // Messages name the rows that count.
+        piece.record.file = format!("{}, rows {} to {end}", record.file, start + 1);
+        piece
+    };
+    Box::new(order.into_iter().map(one))
+}
+
+/// Asks all rows. `kernel` has the noise and the pace of the search.
+#[must_use]
+pub fn look(records: &[&Record], file: &PlantFile, kernel: &Kernel, fit: &Fit) -> Everywhere {
+    let mut by_record: Vec<_> = records.iter().map(|it| windows(it, file)).collect();
+    let looks: usize = by_record.iter().map(|it| it.len()).sum();
+    let sds = Posterior::of(fit).deviations().to_vec();
+    let mut found = Everywhere {
+        rows: 0,
+        of: records.iter().map(|it| it.rows()).sum(),
+        windows: 0,
+        beyond: Vec::new(),
+        lost: Vec::new(),
+        excess: 0.0,
+    };
+    let mut sums = [[Octave::default(); OCTAVES]; 3];
+    let begun = kernel.pace.taken();
+    // One of each record in turn.
+    while by_record.iter().any(|it| it.len() > 0) && kernel.pace.taken() - begun < MOST_STEPS {
+        for piece in by_record.iter_mut().filter_map(Iterator::next) {
+            let counted = piece.record.rows() - piece.settling;
+            let name = piece.record.file.clone();
+            let (prepared, _) = checks::prepared([piece], file);
+            if prepared.iter().all(|it| it.outputs.is_empty()) {
+                continue;
+            }
+            let there = tails::tamed(kernel.on(prepared), &fit.model);
+            // From first readings straight on; where that leaves something, as carefully as an unseen record.
+            let quick = validation::at_once(&there, &fit.model).map(|started| verdict::left_there(&there, started, looks));
+            let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
+                let started = validation::on(&there, &fit.model)?;
+                let left = verdict::left_there(&there, started.clone(), looks);
+                if left.excess <= 0.0 {
+                    return Some(left);
+                }
+                let moved = validation::within(&there, &fit.model, &sds, &started);
+                Some(moved.map_or(left, |moved| verdict::left_there(&there, moved, looks)))
+            });
+            let Some(left) = left else {
+                found.lost.push(name);
+                continue;
+            };
+            (found.rows, found.windows) = (found.rows + counted, found.windows + 1);
+            for band in &left.bands {
+                let sum = &mut sums[band.output][band.octave];
+                sum.power += band.ratio * band.lines as f64;
+                sum.lines += band.lines as f64;
+            }
+            if left.excess > 0.0 {
+                found.beyond.push(Window { record: name, excess: left.excess });
+            }
+        }
+    }
+    found.beyond.sort_by(|a, b| b.excess.total_cmp(&a.excess));
+    let worst = found.beyond.first().map_or(0.0, |it| it.excess);
+    found.excess = worst.max(together(kernel, &sums));
+    found
+}
+
+/// What is beyond noise in the octaves of all windows together, over the noise's energy.
+fn together(kernel: &Kernel, sums: &[[Octave; OCTAVES]; 3]) -> f64 {
+    let all = sums.iter().enumerate().flat_map(|(output, list)| list.iter().enumerate().map(move |(k, it)| (output, k, it)));
+    let bands: Vec<_> = all.filter(|(_, _, octave)| octave.lines > 0.0).collect();
+    let point = whiteness::point(bands.len(), 1);
+    let lines: f64 = bands.iter().map(|it| it.2.lines).sum();
+    let beyond = bands.iter().filter(|(output, k, octave)| octave.deviation(&kernel.floors[*output], *k) > point);
+    beyond.map(|(_, _, octave)| (octave.ratio() - 1.0) * octave.lines).sum::<f64>() / lines.max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Prepared;
+    use super::super::levenberg;
+    use super::super::model::Model;
+    use super::super::noise::Floor;
+    use super::super::random::Random;
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::simulate::Simulator;
+
+    /// What all rows say of a car whose throttle reads so much less than it is from two thirds of its record on; the answer was found on its first 4000 rows.
+    fn asked(less: f64) -> Everywhere {
+        let text = include_str!("../../../rsm-sim/plants/driveline.toml");
+        let file = PlantFile::read(&Source::new("car.toml", text)).unwrap();
+        let mut csv = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
+        for k in 0..48_000 {
+            csv += &format!("{},{},3,0,12,0\n", f64::from(k) / 100.0, if k % 400 < 150 { 0.5 } else { 0.05 });
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
+        let sds = [0.5, 0.02, 0.05];
+        let mut random = Random::new(4);
+        for (k, name) in ["engine_speed", "road_speed", "acceleration"].iter().enumerate() {
+            record.measured[k] =
+                Some(simulated.of(name).unwrap().iter().map(|value| value + sds[k] * random.normal()).collect());
+        }
+        record.inputs[0][32_000..].iter_mut().for_each(|value| *value -= less);
+        let first = record.piece(0..4000);
+        let kernel = Kernel::new(vec![Prepared::new(first.clone(), 3)], sds.map(Floor::white), 2);
+        let fit = levenberg::fit(&kernel, Model::nominal(&file, &[&first], sds), 4).unwrap();
+        look(&[&record], &file, &kernel, &fit)
+    }
+
+    #[test]
+    fn what_only_the_last_third_shows_is_seen_on_all_rows() {
+        let in_order = asked(0.0);
+        assert_eq!((in_order.rows, in_order.of, in_order.excess), (48_000, 48_000, 0.0), "{in_order}");
+        let off = asked(0.01);
+        assert!(off.excess > 0.05 && off.lost.is_empty(), "{off}");
+        // Six windows of 8000 rows, or one from a start that is not forgotten; the last two are those.
+        let rows = |it: &Window| it.record.split("rows ").nth(1).and_then(|rows| rows.split(' ').next()?.parse::<usize>().ok());
+        assert!(
+            off.windows == 1 || off.beyond.iter().all(|it| rows(it).is_some_and(|first| first > 30_000)),
+            "{:?}",
+            off.beyond
+        );
+    }
+}

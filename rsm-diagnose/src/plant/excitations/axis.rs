@@ -1,0 +1,183 @@
+//! Excitations of an axis: motions between the ends of the travel that was seen, in closed loop as a reference, in open loop as a command.
+//!
+//! In: believed plants, limits. Out: records of a reference or a command. The command of an open-loop record is what a controller of our own needs for the motion on the
+//! believed axis, or a pattern of pulses. Never leaves the travel, never goes faster than was seen.
+
+use super::shapes::{Path, binary};
+use super::{Excitation, Limits, blank, fitting};
+use rsm_sim::plant_file::{Parameters, PlantFile, VelocityFrom};
+use rsm_sim::record::{Drive, Record};
+use rsm_sim::simulate::Simulator;
+
+/// Samples in a time constant of the velocity loop with which a command is found: fast, and sampled finely enough to be stable with any mechanics.
+const SAMPLES: f64 = 20.0;
+
+/// The velocity loop is so many times faster than the position loop around it.
+const CASCADE: f64 = 4.0;
+
+/// The command that a motion may need, as a share of its limit.
+const OF_COMMAND: f64 = 0.9;
+
+struct Axis<'a> {
+    plant: &'a PlantFile,
+    limits: &'a Limits,
+    /// Ends of the travel, in m.
+    low: f64,
+    high: f64,
+}
+
+impl Axis<'_> {
+    /// A record in which the axis follows a path from its middle.
+    fn follows(&self, name: &str, path: &Path) -> Option<Record> {
+        let rows = self.limits.rows;
+        let (reference, _) = path.sampled(rows, self.limits.period);
+        if self.limits.drive == Drive::Closed {
+            return Some(self.at(blank(name, self.limits, rows, vec![reference], 1)));
+        }
+        // The command that a controller needs on the believed axis.
+        let mut with_loop = self.plant.clone();
+        with_loop.initial.clear();
+        let parameters: &mut Parameters = &mut with_loop.parameters;
+        let rate = 1.0 / (SAMPLES * self.limits.period);
+        parameters.set("velocity_gain", rate * parameters.number("mass") / parameters.number("force_gain"));
+        parameters.set("position_gain", rate / CASCADE);
+        parameters.velocity_from = VelocityFrom::State;
+        let closed = Record { drive: Drive::Closed, ..self.at(blank(name, self.limits, rows, vec![reference], 1)) };
+        let outputs = Simulator::new(&with_loop, &closed).ok()?.run(&closed).ok()?;
+        let commands = outputs.of("command")?.to_vec();
+        let most = OF_COMMAND * self.plant.parameters.number("command_limit");
+        if commands.iter().any(|command| command.abs() > most) {
+            return None;
+        }
+        Some(self.at(blank(name, self.limits, rows, vec![commands], 1)))
+    }
+
+    /// The record, starting in the middle of the travel.
+    fn at(&self, mut record: Record) -> Record {
+        let start = match record.drive {
+            Drive::Closed => record.inputs[0].first().copied().unwrap_or(0.0),
+            _ => self.middle(),
+        };
+        record.measured[0] = Some(vec![start; record.rows()]);
+        record
+    }
+
+    fn middle(&self) -> f64 {
+        0.5 * (self.low + self.high)
+    }
+
+    fn seconds(&self) -> f64 {
+        self.limits.rows as f64 * self.limits.period
+    }
+}
+
+/// A move in a straight line of speed, with ramps of a fixed acceleration, as short paths of constant acceleration.
+fn moves(path: &mut Path, to: f64, speed: f64, acceleration: f64, period: f64) {
+    let from = path.last();
+    let distance = (to - from).abs();
+    if distance == 0.0 || speed <= 0.0 || acceleration <= 0.0 {
+        return;
+    }
+    let speed = speed.min((distance * acceleration).sqrt());
+    let (ramp, flat) = (speed / acceleration, (distance / speed - speed / acceleration).max(0.0));
+    let steps = ((2.0 * ramp + flat) / period).ceil().max(1.0) as usize;
+    for step in 1..=steps {
+        let t = (step as f64 * period).min(2.0 * ramp + flat);
+        let gone = if t < ramp {
+            0.5 * acceleration * t * t
+        } else if t < ramp + flat {
+            0.5 * speed * ramp + speed * (t - ramp)
+        } else {
+            distance - 0.5 * acceleration * (2.0 * ramp + flat - t).powi(2)
+        };
+        path.go(from + (to - from).signum() * gone, period);
+    }
+}
+
+/// All of them.
+pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(plant) = believed.first() else { return Vec::new() };
+    let [low, high] = limits.seen[0];
+    let half = 0.5 * (high - low);
+    if half.is_nan() || half <= 0.0 || !half.is_finite() || limits.speed <= 0.0 || limits.acceleration <= 0.0 {
+        return Vec::new();
+    }
+    let axis = Axis { plant, limits, low, high };
+    let (middle, period, seconds) = (axis.middle(), limits.period, axis.seconds());
+    let (fast, steep) = (limits.speed, limits.acceleration);
+    let mut list = Vec::new();
+    let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
+        list.extend(fitting(believed, limits, name, words, make));
+    };
+    // Places one after another at a speed, with rests, until the record is full.
+    let places = |places: &[f64], speed: f64, rest: f64, a: f64| {
+        let mut path = Path::from(middle);
+        let mut k = 0;
+        while path.end() < seconds {
+            let before = path.end();
+            moves(&mut path, middle + a * 0.9 * half * places[k % places.len()], speed, steep, period);
+            path.stay(rest);
+            k += 1;
+            if path.end() <= before {
+                break;
+            }
+        }
+        path
+    };
+    add("trapezoids", "moves over the travel at the highest speed that was seen, in both directions, with rests", &|a| {
+        axis.follows("trapezoids", &places(&[1.0, -1.0, 0.3, -0.6, 0.8], fast, 0.02 * seconds, a))
+    });
+    add("medium trapezoids", "moves at a third of the highest speed, in both directions", &|a| {
+        axis.follows("medium trapezoids", &places(&[0.6, -0.6, 0.2, -0.2], fast / 3.0, 0.02 * seconds, a))
+    });
+    add("slow reversals", "slow moves with many reversals", &|a| {
+        // Eight reversals: an eighth of the record each way.
+        let reach = (0.03 * fast * seconds / 8.0).min(0.5 * half);
+        let mut path = Path::from(middle);
+        for k in 0..9 {
+            let side = if k % 2 == 0 { 1.0 } else { -1.0 };
+            path.go(middle + a * side * reach, seconds / 9.0);
+        }
+        axis.follows("slow reversals", &path)
+    });
+    add("inching", "small moves in one direction with rests, then back", &|a| {
+        let stairs: Vec<f64> = (0..8).map(|k| if k < 4 { 0.08 * (k + 1) as f64 } else { 0.08 * (7 - k) as f64 }).collect();
+        axis.follows("inching", &places(&stairs, 0.3 * fast, 0.05 * seconds, a))
+    });
+    add("rests", "moves to both ends with long rests", &|a| {
+        axis.follows("rests", &places(&[0.8, -0.8], 0.5 * fast, 0.15 * seconds, a))
+    });
+    add("chirp", "a sine of rising frequency whose speed is that of the records", &|a| {
+        // From 1 to 24 periods a record in proportion; the amplitude falls as the frequency rises, so that the speed stays.
+        let mut path = Path::from(middle);
+        let rows = limits.rows;
+        for row in 1..rows {
+            let t = row as f64 * period;
+            let cycles = t / seconds * (1.0 + 11.5 * t / seconds);
+            let rate = std::f64::consts::TAU * (1.0 + 23.0 * t / seconds) / seconds;
+            let reach = (0.5 * half).min(0.5 * fast / rate).min(0.5 * steep / (rate * rate));
+            path.go(middle + a * reach * (std::f64::consts::TAU * cycles).sin(), period);
+        }
+        axis.follows("chirp", &path)
+    });
+    if limits.drive == Drive::Open {
+        add("pulses", "pulses of the command in both directions, from rest", &|a| {
+            // A pulse of half the limit, whose motion the amplitude keeps within the travel.
+            let level = 0.5 * a * plant.parameters.number("command_limit");
+            let hold = (limits.rows / 64).max(1);
+            let pattern = [1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0];
+            let commands = (0..limits.rows).map(|row| level * pattern[row / hold % pattern.len()]).collect();
+            Some(axis.at(blank("pulses", limits, limits.rows, vec![commands], 1)))
+        });
+        add("binary command", "a binary sequence of the command", &|a| {
+            let level = 0.3 * a * plant.parameters.number("command_limit");
+            let hold = (limits.rows / 400).max(1);
+            // Each value once forward and once backward: the sequence then has no mean that drives the axis away.
+            let half: Vec<f64> = binary(limits.rows / 2 + 1, hold, 0);
+            let pairs = half.chunks(hold).flat_map(|part| part.iter().copied().chain(part.iter().map(|it| -it)));
+            let commands: Vec<f64> = pairs.map(|it| level * it).take(limits.rows).collect();
+            Some(axis.at(blank("binary command", limits, limits.rows, vec![commands], 1)))
+        });
+    }
+    list
+}

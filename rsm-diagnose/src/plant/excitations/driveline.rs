@@ -1,0 +1,138 @@
+//! Excitations of a car: what a foot can do on a track, in each gear.
+//!
+//! In: believed plants, limits. Out: records of the throttle. The foot answers to the engine's speed, as the believed car runs, so that it stays within what the records
+//! have seen. Never changes gear, never brakes, never rolls backward: the plant has no reverse gear.
+
+use std::cell::RefCell;
+
+use super::shapes::binary;
+use super::{Excitation, Limits, blank, fitting};
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+use rsm_sim::simulate::{Outputs, Simulator};
+
+/// The foot turns round so far inside the range of the engine's speed, as a share of it: the driveline swings on.
+const INSIDE: f64 = 0.12;
+
+/// What the foot does: the throttle of a row from the engine's speed there, both ends of its range and the row.
+type Foot<'a> = dyn FnMut(usize, f64) -> f64 + 'a;
+
+struct Track<'a> {
+    plant: &'a PlantFile,
+    limits: &'a Limits,
+    /// Engine speeds between which the foot turns round, in rad/s.
+    engine: [f64; 2],
+}
+
+impl Track<'_> {
+    /// Rolls in a gear from an engine speed, the foot in the loop.
+    fn record(&self, gear: usize, engine_speed: f64, foot: &mut Foot<'_>) -> Option<Record> {
+        let rows = self.limits.rows;
+        let parameters = self.plant.effective_parameters();
+        let ratio = parameters.gear_ratios[gear - 1] * parameters.number("final_drive_ratio");
+        let road_speed = engine_speed / ratio * parameters.number("wheel_radius");
+        let first = foot(0, engine_speed);
+        let mut record = blank("track", self.limits, rows, vec![vec![first; rows]], gear);
+        record.measured[1] = Some(vec![road_speed; rows]);
+        let throttle = RefCell::new(Vec::with_capacity(rows));
+        let mut each_row = |row: usize, outputs: &[f64; 3]| -> f64 {
+            let value = if row == 0 { first } else { foot(row, outputs[0]).clamp(0.0, 1.0) };
+            throttle.borrow_mut().push(value);
+            value
+        };
+        let bare = PlantFile { initial: Vec::new(), ..self.plant.clone() };
+        let mut outputs = Outputs::default();
+        Simulator::new(&bare, &record).ok()?.run_controlled(&record, &mut each_row, &mut outputs).ok()?;
+        record.inputs[0] = throttle.into_inner();
+        Some(record)
+    }
+}
+
+/// All of them.
+pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(plant) = believed.first() else { return Vec::new() };
+    let [low, high] = limits.seen[0];
+    if low.is_nan() || high - low <= 0.0 || !(high - low).is_finite() {
+        return Vec::new();
+    }
+    let engine = [low + INSIDE * (high - low), high - INSIDE * (high - low)];
+    let track = Track { plant, limits, engine };
+    let middle = 0.5 * (engine[0] + engine[1]);
+    let rows_in = |seconds: f64| (seconds / limits.period).round().max(1.0) as usize;
+    let mut list = Vec::new();
+    // Gears that the records know, and the lowest, the middle and the highest.
+    let mut gears = limits.gears.clone();
+    gears.extend([1, 3, 5].into_iter().filter(|gear| !limits.gears.contains(gear)));
+    for gear in gears {
+        let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
+            list.extend(fitting(believed, limits, &format!("{name}, gear {gear}"), words, make));
+        };
+        add("tip-in and tip-out", "the pedal from closed to open and back, between the engine speeds that were seen", &|a| {
+            let mut pressed = true;
+            let mut since = 0;
+            track.record(gear, middle, &mut |row, speed| {
+                // A shuffle of 2 Hz or more shows in 0.6 s.
+                let long = row - since >= rows_in(0.6);
+                let turn = if pressed { speed > track.engine[1] } else { speed < track.engine[0] };
+                if turn || (long && row - since >= rows_in(1.2)) {
+                    (pressed, since) = (!pressed, row);
+                }
+                if pressed { a } else { 0.0 }
+            })
+        });
+        add("coast-down", "the pedal closed from the highest engine speed that was seen", &|a| {
+            let _ = a;
+            let mut push = false;
+            track.record(gear, track.engine[1], &mut |_, speed| {
+                push = speed < track.engine[0] || (push && speed < track.engine[1]);
+                f64::from(u8::from(push))
+            })
+        });
+        add("part load", "steps of the pedal through part load", &|a| {
+            let levels = [0.3, 0.6, 0.15, 0.45, 0.05, 0.75, 0.0];
+            let mut lift = false;
+            track.record(gear, middle, &mut |row, speed| {
+                lift = speed > track.engine[1] || (lift && speed > middle);
+                let level = levels[row / rows_in(0.8) % levels.len()];
+                if lift {
+                    0.0
+                } else if speed < track.engine[0] {
+                    0.8
+                } else {
+                    a * level
+                }
+            })
+        });
+        for (name, words, at) in [
+            ("steady low", "a steady low speed, the pedal holding it", 0.15),
+            ("steady high", "a steady high speed, the pedal holding it", 0.85),
+        ] {
+            add(name, words, &|_| {
+                let target = track.engine[0] + at * (track.engine[1] - track.engine[0]);
+                let mut held = 0.1;
+                // The pedal closes a miss of a tenth of the range, and holds within 2 s what the road asks for.
+                let gain = 1.0 / (0.1 * (track.engine[1] - track.engine[0]));
+                track.record(gear, target, &mut |_, speed| {
+                    let miss = gain * (target - speed);
+                    held = (held + 0.5 * miss * limits.period).clamp(0.0, 1.0);
+                    held + 0.5 * miss
+                })
+            });
+        }
+        add("binary pedal", "a binary sequence of the pedal, for the shuffle", &|a| {
+            let sequence = binary(limits.rows, rows_in(0.12), 0);
+            let mut lift = false;
+            track.record(gear, middle, &mut |row, speed| {
+                lift = speed > track.engine[1] || (lift && speed > middle);
+                if lift {
+                    0.0
+                } else if speed < track.engine[0] {
+                    0.8
+                } else {
+                    0.35 + 0.3 * a * sequence[row]
+                }
+            })
+        });
+    }
+    list
+}

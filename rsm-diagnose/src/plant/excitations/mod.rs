@@ -1,0 +1,240 @@
+//! The library of excitations: records that a bench, a track or an axis could make next.
+//!
+//! In: the plant that is believed and what its records have seen. Out: [`Excitation`]s, each a record of inputs whose motion keeps the [`Limits`]: of the plant file (bus
+//! voltage, longest current vector, command limit) and of the records (speeds, travel, loads). Where a motion leaves them it is made smaller; what is too small then to be
+//! a motion is left out. Knows no cause and judges nothing.
+
+mod axis;
+mod driveline;
+mod motor;
+mod shapes;
+
+use super::kernel::{Kernel, Simulated};
+use super::levenberg::Fit;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::{Drive, Record};
+use rsm_sim::simulate::{Outputs, Simulator};
+
+/// A record that could be made.
+#[derive(Debug, Clone)]
+pub struct Excitation {
+    /// Its name.
+    pub name: String,
+    /// What is done in it, in words.
+    pub words: &'static str,
+    /// Inputs at every row; outputs as the believed plant predicts them.
+    pub record: Record,
+}
+
+/// What a record may do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Limits {
+    /// What drives the plant in the records.
+    pub drive: Drive,
+    /// Sample period, in s.
+    pub period: f64,
+    /// Rows of a record.
+    pub rows: usize,
+    /// Lowest and highest simulated value of each output in the records.
+    pub seen: [[f64; 2]; 3],
+    /// Lowest and highest load torque of a motor in the records, in N m.
+    pub load: [f64; 2],
+    /// Highest speed of an axis in the records, in m/s.
+    pub speed: f64,
+    /// Largest acceleration of the reference or the axis in the records, in m/s^2.
+    pub acceleration: f64,
+    /// Gears of a car in the records.
+    pub gears: Vec<usize>,
+}
+
+/// A motion may leave what was seen by so much of the range: models differ, and a step of noise is no damage.
+const SLACK: f64 = 0.05;
+
+/// Amplitudes that are tried, as shares of the largest; below a fifth the motion is no longer what its name says.
+const AMPLITUDES: [f64; 6] = [1.0, 0.8, 0.6, 0.45, 0.3, 0.2];
+
+/// Rows of a record at least and at most: long enough for a noise floor (a spectrum of 512), no longer than anybody wants to simulate hundreds of times.
+const ROWS: [usize; 2] = [1000, 8000];
+
+impl Limits {
+    /// What the records of a fit have seen.
+    #[must_use]
+    pub fn of(kernel: &Kernel, fit: &Fit) -> Option<Limits> {
+        let first = kernel.records.first()?;
+        let mut limits = Limits {
+            drive: first.record.drive,
+            period: first.record.period,
+            rows: kernel.records.iter().map(|it| it.record.rows()).max()?.clamp(ROWS[0], ROWS[1]),
+            seen: [[f64::INFINITY, f64::NEG_INFINITY]; 3],
+            load: [f64::INFINITY, f64::NEG_INFINITY],
+            speed: 0.0,
+            acceleration: 0.0,
+            gears: Vec::new(),
+        };
+        for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+            let record = &prepared.record;
+            for (output, values) in prepared.outputs.iter().zip(simulated) {
+                limits.seen[*output] = around(limits.seen[*output], values);
+            }
+            match fit.model.file.kind {
+                PlantKind::Pmac => limits.load = around(limits.load, &record.inputs[2]),
+                PlantKind::Driveline if !limits.gears.contains(&record.gear) => limits.gears.push(record.gear),
+                PlantKind::Driveline => {}
+                PlantKind::ServoAxis => {
+                    // The axis follows its reference but for its overshoot; without one the motion itself says how fast it went.
+                    let path = match record.drive {
+                        Drive::Closed => record.inputs.first(),
+                        _ => simulated.first(),
+                    };
+                    let (speed, acceleration) = path.map_or((0.0, 0.0), |path| rates(path, record.period));
+                    limits.speed = limits.speed.max(speed);
+                    limits.acceleration = limits.acceleration.max(acceleration);
+                }
+            }
+        }
+        limits.gears.sort_unstable();
+        Some(limits)
+    }
+
+    /// Whether simulated outputs stay within the limits.
+    fn keeps(&self, file: &PlantFile, outputs: &Outputs) -> bool {
+        let names = file.kind.outputs();
+        let within = |output: usize, [low, high]: [f64; 2]| {
+            let slack = SLACK * (high - low);
+            let values = outputs.of(names[output].name).unwrap_or(&[]);
+            values.iter().all(|value| *value >= low - slack && *value <= high + slack)
+        };
+        match file.kind {
+            PlantKind::Pmac => {
+                let most = file.parameters.number("current_limit");
+                let i_q = outputs.of("i_q").unwrap_or(&[]);
+                let short = |(k, q): (usize, &f64)| outputs.of("i_d").map_or(0.0, |i_d| i_d[k]).hypot(*q) <= most;
+                // A motor that turns one way turns the other.
+                let top = self.top();
+                i_q.iter().enumerate().all(short) && within(2, [-top, top])
+            }
+            PlantKind::Driveline => {
+                let seen = if self.seen[0][0].is_finite() { Some((0, self.seen[0])) } else { None };
+                seen.is_none_or(|(output, range)| within(output, range)) && within(1, [0.0, f64::MAX])
+            }
+            PlantKind::ServoAxis => within(0, self.seen[0]),
+        }
+    }
+
+    /// The highest speed of a motor that was seen, in rad/s.
+    fn top(&self) -> f64 {
+        let [low, high] = self.seen[2];
+        if low.is_finite() { low.abs().max(high.abs()) } else { 0.0 }
+    }
+}
+
+/// A range and what more values need.
+fn around(range: [f64; 2], values: &[f64]) -> [f64; 2] {
+    values.iter().fold(range, |[low, high], value| [low.min(*value), high.max(*value)])
+}
+
+/// Largest first and second derivative of a path, over ten periods: a step of a reference has neither.
+fn rates(path: &[f64], period: f64) -> (f64, f64) {
+    const WIDTH: usize = 10;
+    let span = WIDTH as f64 * period;
+    let speeds: Vec<f64> = path.windows(WIDTH + 1).map(|w| (w[WIDTH] - w[0]) / span).collect();
+    let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    let changes: Vec<f64> = speeds.windows(WIDTH + 1).map(|w| (w[WIDTH] - w[0]) / span).collect();
+    (largest(&speeds), largest(&changes))
+}
+
+/// Makes a record of a given amplitude, or says that there is none.
+type Maker<'a> = dyn Fn(f64) -> Option<Record> + 'a;
+
+/// A record of inputs, `time` from 0, that starts at rest; its outputs are to be predicted.
+fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: usize) -> Record {
+    Record {
+        file: name.to_string(),
+        drive: limits.drive,
+        time: (0..rows).map(|row| row as f64 * limits.period).collect(),
+        period: limits.period,
+        inputs,
+        gear,
+        angle: None,
+        breaks: Vec::new(),
+        measured: vec![Some(vec![0.0]); 3],
+    }
+}
+
+/// The excitations of a plant, in the order of the library. Every plant of `believed` must keep the limits along each; the first one predicts the outputs.
+#[must_use]
+pub fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(first) = believed.first() else { return Vec::new() };
+    match first.kind {
+        PlantKind::Pmac => motor::library(believed, limits),
+        PlantKind::Driveline => driveline::library(believed, limits),
+        PlantKind::ServoAxis => axis::library(believed, limits),
+    }
+}
+
+/// The largest amplitude that every plant survives.
+fn fitting(believed: &[&PlantFile], limits: &Limits, name: &str, words: &'static str, make: &Maker<'_>) -> Option<Excitation> {
+    AMPLITUDES.iter().find_map(|amplitude| {
+        let record = predicted(believed, limits, make(*amplitude)?)?;
+        Some(Excitation { name: name.to_string(), words, record })
+    })
+}
+
+/// The record with the first plant's outputs, if all keep the limits.
+fn predicted(believed: &[&PlantFile], limits: &Limits, mut record: Record) -> Option<Record> {
+    let mut prediction = None;
+    for plant in believed {
+        let outputs = along(plant, &record)?;
+        if !limits.keeps(plant, &outputs) {
+            return None;
+        }
+        prediction = prediction.or(Some(outputs));
+    }
+    let kind = believed.first()?.kind;
+    let outputs = prediction?;
+    record.measured = kind.outputs().iter().map(|signal| outputs.of(signal.name).map(<[f64]>::to_vec)).collect();
+    Some(record)
+}
+
+/// Outputs along a record, the plant's own start values set aside.
+fn along(plant: &PlantFile, record: &Record) -> Option<Outputs> {
+    let bare = PlantFile { initial: Vec::new(), ..plant.clone() };
+    Simulator::new(&bare, record).ok()?.run(record).ok()
+}
+
+/// A record as a file: inputs, and outputs as predicted. The way `rsm simulate` reads it.
+#[must_use]
+pub fn csv(plant: &PlantFile, excitation: &Excitation) -> String {
+    use rsm_sim::kind::Signal;
+    let record = &excitation.record;
+    let gears = vec![record.gear as f64; record.rows()];
+    let mut columns: Vec<(Signal, &[f64])> = vec![(Signal { name: "time", unit: "s" }, &record.time)];
+    for (signal, values) in rsm_sim::record::inputs(plant.kind, record.drive).iter().zip(&record.inputs) {
+        if !(record.drive == Drive::HoldsDirectCurrent && signal.name == "v_d") {
+            columns.push((*signal, values));
+        }
+    }
+    if plant.kind == PlantKind::Driveline {
+        columns.push((Signal { name: "gear", unit: "1" }, &gears));
+    }
+    for (signal, values) in plant.kind.outputs().iter().zip(&record.measured) {
+        if let Some(values) = values
+            && !columns.iter().any(|(there, _)| there == signal)
+        {
+            columns.push((*signal, values));
+        }
+    }
+    format!(
+        "# {}: {}. Outputs are what extended.toml predicts; measure them.\n{}",
+        excitation.name,
+        excitation.words,
+        rsm_sim::record::csv(&columns)
+    )
+}
+
+/// The predicted outputs of a record in the order of its outputs.
+#[must_use]
+pub fn outputs_of(record: &Record, outputs: &[usize]) -> Option<Simulated> {
+    outputs.iter().map(|output| record.measured[*output].clone()).collect()
+}

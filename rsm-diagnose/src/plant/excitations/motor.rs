@@ -1,0 +1,260 @@
+//! Excitations of a motor: voltages in the rotor's frame that make it turn, and currents that it can bear.
+//!
+//! In: believed plants, limits. Out: records of v_d, v_q and load torque. The voltages are those of the model in steady turning, fed forward: with a phase resistance of a few
+//! hundredths of an ohm the speed follows the voltage within milliseconds, so no controller is needed to make the record. Never exceeds the bus or the longest current vector.
+
+use super::shapes::{Path, binary};
+use super::{Excitation, Limits, blank, fitting};
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::{Drive, Record};
+
+/// Share of the longest current vector that accelerations and currents on the d axis use: friction and load need the rest.
+const OF_CURRENT: f64 = 0.7;
+
+/// Share of V_dc/sqrt 3 that voltages may reach: references of the drive leave as much to its current control.
+const OF_VOLTAGE: f64 = 0.95;
+
+/// A record of the longest kind has so many rows of the others: windings of a motor of this size heat in minutes, and a fifth of a time constant is seen.
+const LONG: usize = 4;
+
+/// And at most so many.
+const LONG_ROWS: usize = 32_000;
+
+struct Motor<'a> {
+    limits: &'a Limits,
+    resistance: f64,
+    inductance: f64,
+    flux: f64,
+    pole_pairs: f64,
+    inertia: f64,
+    friction: f64,
+    voltage: f64,
+    current: f64,
+    top: f64,
+}
+
+/// What a record asks of the motor, row by row.
+struct Wanted {
+    speed: (Vec<f64>, Vec<f64>),
+    direct: (Vec<f64>, Vec<f64>),
+    load: Vec<f64>,
+    /// Added to both voltages.
+    extra: Option<[Vec<f64>; 2]>,
+    /// From this row on both voltages are 0.
+    off: usize,
+}
+
+impl Motor<'_> {
+    fn torque_constant(&self) -> f64 {
+        1.5 * self.pole_pairs * self.flux
+    }
+
+    /// The steepest change of speed, in rad/s^2, that a share of the current makes.
+    fn acceleration(&self, share: f64) -> f64 {
+        share * OF_CURRENT * self.current * self.torque_constant() / self.inertia
+    }
+
+    /// Speeds one after another, by ramps, with equal rests that fill the record.
+    fn speeds(&self, targets: &[f64], acceleration: f64, seconds: f64) -> Path {
+        let mut last = 0.0;
+        let ramps: Vec<f64> = targets
+            .iter()
+            .map(|target| {
+                let ramp = (target - last).abs() / acceleration;
+                last = *target;
+                ramp
+            })
+            .collect();
+        let rest = ((seconds - ramps.iter().sum::<f64>()) / targets.len() as f64).max(0.0);
+        let mut path = Path::from(0.0);
+        for (target, ramp) in targets.iter().zip(ramps) {
+            path.go(*target, ramp);
+            path.stay(rest);
+        }
+        path
+    }
+
+    /// Values one after another, each as long, with edges of a few milliseconds: L di/dt then stays a few volts.
+    fn levels(&self, levels: &[f64], seconds: f64) -> Path {
+        let each = seconds / levels.len() as f64;
+        let edge = (0.1 * each).min(10.0 * self.inductance / self.resistance.max(1e-3));
+        let mut path = Path::from(0.0);
+        for level in levels {
+            path.go(*level, edge);
+            path.stay(each - edge);
+        }
+        path
+    }
+
+    /// The load that stands for none: the nearest to 0 that the bench has had.
+    fn idle(&self) -> f64 {
+        let [low, high] = self.limits.load;
+        if low.is_finite() { 0.0_f64.clamp(low, high) } else { 0.0 }
+    }
+
+    fn wanted(&self, speed: &Path, direct: &Path, rows: usize) -> Wanted {
+        let period = self.limits.period;
+        Wanted {
+            speed: speed.sampled(rows, period),
+            direct: direct.sampled(rows, period),
+            load: vec![self.idle(); rows],
+            extra: None,
+            off: rows,
+        }
+    }
+
+    /// v = r i + L di/dt + what turning induces, (17) and (18), with i_q from (21) and the balance of torques.
+    fn record(&self, name: &str, wanted: &Wanted) -> Option<Record> {
+        let rows = wanted.load.len();
+        let (k_t, period) = (self.torque_constant(), self.limits.period);
+        let i_q: Vec<f64> = (0..rows)
+            .map(|row| {
+                let (w, dw) = (wanted.speed.0[row], wanted.speed.1[row]);
+                (self.inertia * dw + self.friction * w + wanted.load[row]) / k_t
+            })
+            .collect();
+        let mut voltages = [Vec::with_capacity(rows), Vec::with_capacity(rows)];
+        for row in 0..rows {
+            let w_e = self.pole_pairs * wanted.speed.0[row];
+            let (i_d, di_d) = (wanted.direct.0[row], wanted.direct.1[row]);
+            // A step of the torque is made in five rows by current, not by voltage: the record holds no infinite di/dt.
+            let di_q = if row >= 5 { (i_q[row] - i_q[row - 5]) / (5.0 * period) } else { 0.0 };
+            let mut v_d = self.resistance * i_d + self.inductance * di_d - w_e * self.inductance * i_q[row];
+            let mut v_q = self.resistance * i_q[row] + self.inductance * di_q + w_e * (self.inductance * i_d + self.flux);
+            if let Some([d, q]) = &wanted.extra {
+                v_d += d[row];
+                v_q += q[row];
+            }
+            if row >= wanted.off {
+                (v_d, v_q) = (0.0, 0.0);
+            }
+            if v_d.hypot(v_q) > self.voltage {
+                return None;
+            }
+            voltages[0].push(v_d);
+            voltages[1].push(v_q);
+        }
+        let [v_d, v_q] = voltages;
+        let v_d = if self.limits.drive == Drive::HoldsDirectCurrent { Vec::new() } else { v_d };
+        Some(blank(name, self.limits, rows, vec![v_d, v_q, wanted.load.clone()], 1))
+    }
+}
+
+/// All of them.
+pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(plant) = believed.first() else { return Vec::new() };
+    let parameters = plant.effective_parameters();
+    let of = |name| parameters.number(name);
+    let motor = Motor {
+        limits,
+        resistance: of("phase_resistance"),
+        inductance: of("phase_inductance"),
+        flux: of("flux_linkage"),
+        pole_pairs: of("pole_pairs"),
+        inertia: of("inertia"),
+        friction: of("viscous_friction"),
+        voltage: OF_VOLTAGE * of("bus_voltage") / 3.0_f64.sqrt(),
+        current: of("current_limit"),
+        top: limits.top(),
+    };
+    let rows = limits.rows;
+    let seconds = rows as f64 * limits.period;
+    let none = Path::from(0.0);
+    let mut list = Vec::new();
+    let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
+        list.extend(fitting(believed, limits, name, words, make));
+    };
+    let turning = |name: &'static str, speeds: Vec<f64>, share: f64| {
+        let motor = &motor;
+        move |a: f64| {
+            let targets: Vec<f64> = speeds.iter().map(|it| a * it * motor.top).collect();
+            let path = motor.speeds(&targets, motor.acceleration(share), seconds);
+            motor.record(name, &motor.wanted(&path, &Path::from(0.0), rows))
+        }
+    };
+    add(
+        "speed-steps",
+        "steps of speed in both directions, up to the highest that was seen",
+        &turning("speed-steps", vec![0.25, -0.25, 0.6, -0.6, 0.95, -0.95, 0.1, -0.1], 0.5),
+    );
+    add(
+        "high-speed",
+        "steady turning near the highest speed that was seen",
+        &turning("high-speed", vec![0.97, 0.93, 0.97, 0.9], 0.5),
+    );
+    add(
+        "hard-accelerations",
+        "reversals at high current, without rest",
+        &turning("hard-accelerations", vec![0.8, -0.8, 0.8, -0.8, 0.8, -0.8], 1.0),
+    );
+    add("slow-turns", "slow steady turning in both directions", &turning("slow-turns", vec![0.02, -0.02, 0.05, -0.05], 0.2));
+    add("slow-reversals", "slow ramps of speed through zero", &|a| {
+        let top = 0.08 * a * motor.top;
+        let mut path = Path::from(0.0);
+        for _ in 0..3 {
+            path.go(top, seconds / 12.0);
+            path.go(-top, seconds / 6.0);
+            path.go(0.0, seconds / 12.0);
+        }
+        motor.record("slow-reversals", &motor.wanted(&path, &none, rows))
+    });
+    add("run-up", "slow ramps to the highest speed that was seen and back, in both directions", &|a| {
+        let top = 0.98 * a * motor.top;
+        let mut path = Path::from(0.0);
+        for target in [top, 0.0, -top, 0.0] {
+            path.go(target, seconds / 4.0);
+        }
+        motor.record("run-up", &motor.wanted(&path, &none, rows))
+    });
+    add("short-circuit", "a run-up, then both voltages zero", &|a| {
+        let mut path = Path::from(0.0);
+        path.go(0.9 * a * motor.top, 0.3 * seconds);
+        path.stay(seconds);
+        let wanted = Wanted { off: rows / 2, ..motor.wanted(&path, &none, rows) };
+        motor.record("short-circuit", &wanted)
+    });
+    let [low, high] = limits.load;
+    if high - low > 0.0 {
+        add("load-steps", "steps of the load between its extremes, at medium speed in both directions", &|a| {
+            let targets: Vec<f64> = [0.5, -0.5].iter().map(|it| a * it * motor.top).collect();
+            let path = motor.speeds(&targets, motor.acceleration(0.5), seconds);
+            let mut wanted = motor.wanted(&path, &none, rows);
+            for (row, load) in wanted.load.iter_mut().enumerate() {
+                *load = [high, low, 0.5 * (high + low)][8 * row / rows % 3];
+            }
+            motor.record("load-steps", &wanted)
+        });
+    }
+    add("binary-voltage", "a binary sequence on the voltages, turning at medium speed", &|a| {
+        let path = motor.speeds(&[0.4 * motor.top], motor.acceleration(0.5), seconds);
+        let mut wanted = motor.wanted(&path, &none, rows);
+        // Two milliseconds: a few of them in an electrical time constant of ten.
+        let hold = (0.002 / limits.period).round().max(1.0) as usize;
+        let sequence = |skip| binary(rows, hold, skip).iter().map(|it| 0.08 * a * motor.voltage * it).collect::<Vec<f64>>();
+        wanted.extra = Some([sequence(0), sequence(200)]);
+        motor.record("binary-voltage", &wanted)
+    });
+    if limits.drive == Drive::HoldsDirectCurrent {
+        return list;
+    }
+    let levels = [0.4, -0.4, 0.8, -0.8, 0.2, 1.0, -1.0, 0.0];
+    let scaled = |levels: &[f64], a: f64| -> Vec<f64> { levels.iter().map(|it| a * it * OF_CURRENT * motor.current).collect() };
+    add("direct-current-at-standstill", "steps of the current along the d axis, at standstill", &|a| {
+        let direct = motor.levels(&scaled(&levels, a), seconds);
+        motor.record("direct-current-at-standstill", &motor.wanted(&none, &direct, rows))
+    });
+    add("direct-current-at-speed", "steps of the current along the d axis, turning in both directions", &|a| {
+        let direct = motor.levels(&scaled(&[0.0, -0.4, -0.8, 0.3, 0.0, -0.4, -0.8, 0.3], a), seconds);
+        let path = motor.speeds(&[0.5 * motor.top, -0.5 * motor.top], motor.acceleration(0.5), seconds);
+        motor.record("direct-current-at-speed", &motor.wanted(&path, &direct, rows))
+    });
+    let long = (LONG * rows).min(LONG_ROWS);
+    add("heating", "a long current along the d axis at standstill, with short pauses", &|a| {
+        let mut levels = vec![a * OF_CURRENT * motor.current; 12];
+        levels[4] = 0.0;
+        levels[8] = 0.0;
+        let direct = motor.levels(&levels, long as f64 * limits.period);
+        motor.record("heating", &motor.wanted(&none, &direct, long))
+    });
+    list
+}

@@ -1,0 +1,323 @@
+//! The next experiment: the record that tells causes apart which the present records do not, or that looks where an error has no cause.
+//!
+//! In: the fitted plant, its rivals, the library of excitations. Out: a [`NextExperiment`]. Two plants that are alike on the present records are simulated along each
+//! excitation; what counts is the difference that remains when the one that is wrong may still move everything that it has to move: its parameters as far as the present
+//! records let it (their information matrix), the start of the new record freely. All to first order about the fits, in units of the noise. Never sees the plant that is true.
+
+use super::excitations::{self, Excitation, Limits};
+use super::kernel::{Column, Kernel, Prepared, Simulated, dot};
+use super::levenberg::{self, Fit};
+use super::model::{Model, Place};
+use super::normal::Normal;
+use super::verdict::{Alias, Verdict};
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+
+/// Rivals that are looked at; the others are told by the diagnosis that comes after.
+const MOST_PAIRS: usize = 4;
+
+/// The difference D of two fits scatters as a normal number of variance 4 D, D being the expected one: two standard deviations are asked for, so that in 97 of 100 records
+/// the wrong cause is refused.
+const SIGMAS: f64 = 2.0;
+
+/// Cells of each operating quantity in which an error without a cause is looked for: quarters hold enough rows for a mean.
+const CELLS: usize = 4;
+
+/// Two plants along a record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Apart {
+    /// The cause that is believed.
+    pub cause: String,
+    /// Its rival.
+    pub rival: String,
+    /// The squared difference that remains, in units of the noise: by so much the wrong one fits worse.
+    pub squared: f64,
+    /// Root of its mean over the readings: how many times the noise they differ.
+    pub times_noise: f64,
+    /// Whether that is enough to refuse the wrong one.
+    pub enough: bool,
+}
+
+/// What a next experiment is for.
+#[derive(Debug, Clone)]
+pub enum NextExperiment {
+    /// This record tells causes apart.
+    Separates {
+        /// The record.
+        excitation: Excitation,
+        /// What it does for each pair, the strongest rival of the strongest cause first.
+        apart: Vec<Apart>,
+    },
+    /// No record of the library tells these apart: what the best one does for each pair.
+    Alike {
+        /// The pairs with their largest differences.
+        apart: Vec<Apart>,
+        /// How many records were tried.
+        tried: usize,
+    },
+    /// This record spends most of its rows where the error without a cause is.
+    Looks {
+        /// The record.
+        excitation: Excitation,
+        /// Mean squared error beyond the noise that is expected in it, in units of the noise's.
+        expected: f64,
+        /// The same in the present records.
+        present: f64,
+    },
+}
+
+/// Chooses the next experiment; `None` where there is nothing to tell apart and nothing unexplained, or nothing that the library can do about it.
+#[must_use]
+pub fn next(
+    kernel: &Kernel,
+    fit: &Fit,
+    aliases: &[Alias],
+    verdict: Verdict,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Option<NextExperiment> {
+    if aliases.is_empty() && verdict != Verdict::Unexplained {
+        return None;
+    }
+    progress("looking for the next experiment");
+    let limits = Limits::of(kernel, fit)?;
+    if aliases.is_empty() { looks(kernel, fit, &limits) } else { separates(kernel, fit, aliases, &limits) }
+}
+
+fn separates(kernel: &Kernel, fit: &Fit, aliases: &[Alias], limits: &Limits) -> Option<NextExperiment> {
+    let rivals: Vec<(&Alias, Fit)> =
+        aliases.iter().take(MOST_PAIRS).filter_map(|it| Some((it, levenberg::here(kernel, it.model.clone())?))).collect();
+    let mut believed: Vec<&PlantFile> = vec![&fit.model.file];
+    believed.extend(rivals.iter().map(|(alias, _)| &alias.model.file));
+    let library = excitations::library(&believed, limits);
+    let rows: Vec<Trial> = library.iter().filter_map(|it| Trial::new(kernel, fit, it)).collect();
+    let mut best: Vec<Apart> = Vec::new();
+    let mut first: Option<usize> = None;
+    for (alias, rival) in &rivals {
+        let found = rows.iter().map(|trial| trial.plain(rival));
+        let mut order: Vec<(usize, f64)> =
+            found.enumerate().filter_map(|(place, plain)| Some((place, plain? / rows[place].readings()))).collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut most: Option<(usize, Apart)> = None;
+        for (place, bound) in order {
+            // Adapting only makes a difference smaller: behind this one nothing is larger than what was found.
+            if most.as_ref().is_some_and(|(_, apart)| apart.enough && apart.times_noise * apart.times_noise >= bound) {
+                break;
+            }
+            let Some(apart) = rows[place].apart(fit, rival, alias) else { continue };
+            let better = |(_, before): &(usize, Apart)| (apart.enough, apart.times_noise) > (before.enough, before.times_noise);
+            if most.as_ref().is_none_or(better) {
+                most = Some((place, apart));
+            }
+        }
+        let Some((place, apart)) = most else { continue };
+        if apart.enough {
+            first = Some(place);
+            break;
+        }
+        best.push(apart);
+    }
+    let Some(place) = first else {
+        return (!best.is_empty()).then_some(NextExperiment::Alike { apart: by_name(best), tried: library.len() });
+    };
+    let apart = rivals.iter().filter_map(|(alias, rival)| rows[place].apart(fit, rival, alias)).collect();
+    Some(NextExperiment::Separates { excitation: rows[place].excitation.clone(), apart: by_name(apart) })
+}
+
+/// One line a pair of names: a rival with and without its optional numbers is two plants, of which the nearer counts.
+fn by_name(apart: Vec<Apart>) -> Vec<Apart> {
+    let mut list: Vec<Apart> = Vec::new();
+    for it in apart {
+        match list.iter_mut().find(|there| there.cause == it.cause && there.rival == it.rival) {
+            Some(there) if it.squared < there.squared => *there = it,
+            Some(_) => {}
+            None => list.push(it),
+        }
+    }
+    list
+}
+
+/// An excitation with the believed plant's outputs along it.
+struct Trial<'a> {
+    excitation: &'a Excitation,
+    kernel: Kernel,
+}
+
+impl<'a> Trial<'a> {
+    fn new(present: &Kernel, fit: &Fit, excitation: &'a Excitation) -> Option<Self> {
+        let mut prepared = Prepared::new(excitation.record.clone(), fit.model.file.kind.outputs().len());
+        // A new record holds what the present ones hold.
+        let held: Vec<bool> =
+            prepared.outputs.iter().map(|output| present.records.iter().any(|it| it.outputs.contains(output))).collect();
+        let mut k = 0;
+        prepared.used.retain(|_| {
+            k += 1;
+            held[k - 1]
+        });
+        k = 0;
+        prepared.outputs.retain(|_| {
+            k += 1;
+            held[k - 1]
+        });
+        (!prepared.outputs.is_empty()).then_some(Trial { excitation, kernel: present.on(vec![prepared]) })
+    }
+
+    fn record(&self) -> &Record {
+        &self.kernel.records[0].record
+    }
+
+    fn readings(&self) -> f64 {
+        self.kernel.rows().max(1) as f64
+    }
+
+    /// A plant along the record, its start as the record's first row says.
+    fn model(&self, of: &Fit) -> Model {
+        let mut model = of.model.clone();
+        model.file.initial.clear();
+        model.take_starts(&[self.record()], self.kernel.floors.map(|floor| floor.sd));
+        model
+    }
+
+    /// The squared difference of a plant to the believed one, nothing adapted.
+    fn plain(&self, rival: &Fit) -> Option<f64> {
+        let simulated = self.kernel.run(&self.model(rival))?;
+        let difference = self.kernel.residual(&simulated);
+        Some(dot(&difference, &difference))
+    }
+
+    /// What remains of the difference, whichever of the two is wrong and adapts: the smaller of both.
+    fn apart(&self, fit: &Fit, rival: &Fit, alias: &Alias) -> Option<Apart> {
+        let [of_fit, of_rival] = [fit, rival].map(|it| self.kernel.run(&self.model(it)));
+        let (of_fit, of_rival) = (of_fit?, of_rival?);
+        let squared = f64::min(self.remains(rival, &of_rival, &of_fit)?, self.remains(fit, &of_fit, &of_rival)?);
+        Some(Apart {
+            cause: alias.cause.clone(),
+            rival: alias.rival.clone(),
+            squared,
+            times_noise: (squared / self.readings()).sqrt(),
+            enough: squared - SIGMAS * 2.0 * squared.sqrt() > alias.limit,
+        })
+    }
+
+    /// The squared difference of `truth` to a plant that adapts: d.d - p.(F + J^T J)^-1 p with p = J^T d, where J is its derivative along this record and F its
+    /// information from the present ones, priors included.
+    fn remains(&self, adapts: &Fit, its: &[Simulated], truth: &[Simulated]) -> Option<f64> {
+        let model = self.model(adapts);
+        let starts: Vec<usize> =
+            (0..model.unknowns.len()).filter(|k| matches!(model.unknowns[*k].place, Place::Start { .. })).collect();
+        // The new record's model has the same unknowns of the plant, in the same order, and starts of its own behind them.
+        let here = |k: usize| adapts.model.unknowns[..k].iter().filter(|it| !matches!(it.place, Place::Start { .. })).count();
+        let of_plant: Vec<Option<usize>> = adapts
+            .free
+            .iter()
+            .map(|&k| (!matches!(adapts.model.unknowns[k].place, Place::Start { .. })).then(|| here(k)))
+            .collect();
+        let chosen: Vec<usize> = of_plant.iter().flatten().copied().chain(starts.iter().copied()).collect();
+        let columns = self.kernel.derivatives(&model, its, &chosen)?;
+        let difference = self.kernel.changes(its, truth, 1.0);
+        let mut columns = columns.into_iter();
+        let mut all: Vec<Option<Column>> = of_plant.iter().map(|it| if it.is_some() { columns.next() } else { None }).collect();
+        all.extend(columns.map(Some));
+        let (known, n) = (adapts.free.len(), all.len());
+        let present = adapts.matrix();
+        let mut matrix = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..n {
+                let before = if i < known && j < known { present[i * known + j] } else { 0.0 };
+                let now = match (&all[i], &all[j]) {
+                    (Some(a), Some(b)) => a.and(b),
+                    _ => 0.0,
+                };
+                matrix[i * n + j] = before + now;
+            }
+        }
+        let pull: Vec<f64> = all.iter().map(|it| it.as_ref().map_or(0.0, |column| column.with(&difference))).collect();
+        let solved = Normal::new(&matrix, n, 0.0).solve(&pull);
+        Some((dot(&difference, &difference) - dot(&pull, &solved)).max(0.0))
+    }
+}
+
+/// The record with the largest expected error, by what the present residual is at each operating point.
+fn looks(kernel: &Kernel, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
+    let kind = fit.model.file.kind;
+    let points: Vec<Vec<[f64; 2]>> =
+        kernel.records.iter().map(|it| operating(kind, &it.record, &it.outputs, fit_of(fit, kernel, it))).collect();
+    let edges: Vec<Vec<f64>> = (0..2)
+        .map(|axis| {
+            let mut all: Vec<f64> = points.iter().flatten().map(|point| point[axis]).collect();
+            all.sort_by(f64::total_cmp);
+            (1..CELLS).filter_map(|k| all.get(k * all.len() / CELLS).copied()).collect()
+        })
+        .collect();
+    let cell = |point: &[f64; 2]| {
+        let place = |axis: usize| edges[axis].iter().filter(|edge| point[axis] > **edge).count();
+        CELLS * place(0) + place(1)
+    };
+    // Mean squared residual beyond the noise in each cell.
+    let mut sums = [(0.0, 0.0); CELLS * CELLS];
+    for ((prepared, simulated), points) in kernel.records.iter().zip(&fit.simulated).zip(&points) {
+        for (k, values) in simulated.iter().enumerate() {
+            let sd = kernel.floors[prepared.outputs[k]].sd;
+            for (row, (measured, value)) in prepared.measured(k).iter().zip(values).enumerate() {
+                if prepared.used[k][row] {
+                    let sum = &mut sums[cell(&points[row])];
+                    *sum = (sum.0 + ((measured - value) / sd).powi(2), sum.1 + 1.0);
+                }
+            }
+        }
+    }
+    // Where no row was yet, a cell has the mean of what its row and its column of cells have.
+    let of = |cells: &mut dyn Iterator<Item = usize>| {
+        let (sum, count) = cells.fold((0.0, 0.0), |sum, k| (sum.0 + sums[k].0, sum.1 + sums[k].1));
+        if count > 0.0 { Some((sum / count - 1.0).max(0.0)) } else { None }
+    };
+    let beyond: Vec<f64> = (0..CELLS * CELLS)
+        .map(|k| {
+            let (first, second) = (k / CELLS, k % CELLS);
+            let beside = || {
+                let row = of(&mut (0..CELLS).map(|it| CELLS * first + it)).unwrap_or(0.0);
+                let column = of(&mut (0..CELLS).map(|it| CELLS * it + second)).unwrap_or(0.0);
+                0.5 * (row + column)
+            };
+            of(&mut std::iter::once(k)).unwrap_or_else(beside)
+        })
+        .collect();
+    let expected = |points: &[[f64; 2]]| points.iter().map(|it| beyond[cell(it)]).sum::<f64>() / points.len().max(1) as f64;
+    let all: Vec<[f64; 2]> = points.concat();
+    let present = expected(&all);
+    let library = excitations::library(&[&fit.model.file], limits);
+    let held: Vec<usize> = (0..kind.outputs().len()).collect();
+    let best = library
+        .into_iter()
+        .filter_map(|it| {
+            let outputs: Vec<usize> = held.iter().copied().filter(|k| it.record.measured[*k].is_some()).collect();
+            let simulated = excitations::outputs_of(&it.record, &outputs)?;
+            let expected = expected(&operating(kind, &it.record, &outputs, &simulated));
+            Some((it, expected))
+        })
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (best.1 > present).then_some(NextExperiment::Looks { excitation: best.0, expected: best.1, present })
+}
+
+fn fit_of<'f>(fit: &'f Fit, kernel: &Kernel, prepared: &Prepared) -> &'f Simulated {
+    let place = kernel.records.iter().position(|it| std::ptr::eq(it, prepared)).unwrap_or(0);
+    &fit.simulated[place]
+}
+
+/// Two quantities that say where a plant is at work: speed and current; engine speed and throttle; position and speed.
+fn operating(kind: PlantKind, record: &Record, outputs: &[usize], simulated: &Simulated) -> Vec<[f64; 2]> {
+    let of = |output: usize| outputs.iter().position(|it| *it == output).map(|k| simulated[k].as_slice());
+    let at = |values: Option<&[f64]>, row: usize| values.and_then(|values| values.get(row)).copied().unwrap_or(0.0);
+    (0..record.rows())
+        .map(|row| match kind {
+            PlantKind::Pmac => [at(of(2), row), at(of(0), row).hypot(at(of(1), row))],
+            PlantKind::Driveline => [at(of(0).or(of(1)), row), record.inputs[0][row]],
+            PlantKind::ServoAxis => {
+                let position = of(0);
+                let (before, after) = (row.saturating_sub(1), (row + 1).min(record.rows() - 1));
+                let span = (after - before).max(1) as f64 * record.period;
+                [at(position, row), (at(position, after) - at(position, before)) / span]
+            }
+        })
+        .collect()
+}

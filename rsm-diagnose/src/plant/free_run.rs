@@ -1,0 +1,119 @@
+//! How far a plant of known structure is from its records in a free run: the metric by which models of measured machines are compared.
+//!
+//! In: a plant file with its effects, records. Out: its numbers, fitted to the error of the simulation, and root mean square errors. Names no cause.
+
+use super::kernel::{Kernel, Prepared};
+use super::levenberg::{self, Fit};
+use super::model::{AtStart, Model, Place};
+use super::noise::Floor;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+
+/// Steps of a fit from numbers of the right size.
+const STEPS: usize = 40;
+
+/// A plant along records, all numbers of its effects, all parameters with a tolerance and all starts being unknown. `noise` is that of each output, in its unit: it weighs one against
+/// the other. `None` where it cannot be simulated.
+#[must_use]
+pub fn fitted(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: usize) -> Option<Fit> {
+    let kernel = kernel(file, records, noise, threads);
+    let nominal = Model::nominal(file, records, noise);
+    let model = nominal.with_effects(&nominal, file.effects.clone());
+    levenberg::fit(&kernel, model, STEPS)
+}
+
+/// The same plant along one other record: only its start and the named numbers of effects are unknown, and only the first rows decide them. What a machine is like today (warm oil, a belt
+/// that has slackened) shows there; the rows behind them judge.
+#[must_use]
+pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], noise: [f64; 3]) -> Option<Model> {
+    let whole = [record];
+    let mut model = found.model.clone();
+    let own = |place: &Place| matches!(place, Place::Effect { number, .. } if numbers.contains(number));
+    model.unknowns.retain(|it| own(&it.place));
+    model.file.initial.clear();
+    model.at_start = AtStart::of(model.file.kind, whole.into_iter());
+    model.take_starts(&whole, noise);
+    let beginning = Prepared::new(record.clone(), model.file.kind.outputs().len()).shortened(rows);
+    let kernel = Kernel::new(vec![beginning], noise.map(Floor::white), 1);
+    levenberg::fit(&kernel, model, STEPS).map(|fit| fit.model)
+}
+
+/// Root mean square error of each measured output over some rows, in its unit. `None` where the model cannot be simulated.
+#[must_use]
+pub fn errors(model: &Model, record: &Record, rows: std::ops::Range<usize>) -> Option<Vec<f64>> {
+    let kernel = kernel(&model.file, &[record], [1.0; 3], 1);
+    let simulated = kernel.run(model)?.pop()?;
+    let prepared = &kernel.records[0];
+    let each = simulated.iter().enumerate().map(|(k, values)| {
+        let (measured, simulated) = (&prepared.measured(k)[rows.clone()], &values[rows.clone()]);
+        let squares: f64 = measured.iter().zip(simulated).map(|(measured, it)| (measured - it).powi(2)).sum();
+        (squares / measured.len().max(1) as f64).sqrt()
+    });
+    Some(each.collect())
+}
+
+/// The measured axis in open loop, step by step.
+#[derive(Debug, Clone)]
+pub struct Followed {
+    /// What was simulated, and the root mean square error of the position, in m.
+    pub errors: Vec<(&'static str, f64)>,
+    /// The plant as the training record left it.
+    pub trained: Model,
+    /// The same without its drift, with the viscous friction of the test record's first quarter.
+    pub today: Model,
+}
+
+/// A free run of the training record, then of the test record as the training left the axis, without the drift (what a load does while one record is made is that record's own), and with the
+/// viscous friction of the test record's first quarter, over all of it and over the three quarters that nothing has seen. `None` where the axis cannot be simulated.
+#[must_use]
+pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option<Followed> {
+    /// The smallest step of its encoder, in m; with one output only the priors feel it.
+    const ENCODER: f64 = 5e-8;
+    let (noise, rows) = ([ENCODER; 3], test.rows());
+    let position = |model: &Model, record: &Record, rows| errors(model, record, rows).map(|errors| errors[0]);
+    let mut found = fitted(file, &[training], noise, 1)?;
+    let trained = found.model.clone();
+    let drift = found.model.file.effects.iter_mut().flat_map(|it| &mut it.arguments.numbers).find(|it| it.0 == "force_rate")?;
+    drift.1 = 0.0;
+    let as_trained = adapted(&found, test, rows, &[], noise)?;
+    let quarter = rows / 4;
+    let today = adapted(&found, test, quarter, &["viscous_forward", "viscous_backward"], noise)?;
+    let errors = vec![
+        ("training record", position(&trained, training, 0..training.rows())?),
+        ("test record, all numbers from the training record but its start", position(&as_trained, test, 0..rows)?),
+        ("test record, viscous friction from its first quarter", position(&today, test, 0..rows)?),
+        ("  the three quarters behind it", position(&today, test, quarter..rows)?),
+    ];
+    Some(Followed { errors, trained, today })
+}
+
+fn kernel(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: usize) -> Kernel {
+    let outputs = file.kind.outputs().len();
+    let prepared = records.iter().map(|record| Prepared::new((*record).clone(), outputs)).collect();
+    Kernel::new(prepared, noise.map(Floor::white), threads)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::axis_under_steps;
+    use super::*;
+
+    #[test]
+    fn numbers_are_found_and_what_changed_is_found_again_from_the_beginning_of_another_record() {
+        let file = |force: f64| axis_under_steps::file("mass = 0.2", &axis_under_steps::friction(force));
+        let record = |force: f64| {
+            let (mut kernel, _) = axis_under_steps::kernel(&file(force), &file(force), false);
+            kernel.records.remove(0).record
+        };
+        let (one, other) = (record(0.8), record(1.0));
+        let found = fitted(&file(0.5), &[&one], [1e-5; 3], 1).unwrap();
+        let force = |model: &Model| model.file.effects[0].arguments.number("force");
+        assert!((force(&found.model) - 0.8).abs() < 1e-4, "{}", force(&found.model));
+        assert!(errors(&found.model, &one, 0..600).unwrap()[0] < 1e-6);
+        let unchanged = adapted(&found, &other, 200, &[], [1e-5; 3]).unwrap();
+        let changed = adapted(&found, &other, 200, &["force"], [1e-5; 3]).unwrap();
+        assert!((force(&changed) - 1.0).abs() < 1e-3 && force(&unchanged) == force(&found.model), "{}", force(&changed));
+        let [plain, better] = [&unchanged, &changed].map(|model| errors(model, &other, 200..600).unwrap()[0]);
+        assert!(better < 0.01 * plain, "{better} {plain}");
+    }
+}

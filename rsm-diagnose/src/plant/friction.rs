@@ -1,0 +1,165 @@
+//! Friction in plainer words: forms of it that say the same of some records.
+//!
+//! In: the fit of a search. Out: a fit with plainer causes, where it is as good. Never looks for a cause.
+
+use super::chance::best_of;
+use super::compete::{count, within_tolerance};
+use super::hypotheses::{LEVELS, generalises};
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::selection::Search;
+use rsm_sim::plant_file::Entry;
+
+impl Search<'_> {
+    /// Two levels of friction are their mean and a constant load of half their difference. Where the records cannot tell, it is said as two plain things: a load
+    /// acts at rest, too, and the sum can be more than friction. Both have two numbers, and nothing was searched: chance does little.
+    pub(super) fn split(&self, fit: Fit) -> Fit {
+        let entries = &fit.model.file.effects;
+        let two_levels = |it: &Entry| it.description.kind == "asymmetric-friction" && it.arguments.numbers.len() == 2;
+        let Some(place) = entries.iter().position(two_levels) else { return fit };
+        if entries.iter().any(|it| it.description.kind == "constant-load") || entries.len() == self.effort.causes {
+            return fit;
+        }
+        let levels: Vec<f64> = entries[place].arguments.numbers.iter().map(|number| number.1).collect();
+        let (mean, half) = (0.5 * (levels[0] + levels[1]), 0.5 * (levels[0] - levels[1]));
+        let (friction, load) =
+            (self.with_one_number("coulomb-friction", None, mean), self.with_one_number("constant-load", None, half));
+        let (Some(friction), Some(load)) = (friction, load) else { return fit };
+        let model = fit.model.minus(self.nominal, place).plus(self.nominal, friction).plus(self.nominal, load);
+        self.or_plainer(fit, model, best_of(1, 1))
+    }
+
+    /// Friction that is the same both ways is no asymmetry: it is one level, or a part of that of a Stribeck curve beside it, and one viscous friction. The fit with those, where what it
+    /// has fewer numbers for is no more than chance.
+    pub(super) fn levelled(&self, fit: Fit) -> Fit {
+        let entries = &fit.model.file.effects;
+        let Some(place) = entries.iter().position(|it| it.description.kind == "asymmetric-friction") else { return fit };
+        let number = |name| entries[place].arguments.optional(name);
+        let mean = |a, b| number(a).zip(number(b)).map(|(a, b)| 0.5 * (a + b));
+        let Some(level) = mean("forward", "backward") else { return fit };
+        let mut model = fit.model.minus(self.nominal, place);
+        let curve = model.file.effects.iter().position(|it| it.description.kind == "stribeck-friction");
+        match curve {
+            Some(curve) => {
+                let mut entries = model.file.effects.clone();
+                let levels = entries[curve].arguments.numbers.iter_mut().filter(|it| ["coulomb", "static"].contains(&it.0));
+                levels.for_each(|it| it.1 += level);
+                model = model.with_effects(self.nominal, entries);
+            }
+            None => {
+                let Some(friction) = self.with_one_number("coulomb-friction", None, level) else { return fit };
+                model = model.plus(self.nominal, friction);
+            }
+        }
+        if let Some(viscous) = mean("viscous_forward", "viscous_backward") {
+            let error = self.with_one_number("parameter-error", Some("viscous_friction"), viscous);
+            let Some(error) = error else { return fit };
+            if !within_tolerance(self.nominal, &error) {
+                model = model.plus(self.nominal, error);
+            }
+        }
+        let fewer = count(&fit.model).saturating_sub(count(&model));
+        if fewer == 0 {
+            return fit;
+        }
+        self.or_plainer(fit, model, best_of(1, fewer))
+    }
+
+    /// A law with more numbers gives way to the one that it holds as a special case, where the records do not tell them apart: a Stribeck curve, or two levels, to one level.
+    pub(super) fn narrowed(&self, fit: Fit, threshold: f64) -> Fit {
+        let entries = &fit.model.file.effects;
+        let special =
+            |it: &Entry| self.hypotheses.iter().find(|other| generalises(it.description.kind, other.description.kind));
+        let Some((place, special)) = entries.iter().enumerate().find_map(|(place, it)| Some((place, special(it)?))) else {
+            return fit;
+        };
+        if entries.iter().any(|it| special.is(it)) {
+            return fit;
+        }
+        let levels: Vec<f64> =
+            entries[place].arguments.numbers.iter().filter(|it| LEVELS.contains(&it.0)).map(|it| it.1).collect();
+        let level = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
+        let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
+        let worse = self.decides(&fit, threshold);
+        self.or_plainer(fit, model, worse)
+    }
+
+    /// The entry of a hypothesis with its one number, where it is one of this plant.
+    fn with_one_number(&self, name: &str, subject: Option<&str>, value: f64) -> Option<Entry> {
+        let found = self.hypotheses.iter().find(|it| it.description.kind == name && it.subject == subject);
+        found.map(|it| it.entry(self.nominal.file.kind, &[value]))
+    }
+
+    /// A plainer model fitted, where it is worse by less than so much; else the fit.
+    fn or_plainer(&self, fit: Fit, model: Model, worse: f64) -> Fit {
+        match levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(&fit)) {
+            Some(other) if other.cost < fit.cost + worse => other,
+            _ => fit,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Kernel;
+    use super::super::{axis_under_steps, hypotheses, survey};
+    use super::*;
+
+    /// Kinds that friction of two levels comes to, on an axis that has these effects, with these entries in the plant at first.
+    fn plainer(truth: &str, entries: &str) -> Vec<(&'static str, Vec<f64>)> {
+        let tolerances = "mass = 0.02\nviscous_friction = 0.02";
+        let file = |effects: &str| axis_under_steps::file(tolerances, effects);
+        let (kernel, nominal) = axis_under_steps::kernel(&file(""), &file(truth), true);
+        let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
+        let survey = survey::survey(&kernel, &calibrated);
+        let hypotheses = hypotheses::all(nominal.file.kind, &survey, &[0]);
+        let unseen = Kernel::new(Vec::new(), kernel.floors, 1);
+        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &hypotheses, &survey);
+        let model = nominal.with_effects(&nominal, file(entries).effects);
+        let fit = search.narrowed(search.levelled(levenberg::fit(&kernel, model, 20).unwrap()), 30.0);
+        let kinds = fit.model.file.effects.iter();
+        kinds.map(|it| (it.description.kind, it.arguments.numbers.iter().map(|number| number.1).collect())).collect()
+    }
+
+    fn levels(forward: f64, backward: f64, rest: &str) -> String {
+        format!(
+            "[[effects]]\nkind = \"asymmetric-friction\"\nparameters = {{ forward = {forward}, backward = {backward}{rest} }}\n"
+        )
+    }
+
+    #[test]
+    fn levels_that_are_the_same_are_one() {
+        let found = plainer(&axis_under_steps::friction(1.2), &levels(1.0, 1.1, ""));
+        assert_eq!((found.len(), found[0].0), (1, "coulomb-friction"));
+        // The noise tells a level to some thousandths.
+        assert!((found[0].1[0] - 1.2).abs() < 0.02, "{found:?}");
+        let found = plainer(&levels(1.5, 0.9, ""), &levels(1.4, 1.0, ""));
+        assert_eq!((found.len(), found[0].0), (1, "asymmetric-friction"));
+    }
+
+    #[test]
+    fn viscous_friction_that_is_the_same_both_ways_is_a_parameter_error() {
+        let truth = axis_under_steps::friction(1.2)
+            + "[[effects]]\nkind = \"parameter-error\"\nparameters = { parameter = \"viscous_friction\", value = 4.2 }\n";
+        let found = plainer(&truth, &levels(1.0, 1.1, ", viscous_forward = 4.0, viscous_backward = 4.1"));
+        let kinds: Vec<&str> = found.iter().map(|it| it.0).collect();
+        assert_eq!(kinds, ["coulomb-friction", "parameter-error"]);
+        assert!((found[1].1[0] / 4.2 - 1.0).abs() < 0.02, "{found:?}");
+    }
+
+    #[test]
+    fn a_level_beside_a_stribeck_curve_is_a_part_of_it() {
+        let curve = |coulomb: f64, rest: f64| {
+            format!(
+                "[[effects]]\nkind = \"stribeck-friction\"\nparameters = {{ coulomb = {coulomb}, static = {rest}, stribeck_velocity = 0.05 }}\n"
+            )
+        };
+        // A curve that the records do not show gives way to one level.
+        let found = plainer(&axis_under_steps::friction(1.2), &curve(1.1, 1.3));
+        assert_eq!((found.len(), found[0].0), (1, "coulomb-friction"));
+        assert!((found[0].1[0] - 1.2).abs() < 0.02, "{found:?}");
+        let found = plainer(&curve(1.0, 2.0), &(levels(0.6, 0.6, "") + &curve(0.4, 1.4)));
+        assert_eq!((found.len(), found[0].0), (1, "stribeck-friction"));
+        assert!((found[0].1[0] - 1.0).abs() < 0.05, "{found:?}");
+    }
+}

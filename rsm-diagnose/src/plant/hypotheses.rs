@@ -1,0 +1,217 @@
+//! The hypotheses: every effect of the catalogue that can stand on the plant, a parameter error for each number with a physical meaning, a
+//! sensor effect for each output.
+//!
+//! In: a model and a survey of the records. Out: a list, and the model with a hypothesis added. Never judges one.
+
+use super::model::{Model, Place, Unknown};
+use rsm_sim::effect::{Arguments, Description, Guess, Subject, Survey};
+use rsm_sim::effects;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::Entry;
+use rsm_sim::schema::{self, Bound};
+
+/// A cause that may be behind what is left.
+#[derive(Debug, Clone)]
+pub struct Hypothesis {
+    /// The effect.
+    pub description: &'static Description,
+    /// The named parameter or output.
+    pub subject: Option<&'static str>,
+    /// Where a search may begin.
+    pub guesses: Vec<Guess>,
+}
+
+/// Its name in lists: KIND, `parameter-error:NAME` or `sensor-...:OUTPUT`.
+#[must_use]
+pub fn label(kind: &str, subject: Option<&str>) -> String {
+    subject.map_or(kind.to_string(), |subject| format!("{kind}:{subject}"))
+}
+
+/// Whether one cause holds another as its special case: it then always fits as well, and that says nothing.
+#[must_use]
+pub fn generalises(general: &str, special: &str) -> bool {
+    matches!((general, special), ("asymmetric-friction" | "stribeck-friction", "coulomb-friction"))
+}
+
+/// The numbers of a general case that are its special case's level.
+pub const LEVELS: [&str; 4] = ["forward", "backward", "coulomb", "static"];
+
+/// Parameters that are known by counting or are limits of whoever makes the record: an error of them is no hypothesis.
+const KNOWN: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
+
+/// All hypotheses of a plant. `outputs` are those that at least one record holds.
+#[must_use]
+pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesis> {
+    let mut list = Vec::new();
+    for description in effects::ALL.iter().copied().filter(|it| it.plants.contains(&kind)) {
+        let mut add = |subject: Option<&'static str>, survey: &Survey| {
+            let guesses = (description.guesses)(survey);
+            let finite = |guess: &Guess| {
+                let mut arguments = description.arguments_on(kind);
+                guess.values.iter().all(|value| {
+                    let argument = arguments.next();
+                    value.is_finite() || argument.is_some_and(|argument| argument.optional)
+                })
+            };
+            let guesses: Vec<Guess> = guesses.into_iter().filter(finite).collect();
+            if !guesses.is_empty() {
+                list.push(Hypothesis { description, subject, guesses });
+            }
+        };
+        match description.subject {
+            Subject::None => add(None, survey),
+            Subject::Parameter => {
+                for nominal in schema::named(kind) {
+                    let Some(value) = survey.parameters.optional(nominal.name) else { continue };
+                    // The ratio of a gear in which no record runs leaves no trace.
+                    let runs = schema::gear(kind, nominal.name).is_none_or(|gear| survey.gears[gear]);
+                    if runs && !KNOWN.contains(&nominal.name) {
+                        add(Some(nominal.name), &Survey { nominal: value, ..survey.clone() });
+                    }
+                }
+            }
+            Subject::Output => {
+                for &output in outputs {
+                    add(Some(kind.outputs()[output].name), &Survey { output, ..survey.clone() });
+                }
+            }
+        }
+    }
+    list
+}
+
+impl Hypothesis {
+    /// Its name in lists.
+    #[must_use]
+    pub fn label(&self) -> String {
+        label(self.description.kind, self.subject)
+    }
+
+    /// Its entry in a plant file with these numbers.
+    #[must_use]
+    pub fn entry(&self, kind: PlantKind, values: &[f64]) -> Entry {
+        let numbers = self.description.arguments_on(kind).zip(values);
+        Entry {
+            description: self.description,
+            arguments: Arguments {
+                plant: kind,
+                subject: self.subject.map(str::to_string),
+                numbers: numbers.filter(|(_, value)| value.is_finite()).map(|(it, value)| (it.name, *value)).collect(),
+            },
+        }
+    }
+
+    /// Whether numbers have the signs that physics asks for; how large they are is the search's to find.
+    #[must_use]
+    pub fn has_signs(&self, kind: PlantKind, values: &[f64]) -> bool {
+        let entry = self.entry(kind, values);
+        let mut numbers = entry.arguments.numbers.iter();
+        numbers.all(|(name, value)| match bound_of(&entry, name) {
+            Bound::Positive | Bound::Count => *value > 0.0,
+            Bound::NotNegative => *value >= 0.0,
+            Bound::Any | Bound::Between(..) => true,
+        })
+    }
+
+    /// Whether an entry of a file is this one.
+    #[must_use]
+    pub fn is(&self, entry: &Entry) -> bool {
+        entry.description.kind == self.description.kind && entry.arguments.subject.as_deref() == self.subject
+    }
+}
+
+/// What physics says of a number of an entry.
+fn bound_of(entry: &Entry, name: &str) -> Bound {
+    let plant = entry.arguments.plant;
+    if entry.description.subject == Subject::Parameter {
+        let subject = entry.arguments.subject.as_deref().unwrap_or("");
+        return schema::named(plant).find(|nominal| nominal.name == subject).map_or(Bound::Any, |nominal| nominal.bound);
+    }
+    entry.description.arguments_on(plant).find(|argument| argument.name == name).map_or(Bound::Any, |argument| argument.bound)
+}
+
+/// The unknowns of an entry: its numbers, but for whole numbers and for steps of rounding, along which a simulation has no derivative.
+fn unknowns_of(entry: &Entry, place: usize) -> Vec<Unknown> {
+    let mut unknowns = Vec::new();
+    for (name, value) in &entry.arguments.numbers {
+        let bound = bound_of(entry, name);
+        if bound == Bound::Count || entry.description.kind == "sensor-quantisation" {
+            continue;
+        }
+        let mut unknown = Unknown::bounded(Place::Effect { entry: place, number: name }, bound, *value);
+        match (entry.description.kind, *name) {
+            (_, "phase") => unknown.scale = 0.1,
+            ("input-delay" | "sensor-delay", _) => unknown.scale = value.abs().max(1e-6),
+            // Near a value in proportion to which nothing is (a gain of 1, a parameter), a per cent is a step.
+            ("parameter-error" | "input-gain" | "sensor-gain", _) if !unknown.logarithmic && *value != 0.0 => {
+                unknown.scale = 0.01 * value.abs();
+            }
+            _ => {}
+        }
+        unknowns.push(unknown);
+    }
+    unknowns
+}
+
+impl Model {
+    /// The model with these causes and no others. A nominal parameter that a cause says to be in error is no calibration any more.
+    #[must_use]
+    pub fn with_effects(&self, nominal: &Model, entries: Vec<Entry>) -> Model {
+        let mut model = self.clone();
+        let in_error = |name: &str| {
+            entries.iter().any(|entry| {
+                entry.description.subject == Subject::Parameter && entry.arguments.subject.as_deref() == Some(name)
+            })
+        };
+        let starts = model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned();
+        let mut unknowns: Vec<Unknown> = Vec::new();
+        for unknown in &nominal.unknowns {
+            let Place::Nominal(name) = unknown.place else { continue };
+            if in_error(name) {
+                // The file keeps what it said; the entry says the rest.
+                model.file.parameters.set(name, nominal.file.parameters.number(name));
+            } else {
+                unknowns.push(unknown.clone());
+            }
+        }
+        for (place, entry) in entries.iter().enumerate() {
+            unknowns.extend(unknowns_of(entry, place));
+        }
+        unknowns.extend(starts);
+        model.unknowns = unknowns;
+        model.file.effects = entries;
+        model
+    }
+
+    /// The model with one more cause.
+    #[must_use]
+    pub fn plus(&self, nominal: &Model, entry: Entry) -> Model {
+        let mut entries = self.file.effects.clone();
+        entries.push(entry);
+        self.with_effects(nominal, entries)
+    }
+
+    /// The model with one more cause in place of those that it holds as special cases: friction is one thing, not two.
+    #[must_use]
+    pub fn joined(&self, nominal: &Model, entry: Entry) -> Model {
+        let mut entries = self.file.effects.clone();
+        entries.retain(|it| !generalises(entry.description.kind, it.description.kind));
+        entries.push(entry);
+        self.with_effects(nominal, entries)
+    }
+
+    /// The model with one cause less.
+    #[must_use]
+    pub fn minus(&self, nominal: &Model, place: usize) -> Model {
+        let mut entries = self.file.effects.clone();
+        entries.remove(place);
+        self.with_effects(nominal, entries)
+    }
+
+    /// Whether effects split off more inertia than there is.
+    #[must_use]
+    pub fn is_possible(&self) -> bool {
+        let split: f64 = self.file.acting().filter_map(|entry| (entry.description.build)(&entry.arguments).split()).sum();
+        split < 0.99
+    }
+}

@@ -1,0 +1,444 @@
+//! The kernel: free-run simulations of a model along all records, on all cores, and whitened residuals.
+//!
+//! In: a model and prepared records. Out: residuals of length one where they are noise, and their derivatives with respect to unknowns.
+//! The same bits whatever the number of threads: each simulation is one job with a place of its own.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::bridges::Bridge;
+use super::model::{Model, Place};
+use super::noise::Floor;
+use super::tails::Tails;
+use rsm_sim::record::{Drive, Record};
+use rsm_sim::simulate::{Outputs, Simulator};
+use rsm_sim::threads::in_threads_with;
+
+/// The step of a difference, in units of an unknown's scale. A law with a kink (free play, a limit) is simulated with kinks that are placed to a share of
+/// a sub-step: its outputs jump by 1e-5 of what they move, and over a thousandth of a scale that was a tenth of the derivative. Over three hundredths
+/// it is gone, and what the difference leaves out of a curved law is as small: fits converge by a factor of thirty a step in place of a thousand.
+const DIFFERENCE: f64 = 0.03;
+
+/// Root mean square of what a difference may move the outputs by, in standard deviations of the noise. What it moves further is bent by as much as the noise where the
+/// bend is as large as the trace itself: motions that repeat many times after a cause do so. Kinks that are placed too roughly are 1e-5 of a signal, a hundredth of this.
+const MOST_CHANGE: f64 = 1.0;
+
+/// A difference is made shorter at most by this factor at a time: by how much it moves is known where it is in proportion only.
+const LEAST_SHARE: f64 = 0.01;
+
+/// How often: twice, down to 3e-6 of a scale.
+const SHORTER_STEPS: usize = 2;
+
+/// Sub-steps a row, on average over a record, beyond which a model is none to try: at four a radian it makes ten turns between two rows. A clutch that
+/// stiffens and slips at once winds up without end, for example.
+const MOST_STEPS_A_ROW: usize = 250;
+
+/// A candidate may always take as many: three strokes a turn at 500 rad/s are 15 radians in a row of 10 ms, and take 60 at four a radian. Sampling folds them into the
+/// band, where they are seen.
+const LEAST_ALLOWED: usize = 64;
+
+/// A candidate may take so many times the sub-steps of the calibrated plant: a cause makes a plant faster by its own mode, not by an order. What goes beyond is a
+/// time constant on its way to nothing.
+const TIMES_THE_PLANT: usize = 8;
+
+/// A record with the rows that count.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    /// The record.
+    pub record: Record,
+    /// The outputs that it holds and that the simulation shows, by their place in the plant.
+    pub outputs: Vec<usize>,
+    /// For each of `outputs`, which rows count.
+    pub used: Vec<Vec<bool>>,
+    /// How many rows of the file stand before its first.
+    pub from: usize,
+    /// Gaps of a few rows that were filled, in their order.
+    pub bridges: Vec<Bridge>,
+}
+
+impl Prepared {
+    /// All rows of a record count.
+    #[must_use]
+    pub fn new(record: Record, outputs_of_plant: usize) -> Self {
+        let shown = |output: usize| match record.drive {
+            Drive::HoldsDirectCurrent => output > 0,
+            // An axis in open loop has its command as an input.
+            Drive::Open if outputs_of_plant == 2 => output == 0,
+            _ => true,
+        };
+        let outputs: Vec<usize> = (0..outputs_of_plant).filter(|k| shown(*k) && record.measured[*k].is_some()).collect();
+        let used = vec![vec![true; record.rows()]; outputs.len()];
+        Prepared { record, outputs, used, from: 0, bridges: Vec::new() }
+    }
+
+    /// The measured values of the k-th of its outputs.
+    #[must_use]
+    pub fn measured(&self, k: usize) -> &[f64] {
+        self.record.measured[self.outputs[k]].as_deref().unwrap_or(&[])
+    }
+
+    /// The row of the file that a row is; of a row that the file lacks, the one before.
+    #[must_use]
+    pub fn file_row(&self, row: usize) -> usize {
+        let filled: usize = self.bridges.iter().map(|it| (row + 1).clamp(it.rows.start, it.rows.end) - it.rows.start).sum();
+        self.from + row - filled
+    }
+
+    /// The row that a row of the file is, where it is one of these.
+    #[must_use]
+    pub fn row_of(&self, file_row: usize) -> Option<usize> {
+        let mut row = file_row.checked_sub(self.from)?;
+        for bridge in &self.bridges {
+            row += if row >= bridge.rows.start { bridge.rows.len() } else { 0 };
+        }
+        (row < self.record.rows()).then_some(row)
+    }
+
+    /// The first rows of it.
+    #[must_use]
+    pub fn shortened(&self, rows: usize) -> Self {
+        let mut short = self.clone();
+        short.keep(0..rows.min(self.record.rows()));
+        short
+    }
+
+    /// Keeps some rows.
+    pub fn keep(&mut self, rows: std::ops::Range<usize>) {
+        self.from = self.file_row(rows.start);
+        self.record = self.record.piece(rows.clone());
+        self.bridges.retain(|it| rows.start < it.rows.start && it.rows.end < rows.end);
+        for bridge in &mut self.bridges {
+            bridge.rows = bridge.rows.start - rows.start..bridge.rows.end - rows.start;
+        }
+        self.used.iter_mut().for_each(|used| *used = used[rows.clone()].to_vec());
+    }
+}
+
+/// Simulated outputs of one record, in the order of [`Prepared::outputs`].
+pub type Simulated = Vec<Vec<f64>>;
+
+/// A derivative of the whitened simulation; it is 0 outside its records.
+#[derive(Debug, Clone)]
+pub struct Column {
+    /// Its first place in the stack of all residuals.
+    pub first: usize,
+    /// Values from there.
+    pub values: Vec<f64>,
+}
+
+impl Column {
+    /// The inner product with a whole stack.
+    #[must_use]
+    pub fn with(&self, stack: &[f64]) -> f64 {
+        dot(&self.values, &stack[self.first..self.first + self.values.len()])
+    }
+
+    /// The inner product of two columns.
+    #[must_use]
+    pub fn and(&self, other: &Column) -> f64 {
+        let first = self.first.max(other.first);
+        let end = (self.first + self.values.len()).min(other.first + other.values.len());
+        if first >= end {
+            return 0.0;
+        }
+        dot(&self.values[first - self.first..end - self.first], &other.values[first - other.first..end - other.first])
+    }
+}
+
+/// Inner product in eight partial sums: the order is fixed, and the machine may keep them side by side. Of lists of different length the beginnings count.
+#[must_use]
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // Eights and rests would else be of different places: of 8 and 7 numbers nothing would meet.
+    let common = a.len().min(b.len());
+    let (a, b) = (&a[..common], &b[..common]);
+    let mut sums = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a8.zip(b8) {
+        for k in 0..8 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+/// Records and the noise of their outputs.
+#[derive(Debug, Clone)]
+pub struct Kernel {
+    /// The records.
+    pub records: Vec<Prepared>,
+    /// Noise of each output of the plant.
+    pub floors: [Floor; 3],
+    /// The laws by which readings were made tame where their noise has heavy tails.
+    pub tails: [Option<Tails>; 3],
+    /// How many simulations run side by side.
+    pub threads: usize,
+    /// What simulations may take, and have taken.
+    pub pace: Pace,
+}
+
+/// The work of simulations in sub-steps: a count, not seconds, so that what depends on it is the same on every machine.
+#[derive(Debug, Clone)]
+pub struct Pace {
+    /// Sub-steps a row, on average over a record, beyond which a run is given up.
+    pub most: usize,
+    /// Sub-steps of all runs of this kernel and of its copies.
+    taken: Arc<AtomicU64>,
+    /// Those after which multistart ends with the best that it has.
+    end: Arc<AtomicU64>,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Pace { most: MOST_STEPS_A_ROW, taken: Arc::default(), end: Arc::new(AtomicU64::new(u64::MAX)) }
+    }
+}
+
+impl Pace {
+    /// Sub-steps so far.
+    #[must_use]
+    pub fn taken(&self) -> u64 {
+        self.taken.load(Ordering::Relaxed)
+    }
+
+    /// Says how many sub-steps, from the beginning on, the work that follows may take. It holds for all copies.
+    pub fn ends_at(&self, steps: u64) {
+        self.end.store(steps, Ordering::Relaxed);
+    }
+
+    /// Whether that is used up. Asked between runs, never beside them: the answer is the same for any number of threads.
+    #[must_use]
+    pub fn is_spent(&self) -> bool {
+        self.taken() > self.end.load(Ordering::Relaxed)
+    }
+
+    /// For candidates beside a plant whose run over so many rows took so many sub-steps.
+    #[must_use]
+    pub fn beside(&self, steps: u64, rows: usize) -> Self {
+        let own = usize::try_from(steps / rows.max(1) as u64).unwrap_or(usize::MAX);
+        Pace { most: LEAST_ALLOWED.max(own.saturating_mul(TIMES_THE_PLANT)).min(MOST_STEPS_A_ROW.max(own)), ..self.clone() }
+    }
+}
+
+impl Kernel {
+    /// Of records, with nothing simulated yet.
+    #[must_use]
+    pub fn new(records: Vec<Prepared>, floors: [Floor; 3], threads: usize) -> Self {
+        Kernel { records, floors, tails: [None; 3], threads, pace: Pace::default() }
+    }
+
+    /// The same for other records: their work counts as its own.
+    #[must_use]
+    pub fn on(&self, records: Vec<Prepared>) -> Self {
+        Kernel { records, floors: self.floors, tails: self.tails, threads: self.threads, pace: self.pace.clone() }
+    }
+
+    /// Runs jobs on all threads; `None` where the numbers left no way on.
+    #[must_use]
+    pub fn simulate(&self, jobs: &[(usize, &Model)]) -> Vec<Option<Simulated>> {
+        in_threads_with(jobs, self.threads, |outputs, (record, model)| self.one(*record, model, outputs))
+    }
+
+    fn one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<Simulated> {
+        self.run_one(record, model, outputs)?;
+        // The outputs of a run are those of the drive; a record may hold fewer.
+        let (prepared, names) = (&self.records[record], model.file.kind.outputs());
+        let values: Option<Vec<Vec<f64>>> =
+            prepared.outputs.iter().map(|output| outputs.of(names[*output].name).map(<[f64]>::to_vec)).collect();
+        values.filter(|values| values.iter().flatten().all(|value| value.is_finite()))
+    }
+
+    /// All outputs of one model along one record, those that the record does not hold as well; `None` where the numbers left no way on.
+    #[must_use]
+    pub fn all_outputs(&self, record: usize, model: &Model) -> Option<Outputs> {
+        let mut outputs = Outputs::default();
+        self.run_one(record, model, &mut outputs).map(|()| outputs)
+    }
+
+    fn run_one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<()> {
+        let prepared = &self.records[record];
+        let file = model.for_record(record, &prepared.record);
+        let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.pace.most);
+        let done = simulator.run_into(&prepared.record, outputs);
+        self.pace.taken.fetch_add(simulator.taken() as u64, Ordering::Relaxed);
+        done.ok()
+    }
+
+    /// One model along all records.
+    #[must_use]
+    pub fn run(&self, model: &Model) -> Option<Vec<Simulated>> {
+        let jobs: Vec<(usize, &Model)> = (0..self.records.len()).map(|record| (record, model)).collect();
+        self.simulate(&jobs).into_iter().collect()
+    }
+
+    /// Several models along all records.
+    #[must_use]
+    pub fn run_all(&self, models: &[Model]) -> Vec<Option<Vec<Simulated>>> {
+        let count = self.records.len();
+        let jobs: Vec<(usize, &Model)> =
+            models.iter().flat_map(|model| (0..count).map(move |record| (record, model))).collect();
+        let mut done = self.simulate(&jobs).into_iter();
+        models.iter().map(|_| done.by_ref().take(count).collect::<Vec<_>>().into_iter().collect()).collect()
+    }
+
+    /// Measured less simulated, whitened, all records one after another. Where a sensor rounds, the mean reading stands for the simulated value; derivatives are
+    /// those of the value itself, which are right on average over a step and have no jumps.
+    #[must_use]
+    pub fn residual(&self, simulated: &[Simulated]) -> Vec<f64> {
+        let mut stack = Vec::with_capacity(self.rows());
+        let mut difference = Vec::new();
+        for (prepared, simulated) in self.records.iter().zip(simulated) {
+            for (k, values) in simulated.iter().enumerate() {
+                let floor = &self.floors[prepared.outputs[k]];
+                difference.clear();
+                difference
+                    .extend(prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - floor.reads(*value)));
+                floor.even(prepared.measured(k), &mut difference);
+                floor.whiten(&difference, &prepared.used[k], &mut stack);
+            }
+        }
+        stack
+    }
+
+    /// The whitened change of a record's simulation, over a step.
+    #[must_use]
+    pub fn change(&self, record: usize, from: &Simulated, to: &Simulated, step: f64) -> Vec<f64> {
+        let prepared = &self.records[record];
+        let mut stack = Vec::new();
+        let mut difference = Vec::new();
+        for (k, (from, to)) in from.iter().zip(to).enumerate() {
+            difference.clear();
+            difference.extend(from.iter().zip(to).map(|(from, to)| (to - from) / step));
+            let floor = &self.floors[prepared.outputs[k]];
+            floor.even(prepared.measured(k), &mut difference);
+            floor.whiten(&difference, &prepared.used[k], &mut stack);
+        }
+        stack
+    }
+
+    /// The whitened change of all records.
+    #[must_use]
+    pub fn changes(&self, from: &[Simulated], to: &[Simulated], step: f64) -> Vec<f64> {
+        (0..self.records.len()).flat_map(|record| self.change(record, &from[record], &to[record], step)).collect()
+    }
+
+    /// Length of the stack.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.records.iter().map(Self::length).sum()
+    }
+
+    /// Values of a record in the stack.
+    #[must_use]
+    pub fn length(prepared: &Prepared) -> usize {
+        prepared.outputs.len() * prepared.record.rows()
+    }
+
+    /// First place of a record in the stack.
+    #[must_use]
+    pub fn first(&self, record: usize) -> usize {
+        self.records[..record].iter().map(Self::length).sum()
+    }
+
+    /// Derivatives of the whitened simulation with respect to the chosen unknowns, on the scale of their search: forward differences. A difference that cannot be
+    /// simulated, or that moves the outputs by more than `MOST_CHANGE`, is taken again over a shorter step.
+    #[must_use]
+    pub fn derivatives(&self, model: &Model, simulated: &[Simulated], chosen: &[usize]) -> Option<Vec<Column>> {
+        let mut columns: Vec<Option<Column>> = vec![None; chosen.len()];
+        let mut steps: Vec<f64> = chosen.iter().map(|&k| DIFFERENCE * model.unknowns[k].scale).collect();
+        for shorter in 0..=SHORTER_STEPS {
+            let open: Vec<usize> = (0..chosen.len()).filter(|at| steps[*at] > 0.0).collect();
+            if open.is_empty() {
+                break;
+            }
+            let wanted: Vec<(usize, f64)> = open.iter().map(|&at| (chosen[at], steps[at])).collect();
+            for (at, column) in open.into_iter().zip(self.differences(model, simulated, &wanted)) {
+                let step = std::mem::take(&mut steps[at]);
+                let change = column
+                    .as_ref()
+                    .map_or(f64::INFINITY, |it| step * (dot(&it.values, &it.values) / it.values.len().max(1) as f64).sqrt());
+                if shorter < SHORTER_STEPS && change > MOST_CHANGE {
+                    steps[at] = step * (MOST_CHANGE / change).max(LEAST_SHARE);
+                }
+                columns[at] = column.or(columns[at].take());
+            }
+        }
+        columns.into_iter().collect()
+    }
+
+    /// Forward differences for unknowns with their steps; `None` where one cannot be simulated.
+    fn differences(&self, model: &Model, simulated: &[Simulated], wanted: &[(usize, f64)]) -> Vec<Option<Column>> {
+        let mut moved = Vec::new();
+        for &(k, step) in wanted {
+            let unknown = &model.unknowns[k];
+            let at = unknown.inward(model.value(k));
+            let step = if unknown.outward(at + step) >= unknown.high { -step } else { step };
+            let mut other = model.clone();
+            other.set(k, unknown.outward(at + step));
+            moved.push((k, step, other));
+        }
+        let mut jobs: Vec<(usize, &Model)> = Vec::new();
+        for (k, _, other) in &moved {
+            match model.unknowns[*k].place {
+                Place::Start { record, .. } => jobs.push((record, other)),
+                _ => jobs.extend((0..self.records.len()).map(|record| (record, other))),
+            }
+        }
+        let mut done = self.simulate(&jobs).into_iter();
+        let mut columns = Vec::new();
+        for (k, step, _) in &moved {
+            columns.push(match model.unknowns[*k].place {
+                Place::Start { record, .. } => done.next().flatten().map(|to| Column {
+                    first: self.first(record),
+                    values: self.change(record, &simulated[record], &to, *step),
+                }),
+                _ => {
+                    let to: Vec<Option<Simulated>> = done.by_ref().take(self.records.len()).collect();
+                    let to: Option<Vec<Simulated>> = to.into_iter().collect();
+                    to.map(|to| Column { first: 0, values: self.changes(simulated, &to, *step) })
+                }
+            });
+        }
+        columns
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::plant_file::PlantFile;
+
+    #[test]
+    fn a_difference_that_moves_more_than_the_noise_is_taken_again_over_a_shorter_step() {
+        // An open axis without friction: q = gain u t^2/(2 mass), so that dq/dmass = -q/mass; over 3 % of the mass a difference has 1/1.03 of that.
+        let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 0\n\
+                    command_limit = 10\n[tolerance]\nmass = 1\n";
+        let file = PlantFile::read(&Source::new("axis.toml", text.to_string())).unwrap();
+        let mut csv = "time[s],command[V],position[m]\n".to_string();
+        for k in 0..200 {
+            csv += &format!("{},1,0\n", f64::from(k) / 100.0);
+        }
+        let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let share = |noise: f64| {
+            let records = vec![Prepared::new(record.clone(), 2)];
+            let kernel = Kernel::new(records, [Floor::white(noise); 3], 1);
+            let model = Model::nominal(&file, &[&record], [noise; 3]);
+            let simulated = kernel.run(&model).unwrap();
+            let mass = model.unknowns.iter().position(|it| it.place == Place::Nominal("mass")).unwrap();
+            let column = &kernel.derivatives(&model, &simulated, &[mass]).unwrap()[0];
+            column.values[150] * noise / (-simulated[0][0][150] / 2.0)
+        };
+        // 3 % of the mass move the end by 0.12 m.
+        assert!((share(1.0) - 1.0 / 1.03).abs() < 1e-6, "{}", share(1.0));
+        assert!((share(1e-4) - 1.0).abs() < 1e-4, "{}", share(1e-4));
+    }
+
+    #[test]
+    fn the_beginnings_of_lists_meet_whatever_their_lengths() {
+        let ones = [1.0; 20];
+        for (a, b) in [(8, 7), (7, 8), (16, 17), (20, 3), (9, 9), (0, 5)] {
+            assert_eq!(dot(&ones[..a], &ones[..b]), a.min(b) as f64);
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Diagnosis of a plant: what its simulation gets wrong, which cause of the catalogue explains it, and what that gains.
+//!
+//! ```text
+//!   records --units, checks--> rows that count --noise--> floor --levenberg--> calibrated plant
+//!      --screen--> ranked hypotheses --profile--> best numbers --selection--> causes --validation--> gain
+//!      --excitations--> records that could be made --experiment--> the one that tells causes apart
+//! ```
+//!
+//! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Sees the records and the nominal plant alone: nobody may look
+//! into the plant that made a record. Never prints, never writes.
+
+#[cfg(test)]
+mod axis_under_steps;
+pub mod beginnings;
+pub mod bends;
+pub mod blocks;
+pub mod bootstrap;
+pub mod bridges;
+pub mod calibration;
+pub mod chance;
+pub mod checks;
+pub mod claims;
+pub mod compared;
+pub mod compete;
+mod confidence;
+pub mod configurations;
+pub mod correction;
+pub mod equations;
+pub mod everywhere;
+pub mod excitations;
+pub mod experiment;
+pub mod finish;
+pub mod free_run;
+mod friction;
+pub mod growth;
+pub mod hypotheses;
+pub mod inverse;
+pub mod kernel;
+pub mod known_loop;
+pub mod levenberg;
+pub mod model;
+pub mod noise;
+pub mod normal;
+pub mod nuisance;
+pub mod octaves;
+pub mod open;
+pub mod orders;
+pub mod plausible;
+pub mod portrait;
+pub mod posterior;
+pub mod predicted;
+pub mod profile;
+pub mod quantities;
+pub mod random;
+pub mod ready;
+pub mod regions;
+pub mod rest;
+pub mod rotation;
+pub mod rounding;
+pub mod screen;
+mod searched;
+pub mod selection;
+pub mod share;
+pub mod spectrum;
+pub mod steps;
+pub mod survey;
+pub mod tails;
+pub mod tested;
+pub mod tracks;
+pub mod under_way;
+pub mod units;
+pub mod upper_band;
+pub mod validation;
+pub mod valleys;
+pub mod verdict;
+pub mod veto;
+pub mod waves;
+pub mod whiteness;
+pub mod worth;
+
+use ready::HeavyTails;
+use searched::searched;
+
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+pub use verdict::{Alias, Cause, Diagnosis, Interval, Verdict};
+
+/// How a diagnosis runs.
+pub struct Options<'a> {
+    /// Simulations side by side; the answer does not depend on it.
+    pub threads: usize,
+    /// Told what happens.
+    pub progress: &'a (dyn Fn(&str) + Sync),
+}
+
+/// Why there is no diagnosis: a numerical outcome.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Refused {
+    /// No training record holds an output.
+    NoOutputs,
+    /// Every output that training records hold reads one value throughout, though the plant moves: channels with their records.
+    OnlyInputs(Vec<String>),
+    /// The nominal plant cannot be simulated along the records.
+    CannotSimulate,
+}
+
+impl std::fmt::Display for Refused {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Refused::NoOutputs => {
+                write!(f, "no training record holds an output of the plant: there is nothing to compare with")
+            }
+            Refused::OnlyInputs(channels) => {
+                write!(
+                    f,
+                    "the records hold inputs only: {} read one value in all rows, though the plant moves there; found nothing to compare with, expected measured outputs \
+                     (`rsm simulate` makes them from the inputs)",
+                    channels.join(", ")
+                )
+            }
+            Refused::CannotSimulate => {
+                write!(f, "the nominal plant cannot be simulated along the records: are their inputs those of this plant?")
+            }
+        }
+    }
+}
+
+impl std::error::Error for Refused {}
+
+/// Diagnoses a plant, without test records.
+///
+/// # Errors
+/// [`Refused`], when there is nothing to compare.
+pub fn diagnose(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    diagnose_and_test(file, training, validation, &[], options)
+}
+
+/// Diagnoses a plant; its effects, if it has any, are claims that the records judge too. Training records give the numbers, training and validation records together choose the causes, and test records, which nothing else sees, say at the end what the extension gains.
+///
+/// # Errors
+/// [`Refused`], when there is nothing to compare.
+pub fn diagnose_and_test(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    test: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    let found = units::look(file, training, options.threads);
+    let diagnosed = |training: &[Record], validation: &[Record], test: &[Record]| {
+        if file.effects.is_empty() {
+            of_nominal(file, training, validation, test, options)
+        } else {
+            claims::diagnose(file, training, validation, test, options)
+        }
+    };
+    if found.is_empty() {
+        return diagnosed(training, validation, test);
+    }
+    let mut all = [training, validation, test].map(<[Record]>::to_vec);
+    for (one, right) in &found {
+        (options.progress)(&one.to_string());
+        all.iter_mut().flatten().for_each(|record| right.apply(record));
+    }
+    let mut whole = diagnosed(&all[0], &all[1], &all[2])?;
+    let noise = &whole.noise;
+    let gains = units::asked_again(&found, &whole.plant, &all[0], noise, options.threads);
+    if whole.verdict != Verdict::Unexplained && gains.iter().any(Option::is_none) {
+        // Beside the causes that were found the factor is another: no unit.
+        return diagnosed(training, validation, test);
+    }
+    whole.units = found.into_iter().map(|it| it.0).collect();
+    for (unit, gain) in whole.units.iter_mut().zip(gains) {
+        unit.gain = gain.unwrap_or(unit.gain);
+    }
+    Ok(whole)
+}
+
+/// Diagnoses a plant whose effects, if it has any, are given.
+fn of_nominal(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    test: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    let found = searched(file, training, validation, test, options, HeavyTails::LookedFor)?;
+    if found.tails.is_empty() || found.verdict != Verdict::Unexplained {
+        return Ok(found);
+    }
+    // What is explained as it was recorded had no tails: they were structure.
+    let plain = searched(file, training, validation, test, options, HeavyTails::LeftAlone)?;
+    Ok(if plain.verdict == Verdict::Unexplained { found } else { plain })
+}

@@ -1,0 +1,411 @@
+//! The error by order: what repeats with the turning of a shaft, or with the way along an axis.
+//!
+//! In: simulations before and after, along the same records. Out: for each output a spectrum over orders (waves a turn; waves a metre), averaged over pieces
+//! of motion in one direction, and the orders that stand out of their neighbours. Never names a cause.
+//!
+//! A piece is weighted by a Hann window over the angle and summed with d(angle), so that a piece of changing speed is sampled evenly over the angle. Rows at
+//! which an order would lie above 0.45 of the sample rate do not count for it.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use super::kernel::{Kernel, Simulated};
+use super::model::Model;
+use super::quantities::{of_output, speed_of};
+use super::regions::{Region, Side, totals};
+use super::spectrum::peaks;
+use rsm_sim::kind::PlantKind;
+
+/// Turns of a piece: a window over eight turns separates halves of an order.
+const TURNS: f64 = 8.0;
+
+/// Slower than this share of the greatest speed the angle does not move enough to be a ruler.
+const SLOWEST: f64 = 0.05;
+
+/// The highest frequency at which a wave is still followed, as a share of the sample rate.
+const HIGHEST: f64 = 0.45;
+
+/// Waves over the whole way of an axis, at most.
+const MOST_WAVES: usize = 400;
+
+/// Orders that are named at most, of an output.
+const NAMED: usize = 3;
+
+/// The orders of an output.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Orders {
+    /// The output, by its place in the plant.
+    pub output: usize,
+    /// What turns: "mechanical", "engine", "wheel", "position".
+    pub of: &'static str,
+    /// Orders: waves a turn, or waves a metre.
+    pub order: Vec<f64>,
+    /// Mean power of the first error over the noise's: 1 is white noise.
+    pub before: Vec<f64>,
+    /// Of the second.
+    pub after: Vec<f64>,
+    /// Pieces behind each value.
+    pub averages: usize,
+    /// How far a line reaches to either side.
+    apart: usize,
+    /// Squared amplitude, in units of the noise, of a wave of power one.
+    square: f64,
+    /// Rows in all pieces.
+    rows: usize,
+    /// Pole pairs of a motor.
+    pole_pairs: Option<f64>,
+}
+
+/// Motion along one coordinate.
+pub(super) struct Way {
+    of: &'static str,
+    /// Turns or metres, of each row of each record.
+    pub(super) at: Vec<Vec<f64>>,
+    /// Orders that are asked: waves a turn, or waves a metre.
+    pub(super) order: Vec<f64>,
+    /// Pieces: record, rows.
+    pieces: Vec<(usize, Range<usize>)>,
+    apart: usize,
+    pole_pairs: Option<f64>,
+}
+
+/// The orders of all outputs over all ways that the plant has.
+#[must_use]
+pub fn orders(kernel: &Kernel, model: &Model, before: &[Simulated], after: &[Simulated]) -> Vec<Orders> {
+    let mut list = Vec::new();
+    for way in ways(kernel, model, after) {
+        for output in 0..kernel.floors.len() {
+            list.extend(of_one(kernel, &way, output, before, after));
+        }
+    }
+    list
+}
+
+/// All coordinates along which the plant moves in these records.
+pub(super) fn ways(kernel: &Kernel, model: &Model, simulated: &[Simulated]) -> Vec<Way> {
+    let turns = |rate: &dyn Fn(usize) -> Option<Vec<f64>>| -> Option<Vec<Vec<f64>>> {
+        (0..kernel.records.len())
+            .map(|record| {
+                let period = kernel.records[record].record.period;
+                let mut at = 0.0;
+                Some(
+                    rate(record)?
+                        .iter()
+                        .map(|rate| {
+                            at += rate * period / TAU;
+                            at
+                        })
+                        .collect(),
+                )
+            })
+            .collect()
+    };
+    let output = |k: usize| move |record: usize| of_output(&kernel.records[record], &simulated[record], k).map(<[f64]>::to_vec);
+    let parameters = &model.file.parameters;
+    let mut list = Vec::new();
+    match model.file.kind {
+        PlantKind::Pmac => {
+            let pole_pairs = parameters.number("pole_pairs");
+            // Twice the sixth electrical order; cogging has more cycles only where it hardly shows.
+            let most = (24.0 * pole_pairs).max(48.0) as usize;
+            list.extend(turns(&output(2)).map(|at| rotation(kernel, "mechanical", at, most, Some(pole_pairs))));
+        }
+        PlantKind::Driveline => {
+            list.extend(turns(&output(0)).map(|at| rotation(kernel, "engine", at, 24, None)));
+            let radius = parameters.number("wheel_radius");
+            let wheel = |record: usize| -> Option<Vec<f64>> {
+                of_output(&kernel.records[record], &simulated[record], 1).map(|road| road.iter().map(|v| v / radius).collect())
+            };
+            list.extend(turns(&wheel).map(|at| rotation(kernel, "wheel", at, 24, None)));
+        }
+        PlantKind::ServoAxis => {
+            let at: Option<Vec<Vec<f64>>> = (0..kernel.records.len()).map(&output(0)).collect();
+            list.extend(at.and_then(|at| travel(kernel, at)));
+        }
+    }
+    list
+}
+
+impl Way {
+    /// What an order is over, in words.
+    pub(super) fn words(&self) -> String {
+        match self.of {
+            "position" => "a metre of the position".to_string(),
+            of => format!("a turn of the {of} angle"),
+        }
+    }
+}
+
+/// Pieces of whole turns in one direction; orders in halves.
+fn rotation(kernel: &Kernel, of: &'static str, at: Vec<Vec<f64>>, most: usize, pole_pairs: Option<f64>) -> Way {
+    let mut pieces = Vec::new();
+    for (record, at) in at.iter().enumerate() {
+        let speed = speed_of(at, kernel.records[record].record.period);
+        for run in runs(&speed) {
+            let mut first = run.start;
+            for row in run.clone() {
+                if (at[row] - at[first]).abs() >= TURNS {
+                    pieces.push((record, first..row));
+                    first = row;
+                }
+            }
+        }
+    }
+    Way { of, at, order: (1..=2 * most).map(|half| 0.5 * half as f64).collect(), pieces, apart: 0, pole_pairs }
+}
+
+/// Strokes of an axis; orders in waves over its whole travel.
+fn travel(kernel: &Kernel, at: Vec<Vec<f64>>) -> Option<Way> {
+    let all = at.iter().flatten();
+    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+    let travel = high - low;
+    if travel.is_nan() || travel <= 0.0 {
+        return None;
+    }
+    let mut pieces = Vec::new();
+    for (record, at) in at.iter().enumerate() {
+        let speed = speed_of(at, kernel.records[record].record.period);
+        // A stroke over less than half of the travel has lines more than twice as wide.
+        pieces.extend(
+            runs(&speed)
+                .into_iter()
+                .filter(|run| (at[run.end - 1] - at[run.start]).abs() > 0.5 * travel)
+                .map(|run| (record, run)),
+        );
+    }
+    // The line of a Hann window reaches two waves over its own length to either side, which is up to four over the travel.
+    Some(Way {
+        of: "position",
+        at,
+        order: (1..=MOST_WAVES).map(|k| k as f64 / travel).collect(),
+        pieces,
+        apart: 4,
+        pole_pairs: None,
+    })
+}
+
+/// Rows of motion in one direction.
+fn runs(speed: &[f64]) -> Vec<Range<usize>> {
+    let least = SLOWEST * speed.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    let mut list = Vec::new();
+    let mut first = 0;
+    for row in 0..=speed.len() {
+        let goes_on = row < speed.len() && speed[row].abs() > least && (row == first || speed[row] * speed[row - 1] > 0.0);
+        if !goes_on {
+            // Shorter than this a window has no shape.
+            if row - first >= 16 && least > 0.0 {
+                list.push(first..row);
+            }
+            first = row + usize::from(row < speed.len() && speed[row].abs() <= least);
+        }
+    }
+    list
+}
+
+fn of_one(kernel: &Kernel, way: &Way, output: usize, before: &[Simulated], after: &[Simulated]) -> Option<Orders> {
+    let count = way.order.len();
+    let first_order = way.order[0];
+    let sd = kernel.floors[output].sd;
+    let mut sums = [vec![0.0; count], vec![0.0; count]];
+    let mut pieces_of = vec![0_usize; count];
+    let mut square = 0.0;
+    let (mut averages, mut rows) = (0, 0);
+    for (record, piece) in &way.pieces {
+        let prepared = &kernel.records[*record];
+        let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
+        let (measured, used) = (prepared.measured(k), &prepared.used[k]);
+        if used[piece.clone()].iter().any(|used| !used) {
+            continue;
+        }
+        let at = &way.at[*record];
+        let (start, length) = (at[piece.start], at[piece.end - 1] - at[piece.start]);
+        let period = prepared.record.period;
+        let steps: Vec<f64> = piece.clone().map(|row| at[(row + 1).min(at.len() - 1)] - at[row]).collect();
+        let fastest = steps.iter().fold(0.0_f64, |most, step| most.max(step.abs())) / period;
+        let reach = way.order.partition_point(|order| order * fastest < HIGHEST / period);
+        let weights: Vec<f64> = piece
+            .clone()
+            .zip(&steps)
+            .map(|(row, step)| (0.5 - 0.5 * (TAU * (at[row] - start) / length).cos()) * step.abs())
+            .collect();
+        let (plain, energy) = weights.iter().fold((0.0, 0.0), |(plain, energy), w| (plain + w, energy + w * w));
+        if plain <= 0.0 {
+            continue;
+        }
+        let mut lines = vec![[0.0; 4]; reach];
+        for (row, weight) in piece.clone().zip(&weights) {
+            let errors = [before, after].map(|it| weight * (measured[row] - it[*record][k][row]) / sd);
+            let (sin, cos) = (TAU * first_order * at[row]).sin_cos();
+            let (mut re, mut im) = (1.0, 0.0);
+            for line in &mut lines {
+                (re, im) = (re * cos - im * sin, re * sin + im * cos);
+                line[0] += errors[0] * re;
+                line[1] += errors[0] * im;
+                line[2] += errors[1] * re;
+                line[3] += errors[1] * im;
+            }
+        }
+        for (k, line) in lines.iter().enumerate() {
+            sums[0][k] += (line[0] * line[0] + line[1] * line[1]) / energy;
+            sums[1][k] += (line[2] * line[2] + line[3] * line[3]) / energy;
+            pieces_of[k] += 1;
+        }
+        // A wave of amplitude a has |sum|^2 = (a/2)^2 (sum of weights)^2.
+        square += 4.0 * energy / (plain * plain);
+        averages += 1;
+        rows += piece.len();
+    }
+    if averages == 0 {
+        return None;
+    }
+    // Orders that half of the pieces reach.
+    let reached = pieces_of.iter().take_while(|pieces| 2 * **pieces >= averages).count();
+    let mean = |sums: &[f64]| sums[..reached].iter().zip(&pieces_of).map(|(sum, pieces)| sum / *pieces as f64).collect();
+    Some(Orders {
+        output,
+        of: way.of,
+        order: way.order[..reached].to_vec(),
+        before: mean(&sums[0]),
+        after: mean(&sums[1]),
+        averages,
+        apart: way.apart,
+        square: square / averages as f64,
+        rows,
+        pole_pairs: way.pole_pairs,
+    })
+}
+
+impl Orders {
+    /// Its power on a side.
+    #[must_use]
+    pub fn of(&self, side: Side) -> &[f64] {
+        if side == Side::Before { &self.before } else { &self.after }
+    }
+
+    /// The orders that stand out, as shares of `all`, the error of all outputs beyond noise in squared standard deviations, and of `own`,
+    /// that of this one.
+    #[must_use]
+    pub fn regions(&self, side: Side, own: f64, all: f64) -> Vec<Region> {
+        let power = self.of(side);
+        let found = peaks(power, self.averages, self.apart).into_iter().take(NAMED);
+        found
+            .map(|peak| {
+                let beyond = power[peak.place] - power[peak.place] / peak.ratio;
+                // Half the squared amplitude a row.
+                let energy = 0.5 * beyond * self.square * self.rows as f64;
+                Region {
+                    output: self.output,
+                    quantity: "order",
+                    region: self.words(self.order[peak.place]),
+                    share_of_error: (energy / all).clamp(0.0, 1.0),
+                    share_of_output: (energy / own).clamp(0.0, 1.0),
+                    share_of_rows: 1.0 / power.len() as f64,
+                }
+            })
+            .collect()
+    }
+
+    /// An order in words.
+    fn words(&self, order: f64) -> String {
+        match (self.of, self.pole_pairs) {
+            ("position", _) => format!("a wave of {:.3} mm over the position", 1e3 / order),
+            ("mechanical", Some(pole_pairs)) => {
+                let electrical = order / pole_pairs;
+                let also =
+                    if electrical.fract() == 0.0 { format!(", {electrical} of the electrical angle") } else { String::new() };
+                format!("order {order} of the mechanical angle{also}")
+            }
+            (of, _) => format!("order {order} of the {of}"),
+        }
+    }
+}
+
+/// The lines that spectra and orders add to the regions.
+#[must_use]
+pub fn spectral(
+    kernel: &Kernel,
+    slices: &[super::regions::Slice],
+    spectra: &[super::spectrum::Spectrum],
+    orders: &[Orders],
+    side: Side,
+) -> Vec<Region> {
+    let (each, all) = totals(slices, side);
+    if all == 0.0 {
+        return Vec::new();
+    }
+    let mut list = Vec::new();
+    for spectrum in spectra.iter().filter(|it| each[it.output] > 0.0) {
+        let whole = slices.iter().find(|it| it.quantity == "output" && it.output == spectrum.output);
+        list.extend(spectrum.regions(
+            side,
+            kernel.floors[spectrum.output].sd,
+            whole.map_or(0, |it| it.rows),
+            each[spectrum.output],
+            all,
+        ));
+    }
+    for orders in orders.iter().filter(|it| each[it.output] > 0.0) {
+        list.extend(orders.regions(side, each[orders.output], all));
+    }
+    list
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Prepared;
+    use super::super::noise::Floor;
+    use super::super::random::Random;
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::plant_file::PlantFile;
+    use rsm_sim::record::Record;
+
+    /// A motor that runs up and down through 0, its speed with a wave of an order on it, and noise.
+    fn found(order: f64, amplitude: f64) -> Vec<Region> {
+        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../rsm-sim/plants/pmac.toml")).unwrap();
+        let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
+        let mut random = Random::new(11);
+        let (rows, period) = (6000, 1e-3);
+        let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],speed[rad/s]\n".to_string();
+        let mut smooth = Vec::new();
+        let mut angle = 0.3;
+        for k in 0..rows {
+            let time = f64::from(k) * period;
+            let speed = 150.0 * (TAU * time / 4.0).sin() + 40.0 * (TAU * time / 0.9).sin();
+            angle += speed * period;
+            smooth.push(speed);
+            csv += &format!("{time},0,0,0,{}\n", speed + amplitude * (order * angle).sin() + 0.3 * random.normal());
+        }
+        let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let kernel = Kernel::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); 3], 1);
+        assert_eq!(kernel.records[0].outputs, [2]);
+        let model = Model {
+            file,
+            starts: vec![rsm_sim::kind::StartValues::default()],
+            unknowns: Vec::new(),
+            at_start: super::super::model::AtStart::Steady,
+        };
+        let simulated = vec![vec![smooth]];
+        let found = orders(&kernel, &model, &simulated, &simulated);
+        assert_eq!(found.len(), 1);
+        // The wave's energy beyond the noise.
+        let all = 0.5 * (amplitude / 0.3).powi(2) * f64::from(rows);
+        found[0].regions(Side::Before, all, all)
+    }
+
+    #[test]
+    fn a_wave_of_the_angle_is_found_by_its_order_through_changes_of_speed_and_direction() {
+        for order in [6.0, 1.5] {
+            let list = found(order, 0.3);
+            assert_eq!(list.len(), 1, "{list:?}");
+            assert!(list[0].region.starts_with(&format!("order {order} of the mechanical angle")), "{list:?}");
+            // Most rows are in pieces of eight turns; the rest reverses or is left over.
+            assert!(list[0].share_of_error > 0.4, "{list:?}");
+        }
+    }
+
+    #[test]
+    fn noise_alone_has_no_order() {
+        assert_eq!(found(6.0, 0.0), vec![]);
+    }
+}

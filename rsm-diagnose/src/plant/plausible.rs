@@ -1,0 +1,113 @@
+//! Numbers that no plant and no sensor has: a winding of a thousand times its resistance, a bias beyond the readings, a wind that nobody drives in.
+//!
+//! In: an entry with its numbers, a survey of the records. Out: why it is refused, in words; `None` where it may be. A number that a fit has driven so far follows an error
+//! that the catalogue does not hold. Never moves a number.
+
+use rsm_sim::effect::Survey;
+use rsm_sim::plant_file::{Entry, PlantFile};
+
+/// A parameter and a gain may be wrong by this factor: a decimal point, a wrong datasheet row and another size of the same series are within it.
+const FACTOR: f64 = 5.0;
+
+/// Losses (frictions, dampings) are known by their order of magnitude only.
+const FACTOR_OF_LOSSES: f64 = 30.0;
+
+/// A force or torque may be so many times the usual effort of the drive, which is a root mean square: a peak is three to four times that.
+const TIMES_THE_EFFORT: f64 = 4.0;
+
+/// What lags or comes late by more than this share of a record cannot be told from a drift.
+const SHARE_OF_RECORD: f64 = 0.25;
+
+/// Beyond 12 Beaufort (33 m/s) nobody drives; in m/s.
+const STORM: f64 = 40.0;
+
+/// The steepest public roads climb by 35 to 38 %; in rad.
+const STEEPEST: f64 = 0.36;
+
+/// What a column in other units differs by: rpm and rad/s, km/h and m/s, kp and N, degrees and radians, peak and r.m.s., decimal prefixes.
+const UNITS: [f64; 7] = [9.549_297, 3.6, 9.806_65, 57.295_78, 10.0, 100.0, 1000.0];
+
+/// A factor of units is met within this share: sensors are off by per cents themselves.
+const NEAR_UNIT: f64 = 0.02;
+
+/// Why an entry has no place in a plant; `None` where it may.
+#[must_use]
+pub fn why_not(entry: &Entry, survey: &Survey, file: &PlantFile) -> Option<String> {
+    let numbers = entry.arguments.numbers.iter();
+    let mut beyond = numbers.filter_map(|(name, value)| {
+        let (low, high) = range(entry, name, survey, file)?;
+        let of_unit = entry.description.kind == "sensor-gain" && is_unit(*value);
+        (!(low..=high).contains(value) && !of_unit)
+            .then(|| format!("{name} = {value:.4} is beyond what is plausible, {low:.4} to {high:.4}"))
+    });
+    beyond.next()
+}
+
+/// Whether a gain is a factor between units.
+fn is_unit(gain: f64) -> bool {
+    UNITS.iter().any(|unit| [*unit, 1.0 / unit].iter().any(|factor| (gain.abs() / factor - 1.0).abs() < NEAR_UNIT))
+}
+
+/// The plausible values of a number; `None` where there is no range.
+fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option<(f64, f64)> {
+    let about = |limit: f64| Some((-limit, limit));
+    let below = |limit: f64| Some((0.0, limit));
+    let effort = TIMES_THE_EFFORT * survey.effort;
+    let output = || entry.arguments.plant.output(entry.arguments.subject.as_deref()?);
+    match (entry.description.kind, name) {
+        ("parameter-error", "value") => {
+            let subject = entry.arguments.subject.as_deref()?;
+            if subject == "grade" {
+                return about(STEEPEST);
+            }
+            let was = file.parameters.optional(subject)?;
+            let is_loss = ["friction", "damping", "rolling"].iter().any(|word| subject.contains(word));
+            let factor = if is_loss { FACTOR_OF_LOSSES } else { FACTOR };
+            let (low, high) = (if is_loss { 0.0 } else { was / factor }, was * factor);
+            // Where the file says that there is none, nothing says how much there may be.
+            (was != 0.0).then_some((low.min(high), low.max(high)))
+        }
+        ("input-gain" | "sensor-gain", "gain") | ("throttle-nonlinearity", "exponent") => Some((1.0 / FACTOR, FACTOR)),
+        ("sensor-bias", "bias") => about(survey.largest[output()?]),
+        ("sensor-drift", "rate") => about(survey.largest[output()?] / survey.duration),
+        ("sensor-lag", "time_constant") | ("input-delay" | "sensor-delay", "delay") => below(SHARE_OF_RECORD * survey.duration),
+        ("headwind", "wind") => about(STORM),
+        ("road-grade", "grade") => about(STEEPEST),
+        ("load-drift", _) => about(effort / survey.duration),
+        ("coulomb-friction" | "constant-load" | "brake-drag", _) | ("cogging-torque", "amplitude") => about(effort),
+        ("asymmetric-friction", "forward" | "backward") | ("stribeck-friction", "coulomb" | "static") => below(effort),
+        // Typical is half of the largest: beyond three times that the curve is not passed.
+        ("stribeck-friction", "stribeck_velocity") => below(3.0 * survey.speed),
+        ("windage", _) => about(effort / (survey.speed * survey.speed)),
+        ("inverter-dead-time", _) => about(survey.input),
+        ("angle-offset", _) => about(std::f64::consts::FRAC_PI_2),
+        ("angle-eccentricity" | "torque-ripple", _) => about(1.0),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{axis_under_steps, hypotheses, levenberg, survey};
+    use super::*;
+
+    #[test]
+    fn what_no_machine_has_is_refused_and_what_one_may_have_is_not() {
+        let file = axis_under_steps::file("mass = 0.02", "");
+        let (kernel, nominal) = axis_under_steps::kernel(&file, &file, true);
+        let fit = levenberg::fit(&kernel, nominal, 4).unwrap();
+        let survey = survey::survey(&kernel, &fit);
+        let all = hypotheses::all(file.kind, &survey, &[0]);
+        let refused = |kind: &str, subject: Option<&str>, value: f64| {
+            let it = all.iter().find(|it| it.description.kind == kind && it.subject == subject).unwrap();
+            why_not(&it.entry(file.kind, &[value]), &survey, &file).is_some()
+        };
+        // The axis has 2 kg, 4 N/V and steps of 2 V and -1.5 V; it moves by some centimetres.
+        assert!(refused("parameter-error", Some("mass"), 46.0) && !refused("parameter-error", Some("mass"), 3.0));
+        assert!(refused("sensor-gain", Some("position"), 0.000345) && !refused("sensor-gain", Some("position"), 0.001));
+        assert!(refused("input-gain", None, 0.0169) && !refused("input-gain", None, 0.9));
+        assert!(refused("sensor-bias", Some("position"), -396.0) && !refused("sensor-bias", Some("position"), 0.001));
+        assert!(refused("coulomb-friction", None, 1009.0) && !refused("coulomb-friction", None, 1.0));
+        assert!(refused("sensor-lag", Some("position"), 19_230.0) && !refused("sensor-lag", Some("position"), 0.01));
+    }
+}

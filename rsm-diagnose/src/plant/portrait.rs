@@ -1,0 +1,279 @@
+//! The portrait of an error: everything that a report shows beside the verdict.
+//!
+//! In: the nominal, the calibrated and the extended plant along the records that judge, and the causes that are believed. Out: a [`Portrait`]: errors by region, frequency and
+//! order, curves, calibration, what each cause removes, what is left and a correction of it. Decides nothing: no verdict hangs on it.
+
+use super::correction::{self, Offer};
+use super::kernel::{Kernel, Prepared};
+use super::levenberg::Fit;
+use super::model::{Model, Place};
+use super::orders::{self, Orders};
+use super::posterior::Posterior;
+use super::quantities;
+use super::regions::{self, Region, Side, Slice};
+use super::selection::Believed;
+use super::spectrum::{self, Spectrum};
+use super::validation;
+use rsm_sim::schema;
+
+/// Causes whose evidence is looked at closely.
+const CLOSELY: usize = 3;
+
+/// Regions that are named as places where a cause acts.
+const PLACES: usize = 3;
+
+/// A look closer at a curve: this share of a record's rows.
+const CLOSER: usize = 25;
+
+/// Simulated outputs along one record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// The record's place among those that judge.
+    pub record: usize,
+    /// The output, by its place in the plant.
+    pub output: usize,
+    /// Which rows count.
+    pub used: Vec<bool>,
+    /// Instants, in s.
+    pub time: Vec<f64>,
+    /// As measured.
+    pub measured: Vec<f64>,
+    /// By the nominal plant.
+    pub nominal: Vec<f64>,
+    /// By the nominal plant, calibrated within its tolerances.
+    pub before: Vec<f64>,
+    /// By the extended plant.
+    pub after: Vec<f64>,
+    /// By the extended plant and the correction, where there is one of this output.
+    pub corrected: Option<Vec<f64>>,
+    /// The rows in which the calibrated plant is wrong most.
+    pub worst: std::ops::Range<usize>,
+    /// Squared error of the calibrated plant over the noise's, summed over all rows.
+    pub error: f64,
+}
+
+/// A nominal parameter that calibration moved within its tolerance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moved {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// What the plant file says.
+    pub nominal: f64,
+    /// What it came out as.
+    pub value: f64,
+    /// The lower end of its 95 % interval.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
+    /// By how many standard deviations of its tolerance.
+    pub sds: f64,
+}
+
+/// What a cause does on the records that judge, against the plant without it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Witness {
+    /// Root mean square error over the noise of each output: its place, without the cause, with it.
+    pub outputs: Vec<(usize, f64, f64)>,
+    /// Of each record: its name, squared residual without and with the cause, in squared standard deviations of the noise.
+    pub records: Vec<(String, f64, f64)>,
+    /// Where the plant without it is wrong.
+    pub places: Vec<Region>,
+}
+
+/// Everything that a report shows.
+#[derive(Debug, Clone, Default)]
+pub struct Portrait {
+    /// Whether the records that judge are unseen ones; otherwise they are those of the fit.
+    pub unseen: bool,
+    /// Files and rows of training and of judging records.
+    pub records: [Vec<(String, usize)>; 2],
+    /// Errors by output and region.
+    pub slices: Vec<Slice>,
+    /// Where the calibrated plant is wrong.
+    pub before: Vec<Region>,
+    /// Where the extended plant is wrong.
+    pub after: Vec<Region>,
+    /// Errors by frequency.
+    pub spectra: Vec<Spectrum>,
+    /// Errors by order.
+    pub orders: Vec<Orders>,
+    /// Curves of all outputs in all records.
+    pub traces: Vec<Trace>,
+    /// Calibrated parameters.
+    pub calibration: Vec<Moved>,
+    /// The black-box correction, where structure is left.
+    pub correction: Option<Offer>,
+}
+
+/// What is compared.
+pub struct Compared<'a> {
+    /// Training records.
+    pub kernel: &'a Kernel,
+    /// Records that no fit saw; may be empty.
+    pub unseen: &'a Kernel,
+    /// The plant as its file says.
+    pub nominal: &'a Model,
+    /// The extended plant, as fitted to the training records.
+    pub fit: &'a Fit,
+    /// The nominal plant along the records that judge.
+    pub nominal_there: &'a Fit,
+    /// The same, calibrated within its tolerances: what causes are asked to explain.
+    pub before: &'a Fit,
+    /// The extended plant along them.
+    pub after: &'a Fit,
+    /// Whether structure is left, so that a correction is worth a try.
+    pub structure: bool,
+}
+
+impl Compared<'_> {
+    /// The records that judge.
+    fn judged(&self) -> &Kernel {
+        if self.unseen.records.is_empty() { self.kernel } else { self.unseen }
+    }
+}
+
+/// Paints it. `before` and `after` of all that it holds are the calibrated and the extended plant.
+#[must_use]
+pub fn portrait(it: &Compared<'_>) -> Portrait {
+    let judged = it.judged();
+    let (before, after) = (&it.before.simulated, &it.after.simulated);
+    let quantities = quantities::quantities(judged, &it.fit.model, after);
+    let slices = regions::slices(judged, before, after, &quantities);
+    let spectra = spectrum::spectra(judged, before, after);
+    let orders = orders::orders(judged, &it.fit.model, before, after);
+    let wrong = |side: Side| {
+        let spectral = orders::spectral(judged, &slices, &spectra, &orders, side);
+        regions::regions(&slices, &spectral, side)
+    };
+    let kind = it.fit.model.file.kind;
+    let correction = it.structure.then(|| {
+        correction::correction(
+            kind,
+            it.kernel,
+            &it.fit.simulated,
+            it.unseen,
+            if it.unseen.records.is_empty() { &[] } else { after },
+        )
+    });
+    let names = |kernel: &Kernel| -> Vec<(String, usize)> {
+        kernel.records.iter().map(|it| (regions::name_of(&it.record.file), it.record.rows())).collect()
+    };
+    let mut traces = Vec::new();
+    for (record, prepared) in judged.records.iter().enumerate() {
+        for (k, output) in prepared.outputs.iter().enumerate() {
+            let added = match &correction {
+                Some(Offer::Gains(found)) => correction::added(kind, found, prepared, &after[record], *output),
+                _ => None,
+            };
+            let curves = [&it.nominal_there.simulated, before, after].map(|simulated| simulated[record][k].as_slice());
+            traces.push(trace(record, prepared, k, curves, added, judged.floors[*output].sd));
+        }
+    }
+    Portrait {
+        unseen: !it.unseen.records.is_empty(),
+        records: [names(it.kernel), names(it.unseen)],
+        before: wrong(Side::Before),
+        after: wrong(Side::After),
+        slices,
+        spectra,
+        orders,
+        traces,
+        calibration: calibration(it.nominal, it.fit),
+        correction,
+    }
+}
+
+fn trace(
+    record: usize,
+    prepared: &Prepared,
+    k: usize,
+    [nominal, before, after]: [&[f64]; 3],
+    added: Option<Vec<f64>>,
+    sd: f64,
+) -> Trace {
+    let measured = prepared.measured(k);
+    let used = &prepared.used[k];
+    let rows = measured.len();
+    // Running sums: the worst stretch is the one whose sum grows most.
+    let mut sums = vec![0.0];
+    for row in 0..rows {
+        let error = if used[row] { (measured[row] - before[row]) / sd } else { 0.0 };
+        sums.push(sums[row] + error * error);
+    }
+    let length = (rows / CLOSER).max(40).min(rows);
+    let start = (0..=rows - length).max_by(|a, b| (sums[a + length] - sums[*a]).total_cmp(&(sums[b + length] - sums[*b])));
+    let start = start.unwrap_or(0);
+    Trace {
+        record,
+        output: prepared.outputs[k],
+        used: used.clone(),
+        time: prepared.record.time.clone(),
+        measured: measured.to_vec(),
+        nominal: nominal.to_vec(),
+        before: before.to_vec(),
+        after: after.to_vec(),
+        corrected: added.map(|added| after.iter().zip(added).map(|(after, added)| after + added).collect()),
+        worst: start..start + length,
+        error: sums[rows],
+    }
+}
+
+/// What calibration did with the parameters that have a tolerance and are no cause.
+fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
+    let (extended, posterior) = (&fit.model, Posterior::of(fit));
+    let kind = nominal.file.kind;
+    let moved = nominal.file.tolerance.iter().filter_map(|(name, tolerance)| {
+        let unknown = extended.unknowns.iter().position(|it| it.place == Place::Nominal(name))?;
+        let (was, is) = (nominal.file.parameters.optional(name)?, extended.file.parameters.optional(name)?);
+        let sd = tolerance * was.abs();
+        let unit = schema::index(kind, name).map_or("", |index| schema::parameters(kind)[index].unit);
+        let (low, high) = posterior.interval(fit, unknown)?;
+        (sd > 0.0).then(|| Moved { name, unit, nominal: was, value: is, low, high, sds: (is - was) / sd })
+    });
+    moved.collect()
+}
+
+/// What the strongest causes do on the records that judge, by their place among those that are believed.
+#[must_use]
+pub fn witnesses(it: &Compared<'_>, believed: &[Believed]) -> Vec<Option<Witness>> {
+    let mut order: Vec<usize> = (0..believed.len()).collect();
+    order.sort_by(|a, b| believed[*b].gain.total_cmp(&believed[*a].gain));
+    order.truncate(CLOSELY);
+    let judged = it.judged();
+    let errors = validation::errors(judged, it.after);
+    (0..believed.len())
+        .map(|place| {
+            if !order.contains(&place) {
+                return None;
+            }
+            let without = validation::on(judged, &believed[place].without)?;
+            let quantities = quantities::quantities(judged, &it.fit.model, &it.after.simulated);
+            let slices = regions::slices(judged, &without.simulated, &it.after.simulated, &quantities);
+            let spectra = spectrum::spectra(judged, &without.simulated, &it.after.simulated);
+            let orders = orders::orders(judged, &it.fit.model, &without.simulated, &it.after.simulated);
+            let spectral = orders::spectral(judged, &slices, &spectra, &orders, Side::Before);
+            let places = regions::telling(&regions::regions(&slices, &spectral, Side::Before), PLACES);
+            let squared = |fit: &Fit, record: usize| {
+                let first = judged.first(record);
+                let own = &fit.residual[first..first + Kernel::length(&judged.records[record])];
+                own.iter().map(|value| value * value).sum::<f64>()
+            };
+            Some(Witness {
+                outputs: validation::errors(judged, &without)
+                    .iter()
+                    .zip(&errors)
+                    .map(|(without, with)| (without.output, without.noise_ratio, with.noise_ratio))
+                    .collect(),
+                records: (0..judged.records.len())
+                    .map(|k| {
+                        let name = regions::name_of(&judged.records[k].record.file);
+                        (name, squared(&without, k), squared(it.after, k))
+                    })
+                    .collect(),
+                places,
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,355 @@
+//! Whether anything predicts what is left: waves over what turns or travels, of every order that sampling shows, and powers of the inputs and of the motion.
+//!
+//! In: a fit along records. Out: the wave or the powers that predict most, where that is more than chance among all that were tried. Octaves of the spectrum ([`super::whiteness`]) see
+//! energy that gathers in time; a small wave over an angle is one line among thousands there, and at a changing speed not even a line. Never names a cause.
+//!
+//! The level that a wave has to stand out of is that of its neighbouring orders, and that of powers the rest of the residual at other times: a noise whose colour is known badly raises
+//! both, and is no structure.
+
+use std::f64::consts::TAU;
+
+use super::kernel::{Kernel, dot};
+use super::levenberg::Fit;
+use super::normal::Normal;
+use super::orders::{self, Way};
+
+/// How rarely noise alone may be predicted, over all waves and powers of all outputs in both looks of a verdict.
+const ALARM: f64 = 0.005;
+
+/// A verdict looks at the records that were fitted, and at those that were not.
+const LOOKS: f64 = 2.0;
+
+/// The highest frequency at which a wave is followed, as a share of the sample rate.
+const HIGHEST: f64 = 0.45;
+
+/// Neighbouring orders that say what noise is there, on either side.
+const NEIGHBOURS: usize = 12;
+
+/// With fewer orders there is no level to stand out of.
+const LEAST_ORDERS: usize = 2 * NEIGHBOURS;
+
+/// The highest power of an input.
+const HIGHEST_POWER: i32 = 5;
+
+/// Other times at which a residual is compared with the same powers: their mean gain is known to a tenth of what chance scatters.
+const SHIFTS: usize = 16;
+
+/// What a column keeps beside those before it, at least, as a share of its square: less is rounding.
+const LEAST_OF_ITS_OWN: f64 = 1e-9;
+
+/// A record with fewer rows that count says nothing of a wave.
+const LEAST_ROWS: usize = 64;
+
+/// What predicts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Predicted {
+    /// The output, by its place in the plant.
+    pub output: usize,
+    /// What it is, in words.
+    pub what: String,
+    /// Energy that it predicts, over that of the noise of all outputs.
+    pub excess: f64,
+    /// ln of the probability that chance does as much anywhere.
+    pub ln_p: f64,
+}
+
+/// A regression that was tried.
+struct Tried {
+    output: usize,
+    what: String,
+    /// Squared residual that goes away.
+    gain: f64,
+    /// Its degrees of freedom.
+    freedom: usize,
+    /// What chance gives a degree of freedom here, at least one.
+    level: f64,
+}
+
+impl Tried {
+    fn ln_p(&self) -> f64 {
+        ln_upper_chi_squared(self.gain / self.level, self.freedom)
+    }
+}
+
+/// What predicts the residual of a fit best; nothing where chance would do as much.
+#[must_use]
+pub fn look(kernel: &Kernel, fit: &Fit) -> Option<Predicted> {
+    let ways = orders::ways(kernel, &fit.model, &fit.simulated);
+    let mut tried = Vec::new();
+    for output in 0..kernel.floors.len() {
+        let parts = parts(kernel, fit, output);
+        if parts.is_empty() {
+            continue;
+        }
+        for way in &ways {
+            tried.extend(waves(kernel, way, output, &parts));
+        }
+        tried.extend(powers(kernel, fit, output, &parts));
+    }
+    let count = LOOKS * tried.len().max(1) as f64;
+    let best = tried.iter().min_by(|a, b| a.ln_p().total_cmp(&b.ln_p()))?;
+    let ln_p = (best.ln_p() + count.ln()).min(0.0);
+    let rows: usize = kernel.records.iter().flat_map(|it| &it.used).map(|used| used.iter().filter(|it| **it).count()).sum();
+    let excess = (best.gain - best.level * best.freedom as f64) / rows.max(1) as f64;
+    (ln_p < ALARM.ln()).then(|| Predicted { output: best.output, what: best.what.clone(), excess, ln_p })
+}
+
+/// The residual of an output in each record that holds it: the record, its place there, the residual.
+fn parts<'f>(kernel: &Kernel, fit: &'f Fit, output: usize) -> Vec<(usize, usize, &'f [f64])> {
+    let mut list = Vec::new();
+    for (record, prepared) in kernel.records.iter().enumerate() {
+        let rows = prepared.record.rows();
+        if let Some(k) = prepared.outputs.iter().position(|it| *it == output)
+            && prepared.used[k].iter().filter(|used| **used).count() >= LEAST_ROWS
+        {
+            let first = kernel.first(record) + k * rows;
+            list.push((record, k, &fit.residual[first..first + rows]));
+        }
+    }
+    list
+}
+
+/// Waves of every order, each record with a phase of its own: an angle is known from a speed but for its beginning.
+fn waves(kernel: &Kernel, way: &Way, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
+    let floor = &kernel.floors[output];
+    let mut sums = vec![(0.0, 0_usize); way.order.len()];
+    for (record, k, residual) in parts {
+        let (at, prepared) = (&way.at[*record], &kernel.records[*record]);
+        let used = &prepared.used[*k];
+        // Turns from row to row: what a wave of one order a turn passes of its phase.
+        let step: Vec<f64> = (0..at.len()).map(|row| (at[(row + 1).min(at.len() - 1)] - at[row.max(1) - 1]).abs()).collect();
+        let (mut wave, mut white) = ([vec![0.0; at.len()], vec![0.0; at.len()]], [Vec::new(), Vec::new()]);
+        for (sum, order) in sums.iter_mut().zip(&way.order) {
+            // The step spans two rows but at the ends.
+            let seen = |row: usize| order * step[row] < 2.0 * HIGHEST;
+            if (0..at.len()).filter(|row| used[*row] && seen(*row)).count() < LEAST_ROWS {
+                continue;
+            }
+            for row in 0..at.len() {
+                let (sin, cos) = if seen(row) { (TAU * order * at[row]).sin_cos() } else { (0.0, 0.0) };
+                (wave[0][row], wave[1][row]) = (sin, cos);
+            }
+            for (wave, white) in wave.iter().zip(&mut white) {
+                white.clear();
+                floor.whiten(wave, used, white);
+            }
+            let (gain, freedom) = gain(&white, residual);
+            (sum.0, sum.1) = (sum.0 + gain, sum.1 + freedom);
+        }
+    }
+    let reached: Vec<usize> = (0..sums.len()).filter(|k| sums[*k].1 > 0).collect();
+    if reached.len() < LEAST_ORDERS {
+        return Vec::new();
+    }
+    let per_freedom: Vec<f64> = reached.iter().map(|k| sums[*k].0 / sums[*k].1 as f64).collect();
+    let each = reached.iter().enumerate().map(|(place, k)| {
+        let (gain, freedom) = sums[*k];
+        let first = place.saturating_sub(NEIGHBOURS).min(reached.len() - 2 * NEIGHBOURS);
+        let mut around: Vec<f64> = per_freedom[first..(first + 2 * NEIGHBOURS).min(reached.len())].to_vec();
+        around.sort_by(f64::total_cmp);
+        // The median of chi squared over its degrees of freedom (E. B. Wilson, M. M. Hilferty, 1931).
+        let of_chance = (1.0 - 2.0 / (9.0 * freedom as f64)).powi(3);
+        let level = (around[around.len() / 2] / of_chance).max(1.0);
+        let what = format!("a wave of order {} over {}", way.order[*k], way.words());
+        Tried { output, what, gain, freedom, level }
+    });
+    each.collect()
+}
+
+/// Powers of what drives the plant and of how it moves, up to the fifth, one quantity at a time.
+fn powers(kernel: &Kernel, fit: &Fit, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
+    let floor = &kernel.floors[output];
+    let kind = fit.model.file.kind;
+    let mut list = Vec::new();
+    let simulated = kind.outputs().iter().enumerate().map(|(k, it)| (it.name, false, k));
+    let driven = kind.inputs().iter().enumerate().map(|(k, it)| (it.name, true, k));
+    for (name, is_input, which) in driven.chain(simulated) {
+        let values = |record: usize| -> Option<&[f64]> {
+            let prepared = &kernel.records[record];
+            if is_input {
+                return prepared.record.inputs.get(which).filter(|it| it.len() == prepared.record.rows()).map(Vec::as_slice);
+            }
+            let k = prepared.outputs.iter().position(|it| *it == which)?;
+            Some(&fit.simulated[record][k])
+        };
+        let Some(all) = parts.iter().map(|it| values(it.0)).collect::<Option<Vec<_>>>() else { continue };
+        let ends = all.iter().flat_map(|it| it.iter());
+        let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
+        if high <= low {
+            continue;
+        }
+        // One coefficient for all records: columns and residuals one record after another.
+        let mut columns = vec![Vec::new(); HIGHEST_POWER as usize];
+        for ((record, k, _), values) in parts.iter().zip(&all) {
+            for (power, column) in (1..=HIGHEST_POWER).zip(&mut columns) {
+                let raised: Vec<f64> =
+                    values.iter().map(|value| ((2.0 * value - low - high) / (high - low)).powi(power)).collect();
+                floor.whiten(&raised, &kernel.records[*record].used[*k], column);
+            }
+        }
+        let basis = orthonormal(columns);
+        if basis.is_empty() {
+            continue;
+        }
+        let mut left: Vec<f64> = parts.iter().flat_map(|it| it.2.iter().copied()).collect();
+        let mut taken = 0.0;
+        for column in &basis {
+            let part = dot(column, &left);
+            taken += part * part;
+            left.iter_mut().zip(column).for_each(|(value, column)| *value -= part * column);
+        }
+        // What is left without them says what noise gives them: the same at other times.
+        let lengths: Vec<usize> = parts.iter().map(|it| it.2.len()).collect();
+        let elsewhere = |shift: usize| -> f64 {
+            let (mut moved, mut first) = (Vec::with_capacity(left.len()), 0);
+            for length in &lengths {
+                let its = &left[first..first + length];
+                let (before, after) = its.split_at(shift * length / (SHIFTS + 1));
+                moved.extend(after.iter().chain(before));
+                first += length;
+            }
+            basis.iter().map(|column| dot(column, &moved).powi(2)).sum()
+        };
+        let level = (1..=SHIFTS).map(elsewhere).sum::<f64>() / (SHIFTS * basis.len()) as f64;
+        list.push(Tried {
+            output,
+            what: format!("powers of {name} up to the fifth"),
+            gain: taken,
+            freedom: basis.len(),
+            level: level.max(1.0),
+        });
+    }
+    list
+}
+
+/// What two columns take of a residual, and how many they are beside each other.
+fn gain(columns: &[Vec<f64>; 2], residual: &[f64]) -> (f64, usize) {
+    let [a, b] = columns;
+    let matrix = [dot(a, a), dot(a, b), dot(a, b), dot(b, b)];
+    let right = [dot(a, residual), dot(b, residual)];
+    if matrix[0] * matrix[3] - matrix[1] * matrix[1] <= 1e-6 * matrix[0] * matrix[3] {
+        return (0.0, 0);
+    }
+    let solved = Normal::new(&matrix, 2, 0.0).solve(&right);
+    (solved[0] * right[0] + solved[1] * right[1], 2)
+}
+
+/// An orthonormal basis of columns (Gram and Schmidt, twice); what is made up by those before is left out.
+fn orthonormal(columns: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    for mut column in columns {
+        let before = dot(&column, &column);
+        for _ in 0..2 {
+            for known in &basis {
+                let part = dot(known, &column);
+                column.iter_mut().zip(known).for_each(|(value, known)| *value -= part * known);
+            }
+        }
+        let own = dot(&column, &column);
+        if own > LEAST_OF_ITS_OWN * before && own > 0.0 {
+            column.iter_mut().for_each(|value| *value /= own.sqrt());
+            basis.push(column);
+        }
+    }
+    basis
+}
+
+/// ln of the probability that chi squared with so many degrees of freedom is larger: exact where they are even, between its neighbours where they are odd.
+fn ln_upper_chi_squared(value: f64, freedom: usize) -> f64 {
+    let half = value / 2.0;
+    if freedom.is_multiple_of(2) {
+        // A Poisson sum.
+        let (mut term, mut sum) = (1.0, 1.0);
+        for k in 1..freedom / 2 {
+            term *= half / k as f64;
+            sum += term;
+        }
+        return sum.ln() - half;
+    }
+    // Between the even ones on either side, in the logarithm.
+    if freedom == 1 {
+        // erfc(x) < exp(-x^2).
+        return (-half).min(0.0);
+    }
+    0.5 * (ln_upper_chi_squared(value, freedom - 1) + ln_upper_chi_squared(value, freedom + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Prepared;
+    use super::super::model::Model;
+    use super::super::noise::Floor;
+    use super::super::random::Random;
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::plant_file::PlantFile;
+    use rsm_sim::record::Record;
+
+    const SD: f64 = 0.3;
+
+    /// A motor that runs up and down through 0; its speed has noise of a correlation, and what `more` says from speed, angle and q voltage.
+    fn found(seed: u64, correlation: f64, told: f64, more: &dyn Fn(f64, f64, f64) -> f64) -> Option<Predicted> {
+        let text = include_str!("../../../rsm-sim/plants/pmac.toml").to_string();
+        let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
+        let mut random = Random::new(seed);
+        let (mut csv, mut smooth) = ("time[s],v_d[V],v_q[V],load_torque[N*m],speed[rad/s]\n".to_string(), Vec::new());
+        let (mut angle, mut noise) = (0.3, 0.0);
+        for k in 0..4000 {
+            let time = f64::from(k) * 1e-3;
+            let speed = 150.0 * (TAU * time / 4.0).sin() + 40.0 * (TAU * time / 0.9).sin();
+            angle += speed * 1e-3;
+            let v_q = 0.25 * speed + 3.0 * (TAU * time / 0.37).sin();
+            noise = correlation * noise + SD * (1.0 - correlation * correlation).sqrt() * random.normal();
+            smooth.push(speed);
+            csv += &format!("{time},0,{v_q},0,{}\n", speed + noise + more(speed, angle, v_q));
+        }
+        let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let floor = Floor { correlation: told, ..Floor::white(SD) };
+        let kernel = Kernel::new(vec![Prepared::new(record, 3)], [floor; 3], 1);
+        let model = Model {
+            file,
+            starts: vec![rsm_sim::kind::StartValues::default()],
+            unknowns: Vec::new(),
+            at_start: super::super::model::AtStart::Steady,
+        };
+        let simulated = vec![vec![smooth]];
+        let residual = kernel.residual(&simulated);
+        let cost = dot(&residual, &residual);
+        let fit = Fit { model, simulated, residual, cost, free: Vec::new(), columns: Vec::new(), held: Vec::new() };
+        look(&kernel, &fit)
+    }
+
+    #[test]
+    fn a_wave_that_no_octave_shows_is_found_by_its_order() {
+        // Of 3 % of the noise's energy: an octave of a thousand lines scatters by as much.
+        for order in [5.0, 9.5, 14.0] {
+            let it = found(3, 0.0, 0.0, &|_, angle, _| 0.25 * SD * (order * angle).sin()).unwrap();
+            assert!(it.what.starts_with(&format!("a wave of order {order} over ")), "{it:?}");
+            // Its energy over the noise's, 0.25^2/2, and three standard deviations of a gain of 4000 times that.
+            assert!((it.excess - 0.031).abs() < 3.0 * 2.0 * (0.031_f64 / 4000.0).sqrt(), "{it:?}");
+        }
+    }
+
+    #[test]
+    fn a_bend_over_a_voltage_is_found_and_it_is_none_at_another_time() {
+        let it = found(4, 0.0, 0.0, &|_, _, v_q| 0.8 * SD * ((v_q / 40.0).powi(2) - 0.3)).unwrap();
+        assert!(it.what.contains("powers of v_q") || it.what.contains("powers of speed"), "{it:?}");
+    }
+
+    #[test]
+    fn noise_is_predicted_by_nothing_even_where_its_colour_is_known_badly() {
+        // 50 looks at half of 0.5 % each, and the colour off by four times what 4000 rows know it to.
+        let alarms = (0..50).filter(|seed| found(100 + seed, 0.6, 0.55, &|_, _, _| 0.0).is_some()).count();
+        assert!(alarms <= 1, "{alarms}");
+    }
+
+    #[test]
+    fn the_tail_of_chi_squared_is_that_of_tables() {
+        for (value, freedom, p) in [(5.991, 2, 0.05), (9.488, 4, 0.05), (18.307, 10, 0.05), (11.070, 5, 0.05), (7.815, 3, 0.05)]
+        {
+            let found = ln_upper_chi_squared(value, freedom).exp();
+            // The mean of two logarithms is 11 % off at three degrees of freedom, and nearer from five on.
+            assert!((found / p - 1.0).abs() < 0.12, "{freedom}: {found}");
+        }
+    }
+}

@@ -1,0 +1,426 @@
+//! The screen: how much each hypothesis could explain, from one simulation a guess.
+//!
+//! In: a fitted model and the hypotheses. Out: the predicted gain in squared residual of each guess, jointly with everything that is free anyway
+//! (starts, calibration, causes already believed): their derivatives are projected out, through normal equations, so that a cause gets no credit
+//! for what they can do. Also the gain that noise alone would give the best of them. Never fits.
+
+use super::chance;
+use super::hypotheses::{Hypothesis, LEVELS, generalises};
+use super::kernel::{Kernel, dot};
+use super::levenberg::Fit;
+use super::model::Model;
+use super::normal::Normal;
+use super::nuisance::{Back, Nuisance};
+use super::random::Random;
+use super::tracks::Tracks;
+use super::waves;
+use rsm_sim::effect::{Guess, Subject};
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::Entry;
+
+/// What a hypothesis keeps of its trace after projection, at least, as a share of its square: less is a trace that the free unknowns make as well, and finite
+/// differences hold no more digits.
+const LEAST_OF_ITS_OWN: f64 = 1e-7;
+
+/// A trace that is longer than the residual by more than this belongs to a guess that is too large to be in proportion.
+const IN_PROPORTION: f64 = 3.0;
+
+/// Traces are one where the square of the sine between them is less: what two smoothings or two sizes of one cause differ by is as much.
+const COLLINEAR: f64 = 1e-3;
+
+/// Guesses that are put into groups: those that promise most. What stands behind them is not fitted anyway.
+const GROUPED: usize = 40;
+
+/// A guess that was simulated.
+#[derive(Debug, Clone)]
+pub struct Screened {
+    /// Which hypothesis.
+    pub hypothesis: usize,
+    /// Its numbers, scaled to what the residual asks.
+    pub values: Vec<f64>,
+    /// Predicted gain.
+    pub gain: f64,
+    /// Guesses of one number in one group have one trace, beside what is free anyway; `None` of guesses with several traces and of those that promise little.
+    pub group: Option<usize>,
+    /// As it was simulated.
+    guess: Guess,
+    /// Its traces: whitened changes of the simulation.
+    traces: Vec<Vec<f64>>,
+    /// Their inner products with the free derivatives.
+    products: Vec<Vec<f64>>,
+}
+
+/// Screens all guesses. The list is as long as the guesses that could be simulated, in their order.
+#[must_use]
+pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Screened> {
+    let nuisance = Nuisance::new(fit);
+    let mut guesses: Vec<(usize, Guess)> = Vec::new();
+    for (k, hypothesis) in hypotheses.iter().enumerate() {
+        let there = |entry: &Entry| hypothesis.is(entry) || generalises(entry.description.kind, hypothesis.description.kind);
+        if fit.model.file.effects.iter().any(there) {
+            continue;
+        }
+        guesses.extend(hypothesis.guesses.iter().map(|guess| (k, about_now(fit, hypothesis, guess))));
+    }
+    let mut list = Vec::new();
+    let asked = dot(&fit.residual, &fit.residual).sqrt();
+    // Some at a time: their simulations are large.
+    for some in guesses.chunks(32) {
+        let mut simulated = traces(kernel, fit, nominal, hypotheses, some);
+        // A guess for a bare plant may move it by far more than what is still unexplained, and a plant does not answer in proportion: such a one is taken smaller.
+        let mut smaller: Vec<(usize, (usize, Guess))> = Vec::new();
+        for (place, ((k, guess), traces)) in some.iter().zip(&simulated).enumerate() {
+            let longest = traces.iter().map(|trace| dot(trace, trace).sqrt()).fold(0.0, f64::max);
+            if let Some((number, without)) = guess.neutral
+                && longest > IN_PROPORTION * asked
+                && longest.is_finite()
+            {
+                let mut guess = guess.clone();
+                guess.values[number] = without + asked / longest * (guess.values[number] - without);
+                smaller.push((place, (*k, guess)));
+            }
+        }
+        let again: Vec<(usize, Guess)> = smaller.iter().map(|(_, it)| it.clone()).collect();
+        let mut some = some.to_vec();
+        for ((place, it), traces) in smaller.into_iter().zip(traces(kernel, fit, nominal, hypotheses, &again)) {
+            if !traces.is_empty() {
+                (some[place], simulated[place]) = (it, traces);
+            }
+        }
+        for ((k, guess), traces) in some.iter().zip(simulated) {
+            if !traces.is_empty()
+                && let Some(screened) = judge(&nuisance, hypotheses, *k, guess, traces)
+            {
+                list.push(screened);
+            }
+        }
+    }
+    grouped(&nuisance, &mut list);
+    list
+}
+
+/// Puts guesses whose traces are one, without what is free anyway, into groups: the one that promises most leads.
+fn grouped(nuisance: &Nuisance<'_>, list: &mut [Screened]) {
+    let mut order: Vec<usize> = (0..list.len()).filter(|k| list[*k].traces.len() == 1 && list[*k].gain > 0.0).collect();
+    order.sort_by(|a, b| list[*b].gain.total_cmp(&list[*a].gain));
+    order.truncate(GROUPED);
+    let between =
+        |a: &Screened, b: &Screened| nuisance.between(dot(&a.traces[0], &b.traces[0]), &a.products[0], &b.products[0], 0);
+    let mut leaders: Vec<(usize, f64)> = Vec::new();
+    for place in order {
+        let own = between(&list[place], &list[place]);
+        let same = leaders.iter().position(|(leader, its)| {
+            let both = between(&list[*leader], &list[place]);
+            both * both > (1.0 - COLLINEAR) * own * its
+        });
+        list[place].group = Some(same.unwrap_or(leaders.len()));
+        if same.is_none() {
+            leaders.push((place, own));
+        }
+    }
+}
+
+/// The traces of guesses: whitened changes of the simulation, two where a phase is free; none where one cannot be simulated.
+fn traces(
+    kernel: &Kernel,
+    fit: &Fit,
+    nominal: &Model,
+    hypotheses: &[Hypothesis],
+    guesses: &[(usize, Guess)],
+) -> Vec<Vec<Vec<f64>>> {
+    let kind = fit.model.file.kind;
+    let is_wave = |k: usize| waves::is_wave(hypotheses[k].description.kind, kind);
+    let tracks = guesses.iter().any(|(k, _)| is_wave(*k)).then(|| Tracks::new(kernel, fit));
+    let mut models = Vec::new();
+    for (k, guess) in guesses.iter().filter(|(k, _)| !is_wave(*k)) {
+        let mut shifted = guess.values.clone();
+        models.push(at(&fit.model, nominal, &hypotheses[*k], &guess.values, kind));
+        if let Some(phase) = guess.phase {
+            shifted[phase] += std::f64::consts::FRAC_PI_2;
+            models.push(at(&fit.model, nominal, &hypotheses[*k], &shifted, kind));
+        }
+    }
+    let mut runs = kernel.run_all(&models).into_iter();
+    let of = |(k, guess): &(usize, Guess)| {
+        if let Some(tracks) = tracks.as_ref().filter(|_| is_wave(*k)) {
+            // Where the simulation goes with a wave is not where the axis went; the record says where.
+            let wave = waves::of(&hypotheses[*k].entry(kind, &guess.values).arguments);
+            return wave.map_or_else(Vec::new, |it| tracks.traces(&it).into());
+        }
+        let runs: Option<Vec<_>> = runs.by_ref().take(if guess.phase.is_some() { 2 } else { 1 }).collect();
+        runs.unwrap_or_default().iter().map(|run| kernel.changes(&fit.simulated, run, 1.0)).collect()
+    };
+    guesses.iter().map(of).collect()
+}
+
+/// A guess about what the fit has already. A parameter error begins at the value that calibration left, not at what the plant file says: it may be pressed
+/// against the end of its tolerance. A general case takes the level of the special case that is believed.
+fn about_now(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
+    let mut special = fit.model.file.effects.iter().filter(|it| generalises(hypothesis.description.kind, it.description.kind));
+    if let Some(level) = special.next().and_then(|it| it.arguments.numbers.first()).map(|number| number.1) {
+        return from_level(hypothesis, guess, level, fit.model.file.kind);
+    }
+    let subject = hypothesis.subject.filter(|_| hypothesis.description.subject == Subject::Parameter);
+    let Some(now) = subject.and_then(|name| fit.model.file.parameters.optional(name)) else { return guess.clone() };
+    let without = guess.neutral.map_or(now, |(_, without)| without);
+    Guess { values: guess.values.iter().map(|value| value - without + now).collect(), neutral: Some((0, now)), ..guess.clone() }
+}
+
+/// A guess whose lowest level is the one that is believed, and whose others are higher by half of it: near enough for a first order.
+fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64, kind: PlantKind) -> Guess {
+    let is_level: Vec<bool> = hypothesis.description.arguments_on(kind).map(|it| LEVELS.contains(&it.name)).collect();
+    let levels = guess.values.iter().zip(&is_level).filter(|(_, is)| **is).map(|(value, _)| *value);
+    let (low, high) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    let spread = if high > low { 0.5 * level / (high - low) } else { 0.0 };
+    let each = guess.values.iter().zip(&is_level).map(|(value, is)| if *is { level + spread * (value - low) } else { *value });
+    Guess { values: each.collect(), ..guess.clone() }
+}
+
+/// The fitted model with a hypothesis at some numbers, nothing else moved.
+fn at(model: &Model, nominal: &Model, hypothesis: &Hypothesis, values: &[f64], kind: PlantKind) -> Model {
+    let mut with = model.joined(nominal, hypothesis.entry(kind, values));
+    if !with.is_possible() {
+        with = model.clone();
+    }
+    with
+}
+
+/// What some traces could explain together, and how much of each that takes. `None` where one has nothing of its own.
+fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> Option<(Vec<f64>, f64)> {
+    let mut back = nuisance.all_back();
+    while let Some((share, gain)) = beside(nuisance, traces, products, back) {
+        let still = nuisance.still_back(&share, products, back);
+        if still == back {
+            return Some((share, gain));
+        }
+        back = still;
+    }
+    // What comes back makes the trace as well. So of those at bounds some stay: of the sets that stand with the trace, the one that gains most.
+    let sets = (0..back).filter(|set| set & back == *set);
+    let stand = sets.filter_map(|set| {
+        let found = beside(nuisance, traces, products, set)?;
+        (nuisance.still_back(&found.0, products, set) == set).then_some(found)
+    });
+    stand.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The same with those held that come back.
+fn beside(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]], back: Back) -> Option<(Vec<f64>, f64)> {
+    let n = traces.len();
+    let mut matrix = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..=i {
+            let plain = dot(traces[i], traces[j]);
+            let own = nuisance.between(plain, products[i], products[j], back);
+            if i == j && (own.is_nan() || own <= LEAST_OF_ITS_OWN * plain) {
+                return None;
+            }
+            (matrix[i * n + j], matrix[j * n + i]) = (own, own);
+        }
+    }
+    let right: Vec<f64> = (0..n).map(|i| nuisance.with_residual(traces[i], products[i], back)).collect();
+    let share = Normal::new(&matrix, n, 0.0).solve(&right);
+    let gain: f64 = share.iter().zip(&right).map(|(share, right)| share * right).sum();
+    gain.is_finite().then(|| (share, gain + nuisance.gain_of(back)))
+}
+
+/// A guess's numbers when its traces are wanted by these shares; `None` where physics has no such sign.
+pub(super) fn scaled(guess: &Guess, share: &[f64], hypothesis: &Hypothesis, kind: PlantKind) -> Option<Vec<f64>> {
+    let mut values = guess.values.clone();
+    match (guess.neutral, guess.phase) {
+        (Some((place, _)), Some(phase)) => {
+            // share_0 sin(x) + share_1 cos(x) = R sin(x + angle)
+            values[place] *= share[0].hypot(share[1]);
+            values[phase] += share[1].atan2(share[0]);
+        }
+        (Some((place, without)), None) => {
+            // Beyond ten times the guess nothing is in proportion any more.
+            values[place] = without + share[0].clamp(-10.0, 10.0) * (values[place] - without);
+        }
+        _ if share[0] <= 0.0 => return None,
+        _ => {}
+    }
+    hypothesis.has_signs(kind, &values).then_some(values)
+}
+
+fn judge(
+    nuisance: &Nuisance<'_>,
+    hypotheses: &[Hypothesis],
+    which: usize,
+    guess: &Guess,
+    traces: Vec<Vec<f64>>,
+) -> Option<Screened> {
+    let products: Vec<Vec<f64>> = traces.iter().map(|trace| nuisance.products(trace)).collect();
+    let lists: (Vec<&[f64]>, Vec<&[f64]>) =
+        (traces.iter().map(Vec::as_slice).collect(), products.iter().map(Vec::as_slice).collect());
+    let (share, gain) = together(nuisance, &lists.0, &lists.1)?;
+    let asked = scaled(guess, &share, &hypotheses[which], nuisance.fit.model.file.kind);
+    let gain = if asked.is_some() { gain.max(0.0) } else { 0.0 };
+    let values = asked.unwrap_or_else(|| guess.values.clone());
+    Some(Screened { hypothesis: which, values, gain, group: None, guess: guess.clone(), traces, products })
+}
+
+/// Two guesses that explain together what neither explains alone.
+#[derive(Debug, Clone)]
+pub struct Pair {
+    /// The hypotheses with their numbers, scaled to what the residual asks of both.
+    pub parts: [(usize, Vec<f64>); 2],
+    /// Predicted gain.
+    pub gain: f64,
+    /// How much of it neither promises alone.
+    pub beyond: f64,
+}
+
+/// A pair that promises less than this share of what the best one does is none to try: the first order errs, but not by as much.
+const NEAR_THE_BEST: f64 = 0.8;
+
+/// The joint gain of all pairs of some screened guesses: one that masks another is not seen by itself. In turns the pair that gains most, and the one of
+/// which neither part does it alone: the strongest single cause is in all pairs that gain most, and whoever adds causes one by one tries those anyway.
+#[must_use]
+pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Vec<Pair> {
+    let nuisance = Nuisance::new(fit);
+    let kind = fit.model.file.kind;
+    let mut list: Vec<Pair> = Vec::new();
+    for (k, a) in screened.iter().enumerate() {
+        for b in &screened[..k] {
+            let kinds = [a, b].map(|it| hypotheses[it.hypothesis].description.kind);
+            if a.hypothesis == b.hypothesis || generalises(kinds[0], kinds[1]) || generalises(kinds[1], kinds[0]) {
+                continue;
+            }
+            let traces: Vec<&[f64]> = a.traces.iter().chain(&b.traces).map(Vec::as_slice).collect();
+            let products: Vec<&[f64]> = a.products.iter().chain(&b.products).map(Vec::as_slice).collect();
+            let Some((share, gain)) = together(&nuisance, &traces, &products) else { continue };
+            let (first, second) = share.split_at(a.traces.len());
+            let first = scaled(&a.guess, first, &hypotheses[a.hypothesis], kind);
+            let second = scaled(&b.guess, second, &hypotheses[b.hypothesis], kind);
+            if let (Some(first), Some(second)) = (first, second) {
+                let parts = [(a.hypothesis, first), (b.hypothesis, second)];
+                list.push(Pair { parts, gain, beyond: gain - a.gain.max(b.gain) });
+            }
+        }
+    }
+    list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let least = list.first().map_or(0.0, |best| NEAR_THE_BEST * best.gain);
+    list.retain(|it| it.gain >= least);
+    let mut joint = list.clone();
+    joint.sort_by(|a, b| b.beyond.total_cmp(&a.beyond));
+    joint.into_iter().zip(list).flat_map(|(joint, strong)| [joint, strong]).collect()
+}
+
+/// The gain that noise alone gives the best of all hypotheses, at most, in 99 of 100 cases: residuals of noise as the floors have it, with the traces and free
+/// unknowns of the screen. No further simulation: to first order a fit to noise gains what its trace has in common with it. Outputs that are rounded (place,
+/// step) get the error of rounding the simulation with its noise: where the motion is slow or periodic it is not white.
+#[must_use]
+pub fn null(kernel: &Kernel, fit: &Fit, screened: &[Screened], rounded: &[(usize, f64)], draws: usize) -> f64 {
+    let nuisance = Nuisance::new(fit);
+    let mut random = Random::new(1);
+    let parts: Vec<(&Vec<Vec<f64>>, Normal)> = screened
+        .iter()
+        .map(|it| {
+            let n = it.traces.len();
+            let mut matrix = vec![0.0; n * n];
+            for i in 0..n {
+                for j in 0..n {
+                    matrix[i * n + j] =
+                        nuisance.between(dot(&it.traces[i], &it.traces[j]), &it.products[i], &it.products[j], 0);
+                }
+            }
+            (&it.products, Normal::new(&matrix, n, 0.0))
+        })
+        .collect();
+    let mut largest: Vec<f64> = Vec::new();
+    for _ in 0..draws {
+        let noise = drawn(kernel, fit, rounded, &mut random);
+        let solved = nuisance.solved(&nuisance.products(&noise));
+        let gains = screened.iter().zip(&parts).map(|(it, (products, normal))| {
+            let right: Vec<f64> =
+                it.traces.iter().zip(*products).map(|(trace, products)| dot(trace, &noise) - dot(products, &solved)).collect();
+            normal.solve(&right).iter().zip(&right).map(|(share, right)| share * right).sum::<f64>()
+        });
+        largest.push(gains.fold(0.0, f64::max));
+    }
+    chance::point(&largest)
+}
+
+/// A whitened residual of a plant without any discrepancy.
+fn drawn(kernel: &Kernel, fit: &Fit, rounded: &[(usize, f64)], random: &mut Random) -> Vec<f64> {
+    let mut stack = chance::noise(kernel, random);
+    let mut first = 0;
+    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+        for (k, values) in simulated.iter().enumerate() {
+            let output = prepared.outputs[k];
+            if let Some((_, step)) = rounded.iter().find(|(it, _)| *it == output) {
+                let floor = &kernel.floors[output];
+                // Without a noise that was told from the rounding, step^2/12 of the floor is the rounding itself.
+                let before = floor.rounding.map_or((floor.sd * floor.sd - step * step / 12.0).max(0.0).sqrt(), |it| it.noise);
+                // It lasts from row to row at least as long as what is left of it.
+                let correlation = floor.correlation;
+                let mut noise = before * random.normal();
+                let errors: Vec<f64> = values
+                    .iter()
+                    .map(|value| {
+                        noise = correlation * noise + before * (1.0 - correlation * correlation).sqrt() * random.normal();
+                        step * ((value + noise) / step).round() - floor.reads(*value)
+                    })
+                    .collect();
+                let mut whitened = Vec::with_capacity(errors.len());
+                floor.whiten(&errors, &prepared.used[k], &mut whitened);
+                stack[first..first + whitened.len()].copy_from_slice(&whitened);
+            }
+            first += values.len();
+        }
+    }
+    stack
+}
+
+impl Screened {
+    /// For tests: a guess of one number with what it promises.
+    #[cfg(test)]
+    pub fn told(hypothesis: usize, gain: f64, group: Option<usize>) -> Self {
+        let guess = Guess::scaled(vec![1.0], 0.0);
+        Screened { hypothesis, values: vec![1.0], gain, group, guess, traces: Vec::new(), products: Vec::new() }
+    }
+
+    /// Forgets the traces, which are large.
+    pub fn slim(&mut self) {
+        self.traces = Vec::new();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{axis_under_steps, hypotheses, levenberg, survey};
+    use super::*;
+    use rsm_sim::effects;
+
+    #[test]
+    fn causes_of_one_trace_are_one_group_and_others_are_not() {
+        // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one; friction is another, and so is a bias beside a free start.
+        let file = |effects: &str| axis_under_steps::file("", effects);
+        let (kernel, model) = axis_under_steps::kernel(&file(""), &file(&axis_under_steps::friction(0.02)), true);
+        let fit = levenberg::fit(&kernel, model.clone(), 8).unwrap();
+        let all = hypotheses::all(model.file.kind, &survey::survey(&kernel, &fit), &[0]);
+        let screened = screen(&kernel, &fit, &model, &all);
+        let group = |label: &str| {
+            let it = screened.iter().filter(|it| all[it.hypothesis].label() == label && it.group.is_some());
+            it.max_by(|a, b| a.gain.total_cmp(&b.gain)).unwrap().group
+        };
+        assert_eq!(group("input-gain"), group("parameter-error:force_gain"));
+        assert_eq!(group("input-gain"), group("sensor-gain:position"));
+        assert_ne!(group("input-gain"), group("coulomb-friction"));
+    }
+
+    #[test]
+    fn a_guess_that_stops_the_plant_is_taken_smaller() {
+        let file = |effects: &str| axis_under_steps::file("", effects);
+        let (kernel, model) = axis_under_steps::kernel(&file(""), &file(&axis_under_steps::friction(0.02)), false);
+        let fit = levenberg::fit(&kernel, model.clone(), 8).unwrap();
+        // The largest effort is 8 N: 20 N hold the axis where it is.
+        let guesses = vec![Guess::scaled(vec![20.0], 0.0)];
+        let hypotheses = [Hypothesis { description: effects::of("coulomb-friction").unwrap(), subject: None, guesses }];
+        let screened = screen(&kernel, &fit, &model, &hypotheses);
+        // A smooth law of friction is in proportion but for what the few rows at rest differ.
+        assert!((screened[0].values[0] / 0.02 - 1.0).abs() < 0.2, "{:?}", screened[0].values);
+        assert!(screened[0].gain > 0.9 * fit.cost, "{} of {}", screened[0].gain, fit.cost);
+    }
+}

@@ -1,0 +1,264 @@
+//! From records to an answer: the rounds of a search, and what is asked of its outcome.
+//!
+//! In: a plant file, records. Out: a [`Diagnosis`]. Brings the parts together in their order; what a cause is worth is decided in `selection`.
+
+use super::configurations::Apart;
+use super::equations::Said;
+use super::kernel::Kernel;
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::ready::{HeavyTails, Ready};
+use super::selection::{Effort, Search, Selection};
+use super::verdict::{self, Cause, Diagnosis, Verdict};
+use super::{
+    Options, Refused, calibration, configurations, equations, everywhere, experiment, finish, growth, hypotheses, known_loop,
+    tested, under_way, waves, worth,
+};
+use rsm_sim::effect::Survey;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::{Entry, PlantFile};
+use rsm_sim::record::Record;
+
+/// A search may take as much as so many runs of the calibrated plant: half a minute on two cores for three records of 8000 rows. A cause that stands alone takes 500
+/// to 1000; what takes more is outside the catalogue, and the search goes round among helpers.
+const MOST_RUNS: u64 = 4000;
+
+/// Sub-steps a row that such a run counts as, at least. An axis without effects takes one; a law with a kink (friction, free play) takes four and more, and those are what a search tries.
+const LEAST_STEPS_A_ROW: u64 = 4;
+
+/// Sub-steps that a search may take at most, however long records are or fast the plant: a minute of one core, at 150 ns each.
+const MOST_STEPS: u64 = 400_000_000;
+
+/// Rounds of a search: the noise of the first one may hold structure, that of the second one does not.
+const ROUNDS: usize = 2;
+
+/// What all rounds of a search have in common.
+struct Asked<'a> {
+    hypotheses: Vec<hypotheses::Hypothesis>,
+    survey: Survey,
+    rounded: Vec<(usize, f64)>,
+    effort: Effort,
+    /// What the equations say along the recorded signals.
+    said: Option<Said>,
+    /// Guesses that were looked at beside those of the catalogue.
+    looks: usize,
+    progress: &'a (dyn Fn(&str) + Sync),
+}
+
+impl<'a> Asked<'a> {
+    /// Of the catalogue what the records can show; measures what one run of the calibrated plant takes, which is the unit of all work that follows.
+    fn of(ready: &mut Ready, file: &PlantFile, options: &Options<'a>) -> Result<Self, Refused> {
+        let mut present: Vec<usize> = ready.kernel.records.iter().flat_map(|it| it.outputs.clone()).collect();
+        present.sort_unstable();
+        present.dedup();
+        let mut hypotheses = hypotheses::all(file.kind, &ready.survey, &present);
+        let is_rounded = |name: &str| ready.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
+        hypotheses.retain(|it| it.description.kind != "sensor-quantisation" || !it.subject.is_some_and(is_rounded));
+        (options.progress)("asking the equations along the records");
+        let said = equations::look(&ready.kernel, &ready.nominal, &hypotheses);
+        said.iter().for_each(|it| it.hand_over(&mut hypotheses));
+        let kernel = &mut ready.kernel;
+        let before = kernel.pace.taken();
+        kernel.run(&ready.calibrated.model).ok_or(Refused::CannotSimulate)?;
+        let run = kernel.pace.taken() - before;
+        let rows = kernel.records.iter().map(|it| it.record.rows()).sum();
+        kernel.pace = kernel.pace.beside(run, rows);
+        ready.unseen.pace = kernel.pace.clone();
+        // Of long records the answer is asked on all rows afterwards: that is work, too.
+        let most = if ready.share.not_seen().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
+        // The wave lengths of an axis are the best of many, and so are the terms and orders of the equations.
+        let waves = if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 };
+        let terms = said.as_ref().filter(|it| !it.terms.is_empty() || !it.orders.is_empty()).map_or(0, |it| it.looks);
+        Ok(Asked {
+            hypotheses,
+            survey: ready.survey.clone(),
+            rounded: ready.rounded.clone(),
+            effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
+            said,
+            looks: waves + terms,
+            progress: options.progress,
+        })
+    }
+
+    fn search<'s>(&'s self, kernel: &'s Kernel, unseen: &'s Kernel, nominal: &'s Model, said: &'s [Fit]) -> Search<'s> {
+        Search {
+            kernel,
+            unseen,
+            nominal,
+            hypotheses: &self.hypotheses,
+            survey: &self.survey,
+            looks: self.looks,
+            rounded: &self.rounded,
+            said,
+            effort: self.effort,
+            progress: self.progress,
+        }
+    }
+}
+
+/// Diagnoses a plant whose effects, if it has any, are given.
+pub(super) fn searched(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    test: &[Record],
+    options: &Options<'_>,
+    tails: HeavyTails,
+) -> Result<Diagnosis, Refused> {
+    let mut ready = Ready::of(file, training, validation, tails, options)?;
+    let asked = Asked::of(&mut ready, file, options)?;
+    // A law that is known says which sensor is off before friction and mass are asked.
+    let known_loop = known_loop::look(&ready.kernel.records, file);
+    let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
+    let mut seed = seeded(&ready.kernel, &ready.nominal, &ready.calibrated, &entries);
+    if let (Some(fit), true) = (&seed, ready.rounded.is_empty()) {
+        (options.progress)("a sensor is off by the law of the loop");
+        ready.kernel.floors = ready.floors(fit, file);
+        ready.unseen.floors = ready.kernel.floors;
+        ready.calibrated = levenberg::fit(&ready.kernel, ready.calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
+        seed = seeded(&ready.kernel, &ready.nominal, &ready.calibrated, &entries);
+    }
+    if ready.rounded.is_empty() && seed.is_none() {
+        let floors = |kernel: &Kernel, fit: &Fit| calibration::floors(kernel, fit, file);
+        if let Some(own) = configurations::apart(&ready.kernel, &ready.unseen, &ready.nominal, &floors) {
+            let none = own.alone.on(Vec::new());
+            let search = asked.search(&own.alone, &none, &own.nominal, &[]);
+            let mut whole = of_one_record(file, &own, &search, ready.findings, test, options)?;
+            whole.not_seen = ready.share.not_seen();
+            whole.equations = asked.said;
+            return Ok(whole);
+        }
+    }
+    let mut selection = in_rounds(&mut ready, &asked, seed, file, tails).ok_or(Refused::CannotSimulate)?;
+    selection.fit = finish::finish(&mut ready.kernel, selection.fit, |kernel, fit| {
+        calibration::with_rounding(kernel, fit, calibration::floors(kernel, fit, file), &ready.rounded)
+    });
+    let Ready { kernel, mut unseen, nominal, findings, share, rounded, .. } = ready;
+    unseen.floors = kernel.floors;
+    selection.known_loop = known_loop;
+    if share.not_seen().is_some() {
+        (options.progress)("asking all rows");
+        let all: Vec<&Record> = training.iter().chain(validation).collect();
+        selection.everywhere = Some(everywhere::look(&all, file, &kernel, &selection.fit));
+    }
+    let fit = selection.fit.clone();
+    let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
+    found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
+    found.tested = tested::tested(file, test, &kernel, &nominal, &fit.model);
+    found.not_seen = share.not_seen();
+    found.equations = asked.said;
+    Ok(found)
+}
+
+/// Searches, and again where the causes of the first round show that noise, starts or gaps are others than they seemed beside the calibrated plant.
+fn in_rounds(
+    ready: &mut Ready,
+    asked: &Asked<'_>,
+    mut seed: Option<Fit>,
+    file: &PlantFile,
+    tails: HeavyTails,
+) -> Option<Selection> {
+    let mut said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.kernel, &ready.calibrated));
+    let mut selection = None;
+    for round in 1..=ROUNDS {
+        let search = asked.search(&ready.kernel, &ready.unseen, &ready.nominal, &said);
+        let found = selection.insert(search.run_from(ready.calibrated.clone(), seed.clone()));
+        if found.causes.is_empty() {
+            break;
+        }
+        let fit = &found.fit;
+        if round == ROUNDS {
+            ready.correct_unseen(&fit.model);
+            break;
+        }
+        // What hid a start in motion may be explained now.
+        let begun = under_way::shown(&ready.kernel, fit, &ready.unseen);
+        let tailed = tails == HeavyTails::LookedFor && ready.tails_beside(fit);
+        let floors = ready.floors(fit, file);
+        let moved = floors.iter().zip(&ready.kernel.floors).any(|(new, old)| {
+            (new.sd / old.sd - 1.0).abs() > 0.1
+                || new.rounding.is_some() != old.rounding.is_some()
+                || growth::differ(new.growth, old.growth)
+        });
+        // With causes in the plant, readings after a gap say more about what stood in it.
+        let corrected = ready.correct_gaps(fit);
+        if !(moved || tailed || begun || corrected) {
+            break;
+        }
+        ready.kernel.floors = floors;
+        ready.unseen.floors = floors;
+        if begun {
+            ready.begins_in_motion();
+            seed = None;
+        }
+        match levenberg::fit(&ready.kernel, ready.calibrated.model.clone(), 4) {
+            Some(fit) => ready.calibrated = fit,
+            None => break,
+        }
+        seed = seed.and_then(|it| levenberg::fit(&ready.kernel, it.model, 4));
+        // From the starts of the calibrated plant, which may begin in motion now.
+        said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.kernel, &ready.calibrated));
+    }
+    selection
+}
+
+/// The plant with causes that are known before a search, fitted; `None` where there are none, or where the calibrated plant does as well without them.
+fn seeded(kernel: &Kernel, nominal: &Model, calibrated: &Fit, entries: &[Entry]) -> Option<Fit> {
+    if entries.is_empty() {
+        return None;
+    }
+    let from =
+        [nominal, &calibrated.model].map(|model| levenberg::fit(kernel, model.with_effects(nominal, entries.to_vec()), 8));
+    let best = from.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    (best.cost < calibrated.cost - worth::least(calibrated.cost, kernel.rows())).then_some(best)
+}
+
+/// The answer where one record alone is wrong: the others are a null, and its causes are its own.
+fn of_one_record(
+    file: &PlantFile,
+    own: &Apart,
+    search: &Search<'_>,
+    findings: Vec<super::checks::Finding>,
+    test: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    let record = own.alone.records[0].record.file.clone();
+    (options.progress)(&format!("looking at {record} alone"));
+    let start = levenberg::fit(&own.alone, own.nominal.clone(), 8).ok_or(Refused::CannotSimulate)?;
+    let found = search.run(start);
+    let (ranking, threshold, stopped) = (found.ranking.clone(), found.threshold, found.stopped);
+    let its = verdict::conclude(file, &own.alone, search.unseen, &own.nominal, found, Vec::new(), &[]);
+    let nothing = Selection {
+        calibrated: own.fit.clone(),
+        fit: own.fit.clone(),
+        causes: Vec::new(),
+        refused: its.refused,
+        threshold,
+        ranking,
+        remaining: Vec::new(),
+        stopped,
+        known_loop: None,
+        everywhere: None,
+    };
+    let records: Vec<&Record> = own.kernel.records.iter().map(|it| &it.record).collect();
+    let nominal = Model::beginning(file, own.fit.model.at_start, &records, own.kernel.floors.map(|floor| floor.sd));
+    let mut whole = verdict::conclude(file, &own.kernel, &own.unseen, &nominal, nothing, findings, &[]);
+    whole.verdict = match (whole.verdict, its.verdict) {
+        (Verdict::NoDiscrepancy, Verdict::Explained) => Verdict::Explained,
+        _ => Verdict::Unexplained,
+    };
+    let of_record = |mut cause: Cause| {
+        cause.only_in = Some(record.clone());
+        cause.sentence = format!(
+            "In {} alone: {} The other records are noise without it.",
+            super::regions::name_of(&record),
+            cause.sentence
+        );
+        cause
+    };
+    whole.causes = its.causes.into_iter().map(of_record).collect();
+    whole.helpers = its.helpers.into_iter().map(of_record).collect();
+    whole.own_record = Some(record.clone());
+    whole.tested = tested::tested(file, test, &own.kernel, &nominal, &own.fit.model);
+    Ok(whole)
+}

@@ -1,0 +1,649 @@
+//! Which causes: added while they pay, exchanged where another does better, removed when they no longer do.
+//!
+//! In: a kernel, the calibrated plant, hypotheses. Out: the causes with what competed against each. What a cause must gain comes from null simulations and
+//! from what is worth naming; ties go to the simpler cause. Never looks at validation records to fit, only to judge.
+
+use super::chance::best_of;
+use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
+use super::everywhere::Everywhere;
+use super::hypotheses::{Hypothesis, label};
+use super::kernel::Kernel;
+use super::known_loop::KnownLoop;
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::nuisance::Nuisance;
+use super::profile::profile;
+use super::screen::{Pair, Screened, null, pairs, screen};
+use super::veto::Refusal;
+use super::{waves, whiteness, worth};
+use rsm_sim::effect::Survey;
+use rsm_sim::plant_file::Entry;
+
+/// How much work a stage may be. Counts, not seconds: the same records give the same answer on every machine.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort {
+    /// Hypotheses whose own numbers are fitted.
+    pub profiled: usize,
+    /// Steps of those fits.
+    pub profile_steps: usize,
+    /// Hypotheses that are fitted together with everything else.
+    pub fitted: usize,
+    /// Steps of those fits.
+    pub fit_steps: usize,
+    /// Causes at most.
+    pub causes: usize,
+    /// Sub-steps of all simulations after which no cause is looked for any more.
+    pub steps: u64,
+    /// Further sub-steps that are kept back for the question what else could stand for each cause.
+    pub steps_for_rivals: u64,
+}
+
+/// Of the work of a search so much again is kept back for rivals. A competition takes 300 to 1000 runs of the plant, a search at most 4000: one or two causes are asked about all the same.
+const FOR_RIVALS: f64 = 0.25;
+
+impl Effort {
+    /// The usual counts, and so many sub-steps of simulations.
+    #[must_use]
+    pub fn within(steps: u64) -> Self {
+        let steps_for_rivals = (FOR_RIVALS * steps as f64) as u64;
+        Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps, steps_for_rivals }
+    }
+}
+
+/// A cause must remove this share of the whitened noise's energy: with 24,000 residuals of one output that are 24 beyond the noise's own, a tenth of a per cent of
+/// its r.m.s. error. What is smaller can be real and is not worth a sentence.
+const WORTH: f64 = 0.0015;
+
+/// Guesses of each hypothesis that stand in pairs.
+const PAIR_GUESSES: usize = 2;
+
+/// Additions at most: all causes that an effort allows (four), two that a removal undid, and two more after a pair.
+const MOST_ADDITIONS: usize = 8;
+
+/// Competitions at most, a competition being a screen with its profiles and fits: every addition, and twice the question what else could stand for each of four
+/// causes, with two to spare. All other work lies between them, and each piece of it removes a cause.
+const MOST_COMPETITIONS: usize = 16;
+
+/// Exchanges of one cause for another at most; beyond, two causes are likely to take turns.
+const MOST_EXCHANGES: usize = 3;
+
+/// One cause that stands for two promises this share of what both gain, at least: first order sees most of it.
+const OF_BOTH: f64 = 0.8;
+
+/// Hypotheses that are tried in the place of two.
+const MERGED: usize = 2;
+
+/// Draws of the null simulation: 60 know the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
+const DRAWS: usize = 60;
+
+/// A cause that is believed.
+#[derive(Debug, Clone)]
+pub struct Believed {
+    /// Its name in lists.
+    pub label: String,
+    /// How much worse the fit is without it.
+    pub gain: f64,
+    /// What competed, with how much worse it does: the best first.
+    pub rivals: Vec<(String, f64)>,
+    /// Hypotheses of the same trace that were not fitted for that.
+    pub alike: Vec<String>,
+    /// The rivals as models, for the next experiment.
+    pub rival_models: Vec<(String, Model)>,
+    /// Whether rivals were looked for; false where the limit of work came first.
+    pub asked: bool,
+    /// The plant without it, everything else fitted again: what the evidence compares with.
+    pub without: Model,
+}
+
+/// The outcome.
+#[derive(Debug, Clone)]
+pub struct Selection {
+    /// The calibrated plant without causes.
+    pub calibrated: Fit,
+    /// The plant with all causes.
+    pub fit: Fit,
+    /// The causes, in the order of the effects of the fit.
+    pub causes: Vec<Believed>,
+    /// What was believed for a while and refused at the end.
+    pub refused: Vec<Refusal>,
+    /// What a cause has to gain.
+    pub threshold: f64,
+    /// What the screen of the calibrated plant predicted, by hypothesis: the best first.
+    pub ranking: Vec<(String, f64)>,
+    /// What the last screen predicted, after the causes that had been added by then.
+    pub remaining: Vec<(String, f64)>,
+    /// The limit of work at which the search stopped before it was through.
+    pub stopped: Option<Limit>,
+    /// What a known law says of its sensors, whatever the search found.
+    pub known_loop: Option<KnownLoop>,
+    /// What all rows of records that are too long to be searched say of the answer.
+    pub everywhere: Option<Everywhere>,
+}
+
+/// What ends a search that would go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limit {
+    /// Causes were added as often as is allowed.
+    Additions,
+    /// Competitions were held as often as is allowed.
+    Competitions,
+    /// Causes were exchanged as often as is allowed.
+    Exchanges,
+    /// Simulations took as many steps as are allowed.
+    Steps,
+    /// A set of causes came back that had been left: it goes round in a circle.
+    Circle,
+}
+
+impl std::fmt::Display for Limit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Limit::Additions => write!(f, "after {MOST_ADDITIONS} additions of a cause"),
+            Limit::Competitions => write!(f, "after {MOST_COMPETITIONS} competitions between causes"),
+            Limit::Exchanges => write!(f, "after {MOST_EXCHANGES} exchanges of a cause"),
+            Limit::Steps => write!(f, "after as many steps of simulations as are allowed"),
+            Limit::Circle => write!(f, "at a set of causes that it had been at before"),
+        }
+    }
+}
+
+/// What a search has done, so that it ends: sets of causes where it was, and counts against the limits.
+#[derive(Debug, Default)]
+pub struct Path {
+    visited: Vec<Vec<String>>,
+    additions: usize,
+    competitions: usize,
+    exchanges: usize,
+    /// Sub-steps of simulations up to which a competition may begin.
+    until: Option<u64>,
+    /// Those up to which rivals may be asked.
+    until_rivals: Option<u64>,
+    stopped: Option<Limit>,
+}
+
+impl Path {
+    /// A path on which competitions begin until simulations have taken so many sub-steps, and those of rivals until so many more.
+    #[must_use]
+    pub fn until(steps: u64, for_rivals: u64) -> Self {
+        Path { until: Some(steps), until_rivals: Some(steps + for_rivals), ..Path::default() }
+    }
+
+    /// Whether simulations that have taken so many sub-steps may go on.
+    pub fn has_steps(&mut self, taken: u64) -> bool {
+        self.until.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
+    }
+
+    /// Whether there is work left to ask for rivals.
+    pub fn has_steps_for_rivals(&mut self, taken: u64) -> bool {
+        self.until_rivals.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
+    }
+
+    /// Goes to a set of causes; false where the search was there before. The order of causes is no difference.
+    pub fn visit(&mut self, mut causes: Vec<String>) -> bool {
+        causes.sort_unstable();
+        if self.visited.contains(&causes) {
+            return self.stop(Limit::Circle);
+        }
+        self.visited.push(causes);
+        true
+    }
+
+    /// Whether the search was at a set of causes, sorted.
+    #[must_use]
+    pub fn knows(&self, causes: &[String]) -> bool {
+        self.visited.iter().any(|known| known == causes)
+    }
+
+    /// Whether one more addition is allowed; counts it.
+    pub fn adds(&mut self) -> bool {
+        self.additions += 1;
+        self.additions <= MOST_ADDITIONS || self.stop(Limit::Additions)
+    }
+
+    /// Whether one more competition is allowed; counts it.
+    pub fn competes(&mut self) -> bool {
+        self.competitions += 1;
+        self.competitions <= MOST_COMPETITIONS || self.stop(Limit::Competitions)
+    }
+
+    /// Whether one more exchange is allowed; counts it.
+    pub fn exchanges(&mut self) -> bool {
+        self.exchanges += 1;
+        self.exchanges <= MOST_EXCHANGES || self.stop(Limit::Exchanges)
+    }
+
+    /// The first limit that was met.
+    #[must_use]
+    pub fn stopped(&self) -> Option<Limit> {
+        self.stopped
+    }
+
+    fn stop(&mut self, limit: Limit) -> bool {
+        self.stopped = self.stopped.or(Some(limit));
+        false
+    }
+}
+
+/// The search and what it needs.
+pub struct Search<'a> {
+    /// Training records.
+    pub kernel: &'a Kernel,
+    /// Validation records; may be empty.
+    pub unseen: &'a Kernel,
+    /// The nominal plant.
+    pub nominal: &'a Model,
+    /// The hypotheses.
+    pub hypotheses: &'a [Hypothesis],
+    /// Sizes of the records, by which numbers are plausible.
+    pub survey: &'a Survey,
+    /// How many more guesses were looked at before these were chosen.
+    pub looks: usize,
+    /// Outputs whose readings are rounded, with their steps.
+    pub rounded: &'a [(usize, f64)],
+    /// The plant with what the equations say along the recorded signals, term by term, fitted; all of it is asked here again.
+    pub said: &'a [Fit],
+    /// How much work.
+    pub effort: Effort,
+    /// Told what happens.
+    pub progress: &'a (dyn Fn(&str) + Sync),
+}
+
+impl Search<'_> {
+    /// From the calibrated plant to causes.
+    #[must_use]
+    pub fn run(&self, calibrated: Fit) -> Selection {
+        self.run_from(calibrated, None)
+    }
+
+    /// The same, from causes that are known beforehand and fitted: they are exchanged and left out as all others.
+    #[must_use]
+    pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
+        (self.progress)("screening the catalogue");
+        let mut screened = screen(self.kernel, &calibrated, self.nominal, self.hypotheses);
+        let worth = WORTH * calibrated.residual.len() as f64;
+        let looks = screened.len() + self.looks;
+        let numbers = screened.iter().map(|it| form_of(it).1).max().unwrap_or(1);
+        let threshold = null(self.kernel, &calibrated, &screened, self.rounded, DRAWS).max(best_of(looks, numbers)).max(worth);
+        let strongest = best_guesses(&screened, PAIR_GUESSES);
+        let strongest = leading(strongest, self.effort.profiled, PAIR_GUESSES, |it| form_of(it));
+        let pairs = pairs(&calibrated, self.hypotheses, &strongest);
+        screened.iter_mut().for_each(Screened::slim);
+        let ranking = self.ranking(&screened);
+        let mut remaining = ranking.clone();
+        let until = self.kernel.pace.taken() + self.effort.steps;
+        let mut path = Path::until(until, self.effort.steps_for_rivals);
+        self.kernel.pace.ends_at(until);
+        let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
+        let first = seed.as_ref().map_or(Some(screened), |_| None);
+        let begin = seed.unwrap_or_else(|| calibrated.clone());
+        path.visit(labels(&begin.model));
+        let mut stages = self.grown(begin.clone(), first, threshold, &mut competed, &mut remaining, &mut path);
+        let mut fit = stages.last().cloned().unwrap_or(begin);
+        let alone = fit.model.file.effects.len() <= 1 && self.leaves_noise(&fit, threshold);
+        let most = if alone { count(&fit.model) } else { usize::MAX };
+        if most > 2 {
+            // One cause did not do it, or took more numbers than two: two that mask each other may mislead whoever looks for one.
+            let two = stages.iter().position(|it| it.model.file.effects.len() == 2).map(|place| stages.swap_remove(place));
+            let against = two.unwrap_or_else(|| fit.clone());
+            if let Some(pair) = self.best_pair(&calibrated, &pairs, most, threshold, &mut path)
+                && self.prefers(&pair, &against, &calibrated, threshold)
+                && path.visit(labels(&pair.model))
+            {
+                (self.progress)(&format!("found {}", labels(&pair.model).join(" with ")));
+                let mut after = remaining.clone();
+                let grown =
+                    self.grown(pair.clone(), None, threshold, &mut competed, &mut after, &mut path).pop().unwrap_or(pair);
+                if self.prefers(&grown, &fit, &calibrated, threshold) {
+                    (fit, remaining) = (grown, after);
+                }
+            }
+        }
+        if !self.leaves_noise(&fit, threshold)
+            && let Some(said) = self.said_together(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
+        {
+            (self.progress)("going on from what the equations say");
+            let mut after = remaining.clone();
+            let from = self.grown(said.clone(), None, threshold, &mut competed, &mut after, &mut path);
+            let from = from.into_iter().next_back().unwrap_or_else(|| said.clone());
+            if self.prefers(&from, &fit, &calibrated, threshold) {
+                (fit, remaining) = (from, after);
+            }
+        }
+        let fit = self.split(self.narrowed(self.levelled(fit), threshold));
+        self.kernel.pace.ends_at(until + self.effort.steps_for_rivals);
+        let fit = self.merged(fit, threshold, &mut path);
+        let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
+        let (fit, causes, refused) = self.vetoed(&calibrated, fit, causes, threshold);
+        let stopped = path.stopped();
+        if let Some(limit) = stopped {
+            (self.progress)(&format!("the search stopped {limit}"));
+        }
+        Selection {
+            calibrated,
+            fit,
+            causes,
+            refused,
+            threshold,
+            ranking,
+            remaining,
+            stopped,
+            known_loop: None,
+            everywhere: None,
+        }
+    }
+
+    /// Adds causes, one after another, while they pay: the fits on the way, the last one last. Empty where nothing pays.
+    fn grown(
+        &self,
+        mut fit: Fit,
+        mut screened: Option<Vec<Screened>>,
+        threshold: f64,
+        competed: &mut Vec<(String, Vec<Candidate>)>,
+        remaining: &mut Vec<(String, f64)>,
+        path: &mut Path,
+    ) -> Vec<Fit> {
+        let mut stages = Vec::new();
+        while fit.model.file.effects.len() < self.effort.causes && self.goes_on(path) && path.competes() {
+            let screened = screened.take().unwrap_or_else(|| {
+                let mut screened = screen(self.kernel, &fit, self.nominal, self.hypotheses);
+                screened.iter_mut().for_each(Screened::slim);
+                screened
+            });
+            *remaining = self.ranking(&screened);
+            let mut candidates = self.compete(&fit, &screened, threshold);
+            self.add_said(&fit, &mut candidates);
+            if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
+                self.add_from_beginnings(&fit, &mut candidates, threshold);
+            }
+            let Some(winner) = self.winner(&fit, &candidates, threshold) else { break };
+            if !path.adds() {
+                break;
+            }
+            (self.progress)(&format!("found {}", winner.label));
+            let name = winner.label.clone();
+            fit = self.without_needless(winner.fit.clone(), threshold);
+            competed.push((name, candidates));
+            stages.push(fit.clone());
+            if !path.visit(labels(&fit.model)) {
+                break;
+            }
+        }
+        stages
+    }
+
+    /// What the equations say by one cause competes for the first place.
+    fn add_said(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
+        let alone = self.said.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
+        let Some(said) = alone.and_then(|it| self.judged(fit, it.clone())) else { return };
+        match candidates.iter_mut().find(|it| it.label == said.label) {
+            Some(known) if said.score < known.score => *known = Candidate { alike: std::mem::take(&mut known.alike), ..said },
+            Some(_) => {}
+            None => candidates.push(said),
+        }
+        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+    }
+
+    /// What the equations say by several causes, in the place of none, where each of them may be; the fewest first.
+    fn said_together(&self, fit: &Fit) -> impl Iterator<Item = &Fit> {
+        let none = fit.model.file.effects.is_empty();
+        let sound = |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.kernel, it);
+        self.said.iter().filter(move |it| {
+            let effects = &it.model.file.effects;
+            none && effects.len() > 1 && effects.iter().all(sound)
+        })
+    }
+
+    /// By how much two explanations must differ, one of which is this, before the better one is believed.
+    pub(super) fn decides(&self, fit: &Fit, threshold: f64) -> f64 {
+        worth::decides(threshold, fit.cost, self.kernel.rows())
+    }
+
+    /// Whether there is work left for one more competition or pair.
+    fn goes_on(&self, path: &mut Path) -> bool {
+        path.has_steps(self.kernel.pace.taken())
+    }
+
+    /// Whether what a fit leaves is noise, as far as a further cause would pay.
+    fn leaves_noise(&self, fit: &Fit, threshold: f64) -> bool {
+        whiteness::look(self.kernel, fit).excess * fit.residual.len() as f64 <= threshold
+    }
+
+    /// The best of the pairs that promise most, fitted in full: those with fewer than `most` numbers.
+    fn best_pair(&self, calibrated: &Fit, pairs: &[Pair], most: usize, threshold: f64, path: &mut Path) -> Option<Fit> {
+        let nuisance = Nuisance::new(calibrated);
+        let kind = calibrated.model.file.kind;
+        let mut tried: Vec<Vec<String>> = Vec::new();
+        let mut best: Option<Fit> = None;
+        for pair in pairs {
+            if tried.len() == self.effort.fitted || !self.goes_on(path) {
+                break;
+            }
+            let mut model = calibrated.model.clone();
+            for (which, values) in &pair.parts {
+                model = model.plus(self.nominal, self.hypotheses[*which].entry(kind, values));
+            }
+            let mut names = labels(&model);
+            names.sort_unstable();
+            if count(&model) >= most || path.knows(&names) || tried.contains(&names) || !model.is_possible() {
+                continue;
+            }
+            (self.progress)(&format!("fitting {}", names.join(" with ")));
+            tried.push(names);
+            let Some((model, _)) = profile(self.kernel, &nuisance, model, 0, self.effort.profile_steps) else { continue };
+            let Some(fit) = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(calibrated)) else { continue };
+            let sound =
+                |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.kernel, it);
+            if !fit.model.file.effects.iter().all(sound) {
+                continue;
+            }
+            if best.as_ref().is_none_or(|best| self.prefers(&fit, best, calibrated, threshold)) {
+                best = Some(fit);
+            }
+        }
+        best
+    }
+
+    fn ranking(&self, screened: &[Screened]) -> Vec<(String, f64)> {
+        let mut list: Vec<(String, f64)> = Vec::new();
+        for it in best_guesses(screened, 1) {
+            list.push((self.hypotheses[it.hypothesis].label(), it.gain));
+        }
+        list
+    }
+
+    /// Removes causes that no longer pay.
+    fn without_needless(&self, mut fit: Fit, threshold: f64) -> Fit {
+        'again: loop {
+            let count = fit.model.file.effects.len();
+            // The last one has just paid.
+            for place in 0..count.saturating_sub(1) {
+                let without = fit.model.minus(self.nominal, place);
+                if let Some(other) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit))
+                    && other.cost - fit.cost < self.decides(&fit, threshold)
+                {
+                    fit = other;
+                    continue 'again;
+                }
+            }
+            return fit;
+        }
+    }
+
+    /// Asks of each cause what would do in its place: better, then it takes the place; as well, then it is a rival.
+    fn exchanged(
+        &self,
+        calibrated: &Fit,
+        mut fit: Fit,
+        competed: &[(String, Vec<Candidate>)],
+        threshold: f64,
+        path: &mut Path,
+    ) -> (Fit, Vec<Believed>) {
+        let mut drops = 0;
+        'again: loop {
+            let mut causes = Vec::new();
+            let entries = fit.model.file.effects.clone();
+            for (place, entry) in entries.iter().enumerate() {
+                let name = label(entry.description.kind, entry.arguments.subject.as_deref());
+                let (base, asked) = if entries.len() == 1 {
+                    // The first competition was for the place of a single cause.
+                    let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
+                    match known {
+                        Some((_, list)) => (calibrated.clone(), Some(list.clone())),
+                        None => (calibrated.clone(), self.anew(calibrated, threshold, path)),
+                    }
+                } else {
+                    (self.progress)(&format!("asking what else could stand for {name}"));
+                    let without = fit.model.minus(self.nominal, place);
+                    let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else {
+                        continue;
+                    };
+                    if base.cost - fit.cost < self.decides(&fit, threshold) && drops < self.effort.causes {
+                        // It paid while the others were not at their best.
+                        fit = base;
+                        drops += 1;
+                        continue 'again;
+                    }
+                    let asked = self.anew(&base, threshold, path);
+                    (base, asked)
+                };
+                let (asked, candidates) = (asked.is_some(), asked.unwrap_or_default());
+                let least = self.decides(&fit, threshold);
+                let simpler = |it: &Candidate| it.numbers < entry.arguments.numbers.len() && it.fit.cost < fit.cost + least;
+                if let Some(winner) = self.winner(&base, &candidates, threshold)
+                    && winner.label != name
+                    && (winner.fit.cost < fit.cost - least || simpler(winner))
+                    && path.exchanges()
+                {
+                    let other = self.without_needless(winner.fit.clone(), threshold);
+                    if path.visit(labels(&other.model)) {
+                        (self.progress)(&format!("{} in place of {name}", winner.label));
+                        fit = other;
+                        continue 'again;
+                    }
+                }
+                let mut rivals: Vec<(String, f64, Model)> = candidates
+                    .iter()
+                    .filter(|it| it.label != name)
+                    .map(|it| (it.label.clone(), it.fit.cost - fit.cost, it.fit.model.clone()))
+                    .collect();
+                rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
+                let mut alike = candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.alike.clone());
+                if !asked {
+                    // Whatever the work, an answer says what leaves the same trace.
+                    alike = self.of_one_trace(&base, entry, least);
+                }
+                causes.push(Believed {
+                    label: name,
+                    alike,
+                    gain: base.cost - fit.cost,
+                    asked,
+                    rival_models: rivals.iter().map(|it| (it.0.clone(), it.2.clone())).collect(),
+                    rivals: rivals.into_iter().map(|it| (it.0, it.1)).collect(),
+                    without: base.model,
+                });
+            }
+            return (fit, causes);
+        }
+    }
+
+    /// Two of three causes and more may be one in other words: all forces of an axis that are off alike are a mass that is off. One hypothesis in the place of any two, where it is as good.
+    fn merged(&self, mut fit: Fit, threshold: f64, path: &mut Path) -> Fit {
+        'again: loop {
+            let count = fit.model.file.effects.len();
+            if count < 3 {
+                return fit;
+            }
+            for (a, b) in (1..count).flat_map(|b| (0..b).map(move |a| (a, b))) {
+                if !path.has_steps_for_rivals(self.kernel.pace.taken()) {
+                    return fit;
+                }
+                let without = fit.model.minus(self.nominal, b).minus(self.nominal, a);
+                let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else { continue };
+                let screened = screen(self.kernel, &base, self.nominal, self.hypotheses);
+                // Both together gain so much: what promises a part of it may hold it all.
+                let promising = best_guesses(&screened, 1).into_iter().filter(|it| it.gain > OF_BOTH * (base.cost - fit.cost));
+                let promising: Vec<Entry> = promising
+                    .take(MERGED)
+                    .map(|it| self.hypotheses[it.hypothesis].entry(fit.model.file.kind, &it.values))
+                    .collect();
+                for entry in promising {
+                    let enough = fit.cost + self.decides(&fit, threshold);
+                    let Some(one) = self.fitted(&base, &entry).filter(|it| it.fit.cost < enough) else { continue };
+                    if count_of(&one.fit) <= count_of(&fit) && path.visit(labels(&one.fit.model)) {
+                        (self.progress)(&format!("{} in place of two", one.label));
+                        fit = one.fit;
+                        continue 'again;
+                    }
+                }
+            }
+            return fit;
+        }
+    }
+
+    /// Hypotheses that would leave the trace of a cause on a plant without it, and promise as much but for what decides.
+    fn of_one_trace(&self, base: &Fit, entry: &Entry, least: f64) -> Vec<String> {
+        let screened = screen(self.kernel, base, self.nominal, self.hypotheses);
+        let best = best_guesses(&screened, 1);
+        let Some(own) = best.iter().find(|it| self.hypotheses[it.hypothesis].is(entry) && it.group.is_some()) else {
+            return Vec::new();
+        };
+        let mut labels: Vec<String> = Vec::new();
+        for it in best.iter().filter(|it| it.group == own.group && it.gain > own.gain - least) {
+            let label = self.hypotheses[it.hypothesis].label();
+            if it.hypothesis != own.hypothesis && !labels.contains(&label) {
+                labels.push(label);
+            }
+        }
+        labels
+    }
+
+    /// What competes for a place; `None`, once the limit of work is met.
+    fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Option<Vec<Candidate>> {
+        if !path.has_steps_for_rivals(self.kernel.pace.taken()) || !path.competes() {
+            return None;
+        }
+        let mut screened = screen(self.kernel, base, self.nominal, self.hypotheses);
+        screened.iter_mut().for_each(Screened::slim);
+        Some(self.compete(base, &screened, threshold))
+    }
+}
+
+/// How many numbers the causes of a fit have.
+fn count_of(fit: &Fit) -> usize {
+    count(&fit.model)
+}
+
+/// The names of a model's causes.
+fn labels(model: &Model) -> Vec<String> {
+    let entries = model.file.effects.iter();
+    entries.map(|it| label(it.description.kind, it.arguments.subject.as_deref())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel::Kernel;
+    use super::super::{axis_under_steps, hypotheses, survey};
+    use super::*;
+
+    #[test]
+    fn a_cause_about_which_no_rival_was_asked_lists_what_leaves_its_trace() {
+        // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one thing.
+        let gain = "[[effects]]\nkind = \"input-gain\"\nparameters = { gain = 0.9 }\n";
+        let file = |effects: &str| axis_under_steps::file("viscous_friction = 0.02", effects);
+        let (kernel, nominal) = axis_under_steps::kernel(&file(""), &file(gain), true);
+        let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
+        let survey = survey::survey(&kernel, &calibrated);
+        let all = hypotheses::all(nominal.file.kind, &survey, &[0]);
+        let unseen = Kernel::new(Vec::new(), kernel.floors, 1);
+        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &all, &survey);
+        let fit = levenberg::fit(&kernel, nominal.with_effects(&nominal, file(gain).effects), 20).unwrap();
+        // All work is spent.
+        let mut path = Path::until(0, 0);
+        let (_, causes) = search.exchanged(&calibrated, fit, &[], 30.0, &mut path);
+        assert!(!causes[0].asked && path.stopped() == Some(Limit::Steps));
+        for name in ["parameter-error:force_gain", "sensor-gain:position"] {
+            assert!(causes[0].alike.iter().any(|it| it == name), "{name}: {:?}", causes[0].alike);
+        }
+        assert!(!causes[0].alike.iter().any(|it| it.contains("friction")), "{:?}", causes[0].alike);
+    }
+}

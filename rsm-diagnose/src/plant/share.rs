@@ -1,0 +1,244 @@
+//! How much of records that are too long a search looks at.
+//!
+//! In: records, the steps that a simulation takes along them. Out: of each record its beginning and pieces that are spread over the rest, together the same share of each. A piece starts at a
+//! state that its first readings show in part only: the rows until that is forgotten do not count. A plant that does not forget is looked at where its records begin alone. Says how many rows that
+//! leaves out; what they say of the answer is asked afterwards (`everywhere`). Never drops a record.
+
+use std::fmt;
+use std::ops::Range;
+
+use super::checks;
+use super::kernel::{Kernel, Prepared};
+use super::model::Model;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+
+/// Rows of training records together: derivatives and traces of three outputs for two hundred guesses are then 300 MB.
+const MOST_ROWS: usize = 60_000;
+
+/// Rows of training records together that a search looks at where there are more: as many as of three records of 8000 rows, which take half a minute. All rows judge the answer.
+const SEARCHED: usize = 24_000;
+
+/// Sub-steps of one run along them: what comes before and after a search takes a thousand runs, a minute of one core at 150 ns a step.
+const MOST_STEPS_A_RUN: u64 = 400_000;
+
+/// Rows of a record that are kept in any case: fewer say nothing about noise.
+const LEAST_ROWS: usize = 400;
+
+/// Pieces beside the beginning, which has as many rows as all of them: what builds up slowly (heat) shows in one long piece, what comes and goes in many. Fewer where the plant is slow to forget.
+const PIECES: [usize; 3] = [4, 2, 1];
+
+/// What settles may take this share of a piece, as one over it.
+const SETTLING: usize = 2;
+
+/// The share of each record that is looked at.
+#[derive(Debug, Clone, Copy)]
+pub struct Share {
+    training: f64,
+    validation: f64,
+    /// Rows seen, and all.
+    rows: (usize, usize),
+}
+
+/// A part of a record.
+#[derive(Debug, Clone)]
+pub struct Piece {
+    /// Its rows; messages name them.
+    pub record: Record,
+    /// Rows of the file before it.
+    pub from: usize,
+    /// Its first rows, which do not count: they come from a state that nobody knows.
+    pub settling: usize,
+}
+
+/// Rows that the search did not look at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NotSeen {
+    /// Rows that it did.
+    pub seen: usize,
+    /// Rows of all records.
+    pub of: usize,
+}
+
+impl fmt::Display for NotSeen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "Of {} rows the search for causes looked at {}, of each record its beginning and pieces of the rest, where the plant forgets its start fast enough: all of them would take longer than a diagnosis may",
+            self.of, self.seen
+        )
+    }
+}
+
+impl Piece {
+    /// All of a record.
+    #[must_use]
+    pub fn whole(record: Record) -> Self {
+        Piece { record, from: 0, settling: 0 }
+    }
+}
+
+fn rows(records: &[Record]) -> usize {
+    records.iter().map(Record::rows).sum()
+}
+
+fn kept(rows: usize, share: f64) -> usize {
+    if share >= 1.0 { rows } else { ((rows as f64 * share) as usize).max(LEAST_ROWS).min(rows) }
+}
+
+impl Share {
+    /// By the number of rows.
+    #[must_use]
+    pub fn of_rows(training: &[Record], validation: &[Record]) -> Self {
+        let of = |records: &[Record]| {
+            let all = rows(records);
+            if all <= MOST_ROWS { 1.0 } else { SEARCHED as f64 / all as f64 }
+        };
+        let all = rows(training) + rows(validation);
+        Share { training: of(training), validation: of(validation), rows: (all, all) }
+    }
+
+    /// What of a record for training or validation is looked at, by the smaller of the shares: records of one plant are then equally long looks.
+    #[must_use]
+    pub fn pieces(&self, record: &Record, file: &PlantFile) -> Vec<Piece> {
+        let count = kept(record.rows(), self.training.min(self.validation));
+        if count >= record.rows() {
+            return vec![Piece::whole(record.clone())];
+        }
+        let part = |rows, settling| piece(record, file.kind, rows, settling);
+        let half = count / 2;
+        let beginning = part(0..count - half, 0);
+        let Some(settling) = settling(&beginning.record, file) else { return vec![part(0..count, 0)] };
+        let fits = |each: usize| settling + LEAST_ROWS <= each && SETTLING * settling <= each;
+        let Some(pieces) = PIECES.into_iter().find(|pieces| fits(half / pieces)) else { return vec![part(0..count, 0)] };
+        let each = half / pieces;
+        let rest = beginning.record.rows()..record.rows() - each;
+        // Evenly from behind the beginning to the end.
+        let starts = (1..=pieces).map(|k| rest.start + (rest.len() * k) / pieces);
+        std::iter::once(beginning).chain(starts.map(|start| part(start..start + each, settling))).collect()
+    }
+
+    /// Cuts records further, where the plant is so fast that one run along them takes too many steps.
+    pub fn cut(&mut self, kernel: &mut Kernel, unseen: &mut Kernel, file: &PlantFile) {
+        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+        let model = Model::nominal(file, &records, [1.0; 3]);
+        let before = kernel.pace.taken();
+        // What cannot be simulated is told by whoever needs the run.
+        let _ = kernel.run(&model);
+        let taken = kernel.pace.taken() - before;
+        let share = MOST_STEPS_A_RUN as f64 / taken.max(1) as f64;
+        for prepared in kernel.records.iter_mut().chain(&mut unseen.records) {
+            let settled = prepared.used.iter().filter_map(|used| used.iter().position(|used| *used)).min().unwrap_or(0);
+            let rows = prepared.record.rows();
+            let count = settled + kept(rows - settled, share);
+            if count < rows {
+                prepared.keep(0..count);
+            }
+        }
+        let seen =
+            |records: &[Prepared]| records.iter().map(|it| it.file_row(it.record.rows() - 1) + 1 - it.from).sum::<usize>();
+        if self.training.min(self.validation) < 1.0 || share < 1.0 {
+            self.rows.0 = seen(&kernel.records) + seen(&unseen.records);
+        }
+    }
+
+    /// What is not looked at; `None` where all is.
+    #[must_use]
+    pub fn not_seen(&self) -> Option<NotSeen> {
+        (self.rows.0 < self.rows.1).then_some(NotSeen { seen: self.rows.0, of: self.rows.1 })
+    }
+}
+
+/// How many rows a plant remembers a first state, by its nominal file; `None` where it cannot be simulated.
+#[must_use]
+pub fn settling(beginning: &Record, file: &PlantFile) -> Option<usize> {
+    let prepared = Prepared::new(beginning.clone(), file.kind.outputs().len());
+    checks::memory(&prepared, file, 0..beginning.rows())
+}
+
+/// Some rows of a record. Their names say which; the rotor's angle at the first of them is that of the record's start and of the readings of the speed since.
+#[must_use]
+pub fn piece(record: &Record, kind: PlantKind, rows: Range<usize>, settling: usize) -> Piece {
+    let mut part = record.piece(rows.clone());
+    if rows.len() < record.rows() {
+        part.file = format!("{}, rows {} to {}", record.file, rows.start + 1, rows.end);
+    }
+    if rows.start > 0
+        && kind == PlantKind::Pmac
+        && let Some(Some(speed)) = record.measured.get(2)
+    {
+        let turned: f64 = speed[..rows.start].windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum();
+        part.angle = Some(record.angle.unwrap_or(0.0) + record.period * turned);
+    }
+    Piece { record: part, from: rows.start, settling }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::axis_under_steps;
+    use super::super::noise::Floor;
+    use super::*;
+    use rsm_core::source::Source;
+
+    fn record(file: &PlantFile, rows: usize) -> Record {
+        let mut csv = "time[s],command[V],position[m]\n".to_string();
+        for k in 0..rows {
+            csv += &format!("{},{},0\n", k as f64 / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
+        }
+        Record::read(&Source::new("r.csv", csv), file).unwrap()
+    }
+
+    fn seen(file: &PlantFile, rows: usize) -> (usize, Option<NotSeen>) {
+        let training = [record(file, rows)];
+        let mut share = Share::of_rows(&training, &[]);
+        let pieces = share.pieces(&training[0], file).into_iter();
+        let prepared = pieces.map(|it| Prepared { from: it.from, ..Prepared::new(it.record, 2) }).collect();
+        let mut kernel = Kernel::new(prepared, [Floor::white(1.0); 3], 1);
+        let mut unseen = kernel.on(Vec::new());
+        share.cut(&mut kernel, &mut unseen, file);
+        (kernel.records.iter().map(|it| it.record.rows()).sum(), share.not_seen())
+    }
+
+    #[test]
+    fn long_records_are_cut_and_those_of_a_fast_plant_further() {
+        let slow = axis_under_steps::file("mass = 0.1", "");
+        assert_eq!(seen(&slow, 20_000), (20_000, None));
+        assert_eq!(seen(&slow, 60_000), (60_000, None));
+        assert_eq!(seen(&slow, 90_000), (24_000, Some(NotSeen { seen: 24_000, of: 90_000 })));
+        // 50 N over a millimetre a second, on 2 kg: 25 000 1/s where the axis is slow, a hundred steps a row.
+        let fast = axis_under_steps::file("mass = 0.1", &axis_under_steps::friction(50.0));
+        let (rows, not_seen) = seen(&fast, 20_000);
+        assert!((LEAST_ROWS..20_000).contains(&rows) && not_seen.is_some_and(|it| it.seen == rows), "{rows}");
+    }
+
+    #[test]
+    fn a_plant_that_forgets_is_looked_at_all_along_its_records() {
+        // 2 kg against 60 N s/m forget in a thirtieth of a second, to a thousandth in 0.23 s.
+        let mut file = axis_under_steps::file("mass = 0.1", "");
+        file.parameters.set("viscous_friction", 60.0);
+        let training = [record(&file, 200_000)];
+        let share = Share::of_rows(&training, &[]);
+        let pieces = share.pieces(&training[0], &file);
+        let of: Vec<(usize, usize)> = pieces.iter().map(|it| (it.from, it.from + it.record.rows())).collect();
+        assert_eq!(of, [(0, 12_000), (58_250, 61_250), (104_500, 107_500), (150_750, 153_750), (197_000, 200_000)]);
+        assert!(pieces[1..].iter().all(|it| (200..300).contains(&it.settling)), "{}", pieces[1].settling);
+        assert!(pieces[1].record.file.ends_with("rows 58251 to 61250") && pieces[1].record.time[0] == 58.25);
+        let (prepared, _) = checks::prepared(pieces.clone(), &file);
+        assert_eq!(prepared[1].file_row(0), 58_250);
+    }
+
+    #[test]
+    fn a_piece_of_a_motors_record_begins_at_the_angle_that_its_speed_has_made() {
+        let text = include_str!("../../../rsm-sim/plants/pmac.toml");
+        let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
+        let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
+        for k in 0..300 {
+            csv += &format!("{},0,5,0,0,0,{}\n", f64::from(k) / 1000.0, f64::from(k));
+        }
+        let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        // The integral of 1000 t from 0 to 0.2 s, less the last half row: 199^2/2 ms.
+        let angle = piece(&record, file.kind, 200..300, 0).record.angle.unwrap();
+        assert!((angle - 19.8005).abs() < 1e-9, "{angle}");
+    }
+}

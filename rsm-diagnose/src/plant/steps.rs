@@ -1,0 +1,96 @@
+//! How the error falls, cause by cause: a ladder of plants from the calibrated one to the extended one.
+//!
+//! In: the causes, the records. Out: for each step what is in the plant and its errors on the records that judge, for an axis also by the inverse model. A cause that
+//! holds simpler ones as special cases comes after them, so that a reader sees what each part of it is worth. Never decides which causes are believed.
+
+use super::hypotheses::label;
+use super::kernel::Kernel;
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::validation::{self, Error};
+use crate::plant::inverse::Motion;
+use rsm_sim::effect::Arguments;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::Entry;
+
+/// Steps of a fit: the same as for a candidate.
+const FIT_STEPS: usize = 8;
+
+/// A plant on the way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// The causes in it, in lists' names; none at first.
+    pub causes: Vec<String>,
+    /// Its errors on the records that judge.
+    pub errors: Vec<Error>,
+    /// For an axis: the relative error of the force that the measured motion asks for (root mean square over those records), where the causes have one.
+    pub force_error: Option<f64>,
+}
+
+/// The ladder from the calibrated plant to the extended one. `order` has the places of the causes among the fit's effects, the strongest first.
+#[must_use]
+pub fn steps(kernel: &Kernel, judged: &Kernel, nominal: &Model, calibrated: &Fit, fit: &Fit, order: &[usize]) -> Vec<Step> {
+    let motions: Vec<Motion> = judged.records.iter().filter_map(|it| Motion::of(&it.record, nominal.file.kind).ok()).collect();
+    let step = |model: &Model| -> Option<Step> {
+        let fit = validation::on(judged, model)?;
+        let entries = model.file.effects.iter();
+        let force: Option<Vec<f64>> = motions.iter().map(|motion| motion.relative_error_of(&model.file)).collect();
+        let force = force.filter(|list| !list.is_empty());
+        Some(Step {
+            causes: entries.map(|it| label(it.description.kind, it.arguments.subject.as_deref())).collect(),
+            errors: validation::errors(judged, &fit),
+            force_error: force.map(|list| (list.iter().map(|it| it * it).sum::<f64>() / list.len() as f64).sqrt()),
+        })
+    };
+    let mut list: Vec<Step> = step(&calibrated.model).into_iter().collect();
+    let effects = &fit.model.file.effects;
+    let mut before: Vec<Entry> = Vec::new();
+    for (count, &place) in order.iter().enumerate() {
+        let Some(entry) = effects.get(place) else { continue };
+        for special in special_cases(entry) {
+            // What is a cause of its own has a step of its own.
+            let own = |it: &Entry| effects.iter().any(|other| other.description.kind == it.description.kind);
+            if special.iter().any(own) {
+                continue;
+            }
+            let model = calibrated.model.with_effects(nominal, [before.clone(), special].concat());
+            list.extend(levenberg::fit(kernel, model, FIT_STEPS).and_then(|fit| step(&fit.model)));
+        }
+        before.push(entry.clone());
+        if count + 1 < order.len() {
+            let model = calibrated.model.with_effects(nominal, before.clone());
+            list.extend(levenberg::fit(kernel, model, FIT_STEPS).and_then(|fit| step(&fit.model)));
+        }
+    }
+    if !order.is_empty() {
+        list.extend(step(&fit.model));
+    }
+    list
+}
+
+/// What a cause is without its further numbers, the simplest first.
+fn special_cases(entry: &Entry) -> Vec<Vec<Entry>> {
+    let plant = entry.arguments.plant;
+    let name = if plant == PlantKind::Pmac { "torque" } else { "force" };
+    let one = |kind: &str, value: f64| -> Option<Entry> {
+        let description = rsm_sim::effects::of(kind)?;
+        Some(Entry { description, arguments: Arguments { plant, subject: None, numbers: vec![(name, value)] } })
+    };
+    let number = |name: &str| entry.arguments.optional(name);
+    match entry.description.kind {
+        "asymmetric-friction" => {
+            let (Some(forward), Some(backward)) = (number("forward"), number("backward")) else { return Vec::new() };
+            // Levels F + c forward and F - c backward are a dry friction F and a constant c.
+            let dry = one("coulomb-friction", 0.5 * (forward + backward));
+            let offset = one("constant-load", 0.5 * (forward - backward));
+            let both: Vec<Entry> = dry.clone().into_iter().chain(offset).collect();
+            // Without viscous numbers of its own it is that pair.
+            let pair = number("viscous_forward").is_some().then_some(both);
+            dry.map(|it| vec![it]).into_iter().chain(pair).collect()
+        }
+        "stribeck-friction" => {
+            number("coulomb").and_then(|level| one("coulomb-friction", level)).map(|it| vec![it]).into_iter().collect()
+        }
+        _ => Vec::new(),
+    }
+}

@@ -1,0 +1,188 @@
+//! A survey of the records: the sizes from which first guesses are made.
+//!
+//! In: prepared records and the calibrated plant's residuals. Out: a [`Survey`]. Only scales: nothing here decides between causes.
+
+use super::kernel::Kernel;
+use super::levenberg::Fit;
+use super::waves;
+use rsm_sim::effect::Survey;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::Parameters;
+use rsm_sim::record::Drive;
+
+/// Samples on either side for a derivative: the noise of a second difference falls with the square.
+const WIDTH: usize = 5;
+
+/// The survey of training records.
+#[must_use]
+pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
+    let kind = fit.model.file.kind;
+    let parameters = fit.model.file.parameters.clone();
+    let mut largest = [0.0_f64; 3];
+    let mut spread = [0.0; 3];
+    let mut quantum = [None; 3];
+    let mut input = 0.0_f64;
+    let mut effort = 0.0_f64;
+    let mut speed = 0.0_f64;
+    let mut gears = [false; 5];
+    for output in 0..kind.outputs().len() {
+        let lists: Vec<&[f64]> = kernel
+            .records
+            .iter()
+            .filter_map(|it| it.outputs.iter().position(|found| *found == output).map(|k| it.measured(k)))
+            .collect();
+        let all: Vec<f64> = lists.iter().flat_map(|values| values.iter().copied()).collect();
+        if all.is_empty() {
+            continue;
+        }
+        let mean = all.iter().sum::<f64>() / all.len() as f64;
+        largest[output] = all.iter().fold(0.0, |most, value| most.max(value.abs()));
+        spread[output] = (all.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / all.len() as f64).sqrt();
+        let used = kernel
+            .records
+            .iter()
+            .filter_map(|it| it.outputs.iter().position(|found| *found == output).map(|k| it.used[k].as_slice()));
+        quantum[output] = lattice(lists.iter().copied().zip(used), kernel.floors[output].sd);
+    }
+    for prepared in &kernel.records {
+        let record = &prepared.record;
+        let lengths = (0..record.rows()).map(|row| match kind {
+            PlantKind::Pmac => record.inputs[0].get(row).copied().unwrap_or(0.0).hypot(record.inputs[1][row]),
+            _ => record.inputs[0][row].abs(),
+        });
+        input = lengths.fold(input, f64::max);
+    }
+    match kind {
+        PlantKind::Pmac => {
+            effort =
+                1.5 * parameters.number("pole_pairs") * parameters.number("flux_linkage") * spread[1].max(0.3 * largest[1]);
+            if effort == 0.0 {
+                effort = torque_without_current(kernel, &parameters);
+            }
+            speed = 0.5 * largest[2];
+        }
+        PlantKind::Driveline => {
+            // At a usual engine speed of 250 rad/s, in second gear.
+            let torque = parameters.number("torque_0")
+                + 250.0 * parameters.number("torque_1")
+                + 62_500.0 * parameters.number("torque_2");
+            for prepared in &kernel.records {
+                gears[prepared.record.gear - 1] = true;
+            }
+            effort = torque.abs() * parameters.gear_ratios[1] * parameters.number("final_drive_ratio");
+            speed = largest[1] / parameters.number("wheel_radius");
+        }
+        PlantKind::ServoAxis => {
+            for (place, prepared) in kernel.records.iter().enumerate() {
+                let record = &prepared.record;
+                let recorded = if record.drive == Drive::Closed { record.measured[1].as_ref() } else { record.inputs.first() };
+                // A command that nobody recorded is that of the calibrated plant's own loop.
+                let simulated = if recorded.is_none() { kernel.all_outputs(place, &fit.model) } else { None };
+                let simulated = simulated.as_ref().and_then(|outputs| outputs.of("command"));
+                let commands = recorded.map(Vec::as_slice).or(simulated).unwrap_or_default();
+                let mean = commands.iter().map(|value| value * value).sum::<f64>() / commands.len().max(1) as f64;
+                effort = effort.max(parameters.number("force_gain") * mean.sqrt());
+                if let Some(k) = prepared.outputs.iter().position(|it| *it == 0) {
+                    let speeds: Vec<f64> = prepared
+                        .measured(k)
+                        .windows(2 * WIDTH + 1)
+                        .map(|w| (w[2 * WIDTH] - w[0]) / (2.0 * WIDTH as f64 * record.period))
+                        .collect();
+                    let mean = speeds.iter().map(|value| value * value).sum::<f64>() / speeds.len().max(1) as f64;
+                    speed = speed.max(mean.sqrt());
+                }
+                input = commands.iter().fold(input, |most, value| most.max(value.abs()));
+            }
+        }
+    }
+    // An output that rests at zero, or nothing at all, still has a scale: its noise.
+    for output in 0..3 {
+        largest[output] = largest[output].max(kernel.floors[output].sd);
+        spread[output] = spread[output].max(kernel.floors[output].sd);
+    }
+    Survey {
+        plant: kind,
+        period: kernel.records.first().map_or(1e-3, |it| it.record.period),
+        duration: kernel.records.iter().map(|it| it.record.period * it.record.rows() as f64).fold(0.0, f64::max),
+        input: input.max(f64::MIN_POSITIVE),
+        effort: effort.max(f64::MIN_POSITIVE),
+        speed: speed.max(1e-9),
+        largest,
+        spread,
+        noise: kernel.floors.map(|floor| floor.sd),
+        waves: if kind == PlantKind::ServoAxis { waves::waves(kernel, fit) } else { Vec::new() },
+        quantum,
+        gears,
+        output: 0,
+        nominal: 0.0,
+        parameters,
+    }
+}
+
+/// The usual torque of a motor whose record holds no current: the largest of its load, of what accelerates its inertia, and of what the voltage beyond the EMF drives
+/// through the resistance, each as a root mean square.
+fn torque_without_current(kernel: &Kernel, parameters: &Parameters) -> f64 {
+    let of = |name| parameters.number(name);
+    let linkage = of("pole_pairs") * of("flux_linkage");
+    let mut sums = [(0.0, 0.0); 3];
+    let mut add = |which: usize, value: f64| {
+        sums[which].0 += value * value;
+        sums[which].1 += 1.0;
+    };
+    for prepared in &kernel.records {
+        let record = &prepared.record;
+        let speed = prepared.outputs.iter().position(|it| *it == 2).map(|k| prepared.measured(k));
+        record.inputs.get(2).into_iter().flatten().for_each(|load| add(0, *load));
+        let Some(speed) = speed else { continue };
+        for w in speed.windows(2 * WIDTH + 1) {
+            add(1, of("inertia") * (w[2 * WIDTH] - w[0]) / (2.0 * WIDTH as f64 * record.period));
+        }
+        for (voltage, speed) in record.inputs[1].iter().zip(speed) {
+            let current = (voltage - linkage * speed) / of("phase_resistance").max(f64::MIN_POSITIVE);
+            add(2, 1.5 * linkage * current.clamp(-of("current_limit"), of("current_limit")));
+        }
+    }
+    let [load, inertia, voltage] = sums.map(|(sum, count)| (sum / f64::max(count, 1.0)).sqrt());
+    if load.max(inertia) > 0.0 { load.max(inertia) } else { voltage }
+}
+
+/// The step of which all readings are multiples, where there is one that stands out of the noise. In: readings with whether each counts; what stands for a lost one is no multiple.
+fn lattice<'a>(lists: impl Iterator<Item = (&'a [f64], &'a [bool])>, noise: f64) -> Option<f64> {
+    let mut steps: Vec<f64> = lists
+        .flat_map(|(values, used)| values.windows(2).zip(used.windows(2)))
+        .filter(|(_, used)| used[0] && used[1])
+        .map(|(w, _)| (w[1] - w[0]).abs())
+        .filter(|step| *step > 1e-9 * noise)
+        .collect();
+    if steps.len() < 50 {
+        return None;
+    }
+    steps.sort_by(f64::total_cmp);
+    let step = steps[steps.len() / 100];
+    // Finer than a fifth of the noise it is the digits of the file.
+    if step < 0.2 * noise {
+        return None;
+    }
+    let whole = steps.iter().filter(|it| ((*it / step) - (*it / step).round()).abs() < 0.01).count();
+    (whole as f64 > 0.98 * steps.len() as f64).then_some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_is_that_of_readings_and_not_of_what_stands_for_lost_ones() {
+        let mut values: Vec<f64> = (0..400).map(|k| 0.25 * f64::from(k % 3)).collect();
+        let mut used = vec![true; values.len()];
+        // Every tenth is lost, and the middle of its neighbours stands for it.
+        for k in (5..395).step_by(10) {
+            values[k] = f64::midpoint(values[k - 1], values[k + 1]);
+            used[k] = false;
+        }
+        let found = |used: &[bool]| lattice([(values.as_slice(), used)].into_iter(), 0.01);
+        assert_eq!(found(&used), Some(0.25));
+        // As readings they would halve it: the test sees them.
+        assert_ne!(found(&vec![true; values.len()]), Some(0.25));
+    }
+}

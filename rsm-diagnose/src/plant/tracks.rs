@@ -1,0 +1,221 @@
+//! Where an axis was in its records, and what a force along its way would do.
+//!
+//! In: prepared records, and the simulation of a fit. Out: whitened traces of forces that depend on position, speed and command, as the linear axis and its controller answer
+//! them; and ways that a simulation corrects. Never fits.
+
+use std::f64::consts::TAU;
+
+use super::kernel::{Kernel, Prepared};
+use super::levenberg::Fit;
+use rsm_sim::effect::Wave;
+use rsm_sim::plant_file::{PlantFile, VelocityFrom};
+use rsm_sim::record::Drive;
+
+/// Samples on either side for a speed: its sign is wanted, and a difference over eleven rows has a tenth of the noise of one over two.
+const WIDTH: usize = 5;
+
+/// A record, and the plant's answer to a force along it.
+struct Track<'k> {
+    prepared: &'k Prepared,
+    record: usize,
+    /// The place of the position among its outputs.
+    place: usize,
+    position: Vec<f64>,
+    speed: Vec<f64>,
+    command: Vec<f64>,
+    /// First place in the stack of residuals.
+    first: usize,
+    period: f64,
+    answer: Answer,
+}
+
+/// Gauss's two points in a row, as shares of it: a wave of half a turn a row is integrated to 2 %, a quarter of a turn to 0.1 % (C. F. Gauss, 1814).
+const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+
+/// The linear plant over a row, and the controller where the loop is closed.
+#[derive(Clone, Copy)]
+struct Answer {
+    /// Speed after a row: of the speed, of a force that is held, of the forces at the nodes.
+    speed: [f64; 4],
+    /// Way in a row, likewise.
+    way: [f64; 4],
+    force_gain: f64,
+    /// Position gain, velocity gain, speed from a difference, limit of the command.
+    controller: Option<(f64, f64, bool, f64)>,
+}
+
+impl Answer {
+    /// M dv/dt + b v = f with a force that is held for a row.
+    fn new(file: &PlantFile, closed: bool, period: f64) -> Self {
+        let number = |name| file.parameters.number(name);
+        let mass = number("mass");
+        let w = number("viscous_friction") / mass * period;
+        // phi_1 = (1 - e^-w)/w and phi_2 = (1 - phi_1)/w; below 1e-4 the first two terms of their series hold eight digits.
+        let (one, two) = if w < 1e-4 {
+            (1.0 - w / 2.0, 0.5 - w / 6.0)
+        } else {
+            let one = -(-w).exp_m1() / w;
+            (one, (1.0 - one) / w)
+        };
+        let rest = |node: usize| 1.0 - NODES[node];
+        let blow = 0.5 * period / mass;
+        let way = |node: usize| period * rest(node) * (1.0 - 0.5 * w * rest(node));
+        let gains = file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"));
+        Answer {
+            // A force at a node is a blow of half a row's impulse; what is left of the row is short against the decay.
+            speed: [(-w).exp(), period * one / mass, blow * (-w * rest(0)).exp(), blow * (-w * rest(1)).exp()],
+            way: [period * one, period * period * two / mass, blow * way(0), blow * way(1)],
+            force_gain: number("force_gain"),
+            controller: gains.filter(|_| closed).map(|(position, velocity)| {
+                (position, velocity, file.parameters.velocity_from == VelocityFrom::Difference, number("command_limit"))
+            }),
+        }
+    }
+}
+
+impl Track<'_> {
+    /// What some forces at the nodes of each row change of position and command, each by itself.
+    fn run<const N: usize>(&self, force: impl Fn(f64, f64, f64) -> [f64; N]) -> [[Vec<f64>; 2]; N] {
+        let rows = self.position.len();
+        let it = self.answer;
+        let mut outputs: [[Vec<f64>; 2]; N] = std::array::from_fn(|_| [Vec::with_capacity(rows), Vec::with_capacity(rows)]);
+        let (mut q, mut v) = ([0.0; N], [0.0; N]);
+        let mut past = [[0.0; N]; 2];
+        for row in 0..rows {
+            let next = (row + 1).min(rows - 1);
+            let at = |values: &[f64], share: f64| values[row] + share * (values[next] - values[row]);
+            let [a, b] = NODES.map(|share| force(at(&self.position, share), at(&self.speed, share), self.command[row]));
+            // At its limit a command does not answer.
+            let controller = it.controller.filter(|(_, _, _, limit)| self.command[row].abs() < *limit);
+            let here = q;
+            for k in 0..N {
+                let command = controller.map_or(0.0, |(position_gain, velocity_gain, difference, _)| {
+                    let speed = if difference { (q[k] - past[1][k]) / (2.0 * self.period) } else { v[k] };
+                    velocity_gain * (-position_gain * q[k] - speed)
+                });
+                outputs[k][0].push(q[k]);
+                outputs[k][1].push(command);
+                let held = it.force_gain * command;
+                let way = it.way[0] * v[k] + it.way[1] * held + it.way[2] * a[k] + it.way[3] * b[k];
+                (q[k], v[k]) = (q[k] + way, it.speed[0] * v[k] + it.speed[1] * held + it.speed[2] * a[k] + it.speed[3] * b[k]);
+            }
+            past = [here, past[0]];
+        }
+        outputs
+    }
+
+    /// The same, whitened, into their place of the stacks.
+    fn answer<const N: usize>(&self, kernel: &Kernel, force: impl Fn(f64, f64, f64) -> [f64; N], stacks: &mut [Vec<f64>; N]) {
+        let mut whitened = Vec::with_capacity(2 * self.position.len());
+        for (outputs, stack) in self.run(force).iter().zip(stacks) {
+            whitened.clear();
+            for (k, output) in self.prepared.outputs.iter().enumerate() {
+                let mut values = outputs[*output].clone();
+                kernel.floors[*output].even(self.prepared.measured(k), &mut values);
+                kernel.floors[*output].whiten(&values, &self.prepared.used[k], &mut whitened);
+            }
+            stack[self.first..self.first + whitened.len()].copy_from_slice(&whitened);
+        }
+    }
+
+    /// Takes a path for where the axis went, but for what the readings around each row say.
+    fn follow(&mut self, path: &[f64], reach: usize) {
+        let (measured, used) = (self.prepared.measured(self.place), &self.prepared.used[self.place]);
+        let mut sums = vec![(0.0, 0.0)];
+        let (mut sum, mut count) = (0.0, 0.0);
+        for row in 0..path.len() {
+            if used[row] {
+                (sum, count) = (sum + measured[row] - path[row], count + 1.0);
+            }
+            sums.push((sum, count));
+        }
+        for row in 0..path.len() {
+            let (low, high) = (sums[row.saturating_sub(reach)], sums[(row + reach + 1).min(path.len())]);
+            self.position[row] = path[row] + (high.0 - low.0) / f64::max(high.1 - low.1, 1.0);
+        }
+    }
+}
+
+/// All records with a position.
+pub struct Tracks<'k> {
+    /// The records.
+    pub kernel: &'k Kernel,
+    list: Vec<Track<'k>>,
+    rows: usize,
+}
+
+impl<'k> Tracks<'k> {
+    /// Of a fit: its plant answers.
+    #[must_use]
+    pub fn new(kernel: &'k Kernel, fit: &Fit) -> Self {
+        let mut list = Vec::new();
+        for (record, (prepared, simulated)) in kernel.records.iter().zip(&fit.simulated).enumerate() {
+            let Some(k) = prepared.outputs.iter().position(|it| *it == 0) else { continue };
+            let of = &prepared.record;
+            let (position, closed) = (prepared.measured(k), of.drive == Drive::Closed);
+            let command = match prepared.outputs.iter().position(|it| *it == 1).filter(|_| closed) {
+                Some(k) => prepared.measured(k).to_vec(),
+                None if closed => simulated.get(1).cloned().unwrap_or_default(),
+                None => of.inputs[0].clone(),
+            };
+            let rows = position.len();
+            if command.len() != rows || rows < 4 * WIDTH {
+                continue;
+            }
+            let speed = |row: usize| {
+                let (a, b) = (row.saturating_sub(WIDTH), (row + WIDTH).min(rows - 1));
+                (position[b] - position[a]) / ((b - a) as f64 * of.period)
+            };
+            list.push(Track {
+                speed: (0..rows).map(speed).collect(),
+                prepared,
+                record,
+                place: k,
+                position: position.to_vec(),
+                command,
+                first: kernel.first(record),
+                period: of.period,
+                answer: Answer::new(&fit.model.file, closed, of.period),
+            });
+        }
+        Tracks { kernel, list, rows: fit.residual.len() }
+    }
+
+    /// The whitened answers to forces that depend on position, speed and command.
+    #[must_use]
+    pub fn answer<const N: usize>(&self, law: impl Fn(f64, f64, f64) -> [f64; N]) -> [Vec<f64>; N] {
+        let mut stacks = std::array::from_fn(|_| vec![0.0; self.rows]);
+        for it in &self.list {
+            it.answer(self.kernel, &law, &mut stacks);
+        }
+        stacks
+    }
+
+    /// Takes the simulation of another fit to the same records for where the axes went, but for what readings say.
+    pub fn follow(&mut self, fit: &Fit, reach: usize) {
+        for it in &mut self.list {
+            it.follow(&fit.simulated[it.record][it.place], reach);
+        }
+    }
+
+    /// Takes over where another saw the axes go, with what this plant makes of a wave there.
+    pub fn follow_with(&mut self, fit: &Fit, before: &Tracks<'_>, wave: &Wave, reach: usize) {
+        let number = TAU / wave.pitch;
+        for (it, before) in self.list.iter_mut().zip(&before.list) {
+            it.position.clone_from(&before.position);
+            let [[moved, _]] = it.run(|q, _, _| [wave.amplitude * (number * q + wave.phase).sin()]);
+            let path: Vec<f64> = fit.simulated[it.record][it.place].iter().zip(&moved).map(|(a, b)| a + b).collect();
+            it.follow(&path, reach);
+        }
+    }
+
+    /// The answers to a wave along the measured positions, and to the same a quarter of a turn further.
+    #[must_use]
+    pub fn traces(&self, wave: &Wave) -> [Vec<f64>; 2] {
+        let number = TAU / wave.pitch;
+        self.answer(|q, _, _| {
+            let (sin, cos) = (number * q + wave.phase).sin_cos();
+            [wave.amplitude * sin, wave.amplitude * cos]
+        })
+    }
+}

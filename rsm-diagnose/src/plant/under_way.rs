@@ -1,0 +1,127 @@
+//! Records that begin in the middle of a motion: of a car, whose torque lags and whose driveshaft swings; of an axis, cut out of a longer log.
+//!
+//! In: a fit whose starts are steady. Out: whether starts that are not explain one of its records far better. Such starts are then unknown in every record; they are forgotten within
+//! seconds, and what they take up of a missing cause ends there, too. Never moves anything else.
+//!
+//! Records of one machine are cut out of one kind of log: where one of them evidently begins in motion, the speed is unknown in all of them, for a speed that is small is not 0. What effects
+//! remember of the time before a record (commands under way, a lagging reading, a twisted shaft) is unknown too, and forgotten soon: the first rows lead the simulation and judge nothing.
+
+use super::kernel::Kernel;
+use super::levenberg::{self, Fit};
+use super::model::{self, AtStart, Model};
+use super::validation;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+
+/// Steps of a fit with starts that are not steady: the plant is nearly linear in them.
+const STEPS: usize = 4;
+
+/// Three numbers of a start gain 3 in noise, and 30 once in a million records. Where more than noise is left, so many times that.
+const GAINS: f64 = 30.0;
+
+/// How long an axis with its drives and sensors remembers, s: delays and lags are tens of milliseconds, and a position loop of some 30/s forgets in as many.
+const REMEMBERED: f64 = 0.1;
+
+/// Rows that judge nothing are at most this share of a record.
+const MOST_SHARE: usize = 10;
+
+/// How records of an axis begin; where in motion, their first rows lead the simulation and judge nothing from here on. Of other plants: steadily, as long as nothing shows the contrary.
+pub fn of_axis(kernel: &mut Kernel, unseen: &mut Kernel, file: &PlantFile) -> AtStart {
+    let records = kernel.records.iter().chain(&unseen.records).map(|it| &it.record);
+    let at_start = AtStart::of(file.kind, records);
+    if at_start == AtStart::Steady {
+        return at_start;
+    }
+    for prepared in kernel.records.iter_mut().chain(&mut unseen.records) {
+        let rows = prepared.record.rows();
+        let first = ((REMEMBERED / prepared.record.period) as usize).min(rows / MOST_SHARE);
+        prepared.used.iter_mut().for_each(|used| used[..first].fill(false));
+    }
+    at_start
+}
+
+/// Whether a record that is fitted, or one that is not, begins so.
+#[must_use]
+pub fn shown(kernel: &Kernel, fit: &Fit, unseen: &Kernel) -> bool {
+    if fit.model.file.kind != PlantKind::Driveline || fit.model.at_start == AtStart::InMotion {
+        return false;
+    }
+    let free = levenberg::fit(kernel, freed(kernel, &fit.model), STEPS);
+    if free.is_some_and(|free| gains(kernel, fit, &free)) {
+        return true;
+    }
+    let Some(steady) = validation::on(unseen, &fit.model) else { return false };
+    let mut model = freed(unseen, &steady.model);
+    model.unknowns.retain(|it| matches!(it.place, model::Place::Start { .. }));
+    levenberg::fit(unseen, model, STEPS).is_some_and(|free| gains(unseen, &steady, &free))
+}
+
+/// The model with starts that need not be steady, its other starts where they were.
+fn freed(kernel: &Kernel, model: &Model) -> Model {
+    let mut free = Model { at_start: AtStart::InMotion, ..model.clone() };
+    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+    free.take_starts(&records, kernel.floors.map(|floor| floor.sd));
+    free.starts.clone_from(&model.starts);
+    free
+}
+
+fn gains(kernel: &Kernel, steady: &Fit, free: &Fit) -> bool {
+    kernel.records.iter().enumerate().any(|(record, prepared)| {
+        let first = kernel.first(record);
+        let energy = |fit: &Fit| fit.residual[first..first + Kernel::length(prepared)].iter().map(|it| it * it).sum::<f64>();
+        let (before, after) = (energy(steady), energy(free));
+        let rows: usize = prepared.used.iter().map(|used| used.iter().filter(|used| **used).count()).sum();
+        before - after > GAINS * (after / rows.max(1) as f64).max(1.0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rsm_core::source::Source;
+
+    use super::super::kernel::Prepared;
+    use super::super::noise::Floor;
+    use super::super::random::Random;
+    use super::*;
+
+    /// Positions of 400 rows at a kilohertz that begin at a speed, m/s, read with 1 um of noise.
+    fn axis(file: &PlantFile, speed: f64, seed: u64) -> Prepared {
+        let mut random = Random::new(seed);
+        let row = |k: usize| {
+            let time = k as f64 / 1000.0;
+            format!("{time},0,{}\n", speed * time + 1e-6 * random.normal())
+        };
+        let csv = "time[s],command[V],position[m]\n".to_string() + &(0..400).map(row).collect::<String>();
+        Prepared::new(Record::read(&Source::new("r.csv", csv), file).unwrap(), 1)
+    }
+
+    /// How records with these speeds begin, the speeds that are unknown, and the rows of each record that judge.
+    fn begun(speeds: &[f64]) -> (AtStart, usize, Vec<usize>) {
+        let text = include_str!("../../../rsm-sim/plants/servo-axis.toml");
+        // A record of a command: without the gains of a loop.
+        let open: String = text
+            .lines()
+            .filter(|line| !line.contains("_gain = ") || line.contains("force"))
+            .map(|it| format!("{it}\n"))
+            .collect();
+        let file = PlantFile::read(&Source::new("axis.toml", open)).unwrap();
+        let records = speeds.iter().zip(5..).map(|(speed, seed)| axis(&file, *speed, seed)).collect();
+        let mut kernel = Kernel::new(records, [Floor::white(1e-6); 3], 1);
+        let mut unseen = Kernel::new(vec![axis(&file, 0.0, 4)], [Floor::white(1e-6); 3], 1);
+        let at_start = of_axis(&mut kernel, &mut unseen, &file);
+        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+        let model = Model::beginning(&file, at_start, &records, [1e-6; 3]);
+        let is_speed = |place: &model::Place| matches!(place, model::Place::Start { place: 1, .. });
+        let unknown = model.unknowns.iter().filter(|it| is_speed(&it.place)).count();
+        let judging = kernel.records.iter().chain(&unseen.records).map(|it| it.used[0].iter().filter(|used| **used).count());
+        (at_start, unknown, judging.collect())
+    }
+
+    #[test]
+    fn one_record_that_begins_in_motion_says_so_of_all() {
+        assert_eq!(begun(&[0.0, 0.0]), (AtStart::Steady, 0, vec![400; 3]));
+        // The second is too slow for its first rows to show it. A tenth of 400 rows is less than 0.1 s.
+        assert_eq!(begun(&[0.2, 0.0005]), (AtStart::InMotion, 2, vec![360; 3]));
+    }
+}

@@ -1,0 +1,474 @@
+//! Columns that are in another unit than their record says: rpm for rad/s, km/h for m/s, kgf for N, r.m.s. for peak, per cent for a share.
+//!
+//! In: a plant file, training records as they were read. Out: columns with the factor that they are off by, the unit that this is, and the gain that the records ask for with its interval; records
+//! that are put right. Asked before anything else: a column that is off by ten breaks a calibration. Never offers a factor that the plant's motion does not show: where two columns explain it
+//! alike, both are named.
+//!
+//! A candidate is a column, or columns that are usually wrong together, with one factor of a short list. The nominal plant along the first rows, with the column put right, says which ones are worth
+//! a calibration; the calibrations say which one it is; and a free gain beside all that is free anyway says whether it is that factor.
+
+use super::checks;
+use super::kernel::{Kernel, Prepared, dot};
+use super::levenberg::{self, Fit};
+use super::model::Model;
+use super::noise::{Floor, median};
+use super::nuisance::Nuisance;
+use super::share::Piece;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::{Drive, Record};
+
+/// A unit that readings may be in: what it is called, and how many of it are one of the record's.
+pub struct Other {
+    /// In words.
+    pub name: &'static str,
+    /// Readings over the truth.
+    pub factor: f64,
+}
+
+const fn other(name: &'static str, factor: f64) -> Other {
+    Other { name, factor }
+}
+
+const PREFIXES: [Other; 2] = [other("thousandths (m...)", 1000.0), other("thousands (k...)", 0.001)];
+
+/// Units by that of the record; 9.549297 is 30/pi, 57.29578 is 180/pi, 0.1591549 is 1/(2 pi), 0.1019716 is 1/9.80665, 0.7375621 and 2.236936 are the pound-foot and the mile an hour of the
+/// international yard and pound (1959).
+#[must_use]
+pub fn others(unit: &str) -> Vec<&'static Other> {
+    const SPEED: [Other; 3] =
+        [other("rpm", 9.549_297), other("revolutions per second", 0.159_154_9), other("deg/s", 57.295_78)];
+    const VELOCITY: [Other; 4] = [other("km/h", 3.6), other("mile/h", 2.236_936), other("mm/s", 1000.0), other("cm/s", 100.0)];
+    const LENGTH: [Other; 3] = [other("mm", 1000.0), other("cm", 100.0), other("inch", 39.370_08)];
+    const TORQUE: [Other; 4] =
+        [other("kgf m", 0.101_971_6), other("N cm", 100.0), other("N mm", 1000.0), other("lbf ft", 0.737_562_1)];
+    const PHASE: [Other; 2] = [other("r.m.s. values", std::f64::consts::FRAC_1_SQRT_2), other("peak-to-peak values", 2.0)];
+    const SHARE: [Other; 1] = [other("per cent", 100.0)];
+    const ACCELERATION: [Other; 1] = [other("g", 0.101_971_6)];
+    let lists: Vec<&'static [Other]> = match unit {
+        "rad/s" => vec![&SPEED],
+        "m/s" => vec![&VELOCITY],
+        "m" => vec![&LENGTH],
+        "N*m" => vec![&TORQUE],
+        "A" | "V" => vec![&PHASE, &PREFIXES],
+        "1" => vec![&SHARE],
+        "m/s^2" => vec![&ACCELERATION],
+        _ => Vec::new(),
+    };
+    lists.into_iter().flatten().collect()
+}
+
+/// Rows of a record that are asked, from its beginning.
+const ROWS: usize = 3000;
+
+/// A simulation counts as wrong by this share of an output's spread for one standard deviation: what friction that is not in the file does is some times that.
+const UNIT: f64 = 0.05;
+
+/// Where an output is wrong by more than twice its spread, it is wrong.
+const WRONG: f64 = 4.0;
+
+/// Candidates that are calibrated.
+const CALIBRATED: usize = 6;
+
+/// Steps of a calibration.
+const STEPS: usize = 8;
+
+/// A factor leaves this share of the squared error at most, noise set apart: what is off by a factor of units and otherwise in order leaves hardly anything.
+const LEAVES: f64 = 0.2;
+
+/// And no more than this share of the squared spread: more is no plant that the records are of.
+const FOLLOWS: f64 = 0.5;
+
+/// A factor beside 1 that causes of the catalogue reach, too: nearer than a factor of three on either side only noise may be left.
+const LARGE: f64 = 3.0;
+
+/// So many times the noise's energy is near noise, as in a calibration.
+const NEAR_NOISE: f64 = 4.0;
+
+/// Candidates are alike where their squared errors differ by less than this share.
+const ALIKE: f64 = 0.1;
+
+/// Sensors are off by per cents themselves: a gain so near is that factor.
+const NEAR: f64 = 0.02;
+
+/// And a large factor before causes are known: units of one kind are farther apart.
+const ROUGHLY: f64 = 0.25;
+
+/// A gain that is known worse than this says no unit.
+const KNOWN: f64 = 0.1;
+
+/// Parts of the rows over which the scatter of a gain is taken, and 97.5 % of Student's t with nine degrees of freedom.
+const PARTS: (usize, f64) = (10, 2.262);
+
+/// Columns that may be wrong, one after another.
+const MOST: usize = 3;
+
+/// A column in another unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InUnit {
+    /// The column, or the columns that are wrong together.
+    pub columns: Vec<&'static str>,
+    /// The unit that their records state.
+    pub stated: &'static str,
+    /// What it probably is, in words.
+    pub unit: String,
+    /// Readings over the truth, by the units.
+    pub factor: f64,
+    /// The same as the records ask for it, with its 95 % interval.
+    pub gain: [f64; 3],
+    /// Other columns with their units that explain the records as well.
+    pub alike: Vec<String>,
+}
+
+impl std::fmt::Display for InUnit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [value, low, high] = self.gain;
+        let (is, reads) = if self.columns.len() > 1 { ("are", "read") } else { ("is", "reads") };
+        write!(
+            f,
+            "{} {reads} {value:.4} times what the plant says (95 %: {low:.4} to {high:.4}): {} is the factor of {}, not {}, so {is} probably in the wrong unit. What follows is about the record in the right one",
+            self.columns.join(" and "),
+            self.factor,
+            self.unit,
+            if self.stated == "1" { "a share of 1" } else { self.stated },
+        )?;
+        if !self.alike.is_empty() {
+            write!(f, ". The records show as well: {}", self.alike.join("; "))?;
+        }
+        Ok(())
+    }
+}
+
+/// Columns that are usually wrong together.
+#[derive(Debug, Clone)]
+struct Columns {
+    names: Vec<&'static str>,
+    stated: &'static str,
+    inputs: Vec<usize>,
+    outputs: Vec<usize>,
+}
+
+/// A column with a factor.
+#[derive(Debug, Clone)]
+struct Candidate {
+    which: Columns,
+    factor: f64,
+    unit: String,
+}
+
+impl Candidate {
+    /// Readings as they should be.
+    fn put_right(&self, record: &mut Record) {
+        for &input in &self.which.inputs {
+            record.inputs[input].iter_mut().for_each(|value| *value /= self.factor);
+        }
+        for &output in &self.which.outputs {
+            record.measured[output].iter_mut().flatten().for_each(|value| *value /= self.factor);
+        }
+    }
+
+    fn told(&self) -> String {
+        format!("{} in {}", self.which.names.join(" and "), self.unit)
+    }
+}
+
+/// Columns of records of one kind that may be wrong: each that moves, and those of one frame or one axis together.
+fn columns(kind: PlantKind, records: &[Record]) -> Vec<Columns> {
+    let Some(first) = records.first() else { return Vec::new() };
+    let moves = |values: &[f64]| values.iter().any(|value| *value != 0.0);
+    let mut list = Vec::new();
+    let inputs = rsm_sim::record::inputs(kind, first.drive);
+    for (k, signal) in inputs.iter().enumerate() {
+        if records.iter().any(|it| it.inputs.get(k).is_some_and(|values| moves(values))) {
+            list.push(Columns { names: vec![signal.name], stated: signal.unit, inputs: vec![k], outputs: vec![] });
+        }
+    }
+    for (k, signal) in kind.outputs().iter().enumerate() {
+        let is_input = first.drive == Drive::Open && inputs.iter().any(|input| input.name == signal.name);
+        if !is_input && records.iter().any(|it| it.measured[k].as_ref().is_some_and(|values| moves(values))) {
+            list.push(Columns { names: vec![signal.name], stated: signal.unit, inputs: vec![], outputs: vec![k] });
+        }
+    }
+    for names in [["v_d", "v_q"], ["i_d", "i_q"], ["reference", "position"]] {
+        let both: Vec<Columns> = names.iter().filter_map(|name| list.iter().find(|it| it.names == [*name]).cloned()).collect();
+        if let [one, other] = &both[..] {
+            let join = |a: &[usize], b: &[usize]| [a, b].concat();
+            list.push(Columns {
+                names: names.to_vec(),
+                stated: one.stated,
+                inputs: join(&one.inputs, &other.inputs),
+                outputs: join(&one.outputs, &other.outputs),
+            });
+        }
+    }
+    list
+}
+
+fn candidates(columns: &[Columns]) -> Vec<Candidate> {
+    let mut list = Vec::new();
+    for which in columns {
+        let stated = if which.stated == "1" { "a share of 1" } else { which.stated };
+        for other in others(which.stated) {
+            let read = Candidate { which: which.clone(), factor: other.factor, unit: other.name.to_string() };
+            // A header may also name the other unit where values are in this one: reading it converts them once too often.
+            let converted = Candidate {
+                which: which.clone(),
+                factor: 1.0 / other.factor,
+                unit: format!("{stated} under a header of {}", other.name),
+            };
+            list.extend([read, converted]);
+        }
+    }
+    list
+}
+
+/// Records with columns put right, checked: which rows count does not hang on a factor, so that candidates share it.
+fn prepared(records: &[Record], before: &[Candidate], file: &PlantFile) -> Vec<Prepared> {
+    let right = |record: &Record| {
+        let mut record = record.clone();
+        before.iter().for_each(|it| it.put_right(&mut record));
+        Piece::whole(record)
+    };
+    checks::prepared(records.iter().map(right), file).0
+}
+
+/// The same with one more column put right.
+fn beside(given: &[Prepared], it: &Candidate) -> Vec<Prepared> {
+    let mut right = given.to_vec();
+    right.iter_mut().for_each(|prepared| it.put_right(&mut prepared.record));
+    right
+}
+
+/// What simulates them; residuals in shares of each output's spread.
+fn kernel(prepared: Vec<Prepared>, file: &PlantFile, threads: usize) -> Kernel {
+    let mut kernel = Kernel::new(prepared, [Floor::white(1.0); 3], threads);
+    for output in 0..file.kind.outputs().len() {
+        let lists = kernel.records.iter().filter_map(|it| it.outputs.iter().position(|k| *k == output).map(|k| it.measured(k)));
+        let all: Vec<f64> = lists.flatten().copied().collect();
+        let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+        let spread = (all.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / all.len().max(1) as f64).sqrt();
+        kernel.floors[output] = Floor::white((UNIT * spread).max(f64::MIN_POSITIVE));
+    }
+    kernel
+}
+
+fn model(kernel: &Kernel, file: &PlantFile) -> Model {
+    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+    Model::nominal(file, &records, kernel.floors.map(|floor| floor.sd))
+}
+
+/// The squared error over the squared spread, mean over the outputs, each no more than `WRONG`; without a simulation all are wrong.
+fn error(kernel: &Kernel, residual: Option<&[f64]>) -> f64 {
+    let Some(residual) = residual else { return WRONG };
+    let (mut sums, mut first) = ([(0.0, 0.0); 3], 0);
+    for prepared in &kernel.records {
+        for (k, output) in prepared.outputs.iter().enumerate() {
+            let rows = prepared.record.rows();
+            let part = &residual[first..first + rows];
+            sums[*output].0 += dot(part, part);
+            sums[*output].1 += prepared.used[k].iter().filter(|used| **used).count() as f64;
+            first += rows;
+        }
+    }
+    let each: Vec<f64> = sums
+        .iter()
+        .filter(|it| it.1 > 0.0)
+        .map(|it| (UNIT * UNIT * it.0 / it.1).min(WRONG))
+        .filter(|it| it.is_finite())
+        .collect();
+    each.iter().sum::<f64>() / each.len().max(1) as f64
+}
+
+/// The noise's part of that, from second differences of the readings: what bends between rows counts as noise here.
+fn noise(kernel: &Kernel) -> f64 {
+    let mut each = Vec::new();
+    for prepared in &kernel.records {
+        for (k, output) in prepared.outputs.iter().enumerate() {
+            let seconds = prepared.measured(k).windows(3).map(|w| (w[1] - 0.5 * (w[0] + w[2])).abs());
+            // A second difference of white noise has sqrt(1.5) of its deviation; the median of |x| is 0.6745 of it.
+            let sd = median(&mut seconds.collect::<Vec<_>>()) / 0.6745 / 1.5_f64.sqrt();
+            each.push((UNIT * sd / kernel.floors[*output].sd).powi(2));
+        }
+    }
+    each.iter().sum::<f64>() / each.len().max(1) as f64
+}
+
+fn calibrated(kernel: &Kernel, file: &PlantFile) -> Option<(Fit, f64)> {
+    let fit = levenberg::fit(kernel, model(kernel, file), STEPS)?;
+    let left = error(kernel, Some(&fit.residual));
+    Some((fit, left))
+}
+
+/// Columns of training records that are in another unit, one after another.
+#[must_use]
+pub fn look(file: &PlantFile, training: &[Record], threads: usize) -> Vec<(InUnit, PutRight)> {
+    let records: Vec<Record> = training.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
+    let columns = columns(file.kind, &records);
+    let all = candidates(&columns);
+    let mut before: Vec<Candidate> = Vec::new();
+    let mut found = Vec::new();
+    while before.len() < MOST {
+        let Some((one, candidate)) = next(file, &records, &before, &all, threads) else { break };
+        before.push(candidate.clone());
+        found.push((one, PutRight(candidate)));
+    }
+    found
+}
+
+/// The gains of columns that were put right, beside a plant with its causes; `None` for a gain that is none, or that is not that factor.
+#[must_use]
+pub fn asked_again(
+    found: &[(InUnit, PutRight)],
+    plant: &PlantFile,
+    right: &[Record],
+    noise: &[(usize, f64, f64)],
+    threads: usize,
+) -> Vec<Option<[f64; 3]>> {
+    // Readings that are rounded have no derivatives.
+    let mut plant = plant.clone();
+    plant.effects.retain(|it| it.description.kind != "sensor-quantisation");
+    let records: Vec<Record> = right.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
+    let mut kernel = kernel(prepared(&records, &[], &plant), &plant, threads);
+    noise.iter().for_each(|(output, sd, _)| kernel.floors[*output] = Floor::white(*sd));
+    let fit = calibrated(&kernel, &plant).map(|it| it.0);
+    let of = |it: &PutRight| {
+        let gain = gain(&kernel, fit.as_ref()?, &it.0)?;
+        let stands = gain[1] / (1.0 + NEAR) <= it.0.factor && it.0.factor <= gain[2] * (1.0 + NEAR);
+        stands.then_some(gain)
+    };
+    found.iter().map(|it| of(&it.1)).collect()
+}
+
+/// What puts a record right.
+#[derive(Debug, Clone)]
+pub struct PutRight(Candidate);
+
+impl PutRight {
+    /// The record in the unit that it states.
+    pub fn apply(&self, record: &mut Record) {
+        self.0.put_right(record);
+    }
+}
+
+/// One more column that is wrong, beside those that are known.
+fn next(
+    file: &PlantFile,
+    records: &[Record],
+    before: &[Candidate],
+    all: &[Candidate],
+    threads: usize,
+) -> Option<(InUnit, Candidate)> {
+    let checked = prepared(records, before, file);
+    let given = kernel(checked.clone(), file, threads);
+    let noise = noise(&given);
+    let as_given = calibrated(&given, file).map_or(WRONG, |it| it.1);
+    if as_given < NEAR_NOISE * noise {
+        return None;
+    }
+    let plain = |kernel: &Kernel| {
+        let run = kernel.run(&model(kernel, file));
+        error(kernel, run.map(|run| kernel.residual(&run)).as_deref())
+    };
+    let nominal = plain(&given);
+    let taken = |it: &Candidate| before.iter().any(|one| one.which.names.iter().any(|name| it.which.names.contains(name)));
+    let mut promising: Vec<(f64, &Candidate)> = Vec::new();
+    for it in all.iter().filter(|it| !taken(it)) {
+        let kernel = kernel(beside(&checked, it), file, threads);
+        promising.push((plain(&kernel), it));
+    }
+    promising.retain(|it| it.0 < nominal);
+    promising.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut fits: Vec<(f64, &Candidate, Kernel, Fit)> = Vec::new();
+    for (_, it) in promising.into_iter().take(CALIBRATED) {
+        let kernel = kernel(beside(&checked, it), file, threads);
+        if let Some((fit, left)) = calibrated(&kernel, file) {
+            fits.push((left, it, kernel, fit));
+        }
+    }
+    fits.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let beyond = |left: f64| (left - noise).max(0.0);
+    let stands = |left: f64, factor: f64| {
+        let large = factor.max(1.0 / factor) > LARGE;
+        beyond(left) < LEAVES * beyond(as_given) && left < FOLLOWS && (large || left < NEAR_NOISE * noise)
+    };
+    let (left, ..) = fits.first()?;
+    let enough = (1.0 + ALIKE) * left + ALIKE * noise;
+    let mut told: Vec<(&Candidate, [f64; 3])> = Vec::new();
+    for (left, it, kernel, fit) in fits.iter().filter(|it| it.0 <= enough) {
+        let Some(gain) = gain(kernel, fit, it) else { continue };
+        // What else is wrong moves a gain: a large factor need be met roughly at first, and is asked again beside the causes that a search finds.
+        let about = if it.factor.max(1.0 / it.factor) > LARGE { ROUGHLY } else { NEAR };
+        let near = |factor: f64| gain[1] / (1.0 + about) <= factor && factor <= gain[2] * (1.0 + about);
+        // Another factor of the list in the same interval: the records do not say which.
+        let only = !all.iter().any(|one| one.which.names == it.which.names && one.factor != it.factor && near(one.factor))
+            && !near(1.0);
+        if stands(*left, it.factor) && near(it.factor) && only && (gain[2] / gain[1]).ln().abs() < 4.0 * KNOWN.max(about) {
+            told.push((it, gain));
+        }
+    }
+    let (candidate, gain) = *told.first()?;
+    let alike = told[1..].iter().map(|it| it.0.told()).collect();
+    let Candidate { which, factor, unit } = candidate.clone();
+    Some((InUnit { columns: which.names, stated: which.stated, unit, factor, gain, alike }, candidate.clone()))
+}
+
+/// The gain that records ask for of a column that was put right, beside all that is free anyway: with the factor, and its 95 % interval. What noise and tolerances leave open counts, and so does by how much
+/// parts of the records disagree, since more than noise may be left.
+fn gain(kernel: &Kernel, fit: &Fit, it: &Candidate) -> Option<[f64; 3]> {
+    /// A hundredth of an input, for its derivative.
+    const STEP: f64 = 0.01;
+    let mut trace = vec![0.0; fit.residual.len()];
+    if !it.which.inputs.is_empty() {
+        let mut moved = kernel.clone();
+        for prepared in &mut moved.records {
+            for &input in &it.which.inputs {
+                prepared.record.inputs[input].iter_mut().for_each(|value| *value *= 1.0 - STEP);
+            }
+        }
+        let run = moved.run(&fit.model)?;
+        trace = kernel.changes(&fit.simulated, &run, STEP);
+    }
+    let mut first = 0;
+    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+        for (k, output) in prepared.outputs.iter().enumerate() {
+            let rows = prepared.record.rows();
+            if it.which.outputs.contains(output) {
+                let sd = kernel.floors[*output].sd;
+                for row in (0..rows).filter(|row| prepared.used[k][*row]) {
+                    trace[first + row] += simulated[k][row] / sd;
+                }
+            }
+            first += rows;
+        }
+    }
+    let nuisance = Nuisance::new(fit);
+    let products = nuisance.products(&trace);
+    let own = nuisance.between(dot(&trace, &trace), &products, &products, 0);
+    if own <= 0.0 {
+        return None;
+    }
+    let off = nuisance.with_residual(&trace, &products, 0) / own;
+    // Without what is free, to see by parts.
+    let solved = nuisance.solved(&products);
+    let mut alone = trace;
+    for (column, share) in fit.columns.iter().zip(&solved) {
+        for (value, its) in alone[column.first..].iter_mut().zip(&column.values) {
+            *value -= share * its;
+        }
+    }
+    let (parts, reach) = PARTS;
+    let size = alone.len().div_ceil(parts);
+    let squares: f64 = dot(&alone, &alone).max(f64::MIN_POSITIVE);
+    let scatter: f64 = alone
+        .chunks(size)
+        .zip(fit.residual.chunks(size))
+        .map(|(alone, residual)| (dot(alone, residual) - off * dot(alone, alone)).powi(2))
+        .sum();
+    let by_parts = scatter / (squares * squares) * parts as f64 / (parts - 1) as f64;
+    // Without noise of its own a row's residual is what is left of it.
+    let level = dot(&fit.residual, &fit.residual) / fit.residual.len().max(1) as f64;
+    let of_tolerances = (1.0 / own - level.min(1.0) / squares).max(0.0) * level.max(1.0);
+    let sd = (by_parts + of_tolerances.min(1.0 / own)).sqrt();
+    let of = |off: f64| it.factor * (1.0 + off);
+    Some([of(off), of(off - reach * sd), of(off + reach * sd)])
+}

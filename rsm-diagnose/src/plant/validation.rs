@@ -1,0 +1,162 @@
+//! Judges a model on records that no fit has seen.
+//!
+//! In: a model, validation records. Out: errors of each output, their starts being the only unknowns. Never moves a number of the plant.
+
+use super::kernel::{Kernel, Prepared, Simulated};
+use super::levenberg;
+use super::model::{Model, Place};
+use rsm_sim::record::Record;
+
+/// Steps for the starts: a linear problem but for large errors.
+const STEPS: usize = 3;
+
+/// A start is fitted to this share of its record first, then to twice as much, and so on: a speed that is off by the noise of one reading is, over a whole
+/// record, turns of whatever repeats with the angle, and the nearest best is then a wrong one.
+const FIRST_SHARE: usize = 16;
+
+/// Rows with fewer of which a beginning says nothing about a start that the whole does not.
+const LEAST_ROWS: usize = 30;
+
+/// The model with the starts of other records, from their first readings, as its only unknowns.
+fn started(kernel: &Kernel, model: &Model) -> Model {
+    let mut other = model.clone();
+    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+    other.take_starts(&records, kernel.floors.map(|floor| floor.sd));
+    other.unknowns.retain(|unknown| matches!(unknown.place, Place::Start { .. }));
+    other
+}
+
+/// The model on other records, one step of their starts from first readings: enough where they are nearly right.
+#[must_use]
+pub fn at_once(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
+    levenberg::fit(kernel, started(kernel, model), 1)
+}
+
+/// The model on other records, their starts as they fit best; its residual comes with it.
+#[must_use]
+pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
+    let mut other = started(kernel, model);
+    let mut share = FIRST_SHARE;
+    while share > 1 {
+        let cut = |it: &Prepared| it.shortened(it.record.rows() / share);
+        if kernel.records.iter().all(|it| it.record.rows() / share >= LEAST_ROWS) {
+            let records: Vec<Prepared> = kernel.records.iter().map(cut).collect();
+            other = levenberg::fit(&kernel.on(records), other, STEPS)?.model;
+        }
+        share /= 2;
+    }
+    levenberg::fit(kernel, other, STEPS)
+}
+
+/// The same, with starts from an earlier fit on these records. The phase of what turns fast depends on them so much that first readings may lead astray.
+#[must_use]
+pub fn from_starts_of(kernel: &Kernel, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
+    let unknowns = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
+    let other = Model { starts: earlier.model.starts.clone(), unknowns: unknowns.cloned().collect(), ..model.clone() };
+    levenberg::fit(kernel, other, STEPS)
+}
+
+/// The model on other records, where its numbers may move, too, as far as they are unsure: each within its standard deviation, on the scale of its search, about
+/// what it is. Starts begin where an earlier fit to these records left them.
+#[must_use]
+pub fn within(kernel: &Kernel, model: &Model, sds: &[Option<f64>], earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
+    let mut other = Model { starts: earlier.model.starts.clone(), unknowns: Vec::new(), ..model.clone() };
+    for (k, (unknown, sd)) in model.unknowns.iter().zip(sds).enumerate() {
+        let value = model.value(k);
+        let (false, Some(sd)) = (matches!(unknown.place, Place::Start { .. }), sd.filter(|sd| *sd > 0.0 && sd.is_finite()))
+        else {
+            continue;
+        };
+        // In first order a step of a logarithm is that share of the value.
+        let sd = if unknown.logarithmic { value.abs() * sd } else { sd };
+        other.unknowns.push(super::model::Unknown { prior: Some((value, sd)), ..unknown.clone() });
+    }
+    other.unknowns.extend(earlier.model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned());
+    levenberg::fit(kernel, other, STEPS)
+}
+
+/// The whitened squared residual; 0 without records.
+#[must_use]
+pub fn squared_residual(kernel: &Kernel, model: &Model) -> Option<f64> {
+    if kernel.records.is_empty() {
+        return Some(0.0);
+    }
+    on(kernel, model).map(|fit| fit.cost)
+}
+
+/// The error of an output.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Error {
+    /// The output, by its place in the plant.
+    pub output: usize,
+    /// Root of the mean squared error.
+    pub rmse: f64,
+    /// The same over the noise.
+    pub noise_ratio: f64,
+}
+
+/// Errors of a fit, by output.
+#[must_use]
+pub fn errors(kernel: &Kernel, fit: &levenberg::Fit) -> Vec<Error> {
+    errors_of(kernel, &fit.simulated)
+}
+
+/// Errors of simulations of all records, by output.
+#[must_use]
+pub fn errors_of(kernel: &Kernel, simulated: &[Simulated]) -> Vec<Error> {
+    let mut sums = [(0.0, 0usize); 3];
+    for (prepared, simulated) in kernel.records.iter().zip(simulated) {
+        for (k, values) in simulated.iter().enumerate() {
+            for ((measured, value), used) in prepared.measured(k).iter().zip(values).zip(&prepared.used[k]) {
+                if *used {
+                    let off = measured - kernel.floors[prepared.outputs[k]].reads(*value);
+                    let sum = &mut sums[prepared.outputs[k]];
+                    sum.0 += off * off;
+                    sum.1 += 1;
+                }
+            }
+        }
+    }
+    let each = sums.iter().enumerate().filter(|(_, (_, count))| *count > 0);
+    each.map(|(output, (sum, count))| {
+        let rmse = (sum / *count as f64).sqrt();
+        Error { output, rmse, noise_ratio: rmse / kernel.floors[output].sd }
+    })
+    .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::noise::Floor;
+    use super::super::random::Random;
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::plant_file::PlantFile;
+    use rsm_sim::simulate::Simulator;
+
+    #[test]
+    fn a_start_is_found_where_its_error_turns_the_phase_of_a_ripple() {
+        let text = include_str!("../../../rsm-sim/plants/driveline.toml").to_string()
+            + "\n[[effects]]\nkind = \"combustion-ripple\"\nparameters = { amplitude = 0.8 }\n";
+        let file = PlantFile::read(&Source::new("car.toml", text)).unwrap();
+        let mut csv = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
+        for k in 0..1500 {
+            csv += &format!("{},{},3,0,{},0\n", f64::from(k) / 100.0, if k % 400 < 150 { 0.5 } else { 0.05 }, 12.0);
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
+        let sds = [0.1, 0.02, 0.05];
+        let mut random = Random::new(4);
+        for (k, name) in ["engine_speed", "road_speed", "acceleration"].iter().enumerate() {
+            let noisy = simulated.of(name).unwrap().iter().map(|value| value + sds[k] * random.normal());
+            record.measured[k] = Some(noisy.collect());
+        }
+        // Two standard deviations off, the first reading is two radians of the ripple off at the end.
+        record.measured[1].as_mut().unwrap()[0] = 12.04;
+        let kernel = Kernel::new(vec![Prepared::new(record.clone(), 3)], sds.map(Floor::white), 1);
+        let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
+        // White noise in 4500 readings: four standard deviations, 4 sqrt(2 * 4500), and the four squared ones of the first.
+        let left = squared_residual(&kernel, &model).unwrap();
+        assert!((left - 4500.0).abs() < 384.0, "{left}");
+    }
+}

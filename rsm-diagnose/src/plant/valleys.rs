@@ -1,0 +1,331 @@
+//! Out of valleys: ways from a fit that is only the nearest best to one that is better.
+//!
+//! In: a fit that leaves structure. Out: a better fit of the same unknowns, if it is found. What a cause adds up along a record, and what bounces, sticks or creeps over a
+//! crest at another moment for numbers that hardly differ, parts the ground into narrow valleys. Judged on all rows by plain squares. Never changes which
+//! unknowns there are.
+
+use super::kernel::{Kernel, Prepared, dot};
+use super::levenberg::{self, Fit};
+use super::model::{Model, Place};
+use super::nuisance::Nuisance;
+use super::random::Random;
+
+/// Steps out of a valley end at this share of a number's scale, where a scan has looked: 2.5 % of a positive number.
+const OUT: f64 = 0.25;
+
+/// Factor between steps out of a valley.
+const WIDER: f64 = 1.5;
+
+/// Valleys beyond the nearest that are tried, and how often that may lead on.
+const VALLEYS: usize = 3;
+
+/// In standard deviations of the squared residual of noise: a fit within them has nothing to escape from.
+const NOISE: f64 = 4.0;
+
+/// Parts of a record: short beside a move, of which a record has some ten, and long enough that noise is even in them.
+const PARTS: usize = 100;
+
+/// What a part of a record says counts as it is up to half of its noise, and by its logarithm beyond: noise by a third, a bounce at the wrong moment with 400 times
+/// the noise's square as much as three.
+const COUNTS: f64 = 0.5;
+
+/// Few parts: an error that is everywhere alike has a tenth of itself in a tenth of the parts, one that grows along a record a fifth.
+const FEW: f64 = 0.1;
+
+/// Steps along the logarithms of parts: ten lead from a tenth off to a thousandth.
+const ROBUST_STEPS: usize = 20;
+
+/// A step that gains less is the last: what noise makes of one number.
+const ROBUST_ENOUGH: f64 = 1.0;
+
+/// Dampings that are tried for such a step, each ten times the last.
+const DAMPINGS: usize = 6;
+
+/// Sizes of hops, in units of a number's scale: 2.5 %, 0.8 % and 0.25 % of a positive number, since valleys are as wide as that, or narrower.
+const HOPS: [f64; 3] = [0.25, 0.08, 0.025];
+
+/// Hops in vain after which no more are made: three of each size.
+pub const IN_VAIN: usize = 9;
+
+/// Hops at most.
+const MOST_HOPS: usize = 36;
+
+/// Of the hops.
+const SEED: u64 = 7;
+
+/// Out of a valley that is only the nearest: steps along the numbers of the last cause, from what the noise leaves open to where a scan has looked, with everything else
+/// in first order. It goes on while it gains more than `threshold`.
+#[must_use]
+pub fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
+    let mut fit = fit;
+    for _ in 0..VALLEYS {
+        if is_noise(&fit) || kernel.pace.is_spent() {
+            break;
+        }
+        let nuisance = Nuisance::new(&fit);
+        let mut models = Vec::new();
+        for (&k, column) in fit.free.iter().zip(&fit.columns) {
+            let unknown = &fit.model.unknowns[k];
+            if !of_last(&fit.model, k) {
+                continue;
+            }
+            let at = unknown.inward(fit.model.value(k));
+            // By its standard deviation, all else known, the outputs move by as much as noise does.
+            let mut step = 1.0 / dot(&column.values, &column.values).sqrt();
+            while step < OUT * unknown.scale {
+                for value in [unknown.outward(at - step), unknown.outward(at + step)] {
+                    let mut model = fit.model.clone();
+                    model.set(k, value);
+                    models.push(model);
+                }
+                step *= WIDER;
+            }
+        }
+        let runs = kernel.run_all(&models);
+        let costs = runs.into_iter().map(|run| run.map(|run| nuisance.left(&kernel.residual(&run)).0));
+        let mut order: Vec<(f64, Model)> = costs.zip(models).filter_map(|(cost, model)| Some((cost?, model))).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let others = order.into_iter().take(VALLEYS).filter_map(|(_, model)| levenberg::fit(kernel, model, steps));
+        let lower = others.into_iter().find(|other| other.cost < fit.cost - threshold);
+        let Some(lower) = lower else { break };
+        fit = lower;
+    }
+    fit
+}
+
+/// Rows of a part.
+fn length(prepared: &Prepared) -> usize {
+    prepared.record.rows().div_ceil(PARTS).max(1)
+}
+
+/// The mean square of each part of each record, in multiples of noise.
+fn parts(kernel: &Kernel, residual: &[f64]) -> Vec<Vec<f64>> {
+    let mut first = 0;
+    let each = kernel.records.iter().map(|prepared| {
+        let (rows, outputs, length) = (prepared.record.rows(), prepared.outputs.len(), length(prepared));
+        let mut squares = vec![0.0; rows.div_ceil(length)];
+        for values in residual[first..first + rows * outputs].chunks_exact(rows.max(1)) {
+            for (square, part) in squares.iter_mut().zip(values.chunks(length)) {
+                *square += dot(part, part) / (length * outputs) as f64;
+            }
+        }
+        first += rows * outputs;
+        squares
+    });
+    each.collect()
+}
+
+/// Whether a tenth of the parts holds most of what is left beyond noise.
+#[must_use]
+pub fn in_few_parts(kernel: &Kernel, fit: &Fit) -> bool {
+    let mut beyond: Vec<f64> = parts(kernel, &fit.residual).into_iter().flatten().map(|it| (it - 1.0).max(0.0)).collect();
+    beyond.sort_by(f64::total_cmp);
+    let few = (FEW * beyond.len() as f64).ceil() as usize;
+    let of_few: f64 = beyond.iter().rev().take(few).sum();
+    !is_noise(fit) && of_few > 0.5 * beyond.iter().sum::<f64>()
+}
+
+/// The priors and the sum over parts of records, single moments counting by their logarithm, and the weight of each row of the stack in its derivative: of a part with the mean square
+/// E, c ln(1 + E/c) (the loss of a Cauchy distribution, P. J. Huber, 1981, of parts in place of rows).
+fn by_logarithm(kernel: &Kernel, model: &Model, residual: &[f64]) -> (f64, Vec<f64>) {
+    // The priors alone.
+    let (mut sum, mut weights) = (levenberg::cost(model, &[]), Vec::with_capacity(residual.len()));
+    for (prepared, squares) in kernel.records.iter().zip(parts(kernel, residual)) {
+        let (rows, outputs, length) = (prepared.record.rows(), prepared.outputs.len(), length(prepared));
+        sum += squares.iter().map(|it| COUNTS * (1.0 + it / COUNTS).ln() * (length * outputs) as f64).sum::<f64>();
+        for _ in 0..outputs {
+            weights.extend((0..rows).map(|row| 1.0 / (1.0 + squares[row / length] / COUNTS)));
+        }
+    }
+    (sum, weights)
+}
+
+/// A model fitted to what most parts of the records say (weights anew at every step: P. W. Holland, R. E. Welsch, 1977). `None` where it cannot be simulated.
+#[must_use]
+pub fn by_most_parts(kernel: &Kernel, model: Model) -> Option<Model> {
+    let mut model = model;
+    let mut simulated = kernel.run(&model)?;
+    let mut residual = kernel.residual(&simulated);
+    let (mut now, mut weights) = by_logarithm(kernel, &model, &residual);
+    let mut damping = 1e-3;
+    let all: Vec<usize> = (0..model.unknowns.len()).collect();
+    for _ in 0..ROBUST_STEPS {
+        let roots: Vec<f64> = weights.iter().map(|it| it.sqrt()).collect();
+        let weighted: Vec<f64> = residual.iter().zip(&roots).map(|(value, root)| value * root).collect();
+        let mut columns = kernel.derivatives(&model, &simulated, &all)?;
+        for column in &mut columns {
+            column.values.iter_mut().zip(&roots[column.first..]).for_each(|(value, root)| *value *= root);
+        }
+        let equations = levenberg::Equations::new(&model, &columns, &weighted);
+        let better = (0..DAMPINGS).find_map(|_| {
+            let trial = equations.moved(&model, &equations.change(&model, damping));
+            let found = kernel.run(&trial).and_then(|run| {
+                let left = kernel.residual(&run);
+                let (sum, weights) = by_logarithm(kernel, &trial, &left);
+                (sum < now).then_some((trial, run, left, sum, weights))
+            });
+            damping = if found.is_some() { levenberg::less(damping) } else { levenberg::more(damping) };
+            found
+        });
+        let Some((trial, run, left, sum, other)) = better else { break };
+        let gained = now - sum;
+        (model, simulated, residual, now, weights) = (trial, run, left, sum, other);
+        if gained < ROBUST_ENOUGH {
+            break;
+        }
+    }
+    Some(model)
+}
+
+/// Out of a valley of several numbers by hops (D. J. Wales, J. P. K. Doye, 1997): to fits from where most parts of the records lead and from where the fit is, and from places
+/// near the two. It ends where noise is left or so many `hops` are in vain; what gains no more than `enough` does not count.
+#[must_use]
+pub fn settled(kernel: &Kernel, fit: Fit, steps: usize, hops: usize, enough: f64) -> Fit {
+    let mut random = Random::new(SEED);
+    let mut fit = fit;
+    let mut led = None;
+    let mut vain = 0;
+    for hop in 0..MOST_HOPS {
+        if is_noise(&fit) || vain > hops || kernel.pace.is_spent() {
+            break;
+        }
+        let led_to = led.get_or_insert_with(|| by_most_parts(kernel, fit.model.clone()));
+        let from = led_to.as_ref().filter(|_| vain % 2 == 0).unwrap_or(&fit.model);
+        let mut model = from.clone();
+        // Without a hop at first.
+        if vain > 0 {
+            for k in (0..model.unknowns.len()).filter(|k| of_last(from, *k)) {
+                let unknown = &from.unknowns[k];
+                let to = unknown.inward(from.value(k)) + HOPS[hop % HOPS.len()] * unknown.scale * random.normal();
+                model.set(k, unknown.outward(to));
+            }
+        }
+        match levenberg::fit(kernel, model, steps) {
+            Some(other) if other.cost < fit.cost - enough => {
+                (fit, led, vain) = (other, None, 0);
+            }
+            _ => vain += 1,
+        }
+    }
+    fit
+}
+
+/// Whether an unknown is a number of the last cause.
+fn of_last(model: &Model, unknown: usize) -> bool {
+    let last = model.file.effects.len().saturating_sub(1);
+    matches!(model.unknowns[unknown].place, Place::Effect { entry, .. } if entry == last)
+}
+
+/// Whether a squared residual is within what noise has.
+fn is_noise(fit: &Fit) -> bool {
+    let rows = fit.residual.len() as f64;
+    fit.cost <= rows + NOISE * (2.0 * rows).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::noise::Floor;
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_sim::plant_file::PlantFile;
+    use rsm_sim::record::Record;
+    use rsm_sim::simulate::Simulator;
+
+    const NOISE: [f64; 2] = [3e-6, 0.015];
+
+    fn axis(numbers: [f64; 4]) -> PlantFile {
+        let [gap, ratio, stiffness, damping] = numbers;
+        let text = format!(
+            "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 66\nforce_gain = 27\nviscous_friction = 113\ncommand_limit = 10\n\
+             position_gain = 28\nvelocity_gain = 136\nvelocity_from = \"state\"\n[[effects]]\nkind = \"backlash\"\nparameters = \
+             {{ gap = {gap}, mass_ratio = {ratio}, stiffness = {stiffness}, damping = {damping} }}\n"
+        );
+        PlantFile::read(&Source::new("axis.toml", text)).unwrap()
+    }
+
+    /// Six seconds of an axis with free play that goes to and fro.
+    fn recorded(truth: &PlantFile) -> (Kernel, Record) {
+        let mut csv = "time[s],reference[m],position[m],command[V]\n".to_string();
+        let mut reference = 0.0;
+        for k in 0..6000 {
+            let t = f64::from(k) / 1000.0;
+            let speed = [0.2, 0.0, -0.1, 0.05, 0.0, -0.15, 0.3, -0.02][(k / 150 % 8) as usize];
+            reference += speed / 1000.0;
+            csv += &format!("{t},{reference},0,0\n");
+        }
+        let mut record = Record::read(&Source::new("r.csv", csv), truth).unwrap();
+        let simulated = Simulator::new(truth, &record).unwrap().run(&record).unwrap();
+        let mut random = Random::new(11);
+        for (k, name) in ["position", "command"].iter().enumerate() {
+            let noisy = simulated.of(name).unwrap().iter().map(|value| value + NOISE[k] * random.normal());
+            record.measured[k] = Some(noisy.collect());
+        }
+        let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
+        (Kernel::new(vec![Prepared::new(record.clone(), 2)], floors, 2), record)
+    }
+
+    fn started(numbers: [f64; 4], record: &Record) -> Model {
+        let nominal = PlantFile { effects: vec![], ..axis(numbers) };
+        let model = Model::nominal(&nominal, &[record], [NOISE[0], NOISE[1], 1.0]);
+        model.plus(&model, axis(numbers).effects[0].clone())
+    }
+
+    #[test]
+    fn contacts_at_other_moments_hold_a_fit_that_most_parts_of_the_record_lead_on() {
+        let truth = [3.5e-4, 0.35, 8.5e5, 640.0];
+        let (kernel, record) = recorded(&axis(truth));
+        let rows = kernel.rows() as f64;
+        for [gap, ratio, stiffness, damping] in [[0.3, 1.0, 0.1, 0.7], [2.5, 0.8, 0.3, 1.0]] {
+            let start = [truth[0] * gap, truth[1] * ratio, truth[2] * stiffness, truth[3] * damping];
+            let fit = levenberg::fit(&kernel, started(start, &record), 24).unwrap();
+            assert!(fit.cost > 20.0 * rows, "{}", fit.cost);
+            let found = settled(&kernel, fit, 8, IN_VAIN, 4.0);
+            assert!(is_noise(&found), "{} of {rows}", found.cost);
+            let gap = found.model.file.effects[0].arguments.number("gap");
+            // A thousandth: the play shows in the phase of every contact, of which there are tens, each to a hundredth.
+            assert!((gap / truth[0] - 1.0).abs() < 1e-3, "{gap}");
+        }
+    }
+
+    #[test]
+    fn single_moments_count_by_their_logarithm_and_weigh_as_its_derivative() {
+        let truth = [3.5e-4, 0.35, 8.5e5, 640.0];
+        let (kernel, record) = recorded(&axis(truth));
+        let model = started(truth, &record);
+        let rows = kernel.rows();
+        let sum = |residual: &[f64]| by_logarithm(&kernel, &model, residual);
+        let noise: Vec<f64> = (0..rows).map(|row| if row % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let mut bounced = noise.clone();
+        // The first of a hundred parts, in the first of two outputs.
+        bounced[..60].iter_mut().for_each(|it| *it = 40.0);
+        let (plain, with) = (sum(&noise).0, sum(&bounced).0);
+        // Of one part of 120 values: c ln(1 + E/c) with E = 800.5 less the same with E = 1.
+        let expected = 120.0 * COUNTS * ((1.0 + 800.5 / COUNTS) / (1.0 + 1.0 / COUNTS)).ln();
+        assert!((with - plain - expected).abs() < 1e-6 * expected, "{} {expected}", with - plain);
+        // d/dr = 2 weight r.
+        for row in [7, 3500] {
+            let mut other = bounced.clone();
+            other[row] += 1e-4;
+            let slope = (sum(&other).0 - with) / 1e-4;
+            let weight = sum(&bounced).1[row];
+            assert!((slope / (2.0 * weight * bounced[row]) - 1.0).abs() < 1e-3, "{row}: {slope}");
+        }
+    }
+
+    #[test]
+    fn an_error_in_one_moment_is_in_few_parts_and_one_that_grows_is_not() {
+        let truth = [3.5e-4, 0.35, 8.5e5, 640.0];
+        let (kernel, record) = recorded(&axis(truth));
+        let mut fit = levenberg::here(&kernel, started(truth, &record)).unwrap();
+        assert!(!in_few_parts(&kernel, &fit), "noise");
+        let rows = kernel.rows();
+        let noise = fit.residual.clone();
+        let mut with = |error: &dyn Fn(usize) -> f64| {
+            fit.residual = noise.iter().enumerate().map(|(row, value)| value + error(row)).collect();
+            fit.cost = dot(&fit.residual, &fit.residual);
+            in_few_parts(&kernel, &fit)
+        };
+        assert!(with(&|row| if (1000..1100).contains(&row) { 30.0 } else { 0.0 }));
+        assert!(!with(&|row| 10.0 * row as f64 / rows as f64));
+    }
+}

@@ -1,0 +1,224 @@
+//! The parts of a verdict by hand: shares, limits, numbers with their units, sentences.
+
+use super::super::axis_under_steps;
+use super::super::levenberg;
+use super::*;
+
+#[test]
+fn louder_noise_on_unseen_records_is_no_structure_and_a_swing_is() {
+    use super::super::axis_under_steps;
+    let file = axis_under_steps::file("mass = 0.02", "");
+    let (kernel, nominal) = axis_under_steps::kernel(&file, &file, true);
+    let fit = levenberg::fit(&kernel, nominal, 4).unwrap();
+    // The residual times `louder`, and a swing of so many times the noise beside it, ten to the record.
+    let left = |louder: f64, swing: f64| {
+        let mut unseen = kernel.clone();
+        let measured = unseen.records[0].record.measured[0].as_mut().unwrap();
+        for (row, value) in measured.iter_mut().enumerate() {
+            let simulated = fit.simulated[0][0][row];
+            let swing = swing * kernel.floors[0].sd * (0.1 * row as f64).sin();
+            *value = simulated + louder * (*value - simulated) + swing;
+        }
+        left_there(&unseen, fit.clone(), 1).excess
+    };
+    assert_eq!(left(1.0, 0.0), 0.0);
+    assert_eq!(left(1.4, 0.0), 0.0);
+    assert!(left(1.8, 0.0) > 0.5, "{}", left(1.8, 0.0));
+    assert!(left(1.0, 0.7) > 0.05, "{}", left(1.0, 0.7));
+}
+
+#[test]
+fn numbers_in_sentences_have_four_digits_and_their_unit() {
+    let of =
+        |value: f64, unit: &str| with_unit(&Interval { name: "x", value, low: value, high: value, unit: unit.to_string() });
+    assert_eq!(of(8.04761, "N*m"), "8.048 N m");
+    assert_eq!(of(1.0757, "1"), "1.076");
+    assert_eq!(of(-4.2e-7, "m/s"), "-0.00000042 m/s");
+}
+
+#[test]
+fn twice_the_noise_is_never_explained_however_wrong_the_plant_was() {
+    // A plant that is wrong by 1000 times the noise may leave 0.5 of its energy; one that is wrong by 10^7 times no more than makes twice the noise of the whole.
+    assert_eq!(allowed(0.0, 1e6), 0.5);
+    assert_eq!(allowed(OF_ROUNDING, 1.0), OF_ROUNDING);
+    assert_eq!((1.0 + allowed(0.0, 1e14)).sqrt(), 2.0);
+}
+
+#[test]
+fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {
+    assert_eq!(judged_by(false, None, false), Verdict::Explained);
+    assert_eq!(judged_by(false, None, true), Verdict::NoDiscrepancy);
+    assert_eq!(judged_by(false, Some(Limit::Steps), false), Verdict::Explained);
+    assert_eq!(judged_by(true, Some(Limit::Steps), false), Verdict::Unexplained);
+    assert_eq!(judged_by(false, Some(Limit::Circle), false), Verdict::Unexplained);
+}
+
+/// Errors of so many times the noise, one an output.
+fn times(ratios: &[f64]) -> Vec<Error> {
+    ratios.iter().enumerate().map(|(output, ratio)| Error { output, rmse: 0.1 * ratio, noise_ratio: *ratio }).collect()
+}
+
+#[test]
+fn a_gain_is_the_share_of_the_energy_above_the_noise_that_is_gone() {
+    // 8 and 3 above the noise; 1.25 and nothing are left. What is below the noise counts as nothing.
+    assert_eq!(gain(&times(&[3.0, 2.0]), &times(&[1.5, 0.5])), 1.0 - 1.25 / 11.0);
+    // Above by 0.05 and 0.15 % of the noise's energy: the scatter of a million rows, and more.
+    assert_eq!(gain(&times(&[1.0005_f64.sqrt()]), &times(&[1.0])), 0.0);
+    assert_eq!(gain(&times(&[1.0015_f64.sqrt()]), &times(&[1.0])), 1.0);
+    // What is made worse many times is worse by all.
+    assert_eq!(gain(&times(&[2.0]), &times(&[10.0])), -1.0);
+}
+
+#[test]
+fn the_gain_of_sums_is_that_of_their_errors_and_asks_for_rows() {
+    // Per row 9, 9 and 0.5 before, 2, 2 and 2 after. Of the second there is one row.
+    assert_eq!(gain_of(&[[90.0, 20.0, 10.0], [9.0, 2.0, 1.0], [5.0, 20.0, 10.0]]), 1.0 - 3.0 / 16.0);
+    // An output without rows says nothing.
+    assert_eq!(gain_of(&[[90.0, 20.0, 10.0], [5.0, 5.0, 0.0], [0.0; 3]]), 1.0 - 1.0 / 8.0);
+    assert_eq!(gain_of(&[[10.005, 10.0, 10.0], [0.0; 3], [0.0; 3]]), 0.0);
+    assert_eq!(gain_of(&[[10.015, 10.0, 10.0], [0.0; 3], [0.0; 3]]), 1.0);
+    assert_eq!(gain_of(&[[20.0, 1000.0, 10.0], [0.0; 3], [0.0; 3]]), -1.0);
+}
+
+#[test]
+fn a_plant_in_order_gets_nothing_wrong_and_causes_are_practical_that_remove_nearly_all() {
+    assert_eq!(wrong_a_row(900.0, 300), 2.0);
+    // Less than the noise is not wrong; without rows there is no mean.
+    assert_eq!([wrong_a_row(200.0, 300), wrong_a_row(3.0, 1), wrong_a_row(5.0, 0)], [0.0, 2.0, 4.0]);
+    let of = |left: f64, wrong: f64| practical(left, wrong);
+    assert_eq!(of(0.005, 10.0), Some(Practical { gone: 1.0 - 0.0005, left: 0.005 }));
+    // A hundredth of the noise matters; a hair less does not.
+    assert!(of(0.0099, 1e3).is_some());
+    assert_eq!([of(FOR_PRACTICE, 1e3), of(0.015, 1e3)], [None, None]);
+    // So does a thousandth of what was wrong.
+    assert!(of(0.009, 9.1).is_some());
+    assert_eq!([of(0.009, 8.9), of(0.005, 5.0), of(0.009, 0.0)], [None, None, None]);
+    // What is left may be below the noise by chance: all is gone, and not more.
+    assert_eq!(of(-0.5, 10.0), Some(Practical { gone: 1.0, left: -0.5 }));
+}
+
+#[test]
+fn a_step_is_known_to_the_digits_of_the_readings_or_to_what_their_changes_miss() {
+    let (mut kernel, _) = axis_under_steps::kernel(&axis_under_steps::file("", ""), &axis_under_steps::file("", ""), false);
+    let mut off = |values: &[f64]| {
+        kernel.records[0].record.measured[0] = Some(values.to_vec());
+        off_lattice(&kernel, 0, 0.25)
+    };
+    // Multiples to the last bit: the digits of the largest reading.
+    assert_eq!(off(&[0.5, 0.25, -4.0, 1.0]), 16.0 * f64::EPSILON);
+    // Changes of three steps that miss by 0.001, up or down, in the last pair; one that misses by 0.004 is no multiple.
+    for last in [1.751, 1.749] {
+        let miss = (last - 1.0 - 0.75_f64).abs();
+        assert_eq!(off(&[1.0, 1.75, 1.0, last]), miss, "{last}");
+    }
+    assert_eq!(off(&[1.0, 1.754]), 4.0 * f64::EPSILON * 1.754);
+    // A hundredth of a step is too far by a hair.
+    assert_eq!(off(&[0.0, 0.0025]), 4.0 * f64::EPSILON * 0.0025);
+    // Another output is not recorded.
+    assert_eq!(off_lattice(&kernel, 1, 0.25), 0.0);
+}
+
+#[test]
+fn rounding_is_a_cause_of_its_own_and_an_entry_of_the_file() {
+    let found = rounding(PlantKind::ServoAxis, 0, 0.5, 0.125, 600.0);
+    let step = &found.parameters[0];
+    assert_eq!((step.value, step.low, step.high, step.unit.as_str()), (0.5, 0.375, 0.625, "m"));
+    assert_eq!((found.confidence, found.gain, found.asked), (0.99, 600.0, true));
+    assert_eq!(found.subject.as_deref(), Some("position"));
+    let entry = rounding_entry(PlantKind::ServoAxis, 0, 0.5).unwrap();
+    assert_eq!((entry.description.kind, entry.arguments.subject.as_deref()), ("sensor-quantisation", Some("position")));
+    assert_eq!(entry.arguments.numbers, [("step", 0.5)]);
+}
+
+#[test]
+fn every_number_has_the_unit_of_what_it_stands_for() {
+    use PlantKind::{Driveline, Pmac, ServoAxis};
+    let of = |kind: &str, plant, subject: Option<&str>, name: &str| {
+        unit(plant, rsm_sim::effects::of(kind).expect("a kind"), subject, name)
+    };
+    for (kind, plant, subject, name, expected) in [
+        ("windage", Pmac, None, "coefficient", "N*m*s^2/rad^2"),
+        ("parameter-error", Pmac, Some("inertia"), "value", "kg*m^2"),
+        ("parameter-error", ServoAxis, Some("mass"), "value", "kg"),
+        ("sensor-gain", Pmac, Some("speed"), "gain", "1"),
+        ("sensor-drift", Pmac, Some("speed"), "rate", "rad/s/s"),
+        ("sensor-bias", Pmac, Some("i_q"), "bias", "A"),
+        ("sensor-quantisation", ServoAxis, Some("position"), "step", "m"),
+        ("backlash", Driveline, None, "gap", "rad"),
+        ("backlash", ServoAxis, None, "gap", "m"),
+        ("backlash", ServoAxis, None, "mass_ratio", "1"),
+        ("shaft-compliance", Pmac, None, "stiffness", "N*m/rad"),
+        ("shaft-compliance", ServoAxis, None, "stiffness", "N/m"),
+        ("shaft-compliance", Pmac, None, "damping", "N*m*s/rad"),
+        ("shaft-compliance", ServoAxis, None, "damping", "N*s/m"),
+        ("asymmetric-friction", Pmac, None, "viscous_forward", "N*m*s/rad"),
+        ("asymmetric-friction", ServoAxis, None, "viscous_backward", "N*s/m"),
+        ("stribeck-friction", Pmac, None, "stribeck_velocity", "rad/s"),
+        ("stribeck-friction", ServoAxis, None, "stribeck_velocity", "m/s"),
+        ("stribeck-friction", Pmac, None, "static", "N*m"),
+        ("stribeck-friction", ServoAxis, None, "coulomb", "N"),
+    ] {
+        assert_eq!(of(kind, plant, subject, name), expected, "{kind} {plant:?} {name}");
+    }
+}
+
+/// An axis with effects, fitted to a record of its own.
+fn fitted(effects: &str, tolerances: &str) -> Fit {
+    let file = axis_under_steps::file(tolerances, effects);
+    let (kernel, nominal) = axis_under_steps::kernel(&axis_under_steps::file(tolerances, ""), &file, true);
+    let model = nominal.with_effects(&nominal, file.effects.clone());
+    levenberg::fit(&kernel, model, 8).unwrap()
+}
+
+fn named(fit: &Fit, place: usize) -> Cause {
+    let believed = Believed {
+        label: String::new(),
+        gain: 7.0,
+        rivals: Vec::new(),
+        alike: Vec::new(),
+        rival_models: Vec::new(),
+        asked: true,
+        without: fit.model.clone(),
+    };
+    cause(fit, place, &believed, Vec::new(), 0.5, None)
+}
+
+#[test]
+fn a_cause_is_told_in_its_sentence_with_the_numbers_of_its_own_entry() {
+    let two = axis_under_steps::friction(0.8)
+        + "[[effects]]\nkind = \"sensor-drift\"\nparameters = { output = \"position\", rate = 0.01 }\n";
+    let fit = fitted(&two, "mass = 0.02");
+    let friction = named(&fit, 0);
+    let [force] = &friction.parameters[..] else { panic!("{:?}", friction.parameters) };
+    // The name of the other plant's number is left out of the sentence.
+    assert_eq!(friction.sentence, format!("A dry friction of {} is missing from the model.", with_unit(force)));
+    assert_eq!((force.name, force.unit.as_str(), friction.kind, friction.gain), ("force", "N", "coulomb-friction", 7.0));
+    // Its own interval, which holds the truth and is no point.
+    assert!(force.low < force.value && force.value < force.high && force.low < 0.8 && force.high > 0.8, "{force:?}");
+    let drift = named(&fit, 1);
+    assert_eq!(drift.sentence, format!("The sensor of position drifts by {}.", with_unit(&drift.parameters[0])));
+    assert_eq!((drift.subject.as_deref(), drift.of), (Some("position"), Subject::Output));
+    let error = "[[effects]]\nkind = \"parameter-error\"\nparameters = { parameter = \"mass\", value = 2.1 }\n";
+    let mass = named(&fitted(error, ""), 0);
+    assert_eq!(
+        mass.sentence,
+        format!("The parameter mass is {}, not what the plant file says.", with_unit(&mass.parameters[0]))
+    );
+}
+
+#[test]
+fn causes_are_told_by_their_gain() {
+    assert_eq!(by_gain(&[2.0, 5.0, 1.0, 3.0]), [1, 3, 0, 2]);
+}
+
+#[test]
+fn rounding_may_leave_something_where_one_floor_does_not_know_it() {
+    let plain = Floor::white(0.1);
+    let known = Floor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..plain };
+    let slow = Floor { correlation: 0.2, ..known };
+    assert_eq!(of_rounding([].into_iter()), 0.0);
+    assert_eq!(of_rounding([&known, &known].into_iter()), 0.0);
+    for one in [&plain, &slow] {
+        assert_eq!(of_rounding([&known, one].into_iter()), OF_ROUNDING);
+    }
+}

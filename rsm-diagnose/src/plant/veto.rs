@@ -1,0 +1,224 @@
+//! The last word on a set of causes: each unseen record judges it alone, and so do its own intervals.
+//!
+//! In: the fit of a search with its causes, unseen records. Out: what stands, and what was tried and refused, with the reason. A set that trades one record for another has
+//! a better sum and is no explanation, so sums do not count here. Never adds a cause.
+
+use super::hypotheses::Hypothesis;
+use super::kernel::Kernel;
+use super::levenberg::{self, Fit};
+use super::model::{Model, Place, Unknown};
+use super::posterior::Posterior;
+use super::selection::{Believed, Search};
+use super::{plausible, validation, worth};
+use rsm_sim::plant_file::Entry;
+
+/// A cause that was tried and refused.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// Its name in lists.
+    pub cause: String,
+    /// Why, in words.
+    pub why: String,
+}
+
+/// A number as near to the end of its search as this share of its scale is at the end.
+const AT_THE_END: f64 = 1e-6;
+
+impl Search<'_> {
+    /// What of a set stands: no member without an effect of its own, none with a number at the end of its search or beyond what is plausible, none that makes an unseen record
+    /// worse. Members go one at a time, the one with the worst reason first; the others are fitted again.
+    pub(super) fn vetoed(
+        &self,
+        calibrated: &Fit,
+        mut fit: Fit,
+        mut causes: Vec<Believed>,
+        threshold: f64,
+    ) -> (Fit, Vec<Believed>, Vec<Refusal>) {
+        let mut refused = Vec::new();
+        while let Some((place, why)) = self.worst_member(calibrated, &fit, &causes, threshold) {
+            let without = fit.model.minus(self.nominal, place);
+            let Some(other) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else { break };
+            let cause = causes.remove(place).label;
+            (self.progress)(&format!("{cause} is refused: {why}"));
+            refused.push(Refusal { cause, why });
+            fit = other;
+            self.told_anew(&fit, &mut causes);
+        }
+        (fit, causes, refused)
+    }
+
+    /// What each cause of a smaller set is worth beside the others that are left.
+    fn told_anew(&self, fit: &Fit, causes: &mut [Believed]) {
+        for (place, cause) in causes.iter_mut().enumerate() {
+            let without = fit.model.minus(self.nominal, place);
+            if let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(fit)) {
+                cause.gain = base.cost - fit.cost;
+                cause.without = base.model;
+            }
+        }
+    }
+
+    /// The member of a set that has to go, with the reason; `None` where the set stands.
+    fn worst_member(&self, calibrated: &Fit, fit: &Fit, causes: &[Believed], threshold: f64) -> Option<(usize, String)> {
+        if causes.len() != fit.model.file.effects.len() {
+            return None;
+        }
+        let of_itself = |(place, entry): (usize, &Entry)| {
+            let implausible = plausible::why_not(entry, self.survey, &self.nominal.file);
+            let why = implausible.or_else(|| at_its_end(fit, place)).or_else(|| neutral(fit, place, self.hypotheses));
+            why.map(|why| (place, why))
+        };
+        fit.model
+            .file
+            .effects
+            .iter()
+            .enumerate()
+            .find_map(of_itself)
+            .or_else(|| self.harmful(calibrated, fit, causes, threshold))
+    }
+
+    /// The member that makes an unseen record worse by more than what decides there, or by which the set does.
+    fn harmful(&self, calibrated: &Fit, fit: &Fit, causes: &[Believed], threshold: f64) -> Option<(usize, String)> {
+        if causes.is_empty() || self.unseen.records.is_empty() {
+            return None;
+        }
+        let with = by_record(self.unseen, &fit.model, &[&calibrated.model], Some(fit))?;
+        let without: Vec<Vec<f64>> =
+            causes.iter().map(|it| by_record(self.unseen, &it.without, &[&calibrated.model], None)).collect::<Option<_>>()?;
+        // How many times as much as decides a record is worse by.
+        let worse = |record: usize, with: f64, without: f64| {
+            (with - without) / worth::decides(threshold, without.min(with), Kernel::length(&self.unseen.records[record]))
+        };
+        let mut worst: Option<(f64, usize, String)> = None;
+        for (place, before) in without.iter().enumerate() {
+            for (record, (after, before)) in with.iter().zip(before).enumerate() {
+                let by = worse(record, *after, *before);
+                if by > 1.0 && worst.as_ref().is_none_or(|it| by > it.0) {
+                    worst = Some((by, place, self.told(record, *before, *after)));
+                }
+            }
+        }
+        if let Some((_, place, why)) = worst {
+            return Some((place, why));
+        }
+        // No single member does it, and the set may: against the plant of the file and the calibrated one, whichever is nearer.
+        let plain = [self.nominal, &calibrated.model].map(|model| by_record(self.unseen, model, &[], None));
+        let [Some(nominal), Some(calibrated)] = plain else { return None };
+        for (record, after) in with.iter().enumerate() {
+            let before = nominal[record].min(calibrated[record]);
+            if worse(record, *after, before) > 1.0 {
+                let member = (0..causes.len()).min_by(|a, b| without[*a][record].total_cmp(&without[*b][record]))?;
+                return Some((member, self.told(record, before, *after)));
+            }
+        }
+        None
+    }
+
+    fn told(&self, record: usize, before: f64, after: f64) -> String {
+        let prepared = &self.unseen.records[record];
+        let times = |square: f64| (square / Kernel::length(prepared).max(1) as f64).sqrt();
+        format!(
+            "{} becomes worse: {:.2} times the noise without it, {:.2} with it",
+            super::regions::name_of(&prepared.record.file),
+            times(before),
+            times(after)
+        )
+    }
+}
+
+/// The squared residual of a model on each record: the best of starts from first readings, from those that other models found, and, for a fit, with numbers that move as far as they are unsure.
+fn by_record(unseen: &Kernel, model: &Model, guides: &[&Model], fit: Option<&Fit>) -> Option<Vec<f64>> {
+    let plain = validation::on(unseen, model)?;
+    let mut fits = vec![plain];
+    for guide in guides {
+        let guided = validation::on(unseen, guide).and_then(|guide| validation::from_starts_of(unseen, model, &guide));
+        fits.extend(guided);
+    }
+    if let Some(fit) = fit {
+        let best = fits.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        let moved = validation::within(unseen, model, Posterior::of(fit).deviations(), best);
+        fits.extend(moved);
+    }
+    let of = |fit: &Fit, record: usize| {
+        let first = unseen.first(record);
+        let part = &fit.residual[first..first + Kernel::length(&unseen.records[record])];
+        super::kernel::dot(part, part)
+    };
+    Some((0..unseen.records.len()).map(|record| fits.iter().map(|fit| of(fit, record)).fold(f64::INFINITY, f64::min)).collect())
+}
+
+/// Whether a number of an entry stands at the end of its search, which physics does not ask for.
+fn at_its_end(fit: &Fit, entry: usize) -> Option<String> {
+    let its = |unknown: &&Unknown| matches!(unknown.place, Place::Effect { entry: its, .. } if its == entry);
+    let places = (0..fit.model.unknowns.len()).filter(|k| its(&&fit.model.unknowns[*k]));
+    let mut ends = places.filter_map(|k| {
+        let unknown = &fit.model.unknowns[k];
+        let Place::Effect { number, .. } = unknown.place else { return None };
+        if !unknown.logarithmic {
+            return None;
+        }
+        let at = unknown.inward(fit.model.value(k));
+        let near = |end: f64| (at - unknown.inward(end)).abs() < AT_THE_END * unknown.scale;
+        (near(unknown.low) || near(unknown.high))
+            .then(|| format!("{number} ran to the end of its search, {:.4}", fit.model.value(k)))
+    });
+    ends.next()
+}
+
+/// Whether the 95 % interval of the number that scales an entry holds the value at which it does nothing.
+fn neutral(fit: &Fit, entry: usize, hypotheses: &[Hypothesis]) -> Option<String> {
+    let its = &fit.model.file.effects[entry];
+    let hypothesis = hypotheses.iter().find(|it| it.is(its))?;
+    let (place, without) = hypothesis.guesses.first()?.neutral?;
+    let (name, value) = *its.arguments.numbers.get(place)?;
+    let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry, number: name })?;
+    let (low, high) = Posterior::of(fit).interval(fit, unknown)?;
+    (low <= without && without <= high).then(|| {
+        format!("{name} = {value:.4}, and its 95 % interval, {low:.4} to {high:.4}, holds {without}, at which it does nothing")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{axis_under_steps, hypotheses, survey};
+    use super::*;
+
+    const TOLERANCES: &str = "mass = 0.02\nviscous_friction = 0.02";
+
+    /// What is refused of dry friction that was fitted to an axis with so much of it, where an unseen record is of an axis with so much.
+    fn refused(seen: f64, unseen: f64) -> Vec<String> {
+        let file = |force: f64| {
+            let effects = if force == 0.0 { String::new() } else { axis_under_steps::friction(force) };
+            axis_under_steps::file(TOLERANCES, &effects)
+        };
+        let (kernel, nominal) = axis_under_steps::kernel(&file(0.0), &file(seen), true);
+        let (other, _) = axis_under_steps::kernel(&file(0.0), &file(unseen), true);
+        let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
+        let survey = survey::survey(&kernel, &calibrated);
+        let all = hypotheses::all(nominal.file.kind, &survey, &[0]);
+        let search = axis_under_steps::search(&kernel, &other, &nominal, &all, &survey);
+        let with = nominal.with_effects(&nominal, file(0.1).effects);
+        let fit = levenberg::fit(&kernel, with, 20).unwrap();
+        let believed = Believed {
+            label: "coulomb-friction".to_string(),
+            gain: calibrated.cost - fit.cost,
+            rivals: Vec::new(),
+            rival_models: Vec::new(),
+            alike: Vec::new(),
+            asked: true,
+            without: calibrated.model.clone(),
+        };
+        let (fit, causes, refused) = search.vetoed(&calibrated, fit, vec![believed], 30.0);
+        assert_eq!((fit.model.file.effects.len(), causes.len() + refused.len()), (causes.len(), 1));
+        refused.into_iter().map(|it| it.why).collect()
+    }
+
+    #[test]
+    fn a_cause_that_makes_an_unseen_record_worse_is_refused_and_so_is_one_that_does_nothing() {
+        assert_eq!(refused(0.8, 0.8), Vec::<String>::new());
+        let worse = refused(0.8, 0.0);
+        assert!(worse.len() == 1 && worse[0].contains("becomes worse"), "{worse:?}");
+        let nothing = refused(0.0, 0.0);
+        assert!(nothing.len() == 1 && nothing[0].contains("at which it does nothing"), "{nothing:?}");
+    }
+}

@@ -1,0 +1,321 @@
+//! New data for a model: which columns are its inputs and responses, and what the others may be.
+//!
+//! In: the sources of CSV files and a model. Out: [`NewData`], rows in run order in the units of the model, or every fault. A surface is compared where its response is a column. Every other column
+//! is kept as numbers, as levels, or ignored with a reason. Never drops a row.
+
+use rsm_core::model::Model;
+use rsm_core::source::{Collector, Fault, Faults, Source};
+
+use super::sample::Extra;
+use rsm_fit::records::{DataFile, Refused, hash};
+use rsm_fit::table::{Table, Wanted, is_run};
+
+/// Names under which a column of numbers is taken for one of levels and nothing else.
+const BLOCK: [&str; 15] = [
+    "block", "blocks", "day", "rig", "batch", "session", "bench", "lot", "shift", "operator", "group", "series", "setup",
+    "machine", "week",
+];
+
+/// A column of whole numbers with more values than this is a quantity, not levels.
+const MOST_LEVELS: usize = 12;
+
+/// Rows of new data, in run order.
+#[derive(Debug, Clone, Default)]
+pub struct NewData {
+    /// The files.
+    pub files: Vec<DataFile>,
+    /// File and line of every row.
+    pub lines: Vec<(usize, usize)>,
+    /// For every input of the model its values; empty for those that no compared surface uses.
+    pub inputs: Vec<Vec<f64>>,
+    /// For every surface its response; `None` where it is no column.
+    pub responses: Vec<Option<Vec<f64>>>,
+    /// Columns that the model does not have.
+    pub extras: Vec<Extra>,
+    /// The column that gave the run order; otherwise rows are in the order of the files.
+    pub ordered_by: Option<String>,
+    /// Columns that take no part, and why.
+    pub ignored: Vec<(String, String)>,
+}
+
+impl NewData {
+    /// Reads files. With `only`, the surfaces to compare are given; else those of which every file has the response.
+    ///
+    /// # Errors
+    /// Every fault of every file.
+    pub fn read(model: &Model, sources: &[Source], only: Option<&[usize]>) -> Result<Self, Refused> {
+        Self::read_as(model, sources, only, &[])
+    }
+
+    /// Reads files that judge what was found in others: the surfaces that those have, and their further columns as they are there. A column that varied there is the same quantity here, though it stands still, and levels
+    /// there are levels here, though there is one.
+    ///
+    /// # Errors
+    /// Every fault of every file.
+    pub fn read_like(model: &Model, sources: &[Source], like: &NewData) -> Result<Self, Refused> {
+        let compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| like.responses[*index].is_some()).collect();
+        Self::read_as(model, sources, Some(&compared), &like.extras)
+    }
+
+    fn read_as(model: &Model, sources: &[Source], only: Option<&[usize]>, known: &[Extra]) -> Result<Self, Refused> {
+        let headers: Vec<Result<Table, Faults>> = sources.iter().map(header).collect();
+        let faults: Vec<Faults> = headers.iter().filter_map(|it| it.as_ref().err().cloned()).collect();
+        if !faults.is_empty() {
+            return Err(Refused(faults));
+        }
+        let headers: Vec<Table> = headers.into_iter().flatten().collect();
+        let compared: Vec<usize> = match only {
+            Some(surfaces) => surfaces.to_vec(),
+            None => {
+                let is_there = |index: &usize| {
+                    let name = &model.surfaces[*index].name;
+                    headers.iter().any(|table| table.column(name).is_some())
+                };
+                (0..model.surfaces.len()).filter(is_there).collect()
+            }
+        };
+        if compared.is_empty() {
+            let found = headers.iter().map(|table| {
+                let names: Vec<String> = table.columns.iter().map(|column| format!("`{}`", column.name)).collect();
+                let known: Vec<String> = model.surfaces.iter().map(|surface| format!("`{}`", surface.name)).collect();
+                let what = format!("no column is a response of model `{}`: found {}", model.name, names.join(", "));
+                let fault = Fault::at_line(&table.file, table.header_line, 0, what);
+                Faults::one(fault.help(format!("name a column as a surface of the model: {}", known.join(", "))))
+            });
+            return Err(Refused(found.collect()));
+        }
+        let used = |name: &String| compared.iter().any(|index| model.surfaces[*index].inputs.contains(name));
+        let mut data = NewData {
+            inputs: vec![Vec::new(); model.inputs.len()],
+            responses: (0..model.surfaces.len()).map(|index| compared.contains(&index).then(Vec::new)).collect(),
+            ..NewData::default()
+        };
+        let inputs: Vec<usize> = (0..model.inputs.len()).filter(|k| used(&model.inputs[*k].name)).collect();
+        let is_known = |name: &str| {
+            model.inputs.iter().any(|input| input.name == name) || model.surfaces.iter().any(|surface| surface.name == name)
+        };
+        // A further column counts where every file has it.
+        let first = headers.first().map(|table| &table.columns[..]).unwrap_or_default();
+        let others: Vec<(String, Option<String>)> = first
+            .iter()
+            .filter(|column| !is_known(&column.name) && headers.iter().all(|table| table.column(&column.name).is_some()))
+            .map(|column| (column.name.clone(), column.unit.clone()))
+            .collect();
+        let mut lacking: Vec<(String, String)> = Vec::new();
+        for column in headers.iter().flat_map(|table| &table.columns).filter(|column| !is_known(&column.name)) {
+            let without = headers.iter().find(|table| table.column(&column.name).is_none());
+            if let Some(table) = without.filter(|_| !lacking.iter().any(|(name, _)| *name == column.name)) {
+                lacking.push((column.name.clone(), format!("{} does not have it", table.file)));
+            }
+        }
+        let mut refused = Vec::new();
+        let mut cells: Vec<Vec<String>> = vec![Vec::new(); others.len()];
+        for (file, source) in sources.iter().enumerate() {
+            match data.append(model, source, file, &inputs, &compared, &others, &mut cells) {
+                Ok(()) => {}
+                Err(faults) => refused.push(faults),
+            }
+        }
+        if !refused.is_empty() {
+            return Err(Refused(refused));
+        }
+        data.ignored = lacking;
+        data.further(&others, cells, known);
+        Ok(data)
+    }
+
+    #[allow(clippy::too_many_arguments)] // one call, and each is another thing
+    fn append(
+        &mut self,
+        model: &Model,
+        source: &Source,
+        file: usize,
+        inputs: &[usize],
+        compared: &[usize],
+        others: &[(String, Option<String>)],
+        cells: &mut [Vec<String>],
+    ) -> Result<(), Faults> {
+        let names = inputs.iter().map(|k| &model.inputs[*k].name);
+        let numbers = names.chain(compared.iter().map(|k| &model.surfaces[*k].name)).cloned().collect();
+        let labels = others.iter().map(|(name, _)| name.clone()).collect();
+        let table = Table::read(source, &Wanted { numbers, labels, ..Wanted::default() })?;
+        let mut faults = Collector::new();
+        let mut take = |values: Result<(Vec<f64>, String), Fault>, target: &mut Vec<f64>| match values {
+            Ok((values, _)) => target.extend(values),
+            Err(fault) => faults.push(fault),
+        };
+        for k in inputs {
+            let input = &model.inputs[*k];
+            take(table.values_in(&input.name, Some(&input.unit)), &mut self.inputs[*k]);
+        }
+        for k in compared {
+            let target = self.responses[*k].as_mut().expect("a compared surface has a response");
+            let surface = &model.surfaces[*k];
+            take(table.response_in(&surface.name, Some(&surface.unit)), target);
+        }
+        for ((name, _), cells) in others.iter().zip(cells) {
+            cells.extend(table.column(name).into_iter().flat_map(|column| column.labels.iter().cloned()));
+        }
+        self.lines.extend(table.lines.iter().map(|line| (file, *line)));
+        self.files.push(DataFile { name: source.name().to_string(), sha256: hash(source.text()), rows: table.rows() });
+        faults.finish(Some(()))
+    }
+
+    /// Sorts out the further columns, and the rows by the column of the run order.
+    fn further(&mut self, others: &[(String, Option<String>)], cells: Vec<Vec<String>>, known: &[Extra]) {
+        let rows = self.lines.len();
+        let mut columns: Vec<(String, Option<String>, Vec<String>)> =
+            others.iter().zip(cells).map(|((name, unit), cells)| (name.clone(), unit.clone(), cells)).collect();
+        let runs = columns.iter().enumerate().find_map(|(place, (name, _, cells))| {
+            let is_run = is_run(name);
+            let values = is_run.then(|| numbers(cells)).flatten()?;
+            let mut sorted = values.clone();
+            sorted.sort_by(f64::total_cmp);
+            sorted.windows(2).all(|pair| pair[0] < pair[1]).then_some((place, values))
+        });
+        if let Some((place, values)) = runs {
+            let mut order: Vec<usize> = (0..rows).collect();
+            order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
+            self.ordered_by = Some(columns.remove(place).0);
+            self.lines = order.iter().map(|row| self.lines[*row]).collect();
+            let sorted = |column: &Vec<f64>| -> Vec<f64> { order.iter().filter_map(|row| column.get(*row).copied()).collect() };
+            self.inputs = self.inputs.iter().map(sorted).collect();
+            self.responses = self.responses.iter().map(|response| response.as_ref().map(sorted)).collect();
+            for (_, _, cells) in &mut columns {
+                *cells = order.iter().map(|row| cells[*row].clone()).collect();
+            }
+        }
+        if self.files.len() > 1 {
+            // Each file may be a day or a rig of its own.
+            let names: Vec<String> = self.lines.iter().map(|(file, _)| self.files[*file].name.clone()).collect();
+            if !columns.iter().any(|(name, _, _)| name == "file") {
+                columns.push(("file".to_string(), None, names));
+            }
+        }
+        for (name, unit, cells) in columns {
+            let kind = match known.iter().find(|it| it.name == name) {
+                Some(known) => as_known(known, unit.as_deref(), &cells),
+                None => kind_of(&name, unit.as_deref(), &cells),
+            };
+            match kind {
+                Ok(extra) => self.extras.push(extra),
+                Err(why) => self.ignored.push((name, why)),
+            }
+        }
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// `file:line` of a row.
+    #[must_use]
+    pub fn place_of(&self, row: usize) -> String {
+        let (file, line) = self.lines[row];
+        format!("{}:{line}", self.files[file].name)
+    }
+}
+
+fn header(source: &Source) -> Result<Table, Faults> {
+    Table::read(source, &Wanted::default())
+}
+
+fn numbers(cells: &[String]) -> Option<Vec<f64>> {
+    cells.iter().map(|cell| cell.parse::<f64>().ok().filter(|value| value.is_finite())).collect()
+}
+
+/// A column as it is in other data: its numbers, its levels, or both.
+fn as_known(known: &Extra, unit: Option<&str>, cells: &[String]) -> Result<Extra, String> {
+    let unit = unit.unwrap_or("1");
+    if unit != known.unit {
+        return Err(format!("its unit is {unit}, and {} in the data that were diagnosed", known.unit));
+    }
+    let mut names: Vec<String> = Vec::new();
+    let of = |cell: &String| {
+        names.iter().position(|name| name == cell).unwrap_or_else(|| {
+            names.push(cell.clone());
+            names.len() - 1
+        })
+    };
+    let of: Vec<usize> = cells.iter().map(of).collect();
+    let values = known
+        .values
+        .as_ref()
+        .map(|_| numbers(cells).ok_or("its cells are not all numbers, and are in the data that were diagnosed"));
+    Ok(Extra { values: values.transpose()?, levels: known.levels.as_ref().map(|_| (names, of)), clock: false, ..known.clone() })
+}
+
+/// What a further column may be.
+fn kind_of(name: &str, unit: Option<&str>, cells: &[String]) -> Result<Extra, String> {
+    let mut names: Vec<String> = Vec::new();
+    let mut of = Vec::with_capacity(cells.len());
+    for cell in cells {
+        let level = names.iter().position(|known| known == cell).unwrap_or_else(|| {
+            names.push(cell.clone());
+            names.len() - 1
+        });
+        of.push(level);
+        if names.len() > cells.len().max(2) / 2 && names.len() > MOST_LEVELS {
+            break;
+        }
+    }
+    // Two rows a level on the average: fewer, and a level is a run.
+    let may_be_levels = of.len() == cells.len() && names.len() >= 2 && 2 * names.len() <= cells.len();
+    let plain = Extra {
+        name: name.to_string(),
+        unit: unit.unwrap_or("1").to_string(),
+        values: None,
+        range: [0.0; 2],
+        levels: None,
+        clock: false,
+    };
+    let Some(values) = numbers(cells) else {
+        return match may_be_levels {
+            true => Ok(Extra { levels: Some((names, of)), ..plain }),
+            false if names.len() == 1 => Err("it has one value only".to_string()),
+            false => Err("its cells are neither numbers nor a few levels".to_string()),
+        };
+    };
+    if values.iter().all(|value| *value == values[0]) {
+        return Err("it has one value only".to_string());
+    }
+    if let Some(unit) = unit
+        && let Err(why) = rsm_fit::units::check(unit)
+    {
+        return Err(why);
+    }
+    let range = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
+    let clock = values.windows(2).all(|pair| pair[0] < pair[1]);
+    let whole = values.iter().all(|value| value.fract() == 0.0);
+    let bare = unit.is_none_or(|unit| unit == "1");
+    let named = BLOCK.iter().any(|block| name.eq_ignore_ascii_case(block));
+    let levels = (may_be_levels && bare && (named || whole && names.len() <= MOST_LEVELS)).then_some((names, of));
+    let values = if named && levels.is_some() { None } else { Some(values) };
+    Ok(Extra { values, range, levels, clock, ..plain })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kind(name: &str, unit: Option<&str>, cells: &[&str]) -> Result<Extra, String> {
+        kind_of(name, unit, &cells.iter().map(ToString::to_string).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn further_columns_are_quantities_levels_clocks_or_nothing() {
+        let temperature = kind("temperature", Some("degC"), &["20", "25", "20", "25"]).unwrap();
+        assert!(temperature.values.is_some() && temperature.levels.is_none());
+        let day = kind("day", None, &["1", "1", "2", "2"]).unwrap();
+        assert!(day.values.is_none() && day.levels.is_some());
+        // Whole numbers without unit or telling name may be either.
+        let gear = kind("gear", Some("1"), &["1", "2", "1", "2"]).unwrap();
+        assert!(gear.values.is_some() && gear.levels.is_some());
+        assert!(kind("time", Some("s"), &["0", "0.5", "7", "8"]).unwrap().clock);
+        assert!(kind("rig", None, &["a", "b", "a", "b"]).unwrap().levels.is_some());
+        assert!(kind("remark", None, &["a", "", "warm", "late"]).is_err());
+        assert!(kind("pressure", Some("bar"), &["1", "1", "1", "1"]).is_err());
+    }
+}

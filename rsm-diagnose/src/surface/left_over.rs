@@ -1,0 +1,334 @@
+//! What is left when the causes are gone: noise, or structure that nobody explains.
+//!
+//! In: a sample and its explanation. Out: a test after test with the probability of as much by chance, and the noise that the data themselves show. Replicates judge the surface by their own scatter;
+//! where there are none, neighbours do: residuals of near points are alike when a smooth part is missing. The chance is drawn: noise put through the same projections, its first three moments
+//! kept. Never names a cause.
+
+use rsm_core::model::Evidence;
+
+use super::explain::Explained;
+use super::null::normal;
+use super::sample::Sample;
+use super::tails::{ln_upper_f, ln_upper_of_moments};
+use super::whitening::{dot, orthonormal, subtract};
+use rsm_fit::random::Random;
+
+/// A test for structure left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Test {
+    /// What was compared, in words.
+    pub what: String,
+    /// ln of the probability of as much by chance.
+    pub ln_p: f64,
+}
+
+/// Draws for the moments of a quadratic form: its standard deviation is then known to 4 %.
+const DRAWS: usize = 300;
+
+/// Beyond so many rows distances of all pairs cost too much, and one input at a time says enough.
+const MOST_PAIRED: usize = 3000;
+
+/// Fewer distinct values than this are levels, not an axis along which something bends.
+const LEAST_DISTINCT: usize = 6;
+
+/// Waves up to this order: sixty-four teeth or turns over the range of an input.
+const HIGHEST_WAVE: usize = 64;
+
+/// The highest order of powers that are asked of a residual.
+const HIGHEST_BEND: usize = 5;
+
+/// And how many of them: all up to the fifth order of three inputs.
+const MOST_BENDS: usize = 55;
+
+/// A column whose part beyond the known ones is less than this a row holds rounding and nothing else.
+const LEAST_NEW: f64 = 1e-6;
+
+/// Pairs of places among the rows kept that are near each other.
+type Pairs = Vec<(usize, usize)>;
+
+/// All tests.
+pub fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
+    let space = found.space(sample);
+    let kept = found.kept();
+    let graphs = graphs(sample, &kept);
+    // Coefficients of the file are free here: what they may be wrong by is judged elsewhere, and structure is what no choice of them removes.
+    let columns = sample.terms.iter().chain(found.set.iter().flat_map(|it| &it.columns));
+    let basis = orthonormal(&columns.map(|column| space.whitened(column)).collect::<Vec<_>>());
+    let without = |mut values: Vec<f64>| {
+        for direction in &basis {
+            let part = dot(direction, &values);
+            subtract(&mut values, direction, part);
+        }
+        values
+    };
+    let left = without(space.whitened(&sample.residual()));
+    let mut tests = Vec::new();
+    if found.noise.rho.is_none() {
+        tests.extend(replicates(sample, found, &kept, dot(&left, &left), basis.len()));
+    }
+    // Errors that follow each other in the run order may be a part of the surface that the runs pass through in order: they are noise only where nothing predicts them. And teeth that are
+    // narrower than the reach of neighbours are seen by their own wave alone.
+    let predicted = |column: &[f64]| without(space.whitened(column));
+    tests.extend(waves(sample, &kept, &left, basis.len(), &predicted));
+    tests.extend(bends(sample, &left, basis.len(), &predicted));
+    tests.extend(outliers_together(sample, found));
+    let form =
+        |pairs: &Pairs, u: &[f64]| pairs.iter().map(|(i, j)| u[*i] * u[*j]).sum::<f64>() / dot(u, u).max(f64::MIN_POSITIVE);
+    let mut random = Random::new(0x1ef7);
+    let mut drawn: Vec<Vec<f64>> = vec![Vec::with_capacity(DRAWS); graphs.len()];
+    for _ in 0..DRAWS {
+        let draw = without((0..kept.len()).map(|_| normal(&mut random)).collect());
+        for ((_, pairs), drawn) in graphs.iter().zip(&mut drawn) {
+            drawn.push(form(pairs, &draw));
+        }
+    }
+    for ((what, pairs), drawn) in graphs.into_iter().zip(drawn) {
+        let mean = drawn.iter().sum::<f64>() / DRAWS as f64;
+        let moment = |k: i32| drawn.iter().map(|q| (q - mean).powi(k)).sum::<f64>() / DRAWS as f64;
+        let ln_p = ln_upper_of_moments(form(&pairs, &left), mean, moment(2), moment(3));
+        tests.push(Test { what, ln_p });
+    }
+    tests
+}
+
+/// Waves of every order over each input and each further column: the one that predicts most, with Bonferroni's share for all that were tried.
+fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) -> Vec<f64>) -> Option<Test> {
+    let coded = (0..sample.inputs.len()).map(|input| (sample.inputs[input].name.clone(), sample.coded(input)));
+    let extras = sample.extras.iter().filter(|it| !it.clock).filter_map(|it| Some((it.name.clone(), it.values.clone()?)));
+    let mut best: Option<(f64, String)> = None;
+    let mut tried = 0;
+    for (name, column) in coded.chain(extras) {
+        let mut distinct: Vec<f64> = kept.iter().map(|row| column[*row]).collect();
+        distinct.sort_by(f64::total_cmp);
+        distinct.dedup();
+        let (Some(low), Some(high)) = (distinct.first(), distinct.last()) else { continue };
+        if distinct.len() < LEAST_DISTINCT {
+            continue;
+        }
+        // Two values a wave are the fewest that show it.
+        for order in 1..=(distinct.len() / 2).min(HIGHEST_WAVE) {
+            let turns = |x: f64| std::f64::consts::TAU * order as f64 * (x - low) / (high - low);
+            let pair = [f64::cos, f64::sin].map(|of| predicted(&column.iter().map(|x| of(turns(*x))).collect::<Vec<_>>()));
+            let Some(ln_p) = ln_p_of(left, rank, &pair) else { continue };
+            tried += 1;
+            if best.as_ref().is_none_or(|it| ln_p < it.0) {
+                best = Some((ln_p, format!("a wave of order {order} over the range of {name}")));
+            }
+        }
+    }
+    let (ln_p, what) = best?;
+    Some(Test { what, ln_p: (ln_p + f64::from(tried).ln()).min(0.0) })
+}
+
+/// Powers of the inputs, all up to the second order, up to the third and so on: what a surface of too low an order lacks. Of these the one that predicts most, with Bonferroni's share.
+fn bends(sample: &Sample, left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) -> Vec<f64>) -> Option<Test> {
+    let coded: Vec<Vec<f64>> = (0..sample.inputs.len()).map(|input| sample.coded(input)).collect();
+    // The monomials of one degree, each with its last input, so that none comes twice.
+    let mut degree: Vec<(Vec<f64>, usize)> = vec![(vec![1.0; sample.rows()], 0)];
+    let mut new: Vec<Vec<f64>> = Vec::new();
+    let mut best: Option<(f64, usize)> = None;
+    let mut tried = 0;
+    for order in 1..=HIGHEST_BEND {
+        let next = degree.iter().flat_map(|(values, from)| {
+            let further = coded.iter().enumerate().skip(*from);
+            further.map(move |(input, column)| (values.iter().zip(column).map(|(a, b)| a * b).collect(), input))
+        });
+        degree = next.collect();
+        if new.len() + degree.len() > MOST_BENDS {
+            break;
+        }
+        new.extend(degree.iter().map(|(column, _)| predicted(column)));
+        let Some(ln_p) = ln_p_of(left, rank, &new) else { continue };
+        tried += 1;
+        if best.is_none_or(|it| ln_p < it.0) {
+            best = Some((ln_p, order));
+        }
+    }
+    let (ln_p, order) = best?;
+    Some(Test { what: format!("powers of the inputs up to the order {order}"), ln_p: (ln_p + f64::from(tried).ln()).min(0.0) })
+}
+
+/// The F test of columns that are orthogonal to all that is known: ln of the chance that noise is predicted as well. `None` where they hold nothing new, or too few rows are left.
+fn ln_p_of(left: &[f64], rank: usize, columns: &[Vec<f64>]) -> Option<f64> {
+    // What is left of a column that the known ones make up is rounding.
+    let length = (left.len() as f64).sqrt();
+    let new: Vec<Vec<f64>> = columns.iter().filter(|it| dot(it, it).sqrt() > LEAST_NEW * length).cloned().collect();
+    let basis = orthonormal(&new);
+    let rest = left.len().checked_sub(rank + basis.len()).filter(|rest| *rest > 0 && !basis.is_empty())?;
+    let explained: f64 = basis.iter().map(|direction| dot(direction, left).powi(2)).sum();
+    let unexplained = (dot(left, left) - explained).max(f64::MIN_POSITIVE);
+    let f = (explained / basis.len() as f64) / (unexplained / rest as f64);
+    Some(ln_upper_f(f, basis.len() as f64, rest as f64))
+}
+
+/// Whether outlying runs lie beside each other, off to the same side: then they are a place that the surface misses, not errors of single runs. With n runs and k outliers in arbitrary places, some
+/// k (k - 1)/2 * 4/n * 1/2 pairs are among each other's four nearest and of one sign; the count is Poisson's.
+fn outliers_together(sample: &Sample, found: &Explained) -> Option<Test> {
+    let (count, rows) = (found.outliers.len(), sample.rows());
+    if count < 2 || !(12..=MOST_PAIRED).contains(&rows) {
+        return None;
+    }
+    let coded: Vec<Vec<f64>> = (0..sample.inputs.len()).map(|input| sample.coded(input)).collect();
+    let residual = |row: usize| sample.response[row] - found.fitted[row];
+    let is_pair =
+        |(i, j): &(usize, usize)| found.outliers.contains(i) && found.outliers.contains(j) && residual(*i) * residual(*j) > 0.0;
+    let pairs = nearest(&coded, 4).iter().filter(|pair| is_pair(pair)).count();
+    let mean = (count * (count - 1)) as f64 / rows as f64;
+    // P(N >= pairs) of Poisson's distribution is the lower incomplete gamma function.
+    let ln_p = if pairs == 0 { 0.0 } else { statrs::function::gamma::gamma_lr(pairs as f64, mean).max(1e-300).ln() };
+    Some(Test { what: "outlying runs beside each other in the inputs".to_string(), ln_p })
+}
+
+/// Neighbours in all inputs together, and along each input and each further column alone.
+fn graphs(sample: &Sample, kept: &[usize]) -> Vec<(String, Pairs)> {
+    let rows = kept.len();
+    let mut graphs = Vec::new();
+    let near = ((rows as f64).sqrt() as usize).max(3);
+    let coded: Vec<Vec<f64>> = (0..sample.inputs.len())
+        .map(|input| {
+            let column = sample.coded(input);
+            kept.iter().map(|row| column[*row]).collect()
+        })
+        .collect();
+    if coded.len() > 1 && rows <= MOST_PAIRED {
+        // Four in a plane are the next on every side; the root of the number of rows sees what bends slowly.
+        for count in std::iter::once(4).chain((near > 6).then_some(near)) {
+            if count < rows {
+                graphs.push((format!("residuals of the {count} nearest points in the inputs"), nearest(&coded, count)));
+            }
+        }
+    }
+    let inputs = sample.inputs.iter().zip(&coded).map(|(input, column)| (input.name.clone(), column.clone()));
+    let extras = sample.extras.iter().filter(|it| !it.clock).filter_map(|it| {
+        let values = it.values.as_ref()?;
+        Some((it.name.clone(), kept.iter().map(|row| values[*row]).collect::<Vec<f64>>()))
+    });
+    for (name, column) in inputs.chain(extras) {
+        let mut distinct: Vec<u64> = column.iter().map(|x| (x + 0.0).to_bits()).collect();
+        distinct.sort_unstable();
+        distinct.dedup();
+        if distinct.len() >= LEAST_DISTINCT {
+            graphs.push((format!("residuals of runs that are neighbours in {name}"), along(&column, near / 2)));
+        }
+    }
+    graphs
+}
+
+/// Each point with its nearest, every pair once.
+fn nearest(coded: &[Vec<f64>], count: usize) -> Pairs {
+    let rows = coded.first().map_or(0, Vec::len);
+    let mut pairs = Vec::new();
+    for i in 0..rows {
+        let square = |j: usize| coded.iter().map(|column| (column[i] - column[j]).powi(2)).sum::<f64>();
+        let mut others: Vec<(f64, usize)> = (0..rows).filter(|j| *j != i).map(|j| (square(j), j)).collect();
+        others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        pairs.extend(others.iter().take(count).map(|(_, j)| (i.min(*j), i.max(*j))));
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// Points with those that follow them in order of a column.
+fn along(column: &[f64], reach: usize) -> Pairs {
+    let mut order: Vec<usize> = (0..column.len()).collect();
+    order.sort_by(|a, b| column[*a].total_cmp(&column[*b]).then(a.cmp(b)));
+    let mut pairs = Vec::new();
+    for (k, i) in order.iter().enumerate() {
+        pairs.extend(order.iter().skip(k + 1).take(reach.max(1)).map(|j| (*i, *j)));
+    }
+    pairs
+}
+
+/// Rows with the same settings of all inputs, groups of at least two, places among the rows kept.
+fn groups(sample: &Sample, kept: &[usize]) -> Vec<Vec<usize>> {
+    let mut groups: std::collections::BTreeMap<Vec<u64>, Vec<usize>> = std::collections::BTreeMap::new();
+    for (place, row) in kept.iter().enumerate() {
+        let key = sample.points.iter().map(|column| (column[*row] + 0.0).to_bits()).collect();
+        groups.entry(key).or_default().push(place);
+    }
+    groups.into_values().collect()
+}
+
+/// Sum of squares within groups and its degrees of freedom.
+fn pure_error(residual: &[f64], groups: &[Vec<usize>]) -> (f64, usize) {
+    let mut square = 0.0;
+    let mut freedom = 0;
+    for group in groups {
+        let mean = group.iter().map(|place| residual[*place]).sum::<f64>() / group.len() as f64;
+        square += group.iter().map(|place| (residual[*place] - mean).powi(2)).sum::<f64>();
+        freedom += group.len() - 1;
+    }
+    (square, freedom)
+}
+
+/// Residuals in units of their own scale.
+fn even(sample: &Sample, found: &Explained, kept: &[usize]) -> Vec<f64> {
+    kept.iter().map(|row| (sample.response[*row] - found.fitted[*row]) / found.scale[*row]).collect()
+}
+
+/// The F test of lack of fit against pure error (Myers, Montgomery, Anderson-Cook, 2.7).
+fn replicates(sample: &Sample, found: &Explained, kept: &[usize], square: f64, rank: usize) -> Option<Test> {
+    let groups = groups(sample, kept);
+    let (pure, freedom) = pure_error(&even(sample, found, kept), &groups);
+    let lack = groups.len().checked_sub(rank).filter(|lack| *lack > 0)?;
+    if freedom < 2 || pure <= 0.0 {
+        return None;
+    }
+    let f = ((square - pure).max(0.0) / lack as f64) / (pure / freedom as f64);
+    Some(Test {
+        what: format!("lack of fit against the scatter of {freedom} replicates"),
+        ln_p: ln_upper_f(f, lack as f64, freedom as f64),
+    })
+}
+
+/// The noise of the response.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Floor {
+    /// Its standard deviation, of a mean row.
+    pub sd: f64,
+    /// Where it is from, in words.
+    pub from: String,
+}
+
+/// Fewer degrees of freedom know a standard deviation worse than to a third.
+const LEAST_FREEDOM: usize = 4;
+
+/// The noise: from replicates, else from neighbours, else from the file's evidence, else from what the explanation leaves.
+pub fn floor(sample: &Sample, found: &Explained) -> Floor {
+    let kept = found.kept();
+    let residual = even(sample, found, &kept);
+    let mean_scale = (kept.iter().map(|row| found.scale[*row].powi(2)).sum::<f64>() / kept.len().max(1) as f64).sqrt();
+    let (pure, freedom) = pure_error(&residual, &groups(sample, &kept));
+    if freedom >= LEAST_FREEDOM {
+        return Floor {
+            sd: mean_scale * (pure / freedom as f64).sqrt(),
+            from: format!("{freedom} degrees of freedom of replicates"),
+        };
+    }
+    // Half the mean square of differences of neighbours (Gasser, Sroka, Jennen-Steinmetz 1986, in its simplest form).
+    if kept.len() >= 20 && kept.len() <= MOST_PAIRED {
+        let coded: Vec<Vec<f64>> = (0..sample.inputs.len())
+            .map(|input| {
+                let column = sample.coded(input);
+                kept.iter().map(|row| column[*row]).collect()
+            })
+            .collect();
+        let pairs = nearest(&coded, 1);
+        let square = pairs.iter().map(|(i, j)| (residual[*i] - residual[*j]).powi(2)).sum::<f64>() / (2 * pairs.len()) as f64;
+        return Floor { sd: mean_scale * square.sqrt(), from: "differences of nearest neighbours".to_string() };
+    }
+    let of_file = sample.surface.evidence.iter().find_map(|(name, value)| match value {
+        Evidence::Number(sd) if name == "residual_sd" && *sd > 0.0 => Some(*sd),
+        _ => None,
+    });
+    if let Some(sd) = of_file {
+        return Floor { sd, from: "the model file's evidence".to_string() };
+    }
+    let unknowns: usize = found.set.iter().map(|it| it.columns.len()).sum();
+    let freedom = kept.len().saturating_sub(unknowns).max(1);
+    Floor {
+        sd: mean_scale * (dot(&residual, &residual) / freedom as f64).sqrt(),
+        from: "what the explanation leaves".to_string(),
+    }
+}

@@ -1,0 +1,130 @@
+//! The black-box correction of a diagnosis, on an axis that is integrated here: a spring whose force goes with the square of the position, which no entry of
+//! the catalogue is, and noise that nothing explains.
+
+use rsm_core::check::Checked;
+use rsm_core::model_file;
+use rsm_core::source::Source;
+use rsm_diagnose::plant::correction::{self, Offer};
+use rsm_diagnose::plant::kernel::{Kernel, Prepared};
+use rsm_diagnose::plant::noise::Floor;
+use rsm_diagnose::plant::random::Random;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+
+const PLANT: &str = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 80.0\nforce_gain = 35.0\nviscous_friction = 100.0\ncommand_limit = 10.0\n\
+                     position_gain = 40.0\nvelocity_gain = 170.0\n";
+
+/// Rows of a record, 1 ms each.
+const ROWS: usize = 3000;
+
+/// Standard deviations of the noise of position and command.
+const NOISE: [f64; 2] = [2e-6, 0.01];
+
+/// Position and command of the axis of docs/book/src/reference/plants.md 2.3 with a force of -stiffness q abs(q): semi-implicit Euler in 20 steps a row. Two sines of other periods in
+/// each record, slow enough for the command to stay within its limit.
+fn axis(stiffness: f64, periods: [f64; 2]) -> [Vec<f64>; 3] {
+    let (mut q, mut v) = (0.0_f64, 0.0_f64);
+    let mut columns = [Vec::new(), Vec::new(), Vec::new()];
+    for row in 0..ROWS {
+        let time = row as f64 * 1e-3;
+        let wave = |period: f64| (std::f64::consts::TAU * time / period).sin();
+        let reference = 0.1 * wave(periods[0]) + 0.03 * wave(periods[1]);
+        let command = (170.0 * (40.0 * (reference - q) - v)).clamp(-10.0, 10.0);
+        for (column, value) in columns.iter_mut().zip([reference, q, command]) {
+            column.push(value);
+        }
+        for _ in 0..20 {
+            v += 5e-5 * (35.0 * command - 100.0 * v - stiffness * q * q.abs()) / 80.0;
+            q += 5e-5 * v;
+        }
+    }
+    columns
+}
+
+/// A kernel with records of the axis with the spring and noise, and what the axis without it does along them.
+fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (Kernel, Vec<Vec<Vec<f64>>>) {
+    let plant = PlantFile::read(&Source::new("axis.toml", PLANT)).unwrap();
+    let mut random = Random::new(seed);
+    let mut records = Vec::new();
+    let mut simulated = Vec::new();
+    for periods in all {
+        let [reference, position, command] = axis(stiffness, *periods);
+        let mut text = "time[s],reference[m],position[m],command[V]\n".to_string();
+        for row in 0..ROWS {
+            let (q, u) = (position[row] + NOISE[0] * random.normal(), command[row] + NOISE[1] * random.normal());
+            text += &format!("{},{},{q},{u}\n", row as f64 / 1000.0, reference[row]);
+        }
+        let record = Record::read(&Source::new("axis.csv", text), &plant).unwrap();
+        records.push(Prepared::new(record, 2));
+        let [_, position, command] = axis(0.0, *periods);
+        simulated.push(vec![position, command]);
+    }
+    let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
+    (Kernel::new(records, floors, 1), simulated)
+}
+
+const TRAINING: [[f64; 2]; 2] = [[3.0, 1.6], [2.4, 1.9]];
+const UNSEEN: [[f64; 2]; 1] = [[2.7, 1.7]];
+
+#[test]
+fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
+    let (kernel, simulated) = records(2000.0, &TRAINING, 1);
+    let (unseen, simulated_unseen) = records(2000.0, &UNSEEN, 2);
+    let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &unseen, &simulated_unseen);
+    let Offer::Gains(found) = found else { panic!("{found:?}") };
+    // The spring's force is a function of the position, and in a stiff loop the command is what it asks for: nearly all goes. What stays are the transients of the
+    // loop and a third order through q abs(q).
+    assert!(found.unseen && found.gain > 0.9 && found.low > 0.8 && found.low < found.gain, "{} {}", found.gain, found.low);
+    let command = found.outputs.iter().find(|it| it.output == 1).unwrap();
+    // Terms that explain 99 % of what the best choice does are enough: a tenth of the error, and noise.
+    assert!(command.before > 8.0 * command.after, "{command:?}");
+    assert!(command.terms.iter().any(|term| term.contains("position")), "{:?}", command.terms);
+    // The file that is offered is one that the compiler takes, and says what it is.
+    let text = model_file::write(&found.model);
+    assert!(text.contains("command_correction") && text.contains("black box"), "{text}");
+    Checked::read(&Source::new("correction.toml", text)).unwrap();
+    // What a report draws is what was judged.
+    let prepared = &unseen.records[0];
+    let added = correction::added(PlantKind::ServoAxis, &found, prepared, &simulated_unseen[0], 1).unwrap();
+    let left: f64 = (0..ROWS).map(|row| (prepared.measured(1)[row] - simulated_unseen[0][1][row] - added[row]).powi(2)).sum();
+    assert!(((left / ROWS as f64).sqrt() / NOISE[1] - command.after).abs() < 1e-6);
+}
+
+#[test]
+fn without_unseen_records_the_last_third_judges() {
+    let (kernel, simulated) = records(2000.0, &TRAINING, 1);
+    let nobody = kernel.on(Vec::new());
+    let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &nobody, &[]);
+    let Offer::Gains(found) = found else { panic!("{found:?}") };
+    assert!(!found.unseen && found.gain > 0.8, "{}", found.gain);
+}
+
+#[test]
+fn noise_is_not_corrected() {
+    for seed in 1..=5 {
+        let (kernel, simulated) = records(0.0, &TRAINING, seed);
+        let (unseen, simulated_unseen) = records(0.0, &UNSEEN, 100 + seed);
+        let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &unseen, &simulated_unseen);
+        assert!(matches!(found, Offer::Nothing { .. }), "seed {seed}: {found:?}");
+    }
+}
+
+#[test]
+fn what_hangs_on_nothing_that_is_simulated_is_refused() {
+    // A disturbance at 3.1 Hz, whatever the axis does; its phase is another one in each record, as the motion is.
+    let disturbed = |all: &[[f64; 2]], seed: u64| {
+        let (mut kernel, simulated) = records(0.0, all, seed);
+        for (k, prepared) in kernel.records.iter_mut().enumerate() {
+            let phase = (seed + k as u64) as f64;
+            for (row, value) in prepared.record.measured[1].as_mut().unwrap().iter_mut().enumerate() {
+                *value += 0.1 * (std::f64::consts::TAU * 3.1 * row as f64 / 1000.0 + phase).sin();
+            }
+        }
+        (kernel, simulated)
+    };
+    let (kernel, simulated) = disturbed(&TRAINING, 1);
+    let (unseen, simulated_unseen) = disturbed(&UNSEEN, 6);
+    let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &unseen, &simulated_unseen);
+    assert!(matches!(found, Offer::Nothing { .. }), "{found:?}");
+}

@@ -1,0 +1,230 @@
+//! The shipped records run, and so does the measured EMPS axis, in closed loop under its own column names.
+
+use rsm_core::source::Source;
+use rsm_diagnose::plant::inverse::{Friction, Motion, Regression};
+use rsm_diagnose::plant::model::Model;
+use rsm_diagnose::plant::{Options, Verdict, diagnose, free_run};
+use rsm_fit::table::{Table, Wanted};
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::{Drive, Record};
+
+use super::super::{effect, path, plant, run};
+use super::prose;
+
+#[test]
+fn every_shipped_plant_runs_along_its_record() {
+    for name in ["pmac", "driveline", "servo-axis"] {
+        let file = plant(name, "");
+        let record = Record::read(&Source::read(&path(&format!("plants/{name}.csv"))).unwrap(), &file).unwrap();
+        let outputs = run(&file, &record);
+        assert!(outputs.values.iter().all(|values| values.len() == record.rows()), "{name}");
+        if name == "pmac" {
+            // The plant does not enforce the current limit (20); a record that is shipped keeps it.
+            let (i_d, i_q) = (outputs.of("i_d").unwrap(), outputs.of("i_q").unwrap());
+            assert!(i_d.iter().zip(i_q).all(|(i_d, i_q)| i_d.hypot(*i_q) < 60.0));
+        }
+    }
+}
+
+/// The measured axis under our column names; `None`, said loudly, without the data.
+///
+/// Its pulses are volts that the experimenters added to what the controller said. The controller says velocity_gain * position_gain volts for a metre of the reference,
+/// so that a pulse is a change of the reference; the recorded voltage already holds it.
+fn emps(name: &str, file: &PlantFile) -> Option<Record> {
+    let folder = super::folder("emps")?;
+    let renamed = plant("emps", "");
+    let source = Source::read(&folder.join(name)).unwrap();
+    let mut record = Record::read(&source, &renamed).unwrap();
+    assert_eq!((record.drive, record.rows()), (Drive::Closed, 24841));
+    let pulse = Wanted { numbers: vec!["pulse".to_string()], ..Wanted::default() };
+    if let Ok(table) = Table::read(&source, &pulse) {
+        let gain = file.parameters.number("position_gain") * file.parameters.number("velocity_gain");
+        let volts = &table.column("pulse").unwrap().values;
+        record.inputs[0].iter_mut().zip(volts).for_each(|(reference, volts)| *reference += volts / gain);
+    }
+    Some(record)
+}
+
+/// Root mean square of a difference, over that of the first.
+fn relative(measured: &[f64], simulated: &[f64]) -> f64 {
+    let error: f64 = measured.iter().zip(simulated).map(|(a, b)| (a - b) * (a - b)).sum();
+    (error / measured.iter().map(|a| a * a).sum::<f64>()).sqrt()
+}
+
+#[test]
+fn the_measured_axis_is_followed_better_with_its_friction() {
+    // Published: Fc = 20.3935 N, offset -3.1648 N.
+    let friction = effect("coulomb-friction", "force = 20.3935") + &effect("constant-load", "force = -3.1648");
+    for (name, allowed) in [("emps_train.csv", 0.055), ("emps_test_pulses.csv", 0.062)] {
+        let mut errors = Vec::new();
+        for more in ["", friction.as_str()] {
+            let file = plant("servo-axis", more);
+            let Some(record) = emps(name, &file) else { return };
+            let outputs = run(&file, &record);
+            errors.push(relative(record.measured[1].as_ref().unwrap(), outputs.of("command").unwrap()));
+        }
+        println!(
+            "{name}: relative error of the command {:.4} nominal, {:.4} with the published friction",
+            errors[0], errors[1]
+        );
+        // Measured 0.0503 and 0.0564, a tenth above: the authors report 4.1 and 6.0 % by their own filtered comparison of forces; an unfiltered closed loop has
+        // the measured noise on top. With the pulses as newtons in place of volts, or left out, it is 0.37.
+        assert!(errors[1] < allowed && errors[1] < 0.5 * errors[0], "{errors:?}");
+    }
+}
+
+/// Published: mass, viscous friction, dry friction and offset from the training record; then mass, and viscous and dry friction forward and backward.
+const PUBLISHED: [&[f64]; 2] = [&[95.1089, 203.5034, 20.3935, -3.1648], &[95.154, 166.7061, 20.1440, 240.4236, 20.6277]];
+
+/// The inverse model step by step, fitted to the training record, with its relative error on the other one, in per cent.
+fn regressions(file: &PlantFile, training: &Record, pulses: &Record) -> Vec<(Friction, Regression, f64)> {
+    let gain = file.parameters.number("force_gain");
+    let [training, pulses] = [training, pulses].map(|record| Motion::of(record, file.kind).unwrap());
+    let one = |friction| {
+        let fit = training.regression(friction, gain);
+        let unseen = 100.0 * pulses.relative_error(friction, &fit.coefficients, gain);
+        (friction, fit, unseen)
+    };
+    [Friction::Viscous, Friction::Coulomb, Friction::Offset, Friction::Asymmetric].map(one).to_vec()
+}
+
+#[test]
+fn the_inverse_model_of_the_measured_axis_has_the_published_errors_step_by_step() {
+    let file = plant("servo-axis", "");
+    let (Some(training), Some(pulses)) = (emps("emps_train.csv", &file), emps("emps_test_pulses.csv", &file)) else { return };
+    // Per cent on the pulse record, which no regression has seen: 5.98 is published, the others are known to a tenth.
+    let steps = [17.9, 8.2, 6.0, 5.4];
+    let mut fits = Vec::new();
+    for ((friction, fit, unseen), expected) in regressions(&file, &training, &pulses).into_iter().zip(steps) {
+        println!(
+            "EMPS {friction:?}: {:.2} % on the training record, {unseen:.2} % under the pulses",
+            100.0 * fit.relative_error
+        );
+        // How a decimation treats the ends of a record is worth a few hundredths, and nobody has published theirs.
+        assert!((unseen - expected).abs() < 0.1, "{friction:?}: {unseen}");
+        fits.push(fit);
+    }
+    for (fit, published, error) in [(&fits[2], PUBLISHED[0], 4.0834), (&fits[3], PUBLISHED[1], 3.1117)] {
+        // The same ends: the axis accelerates from rest in the first rows. They move the friction by 0.5 %, the offset by 0.6 % and the error by 0.15 points.
+        assert!((100.0 * fit.relative_error - error).abs() < 0.2, "{}", fit.relative_error);
+        for (found, published) in fit.coefficients.iter().zip(published) {
+            assert!((found / published - 1.0).abs() < 0.01, "{found} {published}");
+        }
+    }
+}
+
+#[test]
+fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not_there() {
+    let file = plant("emps", "");
+    let (Some(training), Some(pulses)) = (emps("emps_train.csv", &file), emps("emps_test_pulses.csv", &file)) else { return };
+    let by_inverse = regressions(&file, &training, &pulses);
+    let rows = 2 * training.rows();
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&file, &[training], &[pulses], &options).unwrap();
+    super::tell("EMPS, judged under the pulses", &found);
+    // A trajectory that repeats is no block that stands twice: all rows count.
+    assert!(found.findings.iter().all(|it| !it.what.contains("block")), "{:?}", found.findings);
+    // One friction that holds the dry one, the offset and the asymmetry; no stribeck-friction, no sensor, no gear.
+    assert_eq!(super::kinds(&found), ["asymmetric-friction"]);
+    let number = |name: &str| found.entries().next().unwrap().parameters.iter().find(|it| it.name == name).unwrap().value;
+    // Published, by the inverse model of filtered positions; a free run weighs the slow rows more: 1.3 % between the two here, three times that allowed.
+    let published =
+        [("forward", 20.1440), ("backward", 20.6277), ("viscous_forward", 166.7061), ("viscous_backward", 240.4236)];
+    for (name, value) in published {
+        assert!((number(name) / value - 1.0).abs() < 0.04, "{name} {}", number(name));
+    }
+    // What the axis does under the pulses (a flexibility, its authors say) no entry explains: it is not called explained.
+    assert_eq!(found.verdict, Verdict::Unexplained);
+    // Free run and inverse model fall together, step by step: 8.2, 6.0 and 5.4 % by sharp signs, here with the rounded ones of the plant.
+    let names: Vec<String> = found.steps.iter().map(|it| it.causes.join(" ")).collect();
+    assert_eq!(names, ["", "coulomb-friction", "coulomb-friction constant-load", "asymmetric-friction"]);
+    for (step, expected) in found.steps[1..].iter().zip([0.082, 0.060, 0.054]) {
+        assert!((step.force_error.unwrap() - expected).abs() < 0.003, "{:?}", step.force_error);
+    }
+    for pair in found.steps.windows(2) {
+        for (before, after) in pair[0].errors.iter().zip(&pair[1].errors) {
+            assert!(after.rmse < 0.95 * before.rmse, "{before:?} {after:?}");
+        }
+    }
+    // docs/book/src/results/measured.md, line by line.
+    let lines = [
+        "| mass and viscous friction, calibrated | {} um | {} V | {} % | {} % |",
+        "| and dry friction | {} um | {} V | {} % | {} % |",
+        "| and a constant force | {} um | {} V | {} % (published: 5.98) | {} % |",
+        "| asymmetric friction in place of both | {} um | {} V | {} % | {} % |",
+    ];
+    for ((line, step), (_, _, unseen)) in lines.iter().zip(&found.steps).zip(&by_inverse) {
+        let (position, command) = (1e6 * step.errors[0].rmse, step.errors[1].rmse);
+        prose::tells(line, &[position, command, *unseen, 100.0 * step.force_error.unwrap()]);
+    }
+    let friction = found.entries().next().unwrap();
+    assert!(found.causes.is_empty() && found.helpers.len() == 1);
+    prose::tells(
+        "The verdict is `unexplained`, and `asymmetric-friction` helps: {} N and {} N s/m forward, {} N and {} N s/m backward",
+        &["forward", "viscous_forward", "backward", "viscous_backward"].map(number),
+    );
+    let left = found.steps.last().unwrap().errors[0].noise_ratio;
+    prose::tells("(confidence {}), since {} times the encoder's noise floor is left", &[friction.confidence, left]);
+    // The energy that is left on the records that were fitted, in the unit of the ranking: squared standard deviations of the noise.
+    let (next, would_take) = &found.remaining[0];
+    assert!(*would_take < 0.05 * found.left.excess * rows as f64, "{next} {would_take} {}", found.left.excess);
+    prose::tells(
+        &format!("The next best entry of the catalogue (`{next}`) would take less than a twentieth of what is left"),
+        &[],
+    );
+}
+
+#[test]
+fn from_command_to_position_the_measured_axis_is_followed_within_the_published_errors() {
+    let file = plant("emps-open", "");
+    let Some(folder) = super::folder("emps") else { return };
+    let record = |name: &str| Record::read(&Source::read(&folder.join(name)).unwrap(), &file).unwrap();
+    let (training, test) = (record("emps_train.csv"), record("emps_test_pulses.csv"));
+    assert_eq!(training.drive, Drive::Open);
+    let found = free_run::follow_axis(&file, &training, &test).unwrap();
+    // A linear state space has 5.5 mm on the test record, a network of transfer functions and nonlinearities 2.64 (M. Forgione, D. Piga, dynoNet, 2021).
+    let lines = [
+        "| training record, all numbers and the start fitted to it | {} mm |",
+        "| test record under pulses, all numbers from the training record, the start fitted | {} mm |",
+        "| test record, viscous friction and start from its first quarter (6.2 s) | {} mm |",
+        "| the three quarters behind that, which nothing has seen | {} mm |",
+    ];
+    for (line, (_, error)) in lines.iter().zip(&found.errors) {
+        prose::tells(line, &[1e3 * error]);
+    }
+    // The drift is what the training record tells: without it the same plant is more than a millimetre off there.
+    let mut still = file.clone();
+    still.effects.retain(|it| it.description.kind != "load-drift");
+    let without = free_run::fitted(&still, &[&training], [5e-8; 3], 1).unwrap();
+    let rows = 0..training.rows();
+    let without = 1e3 * free_run::errors(&without.model, &training, rows).unwrap()[0];
+    let number = |model: &Model, name: &str| model.file.effects.iter().find_map(|it| it.arguments.optional(name)).unwrap();
+    prose::tells(
+        "On the training record a load grows by {} N a second; without it the error is {} mm.",
+        &[number(&found.trained, "force_rate"), without],
+    );
+    let warmer = |name: &str| 100.0 * (number(&found.today, name) / number(&found.trained, name) - 1.0);
+    let mut higher = [warmer("viscous_forward"), warmer("viscous_backward")];
+    higher.sort_by(f64::total_cmp);
+    let [(before, speed), (after, _)] =
+        ["emps_train.csv", "emps_test_pulses.csv"].map(|name| at_steady_speed(&file, name).unwrap());
+    prose::tells(
+        "On the test record viscous friction is {} to {} % higher ({} N in place of {} N hold the steady {} m/s forward)",
+        &[higher[0], higher[1], after, before, speed],
+    );
+}
+
+/// Mean force of the drive while the reference goes forward at its steady speed, and that speed, in N and m/s.
+fn at_steady_speed(file: &PlantFile, name: &str) -> Option<(f64, f64)> {
+    let source = Source::read(&super::folder("emps")?.join(name)).unwrap();
+    let numbers = ["t_s", "q_ref_m", "u_V"].map(str::to_string).to_vec();
+    let table = Table::read(&source, &Wanted { numbers, ..Wanted::default() }).unwrap();
+    let [time, reference, command] = ["t_s", "q_ref_m", "u_V"].map(|name| &table.column(name).unwrap().values);
+    let speed = |row: usize| (reference[row + 1] - reference[row - 1]) / (time[row + 1] - time[row - 1]);
+    let rows = 1..table.rows() - 1;
+    let steady = rows.clone().map(speed).fold(0.0, f64::max);
+    // The reference has seven digits: a difference over two rows is off by 1e-4 m/s at most.
+    let held: Vec<f64> = rows.filter(|row| (speed(*row) - steady).abs() < 1e-4).map(|row| command[row]).collect();
+    let gain = file.parameters.number("force_gain");
+    Some((gain * held.iter().sum::<f64>() / held.len() as f64, steady))
+}

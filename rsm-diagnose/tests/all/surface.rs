@@ -1,0 +1,346 @@
+//! Surfaces against measured data that show what they lack. What is hidden by us is tried by `tests/hidden-effects` (`hidden-effects surfaces`).
+
+use rsm_core::check::Checked;
+use rsm_core::source::Source;
+use rsm_diagnose::surface::causes::Cause;
+use rsm_diagnose::surface::data::NewData;
+use rsm_diagnose::surface::{Diagnosis, Verdict, diagnose, diagnose_and_test};
+
+use crate::folders::{nist, shared};
+
+fn diagnosed(model: &str, data: &[Source]) -> Diagnosis {
+    let checked = Checked::read(&Source::new("model.toml", model)).unwrap_or_else(|faults| panic!("{faults}"));
+    let data = NewData::read(checked.model(), data, None).unwrap_or_else(|refused| panic!("{refused}"));
+    diagnose(&checked, &data, None, &mut |_| {}).unwrap()
+}
+
+fn labels(found: &Diagnosis) -> Vec<&str> {
+    found.responses[0].causes.iter().map(|cause| cause.label.as_str()).collect()
+}
+
+fn cause<'a>(found: &'a Diagnosis, label: &str) -> &'a Cause {
+    let all = &found.responses[0].causes;
+    all.iter().find(|cause| cause.label == label).unwrap_or_else(|| panic!("no {label} among {:?}", labels(found)))
+}
+
+/// Myers, Montgomery, Anderson-Cook, table 7.6: the first-order surface of the first seven runs, against all fourteen. The published second-order analysis has a block difference of -4.4575 and squares of -1.3057
+/// and -0.9338 in units of 5 of the inputs (`chemreact_block_SO` of R's rsm).
+#[test]
+fn a_reactor_shows_its_second_block_and_its_curvature() {
+    let Some(folder) = shared("r-rsm") else { return };
+    let model = r#"
+format = 1
+model = "reactor"
+[inputs.Time]
+unit = "min"
+range = [77.0, 93.0]
+[inputs.Temp]
+unit = "degF"
+range = [167.0, 183.0]
+[surfaces.Yield]
+unit = "%"
+inputs = ["Time", "Temp"]
+terms = [
+  { powers = [0, 0], coefficient = 82.8142857142857 },
+  { powers = [1, 0], coefficient = 1.4 },
+  { powers = [0, 1], coefficient = 1.0 },
+]
+[surfaces.Yield.evidence]
+rows = 7
+residual_sd = 1.159
+"#;
+    let found = diagnosed(model, &[Source::read(&folder.join("chemreact.csv")).unwrap()]);
+    assert_eq!(found.verdict, Verdict::Explained, "{:?}", labels(&found));
+    let block = cause(&found, "block-offset:Block");
+    let difference = block.parameters[1].value - block.parameters[0].value;
+    // The published interval: standard error 0.0872, times t of 8 degrees of freedom.
+    assert!((difference + 4.4575).abs() < 2.306 * 0.0872, "{difference}");
+    for (label, published) in [("missing-term:Time^2", -1.3057), ("missing-term:Temp^2", -0.9338)] {
+        let square = cause(&found, label).parameters[0].value / (1.6 * 1.6);
+        // Published standard error 0.0846; the blocked model of the publication has three more terms.
+        assert!((square - published).abs() < 2.306 * 0.0846, "{label}: {square}");
+    }
+    assert_eq!(found.responses[0].causes.len(), 3, "{:?}", labels(&found));
+    // In five parts of 14 runs, each with the choice of causes on 11: one part that misses a square leaves a seventh. Measured 0.85.
+    assert!(found.gain > 0.7, "{}", found.gain);
+    // The extension is a model file that the compiler takes, blocks are not in it, squares are.
+    let extended = Checked::from_model(&found.extended).unwrap();
+    assert!(extended.model().surfaces[0].terms.iter().any(|term| term.powers == [2, 0]));
+}
+
+/// Box, Hunter, Hunter, table 12.5, paper helicopters: a first-order surface lacks the second order, whose ten terms stand out together and hardly any alone.
+#[test]
+fn paper_helicopters_show_that_the_second_order_is_missing() {
+    let Some(folder) = shared("r-rsm") else { return };
+    let mut model = "format = 1\nmodel = \"helicopter\"\n".to_string();
+    for (name, low, high) in [("A", 11.2, 13.6), ("R", 2.0, 3.04), ("W", 0.75, 1.75), ("L", 1.0, 3.0)] {
+        model += &format!("[inputs.{name}]\nunit = \"1\"\nrange = [{low:?}, {high:?}]\n");
+    }
+    model += r#"
+[surfaces.ave]
+unit = "s"
+inputs = ["A", "R", "W", "L"]
+terms = [
+  { powers = [0, 0, 0, 0], coefficient = 367.7 },
+  { powers = [1, 0, 0, 0], coefficient = -0.1667 },
+  { powers = [0, 1, 0, 0], coefficient = 10.1667 },
+  { powers = [0, 0, 1, 0], coefficient = 0.5 },
+  { powers = [0, 0, 0, 1], coefficient = -12.1667 },
+]
+"#;
+    let found = diagnosed(&model, &[Source::read(&folder.join("heli.csv")).unwrap()]);
+    let all: Vec<&str> = labels(&found);
+    let told: Vec<&String> = found.responses[0].causes.iter().map(|cause| &cause.sentence).collect();
+    assert!(all.iter().any(|label| label.starts_with("missing-term")), "{told:?}");
+    // The rows are in standard order, block after block, so that the run order moves with factors and blocks.
+    let allowed = ["missing-term", "block-offset", "drift"];
+    assert!(all.iter().all(|label| allowed.iter().any(|kind| label.starts_with(kind))), "{told:?}");
+}
+
+/// NIST's load cell (Pontius): a line leaves the square; with the certified square nothing is wrong. Its responses of both rounds are in the order of loads, so that the order of runs and the load are one.
+#[test]
+fn a_load_cell_shows_its_square() {
+    let folder = nist();
+    let text = std::fs::read_to_string(folder.join("Pontius.csv")).unwrap();
+    let model = |terms: &str| {
+        format!(
+            "format = 1\nmodel = \"cell\"\n[inputs.x]\nunit = \"1\"\nrange = [0.0, 3000000.0]\n[surfaces.y]\nunit = \"1\"\ninputs = [\"x\"]\ncoding = \"none\"\nterms = [{terms}]\n"
+        )
+    };
+    // Certified: B0 = 0.673565789473684e-3, B1 = 0.732059160401003e-6, B2 = -0.316081871345029e-14.
+    let line = "{ powers = [0], coefficient = 6.73565789473684e-4 }, { powers = [1], coefficient = 7.32059160401003e-7 }";
+    let found = diagnosed(&model(line), &[Source::new("Pontius.csv", text.clone())]);
+    let square = cause(&found, "missing-term:x^2");
+    assert!(square.parameters[0].low < -3.16081871345029e-15 && square.parameters[0].high > -3.16081871345029e-15);
+    assert_eq!(labels(&found).len(), 1, "{:?}", labels(&found));
+    let whole = format!("{line}, {{ powers = [2], coefficient = -3.16081871345029e-15 }}");
+    let found = diagnosed(&model(&whole), &[Source::new("Pontius.csv", text)]);
+    assert_eq!(found.verdict, Verdict::NoDiscrepancy, "{:?}", labels(&found));
+}
+
+/// y = 40 + 6 a + 4 b + 3 a^2 - 2 a b over a in 0 to 10 bar and b in -5 to 5 A, in coded a and b; the coefficients are exact.
+const BENCH: &str = r#"
+format = 1
+model = "bench"
+[inputs.a]
+unit = "bar"
+range = [0.0, 10.0]
+[inputs.b]
+unit = "A"
+range = [-5.0, 5.0]
+[surfaces.y]
+unit = "V"
+inputs = ["a", "b"]
+terms = [
+  { powers = [0, 0], coefficient = 40.0 },
+  { powers = [1, 0], coefficient = 6.0 },
+  { powers = [0, 1], coefficient = 4.0 },
+  { powers = [2, 0], coefficient = 3.0 },
+  { powers = [1, 1], coefficient = -2.0 },
+]
+"#;
+
+fn bench(a: f64, b: f64) -> f64 {
+    let (x, z) = ((a - 5.0) / 5.0, b / 5.0);
+    40.0 + 6.0 * x + 4.0 * z + 3.0 * x * x - 2.0 * x * z
+}
+
+/// Numbers that are nearly normal: twelve uniform ones less six, by splitmix64.
+fn noise(state: &mut u64) -> f64 {
+    let mut uniform = || {
+        *state = state.wrapping_add(0x9e3779b97f4a7c15);
+        let mut x = *state;
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58476d1ce4e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d049bb133111eb);
+        ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+}
+
+/// A grid of five by five that reaches a little beyond the range or not, three times over; `read` makes a row of it.
+fn grid(read: &dyn Fn(f64, f64) -> (f64, f64, f64)) -> Source {
+    let mut csv = "a[bar],b[A],y[V]\n".to_string();
+    let mut state = 7;
+    for k in 0..75 {
+        // 7 and 25 have no common factor: the order of runs does not follow the grid.
+        let cell = (7 * k) % 25;
+        let (a, b, y) = read(f64::from(cell % 5) * 2.5, f64::from(cell / 5) * 2.5 - 5.0);
+        csv += &format!("{a:?},{b:?},{:?}\n", y + 0.3 * noise(&mut state));
+    }
+    Source::new("new.csv", csv)
+}
+
+/// The sensor of a reads 1.06 times the truth: the upper edge of the grid reads 10.6 bar, beyond the range. Those fifteen rows tell most about it.
+#[test]
+fn rows_that_a_faulty_sensor_reads_beyond_the_range_take_part() {
+    let found = diagnosed(BENCH, &[grid(&|a, b| (1.06 * a, b, bench(a, b)))]);
+    assert_eq!(labels(&found), ["sensor-gain:a"]);
+    let response = &found.responses[0];
+    assert_eq!((response.rows, response.outside.len()), (75, 0));
+    let gain = &cause(&found, "sensor-gain:a").parameters[0];
+    assert!(gain.low < 1.06 && 1.06 < gain.high && gain.high - gain.low < 0.04, "{gain:?}");
+}
+
+/// The same readings of a sensor that is right: the runs were made beyond the range, where the response saturates. The file says nothing about that, and nothing is said against the file.
+#[test]
+fn rows_beyond_the_range_say_nothing_where_no_sensor_explains_them() {
+    let found = diagnosed(
+        BENCH,
+        &[grid(&|a, b| (1.06 * a, b, bench((1.06 * a).min(10.0), b) - if 1.06 * a > 10.0 { 3.0 } else { 0.0 }))],
+    );
+    assert_eq!(found.verdict, Verdict::NoDiscrepancy, "{:?}", labels(&found));
+    assert_eq!((found.responses[0].rows, found.responses[0].outside.len()), (60, 15));
+}
+
+/// A bias of twice the noise, but for the last three runs, which happen to be low: a step before them fits better, by choice of its place alone.
+#[test]
+fn a_change_three_runs_before_the_end_is_a_bias() {
+    let source = grid(&|a, b| (a, b, bench(a, b) + 0.6));
+    let mut lines: Vec<String> = source.text().lines().map(str::to_string).collect();
+    for line in lines.iter_mut().rev().take(3) {
+        let (inputs, y) = line.rsplit_once(',').unwrap();
+        *line = format!("{inputs},{:?}", y.parse::<f64>().unwrap() - 0.6);
+    }
+    let found = diagnosed(BENCH, &[Source::new("new.csv", lines.join("\n") + "\n")]);
+    assert!(labels(&found).contains(&"sensor-bias:y"), "{:?}", labels(&found));
+}
+
+/// The grid with a further column, whose text is `cell` of its value, and a response that it moves by 2 V over its range.
+fn warm(header: &str, values: &dyn Fn(usize) -> f64, cell: &dyn Fn(f64) -> String) -> Source {
+    let plain = grid(&|a, b| (a, b, bench(a, b)));
+    let mut csv = String::new();
+    for (k, line) in plain.text().lines().enumerate() {
+        let (inputs, y) = line.rsplit_once(',').unwrap();
+        let Some(row) = k.checked_sub(1) else {
+            csv += &format!("{inputs}{header},y[V]\n");
+            continue;
+        };
+        let value = values(row);
+        let y = y.parse::<f64>().unwrap() + 2.0 * (value - 30.0) / 20.0;
+        csv += &format!("{inputs}{},{y:?}\n", if header.is_empty() { String::new() } else { format!(",{}", cell(value)) });
+    }
+    Source::new("rows.csv", csv)
+}
+
+/// What varies in the new data may stand still, lack or be text in the files that judge: the diagnosis stands in every case.
+#[test]
+fn columns_that_judging_files_have_otherwise_lose_no_diagnosis() {
+    let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
+    let number = |value: f64| format!("{value:?}");
+    let varies = |row: usize| 30.0 + 20.0 * ((row as f64) * 0.7).sin();
+    let data = NewData::read(checked.model(), &[warm(",temperature[degC]", &varies, &number)], None).unwrap();
+    let still = |_: usize| 45.0;
+    let judged = |source: Source| -> (bool, f64, f64) {
+        let judging = NewData::read_like(checked.model(), &[source], &data).unwrap();
+        let found = diagnose_and_test(&checked, &data, Some(&judging), Some(&judging), &mut |_| {}).unwrap();
+        assert_eq!((found.verdict, labels(&found)), (Verdict::Explained, vec!["missing-input:temperature"]));
+        let response = &found.responses[0];
+        let on_files = response.judged_on.contains("files for validation");
+        let notes = response.notes.iter().filter(|note| note.contains("rows.csv cannot")).count();
+        // One note for the files that judge, one for those that test.
+        assert_eq!(notes, if on_files { 0 } else { 2 }, "{:?}", response.notes);
+        (on_files, response.extended.noise_ratio, response.tested.as_ref().map_or(f64::NAN, |it| it.extended.noise_ratio))
+    };
+    for (header, values, cell) in [
+        (",temperature[degC]", &varies as &dyn Fn(usize) -> f64, &number as &dyn Fn(f64) -> String),
+        (",temperature[degC]", &still, &number),
+    ] {
+        let (on_files, ratio, on_test) = judged(warm(header, values, cell));
+        assert!(on_files && ratio == on_test && ratio < 1.5, "{ratio} {on_test}");
+    }
+    let text = |value: f64| if value > 45.0 { "hot".to_string() } else { number(value) };
+    for source in
+        [warm("", &varies, &number), warm(",temperature[degC]", &varies, &text), warm(",temperature[K]", &varies, &number)]
+    {
+        let (on_files, ratio, on_test) = judged(source);
+        assert!(!on_files && ratio < 1.5 && on_test.is_nan(), "{ratio} {on_test}");
+    }
+    // The other way round: what stands still in the new data says nothing there, and the reader hears why.
+    let quiet = NewData::read(checked.model(), &[warm(",temperature[degC]", &still, &number)], None).unwrap();
+    assert_eq!(quiet.ignored, [("temperature".to_string(), "it has one value only".to_string())]);
+    let judging = NewData::read_like(checked.model(), &[warm(",temperature[degC]", &varies, &number)], &quiet).unwrap();
+    let found = diagnose(&checked, &quiet, Some(&judging), &mut |_| {}).unwrap();
+    assert_eq!(labels(&found), ["sensor-bias:y"]);
+    // One of two files of new data lacks it.
+    let both = [warm(",temperature[degC]", &varies, &number), warm("", &varies, &number)];
+    let both = NewData::read(checked.model(), &both, None).unwrap();
+    assert_eq!(both.ignored[0], ("temperature".to_string(), "rows.csv does not have it".to_string()));
+}
+
+/// Levels that the new data have are levels in a file that has one of them.
+#[test]
+fn an_offset_of_a_level_is_judged_on_a_file_of_that_level_alone() {
+    let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
+    let rig = |value: f64| if value > 30.0 { "b".to_string() } else { "a".to_string() };
+    // Rig b, at 50 degC as `warm` counts it, reads 2 V too much.
+    let data = warm(",rig", &|row| if row % 3 == 0 { 50.0 } else { 30.0 }, &rig);
+    let data = NewData::read(checked.model(), &[data], None).unwrap();
+    let only_b = NewData::read_like(checked.model(), &[warm(",rig", &|_| 50.0, &rig)], &data).unwrap();
+    let found = diagnose(&checked, &data, Some(&only_b), &mut |_| {}).unwrap();
+    assert_eq!(labels(&found), ["block-offset:rig"]);
+    let response = &found.responses[0];
+    assert!(
+        response.nominal.noise_ratio > 5.0 && response.extended.noise_ratio < 1.5,
+        "{:?} {:?}",
+        response.nominal,
+        response.extended
+    );
+}
+
+/// Test rows are not looked at before everything else stands.
+#[test]
+fn test_rows_change_their_figures_and_nothing_else() {
+    let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
+    let read = |by: f64| NewData::read(checked.model(), &[grid(&|a, b| (a, b, bench(a, b) + by * a))], None).unwrap();
+    let data = read(0.3);
+    let tested = |test: &NewData| {
+        let mut found = diagnose_and_test(&checked, &data, None, Some(test), &mut |_| {}).unwrap();
+        let figures = found.responses[0].tested.take().unwrap();
+        (format!("{found:?}"), figures.gain)
+    };
+    let ((answer, like), (same, unlike)) = (tested(&read(0.3)), tested(&read(-0.3)));
+    assert!(answer == same && like > 0.9 && unlike < 0.0, "{like} {unlike}");
+}
+
+/// Readings, or a model, of which no squares are numbers: a message, where the tails of a distribution were asked for nothing (a panic).
+#[test]
+fn magnitudes_without_squares_are_refused() {
+    let model = |coefficient: &str| {
+        format!(
+            "format = 1\nmodel = \"m\"\n[inputs.x]\nunit = \"1\"\nrange = [0.0, 9.0]\n[surfaces.y]\nunit = \"1\"\ninputs = [\"x\"]\nterms = [{{ powers = [0], coefficient = {coefficient} }}]\n"
+        )
+    };
+    let rows = |seventh: &str| {
+        let row = |k: usize| format!("{k},{}\n", if k == 7 { seventh.to_string() } else { format!("1.{k}") });
+        Source::new("new.csv", std::iter::once("x,y\n".to_string()).chain((0..10).map(row)).collect::<String>())
+    };
+    let checked = |text: &str| Checked::read(&Source::new("m.toml", text)).unwrap_or_else(|faults| panic!("{faults}"));
+    let sane = checked(&model("1.5"));
+    let refused = NewData::read(sane.model(), &[rows("1e308")], None).err().unwrap().to_string();
+    assert!(refused.contains("new.csv:9") && refused.contains("found 1e308"), "{refused}");
+    let huge = checked(&model("1e200"));
+    let data = NewData::read(huge.model(), &[rows("1.7")], None).unwrap_or_else(|refused| panic!("{refused}"));
+    let said = diagnose(&huge, &data, None, &mut |_| {}).err().unwrap();
+    assert!(said.contains("the model gives 1e200"), "{said}");
+    assert_eq!(diagnosed(&model("1.5"), &[rows("1.7")]).responses.len(), 1);
+}
+
+/// Runs that pass through an input in order make of whatever the surface lacks errors that follow each other. Those are noise only where nothing predicts them: a wave over the input does here, and in a
+/// drift of the sensor that has nothing to do with it nothing does.
+#[test]
+fn errors_that_follow_each_other_are_structure_where_a_wave_over_an_input_predicts_them() {
+    let swept = |wave: f64, drift: f64| {
+        let (mut csv, mut state, mut slow) = ("a[bar],b[A],y[V]\n".to_string(), 11, 0.0);
+        for k in 0..240 {
+            let (a, b) = (f64::from(k % 120) * 10.0 / 119.0, if k < 120 { -3.0 } else { 3.0 });
+            slow = 0.9 * slow + drift * noise(&mut state);
+            let y = bench(a, b) + wave * (std::f64::consts::TAU * 13.0 * a / 10.0).sin() + slow + 0.1 * noise(&mut state);
+            csv += &format!("{a:?},{b:?},{y:?}\n");
+        }
+        diagnosed(BENCH, &[Source::new("new.csv", csv)])
+    };
+    let teeth = swept(1.0, 0.0);
+    assert_eq!(teeth.verdict, Verdict::Unexplained, "{:?}", labels(&teeth));
+    let slow = swept(0.0, 0.3);
+    assert_eq!((slow.verdict, labels(&slow)), (Verdict::Explained, vec!["correlated-errors"]));
+}

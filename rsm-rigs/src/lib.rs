@@ -1,0 +1,12 @@
+//! The rigs of the two cases: what an experiment is made on when no machine is at hand.
+//!
+//! In: plant files and plans. Out: measured tables with noise from a seed, and figures of a drive or a car in closed loop.
+//!
+//! `motor` is a permanent-magnet drive in closed loop around the plant `pmac`, and `bench` is its dynamometer. `track` runs the plant `driveline`
+//! through tip-ins, estimates damping and frequency, and tunes a compensator in rounds. Nothing here prints or writes.
+
+pub mod motor;
+
+pub mod bench;
+
+pub mod track;

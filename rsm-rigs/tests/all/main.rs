@@ -1,0 +1,8 @@
+//! The tests of the rigs, one binary.
+
+mod motor;
+#[path = "../../../rsm-sim/tests/all/shipped.rs"]
+mod shipped;
+mod track;
+
+use shipped::{effect, path, plant};

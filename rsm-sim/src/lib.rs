@@ -1,0 +1,50 @@
+//! Simulated plants, and the catalogue of what a nominal plant may leave out.
+//!
+//! ```text
+//!   plant.toml --plant_file--> PlantFile --+
+//!   record.csv --record--> Record ---------+--simulate--> outputs at every row
+//!                                          |
+//!        effects (one file each) --hooks---+
+//! ```
+//!
+//! A plant calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a joint, outputs, extra states. An effect
+//! implements the hooks that it needs. No plant knows any effect (a test searches for their names). The same files give the same bits on
+//! one machine. Nothing here prints, and a simulation along a record draws no random numbers: noise is added by whoever measures.
+//!
+//! ```
+//! use rsm_core::source::Source;
+//! use rsm_sim::{plant_file::PlantFile, record::Record, simulate::Simulator};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let axis = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2.0\nforce_gain = 4.0\n\
+//!             viscous_friction = 0.0\ncommand_limit = 10.0\n";
+//! let plant = PlantFile::read(&Source::new("axis.toml", axis))?;
+//! let record = Record::read(&Source::new("in.csv", "time[s],command[V],position[m]\n0,1,0\n0.5,1,0\n1,1,0\n"), &plant)?;
+//! let outputs = Simulator::new(&plant, &record)?.run(&record)?;
+//! // 4 N on 2 kg: q = t^2.
+//! assert!((outputs.of("position").unwrap()[2] - 1.0).abs() < 1e-12);
+//! # Ok(())
+//! # }
+//! ```
+
+pub mod kind;
+
+pub mod schema;
+
+pub mod plant_file;
+
+pub mod record;
+
+pub mod effect;
+
+pub mod effects;
+
+pub mod hooks;
+
+pub mod plants;
+
+mod integrate;
+
+pub mod simulate;
+
+pub mod threads;

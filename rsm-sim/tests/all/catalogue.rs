@@ -1,0 +1,134 @@
+//! The list of effects is that of the folder and that of docs/book/src/reference/plants.md, and no plant knows any of them.
+
+use std::collections::BTreeSet;
+
+use rsm_core::source::Source;
+use rsm_sim::effects;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+
+use super::path;
+
+/// The first column of the table of docs/book/src/reference/plants.md, section 3.
+const KINDS: [&str; 33] = [
+    "parameter-error",
+    "coulomb-friction",
+    "asymmetric-friction",
+    "stribeck-friction",
+    "windage",
+    "constant-load",
+    "load-drift",
+    "cogging-torque",
+    "torque-ripple",
+    "magnetic-saturation",
+    "resistance-heating",
+    "inverter-dead-time",
+    "voltage-limit",
+    "angle-offset",
+    "angle-eccentricity",
+    "input-delay",
+    "input-gain",
+    "sensor-gain",
+    "sensor-bias",
+    "sensor-lag",
+    "sensor-delay",
+    "sensor-quantisation",
+    "sensor-drift",
+    "shaft-compliance",
+    "backlash",
+    "clutch-stiffening",
+    "clutch-slip",
+    "tyre-slip",
+    "road-grade",
+    "headwind",
+    "brake-drag",
+    "throttle-nonlinearity",
+    "combustion-ripple",
+];
+
+#[test]
+fn every_kind_has_a_file_and_a_place_in_the_list() {
+    let listed: BTreeSet<String> = effects::ALL.iter().map(|it| it.kind.replace('-', "_")).collect();
+    let entries = std::fs::read_dir(path("src/effects")).unwrap().map(|entry| entry.unwrap().path());
+    let files: BTreeSet<String> = entries.map(|file| file.file_stem().unwrap().to_str().unwrap().to_string()).collect();
+    let lacking: Vec<String> = files
+        .iter()
+        .filter(|name| *name != "mod" && !listed.contains(*name))
+        .map(|name| format!("&{name}::DESCRIPTION,"))
+        .collect();
+    assert!(lacking.is_empty(), "effects/mod.rs lacks these lines: {lacking:?}");
+    let expected: BTreeSet<String> = KINDS.iter().map(|kind| kind.replace('-', "_")).collect();
+    assert_eq!(listed, expected);
+    assert_eq!(files.len(), listed.len() + 1, "a file of effects/ is missing");
+}
+
+#[test]
+fn the_reference_has_a_row_for_every_kind_in_this_order() {
+    let page = std::fs::read_to_string(path("../docs/book/src/reference/plants.md")).unwrap();
+    let section = page.split_once("## 3. The catalogue of effects").unwrap().1;
+    let rows: Vec<&str> = section.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next()).collect();
+    assert_eq!(rows, KINDS);
+}
+
+#[test]
+fn every_header_has_its_six_lines() {
+    for description in effects::ALL {
+        let file = path(&format!("src/effects/{}.rs", description.kind.replace('-', "_")));
+        let text = std::fs::read_to_string(file).unwrap();
+        for line in ["Formula ", "Source ", "Acts on ", "Looks like ", "Told apart ", "Report says "] {
+            assert!(text.contains(&format!("//! {line}")), "{}: no line `{line}`", description.kind);
+        }
+        let says = format!("//! Report says  \"{}\"", description.sentence);
+        assert!(text.contains(&says), "{}: the header says something else", description.kind);
+        // The report can fill in every place of the sentence.
+        for part in description.sentence.split('{').skip(1) {
+            let name = part.split('}').next().unwrap();
+            let known = description.arguments.iter().any(|it| it.name == name) || ["parameter", "output"].contains(&name);
+            assert!(known, "{}: `{name}` is no argument", description.kind);
+        }
+        // What to check is one's own, a whole sentence without places to fill in.
+        let check = description.check;
+        assert!(check.ends_with('.') && !check.contains('{'), "{}: {check}", description.kind);
+        let same = effects::ALL.iter().filter(|it| it.check == check).count();
+        assert_eq!(same, 1, "{}: another effect is checked in the same words", description.kind);
+    }
+}
+
+#[test]
+fn no_plant_knows_an_effect() {
+    for name in ["pmac", "driveline", "servo_axis", "mod"] {
+        let text = std::fs::read_to_string(path(&format!("src/plants/{name}.rs"))).unwrap();
+        for kind in KINDS {
+            let words = [kind.to_string(), kind.replace('-', "_"), format!("crate::effects::{kind}")];
+            assert!(!words.iter().any(|word| text.contains(word.as_str())), "plants/{name}.rs names {kind}");
+        }
+        assert!(!text.contains("crate::effects"), "plants/{name}.rs imports the catalogue");
+    }
+}
+
+#[test]
+fn a_file_with_effects_is_written_and_read_back_to_the_same_bits() {
+    for (_, kind) in PlantKind::NAMES {
+        let mut text = std::fs::read_to_string(path(&format!("plants/{}.toml", kind.name()))).unwrap();
+        for description in effects::ALL.iter().filter(|it| it.plants.contains(&kind)) {
+            let subject = match description.subject {
+                rsm_sim::effect::Subject::None => String::new(),
+                rsm_sim::effect::Subject::Parameter => {
+                    "parameter = \"mass\", ".replace("mass", if kind == PlantKind::Pmac { "inertia" } else { "mass" })
+                }
+                rsm_sim::effect::Subject::Output => format!("output = \"{}\", ", kind.outputs()[0].name),
+            };
+            let numbers: Vec<String> = description
+                .arguments_on(kind)
+                .map(|it| format!("{} = {}", it.name, if it.name == "cycles" { "24" } else { "0.3" }))
+                .collect();
+            text += &super::effect(description.kind, &(subject + &numbers.join(", ")));
+        }
+        let read = |text: &str| PlantFile::read(&Source::new("p.toml", text)).unwrap_or_else(|faults| panic!("{faults}"));
+        let first = read(&text);
+        let written = first.write();
+        let second = read(&written);
+        assert_eq!(first.parameters, second.parameters);
+        assert_eq!((first.effects.len(), written), (second.effects.len(), second.write()));
+    }
+}

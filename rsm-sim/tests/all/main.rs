@@ -1,0 +1,9 @@
+//! The tests of the plants, one binary.
+
+mod catalogue;
+mod cross_check;
+mod rejected;
+mod shipped;
+mod step;
+
+use shipped::{axis_record, car_record, effect, motor_record, path, plant, record, run};

@@ -1,0 +1,82 @@
+//! Halving the step moves no output by more than a tenth of its sensor's noise, with the effects that are hardest to step over.
+
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
+use rsm_sim::simulate::{Outputs, Simulator, Stopped};
+
+use super::{axis_record, car_record, effect, motor_record, plant, record, run};
+
+/// The largest move of each output, in its noise.
+fn moves(plant: &PlantFile, record: &Record) -> Vec<(&'static str, f64)> {
+    let coarse = run(plant, record);
+    let fine: Outputs = Simulator::new(plant, record).unwrap().refined(2).run(record).unwrap();
+    let of = |k: usize| {
+        let name = coarse.signals[k].name;
+        let noise = plant.noise.iter().find(|(found, _)| *found == name).unwrap().1;
+        let pairs = coarse.values[k].iter().zip(&fine.values[k]);
+        (name, pairs.map(|(a, b)| (a - b).abs() / noise).fold(0.0, f64::max))
+    };
+    (0..coarse.signals.len()).map(of).collect()
+}
+
+fn holds(what: &str, plant: &PlantFile, text: &str) {
+    let record = record(text, plant);
+    for (name, moved) in moves(plant, &record) {
+        println!("{what}: {name} moves by {moved:.2e} of its noise");
+        // Issue 3, item 1: a tenth of the noise.
+        assert!(moved < 0.1, "{what}: {name} moves by {moved} of its noise");
+    }
+}
+
+#[test]
+fn of_the_motor() {
+    let friction = effect("stribeck-friction", "coulomb = 0.2, static = 0.4, stribeck_velocity = 5.0");
+    let shaft = effect("shaft-compliance", "inertia_ratio = 0.5, stiffness = 500.0, damping = 0.05");
+    let cogging = effect("cogging-torque", "amplitude = 0.1, cycles = 24, phase = 0.0");
+    holds("motor", &plant("pmac", ""), &motor_record());
+    holds("motor with friction, shaft and cogging", &plant("pmac", &(friction + &shaft + &cogging)), &motor_record());
+}
+
+#[test]
+fn of_the_driveline() {
+    let lash = effect("backlash", "gap = 0.0524");
+    let tyre = effect("tyre-slip", "slip_stiffness = 40000.0");
+    let slip = effect("clutch-slip", "capacity = 120.0");
+    holds("car", &plant("driveline", ""), &car_record());
+    holds("car with lash", &plant("driveline", &lash), &car_record());
+    holds("car with lash, tyre and clutch", &plant("driveline", &(lash + &tyre + &slip)), &car_record());
+}
+
+#[test]
+fn of_the_axis() {
+    let friction = effect("coulomb-friction", "force = 20.4");
+    let play = effect("backlash", "gap = 0.00002, mass_ratio = 0.3, stiffness = 5e6, damping = 2000.0");
+    holds("axis", &plant("servo-axis", ""), &axis_record());
+    holds("axis with friction", &plant("servo-axis", &friction), &axis_record());
+    holds("axis with friction and play", &plant("servo-axis", &(friction + &play)), &axis_record());
+}
+
+#[test]
+fn a_run_that_takes_more_steps_than_it_may_is_given_up() {
+    // A clutch that stiffens while it slips winds up: its springs swing ever faster.
+    let stiffening = effect("clutch-stiffening", "cubic_stiffness = 20000.0");
+    let car = plant("driveline", &(stiffening + &effect("clutch-slip", "capacity = 60.0")));
+    let record = record(&car_record(), &car);
+    let given = |steps: usize| Simulator::new(&car, &record).unwrap().at_most(steps).run(&record).map(|_| ());
+    // A step of the exponential method, which is what a row of it takes before, counts as three.
+    let short = given(4);
+    // The clutch slips from the tip-in at row 250 on.
+    assert!(matches!(short, Err(Stopped::TooLong { row }) if row > 250), "{short:?}");
+    assert_eq!(given(usize::MAX), Ok(()));
+}
+
+#[test]
+fn the_same_files_give_the_same_bits() {
+    let car = plant("driveline", &effect("backlash", "gap = 0.0524"));
+    let record = record(&car_record(), &car);
+    let mut simulator = Simulator::new(&car, &record).unwrap();
+    let first = simulator.run(&record).unwrap();
+    // Again with the same object, and with a new one.
+    assert_eq!(first, simulator.run(&record).unwrap());
+    assert_eq!(first, run(&car, &record));
+}
