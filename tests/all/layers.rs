@@ -36,6 +36,8 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "rsm-rigs", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
     // It knows plants, not rigs: a diagnosis may not know how a record was made.
     Law { package: "rsm-diagnose", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
+    // The handful of types that a user of the library needs.
+    Law { package: "rsm", ours: &["rsm-core", "rsm-fit", "rsm-sim", "rsm-diagnose"], aside: &[], outside: Some(&["nalgebra"]) },
     Law {
         package: "rsm-cli",
         ours: &[
