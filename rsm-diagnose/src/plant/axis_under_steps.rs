@@ -1,15 +1,15 @@
 //! For tests of this folder: an axis in open loop under steps of its command, with an effect that the nominal plant lacks.
 //!
-//! In: tolerances, an effect, noise. Out: kernel, nominal and true plant; a search with what a test gives it. Never in a program.
+//! In: tolerances, an effect, noise. Out: whitened records, nominal and true plant; a search with what a test gives it. Never in a program.
 
 use rsm_core::source::Source;
 
 use super::hypotheses::Hypothesis;
-use super::kernel::{Kernel, Prepared};
 use super::model::Model;
 use super::noise::Floor;
 use super::random::Random;
 use super::selection::{Effort, Search};
+use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::effect::Survey;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -33,7 +33,7 @@ pub fn friction(force: f64) -> String {
 }
 
 /// 0.6 s of a true axis along steps of 2 V and -1.5 V, with or without noise; its nominal plant.
-pub fn kernel(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (Kernel, Model) {
+pub fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (WhitenedResiduals, Model) {
     let mut csv = "time[s],command[V],position[m]\n".to_string();
     for k in 0..600 {
         csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
@@ -44,19 +44,19 @@ pub fn kernel(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (Kernel, M
     let mut noise = || if noisy { NOISE * random.normal() } else { 0.0 };
     record.measured[0] = Some(simulated.of("position").unwrap().iter().map(|value| value + noise()).collect());
     let model = Model::nominal(nominal, &[&record], [NOISE; 3]);
-    (Kernel::new(vec![Prepared::new(record, 2)], [Floor::white(NOISE); 3], 1), model)
+    (WhitenedResiduals::new(vec![Prepared::new(record, 2)], [Floor::white(NOISE); 3], 1), model)
 }
 
 /// A search with work without end, that tells nobody.
 pub fn search<'a>(
-    kernel: &'a Kernel,
-    unseen: &'a Kernel,
+    whitened: &'a WhitenedResiduals,
+    unseen: &'a WhitenedResiduals,
     nominal: &'a Model,
     hypotheses: &'a [Hypothesis],
     survey: &'a Survey,
 ) -> Search<'a> {
     Search {
-        kernel,
+        whitened,
         unseen,
         nominal,
         hypotheses,

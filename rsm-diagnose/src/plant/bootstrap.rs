@@ -2,8 +2,8 @@
 //!
 //! In: errors of two models on the same records. Out: a 95 % interval of the gain. Never simulates.
 
-use super::kernel::{Kernel, Simulated};
 use super::random::Random;
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 
 /// Draws: the ends of a 95 % interval are the 25th values from either end.
 const DRAWS: usize = 1000;
@@ -16,16 +16,21 @@ type Sums = [[f64; 3]; 3];
 
 /// The interval of the share of squared error above the noise that is gone.
 #[must_use]
-pub fn gain_interval(kernel: &Kernel, before: &[Simulated], after: &[Simulated], gain: impl Fn(&Sums) -> f64) -> (f64, f64) {
-    let rows: usize = kernel.records.iter().map(|it| it.record.rows()).sum();
-    let length = block(kernel, before, after).clamp(1, (rows / LEAST_BLOCKS).max(1));
+pub fn gain_interval(
+    whitened: &WhitenedResiduals,
+    before: &[Simulated],
+    after: &[Simulated],
+    gain: impl Fn(&Sums) -> f64,
+) -> (f64, f64) {
+    let rows: usize = whitened.records.iter().map(|it| it.record.rows()).sum();
+    let length = block(whitened, before, after).clamp(1, (rows / LEAST_BLOCKS).max(1));
     let mut blocks: Vec<Sums> = Vec::new();
-    for (record, prepared) in kernel.records.iter().enumerate() {
+    for (record, prepared) in whitened.records.iter().enumerate() {
         let rows = prepared.record.rows();
         for start in (0..rows).step_by(length) {
             let mut sums: Sums = Default::default();
             for (k, output) in prepared.outputs.iter().enumerate() {
-                let floor = &kernel.floors[*output];
+                let floor = &whitened.floors[*output];
                 let measured = prepared.measured(k);
                 for row in (start..(start + length).min(rows)).filter(|row| prepared.used[k][*row]) {
                     let error = |simulated: &[Simulated]| (measured[row] - floor.reads(simulated[record][k][row])) / floor.sd;
@@ -55,9 +60,9 @@ pub fn gain_interval(kernel: &Kernel, before: &[Simulated], after: &[Simulated],
 
 /// Rows after which errors know nothing of each other: twice the first lag at which the correlation of what the extension changes is below a tenth, over all
 /// records and outputs.
-fn block(kernel: &Kernel, before: &[Simulated], after: &[Simulated]) -> usize {
+fn block(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated]) -> usize {
     let mut longest = 1;
-    for (record, prepared) in kernel.records.iter().enumerate() {
+    for (record, prepared) in whitened.records.iter().enumerate() {
         for k in 0..prepared.outputs.len() {
             let measured = prepared.measured(k);
             let change: Vec<f64> = (0..measured.len())

@@ -6,11 +6,11 @@
 
 use std::ops::Range;
 
-use super::kernel::{Column, Kernel, Prepared, dot};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::normal::Normal;
 use super::nuisance::Nuisance;
+use super::whitened_residuals::{Column, Prepared, WhitenedResiduals, dot};
 
 /// The longest gap that is bridged, in rows. An instant may be off by 1 % of a period, so over ten rows their number is still known to a tenth; and of an input that
 /// changes once in the gap its mean says when, of one that changes twice it does not.
@@ -181,14 +181,14 @@ fn off_a_line(values: &[f64], rows: usize) -> f64 {
 }
 
 /// Those of them that matter: what one of an input moves says what the others do, in proportion.
-fn that_matter(kernel: &Kernel, fit: &Fit, record: usize) -> Vec<Place> {
-    let all = open(&kernel.records[record]);
+fn that_matter(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Place> {
+    let all = open(&whitened.records[record]);
     let mut list: Vec<(f64, Place)> = Vec::new();
-    for input in 0..kernel.records[record].record.inputs.len() {
+    for input in 0..whitened.records[record].record.inputs.len() {
         let its: Vec<Place> = all.iter().filter(|it| it.input == input).copied().collect();
         // The first one has the longest time to move what it moves.
         let Some(first) = its.first() else { continue };
-        let Some(Some(trace)) = traces(kernel, fit, record, &[*first]).pop() else { continue };
+        let Some(Some(trace)) = traces(whitened, fit, record, &[*first]).pop() else { continue };
         let energy = trace.and(&trace);
         let of = |it: &Place| energy * (it.sd * it.rows / first.rows).powi(2);
         list.extend(its.iter().map(|it| (of(it), *it)).filter(|it| it.0 > MATTERS));
@@ -201,11 +201,11 @@ fn that_matter(kernel: &Kernel, fit: &Fit, record: usize) -> Vec<Place> {
 /// Records whose inputs in gaps are moved to what the readings ask for, and the fit to them. `None` where that gains nothing, and where more than noise is left then: a plant that
 /// gets something else wrong would have its gaps answer for it.
 #[must_use]
-pub fn corrected(kernel: &Kernel, fit: &Fit) -> Option<(Vec<Prepared>, Fit)> {
-    if kernel.records.iter().all(|it| it.bridges.is_empty()) {
+pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepared>, Fit)> {
+    if whitened.records.iter().all(|it| it.bridges.is_empty()) {
         return None;
     }
-    let mut other = kernel.clone();
+    let mut other = whitened.clone();
     let mut best: Option<Fit> = None;
     for _ in 0..CORRECTIONS {
         let from = best.as_ref().unwrap_or(fit);
@@ -219,20 +219,20 @@ pub fn corrected(kernel: &Kernel, fit: &Fit) -> Option<(Vec<Prepared>, Fit)> {
 }
 
 /// Moves inputs in gaps once, in first order, all gaps of a record together, beside everything that is free anyway; whether that gained something.
-fn correct(kernel: &mut Kernel, fit: &Fit) -> bool {
+fn correct(whitened: &mut WhitenedResiduals, fit: &Fit) -> bool {
     let nuisance = Nuisance::new(fit);
     let mut residual = fit.residual.clone();
     let before = nuisance.left(&residual).0;
-    for record in 0..kernel.records.len() {
-        correct_one(kernel, fit, &nuisance, record, &mut residual);
+    for record in 0..whitened.records.len() {
+        correct_one(whitened, fit, &nuisance, record, &mut residual);
     }
     before - nuisance.left(&residual).0 > GAINS
 }
 
 /// The same for one record; the residual of all follows.
-fn correct_one(kernel: &mut Kernel, fit: &Fit, nuisance: &Nuisance<'_>, record: usize, residual: &mut Vec<f64>) {
-    let places = that_matter(kernel, fit, record);
-    let traces = traces(kernel, fit, record, &places).into_iter().zip(places);
+fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<'_>, record: usize, residual: &mut Vec<f64>) {
+    let places = that_matter(whitened, fit, record);
+    let traces = traces(whitened, fit, record, &places).into_iter().zip(places);
     let traces: Vec<(Place, Column)> = traces.filter_map(|(trace, place)| Some((place, trace?))).collect();
     if traces.is_empty() {
         return;
@@ -246,24 +246,25 @@ fn correct_one(kernel: &mut Kernel, fit: &Fit, nuisance: &Nuisance<'_>, record: 
             (own[i * n + j], own[j * n + i]) = (product, product);
         }
     }
-    let first = kernel.first(record);
+    let first = whitened.first(record);
     let mut cost = nuisance.left(residual).0;
     for _ in 0..TURNS {
         // What all gaps of the record still get wrong counts as noise.
-        let its = &residual[first..first + Kernel::length(&kernel.records[record])];
+        let its = &residual[first..first + WhitenedResiduals::length(&whitened.records[record])];
         let noise = (dot(its, its) / its.len().max(1) as f64).max(1.0);
         let mut matrix: Vec<f64> = own.iter().map(|product| product / noise).collect();
         let certain: Vec<f64> = traces.iter().map(|(it, _)| 1.0 / (it.sd * it.sd)).collect();
         (0..n).for_each(|i| matrix[i * n + i] += certain[i]);
-        let now: Vec<f64> = traces.iter().map(|(it, _)| kernel.records[record].bridges[it.bridge].offsets[it.input]).collect();
+        let now: Vec<f64> =
+            traces.iter().map(|(it, _)| whitened.records[record].bridges[it.bridge].offsets[it.input]).collect();
         let asked = nuisance.asked(&traces, &products, residual);
         let right: Vec<f64> = (0..n).map(|i| asked[i] / noise - now[i] * certain[i]).collect();
         let change = Normal::new(&matrix, n, 0.0).solve(&right);
-        let mut tried = kernel.records[record].clone();
+        let mut tried = whitened.records[record].clone();
         for ((place, _), (now, change)) in traces.iter().zip(now.iter().zip(&change)) {
             write(&mut tried, *place, now + change);
         }
-        let other = kernel.on(vec![tried]);
+        let other = whitened.on(vec![tried]);
         let model = Model { starts: vec![fit.model.starts[record]], ..fit.model.clone() };
         let Some(run) = other.run(&model) else { return };
         let mut moved = residual.clone();
@@ -275,7 +276,7 @@ fn correct_one(kernel: &mut Kernel, fit: &Fit, nuisance: &Nuisance<'_>, record: 
         }
         let gain = cost - left;
         if let Some(tried) = other.records.into_iter().next() {
-            kernel.records[record] = tried;
+            whitened.records[record] = tried;
         }
         (*residual, cost) = (moved, left);
         if gain < GAINS {
@@ -285,23 +286,23 @@ fn correct_one(kernel: &mut Kernel, fit: &Fit, nuisance: &Nuisance<'_>, record: 
 }
 
 /// What each offset does to the outputs of its record, a unit of it; `None` where that cannot be simulated.
-fn traces(kernel: &Kernel, fit: &Fit, record: usize, places: &[Place]) -> Vec<Option<Column>> {
-    let first = kernel.first(record);
+fn traces(whitened: &WhitenedResiduals, fit: &Fit, record: usize, places: &[Place]) -> Vec<Option<Column>> {
+    let first = whitened.first(record);
     let mut list = Vec::new();
     // Some at a time: each has a record of its own.
-    for some in places.chunks(4 * kernel.threads.max(1)) {
-        let now = |it: &Place| kernel.records[record].bridges[it.bridge].offsets[it.input];
+    for some in places.chunks(4 * whitened.threads.max(1)) {
+        let now = |it: &Place| whitened.records[record].bridges[it.bridge].offsets[it.input];
         let moved = |it: &Place| {
-            let mut prepared = kernel.records[record].clone();
+            let mut prepared = whitened.records[record].clone();
             write(&mut prepared, *it, now(it) + it.sd);
             prepared
         };
-        let other = kernel.on(some.iter().map(moved).collect());
+        let other = whitened.on(some.iter().map(moved).collect());
         let model = Model { starts: vec![fit.model.starts[record]; some.len()], ..fit.model.clone() };
         let jobs: Vec<(usize, &Model)> = (0..some.len()).map(|k| (k, &model)).collect();
         let runs = other.simulate(&jobs).into_iter().zip(some);
         list.extend(runs.map(|(run, it)| {
-            run.map(|run| Column { first, values: kernel.change(record, &fit.simulated[record], &run, it.sd) })
+            run.map(|run| Column { first, values: whitened.change(record, &fit.simulated[record], &run, it.sd) })
         }));
     }
     list
@@ -382,21 +383,21 @@ mod tests {
         let mut prepared = without(400, &[100, 200], |k| (command(k), read[k]));
         fill(&mut prepared);
         let floors = [Floor::white(noise); 3];
-        let mut kernel = Kernel::new(vec![prepared], floors, 1);
-        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+        let mut whitened = WhitenedResiduals::new(vec![prepared], floors, 1);
+        let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let model = Model::nominal(&file, &records, [noise; 3]);
-        let before = levenberg::fit(&kernel, model, 8).unwrap();
-        let (records, after) = corrected(&kernel, &before).unwrap();
-        kernel.records = records;
-        let offsets: Vec<f64> = kernel.records[0].bridges.iter().map(|it| it.offsets[0]).collect();
+        let before = levenberg::fit(&whitened, model, 8).unwrap();
+        let (records, after) = corrected(&whitened, &before).unwrap();
+        whitened.records = records;
+        let offsets: Vec<f64> = whitened.records[0].bridges.iter().map(|it| it.offsets[0]).collect();
         // Half of 5 V up.
         assert!((offsets[0] - 2.5).abs() < 0.05 && (offsets[1] - 2.5).abs() < 0.05, "{offsets:?}");
         // Of a plant that is wrong otherwise nothing is asked.
         let mut wrong = before.model.clone();
         wrong.file.parameters.set("force_gain", 3.0);
-        let records: Vec<Prepared> = kernel.records.clone();
-        let there = levenberg::here(&kernel.on(records), wrong).unwrap();
-        assert!(corrected(&kernel, &there).is_none());
+        let records: Vec<Prepared> = whitened.records.clone();
+        let there = levenberg::here(&whitened.on(records), wrong).unwrap();
+        assert!(corrected(&whitened, &there).is_none());
         // 398 readings: four standard deviations of their squared noise, 4 sqrt(2 * 398), and what the priors of two offsets leave.
         assert!(after.cost < 398.0 + 113.0 + 10.0, "{} from {}", after.cost, before.cost);
     }

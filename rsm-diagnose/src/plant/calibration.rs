@@ -3,45 +3,45 @@
 //! In: records, a plant file. Out: parameters within their tolerances and starts that fit the records best, from several starts; noise floors from what that fit leaves, or from what readings that are
 //! rounded leave about their mean. Never adds a cause.
 
-use super::kernel::{self, Kernel};
 use super::levenberg::{self, Fit};
 use super::model::{self, AtStart, Model};
 use super::noise::Floor;
 use super::rounding::Rounding;
+use super::whitened_residuals::{self, WhitenedResiduals};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
 /// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.
-pub fn calibrate(kernel: &mut Kernel, file: &PlantFile, at_start: AtStart) -> Option<(Model, Fit)> {
-    let records: Vec<Record> = kernel.records.iter().map(|it| it.record.clone()).collect();
+pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: AtStart) -> Option<(Model, Fit)> {
+    let records: Vec<Record> = whitened.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
     let mut nominal = Model::beginning(&bare, at_start, &records, [1.0; 3]);
     nominal.file.effects = file.effects.clone();
-    let simulated = kernel.run(&nominal)?;
-    kernel.floors = estimate(kernel, &simulated, file);
-    nominal = Model::beginning(file, at_start, &records, kernel.floors.map(|floor| floor.sd));
-    let fit = levenberg::fit(kernel, nominal.clone(), 8)?;
-    kernel.floors = floors(kernel, &fit, file);
-    let fit = converged(kernel, levenberg::fit(kernel, fit.model, 8)?)?;
+    let simulated = whitened.run(&nominal)?;
+    whitened.floors = estimate(whitened, &simulated, file);
+    nominal = Model::beginning(file, at_start, &records, whitened.floors.map(|floor| floor.sd));
+    let fit = levenberg::fit(whitened, nominal.clone(), 8)?;
+    whitened.floors = floors(whitened, &fit, file);
+    let fit = converged(whitened, levenberg::fit(whitened, fit.model, 8)?)?;
     if is_near_noise(&fit) {
         return Some((nominal, fit));
     }
     // Another valley may be the right one: from the beginnings of the records, and from the other side of what was found.
     let mut best = fit;
-    let from_beginnings = from_beginnings(kernel, &nominal);
+    let from_beginnings = from_beginnings(whitened, &nominal);
     for start in from_beginnings.into_iter().chain([mirrored(&nominal, &best.model)]) {
-        let Some(other) = levenberg::fit(kernel, start, 8) else { continue };
+        let Some(other) = levenberg::fit(whitened, start, 8) else { continue };
         if other.cost < 0.9 * best.cost {
-            best = converged(kernel, other)?;
+            best = converged(whitened, other)?;
         }
         if is_near_noise(&best) {
             break;
         }
     }
-    let floors_there = floors(kernel, &best, file);
-    kernel.floors = floors_there;
-    let fit = levenberg::fit(kernel, best.model, 8)?;
+    let floors_there = floors(whitened, &best, file);
+    whitened.floors = floors_there;
+    let fit = levenberg::fit(whitened, best.model, 8)?;
     Some((nominal, fit))
 }
 
@@ -51,9 +51,9 @@ fn is_near_noise(fit: &Fit) -> bool {
 }
 
 /// A fit that goes on while it gains a thousandth of its cost, four times at most: eight steps are enough near a best, and none from far away.
-fn converged(kernel: &Kernel, mut fit: Fit) -> Option<Fit> {
+fn converged(whitened: &WhitenedResiduals, mut fit: Fit) -> Option<Fit> {
     for _ in 0..4 {
-        let further = levenberg::onward(kernel, fit.model.clone(), 8, Some(&fit))?;
+        let further = levenberg::onward(whitened, fit.model.clone(), 8, Some(&fit))?;
         let done = fit.cost - further.cost < (1e-3 * fit.cost).max(1.0);
         if further.cost < fit.cost {
             fit = further;
@@ -66,11 +66,11 @@ fn converged(kernel: &Kernel, mut fit: Fit) -> Option<Fit> {
 }
 
 /// A calibration to the first eighth of each record, then to twice as much, and so on: what turns or swings is in step there.
-fn from_beginnings(kernel: &Kernel, nominal: &Model) -> Option<Model> {
+fn from_beginnings(whitened: &WhitenedResiduals, nominal: &Model) -> Option<Model> {
     let mut model = nominal.clone();
     for share in [8, 4, 2] {
-        let records = kernel.records.iter().map(|it| it.shortened(it.record.rows() / share)).collect();
-        model = levenberg::fit(&kernel.on(records), model, 6)?.model;
+        let records = whitened.records.iter().map(|it| it.shortened(it.record.rows() / share)).collect();
+        model = levenberg::fit(&whitened.on(records), model, 6)?.model;
     }
     Some(model)
 }
@@ -88,15 +88,15 @@ fn mirrored(nominal: &Model, found: &Model) -> Model {
 }
 
 /// The noise of each output from what a fit leaves.
-pub fn floors(kernel: &Kernel, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
-    estimate(kernel, &fit.simulated, file)
+pub fn floors(whitened: &WhitenedResiduals, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
+    estimate(whitened, &fit.simulated, file)
 }
 
 /// Floors where outputs (place, step) are rounded: what rounding leaves about the mean reading, where that can be told; else its whole error as white noise, at least.
-pub fn with_rounding(kernel: &Kernel, fit: &Fit, mut floors: [Floor; 3], rounded: &[(usize, f64)]) -> [Floor; 3] {
+pub fn with_rounding(whitened: &WhitenedResiduals, fit: &Fit, mut floors: [Floor; 3], rounded: &[(usize, f64)]) -> [Floor; 3] {
     for &(output, step) in rounded {
         let mut lists: Vec<(&[f64], &[f64], &[bool])> = Vec::new();
-        for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+        for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
             if let Some(k) = prepared.outputs.iter().position(|it| *it == output) {
                 lists.push((prepared.measured(k), simulated[k].as_slice(), prepared.used[k].as_slice()));
             }
@@ -128,9 +128,9 @@ pub fn with_rounding(kernel: &Kernel, fit: &Fit, mut floors: [Floor; 3], rounded
 }
 
 /// The noise of each output from what a simulation leaves; where records are too short for a spectrum, what the file says, or a thousandth of the largest reading.
-fn estimate(kernel: &Kernel, simulated: &[kernel::Simulated], file: &PlantFile) -> [Floor; 3] {
-    let mut floors = kernel.floors;
-    for ((output, floor), shown) in floors.iter_mut().enumerate().zip(shown(kernel, simulated)) {
+fn estimate(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated], file: &PlantFile) -> [Floor; 3] {
+    let mut floors = whitened.floors;
+    for ((output, floor), shown) in floors.iter_mut().enumerate().zip(shown(whitened, simulated)) {
         let name = file.kind.outputs().get(output).map_or("", |signal| signal.name);
         let stated = file.noise.iter().find(|(found, _)| *found == name).map(|(_, sd)| *sd).filter(|sd| *sd > 0.0);
         let otherwise = || Floor::white(stated.unwrap_or(1e-3 * shown.largest).max(shown.least()));
@@ -156,11 +156,11 @@ impl Shown {
 }
 
 /// The noise of each output as records show it when a simulation is taken from them.
-pub fn shown(kernel: &Kernel, simulated: &[kernel::Simulated]) -> [Shown; 3] {
+pub fn shown(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated]) -> [Shown; 3] {
     let mut all = [Shown::default(); 3];
     for (output, shown) in all.iter_mut().enumerate() {
         let mut residuals: Vec<(&[f64], Vec<f64>, &[bool])> = Vec::new();
-        for (prepared, simulated) in kernel.records.iter().zip(simulated) {
+        for (prepared, simulated) in whitened.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let difference = prepared.measured(k).iter().zip(&simulated[k]).map(|(a, b)| a - b).collect();
             shown.largest = prepared.measured(k).iter().fold(shown.largest, |most, value| most.max(value.abs()));

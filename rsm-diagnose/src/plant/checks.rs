@@ -5,10 +5,10 @@
 
 use super::blocks::twice;
 use super::bridges;
-use super::kernel::Prepared;
 use super::noise::median;
 use super::rest::{self, Resting};
 use super::share::Piece;
+use super::whitened_residuals::Prepared;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;

@@ -5,14 +5,14 @@
 //! searches decide: one in which the claims stand, and, where other numbers do clearly better, one with those. The simpler explanation is believed.
 
 use super::confidence::{self, Case};
-use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::ready::{HeavyTails, Ready};
 use super::selection::Believed;
 use super::share::Piece;
 use super::verdict::{self, Cause, Diagnosis, Interval, NAMED, Verdict};
-use super::{Options, Refused, bootstrap, checks, of_nominal, tails, tested, validation, worth};
+use super::whitened_residuals::WhitenedResiduals;
+use super::{Options, Refused, bootstrap, checks, effect_size, of_nominal, tails, tested, validation};
 use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -95,7 +95,7 @@ struct Judged {
     contradict: bool,
     decides: f64,
     /// Noise as the training records have it, without them.
-    noise: Kernel,
+    noise: WhitenedResiduals,
 }
 
 /// Fits the numbers of the claims to the training records; `None` where there are none, or nothing can be simulated.
@@ -110,19 +110,19 @@ fn judged(
         return None;
     }
     // From the rows, the noise and the starts with which the search began.
-    let Ready { kernel, nominal, calibrated, .. } = Ready::of(filed, training, validation, tails, options).ok()?;
+    let Ready { whitened, nominal, calibrated, .. } = Ready::of(filed, training, validation, tails, options).ok()?;
     let without = |model: &Model| {
         let mut model = model.clone();
         model.file.given.clear();
         model
     };
     let free = without(&calibrated.model).with_effects(&without(&nominal), filed.given.clone());
-    let fit = levenberg::fit(&kernel, free, STEPS)?;
+    let fit = levenberg::fit(&whitened, free, STEPS)?;
     let numbers: usize = filed.given.iter().map(|entry| entry.arguments.numbers.len()).sum();
-    let decides = worth::decides(BY_CHANCE + 2.0 * numbers as f64, fit.cost, kernel.rows());
+    let decides = effect_size::decides(BY_CHANCE + 2.0 * numbers as f64, fit.cost, whitened.rows());
     let claims = filed.given.iter().enumerate().map(|(place, entry)| claim(&fit, place, entry)).collect();
     let contradict = calibrated.cost - fit.cost > decides;
-    Some(Judged { claims, contradict, decides, noise: kernel.on(Vec::new()), fit, filed: calibrated })
+    Some(Judged { claims, contradict, decides, noise: whitened.on(Vec::new()), fit, filed: calibrated })
 }
 
 fn claim(fit: &Fit, place: usize, entry: &Entry) -> Claim {
@@ -141,7 +141,7 @@ fn is_better(anew: &Diagnosis, contradicted: usize, found: &Diagnosis) -> bool {
         (false, true) => false,
         // Both explain: the fewest things that are wrong. Neither: what leaves less, by what a cause must be worth.
         (true, true) => anew.entries().count() + contradicted <= found.entries().count(),
-        (false, false) => worth::least(left(found), found.extended.len()) < left(found) - left(anew),
+        (false, false) => effect_size::least(left(found), found.extended.len()) < left(found) - left(anew),
     }
 }
 
@@ -194,12 +194,12 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.gain = verdict::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
     let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
-    let kernel = tails::tamed(judged.noise.on(prepared), &judged.filed.model);
+    let whitened = tails::tamed(judged.noise.on(prepared), &judged.filed.model);
     let records: Vec<&Record> = judges.iter().collect();
     let sds = judged.noise.floors.map(|floor| floor.sd);
     let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));
-    if let (Some(filed), Some(extended)) = (validation::on(&kernel, &filed), validation::on(&kernel, &extended)) {
-        anew.gain_interval = bootstrap::gain_interval(&kernel, &filed.simulated, &extended.simulated, verdict::gain_of);
+    if let (Some(filed), Some(extended)) = (validation::on(&whitened, &filed), validation::on(&whitened, &extended)) {
+        anew.gain_interval = bootstrap::gain_interval(&whitened, &filed.simulated, &extended.simulated, verdict::gain_of);
     }
     anew.tested = tested::tested(setting.filed, setting.test, &judged.noise, &filed, &extended);
     anew
@@ -229,8 +229,8 @@ mod tests {
         let nominal = axis_under_steps::file(TOLERANCES, "");
         (0..count)
             .map(|seed| {
-                let (kernel, _) = axis_under_steps::kernel(&nominal, truth, false);
-                let mut record = kernel.records[0].record.clone();
+                let (whitened, _) = axis_under_steps::whitened(&nominal, truth, false);
+                let mut record = whitened.records[0].record.clone();
                 let mut random = Random::new(seed + 1);
                 record.file = format!("record {seed}");
                 record.measured[0].as_mut().unwrap().iter_mut().for_each(|value| *value += 1e-5 * random.normal());

@@ -3,15 +3,15 @@
 //! In: a fit and what the screen found about it. Out: candidates, the best first, and the one to believe, if any. A candidate is judged on training and
 //! validation records together; only training records move a number. Never looks at how the fit came about.
 
-use super::chance::best_of;
 use super::hypotheses::{Hypothesis, label};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
-use super::profile::{Profiled, profile};
 use super::screen::Screened;
 use super::selection::Search;
-use super::{validation, valleys, waves, whiteness, worth};
+use super::significance::best_of;
+use super::variable_projection::{Projected, project};
+use super::{effect_size, multistart, validation, waves, whiteness};
 use rsm_sim::plant_file::Entry;
 
 /// Ties: a simpler cause wins when it reaches this share of the gain, if the better one does not leave noise either. Smoothings and integrators of the same
@@ -173,32 +173,32 @@ impl Search<'_> {
     fn settled(&self, fit: &Fit, found: &Candidate, threshold: f64) -> Option<Candidate> {
         let enough = 0.1 * threshold;
         let steps = self.effort.fit_steps;
-        let mut further = levenberg::onward(self.kernel, found.fit.model.clone(), SETTLE * steps, Some(&found.fit))?;
+        let mut further = levenberg::onward(self.whitened, found.fit.model.clone(), SETTLE * steps, Some(&found.fit))?;
         let entry = further.model.file.effects.last()?;
         let several = entry.arguments.numbers.len() > 1;
         let scales = |it: &Hypothesis| it.guesses.iter().all(|guess| guess.neutral.is_some());
         let scales = self.hypotheses.iter().any(|it| it.is(entry) && scales(it));
         if !scales {
-            further = valleys::escaped(self.kernel, further, steps, enough);
+            further = multistart::escaped(self.whitened, further, steps, enough);
         }
-        let hops = if several && !scales { valleys::IN_VAIN } else { 0 };
-        if hops > 0 || valleys::in_few_parts(self.kernel, &further) {
-            further = valleys::settled(self.kernel, further, steps, hops, enough);
+        let hops = if several && !scales { multistart::IN_VAIN } else { 0 };
+        if hops > 0 || multistart::in_few_parts(self.whitened, &further) {
+            further = multistart::settled(self.whitened, further, steps, hops, enough);
         }
         if found.fit.cost - further.cost > enough { self.judged(fit, further) } else { None }
     }
 
     /// The best forms with their numbers near their best, everything else in first order.
-    fn refined(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Profiled> {
+    fn refined(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Projected> {
         let nuisance = Nuisance::new(fit);
         let kind = fit.model.file.kind;
         let mut guesses = best_guesses(screened, STARTS);
         guesses.retain(|it| it.gain > PROMISING * threshold);
         let mut forms = self.effort.profiled;
         let guesses = leading(guesses, forms, STARTS, |it| form_of(it));
-        let mut pool: Vec<Profiled> = guesses
+        let mut pool: Vec<Projected> = guesses
             .into_iter()
-            .map(|it| Profiled {
+            .map(|it| Projected {
                 hypothesis: it.hypothesis,
                 entry: self.hypotheses[it.hypothesis].entry(kind, &it.values),
                 cost: f64::INFINITY,
@@ -212,15 +212,15 @@ impl Search<'_> {
                 if waves::is_wave(it.entry.description.kind, kind) {
                     // Read off the record, it is at its best in first order.
                     let led =
-                        it.cost.is_infinite().then(|| waves::led(self.kernel, fit, self.nominal, &it.entry, &[])).flatten();
+                        it.cost.is_infinite().then(|| waves::led(self.whitened, fit, self.nominal, &it.entry, &[])).flatten();
                     let entry = led.and_then(|(model, cost)| Some((model.file.effects.last()?.clone(), cost)));
-                    next.push(entry.map_or(it.clone(), |(entry, cost)| Profiled { hypothesis: it.hypothesis, entry, cost }));
+                    next.push(entry.map_or(it.clone(), |(entry, cost)| Projected { hypothesis: it.hypothesis, entry, cost }));
                     continue;
                 }
                 let model = fit.model.joined(self.nominal, it.entry.clone());
                 let place = model.file.effects.len() - 1;
-                if let Some((model, cost)) = profile(self.kernel, &nuisance, model, place, steps) {
-                    next.push(Profiled { hypothesis: it.hypothesis, entry: model.file.effects[place].clone(), cost });
+                if let Some((model, cost)) = project(self.whitened, &nuisance, model, place, steps) {
+                    next.push(Projected { hypothesis: it.hypothesis, entry: model.file.effects[place].clone(), cost });
                 }
             }
             next.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -250,19 +250,19 @@ impl Search<'_> {
     /// A full fit with this entry. `None` where it cannot be simulated, or where it says what calibration may do.
     pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
         let led = waves::is_wave(entry.description.kind, entry.arguments.plant)
-            .then(|| waves::led(self.kernel, fit, self.nominal, entry, &waves::REACHES))
+            .then(|| waves::led(self.whitened, fit, self.nominal, entry, &waves::REACHES))
             .flatten();
         let found = match led {
             // Derivatives of a plant without the wave are of no use to one with it.
-            Some((model, promised)) if promised < NEAR_NOISE * self.kernel.rows() as f64 => {
+            Some((model, promised)) if promised < NEAR_NOISE * self.whitened.rows() as f64 => {
                 // Where it creeps over a crest a free run parts, late and by much: most of the record comes before that.
-                let surely = valleys::by_most_parts(self.kernel, model.clone()).unwrap_or(model);
-                self.led_to_its_end(levenberg::fit(self.kernel, surely, LED_STEPS)?)
+                let surely = multistart::by_most_parts(self.whitened, model.clone()).unwrap_or(model);
+                self.led_to_its_end(levenberg::fit(self.whitened, surely, LED_STEPS)?)
             }
-            Some((model, _)) => levenberg::fit(self.kernel, model, self.effort.fit_steps)?,
+            Some((model, _)) => levenberg::fit(self.whitened, model, self.effort.fit_steps)?,
             None => {
                 let model = fit.model.joined(self.nominal, entry.clone());
-                levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(fit))?
+                levenberg::onward(self.whitened, model, self.effort.fit_steps, Some(fit))?
             }
         };
         self.judged(fit, found)
@@ -271,7 +271,7 @@ impl Search<'_> {
     /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do, or where a wave no longer comes again.
     pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
-        let come_again = fit.model.file.effects.iter().all(|it| waves::comes_again(self.kernel, it));
+        let come_again = fit.model.file.effects.iter().all(|it| waves::comes_again(self.whitened, it));
         if within_tolerance(self.nominal, entry) || !self.may_be(entry) || !come_again {
             return None;
         }
@@ -291,12 +291,12 @@ impl Search<'_> {
     /// A fit with a wave that ended beside the record: led along what it lacks, it may find on.
     fn led_to_its_end(&self, mut fit: Fit) -> Fit {
         for reach in waves::AGAIN {
-            if whiteness::look(self.kernel, &fit).excess <= 0.0 {
+            if whiteness::look(self.whitened, &fit).excess <= 0.0 {
                 break;
             }
             let place = fit.model.file.effects.len() - 1;
-            let again = waves::led_again(self.kernel, &fit, self.nominal, place, reach);
-            let other = again.and_then(|model| levenberg::fit(self.kernel, model, LED_STEPS));
+            let again = waves::led_again(self.whitened, &fit, self.nominal, place, reach);
+            let other = again.and_then(|model| levenberg::fit(self.whitened, model, LED_STEPS));
             fit = other.filter(|other| other.cost < fit.cost).unwrap_or(fit);
         }
         fit
@@ -319,7 +319,7 @@ impl Search<'_> {
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let before = fit.cost + unseen;
         let least = self.decides(fit, threshold);
-        let least_unseen = worth::least(unseen, self.unseen.rows());
+        let least_unseen = effect_size::least(unseen, self.unseen.rows());
         let pays = |it: &&Candidate| {
             fit.cost - it.fit.cost > least
                 && (self.unseen.records.is_empty() || it.unseen < unseen && unseen - it.unseen > least_unseen)
@@ -336,9 +336,9 @@ impl Search<'_> {
     /// By how much a simpler explanation may be worse than the best one and still be preferred: by what chance gives; and where the best one leaves structure
     /// itself, by as much as that, within a small share of the gain. Who removes more than half of what the simpler one leaves is right to be less simple.
     pub(super) fn tie(&self, best: &Fit, gain: f64, score: f64, threshold: f64) -> f64 {
-        let rows = self.kernel.rows() + self.unseen.rows();
-        let left = whiteness::look(self.kernel, best).excess * rows as f64;
-        threshold.max(worth::tie(left.min((1.0 - AS_GOOD) * gain), score, rows))
+        let rows = self.whitened.rows() + self.unseen.rows();
+        let left = whiteness::look(self.whitened, best).excess * rows as f64;
+        threshold.max(effect_size::tie(left.min((1.0 - AS_GOOD) * gain), score, rows))
     }
 }
 
@@ -351,7 +351,7 @@ impl Candidate {
     }
 }
 
-impl Profiled {
+impl Projected {
     /// Its hypothesis, with how many numbers.
     fn form(&self) -> (usize, usize) {
         (self.hypothesis, self.entry.arguments.numbers.len())

@@ -3,11 +3,11 @@
 //! In: records, the nominal plant. Out: the one record without which the calibrated plant leaves noise in all others, ready for a search of its own. Where two records are unlike the others,
 //! nobody knows which is usual: then there is none. Never looks for a cause.
 
-use super::kernel::{Kernel, Prepared};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::noise::Floor;
 use super::posterior::Posterior;
+use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use super::{validation, verdict, whiteness};
 use rsm_sim::record::Record;
 
@@ -26,34 +26,38 @@ const LEAST_OTHERS: usize = 2;
 /// One record apart from all others.
 pub struct Apart {
     /// Training records without it.
-    pub kernel: Kernel,
+    pub whitened: WhitenedResiduals,
     /// Unseen records without it.
-    pub unseen: Kernel,
+    pub unseen: WhitenedResiduals,
     /// The plant as the others have it.
     pub fit: Fit,
     /// That record alone.
-    pub alone: Kernel,
+    pub alone: WhitenedResiduals,
     /// Its nominal plant: numbers may move as far as the others leave them unsure.
     pub nominal: Model,
 }
 
 /// The record that is unlike all others, if there is exactly one. `floors` makes the noise from what a fit leaves.
 #[must_use]
-pub fn apart(kernel: &Kernel, unseen: &Kernel, nominal: &Model, floors: &dyn Fn(&Kernel, &Fit) -> [Floor; 3]) -> Option<Apart> {
-    let (trained, judged) = (kernel.records.len(), unseen.records.len());
+pub fn apart(
+    whitened: &WhitenedResiduals,
+    unseen: &WhitenedResiduals,
+    nominal: &Model,
+    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; 3],
+) -> Option<Apart> {
+    let (trained, judged) = (whitened.records.len(), unseen.records.len());
     if trained + judged <= LEAST_OTHERS {
         return None;
     }
     let mut found = None;
     for which in 0..trained + judged {
         let it = match which.checked_sub(trained) {
-            None if trained > 1 => {
-                without(&kernel.records, which).map_or((kernel.clone(), unseen.clone()), |it| (kernel.on(it), unseen.clone()))
-            }
+            None if trained > 1 => without(&whitened.records, which)
+                .map_or((whitened.clone(), unseen.clone()), |it| (whitened.on(it), unseen.clone())),
             None => continue,
-            Some(place) => (kernel.clone(), unseen.on(without(&unseen.records, place)?)),
+            Some(place) => (whitened.clone(), unseen.on(without(&unseen.records, place)?)),
         };
-        let record = if which < trained { &kernel.records[which] } else { &unseen.records[which - trained] };
+        let record = if which < trained { &whitened.records[which] } else { &unseen.records[which - trained] };
         let Some(it) = is_apart(it, record, nominal, floors) else { continue };
         if found.is_some() {
             return None;
@@ -70,20 +74,20 @@ fn without(records: &[Prepared], which: usize) -> Option<Vec<Prepared>> {
 
 /// Whether a calibration to the others leaves noise there, and structure in the one.
 fn is_apart(
-    (mut kernel, mut unseen): (Kernel, Kernel),
+    (mut whitened, mut unseen): (WhitenedResiduals, WhitenedResiduals),
     record: &Prepared,
     nominal: &Model,
-    floors: &dyn Fn(&Kernel, &Fit) -> [Floor; 3],
+    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; 3],
 ) -> Option<Apart> {
-    let mut fit = levenberg::fit(&kernel, on_records(nominal, &kernel), STEPS)?;
-    kernel.floors = floors(&kernel, &fit);
-    fit = levenberg::fit(&kernel, fit.model, STEPS)?;
-    unseen.floors = kernel.floors;
+    let mut fit = levenberg::fit(&whitened, on_records(nominal, &whitened), STEPS)?;
+    whitened.floors = floors(&whitened, &fit);
+    fit = levenberg::fit(&whitened, fit.model, STEPS)?;
+    unseen.floors = whitened.floors;
     let sds = Posterior::of(&fit).deviations().to_vec();
-    if whiteness::look(&kernel, &fit).excess > SLIGHT || structure(&unseen, &fit, &sds)? > SLIGHT {
+    if whiteness::look(&whitened, &fit).excess > SLIGHT || structure(&unseen, &fit, &sds)? > SLIGHT {
         return None;
     }
-    let alone = kernel.on(vec![record.clone()]);
+    let alone = whitened.on(vec![record.clone()]);
     if structure(&alone, &fit, &sds)? < CLEAR {
         return None;
     }
@@ -96,23 +100,23 @@ fn is_apart(
                 (Some((value, sd)), value - 2.0 * sd, value + 2.0 * sd, sd);
         }
     }
-    Some(Apart { kernel, unseen, fit, alone, nominal: its })
+    Some(Apart { whitened, unseen, fit, alone, nominal: its })
 }
 
 /// A model with the starts of these records.
-fn on_records(model: &Model, kernel: &Kernel) -> Model {
+fn on_records(model: &Model, whitened: &WhitenedResiduals) -> Model {
     let mut model = model.clone();
-    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
-    model.take_starts(&records, kernel.floors.map(|floor| floor.sd));
+    let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
+    model.take_starts(&records, whitened.floors.map(|floor| floor.sd));
     model
 }
 
 /// What a fit to other records leaves on these, its numbers moving as far as they are unsure.
-fn structure(kernel: &Kernel, fit: &Fit, sds: &[Option<f64>]) -> Option<f64> {
-    if kernel.records.is_empty() {
+fn structure(whitened: &WhitenedResiduals, fit: &Fit, sds: &[Option<f64>]) -> Option<f64> {
+    if whitened.records.is_empty() {
         return Some(0.0);
     }
-    let there = validation::on(kernel, &fit.model)?;
-    let moved = validation::within(kernel, &fit.model, sds, &there)?;
-    Some(verdict::left_there(kernel, moved, 1).excess)
+    let there = validation::on(whitened, &fit.model)?;
+    let moved = validation::within(whitened, &fit.model, sds, &there)?;
+    Some(verdict::left_there(whitened, moved, 1).excess)
 }

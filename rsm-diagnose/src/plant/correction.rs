@@ -17,9 +17,9 @@ use rsm_fit::design::{self, Design, Physical};
 use rsm_fit::ladder::{Judge, Ladder};
 use rsm_fit::qr::{Compressed, Growing, Triangle};
 
-use super::kernel::{Kernel, Prepared, Simulated};
 use super::quantities::{of_output, speed_of};
 use super::regions::{SIGNIFICANT, scatter};
+use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
 use rsm_sim::effect::{sign_width, smooth_sign};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::record::Drive;
@@ -105,17 +105,17 @@ struct Rows<'a> {
 #[must_use]
 pub fn correction(
     kind: PlantKind,
-    kernel: &Kernel,
+    whitened: &WhitenedResiduals,
     simulated: &[Simulated],
-    unseen: &Kernel,
+    unseen: &WhitenedResiduals,
     simulated_unseen: &[Simulated],
 ) -> Offer {
     let has_unseen = !unseen.records.is_empty();
-    let part = |kernel, simulated, from: f64, to: f64| parts(kind, kernel, simulated, from, to);
+    let part = |whitened, simulated, from: f64, to: f64| parts(kind, whitened, simulated, from, to);
     let (training, judging) = if has_unseen {
-        (part(kernel, simulated, 0.0, 1.0), part(unseen, simulated_unseen, 0.0, 1.0))
+        (part(whitened, simulated, 0.0, 1.0), part(unseen, simulated_unseen, 0.0, 1.0))
     } else {
-        (part(kernel, simulated, 0.0, 2.0 / 3.0), part(kernel, simulated, 2.0 / 3.0, 1.0))
+        (part(whitened, simulated, 0.0, 2.0 / 3.0), part(whitened, simulated, 2.0 / 3.0, 1.0))
     };
     let (Some(first), Some(_)) = (training.first(), judging.first()) else { return Offer::Nothing { gain: 0.0 } };
     let names = names(kind, first.prepared);
@@ -123,7 +123,7 @@ pub fn correction(
     let mut outputs = Vec::new();
     let (mut won, mut variance, mut all, mut lost) = (0.0, 0.0, 0.0, 0.0);
     for output in 0..kind.outputs().len() {
-        let floor = &kernel.floors[output];
+        let floor = &whitened.floors[output];
         let fitted = fit(kind, output, floor.sd, &names, &training);
         let Some(judged) = judge(output, floor.sd, fitted.as_ref(), &judging) else { continue };
         let beyond = judged.before - judged.rows as f64;
@@ -202,8 +202,14 @@ fn at(variables: &[Vec<f64>], columns: &[usize], row: usize) -> Vec<f64> {
     columns.iter().map(|column| variables[*column][row]).collect()
 }
 
-fn parts<'a>(kind: PlantKind, kernel: &'a Kernel, simulated: &'a [Simulated], from: f64, to: f64) -> Vec<Rows<'a>> {
-    let each = kernel.records.iter().zip(simulated);
+fn parts<'a>(
+    kind: PlantKind,
+    whitened: &'a WhitenedResiduals,
+    simulated: &'a [Simulated],
+    from: f64,
+    to: f64,
+) -> Vec<Rows<'a>> {
+    let each = whitened.records.iter().zip(simulated);
     each.map(|(prepared, simulated)| {
         let rows = prepared.record.rows() as f64;
         let variables = variables(kind, prepared, simulated);

@@ -6,11 +6,11 @@
 use std::fmt;
 
 use super::checks;
-use super::kernel::Kernel;
 use super::levenberg::Fit;
-use super::octaves::{OCTAVES, Octave};
+use super::octave_spectrum::{OCTAVES, Octave};
 use super::posterior::Posterior;
 use super::share::{self, Piece};
+use super::whitened_residuals::WhitenedResiduals;
 use super::{regions, tails, validation, verdict, whiteness};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -96,9 +96,9 @@ fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterato
     Box::new(order.into_iter().map(one))
 }
 
-/// Asks all rows. `kernel` has the noise and the pace of the search.
+/// Asks all rows. `whitened` has the noise and the pace of the search.
 #[must_use]
-pub fn look(records: &[&Record], file: &PlantFile, kernel: &Kernel, fit: &Fit) -> Everywhere {
+pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals, fit: &Fit) -> Everywhere {
     let mut by_record: Vec<_> = records.iter().map(|it| windows(it, file)).collect();
     let looks: usize = by_record.iter().map(|it| it.len()).sum();
     let sds = Posterior::of(fit).deviations().to_vec();
@@ -111,9 +111,9 @@ pub fn look(records: &[&Record], file: &PlantFile, kernel: &Kernel, fit: &Fit) -
         excess: 0.0,
     };
     let mut sums = [[Octave::default(); OCTAVES]; 3];
-    let begun = kernel.pace.taken();
+    let begun = whitened.pace.taken();
     // One of each record in turn.
-    while by_record.iter().any(|it| it.len() > 0) && kernel.pace.taken() - begun < MOST_STEPS {
+    while by_record.iter().any(|it| it.len() > 0) && whitened.pace.taken() - begun < MOST_STEPS {
         for piece in by_record.iter_mut().filter_map(Iterator::next) {
             let counted = piece.record.rows() - piece.settling;
             let name = piece.record.file.clone();
@@ -121,7 +121,7 @@ pub fn look(records: &[&Record], file: &PlantFile, kernel: &Kernel, fit: &Fit) -
             if prepared.iter().all(|it| it.outputs.is_empty()) {
                 continue;
             }
-            let there = tails::tamed(kernel.on(prepared), &fit.model);
+            let there = tails::tamed(whitened.on(prepared), &fit.model);
             // From first readings straight on; where that leaves something, as carefully as an unseen record.
             let quick = validation::at_once(&there, &fit.model).map(|started| verdict::left_there(&there, started, looks));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
@@ -150,27 +150,27 @@ pub fn look(records: &[&Record], file: &PlantFile, kernel: &Kernel, fit: &Fit) -
     }
     found.beyond.sort_by(|a, b| b.excess.total_cmp(&a.excess));
     let worst = found.beyond.first().map_or(0.0, |it| it.excess);
-    found.excess = worst.max(together(kernel, &sums));
+    found.excess = worst.max(together(whitened, &sums));
     found
 }
 
 /// What is beyond noise in the octaves of all windows together, over the noise's energy.
-fn together(kernel: &Kernel, sums: &[[Octave; OCTAVES]; 3]) -> f64 {
+fn together(whitened: &WhitenedResiduals, sums: &[[Octave; OCTAVES]; 3]) -> f64 {
     let all = sums.iter().enumerate().flat_map(|(output, list)| list.iter().enumerate().map(move |(k, it)| (output, k, it)));
     let bands: Vec<_> = all.filter(|(_, _, octave)| octave.lines > 0.0).collect();
     let point = whiteness::point(bands.len(), 1);
     let lines: f64 = bands.iter().map(|it| it.2.lines).sum();
-    let beyond = bands.iter().filter(|(output, k, octave)| octave.deviation(&kernel.floors[*output], *k) > point);
+    let beyond = bands.iter().filter(|(output, k, octave)| octave.deviation(&whitened.floors[*output], *k) > point);
     beyond.map(|(_, _, octave)| (octave.ratio() - 1.0) * octave.lines).sum::<f64>() / lines.max(1.0)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Prepared;
     use super::super::levenberg;
     use super::super::model::Model;
     use super::super::noise::Floor;
     use super::super::random::Random;
+    use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
     use rsm_sim::simulate::Simulator;
@@ -193,9 +193,9 @@ mod tests {
         }
         record.inputs[0][32_000..].iter_mut().for_each(|value| *value -= less);
         let first = record.piece(0..4000);
-        let kernel = Kernel::new(vec![Prepared::new(first.clone(), 3)], sds.map(Floor::white), 2);
-        let fit = levenberg::fit(&kernel, Model::nominal(&file, &[&first], sds), 4).unwrap();
-        look(&[&record], &file, &kernel, &fit)
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(first.clone(), 3)], sds.map(Floor::white), 2);
+        let fit = levenberg::fit(&whitened, Model::nominal(&file, &[&first], sds), 4).unwrap();
+        look(&[&record], &file, &whitened, &fit)
     }
 
     #[test]

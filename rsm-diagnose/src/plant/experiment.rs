@@ -5,11 +5,11 @@
 //! records let it (their information matrix), the start of the new record freely. All to first order about the fits, in units of the noise. Never sees the plant that is true.
 
 use super::excitations::{self, Excitation, Limits};
-use super::kernel::{Column, Kernel, Prepared, Simulated, dot};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::normal::Normal;
 use super::verdict::{Alias, Verdict};
+use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals, dot};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -70,7 +70,7 @@ pub enum NextExperiment {
 /// Chooses the next experiment; `None` where there is nothing to tell apart and nothing unexplained, or nothing that the library can do about it.
 #[must_use]
 pub fn next(
-    kernel: &Kernel,
+    whitened: &WhitenedResiduals,
     fit: &Fit,
     aliases: &[Alias],
     verdict: Verdict,
@@ -80,17 +80,17 @@ pub fn next(
         return None;
     }
     progress("looking for the next experiment");
-    let limits = Limits::of(kernel, fit)?;
-    if aliases.is_empty() { looks(kernel, fit, &limits) } else { separates(kernel, fit, aliases, &limits) }
+    let limits = Limits::of(whitened, fit)?;
+    if aliases.is_empty() { looks(whitened, fit, &limits) } else { separates(whitened, fit, aliases, &limits) }
 }
 
-fn separates(kernel: &Kernel, fit: &Fit, aliases: &[Alias], limits: &Limits) -> Option<NextExperiment> {
+fn separates(whitened: &WhitenedResiduals, fit: &Fit, aliases: &[Alias], limits: &Limits) -> Option<NextExperiment> {
     let rivals: Vec<(&Alias, Fit)> =
-        aliases.iter().take(MOST_PAIRS).filter_map(|it| Some((it, levenberg::here(kernel, it.model.clone())?))).collect();
+        aliases.iter().take(MOST_PAIRS).filter_map(|it| Some((it, levenberg::here(whitened, it.model.clone())?))).collect();
     let mut believed: Vec<&PlantFile> = vec![&fit.model.file];
     believed.extend(rivals.iter().map(|(alias, _)| &alias.model.file));
     let library = excitations::library(&believed, limits);
-    let rows: Vec<Trial> = library.iter().filter_map(|it| Trial::new(kernel, fit, it)).collect();
+    let rows: Vec<Trial> = library.iter().filter_map(|it| Trial::new(whitened, fit, it)).collect();
     let mut best: Vec<Apart> = Vec::new();
     let mut first: Option<usize> = None;
     for (alias, rival) in &rivals {
@@ -140,11 +140,11 @@ fn by_name(apart: Vec<Apart>) -> Vec<Apart> {
 /// An excitation with the believed plant's outputs along it.
 struct Trial<'a> {
     excitation: &'a Excitation,
-    kernel: Kernel,
+    whitened: WhitenedResiduals,
 }
 
 impl<'a> Trial<'a> {
-    fn new(present: &Kernel, fit: &Fit, excitation: &'a Excitation) -> Option<Self> {
+    fn new(present: &WhitenedResiduals, fit: &Fit, excitation: &'a Excitation) -> Option<Self> {
         let mut prepared = Prepared::new(excitation.record.clone(), fit.model.file.kind.outputs().len());
         // A new record holds what the present ones hold.
         let held: Vec<bool> =
@@ -159,35 +159,35 @@ impl<'a> Trial<'a> {
             k += 1;
             held[k - 1]
         });
-        (!prepared.outputs.is_empty()).then_some(Trial { excitation, kernel: present.on(vec![prepared]) })
+        (!prepared.outputs.is_empty()).then_some(Trial { excitation, whitened: present.on(vec![prepared]) })
     }
 
     fn record(&self) -> &Record {
-        &self.kernel.records[0].record
+        &self.whitened.records[0].record
     }
 
     fn readings(&self) -> f64 {
-        self.kernel.rows().max(1) as f64
+        self.whitened.rows().max(1) as f64
     }
 
     /// A plant along the record, its start as the record's first row says.
     fn model(&self, of: &Fit) -> Model {
         let mut model = of.model.clone();
         model.file.initial.clear();
-        model.take_starts(&[self.record()], self.kernel.floors.map(|floor| floor.sd));
+        model.take_starts(&[self.record()], self.whitened.floors.map(|floor| floor.sd));
         model
     }
 
     /// The squared difference of a plant to the believed one, nothing adapted.
     fn plain(&self, rival: &Fit) -> Option<f64> {
-        let simulated = self.kernel.run(&self.model(rival))?;
-        let difference = self.kernel.residual(&simulated);
+        let simulated = self.whitened.run(&self.model(rival))?;
+        let difference = self.whitened.residual(&simulated);
         Some(dot(&difference, &difference))
     }
 
     /// What remains of the difference, whichever of the two is wrong and adapts: the smaller of both.
     fn apart(&self, fit: &Fit, rival: &Fit, alias: &Alias) -> Option<Apart> {
-        let [of_fit, of_rival] = [fit, rival].map(|it| self.kernel.run(&self.model(it)));
+        let [of_fit, of_rival] = [fit, rival].map(|it| self.whitened.run(&self.model(it)));
         let (of_fit, of_rival) = (of_fit?, of_rival?);
         let squared = f64::min(self.remains(rival, &of_rival, &of_fit)?, self.remains(fit, &of_fit, &of_rival)?);
         Some(Apart {
@@ -213,8 +213,8 @@ impl<'a> Trial<'a> {
             .map(|&k| (!matches!(adapts.model.unknowns[k].place, Place::Start { .. })).then(|| here(k)))
             .collect();
         let chosen: Vec<usize> = of_plant.iter().flatten().copied().chain(starts.iter().copied()).collect();
-        let columns = self.kernel.derivatives(&model, its, &chosen)?;
-        let difference = self.kernel.changes(its, truth, 1.0);
+        let columns = self.whitened.derivatives(&model, its, &chosen)?;
+        let difference = self.whitened.changes(its, truth, 1.0);
         let mut columns = columns.into_iter();
         let mut all: Vec<Option<Column>> = of_plant.iter().map(|it| if it.is_some() { columns.next() } else { None }).collect();
         all.extend(columns.map(Some));
@@ -238,10 +238,10 @@ impl<'a> Trial<'a> {
 }
 
 /// The record with the largest expected error, by what the present residual is at each operating point.
-fn looks(kernel: &Kernel, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
+fn looks(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
     let kind = fit.model.file.kind;
     let points: Vec<Vec<[f64; 2]>> =
-        kernel.records.iter().map(|it| operating(kind, &it.record, &it.outputs, fit_of(fit, kernel, it))).collect();
+        whitened.records.iter().map(|it| operating(kind, &it.record, &it.outputs, fit_of(fit, whitened, it))).collect();
     let edges: Vec<Vec<f64>> = (0..2)
         .map(|axis| {
             let mut all: Vec<f64> = points.iter().flatten().map(|point| point[axis]).collect();
@@ -255,9 +255,9 @@ fn looks(kernel: &Kernel, fit: &Fit, limits: &Limits) -> Option<NextExperiment> 
     };
     // Mean squared residual beyond the noise in each cell.
     let mut sums = [(0.0, 0.0); CELLS * CELLS];
-    for ((prepared, simulated), points) in kernel.records.iter().zip(&fit.simulated).zip(&points) {
+    for ((prepared, simulated), points) in whitened.records.iter().zip(&fit.simulated).zip(&points) {
         for (k, values) in simulated.iter().enumerate() {
-            let sd = kernel.floors[prepared.outputs[k]].sd;
+            let sd = whitened.floors[prepared.outputs[k]].sd;
             for (row, (measured, value)) in prepared.measured(k).iter().zip(values).enumerate() {
                 if prepared.used[k][row] {
                     let sum = &mut sums[cell(&points[row])];
@@ -299,8 +299,8 @@ fn looks(kernel: &Kernel, fit: &Fit, limits: &Limits) -> Option<NextExperiment> 
     (best.1 > present).then_some(NextExperiment::Looks { excitation: best.0, expected: best.1, present })
 }
 
-fn fit_of<'f>(fit: &'f Fit, kernel: &Kernel, prepared: &Prepared) -> &'f Simulated {
-    let place = kernel.records.iter().position(|it| std::ptr::eq(it, prepared)).unwrap_or(0);
+fn fit_of<'f>(fit: &'f Fit, whitened: &WhitenedResiduals, prepared: &Prepared) -> &'f Simulated {
+    let place = whitened.records.iter().position(|it| std::ptr::eq(it, prepared)).unwrap_or(0);
     &fit.simulated[place]
 }
 

@@ -2,10 +2,10 @@
 //!
 //! In: a plant file with its effects, records. Out: its numbers, fitted to the error of the simulation, and root mean square errors. Names no cause.
 
-use super::kernel::{Kernel, Prepared};
 use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model, Place};
 use super::noise::Floor;
+use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -16,10 +16,10 @@ const STEPS: usize = 40;
 /// the other. `None` where it cannot be simulated.
 #[must_use]
 pub fn fitted(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: usize) -> Option<Fit> {
-    let kernel = kernel(file, records, noise, threads);
+    let whitened = whitened(file, records, noise, threads);
     let nominal = Model::nominal(file, records, noise);
     let model = nominal.with_effects(&nominal, file.effects.clone());
-    levenberg::fit(&kernel, model, STEPS)
+    levenberg::fit(&whitened, model, STEPS)
 }
 
 /// The same plant along one other record: only its start and the named numbers of effects are unknown, and only the first rows decide them. What a machine is like today (warm oil, a belt
@@ -34,16 +34,16 @@ pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], nois
     model.at_start = AtStart::of(model.file.kind, whole.into_iter());
     model.take_starts(&whole, noise);
     let beginning = Prepared::new(record.clone(), model.file.kind.outputs().len()).shortened(rows);
-    let kernel = Kernel::new(vec![beginning], noise.map(Floor::white), 1);
-    levenberg::fit(&kernel, model, STEPS).map(|fit| fit.model)
+    let whitened = WhitenedResiduals::new(vec![beginning], noise.map(Floor::white), 1);
+    levenberg::fit(&whitened, model, STEPS).map(|fit| fit.model)
 }
 
 /// Root mean square error of each measured output over some rows, in its unit. `None` where the model cannot be simulated.
 #[must_use]
 pub fn errors(model: &Model, record: &Record, rows: std::ops::Range<usize>) -> Option<Vec<f64>> {
-    let kernel = kernel(&model.file, &[record], [1.0; 3], 1);
-    let simulated = kernel.run(model)?.pop()?;
-    let prepared = &kernel.records[0];
+    let whitened = whitened(&model.file, &[record], [1.0; 3], 1);
+    let simulated = whitened.run(model)?.pop()?;
+    let prepared = &whitened.records[0];
     let each = simulated.iter().enumerate().map(|(k, values)| {
         let (measured, simulated) = (&prepared.measured(k)[rows.clone()], &values[rows.clone()]);
         let squares: f64 = measured.iter().zip(simulated).map(|(measured, it)| (measured - it).powi(2)).sum();
@@ -87,10 +87,10 @@ pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option
     Some(Followed { errors, trained, today })
 }
 
-fn kernel(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: usize) -> Kernel {
+fn whitened(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: usize) -> WhitenedResiduals {
     let outputs = file.kind.outputs().len();
     let prepared = records.iter().map(|record| Prepared::new((*record).clone(), outputs)).collect();
-    Kernel::new(prepared, noise.map(Floor::white), threads)
+    WhitenedResiduals::new(prepared, noise.map(Floor::white), threads)
 }
 
 #[cfg(test)]
@@ -102,8 +102,8 @@ mod tests {
     fn numbers_are_found_and_what_changed_is_found_again_from_the_beginning_of_another_record() {
         let file = |force: f64| axis_under_steps::file("mass = 0.2", &axis_under_steps::friction(force));
         let record = |force: f64| {
-            let (mut kernel, _) = axis_under_steps::kernel(&file(force), &file(force), false);
-            kernel.records.remove(0).record
+            let (mut whitened, _) = axis_under_steps::whitened(&file(force), &file(force), false);
+            whitened.records.remove(0).record
         };
         let (one, other) = (record(0.8), record(1.0));
         let found = fitted(&file(0.5), &[&one], [1e-5; 3], 1).unwrap();

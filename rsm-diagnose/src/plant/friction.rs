@@ -2,12 +2,12 @@
 //!
 //! In: the fit of a search. Out: a fit with plainer causes, where it is as good. Never looks for a cause.
 
-use super::chance::best_of;
 use super::compete::{count, within_tolerance};
 use super::hypotheses::{LEVELS, generalises};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::selection::Search;
+use super::significance::best_of;
 use rsm_sim::plant_file::Entry;
 
 impl Search<'_> {
@@ -92,7 +92,7 @@ impl Search<'_> {
 
     /// A plainer model fitted, where it is worse by less than so much; else the fit.
     fn or_plainer(&self, fit: Fit, model: Model, worse: f64) -> Fit {
-        match levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(&fit)) {
+        match levenberg::onward(self.whitened, model, self.effort.fit_steps, Some(&fit)) {
             Some(other) if other.cost < fit.cost + worse => other,
             _ => fit,
         }
@@ -101,7 +101,7 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Kernel;
+    use super::super::whitened_residuals::WhitenedResiduals;
     use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
 
@@ -109,14 +109,14 @@ mod tests {
     fn plainer(truth: &str, entries: &str) -> Vec<(&'static str, Vec<f64>)> {
         let tolerances = "mass = 0.02\nviscous_friction = 0.02";
         let file = |effects: &str| axis_under_steps::file(tolerances, effects);
-        let (kernel, nominal) = axis_under_steps::kernel(&file(""), &file(truth), true);
-        let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
-        let survey = survey::survey(&kernel, &calibrated);
+        let (whitened, nominal) = axis_under_steps::whitened(&file(""), &file(truth), true);
+        let calibrated = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
+        let survey = survey::survey(&whitened, &calibrated);
         let hypotheses = hypotheses::all(nominal.file.kind, &survey, &[0]);
-        let unseen = Kernel::new(Vec::new(), kernel.floors, 1);
-        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &hypotheses, &survey);
+        let unseen = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
+        let search = axis_under_steps::search(&whitened, &unseen, &nominal, &hypotheses, &survey);
         let model = nominal.with_effects(&nominal, file(entries).effects);
-        let fit = search.narrowed(search.levelled(levenberg::fit(&kernel, model, 20).unwrap()), 30.0);
+        let fit = search.narrowed(search.levelled(levenberg::fit(&whitened, model, 20).unwrap()), 30.0);
         let kinds = fit.model.file.effects.iter();
         kinds.map(|it| (it.description.kind, it.arguments.numbers.iter().map(|number| number.1).collect())).collect()
     }

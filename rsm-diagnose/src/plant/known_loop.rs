@@ -12,7 +12,7 @@
 //! instrument (P. G. Wright, 1928). Intervals come from parts of the records left out in turn (J. W. Tukey, 1958), and so does what the two lines are worth on rows that did not make them.
 
 use super::confidence::EXPLAINED;
-use super::kernel::Prepared;
+use super::whitened_residuals::Prepared;
 use super::{Cause, Interval};
 use rsm_sim::effect::Arguments;
 use rsm_sim::plant_file::{Entry, PlantFile, VelocityFrom};

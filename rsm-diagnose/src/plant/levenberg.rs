@@ -1,11 +1,11 @@
 //! Levenberg-Marquardt over all unknowns at once (K. Levenberg, 1944; D. W. Marquardt, 1963), with bounds and Gaussian priors.
 //!
-//! In: a kernel and a model. Out: the fitted model with residual, derivatives and cost. An unknown at a bound that the gradient presses outwards
+//! In: prepared records with their whitening, and a model. Out: the fitted model with residual, derivatives and cost. An unknown at a bound that the gradient presses outwards
 //! is fixed for that step. Never changes which unknowns there are.
 
-use super::kernel::{Column, Kernel, Simulated};
 use super::model::{Model, Place};
 use super::normal::Normal;
+use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
 
 /// A step that promises less than this, in units of squared residuals whose noise is one, is not worth its simulations.
 const ENOUGH: f64 = 0.3;
@@ -85,7 +85,7 @@ impl Fit {
 /// Squared residual and priors of a model.
 #[must_use]
 pub fn cost(model: &Model, residual: &[f64]) -> f64 {
-    let mut cost = super::kernel::dot(residual, residual);
+    let mut cost = super::whitened_residuals::dot(residual, residual);
     for (k, unknown) in model.unknowns.iter().enumerate() {
         if let Some((centre, sd)) = unknown.prior {
             let off = (model.value(k) - centre) / sd;
@@ -121,14 +121,14 @@ pub(super) fn pull(model: &Model, free: &[usize], columns: &[Column], residual: 
 
 /// A fit where the model stands: simulation and derivatives, no step.
 #[must_use]
-pub fn here(kernel: &Kernel, model: Model) -> Option<Fit> {
-    fit(kernel, model, 0)
+pub fn here(whitened: &WhitenedResiduals, model: Model) -> Option<Fit> {
+    fit(whitened, model, 0)
 }
 
 /// Fits all unknowns, in at most so many steps.
 #[must_use]
-pub fn fit(kernel: &Kernel, model: Model, steps: usize) -> Option<Fit> {
-    onward(kernel, model, steps, None)
+pub fn fit(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Fit> {
+    onward(whitened, model, steps, None)
 }
 
 /// Fits all unknowns, beginning with the derivatives that an earlier fit to the same records has of the same unknowns.
@@ -137,17 +137,17 @@ pub fn fit(kernel: &Kernel, model: Model, steps: usize) -> Option<Fit> {
 /// what it saw (C. G. Broyden, 1965), and they are taken anew where a step disappoints, and once before the end: what counts as the best was there for derivatives
 /// of its own.
 #[must_use]
-pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>) -> Option<Fit> {
+pub fn onward(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: Option<&Fit>) -> Option<Fit> {
     let mut model = model;
-    let mut simulated = kernel.run(&model)?;
-    let mut residual = kernel.residual(&simulated);
+    let mut simulated = whitened.run(&model)?;
+    let mut residual = whitened.residual(&simulated);
     let mut cost_now = cost(&model, &residual);
     let mut damping = 1e-3;
     let all: Vec<usize> = (0..model.unknowns.len()).collect();
     let known: Vec<Option<Column>> = all.iter().map(|&k| earlier.and_then(|fit| fit.column_of(&model, k))).collect();
     let missing: Vec<usize> = all.iter().copied().filter(|k| known[*k].is_none()).collect();
     let mut exact = missing.len() == all.len();
-    let mut fresh = kernel.derivatives(&model, &simulated, &missing)?.into_iter();
+    let mut fresh = whitened.derivatives(&model, &simulated, &missing)?.into_iter();
     let mut columns: Vec<Column> = known.into_iter().map(|column| column.or_else(|| fresh.next())).collect::<Option<_>>()?;
     let mut step = 0;
     loop {
@@ -172,14 +172,14 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
                 continue;
             }
             let trial = equations.moved(&model, &change);
-            let better = kernel.run(&trial).map(|simulated| {
-                let residual = kernel.residual(&simulated);
+            let better = whitened.run(&trial).map(|simulated| {
+                let residual = whitened.residual(&simulated);
                 (cost(&trial, &residual), simulated, residual)
             });
             match better {
                 Some((trial_cost, trial_simulated, trial_residual)) if trial_cost < cost_now => {
                     let gained = cost_now - trial_cost;
-                    let seen = kernel.changes(&simulated, &trial_simulated, 1.0);
+                    let seen = whitened.changes(&simulated, &trial_simulated, 1.0);
                     correct(&mut columns, &model, &trial, seen);
                     (model, simulated, residual, cost_now) = (trial, trial_simulated, trial_residual, trial_cost);
                     damping = less(damping);
@@ -199,7 +199,7 @@ pub fn onward(kernel: &Kernel, model: Model, steps: usize, earlier: Option<&Fit>
             let Equations { free, columns, held, .. } = equations;
             return Some(Fit { model, simulated, residual, cost: cost_now, free, columns, held });
         }
-        columns = kernel.derivatives(&model, &simulated, &all)?;
+        columns = whitened.derivatives(&model, &simulated, &all)?;
         exact = true;
     }
 }
@@ -390,38 +390,38 @@ mod tests {
     use super::*;
 
     /// An axis with dry friction, its record with noise, and the same axis without friction, all of it free.
-    fn axis() -> (Kernel, Model) {
+    fn axis() -> (WhitenedResiduals, Model) {
         let file =
             |force: f64| axis_under_steps::file("mass = 0.1\nviscous_friction = 0.5", &axis_under_steps::friction(force));
-        let (kernel, nominal) = axis_under_steps::kernel(&file(0.1), &file(1.2), true);
+        let (whitened, nominal) = axis_under_steps::whitened(&file(0.1), &file(1.2), true);
         let entries = nominal.file.effects.clone();
-        (kernel, nominal.with_effects(&nominal, entries))
+        (whitened, nominal.with_effects(&nominal, entries))
     }
 
     #[test]
     fn corrected_derivatives_lead_to_the_same_best_as_fresh_ones() {
-        let (kernel, model) = axis();
-        let whole = fit(&kernel, model.clone(), 20).unwrap();
+        let (whitened, model) = axis();
+        let whole = fit(&whitened, model.clone(), 20).unwrap();
         // White noise over 600 rows: four standard deviations, 4 sqrt(2 * 600).
         assert!((whole.cost - 600.0).abs() < 139.0, "{}", whole.cost);
         // Derivatives from where the search begins, far from its end.
-        let elsewhere = here(&kernel, model.clone()).unwrap();
-        let onward = onward(&kernel, model, 20, Some(&elsewhere)).unwrap();
+        let elsewhere = here(&whitened, model.clone()).unwrap();
+        let onward = onward(&whitened, model, 20, Some(&elsewhere)).unwrap();
         // What ends a fit promises less than this.
         assert!((onward.cost - whole.cost).abs() < ENOUGH, "{} {}", onward.cost, whole.cost);
     }
 
     #[test]
     fn a_correction_makes_the_derivatives_tell_the_step_that_was_seen() {
-        let (kernel, model) = axis();
-        let mut fit = here(&kernel, model.clone()).unwrap();
+        let (whitened, model) = axis();
+        let mut fit = here(&whitened, model.clone()).unwrap();
         let mut to = model.clone();
         for (k, share) in [(0, 0.7), (1, -1.3), (2, 2.0)] {
             let unknown = &model.unknowns[k];
             to.set(k, unknown.outward(unknown.inward(model.value(k)) + share * unknown.scale));
         }
-        let simulated = kernel.run(&to).unwrap();
-        let seen = kernel.changes(&fit.simulated, &simulated, 1.0);
+        let simulated = whitened.run(&to).unwrap();
+        let seen = whitened.changes(&fit.simulated, &simulated, 1.0);
         correct(&mut fit.columns, &model, &to, seen.clone());
         for (row, seen) in seen.iter().enumerate() {
             let told: f64 = (0..model.unknowns.len())
@@ -440,7 +440,7 @@ mod tests {
         // Of mass, friction and gain an axis in open loop shows two ratios: all three times as much move alike.
         let with_gain = |gain: f64| format!("[[effects]]\nkind = \"input-gain\"\nparameters = {{ gain = {gain} }}\n");
         let file = |gain: f64| axis_under_steps::file("mass = 0.02\nviscous_friction = 0.02", &with_gain(gain));
-        let (kernel, nominal) = axis_under_steps::kernel(&file(0.9), &file(0.9), true);
+        let (whitened, nominal) = axis_under_steps::whitened(&file(0.9), &file(0.9), true);
         let mut model = nominal.with_effects(&nominal, nominal.file.effects.clone());
         for k in 0..model.unknowns.len() {
             match model.unknowns[k].place {
@@ -449,9 +449,9 @@ mod tests {
             }
         }
         let mass = |fit: &Fit| fit.model.file.parameters.number("mass");
-        let begun = here(&kernel, model.clone()).unwrap();
+        let begun = here(&whitened, model.clone()).unwrap();
         assert!((mass(&begun) - 2.06).abs() < 1e-9 && begun.cost < 740.0, "{}", begun.cost);
-        let found = fit(&kernel, model, 20).unwrap();
+        let found = fit(&whitened, model, 20).unwrap();
         // Both priors ask for the nominal mass, and noise moves the ratio of the two by its own hundredth: half a standard deviation of the tolerance, 0.02.
         assert!((mass(&found) - 2.0).abs() < 0.02, "{}", mass(&found));
     }

@@ -2,8 +2,8 @@
 //!
 //! In: a plant file, records. Out: the same plant with other values of its unknowns. Knows neither residuals nor hypotheses.
 
-use super::kernel::dot;
 use super::normal::Normal;
+use super::whitened_residuals::dot;
 use rsm_sim::kind::{PlantKind, StartValues};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::plants::driveline::{self, FIRST_OFFSET};

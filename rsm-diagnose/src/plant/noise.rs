@@ -11,7 +11,7 @@
 use std::f64::consts::TAU;
 
 use super::growth::{self, Growth};
-use super::octaves::{LEAST_LINES, OCTAVES, Octave, octaves};
+use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
 pub use super::upper_band::median;
 use super::upper_band::{Band, LOWEST, MOST_CORRELATED, WHITE, positive, shape, spectrum};

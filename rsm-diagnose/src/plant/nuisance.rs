@@ -3,9 +3,9 @@
 //! In: a fit with its derivatives. Out: inner products without what the free unknowns can do, in first order. An unknown that is held at its bound is free to
 //! come back: a missing cause may be what has pressed it there, and would else get no credit for what the bound costs. Never simulates.
 
-use super::kernel::{Column, dot};
 use super::levenberg::Fit;
 use super::normal::Normal;
+use super::whitened_residuals::{Column, dot};
 
 /// Unknowns at bounds that may come back at most: of those beyond, none does. Every set of them has normal equations of its own.
 const MOST_HELD: usize = 4;
@@ -166,12 +166,12 @@ mod tests {
         // Dry friction that the axis lacks presses the viscous friction, known to 2 %, against the upper end. With the friction it comes back.
         let file = |effects: &str| axis_under_steps::file("viscous_friction = 0.02", effects);
         let truth = file(&axis_under_steps::friction(0.8));
-        let (kernel, model) = axis_under_steps::kernel(&file(""), &truth, false);
-        let fit = levenberg::fit(&kernel, model, 8).unwrap();
+        let (whitened, model) = axis_under_steps::whitened(&file(""), &truth, false);
+        let fit = levenberg::fit(&whitened, model, 8).unwrap();
         assert_eq!(fit.held.len(), 1);
         let nuisance = Nuisance::new(&fit);
         let with = Model { file: truth, ..fit.model.clone() };
-        let residual = kernel.residual(&kernel.run(&with).unwrap());
+        let residual = whitened.residual(&whitened.run(&with).unwrap());
         let (left, back) = nuisance.left(&residual);
         assert_eq!(back, 1);
         // Held, the viscous friction would be 4 % too high, by far the larger part of what is left; and without the friction it stays where it is.

@@ -4,10 +4,10 @@
 //! it, the bend over its step; along a direction in which the shares of several unknowns cancel, what they miss is all that is left, and says that the records know what they do not. So derivatives are
 //! taken again along those directions themselves, over a standard deviation of what is known, to both sides. Never changes which unknowns there are.
 
-use super::kernel::{Column, Kernel};
 use super::levenberg::{Equations, Fit};
 use super::model::{Model, Place};
 use super::normal::Normal;
+use super::whitened_residuals::{Column, WhitenedResiduals};
 
 /// A direction is open where records and the other numbers leave this share of the standard deviation of a tolerance, and more: what a bend feigns is to a thousandth.
 const OPEN: f64 = 1e-3;
@@ -39,10 +39,10 @@ struct Direction {
 
 /// The fit at its end. What it cannot make better it gives back, with derivatives that hold.
 #[must_use]
-pub fn settled(kernel: &Kernel, fit: Fit) -> Fit {
+pub fn settled(whitened: &WhitenedResiduals, fit: Fit) -> Fit {
     let mut best = fit;
     for _ in 0..ROUNDS {
-        let columns = corrected(kernel, &best);
+        let columns = corrected(whitened, &best);
         let (mut model, mut simulated, mut residual) = (best.model.clone(), best.simulated.clone(), best.residual.clone());
         let mut end = Equations::new(&model, &columns, &residual);
         for _ in 0..STEPS {
@@ -52,8 +52,8 @@ pub fn settled(kernel: &Kernel, fit: Fit) -> Fit {
                 break;
             }
             let moved = end.moved(&model, &change);
-            let Some(run) = kernel.run(&moved) else { break };
-            residual = kernel.residual(&run);
+            let Some(run) = whitened.run(&moved) else { break };
+            residual = whitened.residual(&run);
             (model, simulated) = (moved, run);
             end = Equations::new(&model, &columns, &residual);
         }
@@ -69,7 +69,7 @@ pub fn settled(kernel: &Kernel, fit: Fit) -> Fit {
 }
 
 /// Derivatives for all unknowns of a fit, in their order, measured along open directions.
-fn corrected(kernel: &Kernel, fit: &Fit) -> Vec<Column> {
+fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Column> {
     let mut columns: Vec<Option<Column>> = vec![None; fit.model.unknowns.len()];
     for (k, column) in fit.free.iter().zip(&fit.columns) {
         columns[*k] = Some(column.clone());
@@ -89,7 +89,7 @@ fn corrected(kernel: &Kernel, fit: &Fit) -> Vec<Column> {
         }
         lengths = now;
         for direction in &directions {
-            let Some(seen) = along(kernel, &fit.model, &direction.step) else { continue };
+            let Some(seen) = along(whitened, &fit.model, &direction.step) else { continue };
             let mut missed = seen;
             for (step, column) in direction.step.iter().zip(&columns) {
                 for (missed, value) in missed[column.first..].iter_mut().zip(&column.values) {
@@ -109,7 +109,7 @@ fn corrected(kernel: &Kernel, fit: &Fit) -> Vec<Column> {
 }
 
 /// The whitened change of all records along a direction, from both sides; `None` where the plant cannot go there.
-fn along(kernel: &Kernel, model: &Model, step: &[f64]) -> Option<Vec<f64>> {
+fn along(whitened: &WhitenedResiduals, model: &Model, step: &[f64]) -> Option<Vec<f64>> {
     let to = |sign: f64| {
         let mut moved = model.clone();
         for (k, step) in step.iter().enumerate() {
@@ -123,10 +123,10 @@ fn along(kernel: &Kernel, model: &Model, step: &[f64]) -> Option<Vec<f64>> {
             }
             moved.set(k, value);
         }
-        kernel.run(&moved)
+        whitened.run(&moved)
     };
     let (back, forth) = (to(-1.0)?, to(1.0)?);
-    Some(kernel.changes(&back, &forth, 2.0))
+    Some(whitened.changes(&back, &forth, 2.0))
 }
 
 /// Open directions: those of the unknowns with priors in which most of the prior is left, with what goes along with them.
@@ -206,7 +206,7 @@ mod tests {
     const NOISE: f64 = 1e-7;
 
     /// An axis of which mass, friction and gain may grow together, parameters off as their tolerances say: a fit of it, and what is true of its unknowns.
-    fn symmetric(random: &mut Random) -> (Kernel, Fit, Vec<Option<f64>>) {
+    fn symmetric(random: &mut Random) -> (WhitenedResiduals, Fit, Vec<Option<f64>>) {
         let mut off = || loop {
             // What is beyond two standard deviations of a tolerance is a cause.
             let off = random.normal();
@@ -219,12 +219,12 @@ mod tests {
         let mut truth = axis_under_steps::file(TOLERANCES, &effects);
         truth.parameters.set("mass", mass);
         truth.parameters.set("viscous_friction", friction);
-        let (mut kernel, nominal) = axis_under_steps::kernel(&axis_under_steps::file(TOLERANCES, ""), &truth, false);
-        for value in kernel.records[0].record.measured[0].as_mut().unwrap() {
+        let (mut whitened, nominal) = axis_under_steps::whitened(&axis_under_steps::file(TOLERANCES, ""), &truth, false);
+        for value in whitened.records[0].record.measured[0].as_mut().unwrap() {
             *value += NOISE * random.normal();
         }
-        kernel.floors = [Floor::white(NOISE); 3];
-        let fit = levenberg::fit(&kernel, nominal.with_effects(&nominal, truth.effects.clone()), 8).unwrap();
+        whitened.floors = [Floor::white(NOISE); 3];
+        let fit = levenberg::fit(&whitened, nominal.with_effects(&nominal, truth.effects.clone()), 8).unwrap();
         let true_value = |place| match place {
             Place::Nominal("mass") => Some(mass),
             Place::Nominal(_) => Some(friction),
@@ -233,7 +233,7 @@ mod tests {
             Place::Start { .. } => None,
         };
         let truths = fit.model.unknowns.iter().map(|it| true_value(it.place)).collect();
-        (kernel, fit, truths)
+        (whitened, fit, truths)
     }
 
     #[test]
@@ -242,8 +242,8 @@ mod tests {
         let draws = 120;
         let (mut held, mut by_one_deviation) = ([0; 4], [0; 4]);
         for _ in 0..draws {
-            let (kernel, fit, truths) = symmetric(&mut random);
-            let fit = settled(&kernel, fit);
+            let (whitened, fit, truths) = symmetric(&mut random);
+            let fit = settled(&whitened, fit);
             let posterior = Posterior::of(&fit);
             for (k, truth) in truths.iter().enumerate().filter_map(|(k, truth)| Some((k, (*truth)?))) {
                 let (low, high) = posterior.interval(&fit, k).unwrap();

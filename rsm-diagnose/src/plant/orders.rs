@@ -9,11 +9,11 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::kernel::{Kernel, Simulated};
 use super::model::Model;
 use super::quantities::{of_output, speed_of};
 use super::regions::{Region, Side, totals};
 use super::spectrum::peaks;
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 
 /// Turns of a piece: a window over eight turns separates halves of an order.
@@ -71,22 +71,22 @@ pub(super) struct Way {
 
 /// The orders of all outputs over all ways that the plant has.
 #[must_use]
-pub fn orders(kernel: &Kernel, model: &Model, before: &[Simulated], after: &[Simulated]) -> Vec<Orders> {
+pub fn orders(whitened: &WhitenedResiduals, model: &Model, before: &[Simulated], after: &[Simulated]) -> Vec<Orders> {
     let mut list = Vec::new();
-    for way in ways(kernel, model, after) {
-        for output in 0..kernel.floors.len() {
-            list.extend(of_one(kernel, &way, output, before, after));
+    for way in ways(whitened, model, after) {
+        for output in 0..whitened.floors.len() {
+            list.extend(of_one(whitened, &way, output, before, after));
         }
     }
     list
 }
 
 /// All coordinates along which the plant moves in these records.
-pub(super) fn ways(kernel: &Kernel, model: &Model, simulated: &[Simulated]) -> Vec<Way> {
+pub(super) fn ways(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simulated]) -> Vec<Way> {
     let turns = |rate: &dyn Fn(usize) -> Option<Vec<f64>>| -> Option<Vec<Vec<f64>>> {
-        (0..kernel.records.len())
+        (0..whitened.records.len())
             .map(|record| {
-                let period = kernel.records[record].record.period;
+                let period = whitened.records[record].record.period;
                 let mut at = 0.0;
                 Some(
                     rate(record)?
@@ -100,7 +100,8 @@ pub(super) fn ways(kernel: &Kernel, model: &Model, simulated: &[Simulated]) -> V
             })
             .collect()
     };
-    let output = |k: usize| move |record: usize| of_output(&kernel.records[record], &simulated[record], k).map(<[f64]>::to_vec);
+    let output =
+        |k: usize| move |record: usize| of_output(&whitened.records[record], &simulated[record], k).map(<[f64]>::to_vec);
     let parameters = &model.file.parameters;
     let mut list = Vec::new();
     match model.file.kind {
@@ -108,19 +109,20 @@ pub(super) fn ways(kernel: &Kernel, model: &Model, simulated: &[Simulated]) -> V
             let pole_pairs = parameters.number("pole_pairs");
             // Twice the sixth electrical order; cogging has more cycles only where it hardly shows.
             let most = (24.0 * pole_pairs).max(48.0) as usize;
-            list.extend(turns(&output(2)).map(|at| rotation(kernel, "mechanical", at, most, Some(pole_pairs))));
+            list.extend(turns(&output(2)).map(|at| rotation(whitened, "mechanical", at, most, Some(pole_pairs))));
         }
         PlantKind::Driveline => {
-            list.extend(turns(&output(0)).map(|at| rotation(kernel, "engine", at, 24, None)));
+            list.extend(turns(&output(0)).map(|at| rotation(whitened, "engine", at, 24, None)));
             let radius = parameters.number("wheel_radius");
             let wheel = |record: usize| -> Option<Vec<f64>> {
-                of_output(&kernel.records[record], &simulated[record], 1).map(|road| road.iter().map(|v| v / radius).collect())
+                of_output(&whitened.records[record], &simulated[record], 1)
+                    .map(|road| road.iter().map(|v| v / radius).collect())
             };
-            list.extend(turns(&wheel).map(|at| rotation(kernel, "wheel", at, 24, None)));
+            list.extend(turns(&wheel).map(|at| rotation(whitened, "wheel", at, 24, None)));
         }
         PlantKind::ServoAxis => {
-            let at: Option<Vec<Vec<f64>>> = (0..kernel.records.len()).map(&output(0)).collect();
-            list.extend(at.and_then(|at| travel(kernel, at)));
+            let at: Option<Vec<Vec<f64>>> = (0..whitened.records.len()).map(&output(0)).collect();
+            list.extend(at.and_then(|at| travel(whitened, at)));
         }
     }
     list
@@ -137,10 +139,10 @@ impl Way {
 }
 
 /// Pieces of whole turns in one direction; orders in halves.
-fn rotation(kernel: &Kernel, of: &'static str, at: Vec<Vec<f64>>, most: usize, pole_pairs: Option<f64>) -> Way {
+fn rotation(whitened: &WhitenedResiduals, of: &'static str, at: Vec<Vec<f64>>, most: usize, pole_pairs: Option<f64>) -> Way {
     let mut pieces = Vec::new();
     for (record, at) in at.iter().enumerate() {
-        let speed = speed_of(at, kernel.records[record].record.period);
+        let speed = speed_of(at, whitened.records[record].record.period);
         for run in runs(&speed) {
             let mut first = run.start;
             for row in run.clone() {
@@ -155,7 +157,7 @@ fn rotation(kernel: &Kernel, of: &'static str, at: Vec<Vec<f64>>, most: usize, p
 }
 
 /// Strokes of an axis; orders in waves over its whole travel.
-fn travel(kernel: &Kernel, at: Vec<Vec<f64>>) -> Option<Way> {
+fn travel(whitened: &WhitenedResiduals, at: Vec<Vec<f64>>) -> Option<Way> {
     let all = at.iter().flatten();
     let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
     let travel = high - low;
@@ -164,7 +166,7 @@ fn travel(kernel: &Kernel, at: Vec<Vec<f64>>) -> Option<Way> {
     }
     let mut pieces = Vec::new();
     for (record, at) in at.iter().enumerate() {
-        let speed = speed_of(at, kernel.records[record].record.period);
+        let speed = speed_of(at, whitened.records[record].record.period);
         // A stroke over less than half of the travel has lines more than twice as wide.
         pieces.extend(
             runs(&speed)
@@ -202,16 +204,16 @@ fn runs(speed: &[f64]) -> Vec<Range<usize>> {
     list
 }
 
-fn of_one(kernel: &Kernel, way: &Way, output: usize, before: &[Simulated], after: &[Simulated]) -> Option<Orders> {
+fn of_one(whitened: &WhitenedResiduals, way: &Way, output: usize, before: &[Simulated], after: &[Simulated]) -> Option<Orders> {
     let count = way.order.len();
     let first_order = way.order[0];
-    let sd = kernel.floors[output].sd;
+    let sd = whitened.floors[output].sd;
     let mut sums = [vec![0.0; count], vec![0.0; count]];
     let mut pieces_of = vec![0_usize; count];
     let mut square = 0.0;
     let (mut averages, mut rows) = (0, 0);
     for (record, piece) in &way.pieces {
-        let prepared = &kernel.records[*record];
+        let prepared = &whitened.records[*record];
         let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
         let (measured, used) = (prepared.measured(k), &prepared.used[k]);
         if used[piece.clone()].iter().any(|used| !used) {
@@ -323,7 +325,7 @@ impl Orders {
 /// The lines that spectra and orders add to the regions.
 #[must_use]
 pub fn spectral(
-    kernel: &Kernel,
+    whitened: &WhitenedResiduals,
     slices: &[super::regions::Slice],
     spectra: &[super::spectrum::Spectrum],
     orders: &[Orders],
@@ -338,7 +340,7 @@ pub fn spectral(
         let whole = slices.iter().find(|it| it.quantity == "output" && it.output == spectrum.output);
         list.extend(spectrum.regions(
             side,
-            kernel.floors[spectrum.output].sd,
+            whitened.floors[spectrum.output].sd,
             whole.map_or(0, |it| it.rows),
             each[spectrum.output],
             all,
@@ -352,9 +354,9 @@ pub fn spectral(
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Prepared;
     use super::super::noise::Floor;
     use super::super::random::Random;
+    use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
     use rsm_sim::plant_file::PlantFile;
@@ -377,8 +379,8 @@ mod tests {
             csv += &format!("{time},0,0,0,{}\n", speed + amplitude * (order * angle).sin() + 0.3 * random.normal());
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
-        let kernel = Kernel::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); 3], 1);
-        assert_eq!(kernel.records[0].outputs, [2]);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); 3], 1);
+        assert_eq!(whitened.records[0].outputs, [2]);
         let model = Model {
             file,
             starts: vec![rsm_sim::kind::StartValues::default()],
@@ -386,7 +388,7 @@ mod tests {
             at_start: super::super::model::AtStart::Steady,
         };
         let simulated = vec![vec![smooth]];
-        let found = orders(&kernel, &model, &simulated, &simulated);
+        let found = orders(&whitened, &model, &simulated, &simulated);
         assert_eq!(found.len(), 1);
         // The wave's energy beyond the noise.
         let all = 0.5 * (amplitude / 0.3).powi(2) * f64::from(rows);

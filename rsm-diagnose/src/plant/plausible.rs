@@ -94,9 +94,9 @@ mod tests {
     #[test]
     fn what_no_machine_has_is_refused_and_what_one_may_have_is_not() {
         let file = axis_under_steps::file("mass = 0.02", "");
-        let (kernel, nominal) = axis_under_steps::kernel(&file, &file, true);
-        let fit = levenberg::fit(&kernel, nominal, 4).unwrap();
-        let survey = survey::survey(&kernel, &fit);
+        let (whitened, nominal) = axis_under_steps::whitened(&file, &file, true);
+        let fit = levenberg::fit(&whitened, nominal, 4).unwrap();
+        let survey = survey::survey(&whitened, &fit);
         let all = hypotheses::all(file.kind, &survey, &[0]);
         let refused = |kind: &str, subject: Option<&str>, value: f64| {
             let it = all.iter().find(|it| it.description.kind == kind && it.subject == subject).unwrap();

@@ -8,10 +8,10 @@
 
 use std::f64::consts::TAU;
 
-use super::kernel::{Kernel, dot};
 use super::levenberg::Fit;
 use super::normal::Normal;
 use super::orders::{self, Way};
+use super::whitened_residuals::{WhitenedResiduals, dot};
 
 /// How rarely noise alone may be predicted, over all waves and powers of all outputs in both looks of a verdict.
 const ALARM: f64 = 0.005;
@@ -73,36 +73,36 @@ impl Tried {
 
 /// What predicts the residual of a fit best; nothing where chance would do as much.
 #[must_use]
-pub fn look(kernel: &Kernel, fit: &Fit) -> Option<Predicted> {
-    let ways = orders::ways(kernel, &fit.model, &fit.simulated);
+pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predicted> {
+    let ways = orders::ways(whitened, &fit.model, &fit.simulated);
     let mut tried = Vec::new();
-    for output in 0..kernel.floors.len() {
-        let parts = parts(kernel, fit, output);
+    for output in 0..whitened.floors.len() {
+        let parts = parts(whitened, fit, output);
         if parts.is_empty() {
             continue;
         }
         for way in &ways {
-            tried.extend(waves(kernel, way, output, &parts));
+            tried.extend(waves(whitened, way, output, &parts));
         }
-        tried.extend(powers(kernel, fit, output, &parts));
+        tried.extend(powers(whitened, fit, output, &parts));
     }
     let count = LOOKS * tried.len().max(1) as f64;
     let best = tried.iter().min_by(|a, b| a.ln_p().total_cmp(&b.ln_p()))?;
     let ln_p = (best.ln_p() + count.ln()).min(0.0);
-    let rows: usize = kernel.records.iter().flat_map(|it| &it.used).map(|used| used.iter().filter(|it| **it).count()).sum();
+    let rows: usize = whitened.records.iter().flat_map(|it| &it.used).map(|used| used.iter().filter(|it| **it).count()).sum();
     let excess = (best.gain - best.level * best.freedom as f64) / rows.max(1) as f64;
     (ln_p < ALARM.ln()).then(|| Predicted { output: best.output, what: best.what.clone(), excess, ln_p })
 }
 
 /// The residual of an output in each record that holds it: the record, its place there, the residual.
-fn parts<'f>(kernel: &Kernel, fit: &'f Fit, output: usize) -> Vec<(usize, usize, &'f [f64])> {
+fn parts<'f>(whitened: &WhitenedResiduals, fit: &'f Fit, output: usize) -> Vec<(usize, usize, &'f [f64])> {
     let mut list = Vec::new();
-    for (record, prepared) in kernel.records.iter().enumerate() {
+    for (record, prepared) in whitened.records.iter().enumerate() {
         let rows = prepared.record.rows();
         if let Some(k) = prepared.outputs.iter().position(|it| *it == output)
             && prepared.used[k].iter().filter(|used| **used).count() >= LEAST_ROWS
         {
-            let first = kernel.first(record) + k * rows;
+            let first = whitened.first(record) + k * rows;
             list.push((record, k, &fit.residual[first..first + rows]));
         }
     }
@@ -110,11 +110,11 @@ fn parts<'f>(kernel: &Kernel, fit: &'f Fit, output: usize) -> Vec<(usize, usize,
 }
 
 /// Waves of every order, each record with a phase of its own: an angle is known from a speed but for its beginning.
-fn waves(kernel: &Kernel, way: &Way, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
-    let floor = &kernel.floors[output];
+fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
+    let floor = &whitened.floors[output];
     let mut sums = vec![(0.0, 0_usize); way.order.len()];
     for (record, k, residual) in parts {
-        let (at, prepared) = (&way.at[*record], &kernel.records[*record]);
+        let (at, prepared) = (&way.at[*record], &whitened.records[*record]);
         let used = &prepared.used[*k];
         // Turns from row to row: what a wave of one order a turn passes of its phase.
         let step: Vec<f64> = (0..at.len()).map(|row| (at[(row + 1).min(at.len() - 1)] - at[row.max(1) - 1]).abs()).collect();
@@ -157,15 +157,15 @@ fn waves(kernel: &Kernel, way: &Way, output: usize, parts: &[(usize, usize, &[f6
 }
 
 /// Powers of what drives the plant and of how it moves, up to the fifth, one quantity at a time.
-fn powers(kernel: &Kernel, fit: &Fit, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
-    let floor = &kernel.floors[output];
+fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
+    let floor = &whitened.floors[output];
     let kind = fit.model.file.kind;
     let mut list = Vec::new();
     let simulated = kind.outputs().iter().enumerate().map(|(k, it)| (it.name, false, k));
     let driven = kind.inputs().iter().enumerate().map(|(k, it)| (it.name, true, k));
     for (name, is_input, which) in driven.chain(simulated) {
         let values = |record: usize| -> Option<&[f64]> {
-            let prepared = &kernel.records[record];
+            let prepared = &whitened.records[record];
             if is_input {
                 return prepared.record.inputs.get(which).filter(|it| it.len() == prepared.record.rows()).map(Vec::as_slice);
             }
@@ -184,7 +184,7 @@ fn powers(kernel: &Kernel, fit: &Fit, output: usize, parts: &[(usize, usize, &[f
             for (power, column) in (1..=HIGHEST_POWER).zip(&mut columns) {
                 let raised: Vec<f64> =
                     values.iter().map(|value| ((2.0 * value - low - high) / (high - low)).powi(power)).collect();
-                floor.whiten(&raised, &kernel.records[*record].used[*k], column);
+                floor.whiten(&raised, &whitened.records[*record].used[*k], column);
             }
         }
         let basis = orthonormal(columns);
@@ -276,10 +276,10 @@ fn ln_upper_chi_squared(value: f64, freedom: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Prepared;
     use super::super::model::Model;
     use super::super::noise::Floor;
     use super::super::random::Random;
+    use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
     use rsm_sim::plant_file::PlantFile;
@@ -305,7 +305,7 @@ mod tests {
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let floor = Floor { correlation: told, ..Floor::white(SD) };
-        let kernel = Kernel::new(vec![Prepared::new(record, 3)], [floor; 3], 1);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [floor; 3], 1);
         let model = Model {
             file,
             starts: vec![rsm_sim::kind::StartValues::default()],
@@ -313,10 +313,10 @@ mod tests {
             at_start: super::super::model::AtStart::Steady,
         };
         let simulated = vec![vec![smooth]];
-        let residual = kernel.residual(&simulated);
+        let residual = whitened.residual(&simulated);
         let cost = dot(&residual, &residual);
         let fit = Fit { model, simulated, residual, cost, free: Vec::new(), columns: Vec::new(), held: Vec::new() };
-        look(&kernel, &fit)
+        look(&whitened, &fit)
     }
 
     #[test]

@@ -3,8 +3,8 @@
 //! In: records and a simulation along them. Out: a value of each quantity for every row, and classes whose bounds are the same in all records. Never
 //! looks at a residual.
 
-use super::kernel::{Kernel, Prepared, Simulated};
 use super::model::Model;
+use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::record::Drive;
 
@@ -70,12 +70,12 @@ pub fn of_output<'s>(prepared: &Prepared, simulated: &'s Simulated, output: usiz
 
 /// Everything by which the rows of a plant's records are divided. Simulated values stand for measured ones: they have no noise.
 #[must_use]
-pub fn quantities(kernel: &Kernel, model: &Model, simulated: &[Simulated]) -> Vec<Quantity> {
+pub fn quantities(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simulated]) -> Vec<Quantity> {
     let kind = model.file.kind;
     let each =
         |name: &'static str, unit: &'static str, division: Division, of: &dyn Fn(&Prepared, &Simulated) -> Option<Vec<f64>>| {
             let values: Option<Vec<Vec<f64>>> =
-                kernel.records.iter().zip(simulated).map(|(prepared, it)| of(prepared, it)).collect();
+                whitened.records.iter().zip(simulated).map(|(prepared, it)| of(prepared, it)).collect();
             values.map(|values| Quantity { name, unit, values, division })
         };
     let output = |k: usize| move |prepared: &Prepared, it: &Simulated| of_output(prepared, it, k).map(<[f64]>::to_vec);

@@ -5,13 +5,13 @@
 
 use super::calibration::{calibrate, floors, with_rounding};
 use super::checks::{self, Finding};
-use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model};
 use super::noise::Floor;
 use super::share::Share;
 use super::tails::Recorded;
-use super::{Options, Refused, bridges, compared, regions, survey, tails, under_way, validation};
+use super::whitened_residuals::WhitenedResiduals;
+use super::{Options, Refused, alignment, bridges, regions, survey, tails, under_way, validation};
 use rsm_sim::effect::Survey;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -34,9 +34,9 @@ const STEPS: usize = 4;
 /// Records and plant, ready for a search.
 pub struct Ready {
     /// Training records.
-    pub kernel: Kernel,
+    pub whitened: WhitenedResiduals,
     /// Validation records; may be empty.
-    pub unseen: Kernel,
+    pub unseen: WhitenedResiduals,
     /// The nominal plant, with the starts of the training records.
     pub nominal: Model,
     /// The plant that fits them best within its tolerances.
@@ -49,7 +49,7 @@ pub struct Ready {
     pub survey: Survey,
     /// Outputs whose readings are rounded, with their steps.
     pub rounded: Vec<(usize, f64)>,
-    /// Readings of both kernels as they were recorded.
+    /// Readings of both sets of records as they were recorded.
     recorded: [Recorded; 2],
 }
 
@@ -70,52 +70,52 @@ impl Ready {
         let ((trained, mut findings), (judging, more)) = (prepare(training), prepare(validation));
         findings.extend(more);
         let white = [Floor::white(1.0); 3];
-        let mut kernel = Kernel::new(trained, white, options.threads);
-        let mut unseen = Kernel::new(judging, white, options.threads);
-        if kernel.records.iter().all(|it| it.outputs.is_empty()) {
+        let mut whitened = WhitenedResiduals::new(trained, white, options.threads);
+        let mut unseen = WhitenedResiduals::new(judging, white, options.threads);
+        if whitened.records.iter().all(|it| it.outputs.is_empty()) {
             let constant = findings.iter().filter(|it| it.what == "constant");
             let channels: Vec<String> =
                 constant.map(|it| format!("{} of {}", it.channel, regions::name_of(&it.record))).collect();
             return Err(if channels.is_empty() { Refused::NoOutputs } else { Refused::OnlyInputs(channels) });
         }
-        share.cut(&mut kernel, &mut unseen, file);
+        share.cut(&mut whitened, &mut unseen, file);
         if let Some(not_seen) = share.not_seen() {
             (options.progress)(&not_seen.to_string());
         }
         (options.progress)("calibrating within tolerances");
-        let anew = |kernel: &mut Kernel, unseen: &mut Kernel, at_start| {
-            let found = calibrate(kernel, file, at_start).ok_or(Refused::CannotSimulate)?;
-            unseen.floors = kernel.floors;
+        let anew = |whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, at_start| {
+            let found = calibrate(whitened, file, at_start).ok_or(Refused::CannotSimulate)?;
+            unseen.floors = whitened.floors;
             Ok(found)
         };
-        let at_start = under_way::of_axis(&mut kernel, &mut unseen, file);
-        let (mut nominal, mut calibrated) = anew(&mut kernel, &mut unseen, at_start)?;
-        if second_look(&mut kernel, &mut unseen, &calibrated, &mut findings) {
-            (nominal, calibrated) = anew(&mut kernel, &mut unseen, at_start)?;
+        let at_start = under_way::of_axis(&mut whitened, &mut unseen, file);
+        let (mut nominal, mut calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
+        if second_look(&mut whitened, &mut unseen, &calibrated, &mut findings) {
+            (nominal, calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
         }
-        if under_way::shown(&kernel, &calibrated, &unseen) {
+        if under_way::shown(&whitened, &calibrated, &unseen) {
             (options.progress)("a record begins in the middle of a motion: torque and twist are unknown there");
-            (nominal, calibrated) = anew(&mut kernel, &mut unseen, AtStart::InMotion)?;
+            (nominal, calibrated) = anew(&mut whitened, &mut unseen, AtStart::InMotion)?;
         }
-        let mut recorded = [&kernel, &unseen].map(Recorded::of);
+        let mut recorded = [&whitened, &unseen].map(Recorded::of);
         if tails == HeavyTails::LookedFor {
             for _ in 0..TAILS {
-                if !tails::found(&mut kernel, &mut unseen, &mut recorded, &calibrated, &findings) {
+                if !tails::found(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
                     break;
                 }
                 (options.progress)("noise with heavy tails: readings far off their neighbours count less");
-                (nominal, calibrated) = anew(&mut kernel, &mut unseen, nominal.at_start)?;
+                (nominal, calibrated) = anew(&mut whitened, &mut unseen, nominal.at_start)?;
             }
         }
-        if let Some((records, fit)) = bridges::corrected(&kernel, &calibrated) {
-            kernel.records = records;
-            kernel.floors = floors(&kernel, &fit, file);
-            calibrated = levenberg::fit(&kernel, fit.model, STEPS).ok_or(Refused::CannotSimulate)?;
-            unseen.floors = kernel.floors;
+        if let Some((records, fit)) = bridges::corrected(&whitened, &calibrated) {
+            whitened.records = records;
+            whitened.floors = floors(&whitened, &fit, file);
+            calibrated = levenberg::fit(&whitened, fit.model, STEPS).ok_or(Refused::CannotSimulate)?;
+            unseen.floors = whitened.floors;
         }
         correct_unseen(&mut unseen, &calibrated.model);
-        let survey = survey::survey(&kernel, &calibrated);
-        let mut ready = Ready { kernel, unseen, nominal, calibrated, findings, share, survey, rounded: Vec::new(), recorded };
+        let survey = survey::survey(&whitened, &calibrated);
+        let mut ready = Ready { whitened, unseen, nominal, calibrated, findings, share, survey, rounded: Vec::new(), recorded };
         ready.round(file)?;
         Ok(ready)
     }
@@ -124,39 +124,40 @@ impl Ready {
     /// the end.
     fn round(&mut self, file: &PlantFile) -> Result<(), Refused> {
         let step = |k: usize| self.survey.quantum[k].map(|step| (k, step));
-        let coarse = (0..file.kind.outputs().len()).filter_map(step).filter(|(k, step)| *step > self.kernel.floors[*k].sd);
+        let coarse = (0..file.kind.outputs().len()).filter_map(step).filter(|(k, step)| *step > self.whitened.floors[*k].sd);
         self.rounded = coarse.collect();
         if self.rounded.is_empty() {
             return Ok(());
         }
-        let fitted =
-            |kernel: &Kernel, fit: &Fit| levenberg::fit(kernel, fit.model.clone(), STEPS).ok_or(Refused::CannotSimulate);
-        self.kernel.floors = with_rounding(&self.kernel, &self.calibrated, self.kernel.floors, &self.rounded);
-        self.calibrated = fitted(&self.kernel, &self.calibrated)?;
-        self.kernel.floors = self.floors(&self.calibrated, file);
-        self.unseen.floors = self.kernel.floors;
-        self.calibrated = fitted(&self.kernel, &self.calibrated)?;
+        let fitted = |whitened: &WhitenedResiduals, fit: &Fit| {
+            levenberg::fit(whitened, fit.model.clone(), STEPS).ok_or(Refused::CannotSimulate)
+        };
+        self.whitened.floors = with_rounding(&self.whitened, &self.calibrated, self.whitened.floors, &self.rounded);
+        self.calibrated = fitted(&self.whitened, &self.calibrated)?;
+        self.whitened.floors = self.floors(&self.calibrated, file);
+        self.unseen.floors = self.whitened.floors;
+        self.calibrated = fitted(&self.whitened, &self.calibrated)?;
         Ok(())
     }
 
     /// The noise of each output from what a fit to the training records leaves.
     #[must_use]
     pub fn floors(&self, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
-        with_rounding(&self.kernel, fit, floors(&self.kernel, fit, file), &self.rounded)
+        with_rounding(&self.whitened, fit, floors(&self.whitened, fit, file), &self.rounded)
     }
 
     /// Looks for tails that stood under structure until a fit took that away; whether that changes readings.
     pub fn tails_beside(&mut self, fit: &Fit) -> bool {
-        tails::found(&mut self.kernel, &mut self.unseen, &mut self.recorded, fit, &self.findings)
+        tails::found(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
     }
 
     /// What readings say of inputs in the gaps of their records, the plant being that of a fit; whether those of the training records moved.
     pub fn correct_gaps(&mut self, fit: &Fit) -> bool {
-        let corrected = bridges::corrected(&self.kernel, fit);
+        let corrected = bridges::corrected(&self.whitened, fit);
         self.correct_unseen(&fit.model);
         let any = corrected.is_some();
         if let Some((records, _)) = corrected {
-            self.kernel.records = records;
+            self.whitened.records = records;
         }
         any
     }
@@ -168,16 +169,16 @@ impl Ready {
 
     /// From here on records begin in motion.
     pub fn begins_in_motion(&mut self) {
-        let records: Vec<&Record> = self.kernel.records.iter().map(|it| &it.record).collect();
+        let records: Vec<&Record> = self.whitened.records.iter().map(|it| &it.record).collect();
         for model in [&mut self.nominal, &mut self.calibrated.model] {
             model.at_start = AtStart::InMotion;
-            model.take_starts(&records, self.kernel.floors.map(|floor| floor.sd));
+            model.take_starts(&records, self.whitened.floors.map(|floor| floor.sd));
         }
     }
 }
 
 /// What readings of unseen records say of their own gaps, the plant being that of a model.
-fn correct_unseen(unseen: &mut Kernel, model: &Model) {
+fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
     if unseen.records.iter().all(|it| it.bridges.is_empty()) {
         return;
     }
@@ -188,20 +189,25 @@ fn correct_unseen(unseen: &mut Kernel, model: &Model) {
 }
 
 /// What only the simulation shows of the data; whether it changes what counts.
-fn second_look(kernel: &mut Kernel, unseen: &mut Kernel, calibrated: &Fit, findings: &mut Vec<Finding>) -> bool {
+fn second_look(
+    whitened: &mut WhitenedResiduals,
+    unseen: &mut WhitenedResiduals,
+    calibrated: &Fit,
+    findings: &mut Vec<Finding>,
+) -> bool {
     let before = findings.len();
     let kind = calibrated.model.file.kind;
-    compared::take_back_motion(&mut kernel.records, &calibrated.simulated, kind, findings);
+    alignment::take_back_motion(&mut whitened.records, &calibrated.simulated, kind, findings);
     let judged = validation::on(unseen, &calibrated.model).map_or_else(Vec::new, |fit| fit.simulated);
-    compared::take_back_motion(&mut unseen.records[..judged.len()], &judged, kind, findings);
+    alignment::take_back_motion(&mut unseen.records[..judged.len()], &judged, kind, findings);
     let mut changed = findings.len() != before;
-    let training = kernel.records.iter().zip(&calibrated.simulated);
+    let training = whitened.records.iter().zip(&calibrated.simulated);
     let all: Vec<_> = training.chain(unseen.records.iter().zip(&judged)).collect();
-    let shifts = compared::shifts(&all);
-    let trained = kernel.records.len();
+    let shifts = alignment::shifts(&all);
+    let trained = whitened.records.len();
     for shift in shifts {
         let place = shift.record;
-        let prepared = if place < trained { &mut kernel.records[place] } else { &mut unseen.records[place - trained] };
+        let prepared = if place < trained { &mut whitened.records[place] } else { &mut unseen.records[place - trained] };
         let rows = prepared.record.rows();
         findings.push(Finding {
             record: prepared.record.file.clone(),

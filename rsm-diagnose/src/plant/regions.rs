@@ -3,9 +3,9 @@
 //! In: simulations before and after, along the same records. Out: mean squared errors by region, and the regions that hold more of the error than of the rows.
 //! Energies are in units of the noise, and what noise alone has is taken off. Never names a cause.
 
-use super::kernel::{Kernel, Simulated};
 use super::noise::Floor;
 use super::quantities::{Classes, Quantity};
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 
 /// A region with its share.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,27 +65,27 @@ pub fn scatter(floor: &Floor, rows: usize) -> f64 {
 
 /// The errors of all outputs in all classes; the whole of an output first.
 #[must_use]
-pub fn slices(kernel: &Kernel, before: &[Simulated], after: &[Simulated], quantities: &[Quantity]) -> Vec<Slice> {
+pub fn slices(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated], quantities: &[Quantity]) -> Vec<Slice> {
     let mut classes = vec![Classes {
         quantity: "output",
         names: vec!["everywhere".to_string()],
-        of: kernel.records.iter().map(|it| vec![0; it.record.rows()]).collect(),
+        of: whitened.records.iter().map(|it| vec![0; it.record.rows()]).collect(),
     }];
     classes.extend(quantities.iter().filter_map(Quantity::classes));
-    if kernel.records.len() > 1 {
+    if whitened.records.len() > 1 {
         classes.push(Classes {
             quantity: "record",
-            names: kernel.records.iter().map(|it| format!("record {}", name_of(&it.record.file))).collect(),
-            of: kernel.records.iter().enumerate().map(|(k, it)| vec![k; it.record.rows()]).collect(),
+            names: whitened.records.iter().map(|it| format!("record {}", name_of(&it.record.file))).collect(),
+            of: whitened.records.iter().enumerate().map(|(k, it)| vec![k; it.record.rows()]).collect(),
         });
     }
     let mut list = Vec::new();
-    for output in 0..kernel.floors.len() {
-        let floor = &kernel.floors[output];
+    for output in 0..whitened.floors.len() {
+        let floor = &whitened.floors[output];
         let mut all = 0;
         for group in &classes {
             let mut sums = vec![(0_usize, 0.0, 0.0); group.names.len()];
-            for (record, prepared) in kernel.records.iter().enumerate() {
+            for (record, prepared) in whitened.records.iter().enumerate() {
                 let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
                 let measured = prepared.measured(k);
                 for (row, used) in prepared.used[k].iter().enumerate() {

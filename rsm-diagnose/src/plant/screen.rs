@@ -4,16 +4,16 @@
 //! (starts, calibration, causes already believed): their derivatives are projected out, through normal equations, so that a cause gets no credit
 //! for what they can do. Also the gain that noise alone would give the best of them. Never fits.
 
-use super::chance;
 use super::hypotheses::{Hypothesis, LEVELS, generalises};
-use super::kernel::{Kernel, dot};
 use super::levenberg::Fit;
 use super::model::Model;
 use super::normal::Normal;
 use super::nuisance::{Back, Nuisance};
+use super::position_traces::PositionTraces;
 use super::random::Random;
-use super::tracks::Tracks;
+use super::significance;
 use super::waves;
+use super::whitened_residuals::{WhitenedResiduals, dot};
 use rsm_sim::effect::{Guess, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
@@ -52,7 +52,7 @@ pub struct Screened {
 
 /// Screens all guesses. The list is as long as the guesses that could be simulated, in their order.
 #[must_use]
-pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Screened> {
+pub fn screen(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Screened> {
     let nuisance = Nuisance::new(fit);
     let mut guesses: Vec<(usize, Guess)> = Vec::new();
     for (k, hypothesis) in hypotheses.iter().enumerate() {
@@ -66,7 +66,7 @@ pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothe
     let asked = dot(&fit.residual, &fit.residual).sqrt();
     // Some at a time: their simulations are large.
     for some in guesses.chunks(32) {
-        let mut simulated = traces(kernel, fit, nominal, hypotheses, some);
+        let mut simulated = traces(whitened, fit, nominal, hypotheses, some);
         // A guess for a bare plant may move it by far more than what is still unexplained, and a plant does not answer in proportion: such a one is taken smaller.
         let mut smaller: Vec<(usize, (usize, Guess))> = Vec::new();
         for (place, ((k, guess), traces)) in some.iter().zip(&simulated).enumerate() {
@@ -82,7 +82,7 @@ pub fn screen(kernel: &Kernel, fit: &Fit, nominal: &Model, hypotheses: &[Hypothe
         }
         let again: Vec<(usize, Guess)> = smaller.iter().map(|(_, it)| it.clone()).collect();
         let mut some = some.to_vec();
-        for ((place, it), traces) in smaller.into_iter().zip(traces(kernel, fit, nominal, hypotheses, &again)) {
+        for ((place, it), traces) in smaller.into_iter().zip(traces(whitened, fit, nominal, hypotheses, &again)) {
             if !traces.is_empty() {
                 (some[place], simulated[place]) = (it, traces);
             }
@@ -122,7 +122,7 @@ fn grouped(nuisance: &Nuisance<'_>, list: &mut [Screened]) {
 
 /// The traces of guesses: whitened changes of the simulation, two where a phase is free; none where one cannot be simulated.
 fn traces(
-    kernel: &Kernel,
+    whitened: &WhitenedResiduals,
     fit: &Fit,
     nominal: &Model,
     hypotheses: &[Hypothesis],
@@ -130,7 +130,7 @@ fn traces(
 ) -> Vec<Vec<Vec<f64>>> {
     let kind = fit.model.file.kind;
     let is_wave = |k: usize| waves::is_wave(hypotheses[k].description.kind, kind);
-    let tracks = guesses.iter().any(|(k, _)| is_wave(*k)).then(|| Tracks::new(kernel, fit));
+    let traces = guesses.iter().any(|(k, _)| is_wave(*k)).then(|| PositionTraces::new(whitened, fit));
     let mut models = Vec::new();
     for (k, guess) in guesses.iter().filter(|(k, _)| !is_wave(*k)) {
         let mut shifted = guess.values.clone();
@@ -140,15 +140,15 @@ fn traces(
             models.push(at(&fit.model, nominal, &hypotheses[*k], &shifted, kind));
         }
     }
-    let mut runs = kernel.run_all(&models).into_iter();
+    let mut runs = whitened.run_all(&models).into_iter();
     let of = |(k, guess): &(usize, Guess)| {
-        if let Some(tracks) = tracks.as_ref().filter(|_| is_wave(*k)) {
+        if let Some(traces) = traces.as_ref().filter(|_| is_wave(*k)) {
             // Where the simulation goes with a wave is not where the axis went; the record says where.
             let wave = waves::of(&hypotheses[*k].entry(kind, &guess.values).arguments);
-            return wave.map_or_else(Vec::new, |it| tracks.traces(&it).into());
+            return wave.map_or_else(Vec::new, |it| traces.traces(&it).into());
         }
         let runs: Option<Vec<_>> = runs.by_ref().take(if guess.phase.is_some() { 2 } else { 1 }).collect();
-        runs.unwrap_or_default().iter().map(|run| kernel.changes(&fit.simulated, run, 1.0)).collect()
+        runs.unwrap_or_default().iter().map(|run| whitened.changes(&fit.simulated, run, 1.0)).collect()
     };
     guesses.iter().map(of).collect()
 }
@@ -311,7 +311,7 @@ pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Ve
 /// unknowns of the screen. No further simulation: to first order a fit to noise gains what its trace has in common with it. Outputs that are rounded (place,
 /// step) get the error of rounding the simulation with its noise: where the motion is slow or periodic it is not white.
 #[must_use]
-pub fn null(kernel: &Kernel, fit: &Fit, screened: &[Screened], rounded: &[(usize, f64)], draws: usize) -> f64 {
+pub fn null(whitened: &WhitenedResiduals, fit: &Fit, screened: &[Screened], rounded: &[(usize, f64)], draws: usize) -> f64 {
     let nuisance = Nuisance::new(fit);
     let mut random = Random::new(1);
     let parts: Vec<(&Vec<Vec<f64>>, Normal)> = screened
@@ -330,7 +330,7 @@ pub fn null(kernel: &Kernel, fit: &Fit, screened: &[Screened], rounded: &[(usize
         .collect();
     let mut largest: Vec<f64> = Vec::new();
     for _ in 0..draws {
-        let noise = drawn(kernel, fit, rounded, &mut random);
+        let noise = drawn(whitened, fit, rounded, &mut random);
         let solved = nuisance.solved(&nuisance.products(&noise));
         let gains = screened.iter().zip(&parts).map(|(it, (products, normal))| {
             let right: Vec<f64> =
@@ -339,18 +339,18 @@ pub fn null(kernel: &Kernel, fit: &Fit, screened: &[Screened], rounded: &[(usize
         });
         largest.push(gains.fold(0.0, f64::max));
     }
-    chance::point(&largest)
+    significance::point(&largest)
 }
 
 /// A whitened residual of a plant without any discrepancy.
-fn drawn(kernel: &Kernel, fit: &Fit, rounded: &[(usize, f64)], random: &mut Random) -> Vec<f64> {
-    let mut stack = chance::noise(kernel, random);
+fn drawn(whitened: &WhitenedResiduals, fit: &Fit, rounded: &[(usize, f64)], random: &mut Random) -> Vec<f64> {
+    let mut stack = significance::noise(whitened, random);
     let mut first = 0;
-    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+    for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
         for (k, values) in simulated.iter().enumerate() {
             let output = prepared.outputs[k];
             if let Some((_, step)) = rounded.iter().find(|(it, _)| *it == output) {
-                let floor = &kernel.floors[output];
+                let floor = &whitened.floors[output];
                 // Without a noise that was told from the rounding, step^2/12 of the floor is the rounding itself.
                 let before = floor.rounding.map_or((floor.sd * floor.sd - step * step / 12.0).max(0.0).sqrt(), |it| it.noise);
                 // It lasts from row to row at least as long as what is left of it.
@@ -363,9 +363,9 @@ fn drawn(kernel: &Kernel, fit: &Fit, rounded: &[(usize, f64)], random: &mut Rand
                         step * ((value + noise) / step).round() - floor.reads(*value)
                     })
                     .collect();
-                let mut whitened = Vec::with_capacity(errors.len());
-                floor.whiten(&errors, &prepared.used[k], &mut whitened);
-                stack[first..first + whitened.len()].copy_from_slice(&whitened);
+                let mut white = Vec::with_capacity(errors.len());
+                floor.whiten(&errors, &prepared.used[k], &mut white);
+                stack[first..first + white.len()].copy_from_slice(&white);
             }
             first += values.len();
         }
@@ -397,10 +397,10 @@ mod tests {
     fn causes_of_one_trace_are_one_group_and_others_are_not() {
         // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one; friction is another, and so is a bias beside a free start.
         let file = |effects: &str| axis_under_steps::file("", effects);
-        let (kernel, model) = axis_under_steps::kernel(&file(""), &file(&axis_under_steps::friction(0.02)), true);
-        let fit = levenberg::fit(&kernel, model.clone(), 8).unwrap();
-        let all = hypotheses::all(model.file.kind, &survey::survey(&kernel, &fit), &[0]);
-        let screened = screen(&kernel, &fit, &model, &all);
+        let (whitened, model) = axis_under_steps::whitened(&file(""), &file(&axis_under_steps::friction(0.02)), true);
+        let fit = levenberg::fit(&whitened, model.clone(), 8).unwrap();
+        let all = hypotheses::all(model.file.kind, &survey::survey(&whitened, &fit), &[0]);
+        let screened = screen(&whitened, &fit, &model, &all);
         let group = |label: &str| {
             let it = screened.iter().filter(|it| all[it.hypothesis].label() == label && it.group.is_some());
             it.max_by(|a, b| a.gain.total_cmp(&b.gain)).unwrap().group
@@ -413,12 +413,12 @@ mod tests {
     #[test]
     fn a_guess_that_stops_the_plant_is_taken_smaller() {
         let file = |effects: &str| axis_under_steps::file("", effects);
-        let (kernel, model) = axis_under_steps::kernel(&file(""), &file(&axis_under_steps::friction(0.02)), false);
-        let fit = levenberg::fit(&kernel, model.clone(), 8).unwrap();
+        let (whitened, model) = axis_under_steps::whitened(&file(""), &file(&axis_under_steps::friction(0.02)), false);
+        let fit = levenberg::fit(&whitened, model.clone(), 8).unwrap();
         // The largest effort is 8 N: 20 N hold the axis where it is.
         let guesses = vec![Guess::scaled(vec![20.0], 0.0)];
         let hypotheses = [Hypothesis { description: effects::of("coulomb-friction").unwrap(), subject: None, guesses }];
-        let screened = screen(&kernel, &fit, &model, &hypotheses);
+        let screened = screen(&whitened, &fit, &model, &hypotheses);
         // A smooth law of friction is in proportion but for what the few rows at rest differ.
         assert!((screened[0].values[0] / 0.02 - 1.0).abs() < 0.2, "{:?}", screened[0].values);
         assert!(screened[0].gain > 0.9 * fit.cost, "{} of {}", screened[0].gain, fit.cost);

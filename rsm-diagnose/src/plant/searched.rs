@@ -4,15 +4,15 @@
 
 use super::configurations::Apart;
 use super::equations::Said;
-use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::ready::{HeavyTails, Ready};
 use super::selection::{Effort, Search, Selection};
 use super::verdict::{self, Cause, Diagnosis, Verdict};
+use super::whitened_residuals::WhitenedResiduals;
 use super::{
-    Options, Refused, calibration, configurations, equations, everywhere, experiment, finish, growth, hypotheses, known_loop,
-    tested, under_way, waves, worth,
+    Options, Refused, calibration, configurations, effect_size, equations, everywhere, experiment, growth, hypotheses,
+    known_loop, polish, tested, under_way, waves,
 };
 use rsm_sim::effect::Survey;
 use rsm_sim::kind::PlantKind;
@@ -48,22 +48,22 @@ struct Asked<'a> {
 impl<'a> Asked<'a> {
     /// Of the catalogue what the records can show; measures what one run of the calibrated plant takes, which is the unit of all work that follows.
     fn of(ready: &mut Ready, file: &PlantFile, options: &Options<'a>) -> Result<Self, Refused> {
-        let mut present: Vec<usize> = ready.kernel.records.iter().flat_map(|it| it.outputs.clone()).collect();
+        let mut present: Vec<usize> = ready.whitened.records.iter().flat_map(|it| it.outputs.clone()).collect();
         present.sort_unstable();
         present.dedup();
         let mut hypotheses = hypotheses::all(file.kind, &ready.survey, &present);
         let is_rounded = |name: &str| ready.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
         hypotheses.retain(|it| it.description.kind != "sensor-quantisation" || !it.subject.is_some_and(is_rounded));
         (options.progress)("asking the equations along the records");
-        let said = equations::look(&ready.kernel, &ready.nominal, &hypotheses);
+        let said = equations::look(&ready.whitened, &ready.nominal, &hypotheses);
         said.iter().for_each(|it| it.hand_over(&mut hypotheses));
-        let kernel = &mut ready.kernel;
-        let before = kernel.pace.taken();
-        kernel.run(&ready.calibrated.model).ok_or(Refused::CannotSimulate)?;
-        let run = kernel.pace.taken() - before;
-        let rows = kernel.records.iter().map(|it| it.record.rows()).sum();
-        kernel.pace = kernel.pace.beside(run, rows);
-        ready.unseen.pace = kernel.pace.clone();
+        let whitened = &mut ready.whitened;
+        let before = whitened.pace.taken();
+        whitened.run(&ready.calibrated.model).ok_or(Refused::CannotSimulate)?;
+        let run = whitened.pace.taken() - before;
+        let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
+        whitened.pace = whitened.pace.beside(run, rows);
+        ready.unseen.pace = whitened.pace.clone();
         // Of long records the answer is asked on all rows afterwards: that is work, too.
         let most = if ready.share.not_seen().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
         // The wave lengths of an axis are the best of many, and so are the terms and orders of the equations.
@@ -80,9 +80,15 @@ impl<'a> Asked<'a> {
         })
     }
 
-    fn search<'s>(&'s self, kernel: &'s Kernel, unseen: &'s Kernel, nominal: &'s Model, said: &'s [Fit]) -> Search<'s> {
+    fn search<'s>(
+        &'s self,
+        whitened: &'s WhitenedResiduals,
+        unseen: &'s WhitenedResiduals,
+        nominal: &'s Model,
+        said: &'s [Fit],
+    ) -> Search<'s> {
         Search {
-            kernel,
+            whitened,
             unseen,
             nominal,
             hypotheses: &self.hypotheses,
@@ -108,19 +114,19 @@ pub(super) fn searched(
     let mut ready = Ready::of(file, training, validation, tails, options)?;
     let asked = Asked::of(&mut ready, file, options)?;
     // A law that is known says which sensor is off before friction and mass are asked.
-    let known_loop = known_loop::look(&ready.kernel.records, file);
+    let known_loop = known_loop::look(&ready.whitened.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
-    let mut seed = seeded(&ready.kernel, &ready.nominal, &ready.calibrated, &entries);
+    let mut seed = seeded(&ready.whitened, &ready.nominal, &ready.calibrated, &entries);
     if let (Some(fit), true) = (&seed, ready.rounded.is_empty()) {
         (options.progress)("a sensor is off by the law of the loop");
-        ready.kernel.floors = ready.floors(fit, file);
-        ready.unseen.floors = ready.kernel.floors;
-        ready.calibrated = levenberg::fit(&ready.kernel, ready.calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
-        seed = seeded(&ready.kernel, &ready.nominal, &ready.calibrated, &entries);
+        ready.whitened.floors = ready.floors(fit, file);
+        ready.unseen.floors = ready.whitened.floors;
+        ready.calibrated = levenberg::fit(&ready.whitened, ready.calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
+        seed = seeded(&ready.whitened, &ready.nominal, &ready.calibrated, &entries);
     }
     if ready.rounded.is_empty() && seed.is_none() {
-        let floors = |kernel: &Kernel, fit: &Fit| calibration::floors(kernel, fit, file);
-        if let Some(own) = configurations::apart(&ready.kernel, &ready.unseen, &ready.nominal, &floors) {
+        let floors = |whitened: &WhitenedResiduals, fit: &Fit| calibration::floors(whitened, fit, file);
+        if let Some(own) = configurations::apart(&ready.whitened, &ready.unseen, &ready.nominal, &floors) {
             let none = own.alone.on(Vec::new());
             let search = asked.search(&own.alone, &none, &own.nominal, &[]);
             let mut whole = of_one_record(file, &own, &search, ready.findings, test, options)?;
@@ -130,21 +136,21 @@ pub(super) fn searched(
         }
     }
     let mut selection = in_rounds(&mut ready, &asked, seed, file, tails).ok_or(Refused::CannotSimulate)?;
-    selection.fit = finish::finish(&mut ready.kernel, selection.fit, |kernel, fit| {
-        calibration::with_rounding(kernel, fit, calibration::floors(kernel, fit, file), &ready.rounded)
+    selection.fit = polish::polish(&mut ready.whitened, selection.fit, |whitened, fit| {
+        calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &ready.rounded)
     });
-    let Ready { kernel, mut unseen, nominal, findings, share, rounded, .. } = ready;
-    unseen.floors = kernel.floors;
+    let Ready { whitened, mut unseen, nominal, findings, share, rounded, .. } = ready;
+    unseen.floors = whitened.floors;
     selection.known_loop = known_loop;
     if share.not_seen().is_some() {
         (options.progress)("asking all rows");
         let all: Vec<&Record> = training.iter().chain(validation).collect();
-        selection.everywhere = Some(everywhere::look(&all, file, &kernel, &selection.fit));
+        selection.everywhere = Some(everywhere::look(&all, file, &whitened, &selection.fit));
     }
     let fit = selection.fit.clone();
-    let mut found = verdict::conclude(file, &kernel, &unseen, &nominal, selection, findings, &rounded);
-    found.next = experiment::next(&kernel, &fit, &found.aliases, found.verdict, options.progress);
-    found.tested = tested::tested(file, test, &kernel, &nominal, &fit.model);
+    let mut found = verdict::conclude(file, &whitened, &unseen, &nominal, selection, findings, &rounded);
+    found.next = experiment::next(&whitened, &fit, &found.aliases, found.verdict, options.progress);
+    found.tested = tested::tested(file, test, &whitened, &nominal, &fit.model);
     found.not_seen = share.not_seen();
     found.equations = asked.said;
     Ok(found)
@@ -158,10 +164,10 @@ fn in_rounds(
     file: &PlantFile,
     tails: HeavyTails,
 ) -> Option<Selection> {
-    let mut said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.kernel, &ready.calibrated));
+    let mut said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.whitened, &ready.calibrated));
     let mut selection = None;
     for round in 1..=ROUNDS {
-        let search = asked.search(&ready.kernel, &ready.unseen, &ready.nominal, &said);
+        let search = asked.search(&ready.whitened, &ready.unseen, &ready.nominal, &said);
         let found = selection.insert(search.run_from(ready.calibrated.clone(), seed.clone()));
         if found.causes.is_empty() {
             break;
@@ -172,10 +178,10 @@ fn in_rounds(
             break;
         }
         // What hid a start in motion may be explained now.
-        let begun = under_way::shown(&ready.kernel, fit, &ready.unseen);
+        let begun = under_way::shown(&ready.whitened, fit, &ready.unseen);
         let tailed = tails == HeavyTails::LookedFor && ready.tails_beside(fit);
         let floors = ready.floors(fit, file);
-        let moved = floors.iter().zip(&ready.kernel.floors).any(|(new, old)| {
+        let moved = floors.iter().zip(&ready.whitened.floors).any(|(new, old)| {
             (new.sd / old.sd - 1.0).abs() > 0.1
                 || new.rounding.is_some() != old.rounding.is_some()
                 || growth::differ(new.growth, old.growth)
@@ -185,32 +191,32 @@ fn in_rounds(
         if !(moved || tailed || begun || corrected) {
             break;
         }
-        ready.kernel.floors = floors;
+        ready.whitened.floors = floors;
         ready.unseen.floors = floors;
         if begun {
             ready.begins_in_motion();
             seed = None;
         }
-        match levenberg::fit(&ready.kernel, ready.calibrated.model.clone(), 4) {
+        match levenberg::fit(&ready.whitened, ready.calibrated.model.clone(), 4) {
             Some(fit) => ready.calibrated = fit,
             None => break,
         }
-        seed = seed.and_then(|it| levenberg::fit(&ready.kernel, it.model, 4));
+        seed = seed.and_then(|it| levenberg::fit(&ready.whitened, it.model, 4));
         // From the starts of the calibrated plant, which may begin in motion now.
-        said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.kernel, &ready.calibrated));
+        said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.whitened, &ready.calibrated));
     }
     selection
 }
 
 /// The plant with causes that are known before a search, fitted; `None` where there are none, or where the calibrated plant does as well without them.
-fn seeded(kernel: &Kernel, nominal: &Model, calibrated: &Fit, entries: &[Entry]) -> Option<Fit> {
+fn seeded(whitened: &WhitenedResiduals, nominal: &Model, calibrated: &Fit, entries: &[Entry]) -> Option<Fit> {
     if entries.is_empty() {
         return None;
     }
     let from =
-        [nominal, &calibrated.model].map(|model| levenberg::fit(kernel, model.with_effects(nominal, entries.to_vec()), 8));
+        [nominal, &calibrated.model].map(|model| levenberg::fit(whitened, model.with_effects(nominal, entries.to_vec()), 8));
     let best = from.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    (best.cost < calibrated.cost - worth::least(calibrated.cost, kernel.rows())).then_some(best)
+    (best.cost < calibrated.cost - effect_size::least(calibrated.cost, whitened.rows())).then_some(best)
 }
 
 /// The answer where one record alone is wrong: the others are a null, and its causes are its own.
@@ -240,9 +246,9 @@ fn of_one_record(
         known_loop: None,
         everywhere: None,
     };
-    let records: Vec<&Record> = own.kernel.records.iter().map(|it| &it.record).collect();
-    let nominal = Model::beginning(file, own.fit.model.at_start, &records, own.kernel.floors.map(|floor| floor.sd));
-    let mut whole = verdict::conclude(file, &own.kernel, &own.unseen, &nominal, nothing, findings, &[]);
+    let records: Vec<&Record> = own.whitened.records.iter().map(|it| &it.record).collect();
+    let nominal = Model::beginning(file, own.fit.model.at_start, &records, own.whitened.floors.map(|floor| floor.sd));
+    let mut whole = verdict::conclude(file, &own.whitened, &own.unseen, &nominal, nothing, findings, &[]);
     whole.verdict = match (whole.verdict, its.verdict) {
         (Verdict::NoDiscrepancy, Verdict::Explained) => Verdict::Explained,
         _ => Verdict::Unexplained,
@@ -259,6 +265,6 @@ fn of_one_record(
     whole.causes = its.causes.into_iter().map(of_record).collect();
     whole.helpers = its.helpers.into_iter().map(of_record).collect();
     whole.own_record = Some(record.clone());
-    whole.tested = tested::tested(file, test, &own.kernel, &nominal, &own.fit.model);
+    whole.tested = tested::tested(file, test, &own.whitened, &nominal, &own.fit.model);
     Ok(whole)
 }

@@ -1,21 +1,21 @@
 //! Which causes: added while they pay, exchanged where another does better, removed when they no longer do.
 //!
-//! In: a kernel, the calibrated plant, hypotheses. Out: the causes with what competed against each. What a cause must gain comes from null simulations and
+//! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes with what competed against each. What a cause must gain comes from null simulations and
 //! from what is worth naming; ties go to the simpler cause. Never looks at validation records to fit, only to judge.
 
-use super::chance::best_of;
 use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::everywhere::Everywhere;
 use super::hypotheses::{Hypothesis, label};
-use super::kernel::Kernel;
 use super::known_loop::KnownLoop;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
-use super::profile::profile;
 use super::screen::{Pair, Screened, null, pairs, screen};
+use super::significance::best_of;
+use super::variable_projection::project;
 use super::veto::Refusal;
-use super::{waves, whiteness, worth};
+use super::whitened_residuals::WhitenedResiduals;
+use super::{effect_size, waves, whiteness};
 use rsm_sim::effect::Survey;
 use rsm_sim::plant_file::Entry;
 
@@ -227,9 +227,9 @@ impl Path {
 /// The search and what it needs.
 pub struct Search<'a> {
     /// Training records.
-    pub kernel: &'a Kernel,
+    pub whitened: &'a WhitenedResiduals,
     /// Validation records; may be empty.
-    pub unseen: &'a Kernel,
+    pub unseen: &'a WhitenedResiduals,
     /// The nominal plant.
     pub nominal: &'a Model,
     /// The hypotheses.
@@ -259,20 +259,21 @@ impl Search<'_> {
     #[must_use]
     pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
         (self.progress)("screening the catalogue");
-        let mut screened = screen(self.kernel, &calibrated, self.nominal, self.hypotheses);
+        let mut screened = screen(self.whitened, &calibrated, self.nominal, self.hypotheses);
         let worth = WORTH * calibrated.residual.len() as f64;
         let looks = screened.len() + self.looks;
         let numbers = screened.iter().map(|it| form_of(it).1).max().unwrap_or(1);
-        let threshold = null(self.kernel, &calibrated, &screened, self.rounded, DRAWS).max(best_of(looks, numbers)).max(worth);
+        let threshold =
+            null(self.whitened, &calibrated, &screened, self.rounded, DRAWS).max(best_of(looks, numbers)).max(worth);
         let strongest = best_guesses(&screened, PAIR_GUESSES);
         let strongest = leading(strongest, self.effort.profiled, PAIR_GUESSES, |it| form_of(it));
         let pairs = pairs(&calibrated, self.hypotheses, &strongest);
         screened.iter_mut().for_each(Screened::slim);
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
-        let until = self.kernel.pace.taken() + self.effort.steps;
+        let until = self.whitened.pace.taken() + self.effort.steps;
         let mut path = Path::until(until, self.effort.steps_for_rivals);
-        self.kernel.pace.ends_at(until);
+        self.whitened.pace.ends_at(until);
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
         let first = seed.as_ref().map_or(Some(screened), |_| None);
         let begin = seed.unwrap_or_else(|| calibrated.clone());
@@ -310,7 +311,7 @@ impl Search<'_> {
             }
         }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
-        self.kernel.pace.ends_at(until + self.effort.steps_for_rivals);
+        self.whitened.pace.ends_at(until + self.effort.steps_for_rivals);
         let fit = self.merged(fit, threshold, &mut path);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
         let (fit, causes, refused) = self.vetoed(&calibrated, fit, causes, threshold);
@@ -345,7 +346,7 @@ impl Search<'_> {
         let mut stages = Vec::new();
         while fit.model.file.effects.len() < self.effort.causes && self.goes_on(path) && path.competes() {
             let screened = screened.take().unwrap_or_else(|| {
-                let mut screened = screen(self.kernel, &fit, self.nominal, self.hypotheses);
+                let mut screened = screen(self.whitened, &fit, self.nominal, self.hypotheses);
                 screened.iter_mut().for_each(Screened::slim);
                 screened
             });
@@ -386,7 +387,8 @@ impl Search<'_> {
     /// What the equations say by several causes, in the place of none, where each of them may be; the fewest first.
     fn said_together(&self, fit: &Fit) -> impl Iterator<Item = &Fit> {
         let none = fit.model.file.effects.is_empty();
-        let sound = |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.kernel, it);
+        let sound =
+            |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.whitened, it);
         self.said.iter().filter(move |it| {
             let effects = &it.model.file.effects;
             none && effects.len() > 1 && effects.iter().all(sound)
@@ -395,17 +397,17 @@ impl Search<'_> {
 
     /// By how much two explanations must differ, one of which is this, before the better one is believed.
     pub(super) fn decides(&self, fit: &Fit, threshold: f64) -> f64 {
-        worth::decides(threshold, fit.cost, self.kernel.rows())
+        effect_size::decides(threshold, fit.cost, self.whitened.rows())
     }
 
     /// Whether there is work left for one more competition or pair.
     fn goes_on(&self, path: &mut Path) -> bool {
-        path.has_steps(self.kernel.pace.taken())
+        path.has_steps(self.whitened.pace.taken())
     }
 
     /// Whether what a fit leaves is noise, as far as a further cause would pay.
     fn leaves_noise(&self, fit: &Fit, threshold: f64) -> bool {
-        whiteness::look(self.kernel, fit).excess * fit.residual.len() as f64 <= threshold
+        whiteness::look(self.whitened, fit).excess * fit.residual.len() as f64 <= threshold
     }
 
     /// The best of the pairs that promise most, fitted in full: those with fewer than `most` numbers.
@@ -429,10 +431,10 @@ impl Search<'_> {
             }
             (self.progress)(&format!("fitting {}", names.join(" with ")));
             tried.push(names);
-            let Some((model, _)) = profile(self.kernel, &nuisance, model, 0, self.effort.profile_steps) else { continue };
-            let Some(fit) = levenberg::onward(self.kernel, model, self.effort.fit_steps, Some(calibrated)) else { continue };
+            let Some((model, _)) = project(self.whitened, &nuisance, model, 0, self.effort.profile_steps) else { continue };
+            let Some(fit) = levenberg::onward(self.whitened, model, self.effort.fit_steps, Some(calibrated)) else { continue };
             let sound =
-                |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.kernel, it);
+                |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.whitened, it);
             if !fit.model.file.effects.iter().all(sound) {
                 continue;
             }
@@ -458,7 +460,7 @@ impl Search<'_> {
             // The last one has just paid.
             for place in 0..count.saturating_sub(1) {
                 let without = fit.model.minus(self.nominal, place);
-                if let Some(other) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit))
+                if let Some(other) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit))
                     && other.cost - fit.cost < self.decides(&fit, threshold)
                 {
                     fit = other;
@@ -494,7 +496,7 @@ impl Search<'_> {
                 } else {
                     (self.progress)(&format!("asking what else could stand for {name}"));
                     let without = fit.model.minus(self.nominal, place);
-                    let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else {
+                    let Some(base) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit)) else {
                         continue;
                     };
                     if base.cost - fit.cost < self.decides(&fit, threshold) && drops < self.effort.causes {
@@ -554,12 +556,12 @@ impl Search<'_> {
                 return fit;
             }
             for (a, b) in (1..count).flat_map(|b| (0..b).map(move |a| (a, b))) {
-                if !path.has_steps_for_rivals(self.kernel.pace.taken()) {
+                if !path.has_steps_for_rivals(self.whitened.pace.taken()) {
                     return fit;
                 }
                 let without = fit.model.minus(self.nominal, b).minus(self.nominal, a);
-                let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else { continue };
-                let screened = screen(self.kernel, &base, self.nominal, self.hypotheses);
+                let Some(base) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit)) else { continue };
+                let screened = screen(self.whitened, &base, self.nominal, self.hypotheses);
                 // Both together gain so much: what promises a part of it may hold it all.
                 let promising = best_guesses(&screened, 1).into_iter().filter(|it| it.gain > OF_BOTH * (base.cost - fit.cost));
                 let promising: Vec<Entry> = promising
@@ -582,7 +584,7 @@ impl Search<'_> {
 
     /// Hypotheses that would leave the trace of a cause on a plant without it, and promise as much but for what decides.
     fn of_one_trace(&self, base: &Fit, entry: &Entry, least: f64) -> Vec<String> {
-        let screened = screen(self.kernel, base, self.nominal, self.hypotheses);
+        let screened = screen(self.whitened, base, self.nominal, self.hypotheses);
         let best = best_guesses(&screened, 1);
         let Some(own) = best.iter().find(|it| self.hypotheses[it.hypothesis].is(entry) && it.group.is_some()) else {
             return Vec::new();
@@ -599,10 +601,10 @@ impl Search<'_> {
 
     /// What competes for a place; `None`, once the limit of work is met.
     fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Option<Vec<Candidate>> {
-        if !path.has_steps_for_rivals(self.kernel.pace.taken()) || !path.competes() {
+        if !path.has_steps_for_rivals(self.whitened.pace.taken()) || !path.competes() {
             return None;
         }
-        let mut screened = screen(self.kernel, base, self.nominal, self.hypotheses);
+        let mut screened = screen(self.whitened, base, self.nominal, self.hypotheses);
         screened.iter_mut().for_each(Screened::slim);
         Some(self.compete(base, &screened, threshold))
     }
@@ -621,7 +623,7 @@ fn labels(model: &Model) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Kernel;
+    use super::super::whitened_residuals::WhitenedResiduals;
     use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
 
@@ -630,13 +632,13 @@ mod tests {
         // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one thing.
         let gain = "[[effects]]\nkind = \"input-gain\"\nparameters = { gain = 0.9 }\n";
         let file = |effects: &str| axis_under_steps::file("viscous_friction = 0.02", effects);
-        let (kernel, nominal) = axis_under_steps::kernel(&file(""), &file(gain), true);
-        let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
-        let survey = survey::survey(&kernel, &calibrated);
+        let (whitened, nominal) = axis_under_steps::whitened(&file(""), &file(gain), true);
+        let calibrated = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
+        let survey = survey::survey(&whitened, &calibrated);
         let all = hypotheses::all(nominal.file.kind, &survey, &[0]);
-        let unseen = Kernel::new(Vec::new(), kernel.floors, 1);
-        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &all, &survey);
-        let fit = levenberg::fit(&kernel, nominal.with_effects(&nominal, file(gain).effects), 20).unwrap();
+        let unseen = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
+        let search = axis_under_steps::search(&whitened, &unseen, &nominal, &all, &survey);
+        let fit = levenberg::fit(&whitened, nominal.with_effects(&nominal, file(gain).effects), 20).unwrap();
         // All work is spent.
         let mut path = Path::until(0, 0);
         let (_, causes) = search.exchanged(&calibrated, fit, &[], 30.0, &mut path);

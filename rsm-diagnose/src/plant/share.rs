@@ -8,8 +8,8 @@ use std::fmt;
 use std::ops::Range;
 
 use super::checks;
-use super::kernel::{Kernel, Prepared};
 use super::model::Model;
+use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -120,15 +120,15 @@ impl Share {
     }
 
     /// Cuts records further, where the plant is so fast that one run along them takes too many steps.
-    pub fn cut(&mut self, kernel: &mut Kernel, unseen: &mut Kernel, file: &PlantFile) {
-        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+    pub fn cut(&mut self, whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) {
+        let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let model = Model::nominal(file, &records, [1.0; 3]);
-        let before = kernel.pace.taken();
+        let before = whitened.pace.taken();
         // What cannot be simulated is told by whoever needs the run.
-        let _ = kernel.run(&model);
-        let taken = kernel.pace.taken() - before;
+        let _ = whitened.run(&model);
+        let taken = whitened.pace.taken() - before;
         let share = MOST_STEPS_A_RUN as f64 / taken.max(1) as f64;
-        for prepared in kernel.records.iter_mut().chain(&mut unseen.records) {
+        for prepared in whitened.records.iter_mut().chain(&mut unseen.records) {
             let settled = prepared.used.iter().filter_map(|used| used.iter().position(|used| *used)).min().unwrap_or(0);
             let rows = prepared.record.rows();
             let count = settled + kept(rows - settled, share);
@@ -139,7 +139,7 @@ impl Share {
         let seen =
             |records: &[Prepared]| records.iter().map(|it| it.file_row(it.record.rows() - 1) + 1 - it.from).sum::<usize>();
         if self.training.min(self.validation) < 1.0 || share < 1.0 {
-            self.rows.0 = seen(&kernel.records) + seen(&unseen.records);
+            self.rows.0 = seen(&whitened.records) + seen(&unseen.records);
         }
     }
 
@@ -194,10 +194,10 @@ mod tests {
         let mut share = Share::of_rows(&training, &[]);
         let pieces = share.pieces(&training[0], file).into_iter();
         let prepared = pieces.map(|it| Prepared { from: it.from, ..Prepared::new(it.record, 2) }).collect();
-        let mut kernel = Kernel::new(prepared, [Floor::white(1.0); 3], 1);
-        let mut unseen = kernel.on(Vec::new());
-        share.cut(&mut kernel, &mut unseen, file);
-        (kernel.records.iter().map(|it| it.record.rows()).sum(), share.not_seen())
+        let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); 3], 1);
+        let mut unseen = whitened.on(Vec::new());
+        share.cut(&mut whitened, &mut unseen, file);
+        (whitened.records.iter().map(|it| it.record.rows()).sum(), share.not_seen())
     }
 
     #[test]

@@ -5,10 +5,10 @@
 
 use std::f64::consts::TAU;
 
-use super::kernel::{Kernel, Simulated};
 use super::noise::Floor;
-use super::octaves::transform;
+use super::octave_spectrum::transform;
 use super::regions::{Region, SIGNIFICANT, Side};
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 
 /// The longest segment: 2048 samples at 1 kHz resolve half a hertz.
 const LONGEST: usize = 2048;
@@ -53,13 +53,13 @@ pub struct Peak {
 
 /// The spectra of all outputs; none for records too short.
 #[must_use]
-pub fn spectra(kernel: &Kernel, before: &[Simulated], after: &[Simulated]) -> Vec<Spectrum> {
+pub fn spectra(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated]) -> Vec<Spectrum> {
     // Records of another sample period have other frequencies: those of the first one's are taken together.
-    let Some(period) = kernel.records.first().map(|it| it.record.period) else { return Vec::new() };
+    let Some(period) = whitened.records.first().map(|it| it.record.period) else { return Vec::new() };
     let alike: Vec<usize> =
-        (0..kernel.records.len()).filter(|k| (kernel.records[*k].record.period / period - 1.0).abs() < 0.01).collect();
-    let rows: usize = alike.iter().map(|k| kernel.records[*k].record.rows()).sum();
-    let shortest = alike.iter().map(|k| kernel.records[*k].record.rows()).min().unwrap_or(0);
+        (0..whitened.records.len()).filter(|k| (whitened.records[*k].record.period / period - 1.0).abs() < 0.01).collect();
+    let rows: usize = alike.iter().map(|k| whitened.records[*k].record.rows()).sum();
+    let shortest = alike.iter().map(|k| whitened.records[*k].record.rows()).min().unwrap_or(0);
     let mut size = LONGEST;
     while size > SHORTEST && (size > shortest || 2 * rows < (SEGMENTS + 1) * size) {
         size /= 2;
@@ -69,11 +69,11 @@ pub fn spectra(kernel: &Kernel, before: &[Simulated], after: &[Simulated]) -> Ve
     // One-sided: both signs of a frequency are one line.
     let density = 2.0 * period / energy;
     let mut list = Vec::new();
-    for output in 0..kernel.floors.len() {
+    for output in 0..whitened.floors.len() {
         let mut sums = [vec![0.0; size / 2], vec![0.0; size / 2]];
         let mut averages = 0;
         for &record in &alike {
-            let prepared = &kernel.records[record];
+            let prepared = &whitened.records[record];
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let (measured, used) = (prepared.measured(k), &prepared.used[k]);
             for start in (0..).map(|k| k * size / 2).take_while(|start| start + size <= measured.len()) {
@@ -99,7 +99,7 @@ pub fn spectra(kernel: &Kernel, before: &[Simulated], after: &[Simulated]) -> Ve
         if averages == 0 {
             continue;
         }
-        let floor = &kernel.floors[output];
+        let floor = &whitened.floors[output];
         let frequency: Vec<f64> = (1..size / 2).map(|line| line as f64 / (size as f64 * period)).collect();
         let scaled = |sums: &[f64]| sums[1..].iter().map(|sum| sum * density / averages as f64).collect();
         let noise = frequency.iter().map(|f| of_noise(floor, *f, period)).collect();

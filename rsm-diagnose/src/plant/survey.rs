@@ -2,9 +2,9 @@
 //!
 //! In: prepared records and the calibrated plant's residuals. Out: a [`Survey`]. Only scales: nothing here decides between causes.
 
-use super::kernel::Kernel;
 use super::levenberg::Fit;
 use super::waves;
+use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::Survey;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Parameters;
@@ -15,7 +15,7 @@ const WIDTH: usize = 5;
 
 /// The survey of training records.
 #[must_use]
-pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
+pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
     let kind = fit.model.file.kind;
     let parameters = fit.model.file.parameters.clone();
     let mut largest = [0.0_f64; 3];
@@ -26,7 +26,7 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
     let mut speed = 0.0_f64;
     let mut gears = [false; 5];
     for output in 0..kind.outputs().len() {
-        let lists: Vec<&[f64]> = kernel
+        let lists: Vec<&[f64]> = whitened
             .records
             .iter()
             .filter_map(|it| it.outputs.iter().position(|found| *found == output).map(|k| it.measured(k)))
@@ -38,13 +38,13 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         largest[output] = all.iter().fold(0.0, |most, value| most.max(value.abs()));
         spread[output] = (all.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / all.len() as f64).sqrt();
-        let used = kernel
+        let used = whitened
             .records
             .iter()
             .filter_map(|it| it.outputs.iter().position(|found| *found == output).map(|k| it.used[k].as_slice()));
-        quantum[output] = lattice(lists.iter().copied().zip(used), kernel.floors[output].sd);
+        quantum[output] = lattice(lists.iter().copied().zip(used), whitened.floors[output].sd);
     }
-    for prepared in &kernel.records {
+    for prepared in &whitened.records {
         let record = &prepared.record;
         let lengths = (0..record.rows()).map(|row| match kind {
             PlantKind::Pmac => record.inputs[0].get(row).copied().unwrap_or(0.0).hypot(record.inputs[1][row]),
@@ -57,7 +57,7 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
             effort =
                 1.5 * parameters.number("pole_pairs") * parameters.number("flux_linkage") * spread[1].max(0.3 * largest[1]);
             if effort == 0.0 {
-                effort = torque_without_current(kernel, &parameters);
+                effort = torque_without_current(whitened, &parameters);
             }
             speed = 0.5 * largest[2];
         }
@@ -66,18 +66,18 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
             let torque = parameters.number("torque_0")
                 + 250.0 * parameters.number("torque_1")
                 + 62_500.0 * parameters.number("torque_2");
-            for prepared in &kernel.records {
+            for prepared in &whitened.records {
                 gears[prepared.record.gear - 1] = true;
             }
             effort = torque.abs() * parameters.gear_ratios[1] * parameters.number("final_drive_ratio");
             speed = largest[1] / parameters.number("wheel_radius");
         }
         PlantKind::ServoAxis => {
-            for (place, prepared) in kernel.records.iter().enumerate() {
+            for (place, prepared) in whitened.records.iter().enumerate() {
                 let record = &prepared.record;
                 let recorded = if record.drive == Drive::Closed { record.measured[1].as_ref() } else { record.inputs.first() };
                 // A command that nobody recorded is that of the calibrated plant's own loop.
-                let simulated = if recorded.is_none() { kernel.all_outputs(place, &fit.model) } else { None };
+                let simulated = if recorded.is_none() { whitened.all_outputs(place, &fit.model) } else { None };
                 let simulated = simulated.as_ref().and_then(|outputs| outputs.of("command"));
                 let commands = recorded.map(Vec::as_slice).or(simulated).unwrap_or_default();
                 let mean = commands.iter().map(|value| value * value).sum::<f64>() / commands.len().max(1) as f64;
@@ -97,20 +97,20 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
     }
     // An output that rests at zero, or nothing at all, still has a scale: its noise.
     for output in 0..3 {
-        largest[output] = largest[output].max(kernel.floors[output].sd);
-        spread[output] = spread[output].max(kernel.floors[output].sd);
+        largest[output] = largest[output].max(whitened.floors[output].sd);
+        spread[output] = spread[output].max(whitened.floors[output].sd);
     }
     Survey {
         plant: kind,
-        period: kernel.records.first().map_or(1e-3, |it| it.record.period),
-        duration: kernel.records.iter().map(|it| it.record.period * it.record.rows() as f64).fold(0.0, f64::max),
+        period: whitened.records.first().map_or(1e-3, |it| it.record.period),
+        duration: whitened.records.iter().map(|it| it.record.period * it.record.rows() as f64).fold(0.0, f64::max),
         input: input.max(f64::MIN_POSITIVE),
         effort: effort.max(f64::MIN_POSITIVE),
         speed: speed.max(1e-9),
         largest,
         spread,
-        noise: kernel.floors.map(|floor| floor.sd),
-        waves: if kind == PlantKind::ServoAxis { waves::waves(kernel, fit) } else { Vec::new() },
+        noise: whitened.floors.map(|floor| floor.sd),
+        waves: if kind == PlantKind::ServoAxis { waves::waves(whitened, fit) } else { Vec::new() },
         quantum,
         gears,
         output: 0,
@@ -121,7 +121,7 @@ pub fn survey(kernel: &Kernel, fit: &Fit) -> Survey {
 
 /// The usual torque of a motor whose record holds no current: the largest of its load, of what accelerates its inertia, and of what the voltage beyond the EMF drives
 /// through the resistance, each as a root mean square.
-fn torque_without_current(kernel: &Kernel, parameters: &Parameters) -> f64 {
+fn torque_without_current(whitened: &WhitenedResiduals, parameters: &Parameters) -> f64 {
     let of = |name| parameters.number(name);
     let linkage = of("pole_pairs") * of("flux_linkage");
     let mut sums = [(0.0, 0.0); 3];
@@ -129,7 +129,7 @@ fn torque_without_current(kernel: &Kernel, parameters: &Parameters) -> f64 {
         sums[which].0 += value * value;
         sums[which].1 += 1.0;
     };
-    for prepared in &kernel.records {
+    for prepared in &whitened.records {
         let record = &prepared.record;
         let speed = prepared.outputs.iter().position(|it| *it == 2).map(|k| prepared.measured(k));
         record.inputs.get(2).into_iter().flatten().for_each(|load| add(0, *load));

@@ -5,13 +5,13 @@
 //! that of the best estimate there is, so costs, thresholds and intervals hold as they stand. Where noise is normal nothing is touched. Never decides by the simulation alone: what a row has beside its neighbours is
 //! asked, so structure that lasts some rows is no outlier. Where noise follows itself from row to row, that is asked of the innovations: each reading less what the reading before, itself tame, says of it.
 
+use super::alignment;
 use super::checks::Finding;
-use super::compared;
-use super::kernel::{Kernel, Prepared, Simulated};
 use super::levenberg::Fit;
 use super::model::Model;
 use super::noise::{Floor, median};
 use super::validation;
+use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 
 /// Rows to either side that say where a row should be: their median is not moved by outliers.
@@ -298,20 +298,20 @@ fn log_gamma(x: f64) -> f64 {
     (x - 0.5) * x.ln() - x + 0.5 * std::f64::consts::TAU.ln() + series - below
 }
 
-/// The laws of all outputs, from what a simulation leaves of a kernel's records.
-fn laws(kernel: &Kernel, simulated: &[Simulated], kind: PlantKind, findings: &[Finding]) -> [Option<Tails>; 3] {
+/// The laws of all outputs, from what a simulation leaves of the records.
+fn laws(whitened: &WhitenedResiduals, simulated: &[Simulated], kind: PlantKind, findings: &[Finding]) -> [Option<Tails>; 3] {
     let mut laws = [None; 3];
     for (output, law) in laws.iter_mut().enumerate() {
-        let floor = &kernel.floors[output];
+        let floor = &whitened.floors[output];
         let mut even: Vec<(&Prepared, usize, Vec<f64>)> = Vec::new();
-        for (prepared, simulated) in kernel.records.iter().zip(simulated) {
+        for (prepared, simulated) in whitened.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let left = less(prepared.measured(k), &simulated[k]);
             even.push((prepared, k, evened(floor, prepared.measured(k), &left).0));
         }
         let mut lists: Vec<Left<'_>> = Vec::new();
         for (prepared, k, left) in &even {
-            let jumps = compared::jumps_of(prepared, *k, kind, findings);
+            let jumps = alignment::jumps_of(prepared, *k, kind, findings);
             lists.push(Left { measured: prepared.measured(*k), left, used: &prepared.used[*k], jumps });
         }
         *law = if lists.is_empty() { None } else { Tails::found(&lists) };
@@ -324,51 +324,57 @@ fn laws(kernel: &Kernel, simulated: &[Simulated], kind: PlantKind, findings: &[F
 pub struct Recorded(Vec<Vec<Option<Vec<f64>>>>);
 
 impl Recorded {
-    /// The readings of a kernel's records.
+    /// The readings of the records.
     #[must_use]
-    pub fn of(kernel: &Kernel) -> Self {
-        Recorded(kernel.records.iter().map(|it| it.record.measured.clone()).collect())
+    pub fn of(whitened: &WhitenedResiduals) -> Self {
+        Recorded(whitened.records.iter().map(|it| it.record.measured.clone()).collect())
     }
 
     /// Exchanges them with those that the records hold.
-    fn swap(&mut self, kernel: &mut Kernel) {
-        self.0.iter_mut().zip(&mut kernel.records).for_each(|(own, it)| std::mem::swap(own, &mut it.record.measured));
+    fn swap(&mut self, whitened: &mut WhitenedResiduals) {
+        self.0.iter_mut().zip(&mut whitened.records).for_each(|(own, it)| std::mem::swap(own, &mut it.record.measured));
     }
 }
 
 /// Correlations of noise that differ by less leave readings that differ by less than a tenth of the noise, and only behind outliers.
 const SAME_COLOUR: f64 = 0.1;
 
-/// Looks for heavy tails beside a fit and makes the noise of both kernels tame; whether that changed. A fit that misses something hides tails under structure, or takes structure for the colour of noise:
-/// laws are found anew once a better one is there. `recorded`: the readings of both kernels; `findings` tell which rows were left out as jumps.
-pub fn found(kernel: &mut Kernel, unseen: &mut Kernel, recorded: &mut [Recorded; 2], fit: &Fit, findings: &[Finding]) -> bool {
-    recorded[0].swap(kernel);
-    let laws = laws(kernel, &fit.simulated, fit.model.file.kind, findings);
+/// Looks for heavy tails beside a fit and makes the noise of both sets of records tame; whether that changed. A fit that misses something hides tails under structure, or takes structure for the colour of noise:
+/// laws are found anew once a better one is there. `recorded`: the readings of both sets of records; `findings` tell which rows were left out as jumps.
+pub fn found(
+    whitened: &mut WhitenedResiduals,
+    unseen: &mut WhitenedResiduals,
+    recorded: &mut [Recorded; 2],
+    fit: &Fit,
+    findings: &[Finding],
+) -> bool {
+    recorded[0].swap(whitened);
+    let laws = laws(whitened, &fit.simulated, fit.model.file.kind, findings);
     let is_same = |(one, other): (&Option<Tails>, &Option<Tails>)| match (one, other) {
         (Some(one), Some(other)) => (one.correlation - other.correlation).abs() < SAME_COLOUR,
         (one, other) => one.is_none() && other.is_none(),
     };
-    let changes = !laws.iter().zip(&kernel.tails).all(is_same);
+    let changes = !laws.iter().zip(&whitened.tails).all(is_same);
     if changes {
         recorded[1].swap(unseen);
-        *recorded = [Recorded::of(kernel), Recorded::of(unseen)];
-        kernel.tails = laws;
-        tame(kernel, &fit.simulated);
-        *unseen = tamed(kernel.on(std::mem::take(&mut unseen.records)), &fit.model);
+        *recorded = [Recorded::of(whitened), Recorded::of(unseen)];
+        whitened.tails = laws;
+        tame(whitened, &fit.simulated);
+        *unseen = tamed(whitened.on(std::mem::take(&mut unseen.records)), &fit.model);
     } else {
-        recorded[0].swap(kernel);
+        recorded[0].swap(whitened);
     }
     changes
 }
 
-/// Makes the noise of a kernel's records tame by its laws. `simulated` is a simulation of them; their readings are as they were recorded.
-fn tame(kernel: &mut Kernel, simulated: &[Simulated]) {
-    for (prepared, simulated) in kernel.records.iter_mut().zip(simulated) {
+/// Makes the noise of the records tame by its laws. `simulated` is a simulation of them; their readings are as they were recorded.
+fn tame(whitened: &mut WhitenedResiduals, simulated: &[Simulated]) {
+    for (prepared, simulated) in whitened.records.iter_mut().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
             let output = prepared.outputs[k];
-            let Some(law) = kernel.tails[output] else { continue };
+            let Some(law) = whitened.tails[output] else { continue };
             let measured = prepared.measured(k);
-            let tamed = law.tamed(measured, &less(measured, values), &prepared.used[k], &kernel.floors[output]);
+            let tamed = law.tamed(measured, &less(measured, values), &prepared.used[k], &whitened.floors[output]);
             prepared.record.measured[output] = Some(tamed);
         }
     }
@@ -376,7 +382,7 @@ fn tame(kernel: &mut Kernel, simulated: &[Simulated]) {
 
 /// Records that no fit has seen, their noise tame by the laws of those that were fitted. Where a model cannot be simulated along them they stay as they are.
 #[must_use]
-pub fn tamed(mut unseen: Kernel, model: &Model) -> Kernel {
+pub fn tamed(mut unseen: WhitenedResiduals, model: &Model) -> WhitenedResiduals {
     if unseen.tails.iter().any(Option::is_some)
         && let Some(there) = validation::on(&unseen, model)
     {
@@ -548,7 +554,7 @@ mod tests {
         let mut random = Random::new(6);
         let records: Vec<Record> = (0..6)
             .map(|number| {
-                let mut record = axis_under_steps::kernel(&nominal, &truth, false).0.records[0].record.clone();
+                let mut record = axis_under_steps::whitened(&nominal, &truth, false).0.records[0].record.clone();
                 record.file = format!("record {number}");
                 for value in record.measured[0].as_mut().unwrap() {
                     *value += if random.uniform() < 0.01 { 2e-4 } else { 1e-5 } * random.normal();
@@ -583,27 +589,27 @@ mod tests {
             let mut noise = || if random.uniform() < 0.02 { 20.0 } else { 1.0 } * sds[k] * random.normal();
             record.measured[k] = Some(simulated.of(name).unwrap().iter().map(|value| value + noise()).collect());
         }
-        let mut kernel = Kernel::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
+        let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
         let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
-        let fit = levenberg::fit(&kernel, model, 4).unwrap();
+        let fit = levenberg::fit(&whitened, model, 4).unwrap();
         let mut missed = fit.clone();
         // Ten rows in forty are off by thirty times the noise.
         missed.simulated[0][0].iter_mut().enumerate().filter(|(k, _)| k / 10 % 4 == 0).for_each(|(_, value)| *value += 3e-5);
-        let mut unseen = Kernel::new(Vec::new(), kernel.floors, 1);
-        let mut recorded = [&kernel, &unseen].map(Recorded::of);
-        assert!(super::found(&mut kernel, &mut unseen, &mut recorded, &missed, &[]));
-        assert!(kernel.tails[0].is_none() && kernel.tails[1].is_some(), "{:?}", kernel.tails);
-        assert_eq!(kernel.records[0].record.measured[0], record.measured[0]);
-        assert!(super::found(&mut kernel, &mut unseen, &mut recorded, &fit, &[]));
-        assert!(kernel.tails[0].is_some() && unseen.tails == kernel.tails, "{:?}", kernel.tails);
+        let mut unseen = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
+        let mut recorded = [&whitened, &unseen].map(Recorded::of);
+        assert!(super::found(&mut whitened, &mut unseen, &mut recorded, &missed, &[]));
+        assert!(whitened.tails[0].is_none() && whitened.tails[1].is_some(), "{:?}", whitened.tails);
+        assert_eq!(whitened.records[0].record.measured[0], record.measured[0]);
+        assert!(super::found(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
+        assert!(whitened.tails[0].is_some() && unseen.tails == whitened.tails, "{:?}", whitened.tails);
         // Tame by what was recorded, not by what was tame before, and once.
-        let mut once = Kernel::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
+        let mut once = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
         let mut of_once = [&once, &unseen].map(Recorded::of);
         assert!(super::found(&mut once, &mut unseen.clone(), &mut of_once, &fit, &[]));
-        assert_eq!(kernel.records[0].record.measured, once.records[0].record.measured);
-        assert_ne!(kernel.records[0].record.measured, record.measured);
-        assert!(!super::found(&mut kernel, &mut unseen, &mut recorded, &fit, &[]));
-        assert_eq!(kernel.records[0].record.measured, once.records[0].record.measured);
+        assert_eq!(whitened.records[0].record.measured, once.records[0].record.measured);
+        assert_ne!(whitened.records[0].record.measured, record.measured);
+        assert!(!super::found(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
+        assert_eq!(whitened.records[0].record.measured, once.records[0].record.measured);
     }
 
     #[test]

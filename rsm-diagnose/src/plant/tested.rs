@@ -5,12 +5,12 @@
 
 use super::bootstrap;
 use super::checks::{self, Finding};
-use super::kernel::{Kernel, Simulated};
 use super::model::Model;
 use super::share::Piece;
 use super::tails;
 use super::validation::{self, Error};
 use super::verdict::{gain, gain_of};
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -36,15 +36,21 @@ pub struct Tested {
 
 /// The figures, by the noise of the records that were fitted; `None` where there are no test records, or a plant cannot be simulated along them.
 #[must_use]
-pub fn tested(file: &PlantFile, records: &[Record], fitted: &Kernel, nominal: &Model, extended: &Model) -> Option<Tested> {
+pub fn tested(
+    file: &PlantFile,
+    records: &[Record],
+    fitted: &WhitenedResiduals,
+    nominal: &Model,
+    extended: &Model,
+) -> Option<Tested> {
     let (prepared, findings) = checks::prepared(records.iter().cloned().map(Piece::whole), file);
     if prepared.is_empty() {
         return None;
     }
-    let kernel = tails::tamed(fitted.on(prepared), extended);
-    let before = from_first_part(&kernel, nominal)?;
-    let after = from_first_part(&kernel, extended)?;
-    let mut rest = kernel.clone();
+    let whitened = tails::tamed(fitted.on(prepared), extended);
+    let before = from_first_part(&whitened, nominal)?;
+    let after = from_first_part(&whitened, extended)?;
+    let mut rest = whitened.clone();
     for one in &mut rest.records {
         let first = one.record.rows() / FIRST_PART;
         one.used.iter_mut().for_each(|used| used[..first].fill(false));
@@ -61,8 +67,8 @@ pub fn tested(file: &PlantFile, records: &[Record], fitted: &Kernel, nominal: &M
 }
 
 /// A simulation of whole records from starts that their first parts gave.
-fn from_first_part(kernel: &Kernel, model: &Model) -> Option<Vec<Simulated>> {
-    let first = kernel.records.iter().map(|it| it.shortened(it.record.rows() / FIRST_PART)).collect();
-    let started = validation::on(&kernel.on(first), model)?.model;
-    kernel.run(&Model { starts: started.starts, unknowns: Vec::new(), ..model.clone() })
+fn from_first_part(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<Simulated>> {
+    let first = whitened.records.iter().map(|it| it.shortened(it.record.rows() / FIRST_PART)).collect();
+    let started = validation::on(&whitened.on(first), model)?.model;
+    whitened.run(&Model { starts: started.starts, unknowns: Vec::new(), ..model.clone() })
 }

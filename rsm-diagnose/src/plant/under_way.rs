@@ -6,10 +6,10 @@
 //! Records of one machine are cut out of one kind of log: where one of them evidently begins in motion, the speed is unknown in all of them, for a speed that is small is not 0. What effects
 //! remember of the time before a record (commands under way, a lagging reading, a twisted shaft) is unknown too, and forgotten soon: the first rows lead the simulation and judge nothing.
 
-use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{self, AtStart, Model};
 use super::validation;
+use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -27,13 +27,13 @@ const REMEMBERED: f64 = 0.1;
 const MOST_SHARE: usize = 10;
 
 /// How records of an axis begin; where in motion, their first rows lead the simulation and judge nothing from here on. Of other plants: steadily, as long as nothing shows the contrary.
-pub fn of_axis(kernel: &mut Kernel, unseen: &mut Kernel, file: &PlantFile) -> AtStart {
-    let records = kernel.records.iter().chain(&unseen.records).map(|it| &it.record);
+pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) -> AtStart {
+    let records = whitened.records.iter().chain(&unseen.records).map(|it| &it.record);
     let at_start = AtStart::of(file.kind, records);
     if at_start == AtStart::Steady {
         return at_start;
     }
-    for prepared in kernel.records.iter_mut().chain(&mut unseen.records) {
+    for prepared in whitened.records.iter_mut().chain(&mut unseen.records) {
         let rows = prepared.record.rows();
         let first = ((REMEMBERED / prepared.record.period) as usize).min(rows / MOST_SHARE);
         prepared.used.iter_mut().for_each(|used| used[..first].fill(false));
@@ -43,12 +43,12 @@ pub fn of_axis(kernel: &mut Kernel, unseen: &mut Kernel, file: &PlantFile) -> At
 
 /// Whether a record that is fitted, or one that is not, begins so.
 #[must_use]
-pub fn shown(kernel: &Kernel, fit: &Fit, unseen: &Kernel) -> bool {
+pub fn shown(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
     if fit.model.file.kind != PlantKind::Driveline || fit.model.at_start == AtStart::InMotion {
         return false;
     }
-    let free = levenberg::fit(kernel, freed(kernel, &fit.model), STEPS);
-    if free.is_some_and(|free| gains(kernel, fit, &free)) {
+    let free = levenberg::fit(whitened, freed(whitened, &fit.model), STEPS);
+    if free.is_some_and(|free| gains(whitened, fit, &free)) {
         return true;
     }
     let Some(steady) = validation::on(unseen, &fit.model) else { return false };
@@ -58,18 +58,19 @@ pub fn shown(kernel: &Kernel, fit: &Fit, unseen: &Kernel) -> bool {
 }
 
 /// The model with starts that need not be steady, its other starts where they were.
-fn freed(kernel: &Kernel, model: &Model) -> Model {
+fn freed(whitened: &WhitenedResiduals, model: &Model) -> Model {
     let mut free = Model { at_start: AtStart::InMotion, ..model.clone() };
-    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
-    free.take_starts(&records, kernel.floors.map(|floor| floor.sd));
+    let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
+    free.take_starts(&records, whitened.floors.map(|floor| floor.sd));
     free.starts.clone_from(&model.starts);
     free
 }
 
-fn gains(kernel: &Kernel, steady: &Fit, free: &Fit) -> bool {
-    kernel.records.iter().enumerate().any(|(record, prepared)| {
-        let first = kernel.first(record);
-        let energy = |fit: &Fit| fit.residual[first..first + Kernel::length(prepared)].iter().map(|it| it * it).sum::<f64>();
+fn gains(whitened: &WhitenedResiduals, steady: &Fit, free: &Fit) -> bool {
+    whitened.records.iter().enumerate().any(|(record, prepared)| {
+        let first = whitened.first(record);
+        let energy =
+            |fit: &Fit| fit.residual[first..first + WhitenedResiduals::length(prepared)].iter().map(|it| it * it).sum::<f64>();
         let (before, after) = (energy(steady), energy(free));
         let rows: usize = prepared.used.iter().map(|used| used.iter().filter(|used| **used).count()).sum();
         before - after > GAINS * (after / rows.max(1) as f64).max(1.0)
@@ -80,9 +81,9 @@ fn gains(kernel: &Kernel, steady: &Fit, free: &Fit) -> bool {
 mod tests {
     use rsm_core::source::Source;
 
-    use super::super::kernel::Prepared;
     use super::super::noise::Floor;
     use super::super::random::Random;
+    use super::super::whitened_residuals::Prepared;
     use super::*;
 
     /// Positions of 400 rows at a kilohertz that begin at a speed, m/s, read with 1 um of noise.
@@ -107,14 +108,14 @@ mod tests {
             .collect();
         let file = PlantFile::read(&Source::new("axis.toml", open)).unwrap();
         let records = speeds.iter().zip(5..).map(|(speed, seed)| axis(&file, *speed, seed)).collect();
-        let mut kernel = Kernel::new(records, [Floor::white(1e-6); 3], 1);
-        let mut unseen = Kernel::new(vec![axis(&file, 0.0, 4)], [Floor::white(1e-6); 3], 1);
-        let at_start = of_axis(&mut kernel, &mut unseen, &file);
-        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+        let mut whitened = WhitenedResiduals::new(records, [Floor::white(1e-6); 3], 1);
+        let mut unseen = WhitenedResiduals::new(vec![axis(&file, 0.0, 4)], [Floor::white(1e-6); 3], 1);
+        let at_start = of_axis(&mut whitened, &mut unseen, &file);
+        let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let model = Model::beginning(&file, at_start, &records, [1e-6; 3]);
         let is_speed = |place: &model::Place| matches!(place, model::Place::Start { place: 1, .. });
         let unknown = model.unknowns.iter().filter(|it| is_speed(&it.place)).count();
-        let judging = kernel.records.iter().chain(&unseen.records).map(|it| it.used[0].iter().filter(|used| **used).count());
+        let judging = whitened.records.iter().chain(&unseen.records).map(|it| it.used[0].iter().filter(|used| **used).count());
         (at_start, unknown, judging.collect())
     }
 

@@ -8,12 +8,12 @@
 //! a calibration; the calibrations say which one it is; and a free gain beside all that is free anyway says whether it is that factor.
 
 use super::checks;
-use super::kernel::{Kernel, Prepared, dot};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::noise::{Floor, median};
 use super::nuisance::Nuisance;
 use super::share::Piece;
+use super::whitened_residuals::{Prepared, WhitenedResiduals, dot};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
@@ -240,28 +240,29 @@ fn beside(given: &[Prepared], it: &Candidate) -> Vec<Prepared> {
 }
 
 /// What simulates them; residuals in shares of each output's spread.
-fn kernel(prepared: Vec<Prepared>, file: &PlantFile, threads: usize) -> Kernel {
-    let mut kernel = Kernel::new(prepared, [Floor::white(1.0); 3], threads);
+fn whitened(prepared: Vec<Prepared>, file: &PlantFile, threads: usize) -> WhitenedResiduals {
+    let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); 3], threads);
     for output in 0..file.kind.outputs().len() {
-        let lists = kernel.records.iter().filter_map(|it| it.outputs.iter().position(|k| *k == output).map(|k| it.measured(k)));
+        let lists =
+            whitened.records.iter().filter_map(|it| it.outputs.iter().position(|k| *k == output).map(|k| it.measured(k)));
         let all: Vec<f64> = lists.flatten().copied().collect();
         let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
         let spread = (all.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / all.len().max(1) as f64).sqrt();
-        kernel.floors[output] = Floor::white((UNIT * spread).max(f64::MIN_POSITIVE));
+        whitened.floors[output] = Floor::white((UNIT * spread).max(f64::MIN_POSITIVE));
     }
-    kernel
+    whitened
 }
 
-fn model(kernel: &Kernel, file: &PlantFile) -> Model {
-    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
-    Model::nominal(file, &records, kernel.floors.map(|floor| floor.sd))
+fn model(whitened: &WhitenedResiduals, file: &PlantFile) -> Model {
+    let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
+    Model::nominal(file, &records, whitened.floors.map(|floor| floor.sd))
 }
 
 /// The squared error over the squared spread, mean over the outputs, each no more than `WRONG`; without a simulation all are wrong.
-fn error(kernel: &Kernel, residual: Option<&[f64]>) -> f64 {
+fn error(whitened: &WhitenedResiduals, residual: Option<&[f64]>) -> f64 {
     let Some(residual) = residual else { return WRONG };
     let (mut sums, mut first) = ([(0.0, 0.0); 3], 0);
-    for prepared in &kernel.records {
+    for prepared in &whitened.records {
         for (k, output) in prepared.outputs.iter().enumerate() {
             let rows = prepared.record.rows();
             let part = &residual[first..first + rows];
@@ -280,22 +281,22 @@ fn error(kernel: &Kernel, residual: Option<&[f64]>) -> f64 {
 }
 
 /// The noise's part of that, from second differences of the readings: what bends between rows counts as noise here.
-fn noise(kernel: &Kernel) -> f64 {
+fn noise(whitened: &WhitenedResiduals) -> f64 {
     let mut each = Vec::new();
-    for prepared in &kernel.records {
+    for prepared in &whitened.records {
         for (k, output) in prepared.outputs.iter().enumerate() {
             let seconds = prepared.measured(k).windows(3).map(|w| (w[1] - 0.5 * (w[0] + w[2])).abs());
             // A second difference of white noise has sqrt(1.5) of its deviation; the median of |x| is 0.6745 of it.
             let sd = median(&mut seconds.collect::<Vec<_>>()) / 0.6745 / 1.5_f64.sqrt();
-            each.push((UNIT * sd / kernel.floors[*output].sd).powi(2));
+            each.push((UNIT * sd / whitened.floors[*output].sd).powi(2));
         }
     }
     each.iter().sum::<f64>() / each.len().max(1) as f64
 }
 
-fn calibrated(kernel: &Kernel, file: &PlantFile) -> Option<(Fit, f64)> {
-    let fit = levenberg::fit(kernel, model(kernel, file), STEPS)?;
-    let left = error(kernel, Some(&fit.residual));
+fn calibrated(whitened: &WhitenedResiduals, file: &PlantFile) -> Option<(Fit, f64)> {
+    let fit = levenberg::fit(whitened, model(whitened, file), STEPS)?;
+    let left = error(whitened, Some(&fit.residual));
     Some((fit, left))
 }
 
@@ -328,11 +329,11 @@ pub fn asked_again(
     let mut plant = plant.clone();
     plant.effects.retain(|it| it.description.kind != "sensor-quantisation");
     let records: Vec<Record> = right.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
-    let mut kernel = kernel(prepared(&records, &[], &plant), &plant, threads);
-    noise.iter().for_each(|(output, sd, _)| kernel.floors[*output] = Floor::white(*sd));
-    let fit = calibrated(&kernel, &plant).map(|it| it.0);
+    let mut whitened = whitened(prepared(&records, &[], &plant), &plant, threads);
+    noise.iter().for_each(|(output, sd, _)| whitened.floors[*output] = Floor::white(*sd));
+    let fit = calibrated(&whitened, &plant).map(|it| it.0);
     let of = |it: &PutRight| {
-        let gain = gain(&kernel, fit.as_ref()?, &it.0)?;
+        let gain = gain(&whitened, fit.as_ref()?, &it.0)?;
         let stands = gain[1] / (1.0 + NEAR) <= it.0.factor && it.0.factor <= gain[2] * (1.0 + NEAR);
         stands.then_some(gain)
     };
@@ -359,30 +360,30 @@ fn next(
     threads: usize,
 ) -> Option<(InUnit, Candidate)> {
     let checked = prepared(records, before, file);
-    let given = kernel(checked.clone(), file, threads);
+    let given = whitened(checked.clone(), file, threads);
     let noise = noise(&given);
     let as_given = calibrated(&given, file).map_or(WRONG, |it| it.1);
     if as_given < NEAR_NOISE * noise {
         return None;
     }
-    let plain = |kernel: &Kernel| {
-        let run = kernel.run(&model(kernel, file));
-        error(kernel, run.map(|run| kernel.residual(&run)).as_deref())
+    let plain = |whitened: &WhitenedResiduals| {
+        let run = whitened.run(&model(whitened, file));
+        error(whitened, run.map(|run| whitened.residual(&run)).as_deref())
     };
     let nominal = plain(&given);
     let taken = |it: &Candidate| before.iter().any(|one| one.which.names.iter().any(|name| it.which.names.contains(name)));
     let mut promising: Vec<(f64, &Candidate)> = Vec::new();
     for it in all.iter().filter(|it| !taken(it)) {
-        let kernel = kernel(beside(&checked, it), file, threads);
-        promising.push((plain(&kernel), it));
+        let whitened = whitened(beside(&checked, it), file, threads);
+        promising.push((plain(&whitened), it));
     }
     promising.retain(|it| it.0 < nominal);
     promising.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut fits: Vec<(f64, &Candidate, Kernel, Fit)> = Vec::new();
+    let mut fits: Vec<(f64, &Candidate, WhitenedResiduals, Fit)> = Vec::new();
     for (_, it) in promising.into_iter().take(CALIBRATED) {
-        let kernel = kernel(beside(&checked, it), file, threads);
-        if let Some((fit, left)) = calibrated(&kernel, file) {
-            fits.push((left, it, kernel, fit));
+        let whitened = whitened(beside(&checked, it), file, threads);
+        if let Some((fit, left)) = calibrated(&whitened, file) {
+            fits.push((left, it, whitened, fit));
         }
     }
     fits.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -394,8 +395,8 @@ fn next(
     let (left, ..) = fits.first()?;
     let enough = (1.0 + ALIKE) * left + ALIKE * noise;
     let mut told: Vec<(&Candidate, [f64; 3])> = Vec::new();
-    for (left, it, kernel, fit) in fits.iter().filter(|it| it.0 <= enough) {
-        let Some(gain) = gain(kernel, fit, it) else { continue };
+    for (left, it, whitened, fit) in fits.iter().filter(|it| it.0 <= enough) {
+        let Some(gain) = gain(whitened, fit, it) else { continue };
         // What else is wrong moves a gain: a large factor need be met roughly at first, and is asked again beside the causes that a search finds.
         let about = if it.factor.max(1.0 / it.factor) > LARGE { ROUGHLY } else { NEAR };
         let near = |factor: f64| gain[1] / (1.0 + about) <= factor && factor <= gain[2] * (1.0 + about);
@@ -414,26 +415,26 @@ fn next(
 
 /// The gain that records ask for of a column that was put right, beside all that is free anyway: with the factor, and its 95 % interval. What noise and tolerances leave open counts, and so does by how much
 /// parts of the records disagree, since more than noise may be left.
-fn gain(kernel: &Kernel, fit: &Fit, it: &Candidate) -> Option<[f64; 3]> {
+fn gain(whitened: &WhitenedResiduals, fit: &Fit, it: &Candidate) -> Option<[f64; 3]> {
     /// A hundredth of an input, for its derivative.
     const STEP: f64 = 0.01;
     let mut trace = vec![0.0; fit.residual.len()];
     if !it.which.inputs.is_empty() {
-        let mut moved = kernel.clone();
+        let mut moved = whitened.clone();
         for prepared in &mut moved.records {
             for &input in &it.which.inputs {
                 prepared.record.inputs[input].iter_mut().for_each(|value| *value *= 1.0 - STEP);
             }
         }
         let run = moved.run(&fit.model)?;
-        trace = kernel.changes(&fit.simulated, &run, STEP);
+        trace = whitened.changes(&fit.simulated, &run, STEP);
     }
     let mut first = 0;
-    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+    for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
         for (k, output) in prepared.outputs.iter().enumerate() {
             let rows = prepared.record.rows();
             if it.which.outputs.contains(output) {
-                let sd = kernel.floors[*output].sd;
+                let sd = whitened.floors[*output].sd;
                 for row in (0..rows).filter(|row| prepared.used[k][*row]) {
                     trace[first + row] += simulated[k][row] / sd;
                 }

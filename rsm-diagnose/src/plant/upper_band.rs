@@ -6,7 +6,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::noise::Floor;
-use super::octaves::{Octave, transform};
+use super::octave_spectrum::{Octave, transform};
 
 /// Samples of a segment: 125 of them in a record of 8000 rows. Where rows are lost so often that fewer than half of the rows stand in one, segments are shorter.
 const SEGMENTS: [usize; 3] = [128, 64, 32];

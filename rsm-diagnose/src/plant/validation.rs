@@ -2,9 +2,9 @@
 //!
 //! In: a model, validation records. Out: errors of each output, their starts being the only unknowns. Never moves a number of the plant.
 
-use super::kernel::{Kernel, Prepared, Simulated};
 use super::levenberg;
 use super::model::{Model, Place};
+use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
 use rsm_sim::record::Record;
 
 /// Steps for the starts: a linear problem but for large errors.
@@ -18,48 +18,53 @@ const FIRST_SHARE: usize = 16;
 const LEAST_ROWS: usize = 30;
 
 /// The model with the starts of other records, from their first readings, as its only unknowns.
-fn started(kernel: &Kernel, model: &Model) -> Model {
+fn started(whitened: &WhitenedResiduals, model: &Model) -> Model {
     let mut other = model.clone();
-    let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
-    other.take_starts(&records, kernel.floors.map(|floor| floor.sd));
+    let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
+    other.take_starts(&records, whitened.floors.map(|floor| floor.sd));
     other.unknowns.retain(|unknown| matches!(unknown.place, Place::Start { .. }));
     other
 }
 
 /// The model on other records, one step of their starts from first readings: enough where they are nearly right.
 #[must_use]
-pub fn at_once(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
-    levenberg::fit(kernel, started(kernel, model), 1)
+pub fn at_once(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
+    levenberg::fit(whitened, started(whitened, model), 1)
 }
 
 /// The model on other records, their starts as they fit best; its residual comes with it.
 #[must_use]
-pub fn on(kernel: &Kernel, model: &Model) -> Option<levenberg::Fit> {
-    let mut other = started(kernel, model);
+pub fn on(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
+    let mut other = started(whitened, model);
     let mut share = FIRST_SHARE;
     while share > 1 {
         let cut = |it: &Prepared| it.shortened(it.record.rows() / share);
-        if kernel.records.iter().all(|it| it.record.rows() / share >= LEAST_ROWS) {
-            let records: Vec<Prepared> = kernel.records.iter().map(cut).collect();
-            other = levenberg::fit(&kernel.on(records), other, STEPS)?.model;
+        if whitened.records.iter().all(|it| it.record.rows() / share >= LEAST_ROWS) {
+            let records: Vec<Prepared> = whitened.records.iter().map(cut).collect();
+            other = levenberg::fit(&whitened.on(records), other, STEPS)?.model;
         }
         share /= 2;
     }
-    levenberg::fit(kernel, other, STEPS)
+    levenberg::fit(whitened, other, STEPS)
 }
 
 /// The same, with starts from an earlier fit on these records. The phase of what turns fast depends on them so much that first readings may lead astray.
 #[must_use]
-pub fn from_starts_of(kernel: &Kernel, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
+pub fn from_starts_of(whitened: &WhitenedResiduals, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
     let unknowns = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
     let other = Model { starts: earlier.model.starts.clone(), unknowns: unknowns.cloned().collect(), ..model.clone() };
-    levenberg::fit(kernel, other, STEPS)
+    levenberg::fit(whitened, other, STEPS)
 }
 
 /// The model on other records, where its numbers may move, too, as far as they are unsure: each within its standard deviation, on the scale of its search, about
 /// what it is. Starts begin where an earlier fit to these records left them.
 #[must_use]
-pub fn within(kernel: &Kernel, model: &Model, sds: &[Option<f64>], earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
+pub fn within(
+    whitened: &WhitenedResiduals,
+    model: &Model,
+    sds: &[Option<f64>],
+    earlier: &levenberg::Fit,
+) -> Option<levenberg::Fit> {
     let mut other = Model { starts: earlier.model.starts.clone(), unknowns: Vec::new(), ..model.clone() };
     for (k, (unknown, sd)) in model.unknowns.iter().zip(sds).enumerate() {
         let value = model.value(k);
@@ -72,16 +77,16 @@ pub fn within(kernel: &Kernel, model: &Model, sds: &[Option<f64>], earlier: &lev
         other.unknowns.push(super::model::Unknown { prior: Some((value, sd)), ..unknown.clone() });
     }
     other.unknowns.extend(earlier.model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned());
-    levenberg::fit(kernel, other, STEPS)
+    levenberg::fit(whitened, other, STEPS)
 }
 
 /// The whitened squared residual; 0 without records.
 #[must_use]
-pub fn squared_residual(kernel: &Kernel, model: &Model) -> Option<f64> {
-    if kernel.records.is_empty() {
+pub fn squared_residual(whitened: &WhitenedResiduals, model: &Model) -> Option<f64> {
+    if whitened.records.is_empty() {
         return Some(0.0);
     }
-    on(kernel, model).map(|fit| fit.cost)
+    on(whitened, model).map(|fit| fit.cost)
 }
 
 /// The error of an output.
@@ -97,19 +102,19 @@ pub struct Error {
 
 /// Errors of a fit, by output.
 #[must_use]
-pub fn errors(kernel: &Kernel, fit: &levenberg::Fit) -> Vec<Error> {
-    errors_of(kernel, &fit.simulated)
+pub fn errors(whitened: &WhitenedResiduals, fit: &levenberg::Fit) -> Vec<Error> {
+    errors_of(whitened, &fit.simulated)
 }
 
 /// Errors of simulations of all records, by output.
 #[must_use]
-pub fn errors_of(kernel: &Kernel, simulated: &[Simulated]) -> Vec<Error> {
+pub fn errors_of(whitened: &WhitenedResiduals, simulated: &[Simulated]) -> Vec<Error> {
     let mut sums = [(0.0, 0usize); 3];
-    for (prepared, simulated) in kernel.records.iter().zip(simulated) {
+    for (prepared, simulated) in whitened.records.iter().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
             for ((measured, value), used) in prepared.measured(k).iter().zip(values).zip(&prepared.used[k]) {
                 if *used {
-                    let off = measured - kernel.floors[prepared.outputs[k]].reads(*value);
+                    let off = measured - whitened.floors[prepared.outputs[k]].reads(*value);
                     let sum = &mut sums[prepared.outputs[k]];
                     sum.0 += off * off;
                     sum.1 += 1;
@@ -120,7 +125,7 @@ pub fn errors_of(kernel: &Kernel, simulated: &[Simulated]) -> Vec<Error> {
     let each = sums.iter().enumerate().filter(|(_, (_, count))| *count > 0);
     each.map(|(output, (sum, count))| {
         let rmse = (sum / *count as f64).sqrt();
-        Error { output, rmse, noise_ratio: rmse / kernel.floors[output].sd }
+        Error { output, rmse, noise_ratio: rmse / whitened.floors[output].sd }
     })
     .collect()
 }
@@ -153,10 +158,10 @@ mod tests {
         }
         // Two standard deviations off, the first reading is two radians of the ripple off at the end.
         record.measured[1].as_mut().unwrap()[0] = 12.04;
-        let kernel = Kernel::new(vec![Prepared::new(record.clone(), 3)], sds.map(Floor::white), 1);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 3)], sds.map(Floor::white), 1);
         let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
         // White noise in 4500 readings: four standard deviations, 4 sqrt(2 * 4500), and the four squared ones of the first.
-        let left = squared_residual(&kernel, &model).unwrap();
+        let left = squared_residual(&whitened, &model).unwrap();
         assert!((left - 4500.0).abs() < 384.0, "{left}");
     }
 }

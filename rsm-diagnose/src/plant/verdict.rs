@@ -7,29 +7,29 @@ use super::bridges::{self, Bridged};
 use super::checks::Finding;
 use super::claims::Claim;
 use super::confidence::{self, Case};
+use super::effect_size;
 use super::equations::Said;
+use super::error_breakdown::{self, Compared, ErrorBreakdown, Witness};
 use super::everywhere::Everywhere;
 use super::experiment::NextExperiment;
-use super::finish;
 use super::hypotheses::generalises;
-use super::kernel::{Kernel, Simulated};
 use super::known_loop::KnownLoop;
 use super::levenberg::Fit;
 use super::model::{Model, Place};
+use super::nested_models::{self, Step};
 use super::noise::Floor;
-use super::portrait::{self, Compared, Portrait, Witness};
+use super::polish;
 use super::posterior::Posterior;
 use super::predicted::{self, Predicted};
 use super::selection::{Believed, Limit, Selection};
 use super::share::NotSeen;
-use super::steps::{self, Step};
 use super::tails::Tails;
 use super::tested::Tested;
 use super::units::InUnit;
 use super::validation::{self, Error};
 use super::veto::Refusal;
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use super::whiteness::{self, Left};
-use super::worth;
 pub use crate::surface::Verdict;
 use rsm_sim::effect::{Arguments, Subject};
 use rsm_sim::kind::PlantKind;
@@ -196,7 +196,7 @@ pub struct Diagnosis {
     /// The record that would tell them apart, or look where an error has no cause.
     pub next: Option<NextExperiment>,
     /// What a report shows beside all this.
-    pub portrait: Portrait,
+    pub error_breakdown: ErrorBreakdown,
     /// Figures of test records, where there are any.
     pub tested: Option<Tested>,
     /// The effects that the plant file came with, judged.
@@ -226,8 +226,8 @@ fn of_rounding<'a>(mut rounded: impl Iterator<Item = &'a Floor>) -> f64 {
 #[must_use]
 pub fn conclude(
     file: &PlantFile,
-    kernel: &Kernel,
-    unseen: &Kernel,
+    whitened: &WhitenedResiduals,
+    unseen: &WhitenedResiduals,
     nominal: &Model,
     selection: Selection,
     findings: Vec<Finding>,
@@ -245,7 +245,7 @@ pub fn conclude(
         known_loop,
         everywhere,
     } = selection;
-    let judged = if unseen.records.is_empty() { kernel } else { unseen };
+    let judged = if unseen.records.is_empty() { whitened } else { unseen };
     let before = validation::on(judged, nominal);
     // From the calibrated plant's starts or from first readings, whichever suits.
     let plain = validation::on(judged, &fit.model);
@@ -257,14 +257,14 @@ pub fn conclude(
         after.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
     );
     let order = by_gain(&believed.iter().map(|it| it.gain).collect::<Vec<_>>());
-    let steps = steps::steps(kernel, judged, nominal, &calibrated, &fit, &order);
-    let left = whiteness::look(kernel, &fit);
+    let steps = nested_models::steps(whitened, judged, nominal, &calibrated, &fit, &order);
+    let left = whiteness::look(whitened, &fit);
     // On unseen records the numbers of the plant may move as far as they are unsure.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
     let moved = moved.and_then(|after| validation::within(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
     let there = moved.map(|moved| by_own_noise(unseen, moved));
     let left_unseen = there.as_ref().map(|(there, fit)| whiteness::look(there, fit));
-    let predicts = there.iter().filter_map(|(there, fit)| predicted::look(there, fit)).chain(predicted::look(kernel, &fit));
+    let predicts = there.iter().filter_map(|(there, fit)| predicted::look(there, fit)).chain(predicted::look(whitened, &fit));
     let predicted = predicts.max_by(|a, b| a.excess.total_cmp(&b.excess));
     let wrong = wrong_a_row(calibrated.cost, calibrated.residual.len());
     let elsewhere = [
@@ -273,22 +273,22 @@ pub fn conclude(
         everywhere.as_ref().map(|it| it.excess),
     ];
     let most_left = elsewhere.into_iter().flatten().fold(left.excess, f64::max);
-    let beyond = most_left > allowed(of_rounding(rounded.iter().map(|(output, _)| &kernel.floors[*output])), wrong);
+    let beyond = most_left > allowed(of_rounding(rounded.iter().map(|(output, _)| &whitened.floors[*output])), wrong);
     let practical = if beyond && !believed.is_empty() { practical(most_left, wrong) } else { None };
     let structure = beyond && practical.is_none();
     let calibrated_there = validation::on(judged, &calibrated.model);
     let compared = match (&before, &calibrated_there, &after) {
         (Some(nominal_there), Some(before), Some(after)) => {
-            Some(Compared { kernel, unseen, nominal, fit: &fit, nominal_there, before, after, structure })
+            Some(Compared { whitened, unseen, nominal, fit: &fit, nominal_there, before, after, structure })
         }
         _ => None,
     };
-    let portrait = compared.as_ref().map(portrait::portrait).unwrap_or_default();
-    let witnesses = compared.as_ref().map_or_else(Vec::new, |it| portrait::witnesses(it, &believed));
+    let error_breakdown = compared.as_ref().map(error_breakdown::error_breakdown).unwrap_or_default();
+    let witnesses = compared.as_ref().map_or_else(Vec::new, |it| error_breakdown::witnesses(it, &believed));
     let mut aliases: Vec<(f64, Alias)> = Vec::new();
     let mut causes: Vec<Cause> = Vec::new();
     for (place, one) in believed.iter().enumerate() {
-        let decides = worth::decides(threshold, fit.cost, fit.residual.len());
+        let decides = effect_size::decides(threshold, fit.cost, fit.residual.len());
         let same = decides.max(ALIKE * one.gain);
         let one = &Believed {
             rivals: one.rivals.iter().filter(|it| !generalises(&it.0, &one.label)).cloned().collect(),
@@ -316,9 +316,9 @@ pub fn conclude(
         causes.push(cause(&fit, place, one, alike, sure, witnesses.get(place).cloned().flatten()));
     }
     for (output, step) in rounded {
-        causes.push(rounding(file.kind, *output, *step, off_lattice(kernel, *output, *step), fit.residual.len() as f64));
+        causes.push(rounding(file.kind, *output, *step, off_lattice(whitened, *output, *step), fit.residual.len() as f64));
     }
-    let rows = kernel.records.iter().map(|it| it.record.rows()).sum();
+    let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
     let by_law = known_loop.as_ref().map_or_else(Vec::new, |it| it.beside(file, &fit.model.file.effects, rows));
     let (told_by_law, by_law): (Vec<Cause>, Vec<Entry>) = by_law.into_iter().unzip();
     // What the law says of a sensor goes before what a search made of it.
@@ -329,7 +329,7 @@ pub fn conclude(
     let verdict = judged_by(structure, stopped, causes.is_empty());
     let sure = |cause: &Cause| verdict != Verdict::Unexplained || cause.confidence >= NAMED;
     let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(sure);
-    let mut plant = finish::written(file, kernel, nominal, &fit);
+    let mut plant = polish::written(file, whitened, nominal, &fit);
     plant.effects.retain(|it| {
         !by_law.iter().any(|law| law.description.kind == it.description.kind && law.arguments.subject == it.arguments.subject)
     });
@@ -337,7 +337,7 @@ pub fn conclude(
     for (output, step) in rounded {
         plant.effects.extend(rounding_entry(file.kind, *output, *step));
     }
-    let mut present: Vec<usize> = kernel.records.iter().flat_map(|it| it.outputs.clone()).collect();
+    let mut present: Vec<usize> = whitened.records.iter().flat_map(|it| it.outputs.clone()).collect();
     present.sort_unstable();
     present.dedup();
     let gain_interval = match (&before, &after) {
@@ -360,10 +360,10 @@ pub fn conclude(
         not_seen: None,
         everywhere,
         units: Vec::new(),
-        bridged: bridges::bridged(kernel.records.iter().chain(&unseen.records)),
-        noise: present.iter().map(|k| (*k, kernel.floors[*k].sd, kernel.floors[*k].correlation)).collect(),
-        growing: growing(kernel, &present),
-        tails: present.iter().filter_map(|&output| Some((output, kernel.tails[output]?))).collect(),
+        bridged: bridges::bridged(whitened.records.iter().chain(&unseen.records)),
+        noise: present.iter().map(|k| (*k, whitened.floors[*k].sd, whitened.floors[*k].correlation)).collect(),
+        growing: growing(whitened, &present),
+        tails: present.iter().filter_map(|&output| Some((output, whitened.tails[output]?))).collect(),
         threshold,
         ranking,
         remaining,
@@ -376,35 +376,35 @@ pub fn conclude(
         predicted,
         aliases: aliases.into_iter().map(|it| it.1).collect(),
         next: None,
-        portrait,
+        error_breakdown,
         tested: None,
         claims: Vec::new(),
     }
 }
 
 /// Outputs whose noise grows, with its deviation at a reading of 0 and at the largest one.
-fn growing(kernel: &Kernel, present: &[usize]) -> Vec<(usize, f64, f64)> {
+fn growing(whitened: &WhitenedResiduals, present: &[usize]) -> Vec<(usize, f64, f64)> {
     let readings = |output: usize| {
-        let of = move |it: &'_ super::kernel::Prepared| it.outputs.iter().position(|found| *found == output);
-        kernel.records.iter().filter_map(move |it| of(it).map(|k| it.measured(k))).flatten()
+        let of = move |it: &'_ super::whitened_residuals::Prepared| it.outputs.iter().position(|found| *found == output);
+        whitened.records.iter().filter_map(move |it| of(it).map(|k| it.measured(k))).flatten()
     };
     let largest = |output: usize| readings(output).fold(0.0_f64, |most, value| most.max(value.abs()));
-    let grows = present.iter().filter(|output| kernel.floors[**output].growth.is_some());
-    grows.map(|&output| (output, kernel.floors[output].sd_at(0.0), kernel.floors[output].sd_at(largest(output)))).collect()
+    let grows = present.iter().filter(|output| whitened.floors[**output].growth.is_some());
+    grows.map(|&output| (output, whitened.floors[output].sd_at(0.0), whitened.floors[output].sd_at(largest(output)))).collect()
 }
 
 /// What is left on unseen records, by the noise that they have themselves, as one of so many looks.
-pub(super) fn left_there(unseen: &Kernel, moved: Fit, looks: usize) -> Left {
+pub(super) fn left_there(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -> Left {
     let (there, fit) = by_own_noise(unseen, moved);
     whiteness::look_among(&there, &fit, looks)
 }
 
 /// Unseen records with the noise that they have themselves, and a fit by it: its level is known from the others to a per cent, and a day's is not that of the next.
 /// Far more of it is none, and records that are too short to show theirs have that of the others.
-fn by_own_noise(unseen: &Kernel, moved: Fit) -> (Kernel, Fit) {
-    let its_own = |floors: &[Floor; 3], kernel: &Kernel, simulated: &[Simulated]| {
+fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedResiduals, Fit) {
+    let its_own = |floors: &[Floor; 3], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
         let mut floors = *floors;
-        for (floor, shown) in floors.iter_mut().zip(super::calibration::shown(kernel, simulated)) {
+        for (floor, shown) in floors.iter_mut().zip(super::calibration::shown(whitened, simulated)) {
             if let Some(own) = shown.floor.filter(|own| floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd) {
                 *floor = own;
             }
@@ -536,9 +536,9 @@ fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Option<Entry> {
 }
 
 /// How far changes of the readings lie off multiples of the step: so far the step may be off itself, the digits of the largest reading at least.
-fn off_lattice(kernel: &Kernel, output: usize, step: f64) -> f64 {
+fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64) -> f64 {
     let mut off = 0.0_f64;
-    for prepared in &kernel.records {
+    for prepared in &whitened.records {
         let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
         let values = prepared.measured(k);
         off = values.iter().fold(off, |most, value| most.max(4.0 * f64::EPSILON * value.abs()));

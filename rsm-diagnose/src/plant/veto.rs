@@ -4,12 +4,12 @@
 //! a better sum and is no explanation, so sums do not count here. Never adds a cause.
 
 use super::hypotheses::Hypothesis;
-use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place, Unknown};
 use super::posterior::Posterior;
 use super::selection::{Believed, Search};
-use super::{plausible, validation, worth};
+use super::whitened_residuals::WhitenedResiduals;
+use super::{effect_size, plausible, validation};
 use rsm_sim::plant_file::Entry;
 
 /// A cause that was tried and refused.
@@ -37,7 +37,7 @@ impl Search<'_> {
         let mut refused = Vec::new();
         while let Some((place, why)) = self.worst_member(calibrated, &fit, &causes, threshold) {
             let without = fit.model.minus(self.nominal, place);
-            let Some(other) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(&fit)) else { break };
+            let Some(other) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit)) else { break };
             let cause = causes.remove(place).label;
             (self.progress)(&format!("{cause} is refused: {why}"));
             refused.push(Refusal { cause, why });
@@ -51,7 +51,7 @@ impl Search<'_> {
     fn told_anew(&self, fit: &Fit, causes: &mut [Believed]) {
         for (place, cause) in causes.iter_mut().enumerate() {
             let without = fit.model.minus(self.nominal, place);
-            if let Some(base) = levenberg::onward(self.kernel, without, self.effort.fit_steps, Some(fit)) {
+            if let Some(base) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(fit)) {
                 cause.gain = base.cost - fit.cost;
                 cause.without = base.model;
             }
@@ -87,7 +87,8 @@ impl Search<'_> {
             causes.iter().map(|it| by_record(self.unseen, &it.without, &[&calibrated.model], None)).collect::<Option<_>>()?;
         // How many times as much as decides a record is worse by.
         let worse = |record: usize, with: f64, without: f64| {
-            (with - without) / worth::decides(threshold, without.min(with), Kernel::length(&self.unseen.records[record]))
+            (with - without)
+                / effect_size::decides(threshold, without.min(with), WhitenedResiduals::length(&self.unseen.records[record]))
         };
         let mut worst: Option<(f64, usize, String)> = None;
         for (place, before) in without.iter().enumerate() {
@@ -116,7 +117,7 @@ impl Search<'_> {
 
     fn told(&self, record: usize, before: f64, after: f64) -> String {
         let prepared = &self.unseen.records[record];
-        let times = |square: f64| (square / Kernel::length(prepared).max(1) as f64).sqrt();
+        let times = |square: f64| (square / WhitenedResiduals::length(prepared).max(1) as f64).sqrt();
         format!(
             "{} becomes worse: {:.2} times the noise without it, {:.2} with it",
             super::regions::name_of(&prepared.record.file),
@@ -127,7 +128,7 @@ impl Search<'_> {
 }
 
 /// The squared residual of a model on each record: the best of starts from first readings, from those that other models found, and, for a fit, with numbers that move as far as they are unsure.
-fn by_record(unseen: &Kernel, model: &Model, guides: &[&Model], fit: Option<&Fit>) -> Option<Vec<f64>> {
+fn by_record(unseen: &WhitenedResiduals, model: &Model, guides: &[&Model], fit: Option<&Fit>) -> Option<Vec<f64>> {
     let plain = validation::on(unseen, model)?;
     let mut fits = vec![plain];
     for guide in guides {
@@ -141,8 +142,8 @@ fn by_record(unseen: &Kernel, model: &Model, guides: &[&Model], fit: Option<&Fit
     }
     let of = |fit: &Fit, record: usize| {
         let first = unseen.first(record);
-        let part = &fit.residual[first..first + Kernel::length(&unseen.records[record])];
-        super::kernel::dot(part, part)
+        let part = &fit.residual[first..first + WhitenedResiduals::length(&unseen.records[record])];
+        super::whitened_residuals::dot(part, part)
     };
     Some((0..unseen.records.len()).map(|record| fits.iter().map(|fit| of(fit, record)).fold(f64::INFINITY, f64::min)).collect())
 }
@@ -191,14 +192,14 @@ mod tests {
             let effects = if force == 0.0 { String::new() } else { axis_under_steps::friction(force) };
             axis_under_steps::file(TOLERANCES, &effects)
         };
-        let (kernel, nominal) = axis_under_steps::kernel(&file(0.0), &file(seen), true);
-        let (other, _) = axis_under_steps::kernel(&file(0.0), &file(unseen), true);
-        let calibrated = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
-        let survey = survey::survey(&kernel, &calibrated);
+        let (whitened, nominal) = axis_under_steps::whitened(&file(0.0), &file(seen), true);
+        let (other, _) = axis_under_steps::whitened(&file(0.0), &file(unseen), true);
+        let calibrated = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
+        let survey = survey::survey(&whitened, &calibrated);
         let all = hypotheses::all(nominal.file.kind, &survey, &[0]);
-        let search = axis_under_steps::search(&kernel, &other, &nominal, &all, &survey);
+        let search = axis_under_steps::search(&whitened, &other, &nominal, &all, &survey);
         let with = nominal.with_effects(&nominal, file(0.1).effects);
-        let fit = levenberg::fit(&kernel, with, 20).unwrap();
+        let fit = levenberg::fit(&whitened, with, 20).unwrap();
         let believed = Believed {
             label: "coulomb-friction".to_string(),
             gain: calibrated.cost - fit.cost,

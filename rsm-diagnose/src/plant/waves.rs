@@ -10,12 +10,12 @@
 
 use std::f64::consts::TAU;
 
-use super::bends::{Bend, bends};
-use super::kernel::{Column, Kernel, dot};
+use super::curvature::{Curvature, curvatures};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::normal::Normal;
-use super::tracks::Tracks;
+use super::position_traces::PositionTraces;
+use super::whitened_residuals::{Column, WhitenedResiduals, dot};
 use rsm_sim::effect::{Arguments, Wave};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
@@ -54,19 +54,19 @@ const BENT: usize = 6;
 
 /// What a wave has to beat.
 struct Waves<'k> {
-    tracks: Tracks<'k>,
+    traces: PositionTraces<'k>,
     /// Orthonormal directions of all that is free anyway.
     free: Vec<Vec<f64>>,
     /// The residual without them.
     residual: Vec<f64>,
     /// How traces of the calibrated parameters bend.
-    bends: Vec<Bend>,
+    curvatures: Vec<Curvature>,
 }
 
 impl<'k> Waves<'k> {
-    fn new(tracks: Tracks<'k>, fit: &Fit) -> Self {
-        let bends = bends(tracks.kernel, fit);
-        let mut waves = Waves { tracks, free: Vec::new(), residual: fit.residual.clone(), bends };
+    fn new(traces: PositionTraces<'k>, fit: &Fit) -> Self {
+        let curvatures = curvatures(traces.whitened, fit);
+        let mut waves = Waves { traces, free: Vec::new(), residual: fit.residual.clone(), curvatures };
         // Starts, calibration, causes already believed; and what a load, frictions and a gain would do, which may be causes beside the wave.
         let held = fit.held.iter().map(|held| &held.column);
         for column in fit.columns.iter().chain(held) {
@@ -74,10 +74,10 @@ impl<'k> Waves<'k> {
             dense[column.first..column.first + column.values.len()].copy_from_slice(&column.values);
             waves.add(dense);
         }
-        let bends: Vec<Vec<f64>> = waves.bends.iter().map(|it| it.trace.clone()).collect();
-        bends.into_iter().for_each(|bend| waves.add(bend));
+        let curvatures: Vec<Vec<f64>> = waves.curvatures.iter().map(|it| it.trace.clone()).collect();
+        curvatures.into_iter().for_each(|bend| waves.add(bend));
         let sign = |v: f64| (v / rsm_sim::effect::AXIS_SIGN_WIDTH).tanh();
-        let laws = waves.tracks.answer(|_, v, u| [1.0, v, sign(v), u]);
+        let laws = waves.traces.answer(|_, v, u| [1.0, v, sign(v), u]);
         laws.into_iter().for_each(|law| waves.add(law));
         for direction in &waves.free {
             take_off(&mut waves.residual, direction);
@@ -100,7 +100,7 @@ impl<'k> Waves<'k> {
 
     /// The gain of a wave number (radians a metre), and its factors of sine and cosine.
     fn gain(&self, number: f64) -> (f64, [f64; 2]) {
-        let traces = self.tracks.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 });
+        let traces = self.traces.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 });
         let inside = traces.each_ref().map(|trace| self.free.iter().map(|it| dot(it, trace)).collect::<Vec<f64>>());
         let own = |i: usize, j: usize| dot(&traces[i], &traces[j]) - dot(&inside[i], &inside[j]);
         let (ss, sc, cc) = (own(0, 0), own(0, 1), own(1, 1));
@@ -116,7 +116,7 @@ impl<'k> Waves<'k> {
 
     /// Gains of many wave numbers, on all threads.
     fn gains(&self, numbers: &[f64]) -> Vec<f64> {
-        in_threads(numbers, self.tracks.kernel.threads, |number| self.gain(*number).0)
+        in_threads(numbers, self.traces.whitened.threads, |number| self.gain(*number).0)
     }
 
     /// The best wave number between two, by golden section (J. Kiefer, 1953).
@@ -149,11 +149,11 @@ fn take_off(column: &mut [f64], direction: &[f64]) {
 
 /// The waves that explain most of what a fit leaves.
 #[must_use]
-pub fn waves(kernel: &Kernel, fit: &Fit) -> Vec<Wave> {
-    let waves = Waves::new(Tracks::new(kernel, fit), fit);
-    let Some(travel) = travel(kernel) else { return Vec::new() };
+pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
+    let waves = Waves::new(PositionTraces::new(whitened, fit), fit);
+    let Some(travel) = travel(whitened) else { return Vec::new() };
     let line = TAU * 0.5 / travel;
-    let finest = LARGEST_NOISE / kernel.floors[0].sd;
+    let finest = LARGEST_NOISE / whitened.floors[0].sd;
     let numbers: Vec<f64> = (LONGEST..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
     let gains = waves.gains(&numbers);
     // The longest wave may lie at the end of the list: beyond it is what does not come again, beyond the other end noise.
@@ -181,9 +181,9 @@ fn wave(number: f64, [sin, cos]: [f64; 2]) -> Wave {
 }
 
 /// The way that an axis covers in its records, in m, if any has a position.
-fn travel(kernel: &Kernel) -> Option<f64> {
+fn travel(whitened: &WhitenedResiduals) -> Option<f64> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    for it in &kernel.records {
+    for it in &whitened.records {
         let Some(k) = it.outputs.iter().position(|output| *output == 0) else { continue };
         let used = it.measured(k).iter().zip(&it.used[k]).filter(|(_, used)| **used);
         (low, high) = used.fold((low, high), |(low, high), (value, _)| (low.min(*value), high.max(*value)));
@@ -193,9 +193,9 @@ fn travel(kernel: &Kernel) -> Option<f64> {
 
 /// Whether an entry is no wave over the position, or one of which the records hold a whole turn at least: of less any smooth force is a part, a spring first of all.
 #[must_use]
-pub fn comes_again(kernel: &Kernel, entry: &Entry) -> bool {
+pub fn comes_again(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
     let wave = Some(entry).filter(|it| is_wave(it.description.kind, it.arguments.plant));
-    wave.and_then(|it| of(&it.arguments)).is_none_or(|wave| travel(kernel).is_some_and(|travel| wave.pitch <= travel))
+    wave.and_then(|it| of(&it.arguments)).is_none_or(|wave| travel(whitened).is_some_and(|travel| wave.pitch <= travel))
 }
 
 /// Whether an effect is such a wave.
@@ -214,16 +214,16 @@ pub fn of(arguments: &Arguments) -> Option<Wave> {
 /// A plant with a wave, near the best of both: everything that is free in the fit, and the wave, as least squares along the measured positions has them; and
 /// the squared residual that this promises; turned over by so many of `REACHES`. A free run with the wave alone would begin where nothing else fits it.
 #[must_use]
-pub fn led(kernel: &Kernel, fit: &Fit, nominal: &Model, entry: &Entry, reaches: &[usize]) -> Option<(Model, f64)> {
-    let mut tracks = Tracks::new(kernel, fit);
+pub fn led(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, entry: &Entry, reaches: &[usize]) -> Option<(Model, f64)> {
+    let mut traces = PositionTraces::new(whitened, fit);
     // What was believed since the wave was read off moves it by less than half a line, a turn by a twentieth of one.
-    let mut found = led_once(tracks, fit, of(&entry.arguments)?.pitch, 0.5)?;
+    let mut found = led_once(traces, fit, of(&entry.arguments)?.pitch, 0.5)?;
     for reach in reaches {
         // The plant with what the wave lets go of: derivatives and answers are its own.
-        let base = levenberg::here(kernel, found.model.clone())?;
-        tracks = Tracks::new(kernel, &base);
-        tracks.follow_with(&base, &found.tracks, &found.wave, *reach);
-        let next = led_once(tracks, &base, found.wave.pitch, 0.05)?;
+        let base = levenberg::here(whitened, found.model.clone())?;
+        traces = PositionTraces::new(whitened, &base);
+        traces.follow_with(&base, &found.traces, &found.wave, *reach);
+        let next = led_once(traces, &base, found.wave.pitch, 0.05)?;
         if next.cost >= found.cost {
             break;
         }
@@ -235,13 +235,13 @@ pub fn led(kernel: &Kernel, fit: &Fit, nominal: &Model, entry: &Entry, reaches: 
 /// A plant with a wave whose free run ended beside the record, led again along what it lacked over so many rows on either side: `place` is that of the
 /// wave among its effects.
 #[must_use]
-pub fn led_again(kernel: &Kernel, fit: &Fit, nominal: &Model, place: usize, reach: usize) -> Option<Model> {
+pub fn led_again(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, place: usize, reach: usize) -> Option<Model> {
     let entry = &fit.model.file.effects[place];
     let wave = of(&entry.arguments)?;
-    let base = levenberg::here(kernel, fit.model.minus(nominal, place))?;
-    let mut tracks = Tracks::new(kernel, &base);
-    tracks.follow(fit, reach);
-    let found = led_once(tracks, &base, wave.pitch, 0.05)?;
+    let base = levenberg::here(whitened, fit.model.minus(nominal, place))?;
+    let mut traces = PositionTraces::new(whitened, &base);
+    traces.follow(fit, reach);
+    let found = led_once(traces, &base, wave.pitch, 0.05)?;
     Some(found.model.joined(nominal, said(entry, &found.wave)))
 }
 
@@ -261,7 +261,7 @@ fn said(entry: &Entry, wave: &Wave) -> Entry {
 
 /// A turn of plant and wave.
 struct Led<'k> {
-    tracks: Tracks<'k>,
+    traces: PositionTraces<'k>,
     wave: Wave,
     /// The plant of the fit, moved as it suits the wave.
     model: Model,
@@ -270,16 +270,16 @@ struct Led<'k> {
 }
 
 /// The wave within so many lines of a pitch, with the plant.
-fn led_once<'k>(tracks: Tracks<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<Led<'k>> {
-    let waves = Waves::new(tracks, fit);
-    let line = TAU * 0.5 / travel(waves.tracks.kernel)?;
+fn led_once<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<Led<'k>> {
+    let waves = Waves::new(traces, fit);
+    let line = TAU * 0.5 / travel(waves.traces.whitened)?;
     let number = TAU / pitch;
     let number = waves.best_between((number - reach * line).max(LONGEST as f64 * line), number + reach * line);
-    let joint = Joint::new(fit, waves.tracks.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 }));
-    let (solved, cost) = joint.solved(&waves.bends);
+    let joint = Joint::new(fit, waves.traces.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 }));
+    let (solved, cost) = joint.solved(&waves.curvatures);
     let model = fit.model.moved(&joint.unknowns, &solved);
     let wave = wave(number, [solved[joint.unknowns.len()], solved[joint.unknowns.len() + 1]]);
-    cost.is_finite().then_some(Led { tracks: waves.tracks, wave, model, cost })
+    cost.is_finite().then_some(Led { traces: waves.traces, wave, model, cost })
 }
 
 /// Normal equations of all that is free in a fit, and of the two traces of a wave.
@@ -318,14 +318,14 @@ impl<'f> Joint<'f> {
     }
 
     /// The steps of the unknowns and the factors of the traces, and the squared residual that they leave, bends and all.
-    fn solved(&self, bends: &[Bend]) -> (Vec<f64>, f64) {
+    fn solved(&self, curvatures: &[Curvature]) -> (Vec<f64>, f64) {
         let before = self.unknowns.len();
         let mut solved = self.normal.solve(&self.right);
         let mut left = self.fit.residual.clone();
         for _ in 0..BENT {
             // What the step just found bends is no longer asked of the straight traces.
             left.clone_from(&self.fit.residual);
-            for bend in bends {
+            for bend in curvatures {
                 let share = self.step(bend.unknowns.0, &solved) * self.step(bend.unknowns.1, &solved);
                 left.iter_mut().zip(&bend.trace).for_each(|(value, bend)| *value -= share * bend);
             }
@@ -352,9 +352,9 @@ impl<'f> Joint<'f> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel::Prepared;
     use super::super::noise::Floor;
     use super::super::random::Random;
+    use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
     use rsm_sim::plant_file::PlantFile;
@@ -364,7 +364,7 @@ mod tests {
     const NOISE: [f64; 2] = [1e-5, 0.01];
 
     /// An axis that is 4 % and 8 % off, over a wave of so many metres, its record, and the calibrated plant. In closed loop under moves of 0.1 m.
-    fn axis(closed: bool, pitch: f64) -> (Kernel, Model, Fit) {
+    fn axis(closed: bool, pitch: f64) -> (WhitenedResiduals, Model, Fit) {
         let text = |mass: f64, friction: f64| {
             let gains = if closed { "position_gain = 20\nvelocity_gain = 25\n" } else { "" };
             format!(
@@ -395,17 +395,17 @@ mod tests {
             record.measured[k] = Some(noisy.collect());
         }
         let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
-        let kernel = Kernel::new(vec![Prepared::new(record.clone(), 2)], floors, 1);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], floors, 1);
         let nominal = Model::nominal(&file, &[&record], [NOISE[0], NOISE[1], 1.0]);
-        let fit = levenberg::fit(&kernel, nominal.clone(), 8).unwrap();
-        (kernel, nominal, fit)
+        let fit = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
+        (whitened, nominal, fit)
     }
 
     #[test]
     fn waves_are_read_off_in_open_and_in_closed_loop() {
         for (closed, pitch) in [(false, 0.012), (false, 0.04), (true, 0.012), (true, 0.04)] {
-            let (kernel, _, fit) = axis(closed, pitch);
-            let found = waves(&kernel, &fit)[0];
+            let (whitened, _, fit) = axis(closed, pitch);
+            let found = waves(&whitened, &fit)[0];
             // Plant and wave are not fitted together yet: a plant that is a few per cent off makes as much of the wave; and of 2.5 waves in the travel, what other causes may
             // do takes a share.
             assert!((found.pitch / pitch - 1.0).abs() < 0.005, "{closed} {pitch}: {found:?}");
@@ -415,36 +415,36 @@ mod tests {
 
     #[test]
     fn a_wave_comes_again_where_the_records_hold_a_turn_of_it() {
-        let (kernel, _, fit) = axis(true, 0.04);
+        let (whitened, _, fit) = axis(true, 0.04);
         let entry = |pitch: f64| {
             let numbers = vec![("amplitude", 0.5), ("pitch", pitch), ("phase", 0.0)];
             let arguments = Arguments { plant: PlantKind::ServoAxis, subject: None, numbers };
             Entry { description: rsm_sim::effects::of("cogging-torque").unwrap(), arguments }
         };
         // The moves go 0.1 m; what is not read is no way.
-        assert!(comes_again(&kernel, &entry(0.09)) && !comes_again(&kernel, &entry(0.11)));
-        let mut halved = kernel.clone();
+        assert!(comes_again(&whitened, &entry(0.09)) && !comes_again(&whitened, &entry(0.11)));
+        let mut halved = whitened.clone();
         let place = halved.records[0].outputs.iter().position(|it| *it == 0).unwrap();
         let near: Vec<bool> = halved.records[0].measured(place).iter().map(|q| *q < 0.05).collect();
         halved.records[0].used[place] = near;
         assert!(!comes_again(&halved, &entry(0.09)));
-        assert!(waves(&kernel, &fit).iter().all(|wave| wave.pitch <= 0.11));
+        assert!(waves(&whitened, &fit).iter().all(|wave| wave.pitch <= 0.11));
     }
 
     #[test]
     fn a_led_plant_is_where_a_free_run_finds_the_best() {
         for closed in [false, true] {
-            let (kernel, nominal, fit) = axis(closed, 0.012);
-            let found = waves(&kernel, &fit)[0];
+            let (whitened, nominal, fit) = axis(closed, 0.012);
+            let found = waves(&whitened, &fit)[0];
             let description = rsm_sim::effects::of("cogging-torque").unwrap();
             let numbers = vec![("amplitude", found.amplitude), ("pitch", found.pitch), ("phase", found.phase)];
             let arguments = Arguments { plant: PlantKind::ServoAxis, subject: None, numbers };
-            let (model, cost) = led(&kernel, &fit, &nominal, &Entry { description, arguments }, &REACHES).unwrap();
-            let rows = kernel.rows() as f64;
+            let (model, cost) = led(&whitened, &fit, &nominal, &Entry { description, arguments }, &REACHES).unwrap();
+            let rows = whitened.rows() as f64;
             // White noise: four standard deviations, 4 sqrt(2 rows).
             let four = 4.0 * (2.0 * rows).sqrt();
             assert!((cost - rows).abs() < four, "{closed}: {cost}");
-            let fit = levenberg::fit(&kernel, model, 8).unwrap();
+            let fit = levenberg::fit(&whitened, model, 8).unwrap();
             assert!((fit.cost - rows).abs() < four, "{closed}: {}", fit.cost);
             let wave = of(&fit.model.file.effects[0].arguments).unwrap();
             assert!((wave.pitch / 0.012 - 1.0).abs() < 1e-3 && (wave.amplitude / 0.5 - 1.0).abs() < 0.01, "{closed}: {wave:?}");

@@ -3,10 +3,10 @@
 //! In: the whitened residual of a fit. Out: for each output and octave of frequencies its energy over that of noise, and whether it is more than noise
 //! shows in 199 of 200 cases. Never says what the structure is.
 
-use super::kernel::Kernel;
 use super::levenberg::Fit;
-use super::octaves::{LEAST_LINES, OCTAVES, Octave, octaves};
+use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
+use super::whitened_residuals::WhitenedResiduals;
 
 /// How rarely noise alone may pass for structure, over all octaves of all outputs in both looks. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.
 const ALARM: f64 = 0.01;
@@ -56,17 +56,17 @@ pub fn point(bands: usize, looks: usize) -> f64 {
 
 /// Looks at the residual of a fit.
 #[must_use]
-pub fn look(kernel: &Kernel, fit: &Fit) -> Left {
-    look_among(kernel, fit, 1)
+pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Left {
+    look_among(whitened, fit, 1)
 }
 
 /// The same, as one of so many looks that may not raise a false alarm together.
 #[must_use]
-pub fn look_among(kernel: &Kernel, fit: &Fit, looks: usize) -> Left {
+pub fn look_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> Left {
     let mut sums = [[Octave::default(); OCTAVES]; 3];
     let mut rate = 0.0_f64;
     let mut first = 0;
-    for prepared in &kernel.records {
+    for prepared in &whitened.records {
         let rows = prepared.record.rows();
         rate = rate.max(1.0 / prepared.record.period);
         for (k, output) in prepared.outputs.iter().enumerate() {
@@ -76,8 +76,8 @@ pub fn look_among(kernel: &Kernel, fit: &Fit, looks: usize) -> Left {
     }
     let mut bands = Vec::new();
     for (output, list) in sums.iter_mut().enumerate() {
-        if let Some(rounding) = kernel.floors[output].rounding {
-            uneven(kernel, fit, output, rounding, list);
+        if let Some(rounding) = whitened.floors[output].rounding {
+            uneven(whitened, fit, output, rounding, list);
         }
         for (k, octave) in list.iter().enumerate().filter(|(_, octave)| octave.lines >= LEAST_LINES) {
             let high = 0.5 * rate * 0.5_f64.powi(k as i32);
@@ -88,7 +88,7 @@ pub fn look_among(kernel: &Kernel, fit: &Fit, looks: usize) -> Left {
                 high,
                 ratio: octave.ratio(),
                 lines: octave.lines.round() as usize,
-                deviation: octave.deviation(&kernel.floors[output], k),
+                deviation: octave.deviation(&whitened.floors[output], k),
             });
         }
     }
@@ -102,9 +102,9 @@ pub fn look_among(kernel: &Kernel, fit: &Fit, looks: usize) -> Left {
 /// Octaves of readings that are rounded. Their scatter v is large between two steps and small on one: so what noise is differs from record to record, and since it is uneven,
 /// and a reading is one of few, its power scatters more than that of even noise: in L lines of N rows by mean(v^2)/(L mean(v)^2) + mean(m - 3 v^2)/(N mean(v)^2),
 /// with m the fourth moment (M. B. Priestley, "Spectral analysis and time series", 1981, section 6.2). As many lines as have that scatter of even noise are left.
-fn uneven(kernel: &Kernel, fit: &Fit, output: usize, rounding: Rounding, octaves: &mut [Octave; OCTAVES]) {
+fn uneven(whitened: &WhitenedResiduals, fit: &Fit, output: usize, rounding: Rounding, octaves: &mut [Octave; OCTAVES]) {
     let (mut rows, mut sums) = (0.0, [0.0; 3]);
-    for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+    for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
         let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
         for (value, _) in simulated[k].iter().zip(&prepared.used[k]).filter(|(_, used)| **used) {
             let [_, variance, fourth] = rounding.moments(*value);
@@ -116,8 +116,8 @@ fn uneven(kernel: &Kernel, fit: &Fit, output: usize, rounding: Rounding, octaves
     }
     let [mean, square, beyond] = sums.map(|sum| sum / f64::max(rows, 1.0));
     // Where all values lie on steps nothing scatters, and the floor's own noise stands for it.
-    let noise = mean.max(LEAST_SCATTER * kernel.floors[output].sd.powi(2));
-    let even = kernel.floors[output].sd.powi(2) / noise;
+    let noise = mean.max(LEAST_SCATTER * whitened.floors[output].sd.powi(2));
+    let even = whitened.floors[output].sd.powi(2) / noise;
     for octave in octaves {
         let scatter = (square + beyond * octave.lines / f64::max(rows, 1.0)) / (noise * noise);
         let share = 1.0 / scatter.max(1.0);

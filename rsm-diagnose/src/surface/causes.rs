@@ -6,11 +6,11 @@ use super::choice::{Worth, candidates, worth};
 use super::estimate::Estimates;
 use super::explain::Explained;
 use super::hypotheses::{Claim, Hypothesis, Part};
+use super::narrative::Narrative;
 use super::null::Thresholds;
 use super::sample::Sample;
 use super::search::Search;
 use super::tails::f_of;
-use super::telling::Teller;
 
 /// A number of a cause.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,7 +81,7 @@ pub fn all(
     found: &Explained,
     estimates: &Estimates,
 ) -> Vec<Cause> {
-    let teller = Teller { sample, found, estimates };
+    let narrative = Narrative { sample, found, estimates };
     let space = found.space(sample);
     // The set itself first, with the exact columns of its sensors; then everything else as rivals.
     let mut pool: Vec<Hypothesis> = found.set.clone();
@@ -105,7 +105,7 @@ pub fn all(
             part_of(other) == part_of(claim) || key == "steps" && matches!(other, Claim::Step(_))
         };
         let (members, rest): (Vec<usize>, Vec<usize>) = set.iter().copied().partition(same);
-        let mut cause = if key == "steps" { teller.change_points(&members) } else { teller.cause(&members) };
+        let mut cause = if key == "steps" { narrative.change_points(&members) } else { narrative.cause(&members) };
         let worths: Vec<Worth> = members.iter().map(|member| worth(&search, &candidates, &set, *member)).collect();
         cause.ln_p = worths.iter().map(|it| it.ln_p).fold(0.0, f64::min);
         let score = search.score(&set);
@@ -140,9 +140,9 @@ pub fn all(
         cause.rivals = rivals;
         causes.push(cause);
     }
-    causes.extend(teller.outlying(thresholds));
-    causes.extend(teller.growing());
-    causes.extend(teller.following());
+    causes.extend(narrative.outlying(thresholds));
+    causes.extend(narrative.growing());
+    causes.extend(narrative.following());
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     causes
 }

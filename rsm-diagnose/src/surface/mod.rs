@@ -20,16 +20,16 @@ pub mod data;
 mod estimate;
 mod explain;
 mod extension;
+pub mod holdout;
 mod hypotheses;
-mod left_over;
+mod narrative;
 mod noise;
 mod null;
 pub mod regions;
+mod residual_tests;
 mod sample;
 mod search;
 mod tails;
-mod telling;
-pub mod unseen;
 mod whitening;
 mod work;
 
@@ -41,13 +41,13 @@ use data::NewData;
 use estimate::Estimates;
 use explain::Explained;
 use extension::Extension;
+use holdout::{Errors, Judged};
 use hypotheses::Hypothesis;
-pub use left_over::{Floor, Test};
 use null::Thresholds;
 use regions::Region;
+pub use residual_tests::{Floor, Test};
 use rsm_fit::table::MAGNITUDES;
 use sample::{Sample, Taken};
-use unseen::{Errors, Judged};
 use work::Work;
 
 /// False alarms of a whole diagnosis. 5 % are allowed; a fifth is kept back for the draws, which know a threshold to some 15 %.
@@ -282,7 +282,7 @@ impl Answer {
         let mut found = explain::explain(&sample, &hypotheses, &thresholds, &work);
         estimate::refine(&sample, &mut found);
         let estimates = estimate::numbers(&sample, &found);
-        let tests = left_over::tests(&sample, &found);
+        let tests = residual_tests::tests(&sample, &found);
         Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped: work.ran_out() }
     }
 
@@ -359,7 +359,7 @@ fn of_response(
         answer(&sample_of, alpha, &|percent| say(&format!("looking for causes, {percent} % of the work that is allowed")));
     let (threshold_p_structure, is_structure_left) = (answer.threshold_p_structure(), answer.is_structure_left());
     let Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped } = answer;
-    let floor = left_over::floor(&sample, &found);
+    let floor = residual_tests::floor(&sample, &found);
     let mut causes = causes::all(&sample, &hypotheses, &thresholds, &found, &estimates);
     let extension = extension::extend(&sample, &found, &estimates, taken);
     // A search that was cut short has not shown that it knows the causes.
@@ -380,7 +380,7 @@ fn of_response(
         );
     }
     let names = |data: &NewData| data.files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>().join(", ");
-    let on_files = unseen.map(|unseen| (unseen, unseen::on_files(model, index, &extension, unseen)));
+    let on_files = unseen.map(|unseen| (unseen, holdout::on_files(model, index, &extension, unseen)));
     let (judged, judged_on) = match on_files {
         Some((_, Ok(judged))) => {
             (judged, "rows of the files for validation, from which nothing was chosen or estimated".to_string())
@@ -390,12 +390,12 @@ fn of_response(
                 notes.push(format!("{} cannot judge the extension: {why}; rows of the data do in turns", names(unseen)));
             }
             say("judging by cross-validation");
-            let judged = unseen::by_folds(&sample, &thresholds, &found, taken, MOST_WORK_OF_FOLD);
-            (judged, format!("cross-validation in {} parts, causes chosen again without each", unseen::FOLDS))
+            let judged = holdout::by_folds(&sample, &thresholds, &found, taken, MOST_WORK_OF_FOLD);
+            (judged, format!("cross-validation in {} parts, causes chosen again without each", holdout::FOLDS))
         }
     };
     // The last that is done: nothing after it looks at what comes out.
-    let tested = test.and_then(|test| match unseen::on_files(model, index, &extension, test) {
+    let tested = test.and_then(|test| match holdout::on_files(model, index, &extension, test) {
         Ok(judged) => {
             let judged = judged.of(verdict);
             let of = |computed: &[f64]| judged.errors(computed, floor.sd);

@@ -5,9 +5,9 @@ use rsm_core::check::Checked;
 use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_diagnose::plant::correction::{self, Offer};
-use rsm_diagnose::plant::kernel::{Kernel, Prepared};
 use rsm_diagnose::plant::noise::Floor;
 use rsm_diagnose::plant::random::Random;
+use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -42,8 +42,8 @@ fn axis(stiffness: f64, periods: [f64; 2]) -> [Vec<f64>; 3] {
     columns
 }
 
-/// A kernel with records of the axis with the spring and noise, and what the axis without it does along them.
-fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (Kernel, Vec<Vec<Vec<f64>>>) {
+/// Whitened records of the axis with the spring and noise, and what the axis without it does along them.
+fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (WhitenedResiduals, Vec<Vec<Vec<f64>>>) {
     let plant = PlantFile::read(&Source::new("axis.toml", PLANT)).unwrap();
     let mut random = Random::new(seed);
     let mut records = Vec::new();
@@ -61,7 +61,7 @@ fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (Kernel, Vec<Vec<Vec<
         simulated.push(vec![position, command]);
     }
     let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
-    (Kernel::new(records, floors, 1), simulated)
+    (WhitenedResiduals::new(records, floors, 1), simulated)
 }
 
 const TRAINING: [[f64; 2]; 2] = [[3.0, 1.6], [2.4, 1.9]];
@@ -69,9 +69,9 @@ const UNSEEN: [[f64; 2]; 1] = [[2.7, 1.7]];
 
 #[test]
 fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
-    let (kernel, simulated) = records(2000.0, &TRAINING, 1);
+    let (whitened, simulated) = records(2000.0, &TRAINING, 1);
     let (unseen, simulated_unseen) = records(2000.0, &UNSEEN, 2);
-    let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &unseen, &simulated_unseen);
+    let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
     let Offer::Gains(found) = found else { panic!("{found:?}") };
     // The spring's force is a function of the position, and in a stiff loop the command is what it asks for: nearly all goes. What stays are the transients of the
     // loop and a third order through q abs(q).
@@ -93,9 +93,9 @@ fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
 
 #[test]
 fn without_unseen_records_the_last_third_judges() {
-    let (kernel, simulated) = records(2000.0, &TRAINING, 1);
-    let nobody = kernel.on(Vec::new());
-    let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &nobody, &[]);
+    let (whitened, simulated) = records(2000.0, &TRAINING, 1);
+    let nobody = whitened.on(Vec::new());
+    let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &nobody, &[]);
     let Offer::Gains(found) = found else { panic!("{found:?}") };
     assert!(!found.unseen && found.gain > 0.8, "{}", found.gain);
 }
@@ -103,9 +103,9 @@ fn without_unseen_records_the_last_third_judges() {
 #[test]
 fn noise_is_not_corrected() {
     for seed in 1..=5 {
-        let (kernel, simulated) = records(0.0, &TRAINING, seed);
+        let (whitened, simulated) = records(0.0, &TRAINING, seed);
         let (unseen, simulated_unseen) = records(0.0, &UNSEEN, 100 + seed);
-        let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &unseen, &simulated_unseen);
+        let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
         assert!(matches!(found, Offer::Nothing { .. }), "seed {seed}: {found:?}");
     }
 }
@@ -114,17 +114,17 @@ fn noise_is_not_corrected() {
 fn what_hangs_on_nothing_that_is_simulated_is_refused() {
     // A disturbance at 3.1 Hz, whatever the axis does; its phase is another one in each record, as the motion is.
     let disturbed = |all: &[[f64; 2]], seed: u64| {
-        let (mut kernel, simulated) = records(0.0, all, seed);
-        for (k, prepared) in kernel.records.iter_mut().enumerate() {
+        let (mut whitened, simulated) = records(0.0, all, seed);
+        for (k, prepared) in whitened.records.iter_mut().enumerate() {
             let phase = (seed + k as u64) as f64;
             for (row, value) in prepared.record.measured[1].as_mut().unwrap().iter_mut().enumerate() {
                 *value += 0.1 * (std::f64::consts::TAU * 3.1 * row as f64 / 1000.0 + phase).sin();
             }
         }
-        (kernel, simulated)
+        (whitened, simulated)
     };
-    let (kernel, simulated) = disturbed(&TRAINING, 1);
+    let (whitened, simulated) = disturbed(&TRAINING, 1);
     let (unseen, simulated_unseen) = disturbed(&UNSEEN, 6);
-    let found = correction::correction(PlantKind::ServoAxis, &kernel, &simulated, &unseen, &simulated_unseen);
+    let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
     assert!(matches!(found, Offer::Nothing { .. }), "{found:?}");
 }

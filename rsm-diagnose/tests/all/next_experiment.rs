@@ -3,11 +3,11 @@
 use rsm_core::source::Source;
 use rsm_diagnose::plant::excitations::{self, Limits};
 use rsm_diagnose::plant::experiment::{NextExperiment, next};
-use rsm_diagnose::plant::kernel::{Kernel, Prepared};
 use rsm_diagnose::plant::levenberg::{self, Fit};
 use rsm_diagnose::plant::model::Model;
 use rsm_diagnose::plant::noise::Floor;
 use rsm_diagnose::plant::random::Random;
+use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_diagnose::plant::{Alias, Diagnosis, Options, Verdict, diagnose};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
@@ -85,13 +85,13 @@ fn friction_and_a_constant_load_are_told_apart_by_the_record_that_is_asked_for()
 }
 
 /// A plant fitted as it stands to what it does itself along a record.
-fn fitted(file: &PlantFile, records: &[Record]) -> (Kernel, Fit) {
+fn fitted(file: &PlantFile, records: &[Record]) -> (WhitenedResiduals, Fit) {
     let floors = noise(file.kind).map(|sd| Floor::white(sd.max(1e-9)));
     let outputs = file.kind.outputs().len();
     let prepared = records.iter().map(|it| Prepared::new(it.clone(), outputs)).collect();
-    let kernel = Kernel::new(prepared, floors, 2);
-    let fit = levenberg::here(&kernel, model(file, records)).unwrap();
-    (kernel, fit)
+    let whitened = WhitenedResiduals::new(prepared, floors, 2);
+    let fit = levenberg::here(&whitened, model(file, records)).unwrap();
+    (whitened, fit)
 }
 
 /// The plant of a file, its tolerances and starts unknown, the numbers of its effects as they are.
@@ -107,10 +107,10 @@ fn car_against(rival: &str) -> Option<NextExperiment> {
     // 100 N m on the wheel.
     let true_plant = plant("driveline", &effect("brake-drag", "torque = 100.0"));
     let records = [measured(&true_plant, record(&car_record(), &true_plant), 1)];
-    let (kernel, fit) = fitted(&true_plant, &records);
+    let (whitened, fit) = fitted(&true_plant, &records);
     let rival = plant("driveline", rival);
     let alias = Alias { cause: "brake-drag".into(), rival: "the rival".into(), model: model(&rival, &records), limit: 30.0 };
-    next(&kernel, &fit, &[alias], Verdict::Explained, &|_| {})
+    next(&whitened, &fit, &[alias], Verdict::Explained, &|_| {})
 }
 
 #[test]
@@ -148,8 +148,9 @@ fn an_error_without_a_cause_is_looked_for_where_it_is() {
     for (value, speed) in records[0].measured[0].as_mut().unwrap().iter_mut().zip(&speed) {
         *value += if *speed < 60.0 { 0.6 } else { 0.0 };
     }
-    let (kernel, fit) = fitted(&file, &records);
-    let Some(NextExperiment::Looks { excitation, expected, present }) = next(&kernel, &fit, &[], Verdict::Unexplained, &|_| {})
+    let (whitened, fit) = fitted(&file, &records);
+    let Some(NextExperiment::Looks { excitation, expected, present }) =
+        next(&whitened, &fit, &[], Verdict::Unexplained, &|_| {})
     else {
         panic!("there is an error to look for")
     };
@@ -160,7 +161,7 @@ fn an_error_without_a_cause_is_looked_for_where_it_is() {
     assert!(slow(&records[0]) < 0.25 && slow(&excitation.record) > 0.9, "{}", excitation.name);
     // The error is nine times the noise's energy on one of three outputs, beyond the noise 3 in the mean, and the present record has it in a quarter of its rows.
     assert!(expected > 2.0 && present < 1.0, "{expected} {present}");
-    assert!(next(&kernel, &fit, &[], Verdict::Explained, &|_| {}).is_none());
+    assert!(next(&whitened, &fit, &[], Verdict::Explained, &|_| {}).is_none());
 }
 
 #[test]
@@ -182,8 +183,8 @@ fn every_excitation_keeps_the_limits_and_reads_back() {
     ];
     for (file, text, least) in cases {
         let records = [measured(&file, record(&text, &file), 1)];
-        let (kernel, fit) = fitted(&file, &records);
-        let limits = Limits::of(&kernel, &fit).unwrap();
+        let (whitened, fit) = fitted(&file, &records);
+        let limits = Limits::of(&whitened, &fit).unwrap();
         let library = excitations::library(&[&file], &limits);
         let names: Vec<&str> = library.iter().map(|it| it.name.as_str()).collect();
         assert!(library.len() >= least, "{}: {names:?}", file.kind.name());

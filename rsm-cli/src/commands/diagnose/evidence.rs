@@ -52,7 +52,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
         it.supports.push(words);
     }
     let Some(witness) = &cause.witness else { return };
-    let records = if found.portrait.unseen { "validation records" } else { "the records of the fit" };
+    let records = if found.error_breakdown.unseen { "validation records" } else { "the records of the fit" };
     let mut outputs = witness.outputs.clone();
     outputs.sort_by(|a, b| (b.1 - b.2).total_cmp(&(a.1 - a.2)));
     // Below a hundredth of the noise a difference is not worth a word.
@@ -74,7 +74,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
     }
     let better = witness.records.iter().filter(|(_, without, with)| with < without).count();
     let all = witness.records.len();
-    let judged = if found.portrait.unseen { "validation record" } else { "record of the fit" };
+    let judged = if found.error_breakdown.unseen { "validation record" } else { "record of the fit" };
     let plural = if all == 1 { "" } else { "s" };
     if better == all {
         let each = if all == 1 { "The only".to_string() } else { format!("Every one of the {all}") };
@@ -87,7 +87,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
     if let Some(place) = witness.places.first() {
         it.supports.push(format!("Without it {}.", words::place(kind, place)));
     }
-    if !found.portrait.unseen {
+    if !found.error_breakdown.unseen {
         it.speaks_against.push("No record was kept for validation: the gain is that of a fit.".to_string());
     }
 }
@@ -144,7 +144,7 @@ fn numbers(cause: &Cause, it: &mut Evidence) {
 }
 
 fn constants(found: &Diagnosis, it: &mut Evidence) {
-    let most = found.portrait.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()));
+    let most = found.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()));
     let Some(most) = most else { return };
     let words = format!("{} moved most, by {:.1} standard deviations of its tolerance", most.name, most.sds.abs());
     if most.sds.abs() < PRESSED {

@@ -5,9 +5,9 @@
 //! verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
 
 mod equations;
+mod error_breakdown;
 mod evidence;
 mod next;
-mod portrait;
 mod refit;
 mod report;
 mod surface;
@@ -139,7 +139,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             (folder.join("report.html"), page),
         ];
         files.extend(next::csv(&found).map(|csv| (folder.join(next::FILE), csv)));
-        files.extend(portrait::correction_file(&found).map(|text| (folder.join(portrait::CORRECTION), text)));
+        files.extend(error_breakdown::correction_file(&found).map(|text| (folder.join(error_breakdown::CORRECTION), text)));
         if let Some(Ok(refitted)) = &refitted {
             files.extend(refitted.files.iter().cloned());
         }
@@ -245,7 +245,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         if let Some(record) = &cause.only_in {
             one.insert("only_in".to_string(), json!([record]));
         }
-        one.insert("evidence".to_string(), portrait::evidence(kind, found, cause));
+        one.insert("evidence".to_string(), error_breakdown::evidence(kind, found, cause));
         Value::Object(one)
     };
     let causes: Vec<Value> = found.causes.iter().map(cause_value).collect();
@@ -297,11 +297,11 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         })),
         "gain": output::finite(found.gain),
         "gain_interval": [output::finite(found.gain_interval.0), output::finite(found.gain_interval.1)],
-        "where": portrait::regions(kind, &found.portrait.before),
+        "where": error_breakdown::regions(kind, &found.error_breakdown.before),
         "steps": steps,
-        "left": portrait::regions(kind, &found.portrait.after),
-        "correction": portrait::correction(kind, found),
-        "calibration": portrait::calibration(found),
+        "left": error_breakdown::regions(kind, &found.error_breakdown.after),
+        "correction": error_breakdown::correction(kind, found),
+        "calibration": error_breakdown::calibration(found),
         "noise": found.noise.iter().map(|(k, sd, correlation)| {
             let grown = found.growing.iter().find(|it| it.0 == *k);
             let mut noise = json!({ "sd": sd, "correlation": correlation });

@@ -5,9 +5,9 @@
 use rsm_diagnose::plant::bridges::Bridged;
 use rsm_diagnose::plant::claims::Claim;
 use rsm_diagnose::plant::correction::Offer;
-use rsm_diagnose::plant::portrait::Portrait;
+use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
+use rsm_diagnose::plant::nested_models::Step;
 use rsm_diagnose::plant::regions::{Region, telling};
-use rsm_diagnose::plant::steps::Step;
 use rsm_diagnose::plant::tested::FIRST_PART;
 use rsm_diagnose::plant::{Cause, Diagnosis, Interval, Verdict};
 use rsm_sim::effect::Subject;
@@ -29,10 +29,10 @@ pub fn tested_on() -> String {
 }
 
 /// The records that judge, in words.
-pub fn judging(portrait: &Portrait) -> String {
-    let count = if portrait.unseen { portrait.records[1].len() } else { portrait.records[0].len() };
+pub fn judging(error_breakdown: &ErrorBreakdown) -> String {
+    let count = if error_breakdown.unseen { error_breakdown.records[1].len() } else { error_breakdown.records[0].len() };
     let plural = if count == 1 { "" } else { "s" };
-    if portrait.unseen {
+    if error_breakdown.unseen {
         format!("{count} validation record{plural}")
     } else {
         format!("the {count} record{plural} of the fit")
@@ -41,7 +41,7 @@ pub fn judging(portrait: &Portrait) -> String {
 
 /// The verdict with its numbers.
 pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
-    let judging = judging(&found.portrait);
+    let judging = judging(&found.error_breakdown);
     let worst = |errors: &[rsm_diagnose::plant::validation::Error]| {
         let worst = errors.iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio));
         worst.map_or((String::new(), 0.0), |it| (kind.outputs()[it.output].name.to_string(), it.noise_ratio))
@@ -55,7 +55,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
     );
     match found.verdict {
         Verdict::NoDiscrepancy => {
-            let moved = found.portrait.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()));
+            let moved = found.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()));
             let moved = moved.map_or(String::new(), |it| {
                 format!(
                     " What moved most within its tolerance is {}, by {:.1} standard deviations of it.",
@@ -89,7 +89,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             }
         }
         Verdict::Unexplained => {
-            let looks = telling(&found.portrait.after, 1);
+            let looks = telling(&found.error_breakdown.after, 1);
             let looks = looks.first().map_or(String::new(), |it| format!(" Most telling: {}.", place(kind, it)));
             let predicted = found.predicted.as_ref().map_or(String::new(), |it| {
                 let output = kind.outputs()[it.output].name;
@@ -264,14 +264,14 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     if let Some(sentence) = next::sentence(found) {
         tell!("  {sentence}");
     }
-    match &found.portrait.correction {
+    match &found.error_breakdown.correction {
         Some(Offer::Gains(it)) => tell!(
             "  A black-box correction (correction.toml) removes {:.0} % of what is left on {}.",
             100.0 * it.gain,
-            judging(&found.portrait)
+            judging(&found.error_breakdown)
         ),
         Some(Offer::Nothing { .. }) => {
-            tell!("  A black-box correction of what is left gains nothing on {}.", judging(&found.portrait));
+            tell!("  A black-box correction of what is left gains nothing on {}.", judging(&found.error_breakdown));
         }
         None => {}
     }

@@ -2,8 +2,8 @@
 //!
 //! In: columns in blocks (a record and an equation each), and what they are to explain. Out: what columns leave on the other blocks. Never knows what a column is.
 
-use crate::plant::kernel::dot;
 use crate::plant::normal::Normal;
+use crate::plant::whitened_residuals::dot;
 
 /// Rows of a block of time: four memories of an equation, so that neighbours have little in common.
 const BLOCK: usize = 400;

@@ -10,7 +10,7 @@
 //! integral. Nothing runs away either: what a free run has made of an error after a second is not in it. Never fits, never simulates.
 
 use super::readings::{Readings, Version, WIDTH};
-use crate::plant::kernel::Prepared;
+use crate::plant::whitened_residuals::Prepared;
 use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::{PlantKind, StartValues};
 use rsm_sim::plant_file::PlantFile;

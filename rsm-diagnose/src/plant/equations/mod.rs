@@ -20,12 +20,12 @@ pub mod turning;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::chance::best_of;
 use super::hypotheses::{Hypothesis, generalises};
-use super::kernel::{Kernel, Prepared};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::screen::scaled;
+use super::significance::best_of;
+use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use held_out::{Base, Blocks, Prior, blocks};
 use led::{missed, names};
 use readings::{Readings, Version};
@@ -104,8 +104,8 @@ struct Candidate {
 
 /// Asks the equations; `None` where no record has the columns for one.
 #[must_use]
-pub fn look(kernel: &Kernel, nominal: &Model, hypotheses: &[Hypothesis]) -> Option<Said> {
-    let equations = Equations::of(kernel, nominal)?;
+pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothesis]) -> Option<Said> {
+    let equations = Equations::of(whitened, nominal)?;
     let mut candidates = equations.catalogue(nominal, hypotheses);
     let without_orders = candidates.len();
     candidates.extend(equations.orders(nominal, hypotheses));
@@ -207,9 +207,9 @@ impl Said {
 
     /// The plant with the first term, with the first two and so on, each fitted to a free run, from the starts of another fit.
     #[must_use]
-    pub fn fitted(&self, kernel: &Kernel, calibrated: &Fit) -> Vec<Fit> {
+    pub fn fitted(&self, whitened: &WhitenedResiduals, calibrated: &Fit) -> Vec<Fit> {
         let its = |model: &Model| Model { starts: calibrated.model.starts.clone(), ..model.clone() };
-        self.models.iter().filter_map(|model| levenberg::fit(kernel, its(model), FIT_STEPS)).collect()
+        self.models.iter().filter_map(|model| levenberg::fit(whitened, its(model), FIT_STEPS)).collect()
     }
 }
 
@@ -225,9 +225,9 @@ struct Equations {
 
 impl Equations {
     /// Of records and the plant as its file has it.
-    fn of(kernel: &Kernel, nominal: &Model) -> Option<Self> {
+    fn of(whitened: &WhitenedResiduals, nominal: &Model) -> Option<Self> {
         let kind = nominal.file.kind;
-        let known: Vec<&Prepared> = kernel.records.iter().filter(|it| !names(it, kind).is_empty()).collect();
+        let known: Vec<&Prepared> = whitened.records.iter().filter(|it| !names(it, kind).is_empty()).collect();
         let each = MOST_ROWS / known.len().max(1);
         let records: Vec<(Prepared, Readings)> = known
             .into_iter()
@@ -238,7 +238,7 @@ impl Equations {
             names: names(&records.first()?.0, kind),
             records,
             scales: Vec::new(),
-            threads: kernel.threads,
+            threads: whitened.threads,
             work: AtomicU64::new(0),
         };
         let all = equations.missed(&nominal.file, Version::Raw)?;

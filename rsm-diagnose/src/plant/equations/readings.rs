@@ -3,7 +3,7 @@
 //! In: a prepared record. Out: signals a row, and which rows count. Never looks at an equation.
 
 use super::led::MEMORY;
-use crate::plant::kernel::Prepared;
+use crate::plant::whitened_residuals::Prepared;
 use rsm_sim::effect::AXIS_SIGN_WIDTH;
 use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::PlantKind;
@@ -148,6 +148,6 @@ fn smoothed(values: &[f64]) -> Vec<f64> {
 
 /// The noise of positions, by their second differences: a smooth motion has hardly any.
 fn noise(positions: &[f64]) -> f64 {
-    let bends = positions.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]) * (w[2] - 2.0 * w[1] + w[0]));
-    (bends.sum::<f64>() / (6.0 * positions.len().max(1) as f64)).sqrt()
+    let curvatures = positions.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]) * (w[2] - 2.0 * w[1] + w[0]));
+    (curvatures.sum::<f64>() / (6.0 * positions.len().max(1) as f64)).sqrt()
 }

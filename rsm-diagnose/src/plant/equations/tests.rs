@@ -4,11 +4,11 @@ use rsm_core::source::Source;
 
 use super::super::calibration::calibrate;
 use super::super::hypotheses;
-use super::super::kernel::Kernel;
 use super::super::model::AtStart;
 use super::super::noise::Floor;
 use super::super::random::Random;
 use super::super::survey;
+use super::super::whitened_residuals::WhitenedResiduals;
 use super::*;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
@@ -63,11 +63,11 @@ fn axis(effects: &str, rows: usize) -> Record {
 fn said(plant: &str, record: Record) -> Said {
     let file = file(plant);
     let outputs = file.kind.outputs().len();
-    let mut kernel = Kernel::new(vec![Prepared::new(record, outputs)], [Floor::white(1.0); 3], 1);
-    let (nominal, fit) = calibrate(&mut kernel, &file, AtStart::Steady).unwrap();
-    let survey = survey::survey(&kernel, &fit);
-    let all = hypotheses::all(file.kind, &survey, &kernel.records[0].outputs);
-    look(&kernel, &nominal, &all).unwrap()
+    let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record, outputs)], [Floor::white(1.0); 3], 1);
+    let (nominal, fit) = calibrate(&mut whitened, &file, AtStart::Steady).unwrap();
+    let survey = survey::survey(&whitened, &fit);
+    let all = hypotheses::all(file.kind, &survey, &whitened.records[0].outputs);
+    look(&whitened, &nominal, &all).unwrap()
 }
 
 fn number(term: &Term, name: &str) -> f64 {

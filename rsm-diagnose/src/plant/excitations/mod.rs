@@ -9,8 +9,8 @@ mod driveline;
 mod motor;
 mod shapes;
 
-use super::kernel::{Kernel, Simulated};
 use super::levenberg::Fit;
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
@@ -60,19 +60,19 @@ const ROWS: [usize; 2] = [1000, 8000];
 impl Limits {
     /// What the records of a fit have seen.
     #[must_use]
-    pub fn of(kernel: &Kernel, fit: &Fit) -> Option<Limits> {
-        let first = kernel.records.first()?;
+    pub fn of(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Limits> {
+        let first = whitened.records.first()?;
         let mut limits = Limits {
             drive: first.record.drive,
             period: first.record.period,
-            rows: kernel.records.iter().map(|it| it.record.rows()).max()?.clamp(ROWS[0], ROWS[1]),
+            rows: whitened.records.iter().map(|it| it.record.rows()).max()?.clamp(ROWS[0], ROWS[1]),
             seen: [[f64::INFINITY, f64::NEG_INFINITY]; 3],
             load: [f64::INFINITY, f64::NEG_INFINITY],
             speed: 0.0,
             acceleration: 0.0,
             gears: Vec::new(),
         };
-        for (prepared, simulated) in kernel.records.iter().zip(&fit.simulated) {
+        for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
             let record = &prepared.record;
             for (output, values) in prepared.outputs.iter().zip(simulated) {
                 limits.seen[*output] = around(limits.seen[*output], values);

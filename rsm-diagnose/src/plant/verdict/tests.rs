@@ -8,15 +8,15 @@ use super::*;
 fn louder_noise_on_unseen_records_is_no_structure_and_a_swing_is() {
     use super::super::axis_under_steps;
     let file = axis_under_steps::file("mass = 0.02", "");
-    let (kernel, nominal) = axis_under_steps::kernel(&file, &file, true);
-    let fit = levenberg::fit(&kernel, nominal, 4).unwrap();
+    let (whitened, nominal) = axis_under_steps::whitened(&file, &file, true);
+    let fit = levenberg::fit(&whitened, nominal, 4).unwrap();
     // The residual times `louder`, and a swing of so many times the noise beside it, ten to the record.
     let left = |louder: f64, swing: f64| {
-        let mut unseen = kernel.clone();
+        let mut unseen = whitened.clone();
         let measured = unseen.records[0].record.measured[0].as_mut().unwrap();
         for (row, value) in measured.iter_mut().enumerate() {
             let simulated = fit.simulated[0][0][row];
-            let swing = swing * kernel.floors[0].sd * (0.1 * row as f64).sin();
+            let swing = swing * whitened.floors[0].sd * (0.1 * row as f64).sin();
             *value = simulated + louder * (*value - simulated) + swing;
         }
         left_there(&unseen, fit.clone(), 1).excess
@@ -99,10 +99,10 @@ fn a_plant_in_order_gets_nothing_wrong_and_causes_are_practical_that_remove_near
 
 #[test]
 fn a_step_is_known_to_the_digits_of_the_readings_or_to_what_their_changes_miss() {
-    let (mut kernel, _) = axis_under_steps::kernel(&axis_under_steps::file("", ""), &axis_under_steps::file("", ""), false);
+    let (mut whitened, _) = axis_under_steps::whitened(&axis_under_steps::file("", ""), &axis_under_steps::file("", ""), false);
     let mut off = |values: &[f64]| {
-        kernel.records[0].record.measured[0] = Some(values.to_vec());
-        off_lattice(&kernel, 0, 0.25)
+        whitened.records[0].record.measured[0] = Some(values.to_vec());
+        off_lattice(&whitened, 0, 0.25)
     };
     // Multiples to the last bit: the digits of the largest reading.
     assert_eq!(off(&[0.5, 0.25, -4.0, 1.0]), 16.0 * f64::EPSILON);
@@ -115,7 +115,7 @@ fn a_step_is_known_to_the_digits_of_the_readings_or_to_what_their_changes_miss()
     // A hundredth of a step is too far by a hair.
     assert_eq!(off(&[0.0, 0.0025]), 4.0 * f64::EPSILON * 0.0025);
     // Another output is not recorded.
-    assert_eq!(off_lattice(&kernel, 1, 0.25), 0.0);
+    assert_eq!(off_lattice(&whitened, 1, 0.25), 0.0);
 }
 
 #[test]
@@ -165,9 +165,9 @@ fn every_number_has_the_unit_of_what_it_stands_for() {
 /// An axis with effects, fitted to a record of its own.
 fn fitted(effects: &str, tolerances: &str) -> Fit {
     let file = axis_under_steps::file(tolerances, effects);
-    let (kernel, nominal) = axis_under_steps::kernel(&axis_under_steps::file(tolerances, ""), &file, true);
+    let (whitened, nominal) = axis_under_steps::whitened(&axis_under_steps::file(tolerances, ""), &file, true);
     let model = nominal.with_effects(&nominal, file.effects.clone());
-    levenberg::fit(&kernel, model, 8).unwrap()
+    levenberg::fit(&whitened, model, 8).unwrap()
 }
 
 fn named(fit: &Fit, place: usize) -> Cause {

@@ -118,7 +118,7 @@ fn a_constant_inductance_against_the_flux_map_is_saturation() {
     super::tell("flux map, currents up to 14 A, judged up to 22 A", &found);
     assert_eq!(super::kinds(&found), ["magnetic-saturation"]);
     let tested = found.tested.as_ref().unwrap();
-    let above = found.portrait.before.iter().find(|it| it.region == "current above 12 A").unwrap();
+    let above = found.error_breakdown.before.iter().find(|it| it.region == "current above 12 A").unwrap();
     let current = found.entries().next().unwrap().parameters[0].value;
     prose::tells("`magnetic-saturation`, {} A, nothing else.", &[current]);
     // What is left up to 22 A is the law's misfit of a third there.

@@ -38,7 +38,7 @@ fn tell(what: &str, found: &Diagnosis) {
         println!("  {:?}: {errors:?}, force {:?}", step.causes, step.force_error);
     }
     println!("  what is left looks most like {:?}", found.remaining.iter().take(4).collect::<Vec<_>>());
-    for region in found.portrait.before.iter().take(6) {
+    for region in found.error_breakdown.before.iter().take(6) {
         println!(
             "  where: output {} {}: {:.2} of the error in {:.2} of the rows",
             region.output, region.region, region.share_of_error, region.share_of_rows

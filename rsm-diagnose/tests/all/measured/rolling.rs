@@ -146,7 +146,7 @@ fn the_diagnosis_finds_the_cogging_of_one_record_and_names_nothing_absurd_in_the
     let refused = straight.refused.iter().find(|it| it.cause == "sensor-gain:i_q").unwrap();
     prose::tells("A gain of {} of the current's sensor is refused as implausible.", &[number_in(&refused.why)]);
     // Where the error of the current stands: 12 waves a revolution.
-    let line = straight.portrait.before.iter().find(|it| it.output == 1 && it.region.starts_with("a line at")).unwrap();
+    let line = straight.error_breakdown.before.iter().find(|it| it.output == 1 && it.region.starts_with("a line at")).unwrap();
     prose::tells(
         "the error of the current stands in a line at {} Hz, {} waves a revolution,",
         &[number_in(&line.region), number_in(&line.region) * std::f64::consts::TAU / speed],

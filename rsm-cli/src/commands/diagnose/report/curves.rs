@@ -6,8 +6,8 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use rsm_diagnose::plant::Diagnosis;
+use rsm_diagnose::plant::error_breakdown::Trace;
 use rsm_diagnose::plant::orders::Orders;
-use rsm_diagnose::plant::portrait::Trace;
 use rsm_sim::kind::PlantKind;
 
 use super::super::words;
@@ -17,15 +17,15 @@ use crate::plot::{BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words, curves, 
 
 /// The section.
 pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<(), Refusal> {
-    let portrait = &found.portrait;
-    if portrait.traces.is_empty() {
+    let breakdown = &found.error_breakdown;
+    if breakdown.traces.is_empty() {
         return Ok(());
     }
-    let records = if portrait.unseen { &portrait.records[1] } else { &portrait.records[0] };
-    let _ = writeln!(body, "<h2>Before and after, on {}</h2>", words::judging(portrait));
+    let records = if breakdown.unseen { &breakdown.records[1] } else { &breakdown.records[0] };
+    let _ = writeln!(body, "<h2>Before and after, on {}</h2>", words::judging(breakdown));
     body.push_str("<p>Of each output the record in which the plant is worst, calibrated within its tolerances: all of it, the stretch that is worst, and what is left over time.</p>\n");
     for output in 0..kind.outputs().len() {
-        let worst = portrait.traces.iter().filter(|it| it.output == output).max_by(|a, b| a.error.total_cmp(&b.error));
+        let worst = breakdown.traces.iter().filter(|it| it.output == output).max_by(|a, b| a.error.total_cmp(&b.error));
         let Some(trace) = worst else { continue };
         let signal = kind.outputs()[output];
         let y = format!("{} [{}]", signal.name, signal.unit);
@@ -36,7 +36,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
         let (from, to) = (trace.time[trace.worst.start], trace.time[trace.worst.end - 1]);
         body.push_str(&outputs(trace, &trace.worst, &format!("where it is worst: {from:.3} to {to:.3} s"), &y)?);
         body.push_str(&residuals(trace, &whole, "measured less simulated", &y)?);
-        if let Some(spectrum) = portrait.spectra.iter().find(|it| it.output == output) {
+        if let Some(spectrum) = breakdown.spectra.iter().find(|it| it.output == output) {
             let pairs = |values: &[f64]| spectrum.frequency.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
             let series = [
                 Series::new("calibrated", ORANGE, Mark::Line, pairs(&spectrum.before)),
@@ -49,12 +49,12 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
         }
         body.push_str("</div>\n");
     }
-    let telling: Vec<&Orders> = portrait.orders.iter().filter(|it| it.order.len() > 4).collect();
+    let telling: Vec<&Orders> = breakdown.orders.iter().filter(|it| it.order.len() > 4).collect();
     let telling = telling.into_iter().filter(|orders| {
         let named = |list: &[rsm_diagnose::plant::regions::Region]| {
             list.iter().any(|region| region.output == orders.output && region.quantity == "order")
         };
-        named(&portrait.before) || named(&portrait.after)
+        named(&breakdown.before) || named(&breakdown.after)
     });
     let mut any = false;
     for it in telling {

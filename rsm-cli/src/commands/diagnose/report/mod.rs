@@ -9,7 +9,7 @@ mod where_wrong;
 use std::fmt::Write as _;
 
 use rsm_diagnose::plant::correction::Offer;
-use rsm_diagnose::plant::portrait::Portrait;
+use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
 use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
 use rsm_sim::kind::PlantKind;
 
@@ -53,7 +53,7 @@ fn data(body: &mut String, found: &Diagnosis) {
         let each: Vec<String> = records.iter().map(|(name, rows)| format!("{} ({rows} rows)", escaped(name))).collect();
         each.join(", ")
     };
-    let [training, unseen] = &found.portrait.records;
+    let [training, unseen] = &found.error_breakdown.records;
     body.push_str("<h2>What was compared</h2>\n<p>The simulation of the plant file, free running, against ");
     if unseen.is_empty() {
         let _ = write!(body, "{}. No record was kept for validation: every figure below is one of the fit.", list(training));
@@ -189,21 +189,21 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     if let Some(limit) = found.stopped {
         let _ = writeln!(body, "<p>The search stopped {limit}: what it found may not be all, or not be right.</p>");
     }
-    let portrait = &found.portrait;
-    if portrait.after.is_empty() {
+    let error_breakdown = &found.error_breakdown;
+    if error_breakdown.after.is_empty() {
         body.push_str("<p>What is left is spread too thin to have a place.</p>\n");
     } else {
         body.push_str("<p>What the extended plant still gets wrong beyond the noise lies here:</p>\n");
-        where_wrong::table(body, kind, &portrait.after);
+        where_wrong::table(body, kind, &error_breakdown.after);
     }
-    match &portrait.correction {
+    match &error_breakdown.correction {
         None => {}
         Some(Offer::Nothing { gain }) => {
             let _ = writeln!(
                 body,
                 "<p>A black-box response surface of what is left, over what is simulated and what drives it, gains nothing on {} ({:.0} % of the error beyond \
                  noise): what is left does not hang on these quantities alone. No correction is offered.</p>",
-                words::judging(portrait),
+                words::judging(error_breakdown),
                 100.0 * gain
             );
         }
@@ -213,7 +213,7 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
                 "<p><b>A black-box correction</b> stands in correction.toml: it is no explanation, and holds only where the records went. Added to what the \
                  extended plant simulates, it removes {:.0} % of the error beyond noise that is left on {} (at least {:.0} %, one-sided 95 %).</p>",
                 100.0 * correction.gain,
-                words::judging(portrait),
+                words::judging(error_breakdown),
                 100.0 * correction.low
             );
             body.push_str(
@@ -239,8 +239,8 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
 
 /// The numbers of the extended plant: those of causes with intervals, calibrated ones with their tolerance.
 fn parameters(body: &mut String, found: &Diagnosis) {
-    let portrait: &Portrait = &found.portrait;
-    if found.causes.is_empty() && found.helpers.is_empty() && portrait.calibration.is_empty() {
+    let error_breakdown: &ErrorBreakdown = &found.error_breakdown;
+    if found.causes.is_empty() && found.helpers.is_empty() && error_breakdown.calibration.is_empty() {
         return;
     }
     body.push_str(
@@ -266,7 +266,7 @@ fn parameters(body: &mut String, found: &Diagnosis) {
             row(&label(cause), it.name, &it.unit, &words::before(found, cause), it.value, &note);
         }
     }
-    for it in &portrait.calibration {
+    for it in &error_breakdown.calibration {
         let note = format!("{:+.1} standard deviations of its tolerance (2 are allowed)", it.sds);
         row("calibration", it.name, it.unit, &number(it.nominal), it.value, &note);
     }
@@ -279,7 +279,7 @@ fn errors(body: &mut String, kind: PlantKind, found: &Diagnosis) {
         "<h2>Errors and noise</h2>\n<p>Root mean square errors on {}. The noise is estimated from the records themselves: what is left at high frequencies, \
          continued downwards. 1.00 times the noise is as good as a simulation can be.</p>\n\
          <table><tr><th>output</th><th>noise</th><th>from row to row</th><th>nominal</th><th>over noise</th><th>extended</th><th>over noise</th></tr>\n",
-        words::judging(&found.portrait)
+        words::judging(&found.error_breakdown)
     );
     for (before, after) in found.nominal.iter().zip(&found.extended) {
         let signal = kind.outputs()[before.output];

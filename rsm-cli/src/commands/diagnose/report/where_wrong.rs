@@ -19,16 +19,16 @@ const AFTER: &str = "#0072b2";
 
 /// The section.
 pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
-    let portrait = &found.portrait;
+    let breakdown = &found.error_breakdown;
     body.push_str("<h2>Where the plant is wrong, calibrated within its tolerances</h2>\n");
-    if portrait.before.is_empty() {
+    if breakdown.before.is_empty() {
         body.push_str("<p>Nowhere: in every region that was looked at, the error is that of the noise.</p>\n");
         return;
     }
     body.push_str(
         "<p>Shares of the squared error beyond the noise, all outputs together in units of their noise. Regions overlap: their shares do not sum to one.</p>\n",
     );
-    table(body, kind, &portrait.before);
+    table(body, kind, &breakdown.before);
     let quantities = quantities(found);
     if quantities.is_empty() {
         return;
@@ -39,7 +39,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
          <span style=\"color:{AFTER}\">extended</span>; the grey line stands for the noise.</p>"
     );
     for (output, quantity) in quantities {
-        let slices: Vec<&Slice> = portrait.slices.iter().filter(|it| it.output == output && it.quantity == quantity).collect();
+        let slices: Vec<&Slice> = breakdown.slices.iter().filter(|it| it.output == output && it.quantity == quantity).collect();
         let most = slices.iter().map(|it| it.before.max(it.after).sqrt()).fold(1.0, f64::max);
         let _ = writeln!(
             body,
@@ -89,8 +89,9 @@ pub fn table(body: &mut String, kind: PlantKind, regions: &[Region]) {
 /// Outputs and quantities that have a telling region, in the order of their telling.
 fn quantities(found: &Diagnosis) -> Vec<(usize, &'static str)> {
     let mut list = Vec::new();
-    for it in &found.portrait.before {
-        let is_class = found.portrait.slices.iter().any(|slice| slice.output == it.output && slice.quantity == it.quantity);
+    for it in &found.error_breakdown.before {
+        let is_class =
+            found.error_breakdown.slices.iter().any(|slice| slice.output == it.output && slice.quantity == it.quantity);
         let one = (it.output, it.quantity);
         if is_class && it.quantity != "output" && !list.contains(&one) && list.len() < 6 {
             list.push(one);

@@ -4,7 +4,7 @@
 //! out there. What is late in all records alike is the plant's or the sensor's, and a matter for the search. Never corrects a sample.
 
 use super::checks::{Finding, jumps};
-use super::kernel::{Prepared, Simulated};
+use super::whitened_residuals::{Prepared, Simulated};
 use rsm_sim::kind::PlantKind;
 
 /// Shifts up to so many rows are looked for, either way.

@@ -3,10 +3,10 @@
 //! In: a fitted model, the same with causes more, numbers to begin with. Out: the numbers at the best and the squared residual there. One simulation a number and step:
 //! cheap enough for every hypothesis that the screen lets through. Never moves a start or a calibration for good.
 
-use super::kernel::{Kernel, dot};
 use super::model::{Model, Place};
 use super::normal::Normal;
 use super::nuisance::Nuisance;
+use super::whitened_residuals::{WhitenedResiduals, dot};
 use rsm_sim::plant_file::Entry;
 
 /// A step that gains less, in units of squared residuals whose noise is one, ends the search.
@@ -17,7 +17,7 @@ const ENOUGH_SHARE: f64 = 1e-3;
 
 /// A hypothesis with its best numbers.
 #[derive(Debug, Clone)]
-pub struct Profiled {
+pub struct Projected {
     /// Which hypothesis.
     pub hypothesis: usize,
     /// Its entry.
@@ -28,7 +28,13 @@ pub struct Profiled {
 
 /// Improves the numbers of the causes from `first` on, in at most so many steps; also their cost. `None` where it cannot be simulated.
 #[must_use]
-pub fn profile(kernel: &Kernel, nuisance: &Nuisance<'_>, model: Model, first: usize, steps: usize) -> Option<(Model, f64)> {
+pub fn project(
+    whitened: &WhitenedResiduals,
+    nuisance: &Nuisance<'_>,
+    model: Model,
+    first: usize,
+    steps: usize,
+) -> Option<(Model, f64)> {
     let mut model = model;
     let own: Vec<usize> = (0..model.unknowns.len())
         .filter(|&k| matches!(model.unknowns[k].place, Place::Effect { entry, .. } if entry >= first))
@@ -42,15 +48,15 @@ pub fn profile(kernel: &Kernel, nuisance: &Nuisance<'_>, model: Model, first: us
     if !model.is_possible() {
         return None;
     }
-    let mut simulated = kernel.run(&model)?;
-    let mut residual = kernel.residual(&simulated);
+    let mut simulated = whitened.run(&model)?;
+    let mut residual = whitened.residual(&simulated);
     let (mut cost, mut back) = nuisance.left(&residual);
     let mut damping = 1e-3;
     for _ in 0..steps {
-        if kernel.pace.is_spent() {
+        if whitened.pace.is_spent() {
             break;
         }
-        let columns = kernel.derivatives(&model, &simulated, &own)?;
+        let columns = whitened.derivatives(&model, &simulated, &own)?;
         let n = own.len();
         if n == 0 {
             break;
@@ -79,9 +85,9 @@ pub fn profile(kernel: &Kernel, nuisance: &Nuisance<'_>, model: Model, first: us
                 let at = unknown.inward(model.value(k)) + change.clamp(-limit, limit);
                 trial.set(k, unknown.outward(at));
             }
-            let better = if trial.is_possible() { kernel.run(&trial) } else { None };
+            let better = if trial.is_possible() { whitened.run(&trial) } else { None };
             let better = better.map(|simulated| {
-                let residual = kernel.residual(&simulated);
+                let residual = whitened.residual(&simulated);
                 (nuisance.left(&residual), simulated, residual)
             });
             match better {

@@ -4,11 +4,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model, Place};
 use super::noise::Floor;
 use super::open;
+use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::simulate::starting;
 
@@ -18,53 +18,53 @@ const STEPS: usize = 4;
 /// Twice: the residual of a fit gives floors, and those another fit. A third time moves nothing that shows.
 const TURNS: usize = 2;
 
-/// Fits again with the noise that is left, and leaves its floors in the kernel.
+/// Fits again with the noise that is left, and leaves its floors in the whitening.
 #[must_use]
-pub fn finish(kernel: &mut Kernel, mut fit: Fit, floors: impl Fn(&Kernel, &Fit) -> [Floor; 3]) -> Fit {
+pub fn polish(whitened: &mut WhitenedResiduals, mut fit: Fit, floors: impl Fn(&WhitenedResiduals, &Fit) -> [Floor; 3]) -> Fit {
     fit.model = plain(fit.model);
     for _ in 0..TURNS {
-        let found = floors(kernel, &fit);
-        if found == kernel.floors {
+        let found = floors(whitened, &fit);
+        if found == whitened.floors {
             break;
         }
-        kernel.floors = found;
-        match levenberg::fit(kernel, fit.model.clone(), STEPS) {
+        whitened.floors = found;
+        match levenberg::fit(whitened, fit.model.clone(), STEPS) {
             Some(better) => fit = better,
             None => break,
         }
     }
-    open::settled(kernel, fit)
+    open::settled(whitened, fit)
 }
 
 /// The extended plant as its file says it. A parameter that was pressed against the end of its tolerance, and of which the records say nothing any more (an effect that stands in its place
 /// took over), has its nominal value again; an output that no record holds, and the speed of an axis that begins in motion, start where the first record was found to start,
 /// else nobody could simulate it.
 #[must_use]
-pub fn written(file: &PlantFile, kernel: &Kernel, nominal: &Model, fit: &Fit) -> PlantFile {
+pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, fit: &Fit) -> PlantFile {
     let mut plant = fit.model.file.clone();
     for held in &fit.held {
         let Place::Nominal(name) = fit.model.unknowns[held.unknown].place else { continue };
         let mut back = fit.model.clone();
         back.file.parameters.set(name, nominal.file.parameters.number(name));
-        let costs = kernel.run(&back).map(|simulated| levenberg::cost(&back, &kernel.residual(&simulated)));
+        let costs = whitened.run(&back).map(|simulated| levenberg::cost(&back, &whitened.residual(&simulated)));
         // One standard deviation of the noise.
         if costs.is_some_and(|cost| cost < fit.cost + 1.0) {
             plant.parameters.set(name, nominal.file.parameters.number(name));
         }
     }
     plant.initial = file.initial.clone();
-    let Some((first, mut starts)) = kernel.records.first().zip(fit.model.starts.first().copied()) else { return plant };
+    let Some((first, mut starts)) = whitened.records.first().zip(fit.model.starts.first().copied()) else { return plant };
     let places = starting(&first.record, file.kind);
     let is_hidden = |place: &usize| file.kind.output(file.kind.starts()[*place].name).is_none();
     let mut in_motion = false;
-    if let Some((kernel, fit)) = began(kernel, fit) {
+    if let Some((whitened, fit)) = began(whitened, fit) {
         starts = fit.model.starts[0];
-        in_motion = places.iter().filter(|it| is_hidden(it)).any(|place| moves(&kernel, &fit, *place));
+        in_motion = places.iter().filter(|it| is_hidden(it)).any(|place| moves(&whitened, &fit, *place));
     }
     for &place in places {
         let name = file.kind.starts()[place].name;
         let wanted = match file.kind.output(name) {
-            Some(output) => kernel.records.iter().all(|it| it.record.measured[output].is_none()),
+            Some(output) => whitened.records.iter().all(|it| it.record.measured[output].is_none()),
             None => in_motion,
         };
         if wanted && plant.initial.iter().all(|(found, _)| *found != name) {
@@ -76,11 +76,11 @@ pub fn written(file: &PlantFile, kernel: &Kernel, nominal: &Model, fit: &Fit) ->
 
 /// A fit of the start of the first record alone, with its records; `None` where records begin steadily. Rows that judged nothing, for causes that were not known yet could have a memory of what was before
 /// them, say best how it begins now that the causes stand.
-fn began(kernel: &Kernel, fit: &Fit) -> Option<(Kernel, Fit)> {
+fn began(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, Fit)> {
     if fit.model.at_start == AtStart::Steady {
         return None;
     }
-    let mut first = kernel.records.first()?.clone();
+    let mut first = whitened.records.first()?.clone();
     for used in &mut first.used {
         let aside = used.iter().position(|used| *used).unwrap_or(0);
         used[..aside].fill(true);
@@ -88,16 +88,16 @@ fn began(kernel: &Kernel, fit: &Fit) -> Option<(Kernel, Fit)> {
     let of_first = |place: &Place| matches!(place, Place::Start { record: 0, .. });
     let unknowns = fit.model.unknowns.iter().filter(|it| of_first(&it.place)).cloned().collect();
     let model = Model { starts: fit.model.starts[..1].to_vec(), unknowns, ..fit.model.clone() };
-    let kernel = kernel.on(vec![first]);
-    let fit = levenberg::fit(&kernel, model, STEPS)?;
-    Some((kernel, fit))
+    let whitened = whitened.on(vec![first]);
+    let fit = levenberg::fit(&whitened, model, STEPS)?;
+    Some((whitened, fit))
 }
 
 /// Whether a record begins in motion, by one number of its start: at rest it would cost more than three standard deviations of the noise.
-fn moves(kernel: &Kernel, fit: &Fit, place: usize) -> bool {
+fn moves(whitened: &WhitenedResiduals, fit: &Fit, place: usize) -> bool {
     let mut at_rest = fit.model.clone();
     at_rest.starts[0][place] = 0.0;
-    let costs = kernel.run(&at_rest).map(|simulated| levenberg::cost(&at_rest, &kernel.residual(&simulated)));
+    let costs = whitened.run(&at_rest).map(|simulated| levenberg::cost(&at_rest, &whitened.residual(&simulated)));
     costs.is_none_or(|cost| cost > fit.cost + 9.0)
 }
 

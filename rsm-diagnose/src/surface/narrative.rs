@@ -16,7 +16,7 @@ use rsm_fit::design;
 const NORMAL: f64 = 1.96;
 
 /// What is told of.
-pub struct Teller<'a> {
+pub struct Narrative<'a> {
     /// The rows.
     pub sample: &'a Sample,
     /// Their explanation.
@@ -39,7 +39,7 @@ fn either_way<'a>(it: &Parameter, [positive, negative]: [&'a str; 2]) -> (&'a st
     if it.value < 0.0 { (negative, -it.value, -it.high, -it.low) } else { (positive, it.value, it.low, it.high) }
 }
 
-impl Teller<'_> {
+impl Narrative<'_> {
     fn unit(&self) -> &str {
         &self.sample.surface.unit
     }

@@ -40,7 +40,7 @@ pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
 
 /// Parameters that moved within their tolerances.
 pub fn calibration(found: &Diagnosis) -> Value {
-    let each = found.portrait.calibration.iter().map(|it| {
+    let each = found.error_breakdown.calibration.iter().map(|it| {
         let value = json!({
             "nominal": it.nominal, "value": finite(it.value), "low": finite(it.low), "high": finite(it.high), "unit": it.unit,
             "standard_deviations": finite(it.sds)
@@ -52,7 +52,7 @@ pub fn calibration(found: &Diagnosis) -> Value {
 
 /// The correction: null where none was tried; without a file where none gains.
 pub fn correction(kind: PlantKind, found: &Diagnosis) -> Value {
-    match &found.portrait.correction {
+    match &found.error_breakdown.correction {
         None => Value::Null,
         Some(Offer::Nothing { gain }) => json!({ "file": null, "gain": finite(*gain) }),
         Some(Offer::Gains(it)) => {
@@ -73,7 +73,7 @@ pub fn correction(kind: PlantKind, found: &Diagnosis) -> Value {
 
 /// correction.toml, where there is one.
 pub fn correction_file(found: &Diagnosis) -> Option<String> {
-    match &found.portrait.correction {
+    match &found.error_breakdown.correction {
         Some(Offer::Gains(it)) => Some(rsm_core::model_file::write(&it.model)),
         _ => None,
     }

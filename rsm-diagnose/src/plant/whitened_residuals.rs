@@ -1,4 +1,4 @@
-//! The kernel: free-run simulations of a model along all records, on all cores, and whitened residuals.
+//! Free-run simulations of a model along all records, on all cores, and whitened residuals.
 //!
 //! In: a model and prepared records. Out: residuals of length one where they are noise, and their derivatives with respect to unknowns.
 //! The same bits whatever the number of threads: each simulation is one job with a place of its own.
@@ -164,7 +164,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Records and the noise of their outputs.
 #[derive(Debug, Clone)]
-pub struct Kernel {
+pub struct WhitenedResiduals {
     /// The records.
     pub records: Vec<Prepared>,
     /// Noise of each output of the plant.
@@ -182,7 +182,7 @@ pub struct Kernel {
 pub struct Pace {
     /// Sub-steps a row, on average over a record, beyond which a run is given up.
     pub most: usize,
-    /// Sub-steps of all runs of this kernel and of its copies.
+    /// Sub-steps of all runs of this value and of its copies.
     taken: Arc<AtomicU64>,
     /// Those after which multistart ends with the best that it has.
     end: Arc<AtomicU64>,
@@ -220,17 +220,17 @@ impl Pace {
     }
 }
 
-impl Kernel {
+impl WhitenedResiduals {
     /// Of records, with nothing simulated yet.
     #[must_use]
     pub fn new(records: Vec<Prepared>, floors: [Floor; 3], threads: usize) -> Self {
-        Kernel { records, floors, tails: [None; 3], threads, pace: Pace::default() }
+        WhitenedResiduals { records, floors, tails: [None; 3], threads, pace: Pace::default() }
     }
 
     /// The same for other records: their work counts as its own.
     #[must_use]
     pub fn on(&self, records: Vec<Prepared>) -> Self {
-        Kernel { records, floors: self.floors, tails: self.tails, threads: self.threads, pace: self.pace.clone() }
+        WhitenedResiduals { records, floors: self.floors, tails: self.tails, threads: self.threads, pace: self.pace.clone() }
     }
 
     /// Runs jobs on all threads; `None` where the numbers left no way on.
@@ -422,11 +422,11 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let share = |noise: f64| {
             let records = vec![Prepared::new(record.clone(), 2)];
-            let kernel = Kernel::new(records, [Floor::white(noise); 3], 1);
+            let whitened = WhitenedResiduals::new(records, [Floor::white(noise); 3], 1);
             let model = Model::nominal(&file, &[&record], [noise; 3]);
-            let simulated = kernel.run(&model).unwrap();
+            let simulated = whitened.run(&model).unwrap();
             let mass = model.unknowns.iter().position(|it| it.place == Place::Nominal("mass")).unwrap();
-            let column = &kernel.derivatives(&model, &simulated, &[mass]).unwrap()[0];
+            let column = &whitened.derivatives(&model, &simulated, &[mass]).unwrap()[0];
             column.values[150] * noise / (-simulated[0][0][150] / 2.0)
         };
         // 3 % of the mass move the end by 0.12 m.

@@ -4,11 +4,11 @@
 //! crest at another moment for numbers that hardly differ, parts the ground into narrow valleys. Judged on all rows by plain squares. Never changes which
 //! unknowns there are.
 
-use super::kernel::{Kernel, Prepared, dot};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::nuisance::Nuisance;
 use super::random::Random;
+use super::whitened_residuals::{Prepared, WhitenedResiduals, dot};
 
 /// Steps out of a valley end at this share of a number's scale, where a scan has looked: 2.5 % of a positive number.
 const OUT: f64 = 0.25;
@@ -56,10 +56,10 @@ const SEED: u64 = 7;
 /// Out of a valley that is only the nearest: steps along the numbers of the last cause, from what the noise leaves open to where a scan has looked, with everything else
 /// in first order. It goes on while it gains more than `threshold`.
 #[must_use]
-pub fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
+pub fn escaped(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: f64) -> Fit {
     let mut fit = fit;
     for _ in 0..VALLEYS {
-        if is_noise(&fit) || kernel.pace.is_spent() {
+        if is_noise(&fit) || whitened.pace.is_spent() {
             break;
         }
         let nuisance = Nuisance::new(&fit);
@@ -81,11 +81,11 @@ pub fn escaped(kernel: &Kernel, fit: Fit, steps: usize, threshold: f64) -> Fit {
                 step *= WIDER;
             }
         }
-        let runs = kernel.run_all(&models);
-        let costs = runs.into_iter().map(|run| run.map(|run| nuisance.left(&kernel.residual(&run)).0));
+        let runs = whitened.run_all(&models);
+        let costs = runs.into_iter().map(|run| run.map(|run| nuisance.left(&whitened.residual(&run)).0));
         let mut order: Vec<(f64, Model)> = costs.zip(models).filter_map(|(cost, model)| Some((cost?, model))).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let others = order.into_iter().take(VALLEYS).filter_map(|(_, model)| levenberg::fit(kernel, model, steps));
+        let others = order.into_iter().take(VALLEYS).filter_map(|(_, model)| levenberg::fit(whitened, model, steps));
         let lower = others.into_iter().find(|other| other.cost < fit.cost - threshold);
         let Some(lower) = lower else { break };
         fit = lower;
@@ -99,9 +99,9 @@ fn length(prepared: &Prepared) -> usize {
 }
 
 /// The mean square of each part of each record, in multiples of noise.
-fn parts(kernel: &Kernel, residual: &[f64]) -> Vec<Vec<f64>> {
+fn parts(whitened: &WhitenedResiduals, residual: &[f64]) -> Vec<Vec<f64>> {
     let mut first = 0;
-    let each = kernel.records.iter().map(|prepared| {
+    let each = whitened.records.iter().map(|prepared| {
         let (rows, outputs, length) = (prepared.record.rows(), prepared.outputs.len(), length(prepared));
         let mut squares = vec![0.0; rows.div_ceil(length)];
         for values in residual[first..first + rows * outputs].chunks_exact(rows.max(1)) {
@@ -117,8 +117,8 @@ fn parts(kernel: &Kernel, residual: &[f64]) -> Vec<Vec<f64>> {
 
 /// Whether a tenth of the parts holds most of what is left beyond noise.
 #[must_use]
-pub fn in_few_parts(kernel: &Kernel, fit: &Fit) -> bool {
-    let mut beyond: Vec<f64> = parts(kernel, &fit.residual).into_iter().flatten().map(|it| (it - 1.0).max(0.0)).collect();
+pub fn in_few_parts(whitened: &WhitenedResiduals, fit: &Fit) -> bool {
+    let mut beyond: Vec<f64> = parts(whitened, &fit.residual).into_iter().flatten().map(|it| (it - 1.0).max(0.0)).collect();
     beyond.sort_by(f64::total_cmp);
     let few = (FEW * beyond.len() as f64).ceil() as usize;
     let of_few: f64 = beyond.iter().rev().take(few).sum();
@@ -127,10 +127,10 @@ pub fn in_few_parts(kernel: &Kernel, fit: &Fit) -> bool {
 
 /// The priors and the sum over parts of records, single moments counting by their logarithm, and the weight of each row of the stack in its derivative: of a part with the mean square
 /// E, c ln(1 + E/c) (the loss of a Cauchy distribution, P. J. Huber, 1981, of parts in place of rows).
-fn by_logarithm(kernel: &Kernel, model: &Model, residual: &[f64]) -> (f64, Vec<f64>) {
+fn by_logarithm(whitened: &WhitenedResiduals, model: &Model, residual: &[f64]) -> (f64, Vec<f64>) {
     // The priors alone.
     let (mut sum, mut weights) = (levenberg::cost(model, &[]), Vec::with_capacity(residual.len()));
-    for (prepared, squares) in kernel.records.iter().zip(parts(kernel, residual)) {
+    for (prepared, squares) in whitened.records.iter().zip(parts(whitened, residual)) {
         let (rows, outputs, length) = (prepared.record.rows(), prepared.outputs.len(), length(prepared));
         sum += squares.iter().map(|it| COUNTS * (1.0 + it / COUNTS).ln() * (length * outputs) as f64).sum::<f64>();
         for _ in 0..outputs {
@@ -142,26 +142,26 @@ fn by_logarithm(kernel: &Kernel, model: &Model, residual: &[f64]) -> (f64, Vec<f
 
 /// A model fitted to what most parts of the records say (weights anew at every step: P. W. Holland, R. E. Welsch, 1977). `None` where it cannot be simulated.
 #[must_use]
-pub fn by_most_parts(kernel: &Kernel, model: Model) -> Option<Model> {
+pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model> {
     let mut model = model;
-    let mut simulated = kernel.run(&model)?;
-    let mut residual = kernel.residual(&simulated);
-    let (mut now, mut weights) = by_logarithm(kernel, &model, &residual);
+    let mut simulated = whitened.run(&model)?;
+    let mut residual = whitened.residual(&simulated);
+    let (mut now, mut weights) = by_logarithm(whitened, &model, &residual);
     let mut damping = 1e-3;
     let all: Vec<usize> = (0..model.unknowns.len()).collect();
     for _ in 0..ROBUST_STEPS {
         let roots: Vec<f64> = weights.iter().map(|it| it.sqrt()).collect();
         let weighted: Vec<f64> = residual.iter().zip(&roots).map(|(value, root)| value * root).collect();
-        let mut columns = kernel.derivatives(&model, &simulated, &all)?;
+        let mut columns = whitened.derivatives(&model, &simulated, &all)?;
         for column in &mut columns {
             column.values.iter_mut().zip(&roots[column.first..]).for_each(|(value, root)| *value *= root);
         }
         let equations = levenberg::Equations::new(&model, &columns, &weighted);
         let better = (0..DAMPINGS).find_map(|_| {
             let trial = equations.moved(&model, &equations.change(&model, damping));
-            let found = kernel.run(&trial).and_then(|run| {
-                let left = kernel.residual(&run);
-                let (sum, weights) = by_logarithm(kernel, &trial, &left);
+            let found = whitened.run(&trial).and_then(|run| {
+                let left = whitened.residual(&run);
+                let (sum, weights) = by_logarithm(whitened, &trial, &left);
                 (sum < now).then_some((trial, run, left, sum, weights))
             });
             damping = if found.is_some() { levenberg::less(damping) } else { levenberg::more(damping) };
@@ -180,16 +180,16 @@ pub fn by_most_parts(kernel: &Kernel, model: Model) -> Option<Model> {
 /// Out of a valley of several numbers by hops (D. J. Wales, J. P. K. Doye, 1997): to fits from where most parts of the records lead and from where the fit is, and from places
 /// near the two. It ends where noise is left or so many `hops` are in vain; what gains no more than `enough` does not count.
 #[must_use]
-pub fn settled(kernel: &Kernel, fit: Fit, steps: usize, hops: usize, enough: f64) -> Fit {
+pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize, enough: f64) -> Fit {
     let mut random = Random::new(SEED);
     let mut fit = fit;
     let mut led = None;
     let mut vain = 0;
     for hop in 0..MOST_HOPS {
-        if is_noise(&fit) || vain > hops || kernel.pace.is_spent() {
+        if is_noise(&fit) || vain > hops || whitened.pace.is_spent() {
             break;
         }
-        let led_to = led.get_or_insert_with(|| by_most_parts(kernel, fit.model.clone()));
+        let led_to = led.get_or_insert_with(|| by_most_parts(whitened, fit.model.clone()));
         let from = led_to.as_ref().filter(|_| vain % 2 == 0).unwrap_or(&fit.model);
         let mut model = from.clone();
         // Without a hop at first.
@@ -200,7 +200,7 @@ pub fn settled(kernel: &Kernel, fit: Fit, steps: usize, hops: usize, enough: f64
                 model.set(k, unknown.outward(to));
             }
         }
-        match levenberg::fit(kernel, model, steps) {
+        match levenberg::fit(whitened, model, steps) {
             Some(other) if other.cost < fit.cost - enough => {
                 (fit, led, vain) = (other, None, 0);
             }
@@ -244,7 +244,7 @@ mod tests {
     }
 
     /// Six seconds of an axis with free play that goes to and fro.
-    fn recorded(truth: &PlantFile) -> (Kernel, Record) {
+    fn recorded(truth: &PlantFile) -> (WhitenedResiduals, Record) {
         let mut csv = "time[s],reference[m],position[m],command[V]\n".to_string();
         let mut reference = 0.0;
         for k in 0..6000 {
@@ -261,7 +261,7 @@ mod tests {
             record.measured[k] = Some(noisy.collect());
         }
         let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
-        (Kernel::new(vec![Prepared::new(record.clone(), 2)], floors, 2), record)
+        (WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], floors, 2), record)
     }
 
     fn started(numbers: [f64; 4], record: &Record) -> Model {
@@ -273,13 +273,13 @@ mod tests {
     #[test]
     fn contacts_at_other_moments_hold_a_fit_that_most_parts_of_the_record_lead_on() {
         let truth = [3.5e-4, 0.35, 8.5e5, 640.0];
-        let (kernel, record) = recorded(&axis(truth));
-        let rows = kernel.rows() as f64;
+        let (whitened, record) = recorded(&axis(truth));
+        let rows = whitened.rows() as f64;
         for [gap, ratio, stiffness, damping] in [[0.3, 1.0, 0.1, 0.7], [2.5, 0.8, 0.3, 1.0]] {
             let start = [truth[0] * gap, truth[1] * ratio, truth[2] * stiffness, truth[3] * damping];
-            let fit = levenberg::fit(&kernel, started(start, &record), 24).unwrap();
+            let fit = levenberg::fit(&whitened, started(start, &record), 24).unwrap();
             assert!(fit.cost > 20.0 * rows, "{}", fit.cost);
-            let found = settled(&kernel, fit, 8, IN_VAIN, 4.0);
+            let found = settled(&whitened, fit, 8, IN_VAIN, 4.0);
             assert!(is_noise(&found), "{} of {rows}", found.cost);
             let gap = found.model.file.effects[0].arguments.number("gap");
             // A thousandth: the play shows in the phase of every contact, of which there are tens, each to a hundredth.
@@ -290,10 +290,10 @@ mod tests {
     #[test]
     fn single_moments_count_by_their_logarithm_and_weigh_as_its_derivative() {
         let truth = [3.5e-4, 0.35, 8.5e5, 640.0];
-        let (kernel, record) = recorded(&axis(truth));
+        let (whitened, record) = recorded(&axis(truth));
         let model = started(truth, &record);
-        let rows = kernel.rows();
-        let sum = |residual: &[f64]| by_logarithm(&kernel, &model, residual);
+        let rows = whitened.rows();
+        let sum = |residual: &[f64]| by_logarithm(&whitened, &model, residual);
         let noise: Vec<f64> = (0..rows).map(|row| if row % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let mut bounced = noise.clone();
         // The first of a hundred parts, in the first of two outputs.
@@ -315,15 +315,15 @@ mod tests {
     #[test]
     fn an_error_in_one_moment_is_in_few_parts_and_one_that_grows_is_not() {
         let truth = [3.5e-4, 0.35, 8.5e5, 640.0];
-        let (kernel, record) = recorded(&axis(truth));
-        let mut fit = levenberg::here(&kernel, started(truth, &record)).unwrap();
-        assert!(!in_few_parts(&kernel, &fit), "noise");
-        let rows = kernel.rows();
+        let (whitened, record) = recorded(&axis(truth));
+        let mut fit = levenberg::here(&whitened, started(truth, &record)).unwrap();
+        assert!(!in_few_parts(&whitened, &fit), "noise");
+        let rows = whitened.rows();
         let noise = fit.residual.clone();
         let mut with = |error: &dyn Fn(usize) -> f64| {
             fit.residual = noise.iter().enumerate().map(|(row, value)| value + error(row)).collect();
             fit.cost = dot(&fit.residual, &fit.residual);
-            in_few_parts(&kernel, &fit)
+            in_few_parts(&whitened, &fit)
         };
         assert!(with(&|row| if (1000..1100).contains(&row) { 30.0 } else { 0.0 }));
         assert!(!with(&|row| 10.0 * row as f64 / rows as f64));

@@ -4,10 +4,10 @@
 //! holds simpler ones as special cases comes after them, so that a reader sees what each part of it is worth. Never decides which causes are believed.
 
 use super::hypotheses::label;
-use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::validation::{self, Error};
+use super::whitened_residuals::WhitenedResiduals;
 use crate::plant::inverse::Motion;
 use rsm_sim::effect::Arguments;
 use rsm_sim::kind::PlantKind;
@@ -29,7 +29,14 @@ pub struct Step {
 
 /// The ladder from the calibrated plant to the extended one. `order` has the places of the causes among the fit's effects, the strongest first.
 #[must_use]
-pub fn steps(kernel: &Kernel, judged: &Kernel, nominal: &Model, calibrated: &Fit, fit: &Fit, order: &[usize]) -> Vec<Step> {
+pub fn steps(
+    whitened: &WhitenedResiduals,
+    judged: &WhitenedResiduals,
+    nominal: &Model,
+    calibrated: &Fit,
+    fit: &Fit,
+    order: &[usize],
+) -> Vec<Step> {
     let motions: Vec<Motion> = judged.records.iter().filter_map(|it| Motion::of(&it.record, nominal.file.kind).ok()).collect();
     let step = |model: &Model| -> Option<Step> {
         let fit = validation::on(judged, model)?;
@@ -54,12 +61,12 @@ pub fn steps(kernel: &Kernel, judged: &Kernel, nominal: &Model, calibrated: &Fit
                 continue;
             }
             let model = calibrated.model.with_effects(nominal, [before.clone(), special].concat());
-            list.extend(levenberg::fit(kernel, model, FIT_STEPS).and_then(|fit| step(&fit.model)));
+            list.extend(levenberg::fit(whitened, model, FIT_STEPS).and_then(|fit| step(&fit.model)));
         }
         before.push(entry.clone());
         if count + 1 < order.len() {
             let model = calibrated.model.with_effects(nominal, before.clone());
-            list.extend(levenberg::fit(kernel, model, FIT_STEPS).and_then(|fit| step(&fit.model)));
+            list.extend(levenberg::fit(whitened, model, FIT_STEPS).and_then(|fit| step(&fit.model)));
         }
     }
     if !order.is_empty() {

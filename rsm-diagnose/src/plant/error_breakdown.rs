@@ -1,10 +1,9 @@
-//! The portrait of an error: everything that a report shows beside the verdict.
+//! The breakdown of an error: everything that a report shows beside the verdict.
 //!
-//! In: the nominal, the calibrated and the extended plant along the records that judge, and the causes that are believed. Out: a [`Portrait`]: errors by region, frequency and
+//! In: the nominal, the calibrated and the extended plant along the records that judge, and the causes that are believed. Out: an [`ErrorBreakdown`]: errors by region, frequency and
 //! order, curves, calibration, what each cause removes, what is left and a correction of it. Decides nothing: no verdict hangs on it.
 
 use super::correction::{self, Offer};
-use super::kernel::{Kernel, Prepared};
 use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::orders::{self, Orders};
@@ -14,6 +13,7 @@ use super::regions::{self, Region, Side, Slice};
 use super::selection::Believed;
 use super::spectrum::{self, Spectrum};
 use super::validation;
+use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::schema;
 
 /// Causes whose evidence is looked at closely.
@@ -84,7 +84,7 @@ pub struct Witness {
 
 /// Everything that a report shows.
 #[derive(Debug, Clone, Default)]
-pub struct Portrait {
+pub struct ErrorBreakdown {
     /// Whether the records that judge are unseen ones; otherwise they are those of the fit.
     pub unseen: bool,
     /// Files and rows of training and of judging records.
@@ -110,9 +110,9 @@ pub struct Portrait {
 /// What is compared.
 pub struct Compared<'a> {
     /// Training records.
-    pub kernel: &'a Kernel,
+    pub whitened: &'a WhitenedResiduals,
     /// Records that no fit saw; may be empty.
-    pub unseen: &'a Kernel,
+    pub unseen: &'a WhitenedResiduals,
     /// The plant as its file says.
     pub nominal: &'a Model,
     /// The extended plant, as fitted to the training records.
@@ -129,14 +129,14 @@ pub struct Compared<'a> {
 
 impl Compared<'_> {
     /// The records that judge.
-    fn judged(&self) -> &Kernel {
-        if self.unseen.records.is_empty() { self.kernel } else { self.unseen }
+    fn judged(&self) -> &WhitenedResiduals {
+        if self.unseen.records.is_empty() { self.whitened } else { self.unseen }
     }
 }
 
 /// Paints it. `before` and `after` of all that it holds are the calibrated and the extended plant.
 #[must_use]
-pub fn portrait(it: &Compared<'_>) -> Portrait {
+pub fn error_breakdown(it: &Compared<'_>) -> ErrorBreakdown {
     let judged = it.judged();
     let (before, after) = (&it.before.simulated, &it.after.simulated);
     let quantities = quantities::quantities(judged, &it.fit.model, after);
@@ -151,14 +151,14 @@ pub fn portrait(it: &Compared<'_>) -> Portrait {
     let correction = it.structure.then(|| {
         correction::correction(
             kind,
-            it.kernel,
+            it.whitened,
             &it.fit.simulated,
             it.unseen,
             if it.unseen.records.is_empty() { &[] } else { after },
         )
     });
-    let names = |kernel: &Kernel| -> Vec<(String, usize)> {
-        kernel.records.iter().map(|it| (regions::name_of(&it.record.file), it.record.rows())).collect()
+    let names = |whitened: &WhitenedResiduals| -> Vec<(String, usize)> {
+        whitened.records.iter().map(|it| (regions::name_of(&it.record.file), it.record.rows())).collect()
     };
     let mut traces = Vec::new();
     for (record, prepared) in judged.records.iter().enumerate() {
@@ -171,9 +171,9 @@ pub fn portrait(it: &Compared<'_>) -> Portrait {
             traces.push(trace(record, prepared, k, curves, added, judged.floors[*output].sd));
         }
     }
-    Portrait {
+    ErrorBreakdown {
         unseen: !it.unseen.records.is_empty(),
-        records: [names(it.kernel), names(it.unseen)],
+        records: [names(it.whitened), names(it.unseen)],
         before: wrong(Side::Before),
         after: wrong(Side::After),
         slices,
@@ -257,7 +257,7 @@ pub fn witnesses(it: &Compared<'_>, believed: &[Believed]) -> Vec<Option<Witness
             let places = regions::telling(&regions::regions(&slices, &spectral, Side::Before), PLACES);
             let squared = |fit: &Fit, record: usize| {
                 let first = judged.first(record);
-                let own = &fit.residual[first..first + Kernel::length(&judged.records[record])];
+                let own = &fit.residual[first..first + WhitenedResiduals::length(&judged.records[record])];
                 own.iter().map(|value| value * value).sum::<f64>()
             };
             Some(Witness {

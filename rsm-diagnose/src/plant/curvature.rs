@@ -2,13 +2,13 @@
 //!
 //! In: records and a fit. Out: whitened second derivatives, one for each parameter and each pair. Never moves the fit.
 
-use super::kernel::{Kernel, Simulated};
 use super::levenberg::Fit;
 use super::model::{Model, Place};
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 
 /// How the simulation bends with two unknowns, or with one.
 #[derive(Debug, Clone)]
-pub struct Bend {
+pub struct Curvature {
     /// Which.
     pub unknowns: (usize, usize),
     /// Half of its second derivative, or the whole mixed one, whitened; on the scales of the unknowns.
@@ -18,7 +18,7 @@ pub struct Bend {
 /// How the simulation bends with the parameters of the plant that are calibrated. Calibration beside a wave may be two standard deviations of a tolerance off, and then the
 /// bend of a move is more than the wave. What cannot be simulated is left out.
 #[must_use]
-pub fn bends(kernel: &Kernel, fit: &Fit) -> Vec<Bend> {
+pub fn curvatures(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Curvature> {
     let calibrated = |k: &usize| matches!(fit.model.unknowns[*k].place, Place::Nominal(_));
     let which: Vec<usize> = (0..fit.model.unknowns.len()).filter(calibrated).collect();
     let pairs: Vec<(usize, usize)> =
@@ -33,12 +33,12 @@ pub fn bends(kernel: &Kernel, fit: &Fit) -> Vec<Bend> {
         model
     };
     let models: Vec<Model> = pairs.iter().flat_map(|pair| [moved(*pair, 1.0), moved(*pair, -1.0)]).collect();
-    let runs = kernel.run_all(&models);
+    let runs = whitened.run_all(&models);
     // Second differences over a scale: s(1) + s(-1) - 2 s(0).
     let both = |runs: &[Option<Vec<Simulated>>]| {
         let [one, other] = runs else { return None };
-        let mut sum = kernel.changes(&fit.simulated, one.as_ref()?, 1.0);
-        sum.iter_mut().zip(kernel.changes(&fit.simulated, other.as_ref()?, 1.0)).for_each(|(a, b)| *a = 0.5 * (*a + b));
+        let mut sum = whitened.changes(&fit.simulated, one.as_ref()?, 1.0);
+        sum.iter_mut().zip(whitened.changes(&fit.simulated, other.as_ref()?, 1.0)).for_each(|(a, b)| *a = 0.5 * (*a + b));
         Some(sum)
     };
     let halves: Vec<Option<Vec<f64>>> = runs.chunks(2).map(both).collect();
@@ -51,7 +51,7 @@ pub fn bends(kernel: &Kernel, fit: &Fit) -> Vec<Bend> {
                 trace.iter_mut().zip(own).for_each(|(value, own)| *value -= own);
             }
         }
-        Some(Bend { unknowns: (a, b), trace })
+        Some(Curvature { unknowns: (a, b), trace })
     };
     pairs.iter().filter_map(bend).collect()
 }
@@ -64,14 +64,14 @@ mod tests {
     #[test]
     fn bends_tell_what_traces_miss_of_a_move_of_two_parameters() {
         let file = axis_under_steps::file("mass = 0.04\nviscous_friction = 0.08", "");
-        let (kernel, nominal) = axis_under_steps::kernel(&file, &file, false);
-        let fit = levenberg::here(&kernel, nominal.clone()).unwrap();
+        let (whitened, nominal) = axis_under_steps::whitened(&file, &file, false);
+        let fit = levenberg::here(&whitened, nominal.clone()).unwrap();
         let steps = [1.5, -1.0];
         let mut moved = nominal.clone();
         for (k, step) in steps.iter().enumerate() {
             moved.set(k, nominal.value(k) + step * nominal.unknowns[k].scale);
         }
-        let mut missed = kernel.changes(&fit.simulated, &kernel.run(&moved).unwrap(), 1.0);
+        let mut missed = whitened.changes(&fit.simulated, &whitened.run(&moved).unwrap(), 1.0);
         let length = |values: &[f64]| values.iter().map(|it| it * it).sum::<f64>().sqrt();
         for (k, step) in steps.iter().enumerate() {
             let column = &fit.columns[fit.free.iter().position(|it| *it == k).unwrap()];
@@ -79,9 +79,9 @@ mod tests {
             missed[column.first..].iter_mut().zip(&column.values).for_each(|(value, slope)| *value -= step * slope);
         }
         let straight = length(&missed);
-        let bends = bends(&kernel, &fit);
-        assert_eq!(bends.len(), 3);
-        for Bend { unknowns: (a, b), trace } in &bends {
+        let curvatures = curvatures(&whitened, &fit);
+        assert_eq!(curvatures.len(), 3);
+        for Curvature { unknowns: (a, b), trace } in &curvatures {
             missed.iter_mut().zip(trace).for_each(|(value, bend)| *value -= steps[*a] * steps[*b] * bend);
         }
         // The third order of a move by 6 and 8 %.

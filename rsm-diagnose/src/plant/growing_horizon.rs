@@ -6,12 +6,12 @@
 
 use super::compete::Candidate;
 use super::hypotheses::Hypothesis;
-use super::kernel::Kernel;
 use super::levenberg::{self, Fit};
 use super::model::Model;
+use super::multistart::escaped;
 use super::screen::{Screened, screen};
 use super::selection::Search;
-use super::valleys::escaped;
+use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::Guess;
 
 /// A beginning ends where the squared residual, from the first row on, passes this many times that of noise. What is wrong then has three parts in four of it: enough to
@@ -49,16 +49,16 @@ struct Beginning {
 }
 
 /// The first rows of each record.
-fn cut(kernel: &Kernel, ends: &[usize]) -> Kernel {
-    let records = kernel.records.iter().zip(ends).map(|(record, rows)| record.shortened(*rows)).collect();
-    kernel.on(records)
+fn cut(whitened: &WhitenedResiduals, ends: &[usize]) -> WhitenedResiduals {
+    let records = whitened.records.iter().zip(ends).map(|(record, rows)| record.shortened(*rows)).collect();
+    whitened.on(records)
 }
 
 /// How far a plant follows each record; `None` where it cannot be simulated.
-fn reach(kernel: &Kernel, model: &Model) -> Option<Vec<usize>> {
-    let residual = kernel.residual(&kernel.run(model)?);
+fn reach(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usize>> {
+    let residual = whitened.residual(&whitened.run(model)?);
     let mut first = 0;
-    let each = kernel.records.iter().map(|prepared| {
+    let each = whitened.records.iter().map(|prepared| {
         let (rows, outputs) = (prepared.record.rows(), prepared.outputs.len());
         let mut squared = 0.0;
         let mut end = rows;
@@ -76,12 +76,12 @@ fn reach(kernel: &Kernel, model: &Model) -> Option<Vec<usize>> {
 }
 
 /// The same, but no record becomes longer than `LONGER` times what it was, and none shorter. Where the plant cannot be simulated so far, half as much further.
-fn further(kernel: &Kernel, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
+fn further(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
     let mut more = (LONGER - 1) as f64;
     while more > STEP {
-        let each = ends.iter().zip(&kernel.records);
+        let each = ends.iter().zip(&whitened.records);
         let wide: Vec<usize> = each.map(|(end, it)| (*end + (*end as f64 * more) as usize).min(it.record.rows())).collect();
-        if let Some(found) = reach(&cut(kernel, &wide), model) {
+        if let Some(found) = reach(&cut(whitened, &wide), model) {
             return Some(found.iter().zip(ends).map(|(found, end)| *found.max(end)).collect());
         }
         more /= 2.0;
@@ -90,26 +90,26 @@ fn further(kernel: &Kernel, model: &Model, ends: &[usize]) -> Option<Vec<usize>>
 }
 
 /// Whether any record is longer by enough, or whole.
-fn leads_on(kernel: &Kernel, before: &[usize], after: &[usize]) -> bool {
-    let mut each = before.iter().zip(after).zip(&kernel.records);
+fn leads_on(whitened: &WhitenedResiduals, before: &[usize], after: &[usize]) -> bool {
+    let mut each = before.iter().zip(after).zip(&whitened.records);
     each.any(|((before, after), it)| {
         after > before && (*after == it.record.rows() || *after as f64 > (1.0 + STEP) * *before as f64)
     })
 }
 
-fn is_whole(kernel: &Kernel, ends: &[usize]) -> bool {
-    ends.iter().zip(&kernel.records).all(|(end, it)| *end == it.record.rows())
+fn is_whole(whitened: &WhitenedResiduals, ends: &[usize]) -> bool {
+    ends.iter().zip(&whitened.records).all(|(end, it)| *end == it.record.rows())
 }
 
 /// How far the plant follows the records when it is calibrated to no more than that.
-fn beginning(kernel: &Kernel, model: Model, steps: usize) -> Option<Beginning> {
-    let mut ends = reach(kernel, &model)?;
+fn beginning(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Beginning> {
+    let mut ends = reach(whitened, &model)?;
     let mut model = model;
     for _ in 0..STAGES {
-        let fit = levenberg::fit(&cut(kernel, &ends), model, steps)?;
-        let found = reach(kernel, &fit.model)?;
+        let fit = levenberg::fit(&cut(whitened, &ends), model, steps)?;
+        let found = reach(whitened, &fit.model)?;
         let found: Vec<usize> = found.iter().zip(&ends).map(|(found, end)| *found.max(end)).collect();
-        if !leads_on(kernel, &ends, &found) {
+        if !leads_on(whitened, &ends, &found) {
             return Some(Beginning { ends, fit });
         }
         (ends, model) = (found, fit.model);
@@ -118,16 +118,16 @@ fn beginning(kernel: &Kernel, model: Model, steps: usize) -> Option<Beginning> {
 }
 
 /// A cause followed along longer and longer beginnings to the end of all records; `None` where it loses them.
-fn followed(kernel: &Kernel, model: Model, mut ends: Vec<usize>, steps: usize, threshold: f64) -> Option<Fit> {
+fn followed(whitened: &WhitenedResiduals, model: Model, mut ends: Vec<usize>, steps: usize, threshold: f64) -> Option<Fit> {
     let mut model = model;
     for _ in 0..STAGES {
-        let short = cut(kernel, &ends);
+        let short = cut(whitened, &ends);
         let fit = escaped(&short, levenberg::fit(&short, model, steps)?, steps, threshold);
-        if is_whole(kernel, &ends) {
+        if is_whole(whitened, &ends) {
             return Some(fit);
         }
-        let found = further(kernel, &fit.model, &ends)?;
-        if !leads_on(kernel, &ends, &found) {
+        let found = further(whitened, &fit.model, &ends)?;
+        if !leads_on(whitened, &ends, &found) {
             return None;
         }
         (ends, model) = (found, fit.model);
@@ -174,16 +174,16 @@ impl Search<'_> {
         let effort = self.effort;
         // Calibrated anew: to the whole, parameters were bent by what they cannot explain.
         let plain = self.nominal.with_effects(self.nominal, fit.model.file.effects.clone());
-        let Some(base) = beginning(self.kernel, plain, effort.fit_steps) else { return Vec::new() };
-        let rows: usize = self.kernel.records.iter().map(|it| it.record.rows()).sum();
+        let Some(base) = beginning(self.whitened, plain, effort.fit_steps) else { return Vec::new() };
+        let rows: usize = self.whitened.records.iter().map(|it| it.record.rows()).sum();
         if base.ends.iter().sum::<usize>() as f64 > NEARLY_ALL * rows as f64 {
             return Vec::new();
         }
         (self.progress)("looking at the beginnings of the records");
-        let short = cut(self.kernel, &base.ends);
+        let short = cut(self.whitened, &base.ends);
         let unseen = short.on(Vec::new());
         let hypotheses = scanned(self.hypotheses);
-        let there = Search { kernel: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
+        let there = Search { whitened: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
         let mut screened = screen(&short, &base.fit, self.nominal, &hypotheses);
         screened.iter_mut().for_each(Screened::slim);
         let mut found = there.compete(&base.fit, &screened, threshold);
@@ -192,7 +192,7 @@ impl Search<'_> {
         let mut candidates = Vec::new();
         for it in found {
             (self.progress)(&format!("following {}", it.label));
-            let whole = followed(self.kernel, it.fit.model, base.ends.clone(), effort.fit_steps, threshold);
+            let whole = followed(self.whitened, it.fit.model, base.ends.clone(), effort.fit_steps, threshold);
             candidates.extend(whole.and_then(|whole| self.judged(fit, whole)));
         }
         candidates
@@ -202,10 +202,10 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::calibration::calibrate;
-    use super::super::kernel::Prepared;
     use super::super::model::AtStart;
     use super::super::noise::Floor;
     use super::super::random::Random;
+    use super::super::whitened_residuals::Prepared;
     use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
     use rsm_core::source::Source;
@@ -214,7 +214,7 @@ mod tests {
     use rsm_sim::simulate::Simulator;
 
     /// A soft clutch that slips under every second push of the pedal and then swings between its limits, in two records of 15 s.
-    fn slipping(capacity: f64) -> (Kernel, PlantFile) {
+    fn slipping(capacity: f64) -> (WhitenedResiduals, PlantFile) {
         let soft = |text: &str| {
             text.replace("clutch_stiffness = 10000.0", "clutch_stiffness = 1300.0")
                 .replace("clutch_damping = 30.0", "clutch_damping = 9.0")
@@ -245,19 +245,19 @@ mod tests {
             }
             Prepared::new(record, 3)
         });
-        (Kernel::new(records.to_vec(), sds.map(Floor::white), 2), nominal)
+        (WhitenedResiduals::new(records.to_vec(), sds.map(Floor::white), 2), nominal)
     }
 
     #[test]
     fn a_clutch_that_swings_at_its_limit_is_followed_from_its_first_slip() {
-        let (mut kernel, file) = slipping(140.0);
-        let (nominal, calibrated) = calibrate(&mut kernel, &file, AtStart::Steady).unwrap();
-        let survey = survey::survey(&kernel, &calibrated);
+        let (mut whitened, file) = slipping(140.0);
+        let (nominal, calibrated) = calibrate(&mut whitened, &file, AtStart::Steady).unwrap();
+        let survey = survey::survey(&whitened, &calibrated);
         let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
-        let unseen = kernel.on(Vec::new());
-        let search = axis_under_steps::search(&kernel, &unseen, &nominal, &slips, &survey);
-        let screened = screen(&kernel, &calibrated, &nominal, &slips);
+        let unseen = whitened.on(Vec::new());
+        let search = axis_under_steps::search(&whitened, &unseen, &nominal, &slips, &survey);
+        let screened = screen(&whitened, &calibrated, &nominal, &slips);
         let mut candidates = search.compete(&calibrated, &screened, 40.0);
         let rows = calibrated.residual.len() as f64;
         // On the whole nothing comes near: a hundred times the noise is left.
@@ -276,14 +276,14 @@ mod tests {
 
     #[test]
     fn a_beginning_ends_where_the_error_is_as_large_as_twice_the_noise() {
-        let (kernel, file) = slipping(140.0);
-        let records: Vec<&Record> = kernel.records.iter().map(|it| &it.record).collect();
+        let (whitened, file) = slipping(140.0);
+        let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let mut model = Model::nominal(&file, &records, [0.5, 0.02, 0.05]);
         model.starts = vec![[0.0, 8.0, 0.0, 0.0, 0.0, 0.0]; 2];
-        let ends = reach(&kernel, &model).unwrap();
+        let ends = reach(&whitened, &model).unwrap();
         // The first push beyond the capacity is at 2 s in both records.
         assert!(ends.iter().all(|end| (200..260).contains(end)), "{ends:?}");
-        assert_eq!(further(&kernel, &model, &[60, 600]).unwrap(), vec![120, 600]);
+        assert_eq!(further(&whitened, &model, &[60, 600]).unwrap(), vec![120, 600]);
     }
 
     #[test]

@@ -5,8 +5,8 @@
 
 use std::f64::consts::TAU;
 
-use super::kernel::{Kernel, Prepared};
 use super::levenberg::Fit;
+use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::effect::Wave;
 use rsm_sim::plant_file::{PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
@@ -105,16 +105,21 @@ impl Track<'_> {
     }
 
     /// The same, whitened, into their place of the stacks.
-    fn answer<const N: usize>(&self, kernel: &Kernel, force: impl Fn(f64, f64, f64) -> [f64; N], stacks: &mut [Vec<f64>; N]) {
-        let mut whitened = Vec::with_capacity(2 * self.position.len());
+    fn answer<const N: usize>(
+        &self,
+        whitened: &WhitenedResiduals,
+        force: impl Fn(f64, f64, f64) -> [f64; N],
+        stacks: &mut [Vec<f64>; N],
+    ) {
+        let mut white = Vec::with_capacity(2 * self.position.len());
         for (outputs, stack) in self.run(force).iter().zip(stacks) {
-            whitened.clear();
+            white.clear();
             for (k, output) in self.prepared.outputs.iter().enumerate() {
                 let mut values = outputs[*output].clone();
-                kernel.floors[*output].even(self.prepared.measured(k), &mut values);
-                kernel.floors[*output].whiten(&values, &self.prepared.used[k], &mut whitened);
+                whitened.floors[*output].even(self.prepared.measured(k), &mut values);
+                whitened.floors[*output].whiten(&values, &self.prepared.used[k], &mut white);
             }
-            stack[self.first..self.first + whitened.len()].copy_from_slice(&whitened);
+            stack[self.first..self.first + white.len()].copy_from_slice(&white);
         }
     }
 
@@ -137,19 +142,19 @@ impl Track<'_> {
 }
 
 /// All records with a position.
-pub struct Tracks<'k> {
+pub struct PositionTraces<'k> {
     /// The records.
-    pub kernel: &'k Kernel,
+    pub whitened: &'k WhitenedResiduals,
     list: Vec<Track<'k>>,
     rows: usize,
 }
 
-impl<'k> Tracks<'k> {
+impl<'k> PositionTraces<'k> {
     /// Of a fit: its plant answers.
     #[must_use]
-    pub fn new(kernel: &'k Kernel, fit: &Fit) -> Self {
+    pub fn new(whitened: &'k WhitenedResiduals, fit: &Fit) -> Self {
         let mut list = Vec::new();
-        for (record, (prepared, simulated)) in kernel.records.iter().zip(&fit.simulated).enumerate() {
+        for (record, (prepared, simulated)) in whitened.records.iter().zip(&fit.simulated).enumerate() {
             let Some(k) = prepared.outputs.iter().position(|it| *it == 0) else { continue };
             let of = &prepared.record;
             let (position, closed) = (prepared.measured(k), of.drive == Drive::Closed);
@@ -173,12 +178,12 @@ impl<'k> Tracks<'k> {
                 place: k,
                 position: position.to_vec(),
                 command,
-                first: kernel.first(record),
+                first: whitened.first(record),
                 period: of.period,
                 answer: Answer::new(&fit.model.file, closed, of.period),
             });
         }
-        Tracks { kernel, list, rows: fit.residual.len() }
+        PositionTraces { whitened, list, rows: fit.residual.len() }
     }
 
     /// The whitened answers to forces that depend on position, speed and command.
@@ -186,7 +191,7 @@ impl<'k> Tracks<'k> {
     pub fn answer<const N: usize>(&self, law: impl Fn(f64, f64, f64) -> [f64; N]) -> [Vec<f64>; N] {
         let mut stacks = std::array::from_fn(|_| vec![0.0; self.rows]);
         for it in &self.list {
-            it.answer(self.kernel, &law, &mut stacks);
+            it.answer(self.whitened, &law, &mut stacks);
         }
         stacks
     }
@@ -199,7 +204,7 @@ impl<'k> Tracks<'k> {
     }
 
     /// Takes over where another saw the axes go, with what this plant makes of a wave there.
-    pub fn follow_with(&mut self, fit: &Fit, before: &Tracks<'_>, wave: &Wave, reach: usize) {
+    pub fn follow_with(&mut self, fit: &Fit, before: &PositionTraces<'_>, wave: &Wave, reach: usize) {
         let number = TAU / wave.pitch;
         for (it, before) in self.list.iter_mut().zip(&before.list) {
             it.position.clone_from(&before.position);

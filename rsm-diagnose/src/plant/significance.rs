@@ -1,9 +1,9 @@
 //! What chance gives: noise as the floors have it, and the point that the best of many trials passes rarely.
 //!
-//! In: kernels, gains of null draws, counts of trials. Out: numbers in squared standard deviations. Never looks at a residual.
+//! In: noise floors, gains of null draws, counts of trials. Out: numbers in squared standard deviations. Never looks at a residual.
 
-use super::kernel::Kernel;
 use super::random::Random;
+use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::quantile;
 
 /// How rarely noise alone may pass for a cause. With as much for whiteness, and what models of noise miss, false alarms stay below 5 %.
@@ -14,16 +14,16 @@ const SLOWEST: f64 = 0.995;
 
 /// Noise as it comes out of the whitening: white but for the error of the floor's correlation, which is drawn, too.
 #[must_use]
-pub fn noise(kernel: &Kernel, random: &mut Random) -> Vec<f64> {
-    let off: Vec<f64> = kernel
+pub fn noise(whitened: &WhitenedResiduals, random: &mut Random) -> Vec<f64> {
+    let off: Vec<f64> = whitened
         .floors
         .iter()
         .map(|floor| (floor.correlation + floor.error * random.normal()).clamp(-SLOWEST, SLOWEST) - floor.correlation)
         .collect();
-    let mut stack = Vec::with_capacity(kernel.rows());
-    for prepared in &kernel.records {
+    let mut stack = Vec::with_capacity(whitened.rows());
+    for prepared in &whitened.records {
         for (k, output) in prepared.outputs.iter().enumerate() {
-            let correlation = kernel.floors[*output].correlation + off[*output];
+            let correlation = whitened.floors[*output].correlation + off[*output];
             // In units of what is new in a row; it begins as it goes on.
             let mut last = random.normal() / (1.0 - correlation * correlation).sqrt();
             for used in &prepared.used[k] {
