@@ -2,6 +2,12 @@
 //!
 //! In: a selection and the records. Out: a [`Diagnosis`], all its figures from the fits. Never fits a cause.
 
+mod own_noise;
+mod rivals;
+mod told;
+
+use std::collections::BTreeSet;
+
 use super::bootstrap;
 use super::bridges::{self, Bridged};
 use super::checks::Finding;
@@ -12,28 +18,29 @@ use super::equations::Said;
 use super::error_breakdown::{self, Compared, ErrorBreakdown, Witness};
 use super::everywhere::Everywhere;
 use super::experiment::NextExperiment;
-use super::hypotheses::generalises;
 use super::known_loop::KnownLoop;
-use super::levenberg::Fit;
-use super::model::{Model, Place};
+use super::model::Model;
 use super::nested_models::{self, Step};
 use super::noise::Floor;
 use super::polish;
 use super::posterior::Posterior;
 use super::predicted::{self, Predicted};
-use super::selection::{Believed, Limit, Selection};
+use super::selection::{Limit, Selection};
 use super::share::NotSeen;
 use super::tails::Tails;
 use super::tested::Tested;
 use super::units::InUnit;
 use super::validation::{self, Error};
 use super::veto::Refusal;
-use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::{self, Left};
 pub use crate::surface::Verdict;
-use rsm_sim::effect::{Arguments, Subject};
-use rsm_sim::kind::PlantKind;
+use own_noise::by_own_noise;
+pub(super) use own_noise::left_there;
+use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::{Entry, PlantFile};
+pub(super) use told::{cause, numbers, with_unit};
+use told::{off_lattice, rounding, rounding_entry};
 
 /// Structure smaller than this share of what the calibrated plant got wrong is none, in squares. Two simulations of the same equations, with steps of their own, differ
 /// by up to 7e-4 of what an effect moves (a contact; the comparison of all effects in `tests/hidden-effects`): a right cause leaves the square of that.
@@ -41,9 +48,6 @@ const OF_THE_WHOLE: f64 = 5e-7;
 
 /// Whatever the plant got wrong before: beyond so much energy of the noise, twice its r.m.s., nothing is explained and nothing is without discrepancy.
 const MOST_LEFT: f64 = 3.0;
-
-/// Rivals are alike when they do worse by less than this share of the gain: between integrators and smoothings, formulas of one cause differ that much.
-const ALIKE: f64 = 1e-5;
 
 /// Rounding that is taken for noise is not white where the motion is slow, and noise that is not white before it is rounded has another colour at every speed: so much
 /// of its energy comes back as structure.
@@ -57,10 +61,6 @@ const NEARLY_ALL: f64 = 0.999;
 
 /// Where structure is left, a cause is named that is at least as probable as all else together; any other helps, and is listed as a helper.
 pub(super) const NAMED: f64 = 0.5;
-
-/// Unseen records may have so many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
-/// is beyond shows as structure.
-const MOST_NOISE: f64 = 1.5;
 
 /// A number with its 95 % interval.
 #[derive(Debug, Clone, PartialEq)]
@@ -273,9 +273,8 @@ pub fn conclude(
         everywhere.as_ref().map(|it| it.excess),
     ];
     let most_left = elsewhere.into_iter().flatten().fold(left.excess, f64::max);
-    let beyond = most_left > allowed(of_rounding(rounded.iter().map(|(output, _)| &whitened.floors[*output])), wrong);
-    let practical = if beyond && !believed.is_empty() { practical(most_left, wrong) } else { None };
-    let structure = beyond && practical.is_none();
+    let allowed = allowed(of_rounding(rounded.iter().map(|(output, _)| &whitened.floors[*output])), wrong);
+    let (structure, practical) = weighed(most_left, allowed, wrong, believed.is_empty());
     let calibrated_there = validation::on(judged, &calibrated.model);
     let compared = match (&before, &calibrated_there, &after) {
         (Some(nominal_there), Some(before), Some(after)) => {
@@ -289,31 +288,21 @@ pub fn conclude(
     let mut causes: Vec<Cause> = Vec::new();
     for (place, one) in believed.iter().enumerate() {
         let decides = effect_size::decides(threshold, fit.cost, fit.residual.len());
-        let same = decides.max(ALIKE * one.gain);
-        let one = &Believed {
-            rivals: one.rivals.iter().filter(|it| !generalises(&it.0, &one.label)).cloned().collect(),
-            ..one.clone()
-        };
-        let mut alike: Vec<String> = one.rivals.iter().filter(|it| it.1 < same).map(|it| it.0.clone()).collect();
-        for rival in &alike {
-            if let Some((_, model)) = one.rival_models.iter().find(|it| it.0 == *rival) {
-                let (cause, rival, model) = (one.label.clone(), rival.clone(), model.clone());
-                aliases.push((one.gain, Alias { cause, rival, model, limit: same }));
-            }
-        }
-        // Those of the same trace were not fitted, for they would do as well.
-        alike.extend(one.alike.iter().filter(|it| !one.rivals.iter().any(|rival| rival.0 == **it)).cloned());
+        let same = rivals::same(decides, one.gain);
+        let one = &rivals::without_general(one);
+        aliases.extend(rivals::aliases(one, same).into_iter().map(|it| (one.gain, it)));
+        let alike = rivals::alike(one, same);
         let judged = Case {
             gain: one.gain,
             rivals: &one.rivals,
             unit: decides,
             left: most_left * fit.residual.len() as f64,
-            explained: !structure && stopped.is_none_or(|limit| limit == Limit::Steps),
+            explained: is_explained(structure, stopped),
             asked: one.asked,
         };
         let by_law = known_loop.as_ref().is_some_and(|it| it.says(file, &fit.model.file.effects[place]));
-        let sure = confidence::confidence(&judged).max(if by_law { confidence::EXPLAINED } else { 0.0 });
-        causes.push(cause(&fit, place, one, alike, sure, witnesses.get(place).cloned().flatten()));
+        let confidence = sure(confidence::confidence(&judged), by_law);
+        causes.push(cause(&fit, place, one, alike, confidence, witnesses.get(place).cloned().flatten()));
     }
     for (output, step) in rounded {
         causes.push(rounding(file.kind, *output, *step, off_lattice(whitened, *output, *step), fit.residual.len() as f64));
@@ -322,28 +311,21 @@ pub fn conclude(
     let by_law = known_loop.as_ref().map_or_else(Vec::new, |it| it.beside(file, &fit.model.file.effects, rows));
     let (told_by_law, by_law): (Vec<Cause>, Vec<Entry>) = by_law.into_iter().unzip();
     // What the law says of a sensor goes before what a search made of it.
-    causes.retain(|it| !told_by_law.iter().any(|law| law.kind == it.kind && law.subject == it.subject));
-    causes.extend(told_by_law);
+    replace(&mut causes, told_by_law, |it| (it.kind, it.subject.clone()));
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
     let verdict = judged_by(structure, stopped, causes.is_empty());
-    let sure = |cause: &Cause| verdict != Verdict::Unexplained || cause.confidence >= NAMED;
-    let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(sure);
+    let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(|it| is_named(verdict, it.confidence));
     let mut plant = polish::written(file, whitened, nominal, &fit);
-    plant.effects.retain(|it| {
-        !by_law.iter().any(|law| law.description.kind == it.description.kind && law.arguments.subject == it.arguments.subject)
-    });
-    plant.effects.extend(by_law);
+    replace(&mut plant.effects, by_law, |it| (it.description.kind, it.arguments.subject.clone()));
     for (output, step) in rounded {
         plant.effects.extend(rounding_entry(file.kind, *output, *step));
     }
-    let mut present: Vec<usize> = whitened.records.iter().flat_map(|it| it.outputs.clone()).collect();
-    present.sort_unstable();
-    present.dedup();
-    let gain_interval = match (&before, &after) {
-        (Some(before), Some(after)) => bootstrap::gain_interval(judged, &before.simulated, &after.simulated, gain_of),
-        _ => (0.0, 0.0),
-    };
+    let present = outputs(whitened);
+    let gain_interval = before
+        .as_ref()
+        .zip(after.as_ref())
+        .map(|(before, after)| bootstrap::gain_interval(judged, &before.simulated, &after.simulated, gain_of));
     Diagnosis {
         verdict,
         causes,
@@ -351,7 +333,7 @@ pub fn conclude(
         own_record: None,
         refused,
         practical,
-        gain_interval,
+        gain_interval: gain_interval.unwrap_or_default(),
         gain: gain(&nominal_errors, &extended_errors),
         nominal: nominal_errors,
         extended: extended_errors,
@@ -382,6 +364,12 @@ pub fn conclude(
     }
 }
 
+/// The outputs that any record holds, by their place in the plant.
+fn outputs(whitened: &WhitenedResiduals) -> Vec<usize> {
+    let all: BTreeSet<usize> = whitened.records.iter().flat_map(|it| it.outputs.iter().copied()).collect();
+    all.into_iter().collect()
+}
+
 /// Outputs whose noise grows, with its deviation at a reading of 0 and at the largest one.
 fn growing(whitened: &WhitenedResiduals, present: &[usize]) -> Vec<(usize, f64, f64)> {
     let readings = |output: usize| {
@@ -391,41 +379,6 @@ fn growing(whitened: &WhitenedResiduals, present: &[usize]) -> Vec<(usize, f64, 
     let largest = |output: usize| readings(output).fold(0.0_f64, |most, value| most.max(value.abs()));
     let grows = present.iter().filter(|output| whitened.floors[**output].growth.is_some());
     grows.map(|&output| (output, whitened.floors[output].sd_at(0.0), whitened.floors[output].sd_at(largest(output)))).collect()
-}
-
-/// What is left on unseen records, by the noise that they have themselves, as one of so many looks.
-pub(super) fn left_there(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -> Left {
-    let (there, fit) = by_own_noise(unseen, moved);
-    whiteness::look_among(&there, &fit, looks)
-}
-
-/// Unseen records with the noise that they have themselves, and a fit by it: its level is known from the others to a per cent, and a day's is not that of the next.
-/// Far more of it is none, and records that are too short to show theirs have that of the others.
-fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedResiduals, Fit) {
-    let its_own = |floors: &[Floor; 3], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
-        let mut floors = *floors;
-        for (floor, shown) in floors.iter_mut().zip(super::calibration::shown(whitened, simulated)) {
-            if let Some(own) = shown.floor.filter(|own| floor.rounding.is_none() && own.sd < MOST_NOISE * floor.sd) {
-                *floor = own;
-            }
-        }
-        floors
-    };
-    let mut there = unseen.clone();
-    there.floors = its_own(&unseen.floors, unseen, &moved.simulated);
-    // A record may have noise of its own law, too: each is judged by its own, and what that is known worse by counts for all.
-    let mut residual = Vec::with_capacity(moved.residual.len());
-    let pooled = there.floors;
-    for (record, simulated) in unseen.records.iter().zip(&moved.simulated) {
-        let simulated = std::slice::from_ref(simulated);
-        let mut alone = unseen.on(vec![record.clone()]);
-        alone.floors = its_own(&pooled, &alone, simulated);
-        for (floor, own) in there.floors.iter_mut().zip(&alone.floors) {
-            floor.error = floor.error.max(own.error);
-        }
-        residual.extend(alone.residual(simulated));
-    }
-    (there, Fit { residual, ..moved })
 }
 
 /// What a calibrated plant gets wrong, a row: its squared error over the noise's, beyond 1.
@@ -446,14 +399,40 @@ fn allowed(of_rounding: f64, wrong: f64) -> f64 {
     of_rounding.max(OF_THE_WHOLE * wrong).min(MOST_LEFT)
 }
 
+/// Whether more is left than is allowed, and matters; and what causes do where it does not matter.
+fn weighed(left: f64, allowed: f64, wrong: f64, nothing: bool) -> (bool, Option<Practical>) {
+    let practical = if left > allowed && !nothing { practical(left, wrong) } else { None };
+    (left > allowed && practical.is_none(), practical)
+}
+
+/// Whether causes leave noise, and nothing but the work ended the search.
+fn is_explained(structure: bool, stopped: Option<Limit>) -> bool {
+    !structure && stopped.is_none_or(|limit| limit == Limit::Steps)
+}
+
+/// A cause that the law of a known loop shows is as sure as one that has nothing against it.
+fn sure(confidence: f64, by_law: bool) -> f64 {
+    confidence.max(if by_law { confidence::EXPLAINED } else { 0.0 })
+}
+
+/// Whether a cause is named, and no helper.
+fn is_named(verdict: Verdict, confidence: f64) -> bool {
+    verdict != Verdict::Unexplained || confidence >= NAMED
+}
+
+/// Adds to a list, in place of those with the name of a new one.
+fn replace<T, Name: PartialEq>(list: &mut Vec<T>, new: Vec<T>, name: impl Fn(&T) -> Name) {
+    list.retain(|old| !new.iter().any(|new| name(new) == name(old)));
+    list.extend(new);
+}
+
 /// The verdict. Causes that leave noise stand, whatever work was still to be done about their rivals; a search that went round in a circle, or that added and exchanged
 /// without end, has shown that it does not know.
 fn judged_by(structure: bool, stopped: Option<Limit>, nothing: bool) -> Verdict {
-    let lost = stopped.is_some_and(|limit| limit != Limit::Steps);
-    match (structure || lost, nothing) {
-        (true, _) => Verdict::Unexplained,
-        (false, true) => Verdict::NoDiscrepancy,
-        (false, false) => Verdict::Explained,
+    match (is_explained(structure, stopped), nothing) {
+        (false, _) => Verdict::Unexplained,
+        (true, true) => Verdict::NoDiscrepancy,
+        (true, false) => Verdict::Explained,
     }
 }
 
@@ -472,143 +451,6 @@ pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
     let all = above(0);
     // mutant `< to <=`: as above.
     if all < 1e-3 { 0.0 } else { (1.0 - above(1) / all).max(-1.0) }
-}
-
-/// The numbers of an entry of a fit, with their intervals.
-pub(super) fn numbers(fit: &Fit, place: usize) -> Vec<Interval> {
-    let entry = &fit.model.file.effects[place];
-    let (plant, subject) = (entry.arguments.plant, entry.arguments.subject.as_deref());
-    let posterior = Posterior::of(fit);
-    let interval = |(name, value): &(&'static str, f64)| {
-        let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry: place, number: name });
-        let (low, high) = unknown.and_then(|unknown| posterior.interval(fit, unknown)).unwrap_or((*value, *value));
-        Interval { name, value: *value, low, high, unit: unit(plant, entry.description, subject, name) }
-    };
-    entry.arguments.numbers.iter().map(interval).collect()
-}
-
-pub(super) fn cause(
-    fit: &Fit,
-    place: usize,
-    believed: &Believed,
-    alike: Vec<String>,
-    confidence: f64,
-    witness: Option<Witness>,
-) -> Cause {
-    let entry = &fit.model.file.effects[place];
-    let subject = entry.arguments.subject.clone();
-    let parameters = numbers(fit, place);
-    let mut sentence = entry.description.sentence.to_string();
-    for it in &parameters {
-        sentence = sentence.replace(&format!("{{{}}}", it.name), &with_unit(it));
-    }
-    let name = subject.clone().unwrap_or_default();
-    sentence = sentence.replace("{parameter}", &name).replace("{output}", &name);
-    while let (Some(open), Some(close)) = (sentence.find('{'), sentence.find('}')) {
-        // mutant `> to >=`: one place holds one bracket.
-        if open > close {
-            break;
-        }
-        sentence.replace_range(open..=close, "");
-    }
-    Cause {
-        kind: entry.description.kind,
-        subject,
-        of: entry.description.subject,
-        parameters,
-        confidence,
-        indistinguishable_from: alike,
-        gain: believed.gain,
-        rivals: believed.rivals.clone(),
-        asked: believed.asked,
-        sentence,
-        check: entry.description.check,
-        witness,
-        only_in: None,
-    }
-}
-
-/// Rounding as an entry of a file.
-fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Option<Entry> {
-    let description = rsm_sim::effects::of("sensor-quantisation")?;
-    let subject = Some(kind.outputs()[output].name.to_string());
-    Some(Entry { description, arguments: Arguments { plant: kind, subject, numbers: vec![("step", step)] } })
-}
-
-/// How far changes of the readings lie off multiples of the step: so far the step may be off itself, the digits of the largest reading at least.
-fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64) -> f64 {
-    let mut off = 0.0_f64;
-    for prepared in &whitened.records {
-        let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
-        let values = prepared.measured(k);
-        off = values.iter().fold(off, |most, value| most.max(4.0 * f64::EPSILON * value.abs()));
-        for pair in values.windows(2) {
-            let miss = ((pair[1] - pair[0]) - ((pair[1] - pair[0]) / step).round() * step).abs();
-            // What is farther off is no multiple, and was no witness of the step.
-            if miss < 0.01 * step {
-                off = off.max(miss);
-            }
-        }
-    }
-    off
-}
-
-/// Rounding as a cause: the readings are multiples of the step, and no other cause makes them so.
-fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> Cause {
-    let signal = kind.outputs()[output];
-    Cause {
-        kind: "sensor-quantisation",
-        subject: Some(signal.name.to_string()),
-        of: Subject::Output,
-        parameters: vec![Interval {
-            name: "step",
-            value: step,
-            low: step - off,
-            high: step + off,
-            unit: signal.unit.to_string(),
-        }],
-        // A hundredth is left for a file whose digits were cut.
-        confidence: 0.99,
-        indistinguishable_from: Vec::new(),
-        // All rows are multiples of the step: about one squared standard deviation a row.
-        gain: rows,
-        rivals: Vec::new(),
-        asked: true,
-        sentence: format!("The sensor of {} rounds to multiples of {step} {}.", signal.name, signal.unit),
-        check: rsm_sim::effects::of("sensor-quantisation").map_or("", |description| description.check),
-        witness: None,
-        only_in: None,
-    }
-}
-
-/// A number to four digits, with its unit.
-pub(super) fn with_unit(it: &Interval) -> String {
-    let digits = format!("{:.3e}", it.value);
-    let value: f64 = digits.parse().unwrap_or(it.value);
-    if it.unit == "1" { format!("{value}") } else { format!("{value} {}", it.unit.replace('*', " ")) }
-}
-
-fn unit(plant: PlantKind, description: &rsm_sim::effect::Description, subject: Option<&str>, name: &str) -> String {
-    let stated = description.arguments_on(plant).find(|it| it.name == name).map_or("", |it| it.unit);
-    if !stated.is_empty() {
-        return stated.to_string();
-    }
-    let of_output = |name: &str| plant.output(name).map_or("1", |k| plant.outputs()[k].unit);
-    let rotor = plant == PlantKind::Pmac;
-    match (description.kind, name) {
-        ("parameter-error", _) => {
-            let mut parameters = rsm_sim::schema::named(plant);
-            parameters.find(|it| Some(it.name) == subject).map_or("1", |it| it.unit).to_string()
-        }
-        ("sensor-gain", _) => "1".to_string(),
-        ("sensor-drift", _) => format!("{}/s", of_output(subject.unwrap_or(""))),
-        ("sensor-bias" | "sensor-quantisation", _) => of_output(subject.unwrap_or("")).to_string(),
-        ("backlash", "gap") => if plant == PlantKind::Driveline { "rad" } else { "m" }.to_string(),
-        (_, "stiffness") => if rotor { "N*m/rad" } else { "N/m" }.to_string(),
-        (_, "damping" | "viscous_forward" | "viscous_backward") => if rotor { "N*m*s/rad" } else { "N*s/m" }.to_string(),
-        (_, "stribeck_velocity") => if rotor { "rad/s" } else { "m/s" }.to_string(),
-        _ => if rotor { "N*m" } else { "N" }.to_string(),
-    }
 }
 
 #[cfg(test)]

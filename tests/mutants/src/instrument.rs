@@ -77,7 +77,8 @@ impl Writer<'_> {
         for (change, changed) in changes {
             if let Some(on) = self.switch(span, &change) {
                 let plain = std::mem::replace(now, Expr::PLACEHOLDER);
-                *now = parse_quote!((if #on { #changed } else { #plain }));
+                // In brackets, since at the start of a block `if c { 1.0 } else { 2.0 } / x` is a statement and a remainder.
+                *now = parse_quote!((if #on { (#changed) } else { (#plain) }));
             }
         }
     }
@@ -454,6 +455,12 @@ mod tests {
     #[test]
     fn a_body_that_is_a_value_already_is_not_changed_to_it() {
         assert_eq!(changes("fn f() -> u8 { 0 }"), ["0 up", "body to 1"]);
+    }
+
+    #[test]
+    fn a_choice_may_be_an_operand() {
+        let text = "fn f(a: f64, b: bool) -> S { s(if b { a } else { g } / a) }";
+        assert_eq!(changes(text), ["/ to *", "/ to +"]);
     }
 
     #[test]

@@ -19,7 +19,7 @@ use instrument::Mutant;
 use judge::Fate;
 
 const USAGE: &str = "\
-usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--list]
+usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--optimised] [--list]
   --package NAME    rsm-core, rsm-fit, rsm-sim or rsm-diagnose; without it all four, each with the files that are listed below
   --file PART       only files whose name contains PART (several may be given)
   --function NAME   only mutants inside this function
@@ -28,6 +28,8 @@ usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] 
   --sample N        N mutants of each package only, spread evenly over all
   --seed N          the sample is drawn from this seed
   --unit            only the unit tests of the library: nothing else is compiled or run, and what they leave is known in minutes
+  --near            only the unit tests of the changed files' own modules; what they leave is listed
+  --optimised       unit tests are compiled as usual: minutes more to compile, and loops of numbers take a tenth of the time
   --list            names the mutants, runs no test
 A mutant that means the same is argued in a comment on its line or right above: // mutant `< to <=`: why no test can notice it";
 
@@ -64,6 +66,8 @@ struct Request {
     sample: Option<usize>,
     seed: Option<u64>,
     unit: bool,
+    near: bool,
+    optimised: bool,
     list: bool,
 }
 
@@ -103,6 +107,15 @@ fn request(mut words: impl Iterator<Item = String>) -> Result<Request, String> {
                 request.unit = true;
                 continue;
             }
+            "--optimised" => {
+                request.optimised = true;
+                continue;
+            }
+            "--near" => {
+                request.unit = true;
+                request.near = true;
+                continue;
+            }
             _ => {}
         }
         let value = words.next().ok_or_else(|| format!("{word} wants a value"))?;
@@ -135,7 +148,8 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     println!("{package}: {} files", files.len());
     let scratch = request.scratch.join(package);
     std::fs::create_dir_all(&scratch).map_err(|error| format!("{}: {error}", scratch.display()))?;
-    let built = tree::build(&request.root, &scratch, package, &files, request.unit)?;
+    let targets = tree::Targets { unit: request.unit, plain: request.unit && !request.optimised };
+    let built = tree::build(&request.root, &scratch, package, &files, targets)?;
     let texts = texts(&request.root, &files)?;
     let wanted = |mutant: &&Mutant| {
         request.function.as_ref().is_none_or(|name| *name == mutant.function)
@@ -153,10 +167,13 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     }
     // Of a sample first the tests of its own files, and all others only where these leave something: most of the time goes into running every test once.
     let names = judge::names(&built.programs, &built.folder)?;
-    let is_near = |(_, name): &(PathBuf, String)| {
-        request.sample.is_none() || request.parts.is_empty() || request.parts.iter().any(|part| name.contains(part.as_str()))
-    };
-    let (near, others): (Vec<_>, Vec<_>) = names.into_iter().partition(is_near);
+    let modules: Vec<String> = files.iter().map(|file| module(file, package)).collect();
+    let all_at_once = request.sample.is_none() && !request.near;
+    let (near, mut others): (Vec<_>, Vec<_>) =
+        names.into_iter().partition(|(_, name)| all_at_once || modules.iter().any(|module| name.starts_with(module)));
+    if request.near {
+        others.clear();
+    }
     let tests = judge::survey(&near, &built.folder, &scratch)?;
     println!("{package}: {} tests", tests.len());
     let by_number: BTreeMap<usize, &Mutant> = mutants.iter().map(|mutant| (mutant.number, *mutant)).collect();
@@ -258,6 +275,13 @@ fn report(
     total.left == 0 && refuted.is_empty()
 }
 
+/// How the names of the unit tests of a file begin: `src/plant/verdict.rs` has those of `plant::verdict::`.
+fn module(file: &str, package: &str) -> String {
+    let inside = file.strip_prefix(package).and_then(|rest| rest.strip_prefix("/src/")).unwrap_or(file);
+    let path = inside.trim_end_matches(".rs").trim_end_matches("/mod");
+    format!("{}::", path.replace('/', "::"))
+}
+
 fn told(mutant: &Mutant) -> String {
     format!("{}:{}:{}: {} (in {})", mutant.file, mutant.line, mutant.column, mutant.change, mutant.function)
 }
@@ -300,7 +324,13 @@ fn files(request: &Request, package: &str, listed: &[&str]) -> Result<Vec<String
 
 #[cfg(test)]
 mod tests {
-    use super::sample;
+    use super::{module, sample};
+
+    #[test]
+    fn the_tests_of_a_file_are_named_by_its_module() {
+        assert_eq!(module("rsm-diagnose/src/plant/verdict.rs", "rsm-diagnose"), "plant::verdict::");
+        assert_eq!(module("rsm-sim/src/effects/mod.rs", "rsm-sim"), "effects::");
+    }
 
     #[test]
     fn a_sample_is_spread_or_drawn_each_once() {

@@ -26,8 +26,17 @@ pub(crate) struct Built {
     pub(crate) folder: PathBuf,
 }
 
-/// Copies, changes and compiles. `unit`: the unit tests of the library alone.
-pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String], unit: bool) -> Result<Built, String> {
+/// What is compiled.
+#[derive(Clone, Copy)]
+pub(crate) struct Targets {
+    /// The unit tests of the library alone.
+    pub(crate) unit: bool,
+    /// Without optimisation. Most unit tests take seconds without it, and a package with its switches takes minutes to optimise.
+    pub(crate) plain: bool,
+}
+
+/// Copies, changes and compiles.
+pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String], targets: Targets) -> Result<Built, String> {
     // One folder deeper than the copy stands what the tests read beside the workspace.
     let tree = scratch.join("tree").join("workspace");
     let beside = scratch.join("tree").join("shared");
@@ -61,7 +70,7 @@ pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String]
         let from = if changed.contains(&library) { tree.join(&library) } else { root.join(&library) };
         let text = std::fs::read_to_string(from).map_err(|error| format!("{library}: {error}"))?;
         write(&tree.join(&library), format!("{text}\nmod mutant_switch;\n").as_bytes())?;
-        let Compiled { programs, errors } = compile(&tree, scratch, package, unit)?;
+        let Compiled { programs, errors } = compile(&tree, scratch, package, targets)?;
         if errors.is_empty() {
             return Ok(Built { mutants, refused: left_out.len(), programs, folder: tree.join(package) });
         }
@@ -122,10 +131,15 @@ struct Compiled {
 }
 
 /// Compiles the tests of the copy.
-fn compile(tree: &Path, scratch: &Path, package: &str, unit: bool) -> Result<Compiled, String> {
-    // Unit tests take seconds without optimisation, and a package with its switches takes minutes to optimise.
+fn compile(tree: &Path, scratch: &Path, package: &str, of: Targets) -> Result<Compiled, String> {
     let plain = format!("--config=profile.dev.package.{package}.opt-level=0");
-    let targets: &[&str] = if unit { &["--lib", &plain] } else { &["--lib", "--tests"] };
+    let mut targets = vec!["--lib"];
+    if !of.unit {
+        targets.push("--tests");
+    }
+    if of.plain {
+        targets.push(&plain);
+    }
     let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .args(["test", "-p", package, "--no-run", "--message-format=json"])
         .args(targets)

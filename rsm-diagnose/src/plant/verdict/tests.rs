@@ -3,6 +3,13 @@
 use super::super::axis_under_steps;
 use super::super::levenberg;
 use super::*;
+mod whole;
+
+use super::super::levenberg::Fit;
+use super::super::selection::Believed;
+use super::own_noise::its_own;
+use super::told::unit;
+use rsm_sim::kind::PlantKind;
 
 #[test]
 fn louder_noise_on_unseen_records_is_no_structure_and_a_swing_is() {
@@ -221,4 +228,134 @@ fn rounding_may_leave_something_where_one_floor_does_not_know_it() {
     for one in [&plain, &slow] {
         assert_eq!(of_rounding([&known, one].into_iter()), OF_ROUNDING);
     }
+}
+
+#[test]
+fn what_is_left_counts_where_it_is_beyond_what_is_allowed_and_matters() {
+    // So much is allowed.
+    assert_eq!(weighed(0.5, 0.5, 1e6, false), (false, None));
+    assert_eq!(weighed(0.6, 0.5, 1e6, false), (true, None));
+    // Little beside much that is gone; without a cause nothing is gone.
+    assert_eq!(weighed(0.005, 1e-9, 10.0, false), (false, Some(Practical { gone: 1.0 - 0.0005, left: 0.005 })));
+    assert_eq!(weighed(0.005, 1e-9, 10.0, true), (true, None));
+    // What is allowed needs no excuse.
+    assert_eq!(weighed(0.005, 0.005, 10.0, false), (false, None));
+}
+
+#[test]
+fn what_the_law_shows_is_as_sure_as_what_has_nothing_against_it() {
+    assert_eq!([sure(0.3, false), sure(-0.1, false)], [0.3, 0.0]);
+    assert_eq!([sure(0.3, true), sure(0.99, true)], [confidence::EXPLAINED, 0.99]);
+}
+
+#[test]
+fn beside_structure_only_probable_causes_are_named() {
+    assert!(is_named(Verdict::Explained, 0.1) && is_named(Verdict::NoDiscrepancy, 0.1));
+    assert!(is_named(Verdict::Unexplained, NAMED) && is_named(Verdict::Unexplained, 0.9));
+    assert!(!is_named(Verdict::Unexplained, 0.499));
+}
+
+#[test]
+fn new_ones_take_the_place_of_those_of_the_same_name() {
+    let mut list = vec![("gain", 1), ("bias", 2), ("gain", 3)];
+    replace(&mut list, vec![("gain", 10), ("drift", 11)], |it| it.0);
+    assert_eq!(list, [("bias", 2), ("gain", 10), ("drift", 11)]);
+}
+
+fn believed(label: &str, gain: f64, rivals: &[(&str, f64)], model: &Model) -> Believed {
+    Believed {
+        label: label.to_string(),
+        gain,
+        rivals: rivals.iter().map(|(name, behind)| (name.to_string(), *behind)).collect(),
+        alike: Vec::new(),
+        rival_models: Vec::new(),
+        asked: true,
+        without: model.clone(),
+    }
+}
+
+#[test]
+fn rivals_are_alike_that_do_worse_by_less_than_decides() {
+    // What decides, or a hundred-thousandth of the gain.
+    assert_eq!([rivals::same(30.0, 1e6), rivals::same(30.0, 5e6)], [30.0, 1e-5 * 5e6]);
+    let (_, nominal) = axis_under_steps::whitened(&axis_under_steps::file("", ""), &axis_under_steps::file("", ""), false);
+    let fitted = [("asymmetric-friction", 1.0), ("near", 29.0), ("at the limit", 30.0), ("far", 900.0), ("nearer", 2.0)];
+    let mut one = believed("coulomb-friction", 1e6, &fitted, &nominal);
+    one.alike = vec!["far".to_string(), "same trace".to_string()];
+    let [mut first, mut second, third] = [0; 3].map(|_| nominal.clone());
+    first.file.effects = axis_under_steps::file("", &axis_under_steps::friction(1.0)).effects;
+    second.file.effects = axis_under_steps::file("", &axis_under_steps::friction(2.0)).effects;
+    one.rival_models = [("far", third), ("nearer", first.clone()), ("near", second.clone())]
+        .map(|(name, model)| (name.to_string(), model))
+        .to_vec();
+    // Friction that differs by direction holds dry friction as its special case, and is no rival of it.
+    let one = rivals::without_general(&one);
+    assert_eq!(one.rivals.iter().map(|it| it.0.as_str()).collect::<Vec<_>>(), ["near", "at the limit", "far", "nearer"]);
+    // Of the same trace the one that was fitted and does worse is told apart.
+    assert_eq!(rivals::alike(&one, 30.0), ["near", "nearer", "same trace"]);
+    let aliases = rivals::aliases(&one, 30.0);
+    let told: Vec<_> = aliases.iter().map(|it| (it.cause.as_str(), it.rival.as_str(), it.limit)).collect();
+    assert_eq!(told, [("coulomb-friction", "near", 30.0), ("coulomb-friction", "nearer", 30.0)]);
+    for (alias, model) in aliases.iter().zip([second, first]) {
+        assert_eq!(alias.model.file.effects[0].arguments, model.file.effects[0].arguments);
+    }
+}
+
+#[test]
+fn outputs_are_told_once_and_noise_that_grows_with_its_ends() {
+    let file = axis_under_steps::file("", "");
+    let (mut whitened, _) = axis_under_steps::whitened(&file, &file, false);
+    let mut second = whitened.records[0].clone();
+    second.record.measured = vec![Some(vec![1.0, -3.0, 2.0]), Some(vec![0.5, 0.25])];
+    second.outputs = vec![1, 0];
+    whitened.records.push(second);
+    let mut first = whitened.records.remove(0);
+    first.record.measured[0] = Some(vec![0.0, 2.5]);
+    whitened.records.push(first);
+    assert_eq!(outputs(&whitened), [0, 1]);
+    assert_eq!(growing(&whitened, &[0, 1]), []);
+    // By a half a unit of the reading.
+    let growth = super::super::growth::Growth { rate: 0.5, sum: true, norm: 1.0, largest: 3.0 };
+    whitened.floors[0] = Floor { growth: Some(growth), ..Floor::white(0.1) };
+    assert_eq!(growing(&whitened, &[0, 1]), [(0, 0.1, 0.1 * 2.5)]);
+    whitened.floors[1] = Floor { growth: Some(growth), ..Floor::white(0.2) };
+    assert_eq!(growing(&whitened, &[0, 1]), [(0, 0.1, 0.1 * 2.5), (1, 0.2, 0.2 * 1.25)]);
+    assert_eq!(growing(&whitened, &[1]), [(1, 0.2, 0.2 * 1.25)]);
+}
+
+#[test]
+fn records_have_their_own_noise_where_they_show_it_and_far_more_is_none() {
+    let others = Floor::white(2.0);
+    let rounded = Floor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..others };
+    assert_eq!(its_own(&others, None), others);
+    assert_eq!(its_own(&others, Some(Floor::white(2.9))), Floor::white(2.9));
+    assert_eq!(its_own(&others, Some(Floor::white(0.5))), Floor::white(0.5));
+    assert_eq!(its_own(&others, Some(Floor::white(3.0))), others);
+    assert_eq!(its_own(&rounded, Some(Floor::white(1.9))), rounded);
+}
+
+#[test]
+fn each_unseen_record_is_judged_by_its_own_noise_and_all_by_what_is_known_worst() {
+    let file = axis_under_steps::file("mass = 0.02", "");
+    let (whitened, nominal) = axis_under_steps::whitened(&file, &file, true);
+    let fit = levenberg::fit(&whitened, nominal, 4).unwrap();
+    // Another with noise that is louder by 0.3.
+    let mut louder = whitened.records[0].clone();
+    let simulated = &fit.simulated[0][0];
+    louder.record.measured[0] =
+        Some(whitened.records[0].measured(0).iter().zip(simulated).map(|(a, b)| b + 1.3 * (a - b)).collect());
+    let of = |records: Vec<super::super::whitened_residuals::Prepared>| {
+        let simulated = vec![fit.simulated[0].clone(); records.len()];
+        let (there, fit) = by_own_noise(&whitened.on(records), Fit { simulated, ..fit.clone() });
+        (there.floors[0], fit.residual)
+    };
+    let quiet = whitened.records[0].clone();
+    let [(one, own), (other, others)] = [&quiet, &louder].map(|it| of(vec![it.clone()]));
+    let (both, residual) = of(vec![quiet, louder]);
+    // Each residual is that of its record alone, and the level is that of both.
+    assert_eq!(residual, [own, others].concat());
+    assert!((other.sd / one.sd - 1.3).abs() < 1e-9 && both.sd > 1.1 * one.sd && both.sd < 0.95 * other.sd, "{one:?} {both:?}");
+    // Twice the rows know the correlation better; it counts as well as each record knows its own.
+    assert_eq!(both.error, one.error.max(other.error));
+    assert!(both.error > 0.0);
 }

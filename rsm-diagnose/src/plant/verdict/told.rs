@@ -1,0 +1,151 @@
+//! A cause as it is told: its numbers with intervals and units, its sentence.
+//!
+//! In: an entry of a fitted plant, or rounding of an output. Out: a [`Cause`]. Never judges one.
+
+use super::super::error_breakdown::Witness;
+use super::super::levenberg::Fit;
+use super::super::model::Place;
+use super::super::posterior::Posterior;
+use super::super::selection::Believed;
+use super::super::whitened_residuals::WhitenedResiduals;
+use super::{Cause, Interval};
+use rsm_sim::effect::{Arguments, Subject};
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::Entry;
+
+/// The numbers of an entry of a fit, with their intervals.
+pub(crate) fn numbers(fit: &Fit, place: usize) -> Vec<Interval> {
+    let entry = &fit.model.file.effects[place];
+    let (plant, subject) = (entry.arguments.plant, entry.arguments.subject.as_deref());
+    let posterior = Posterior::of(fit);
+    let interval = |(name, value): &(&'static str, f64)| {
+        let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry: place, number: name });
+        let (low, high) = unknown.and_then(|unknown| posterior.interval(fit, unknown)).unwrap_or((*value, *value));
+        Interval { name, value: *value, low, high, unit: unit(plant, entry.description, subject, name) }
+    };
+    entry.arguments.numbers.iter().map(interval).collect()
+}
+
+pub(crate) fn cause(
+    fit: &Fit,
+    place: usize,
+    believed: &Believed,
+    alike: Vec<String>,
+    confidence: f64,
+    witness: Option<Witness>,
+) -> Cause {
+    let entry = &fit.model.file.effects[place];
+    let subject = entry.arguments.subject.clone();
+    let parameters = numbers(fit, place);
+    let mut sentence = entry.description.sentence.to_string();
+    for it in &parameters {
+        sentence = sentence.replace(&format!("{{{}}}", it.name), &with_unit(it));
+    }
+    let name = subject.clone().unwrap_or_default();
+    sentence = sentence.replace("{parameter}", &name).replace("{output}", &name);
+    while let (Some(open), Some(close)) = (sentence.find('{'), sentence.find('}')) {
+        // mutant `> to >=`: one place holds one bracket.
+        if open > close {
+            break;
+        }
+        sentence.replace_range(open..=close, "");
+    }
+    Cause {
+        kind: entry.description.kind,
+        subject,
+        of: entry.description.subject,
+        parameters,
+        confidence,
+        indistinguishable_from: alike,
+        gain: believed.gain,
+        rivals: believed.rivals.clone(),
+        asked: believed.asked,
+        sentence,
+        check: entry.description.check,
+        witness,
+        only_in: None,
+    }
+}
+
+/// Rounding as an entry of a file.
+pub(super) fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Option<Entry> {
+    let description = rsm_sim::effects::of("sensor-quantisation")?;
+    let subject = Some(kind.outputs()[output].name.to_string());
+    Some(Entry { description, arguments: Arguments { plant: kind, subject, numbers: vec![("step", step)] } })
+}
+
+/// How far changes of the readings lie off multiples of the step: so far the step may be off itself, the digits of the largest reading at least.
+pub(super) fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64) -> f64 {
+    let mut off = 0.0_f64;
+    for prepared in &whitened.records {
+        let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
+        let values = prepared.measured(k);
+        off = values.iter().fold(off, |most, value| most.max(4.0 * f64::EPSILON * value.abs()));
+        for pair in values.windows(2) {
+            let miss = ((pair[1] - pair[0]) - ((pair[1] - pair[0]) / step).round() * step).abs();
+            // What is farther off is no multiple, and was no witness of the step.
+            if miss < 0.01 * step {
+                off = off.max(miss);
+            }
+        }
+    }
+    off
+}
+
+/// Rounding as a cause: the readings are multiples of the step, and no other cause makes them so.
+pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> Cause {
+    let signal = kind.outputs()[output];
+    Cause {
+        kind: "sensor-quantisation",
+        subject: Some(signal.name.to_string()),
+        of: Subject::Output,
+        parameters: vec![Interval {
+            name: "step",
+            value: step,
+            low: step - off,
+            high: step + off,
+            unit: signal.unit.to_string(),
+        }],
+        // A hundredth is left for a file whose digits were cut.
+        confidence: 0.99,
+        indistinguishable_from: Vec::new(),
+        // All rows are multiples of the step: about one squared standard deviation a row.
+        gain: rows,
+        rivals: Vec::new(),
+        asked: true,
+        sentence: format!("The sensor of {} rounds to multiples of {step} {}.", signal.name, signal.unit),
+        check: rsm_sim::effects::of("sensor-quantisation").map_or("", |description| description.check),
+        witness: None,
+        only_in: None,
+    }
+}
+
+/// A number to four digits, with its unit.
+pub(crate) fn with_unit(it: &Interval) -> String {
+    let digits = format!("{:.3e}", it.value);
+    let value: f64 = digits.parse().unwrap_or(it.value);
+    if it.unit == "1" { format!("{value}") } else { format!("{value} {}", it.unit.replace('*', " ")) }
+}
+
+pub(super) fn unit(plant: PlantKind, description: &rsm_sim::effect::Description, subject: Option<&str>, name: &str) -> String {
+    let stated = description.arguments_on(plant).find(|it| it.name == name).map_or("", |it| it.unit);
+    if !stated.is_empty() {
+        return stated.to_string();
+    }
+    let of_output = |name: &str| plant.output(name).map_or("1", |k| plant.outputs()[k].unit);
+    let rotor = plant == PlantKind::Pmac;
+    match (description.kind, name) {
+        ("parameter-error", _) => {
+            let mut parameters = rsm_sim::schema::named(plant);
+            parameters.find(|it| Some(it.name) == subject).map_or("1", |it| it.unit).to_string()
+        }
+        ("sensor-gain", _) => "1".to_string(),
+        ("sensor-drift", _) => format!("{}/s", of_output(subject.unwrap_or(""))),
+        ("sensor-bias" | "sensor-quantisation", _) => of_output(subject.unwrap_or("")).to_string(),
+        ("backlash", "gap") => if plant == PlantKind::Driveline { "rad" } else { "m" }.to_string(),
+        (_, "stiffness") => if rotor { "N*m/rad" } else { "N/m" }.to_string(),
+        (_, "damping" | "viscous_forward" | "viscous_backward") => if rotor { "N*m*s/rad" } else { "N*s/m" }.to_string(),
+        (_, "stribeck_velocity") => if rotor { "rad/s" } else { "m/s" }.to_string(),
+        _ => if rotor { "N*m" } else { "N" }.to_string(),
+    }
+}
