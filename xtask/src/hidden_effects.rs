@@ -3,7 +3,7 @@
 //! In: further words for the package hidden-effects. Out: its tables; its cases stay under the target directory, for a look at what went wrong.
 
 use crate::stage::Run;
-use crate::workspace::{cargo, root, scratch};
+use crate::workspace::{cargo, program, scratch};
 
 /// A few cases a plant, with the programs that the tests before it have built.
 pub(crate) fn quick() -> std::process::Command {
@@ -37,9 +37,7 @@ pub(crate) fn run(words: &[&str]) -> bool {
 }
 
 fn judge(profile: &str, mode: &str, rest: &[&str]) -> std::process::Command {
-    let programs =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |target| root().join(target)).join(profile);
-    let mut judge = std::process::Command::new(programs.join("hidden-effects"));
-    judge.arg(mode).arg("--rsm").arg(programs.join("rsm")).arg("--out").arg(scratch("hidden-effects")).args(rest);
+    let mut judge = std::process::Command::new(program(profile, "hidden-effects"));
+    judge.arg(mode).arg("--rsm").arg(program(profile, "rsm")).arg("--out").arg(scratch("hidden-effects")).args(rest);
     judge
 }

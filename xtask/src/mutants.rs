@@ -6,7 +6,7 @@
 use std::process::Command;
 
 use crate::stage::Run;
-use crate::workspace::{cargo, root, scratch};
+use crate::workspace::{cargo, program, root, scratch};
 
 /// Builds the tool and runs it.
 pub(crate) fn run(words: &[&str]) -> bool {
@@ -30,11 +30,15 @@ pub(crate) fn quick() -> Command {
     let files = FILES.iter().flat_map(|file| ["--file", file]);
     // A folder of its own: another set of mutants in the same one compiles both packages again each time.
     let words: Vec<&str> = files.chain(["--unit", "--sample", SAMPLE, "--seed", SEED]).collect();
-    tool("mutants-quick", &words)
+    // The program that the stage before has built.
+    at(Command::new(program("debug", "mutants")), "mutants-quick", &words)
 }
 
 fn tool(folder: &str, words: &[&str]) -> Command {
-    let mut mutants = cargo(&["run", "--release", "--quiet", "-p", "mutants", "--"]);
-    mutants.arg("--root").arg(root()).arg("--scratch").arg(scratch(folder)).args(words);
-    mutants
+    at(cargo(&["run", "--release", "--quiet", "-p", "mutants", "--"]), folder, words)
+}
+
+fn at(mut tool: Command, folder: &str, words: &[&str]) -> Command {
+    tool.arg("--root").arg(root()).arg("--scratch").arg(scratch(folder)).args(words);
+    tool
 }

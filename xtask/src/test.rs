@@ -30,6 +30,16 @@ const SAME_AT_ANY_LEVEL: [&str; 15] = [
     "object_code::barrier_costs_a_copy",
 ];
 
+/// The packages that hold emitted code or run it: the long matrix compiles them as a release does. The other libraries stay as the tests before have built them, which saves a second build of
+/// all of them; `rsm-core`, whose interpreter the bits are compared with, is at opt 3 in every profile.
+const AS_RELEASED: [&str; 4] = ["rsm-tests", "branch-free", "motor-loop", "throttle-loop"];
+
+/// What a release has of a package that the profile of the tests has not.
+fn as_released(package: &str) -> [String; 4] {
+    ["opt-level=3", "debug-assertions=false", "overflow-checks=false", "codegen-units=16"]
+        .map(|setting| format!("profile.dev.package.{package}.{setting}"))
+}
+
 /// Systems beside Linux on which the command must compile.
 const ELSEWHERE: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
 
@@ -40,8 +50,8 @@ pub(crate) fn run() -> bool {
         .command("format", cargo(&["fmt", "--all", "--check"]))
         .command("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
         .command("test", cargo(&["test", "--workspace", "--no-fail-fast"]))
-        // Test programs stand elsewhere than the programs themselves.
-        .command("programs", cargo(&["build", "-p", "rsm-cli", "-p", "hidden-effects"]))
+        // Test programs stand elsewhere than the programs themselves. With the tests named too, cargo takes the libraries that the tests have built.
+        .command("programs", cargo(&["build", "--workspace", "--bins", "--tests"]))
         // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())
         .command("hidden in surfaces", hidden_effects::quick_surfaces())
@@ -49,7 +59,14 @@ pub(crate) fn run() -> bool {
         .command("mutants", mutants::quick())
         // The tests that are ignored above because they are slow at opt 0, and those again that run code of this build, here at opt 3.
         .command("long matrix", {
-            let mut test = cargo(&["test", "--release", "-p", "rsm-tests", "--no-fail-fast", "--", "--include-ignored"]);
+            let mut test = cargo(&["test", "--workspace", "--test", "across", "--no-fail-fast"]);
+            test.args(
+                AS_RELEASED
+                    .iter()
+                    .flat_map(|package| as_released(package))
+                    .flat_map(|setting| ["--config".to_string(), setting]),
+            );
+            test.args(["--", "--include-ignored"]);
             test.args(SAME_AT_ANY_LEVEL.iter().flat_map(|name| ["--skip", name]));
             test
         })

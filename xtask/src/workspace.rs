@@ -10,10 +10,19 @@ pub(crate) fn root() -> PathBuf {
     root
 }
 
-/// A folder of ours under the target directory, which is where cargo was told to put it or `target`.
+/// The target directory: where cargo was told to put it, or `target`.
+fn target() -> PathBuf {
+    root().join(std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from))
+}
+
+/// A folder of ours under the target directory.
 pub(crate) fn scratch(name: &str) -> PathBuf {
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
-    root().join(target).join("xtask").join(name)
+    target().join("xtask").join(name)
+}
+
+/// A program of the workspace as cargo has built it, in the folder of a profile.
+pub(crate) fn program(profile: &str, name: &str) -> PathBuf {
+    target().join(profile).join(name)
 }
 
 /// Cargo, in the root, with arguments. The same cargo that runs this program.
