@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A program or file whose presence tells that a package is installed, and the package.
-const NEEDED: [(&str, &str); 13] = [
+const NEEDED: [(&str, &str); 14] = [
     ("gcc", "gcc"),
     ("clang", "clang"),
     ("valgrind", "valgrind"),
@@ -23,6 +23,8 @@ const NEEDED: [(&str, &str); 13] = [
     ("qemu-aarch64", "qemu-user"),
     ("arm-linux-gnueabihf-gcc", "gcc-arm-linux-gnueabihf"),
     ("/usr/arm-linux-gnueabihf/include/stdio.h", "libc6-dev-armhf-cross"),
+    // The pages of reports, opened and clicked through.
+    ("chromium", "chromium"),
 ];
 
 /// Makes sure that everything is there.

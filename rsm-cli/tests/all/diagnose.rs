@@ -216,10 +216,14 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     for sentence in sentences.iter().chain([&evidence["check"].as_str().unwrap()]) {
         at(&sentence.replace('&', "&amp;").replace('"', "&quot;"));
     }
-    // The torque in the table of parameters has the five digits of the JSON's.
-    let torque = value["causes"][0]["parameters"]["torque"]["value"].as_f64().unwrap();
+    // The torque in the table of parameters has the digits that its interval supports: two of its half width.
+    let torque = |key: &str| value["causes"][0]["parameters"]["torque"][key].as_f64().unwrap();
+    let digits = 1 - (0.5 * (torque("high") - torque("low"))).log10().floor() as i32;
+    assert!((3..7).contains(&digits), "{digits}");
     at(&format!(
-        "<td>coulomb-friction</td><td>torque</td><td>N*m</td><td class=\"number\">absent</td><td class=\"number\">{torque:.5}</td>"
+        "<td>coulomb-friction</td><td>torque</td><td>N*m</td><td class=\"number\">absent</td><td class=\"number\">{:.*}</td>",
+        digits as usize,
+        torque("value")
     ));
     // Shares of whole outputs are shares of one whole, and regions carry units.
     let places = value["where"].as_array().unwrap();
@@ -231,8 +235,11 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     }
     // Curves: whole, worst stretch, left over time, by frequency, of three outputs.
     assert!(page.matches("<svg").count() >= 12);
-    // Nothing is fetched, nothing runs.
-    assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("<script") && !page.contains("url("));
+    // Nothing is fetched: no source is named, and the page forbids itself to load any.
+    assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("url(") && page.contains("default-src 'none'"));
+    // The summary stands before all else, and a switch takes the cause out.
+    assert!(at("<h1>") < at("class=\"numbers\"") && at("class=\"numbers\"") < at("Without coulomb-friction</button>"));
+    assert!(at("Without coulomb-friction</button>") < at("<h2>"));
     // Standard error is short.
     let words = text(&output.stderr);
     assert!(words.lines().count() < 12 && words.contains("To be sure: Drive slowly both ways"), "{words}");

@@ -11,6 +11,7 @@ mod import;
 mod limits;
 mod made_up_runs;
 mod motor;
+mod pages;
 mod readme;
 mod reference;
 mod streams;

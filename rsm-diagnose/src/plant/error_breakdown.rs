@@ -80,6 +80,8 @@ pub struct Witness {
     pub records: Vec<(String, f64, f64)>,
     /// Where the plant without it is wrong.
     pub places: Vec<Region>,
+    /// What the plant without it simulates, everything else fitted again: a list of values for each of [`Portrait::traces`], in their order and unit.
+    pub without: Vec<Vec<f64>>,
 }
 
 /// Everything that a report shows.
@@ -273,6 +275,8 @@ pub fn witnesses(it: &Compared<'_>, believed: &[Believed]) -> Vec<Option<Witness
                     })
                     .collect(),
                 places,
+                // In the order in which the traces are made: record by record, output by output.
+                without: without.simulated.iter().flatten().cloned().collect(),
             })
         })
         .collect()

@@ -4,7 +4,7 @@
 
 use super::choice::{Worth, candidates, worth};
 use super::estimate::Estimates;
-use super::explain::Explained;
+use super::explain::{self, Explained};
 use super::hypotheses::{Claim, Hypothesis, Part};
 use super::narrative::Narrative;
 use super::null::Thresholds;
@@ -67,6 +67,8 @@ pub struct Cause {
     pub indistinguishable_from: Vec<String>,
     /// In plain words.
     pub sentence: String,
+    /// What the mean becomes at each row inside without this cause, all others fitted again; in the order of `Shown` and the unit of the response. Empty for what does not move the mean.
+    pub without: Vec<f64>,
 }
 
 /// A rival that does worse by less than this is not ruled out: 2 ln 19, odds of 95 to 5. What is true is ahead of a rival by more only once in 20 times: the mean of a likelihood ratio under the
@@ -106,6 +108,10 @@ pub fn all(
         };
         let (members, rest): (Vec<usize>, Vec<usize>) = set.iter().copied().partition(same);
         let mut cause = if key == "steps" { narrative.change_points(&members) } else { narrative.cause(&members) };
+        let kept: Vec<Hypothesis> = rest.iter().map(|member| found.set[*member].clone()).collect();
+        let mut without = Explained { set: kept, ..found.clone() };
+        explain::settle(sample, &mut without);
+        cause.without = without.fitted;
         let worths: Vec<Worth> = members.iter().map(|member| worth(&search, &candidates, &set, *member)).collect();
         cause.ln_p = worths.iter().map(|it| it.ln_p).fold(0.0, f64::min);
         let score = search.score(&set);

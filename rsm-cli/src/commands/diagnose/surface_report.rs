@@ -2,6 +2,8 @@
 //!
 //! In: a model, new data, a diagnosis. Out: one self-contained HTML page: first what is wrong and what to do about it, then the evidence. Decides nothing: every figure comes from the diagnosis.
 
+mod plots;
+
 use std::fmt::Write as _;
 
 use rsm_core::model::{Model, Surface};
@@ -11,8 +13,8 @@ use rsm_diagnose::surface::regions::Region;
 use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Verdict};
 
 use crate::outcome::Refusal;
-use crate::page::{escaped, figure, page};
-use crate::plot::{BLUE, GREY, Mark, ORANGE, PINK, Series, Words, curves};
+use crate::page::summary::{self, Number, Tone};
+use crate::page::{escaped, known, page, short};
 
 /// The whole page.
 pub fn html(model: &Model, data: &NewData, found: &Diagnosis) -> Result<String, Refusal> {
@@ -25,24 +27,25 @@ pub fn html(model: &Model, data: &NewData, found: &Diagnosis) -> Result<String, 
         Some(column) => format!("in the order of column <code>{}</code>", escaped(column)),
         None => "in the order of their rows".to_string(),
     };
-    let mut body = format!(
-        "<h1>Model <code>{}</code> against new data: {}</h1>\n<p>Compared with {}, runs {order}.</p>\n",
-        escaped(&model.name),
-        found.verdict.name(),
-        files.join("; ")
-    );
-    for (column, why) in &data.ignored {
-        let _ = writeln!(body, "<p>Column <code>{}</code> takes no part: {}.</p>", escaped(column), escaped(why));
-    }
+    let mut body =
+        format!("<h1>Model <code>{}</code> against new data: {}</h1>\n", escaped(&model.name), found.verdict.name(),);
     for response in &found.responses {
         of_response(&mut body, model, data, response)?;
+    }
+    let _ = writeln!(body, "<h2>Data</h2>\n<p>Compared with {}, runs {order}.</p>", files.join("; "));
+    for (column, why) in &data.ignored {
+        let _ = writeln!(body, "<p>Column <code>{}</code> takes no part: {}.</p>", escaped(column), escaped(why));
     }
     Ok(page(&format!("Diagnosis: {}", found.verdict.name()), &body))
 }
 
 fn of_response(body: &mut String, model: &Model, data: &NewData, response: &ResponseDiagnosis) -> Result<(), Refusal> {
     let surface = &model.surfaces[response.surface];
-    let _ = write!(body, "<h2>{}: {}</h2>\n<p>{}</p>\n", escaped(&surface.name), response.verdict.name(), verdict(response));
+    let _ = writeln!(body, "<section>\n<h2>{}: {}</h2>", escaped(&surface.name), response.verdict.name());
+    body.push_str(&in_short(response));
+    let plots = plots::Plots { model, response };
+    body.push_str(&plots.switch("summary"));
+    let _ = write!(body, "<div class=\"plots one\">\n{}</div>\n", plots.summary("summary")?);
     what_to_do(body, response);
     let of_file = response.rows_of_file.map_or_else(
         || {
@@ -69,35 +72,75 @@ fn of_response(body: &mut String, model: &Model, data: &NewData, response: &Resp
             places.join(", ")
         );
     }
+    body.push_str("<div class=\"columns\">\n");
     for cause in &response.causes {
         of_cause(body, data, response, cause);
     }
+    body.push_str("</div>\n");
     for note in &response.notes {
         let _ = writeln!(body, "<p>Note: {}.</p>", escaped(note));
     }
+    plots.section(body)?;
+    body.push_str("<div class=\"columns\">\n<div>\n");
     errors(body, surface, response);
+    body.push_str("</div>\n<div>\n");
     regions(body, response);
+    body.push_str("</div>\n<div>\n");
     evidence(body, response);
-    plots(body, model, response)
+    body.push_str("</div>\n</div>\n</section>\n");
+    Ok(())
+}
+
+/// The verdict and three numbers.
+fn in_short(response: &ResponseDiagnosis) -> String {
+    let (tone, state) = match response.verdict {
+        Verdict::NoDiscrepancy => (Tone::Good, "the surface holds"),
+        Verdict::Explained => (Tone::Good, "explained"),
+        Verdict::Unexplained => (Tone::Bad, "not explained"),
+    };
+    let (before, after) = (response.nominal.noise_ratio, response.extended.noise_ratio);
+    let rows = format!("on {} unseen rows", response.nominal.rows);
+    let mut numbers = Vec::new();
+    if response.verdict == Verdict::NoDiscrepancy {
+        numbers.push(Number::new("Error", format!("{before:.2} × noise"), rows));
+        numbers.push(Number::new(
+            "Rows compared",
+            response.rows.to_string(),
+            format!("{} more take no part", response.outside.len()),
+        ));
+        let worst = response.tests.iter().min_by(|a, b| a.ln_p.total_cmp(&b.ln_p));
+        numbers.extend(worst.map(|it| {
+            Number::new(
+                "Most unlike noise",
+                format!("p = {}", short(it.ln_p.exp())),
+                format!("{} (structure below {})", it.what, short(response.threshold_p_structure)),
+            )
+        }));
+    } else {
+        let (gain, on) = response.tested.as_ref().map_or((response.gain, rows.clone()), |it| {
+            (it.gain, format!("on {} test rows, which nothing has seen before", it.nominal.rows))
+        });
+        let gone = if gain >= 0.0 { format!("{:.0} %", 100.0 * gain) } else { "none".to_string() };
+        numbers.push(Number::new("Squared error above the noise that is gone", gone, on));
+        numbers.push(Number::new(
+            "Error",
+            format!("{} → {} × noise", short(before), short(after)),
+            format!("the file, then with the causes, {rows}"),
+        ));
+        numbers.push(match response.causes.first() {
+            Some(cause) => {
+                let more = response.causes.len() - 1;
+                let more = if more == 0 { String::new() } else { format!("; {more} more below") };
+                Number::new("Confidence", format!("{:.2}", cause.confidence), format!("that {} is right{more}", cause.label))
+            }
+            None => Number::new("Causes", "none", "that is known helps"),
+        });
+    }
+    summary::verdict(tone, state, &verdict(response)) + &summary::numbers(&numbers)
 }
 
 /// So many rows are listed by file and line; diagnosis.json has them all.
 const PLACES: usize = 12;
-
-/// A number with three significant digits: the evidence is not known better.
-fn short(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_string();
-    }
-    let digits = 2 - value.abs().log10().floor() as i32;
-    if (0..=6).contains(&digits) {
-        format!("{value:.*}", digits as usize)
-    } else if digits < 0 && digits > -4 {
-        format!("{value:.0}")
-    } else {
-        format!("{value:.2e}")
-    }
-}
 
 /// A probability in words where it is next to nothing.
 fn chance(ln_p: f64) -> String {
@@ -164,9 +207,9 @@ fn verdict(response: &ResponseDiagnosis) -> String {
         Verdict::Unexplained => {
             let worst = response.tests.iter().min_by(|a, b| a.ln_p.total_cmp(&b.ln_p));
             let what = worst.map_or(String::new(), |it| {
-                format!(": {} are too much alike for noise (probability by chance: {})", escaped(&it.what), chance(it.ln_p))
+                format!(": {} are too much alike for noise (probability by chance: {})", it.what, chance(it.ln_p))
             });
-            let regions: Vec<String> = response.regions_left.iter().take(2).map(|it| escaped(&it.region)).collect();
+            let regions: Vec<String> = response.regions_left.iter().take(2).map(|it| it.region.clone()).collect();
             let regions =
                 if regions.is_empty() { String::new() } else { format!(" Most of it lies at {}.", regions.join(", and at ")) };
             let helps = if response.causes.is_empty() {
@@ -182,7 +225,7 @@ fn verdict(response: &ResponseDiagnosis) -> String {
 }
 
 fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cause: &Cause) {
-    let _ = write!(body, "<h3>{}</h3>\n<p>{} ", escaped(&cause.label), escaped(&cause.sentence));
+    let _ = write!(body, "<div>\n<h3>{}</h3>\n<p>{} ", escaped(&cause.label), escaped(&cause.sentence));
     let _ = write!(
         body,
         "For it: evidence {} (2 ln of the likelihood ratio), where a cause of one unknown needs {}; probability by chance: {}. Confidence {:.2}.",
@@ -206,9 +249,9 @@ fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cau
             body,
             "<tr><td>{}</td><td>{}</td><td>{} to {}</td><td>{}</td></tr>",
             escaped(&it.name),
-            figure(Some(it.value)),
-            figure(Some(it.low)),
-            figure(Some(it.high)),
+            known(it.value, 0.5 * (it.high - it.low)),
+            known(it.low, 0.5 * (it.high - it.low)),
+            known(it.high, 0.5 * (it.high - it.low)),
             escaped(&it.unit)
         );
     }
@@ -223,13 +266,14 @@ fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cau
                 "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
                 it.place + 1,
                 escaped(&data.place_of(it.place)),
-                figure(Some(it.residual)),
-                figure(Some(it.studentised)),
-                figure(Some(it.p))
+                short(it.residual),
+                short(it.studentised),
+                short(it.p)
             );
         }
         body.push_str("</table>\n");
     }
+    body.push_str("</div>\n");
 }
 
 fn errors(body: &mut String, surface: &Surface, response: &ResponseDiagnosis) {
@@ -301,59 +345,12 @@ fn evidence(body: &mut String, response: &ResponseDiagnosis) {
         let _ =
             writeln!(body, "<tr><td>{}{class}</td><td>{}</td><td>{}</td></tr>", escaped(label), short(*gain), chance(*ln_p));
     }
-    body.push_str("</table>\n<h3>Is noise left?</h3>\n<table><tr><th>test</th><th>probability by chance</th></tr>\n");
+    body.push_str(
+        "</table>\n</div>\n<div>\n<h3>Is noise left?</h3>\n<table><tr><th>test</th><th>probability by chance</th></tr>\n",
+    );
     for it in &response.tests {
         let class = if it.ln_p < response.threshold_p_structure.ln() { " class=\"missed\"" } else { "" };
         let _ = writeln!(body, "<tr{class}><td>{}</td><td>{}</td></tr>", escaped(&it.what), chance(it.ln_p));
     }
     let _ = writeln!(body, "</table>\n<p>Below {} it is structure, not noise.</p>", short(response.threshold_p_structure));
-}
-
-fn plots(body: &mut String, model: &Model, response: &ResponseDiagnosis) -> Result<(), Refusal> {
-    let surface = &model.surfaces[response.surface];
-    let shown = &response.shown;
-    let y = format!("measured less computed [{}]", surface.unit);
-    let rows = shown.measured.len();
-    let series = |x: &dyn Fn(usize) -> f64| -> Vec<Series> {
-        let points = |computed: &[f64], counts: bool| -> Vec<(f64, f64)> {
-            let rows = (0..rows).filter(|row| shown.counts[*row] == counts);
-            rows.map(|row| (x(row), shown.measured[row] - computed[row])).collect()
-        };
-        let mut series = vec![Series::new("the file", ORANGE, Mark::Cross, points(&shown.nominal, true))];
-        if response.verdict != Verdict::NoDiscrepancy {
-            series.push(Series::new("with the causes", BLUE, Mark::Circle, points(&shown.explained, true)));
-        }
-        let outlying = points(&shown.nominal, false);
-        if !outlying.is_empty() {
-            series.push(Series::new("outlying", PINK, Mark::Cross, outlying));
-        }
-        series
-    };
-    body.push_str("<h3>Residuals</h3>\n<div class=\"plots\">\n");
-    for (column, name) in shown.points.iter().zip(&surface.inputs) {
-        let unit = model.input(name).map_or("", |input| input.unit.as_str());
-        let x = format!("{name} [{unit}]");
-        let words = Words { title: &format!("against {name}"), x: &x, y: &y };
-        body.push_str(&curves(&words, &series(&|row| column[row]))?);
-    }
-    let words = Words { title: "against the run order", x: "run", y: &y };
-    body.push_str(&curves(&words, &series(&|row| shown.places[row] as f64 + 1.0))?);
-    let x = format!("fitted value [{}]", surface.unit);
-    let words = Words { title: "against the fitted value", x: &x, y: &y };
-    body.push_str(&curves(&words, &series(&|row| shown.explained[row]))?);
-    let judged = &response.judged;
-    let pairs = |computed: &[f64]| judged.measured.iter().copied().zip(computed.iter().copied()).collect::<Vec<_>>();
-    let (low, high) = judged.measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| (a.min(*y), b.max(*y)));
-    let (x, y) = (format!("measured [{}]", surface.unit), format!("computed [{}]", surface.unit));
-    let words = Words { title: "unseen rows", x: &x, y: &y };
-    let mut all = vec![
-        Series::new("equal", GREY, Mark::Line, vec![(low, low), (high, high)]),
-        Series::new("the file", ORANGE, Mark::Cross, pairs(&judged.nominal)),
-    ];
-    if response.verdict != Verdict::NoDiscrepancy {
-        all.push(Series::new("extended", BLUE, Mark::Circle, pairs(&judged.extended)));
-    }
-    body.push_str(&curves(&words, &all)?);
-    body.push_str("</div>\n");
-    Ok(())
 }

@@ -1,19 +1,39 @@
-//! Curves before and after: whole records, the stretch that is worst, what is left over time, by frequency and by order.
+//! Curves before and after: whole records, the stretch that is worst, what is left over time, by frequency and by order. A switch takes each cause out of the simulation.
 //!
-//! In: a diagnosis. Out: figures. Decides nothing: which record and which stretch comes from the diagnosis.
+//! In: a diagnosis. Out: figures. Decides nothing: which record, which stretch and what is simulated without a cause come from the diagnosis.
 
 use std::fmt::Write as _;
 use std::ops::Range;
 
-use rsm_diagnose::plant::Diagnosis;
 use rsm_diagnose::plant::error_breakdown::Trace;
 use rsm_diagnose::plant::orders::Orders;
+use rsm_diagnose::plant::validation::Error;
+use rsm_diagnose::plant::{Cause, Diagnosis};
 use rsm_sim::kind::PlantKind;
 
+use super::super::evidence::label;
 use super::super::words;
 use crate::outcome::Refusal;
 use crate::page::escaped;
-use crate::plot::{BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words, curves, decades};
+use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words, decades, switched};
+
+/// The output that is worst before any cause: its worst stretch, with a switch. Nothing where there are no curves.
+pub fn summary(kind: PlantKind, found: &Diagnosis) -> Result<String, Refusal> {
+    let worst = calibrated(found).iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio));
+    let shown = worst.and_then(|worst| Shown::of(found, worst.output));
+    let Some(shown) = shown.or_else(|| (0..kind.outputs().len()).find_map(|output| Shown::of(found, output))) else {
+        return Ok(String::new());
+    };
+    let y = title(kind, shown.trace.output);
+    let (from, to) = (shown.trace.time[shown.trace.worst.start], shown.trace.time[shown.trace.worst.end - 1]);
+    let group = format!("summary of {y}");
+    let words = format!("{y} in {}, {from:.3} to {to:.3} s: where the plant without a cause is worst", shown.record);
+    Ok(format!(
+        "{}<div class=\"plots one\">\n{}</div>\n",
+        shown.switch(found, &group),
+        shown.outputs(&group, &shown.trace.worst, &words, &y)?
+    ))
+}
 
 /// The section.
 pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<(), Refusal> {
@@ -21,21 +41,21 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
     if breakdown.traces.is_empty() {
         return Ok(());
     }
-    let records = if breakdown.unseen { &breakdown.records[1] } else { &breakdown.records[0] };
     let _ = writeln!(body, "<h2>Before and after, on {}</h2>", words::judging(breakdown));
-    body.push_str("<p>Of each output the record in which the plant is worst, calibrated within its tolerances: all of it, the stretch that is worst, and what is left over time.</p>\n");
+    body.push_str("<p>Of each output the record in which the plant is worst, calibrated within its tolerances: all of it, the stretch that is worst, and what is left over time. Without a cause, everything else is fitted again.</p>\n");
     for output in 0..kind.outputs().len() {
-        let worst = breakdown.traces.iter().filter(|it| it.output == output).max_by(|a, b| a.error.total_cmp(&b.error));
-        let Some(trace) = worst else { continue };
+        let Some(shown) = Shown::of(found, output) else { continue };
+        let trace = shown.trace;
         let signal = kind.outputs()[output];
-        let y = format!("{} [{}]", signal.name, signal.unit);
-        let record = records.get(trace.record).map_or("", |(name, _)| name.as_str());
-        let _ = writeln!(body, "<h3>{} in {}</h3>\n<div class=\"plots\">", escaped(&y), escaped(record));
+        let y = title(kind, output);
+        let _ = writeln!(body, "<h3>{} in {}</h3>", escaped(&y), escaped(shown.record));
+        body.push_str(&shown.switch(found, &y));
+        body.push_str("<div class=\"plots\">\n");
         let whole = 0..trace.time.len();
-        body.push_str(&outputs(trace, &whole, "the whole record", &y)?);
+        body.push_str(&shown.outputs(&y, &whole, "the whole record", &y)?);
         let (from, to) = (trace.time[trace.worst.start], trace.time[trace.worst.end - 1]);
-        body.push_str(&outputs(trace, &trace.worst, &format!("where it is worst: {from:.3} to {to:.3} s"), &y)?);
-        body.push_str(&residuals(trace, &whole, "measured less simulated", &y)?);
+        body.push_str(&shown.outputs(&y, &trace.worst, &format!("where it is worst: {from:.3} to {to:.3} s"), &y)?);
+        body.push_str(&shown.residuals(&y, &whole, "measured less simulated", &y)?);
         if let Some(spectrum) = breakdown.spectra.iter().find(|it| it.output == output) {
             let pairs = |values: &[f64]| spectrum.frequency.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
             let series = [
@@ -70,32 +90,107 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
     Ok(())
 }
 
-/// Measured and simulated values over time.
-fn outputs(trace: &Trace, rows: &Range<usize>, title: &str, y: &str) -> Result<String, Refusal> {
-    let points = |values: &[f64]| rows.clone().map(|row| (trace.time[row], values[row])).collect::<Vec<_>>();
-    let mut series = vec![
-        Series::new("measured", GREY, Mark::Line, points(&trace.measured)),
-        Series::new("nominal", PINK, Mark::Line, points(&trace.nominal)),
-        Series::new("calibrated", ORANGE, Mark::Line, points(&trace.before)),
-        Series::new("extended", BLUE, Mark::Line, points(&trace.after)),
-    ];
-    series.extend(trace.corrected.as_ref().map(|it| Series::new("corrected", BLACK, Mark::Line, points(it))));
-    curves(&Words { title, x: "time [s]", y }, &series)
+fn title(kind: PlantKind, output: usize) -> String {
+    let signal = kind.outputs()[output];
+    format!("{} [{}]", signal.name, signal.unit)
 }
 
-/// Errors over time; rows that do not count are left out.
-fn residuals(trace: &Trace, rows: &Range<usize>, title: &str, y: &str) -> Result<String, Refusal> {
-    let points = |values: &[f64]| {
-        let used = rows.clone().filter(|row| trace.used[*row]);
-        used.map(|row| (trace.time[row], trace.measured[row] - values[row])).collect::<Vec<_>>()
-    };
-    let mut series = vec![
-        Series::new("nominal", PINK, Mark::Line, points(&trace.nominal)),
-        Series::new("calibrated", ORANGE, Mark::Line, points(&trace.before)),
-        Series::new("extended", BLUE, Mark::Line, points(&trace.after)),
-    ];
-    series.extend(trace.corrected.as_ref().map(|it| Series::new("corrected", BLACK, Mark::Line, points(it))));
-    curves(&Words { title, x: "time [s]", y }, &series)
+/// Errors of the calibrated plant, which has no cause yet.
+fn calibrated(found: &Diagnosis) -> &[Error] {
+    let first = found.steps.first().filter(|step| step.causes.is_empty());
+    first.map_or(found.nominal.as_slice(), |step| step.errors.as_slice())
+}
+
+/// The points of a curve, from its values at all rows.
+type Points<'a> = dyn Fn(&[f64]) -> Vec<(f64, f64)> + 'a;
+
+/// The curves of one output in the record where it is worst.
+struct Shown<'a> {
+    trace: &'a Trace,
+    /// The name of its record.
+    record: &'a str,
+    /// Where there are several causes: each of the strongest, and what the plant without it simulates.
+    without: Vec<(&'a Cause, &'a [f64])>,
+}
+
+impl<'a> Shown<'a> {
+    fn of(found: &'a Diagnosis, output: usize) -> Option<Self> {
+        let breakdown = &found.error_breakdown;
+        let records = if breakdown.unseen { &breakdown.records[1] } else { &breakdown.records[0] };
+        let traces = breakdown.traces.iter().enumerate().filter(|(_, it)| it.output == output);
+        let (place, trace) = traces.max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
+        let record = records.get(trace.record).map_or("", |(name, _)| name.as_str());
+        let without = |cause: &'a Cause| Some((cause, cause.witness.as_ref()?.without.get(place)?.as_slice()));
+        // Without the only cause the plant is the calibrated one.
+        let several = found.entries().count() > 1;
+        let without = found.entries().filter_map(without).filter(|(_, values)| several && values.len() == trace.time.len());
+        Some(Shown { trace, record, without: without.collect() })
+    }
+
+    /// Buttons: all causes, without each, without any. Nothing where no cause was found.
+    fn switch(&self, found: &Diagnosis, group: &str) -> String {
+        let names: Vec<String> = found.entries().map(label).collect();
+        if names.is_empty() {
+            return String::new();
+        }
+        let output = self.trace.output;
+        let told = |errors: &[Error]| {
+            let error = errors.iter().find(|it| it.output == output);
+            error.map_or(String::new(), |it| format!("error {:.2} times the noise", it.noise_ratio))
+        };
+        let all = match names.as_slice() {
+            [one] => format!("With {one}"),
+            _ => "With all causes".to_string(),
+        };
+        let mut states = vec![(all, told(&found.extended))];
+        for (cause, _) in &self.without {
+            let outputs = cause.witness.iter().flat_map(|witness| &witness.outputs);
+            let error = outputs.filter(|it| it.0 == output).map(|it| format!("error {:.2} times the noise", it.1)).next();
+            states.push((format!("Without {}", label(cause)), error.unwrap_or_default()));
+        }
+        let none = match names.as_slice() {
+            [one] => format!("Without {one}"),
+            _ => "Without any".to_string(),
+        };
+        states.push((none, told(calibrated(found))));
+        plot::switch(group, "Simulated", &states)
+    }
+
+    /// Measured and simulated values over time.
+    fn outputs(&self, group: &str, rows: &Range<usize>, title: &str, y: &str) -> Result<String, Refusal> {
+        let trace = self.trace;
+        let points = |values: &[f64]| rows.clone().map(|row| (trace.time[row], values[row])).collect::<Vec<_>>();
+        let mut series = vec![Series::new("measured", GREY, Mark::Line, points(&trace.measured))];
+        series.extend(self.simulated(&points));
+        switched(Some(group), &Words { title, x: "time [s]", y }, &series)
+    }
+
+    /// Errors over time; rows that do not count are left out.
+    fn residuals(&self, group: &str, rows: &Range<usize>, title: &str, y: &str) -> Result<String, Refusal> {
+        let trace = self.trace;
+        let points = |values: &[f64]| {
+            let used = rows.clone().filter(|row| trace.used[*row]);
+            used.map(|row| (trace.time[row], trace.measured[row] - values[row])).collect::<Vec<_>>()
+        };
+        switched(Some(group), &Words { title, x: "time [s]", y }, &self.simulated(&points))
+    }
+
+    /// What each plant simulates, in the state of the switch that has it. The still picture has the plants before and after.
+    fn simulated(&self, points: &Points<'_>) -> Vec<Series> {
+        let trace = self.trace;
+        let none = self.without.len() + 1;
+        let mut series = vec![
+            Series::new("nominal", PINK, Mark::Line, points(&trace.nominal)).in_state(none),
+            Series::new("calibrated", ORANGE, Mark::Line, points(&trace.before)).in_state(none),
+            Series::new("extended", BLUE, Mark::Line, points(&trace.after)).in_state(0),
+        ];
+        for (k, (cause, values)) in self.without.iter().enumerate() {
+            let name = format!("without {}", label(cause));
+            series.push(Series::new(&name, ORANGE, Mark::Line, points(values)).in_state(k + 1).only_live());
+        }
+        series.extend(trace.corrected.as_ref().map(|it| Series::new("corrected", BLACK, Mark::Line, points(it)).in_state(0)));
+        series
+    }
 }
 
 fn of_order(kind: PlantKind, it: &Orders) -> Result<String, Refusal> {

@@ -10,6 +10,7 @@ use std::fmt::Write as _;
 
 use rsm_diagnose::plant::correction::Offer;
 use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
+use rsm_diagnose::plant::validation::Error;
 use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
 use rsm_sim::kind::PlantKind;
 
@@ -18,7 +19,8 @@ use super::evidence::{self, label};
 use super::next;
 use super::words;
 use crate::outcome::Refusal;
-use crate::page::{escaped, figure, page};
+use crate::page::summary::{self, Number, Tone};
+use crate::page::{escaped, known, page, short};
 
 /// Causes whose evidence is told in full.
 const CLOSELY: usize = 3;
@@ -30,8 +32,8 @@ const RANKED: usize = 12;
 pub fn html(kind: PlantKind, found: &Diagnosis, refitted: &[String]) -> Result<String, Refusal> {
     let title = format!("Diagnosis of a {}: {}", kind.name(), found.verdict.name());
     let mut body = format!("<h1>{title}</h1>\n");
-    let class = if found.verdict == Verdict::Unexplained { "verdict unexplained" } else { "verdict" };
-    let _ = writeln!(body, "<p class=\"{class}\">{}</p>", escaped(&words::verdict(kind, found)));
+    body.push_str(&in_short(kind, found));
+    body.push_str(&curves::summary(kind, found)?);
     data(&mut body, found);
     causes(&mut body, kind, found);
     if found.verdict == Verdict::Unexplained {
@@ -45,6 +47,68 @@ pub fn html(kind: PlantKind, found: &Diagnosis, refitted: &[String]) -> Result<S
     curves::section(&mut body, kind, found)?;
     ranking(&mut body, found);
     Ok(page(&title, &body))
+}
+
+/// The verdict and three numbers.
+fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
+    let tone = match found.verdict {
+        Verdict::NoDiscrepancy | Verdict::Explained => Tone::Good,
+        Verdict::Unexplained => Tone::Bad,
+    };
+    let state = match found.verdict {
+        Verdict::NoDiscrepancy => "the simulation holds",
+        Verdict::Explained => "explained",
+        Verdict::Unexplained => "not explained",
+    };
+    let worst = |errors: &[Error]| errors.iter().map(|it| it.noise_ratio).fold(0.0, f64::max);
+    let judging = words::judging(&found.error_breakdown);
+    let mut numbers = Vec::new();
+    if found.verdict == Verdict::NoDiscrepancy {
+        numbers.push(Number::new("Worst output", format!("{:.2} × noise", worst(&found.extended)), format!("on {judging}")));
+        if let Some(it) = found.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs())) {
+            let moved = format!("{:.1} σ", it.sds.abs());
+            numbers.push(Number::new("Largest move within a tolerance", moved, format!("of {} (2 σ are allowed)", it.name)));
+        }
+        let rows: usize = found.error_breakdown.records.iter().flatten().map(|(_, rows)| rows).sum();
+        numbers.push(Number::new("Rows compared", rows.to_string(), "in all records"));
+    } else {
+        let ((gain, (low, high)), on) = match &found.tested {
+            Some(it) => ((it.gain, it.gain_interval), "on test records, which nothing has seen before".to_string()),
+            None => ((found.gain, found.gain_interval), format!("on {judging}")),
+        };
+        let from = format!("{on}; 95 % interval {:.1} to {:.1} %", 100.0 * low, 100.0 * high);
+        numbers.push(Number::new("Error beyond the noise that is gone", percent(gain, high - low), from));
+        let moved = format!("{} → {} × noise", times(worst(&found.nominal)), times(worst(&found.extended)));
+        numbers.push(Number::new("Worst output", moved, format!("plant file, then with what was found, on {judging}")));
+        match found.entries().next() {
+            Some(cause) => {
+                let more = found.entries().count() - 1;
+                let more = if more == 0 { String::new() } else { format!("; {more} more below") };
+                numbers.push(Number::new(
+                    "Confidence",
+                    format!("{:.2}", cause.confidence),
+                    format!("that {} is right{more}", label(cause)),
+                ));
+            }
+            None => numbers.push(Number::new("Causes", "none", "of the catalogue helps")),
+        }
+    }
+    summary::verdict(tone, state, &words::verdict(kind, found)) + &summary::numbers(&numbers)
+}
+
+/// A ratio as far as it is looked at: large ones without decimals.
+fn times(ratio: f64) -> String {
+    match ratio {
+        _ if ratio < 10.0 => format!("{ratio:.2}"),
+        _ if ratio < 1e5 => format!("{ratio:.0}"),
+        _ => format!("{ratio:.1e}"),
+    }
+}
+
+/// A share in per cent with as many decimals as its interval supports.
+fn percent(share: f64, width: f64) -> String {
+    let decimals = crate::page::number::decimals(50.0 * width, 100.0).min(2);
+    format!("{:.*} %", decimals, 100.0 * share)
 }
 
 /// What was compared, and what is wrong with it.
@@ -144,11 +208,14 @@ fn listed(body: &mut String, kind: PlantKind, found: &Diagnosis, heading: &str, 
         body.push_str("</p>\n");
         if number < CLOSELY {
             let evidence = evidence::of(kind, found, cause);
+            body.push_str("<div class=\"columns\">\n<div>\n");
             list(body, "For it", &evidence.supports);
+            body.push_str("</div>\n<div>\n");
             list(body, "Against it", &evidence.speaks_against);
             if evidence.speaks_against.is_empty() {
                 body.push_str("<p>Against it nothing was found in these records.</p>\n");
             }
+            body.push_str("</div>\n</div>\n");
         }
         let _ = writeln!(body, "<p><b>To be sure:</b> {}</p>", escaped(cause.check));
     }
@@ -247,28 +314,29 @@ fn parameters(body: &mut String, found: &Diagnosis) {
         "<h2>Parameters of the extended plant</h2>\n<p>extended.toml holds them; <code>rsm simulate</code> runs it.</p>\n\
          <table><tr><th>of</th><th>parameter</th><th>unit</th><th>plant file</th><th>now</th><th>95 % interval, or move within tolerance</th></tr>\n",
     );
-    let mut row = |of: &str, name: &str, unit: &str, was: &str, is: f64, note: &str| {
+    let mut row = |of: &str, name: &str, unit: &str, was: &str, is: &str, note: &str| {
         let _ = writeln!(
             body,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"number\">{was}</td><td class=\"number\">{}</td><td>{note}</td></tr>",
             escaped(of),
             escaped(name),
             escaped(unit),
-            figure(Some(is))
+            is
         );
     };
-    let number = |value: f64| figure(Some(value));
     // What acts in one record alone is none of the plant's.
     for cause in found.causes.iter().chain(&found.helpers).filter(|it| it.only_in.is_none()) {
         for it in &cause.parameters {
-            let interval = format!("{} to {}", number(it.low), number(it.high));
+            let half = 0.5 * (it.high - it.low);
+            let interval = format!("{} to {}", known(it.low, half), known(it.high, half));
             let note = if it.high > it.low { interval } else { "not estimated".to_string() };
-            row(&label(cause), it.name, &it.unit, &words::before(found, cause), it.value, &note);
+            row(&label(cause), it.name, &it.unit, &words::before(found, cause), &known(it.value, half), &note);
         }
     }
     for it in &error_breakdown.calibration {
         let note = format!("{:+.1} standard deviations of its tolerance (2 are allowed)", it.sds);
-        row("calibration", it.name, it.unit, &number(it.nominal), it.value, &note);
+        let is = known(it.value, 0.5 * (it.high - it.low));
+        row("calibration", it.name, it.unit, &format!("{}", it.nominal), &is, &note);
     }
     body.push_str("</table>\n");
 }
@@ -294,10 +362,10 @@ fn errors(body: &mut String, kind: PlantKind, found: &Diagnosis) {
              <td class=\"number\">{}</td><td class=\"number\">{:.2}</td></tr>",
             signal.name,
             escaped(signal.unit),
-            figure(sd),
-            figure(Some(before.rmse)),
+            sd.map_or("none".to_string(), short),
+            short(before.rmse),
             before.noise_ratio,
-            figure(Some(after.rmse)),
+            short(after.rmse),
             after.noise_ratio
         );
     }

@@ -13,10 +13,6 @@ use crate::page::{bar, escaped};
 /// Lines of the first table.
 const LINES: usize = 16;
 
-/// The colours of the curves (plot.rs), for bars.
-const BEFORE: &str = "#d55e00";
-const AFTER: &str = "#0072b2";
-
 /// The section.
 pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     let breakdown = &found.error_breakdown;
@@ -35,8 +31,8 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     }
     let _ = writeln!(
         body,
-        "<h3>Error by region, before and after</h3>\n<p>Root mean square error over the noise; <span style=\"color:{BEFORE}\">calibrated</span>, \
-         <span style=\"color:{AFTER}\">extended</span>; the grey line stands for the noise.</p>"
+        "<h3>Error by region, before and after</h3>\n<p>Root mean square error over the noise; <span class=\"colour-before\">calibrated</span>, \
+         <span class=\"colour-after\">extended</span>; the grey line stands for the noise.</p>"
     );
     for (output, quantity) in quantities {
         let slices: Vec<&Slice> = breakdown.slices.iter().filter(|it| it.output == output && it.quantity == quantity).collect();
@@ -55,8 +51,8 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
                  <td class=\"bars\" style=\"background:linear-gradient(#999,#999) calc(0.7em + {noise:.0}px) 0/1px 100% no-repeat\">{}<br>{}</td></tr>",
                 escaped(&it.region),
                 100.0 * it.share_of_rows,
-                bar(before / most, BEFORE),
-                bar(after / most, AFTER)
+                bar(before / most, "before"),
+                bar(after / most, "after")
             );
         }
         body.push_str("</table>\n");
@@ -80,7 +76,7 @@ pub fn table(body: &mut String, kind: PlantKind, regions: &[Region]) {
             escaped(&it.region),
             100.0 * it.share_of_error,
             100.0 * it.share_of_output,
-            bar(it.share_of_error, BEFORE)
+            bar(it.share_of_error, "before")
         );
     }
     body.push_str("</table>\n");

@@ -1,16 +1,15 @@
-//! Plots as SVG text: curves over an axis, and a surface over a plane as a map of colours with level lines.
+//! Still pictures as SVG text: for paper, for pages without a script, and for documents.
 //!
-//! In: numbers, with the words for axes and legend. Out: a `<figure>` of HTML with the drawing inside and the legend below it. Knows nothing of what is
-//! shown. The same numbers give the same text.
+//! In: series, with the words for the axes. Out: SVG. The same numbers give the same text.
 
 use plotters::chart::{ChartBuilder, ChartContext};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::{
     Cartesian2d, Circle, Cross, DrawingArea, IntoDrawingArea, PathElement, Rectangle, SVGBackend, ShapeStyle,
 };
-pub use plotters::style::BLACK;
-use plotters::style::{Color, IntoFont, RGBColor, WHITE};
+use plotters::style::{BLACK, Color, IntoFont, RGBColor, WHITE};
 
+use super::{CELLS, Map, Mark, Series, Words, finite, thinned};
 use crate::outcome::Refusal;
 
 /// Size of a plot in pixels.
@@ -19,51 +18,8 @@ const PLOT: (u32, u32) = (480, 340);
 /// More points than this are no longer seen apart on the width of a plot.
 const MOST_POINTS: usize = 1200;
 
-/// Cells of a map along each axis: the level lines are straight in a cell.
-const CELLS: usize = 48;
-
 /// Level lines between the least and the greatest value.
 const LEVELS: usize = 9;
-
-/// Colours that stay apart for readers who see fewer of them (Okabe and Ito 2008), in the order of use.
-pub const BLUE: RGBColor = RGBColor(0, 114, 178);
-/// The second.
-pub const ORANGE: RGBColor = RGBColor(213, 94, 0);
-/// For marks on a map, whose dark end is blue.
-pub const PINK: RGBColor = RGBColor(255, 150, 200);
-/// For what is only there to compare with.
-pub const GREY: RGBColor = RGBColor(140, 140, 140);
-
-/// How a series is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mark {
-    Line,
-    Circle,
-    Cross,
-}
-
-/// Numbers that belong together.
-pub struct Series {
-    pub name: String,
-    pub colour: RGBColor,
-    pub mark: Mark,
-    pub points: Vec<(f64, f64)>,
-}
-
-impl Series {
-    pub fn new(name: &str, colour: RGBColor, mark: Mark, points: Vec<(f64, f64)>) -> Self {
-        Series { name: name.to_string(), colour, mark, points }
-    }
-}
-
-/// The words around a plot.
-pub struct Words<'a> {
-    pub title: &'a str,
-    /// With its unit.
-    pub x: &'a str,
-    /// With its unit.
-    pub y: &'a str,
-}
 
 type Backend<'a> = SVGBackend<'a>;
 type Chart<'a, 'b> = ChartContext<'a, Backend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
@@ -84,7 +40,7 @@ pub fn curves(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
         draw(&mut chart, series)?;
         area.present().map_err(failed)?;
     }
-    Ok(figure(&svg, series))
+    Ok(svg)
 }
 
 /// Curves over two axes of decades. Points that are not above 0 are left out.
@@ -93,12 +49,7 @@ pub fn decades(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> 
         .iter()
         .map(|each| {
             let above = each.points.iter().filter(|point| point.0 > 0.0 && point.1 > 0.0 && finite(point));
-            Series {
-                name: each.name.clone(),
-                colour: each.colour,
-                mark: each.mark,
-                points: above.map(|point| (point.0.log10(), point.1.log10())).collect(),
-            }
+            Series { points: above.map(|point| (point.0.log10(), point.1.log10())).collect(), ..each.clone() }
         })
         .collect();
     let shown = |axis: fn(&(f64, f64)) -> f64| logarithms.iter().flat_map(move |each| each.points.iter().map(axis));
@@ -111,21 +62,13 @@ pub fn decades(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> 
         draw(&mut chart, &logarithms)?;
         area.present().map_err(failed)?;
     }
-    Ok(figure(&svg, series))
+    Ok(svg)
 }
 
-/// A surface over a rectangle of the plane, `None` where it is not to be shown, with marks on top.
-pub fn map(
-    words: &Words<'_>,
-    value_words: &str,
-    x: (f64, f64),
-    y: (f64, f64),
-    value: &mut dyn FnMut(f64, f64) -> Option<f64>,
-    series: &[Series],
-) -> Result<String, Refusal> {
-    let along = |range: (f64, f64), k: usize| range.0 + (range.1 - range.0) * k as f64 / CELLS as f64;
-    let corners: Vec<Vec<Option<f64>>> =
-        (0..=CELLS).map(|i| (0..=CELLS).map(|j| value(along(x, i), along(y, j))).collect()).collect();
+/// A surface over a rectangle of the plane, with marks on top.
+pub fn map(words: &Words<'_>, value_words: &str, map: &Map, series: &[Series]) -> Result<String, Refusal> {
+    let (x, y, corners) = (map.x, map.y, &map.corners);
+    let along = super::along;
     let (low, high) = span(corners.iter().flatten().filter_map(|value| *value), 0.0);
     let mut svg = String::new();
     {
@@ -157,7 +100,7 @@ pub fn map(
         scale(&right, value_words, low, high)?;
         area.present().map_err(failed)?;
     }
-    Ok(figure(&svg, series))
+    Ok(svg)
 }
 
 fn axes<'a, 'b>(
@@ -208,7 +151,7 @@ fn draw(chart: &mut Chart<'_, '_>, series: &[Series]) -> Result<(), Refusal> {
         match each.mark {
             Mark::Line => {
                 let style: ShapeStyle = each.colour.stroke_width(2);
-                chart.draw_series([PathElement::new(thinned(&points), style)]).map_err(failed)?;
+                chart.draw_series([PathElement::new(thinned(&points, MOST_POINTS), style)]).map_err(failed)?;
             }
             Mark::Circle => {
                 let circles = points.iter().map(|point| Circle::new(*point, 3, each.colour.filled()));
@@ -250,24 +193,6 @@ fn scale(area: &DrawingArea<Backend<'_>, plotters::coord::Shift>, words: &str, l
     mesh.draw().map_err(failed)
 }
 
-fn figure(svg: &str, series: &[Series]) -> String {
-    let legend = series.iter().filter(|each| !each.name.is_empty()).map(|each| {
-        let sign = match each.mark {
-            Mark::Line => "&#9473;",
-            Mark::Circle => "&#9679;",
-            Mark::Cross => "&#10005;",
-        };
-        let RGBColor(red, green, blue) = each.colour;
-        format!("<span style=\"color:rgb({red},{green},{blue})\">{sign}</span>&nbsp;{}", crate::page::escaped(&each.name))
-    });
-    let legend: Vec<String> = legend.collect();
-    format!("<figure>\n{svg}\n<figcaption>{}</figcaption>\n</figure>\n", legend.join(" &nbsp; "))
-}
-
-fn finite(point: &&(f64, f64)) -> bool {
-    point.0.is_finite() && point.1.is_finite()
-}
-
 /// The least and the greatest, with a margin as a share of their distance; never empty.
 fn span(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
@@ -304,23 +229,6 @@ fn power_of_ten(value: f64, (low, high): (f64, f64)) -> String {
     format!("{number:.*}", if is_whole { decimals.saturating_sub(1) } else { decimals })
 }
 
-/// A curve of many points by the extremes of equal pieces: peaks stay.
-fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    if points.len() <= MOST_POINTS {
-        return points.to_vec();
-    }
-    let piece = points.len().div_ceil(MOST_POINTS / 2);
-    let mut kept = Vec::with_capacity(MOST_POINTS);
-    for chunk in points.chunks(piece) {
-        let by = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
-        let (Some(low), Some(high)) = (chunk.iter().min_by(by), chunk.iter().max_by(by)) else { continue };
-        let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
-        kept.push(*first);
-        kept.push(*second);
-    }
-    kept
-}
-
 fn mean(values: &[Option<f64>]) -> Option<f64> {
     let known: Option<Vec<f64>> = values.iter().copied().collect();
     known.map(|known| known.iter().sum::<f64>() / known.len() as f64)
@@ -354,15 +262,7 @@ fn colour(share: f64) -> RGBColor {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_thinned_curve_keeps_its_peak() {
-        let mut points: Vec<(f64, f64)> = (0..100_000).map(|k| (f64::from(k), 0.0)).collect();
-        points[54_321].1 = 7.0;
-        let thin = thinned(&points);
-        assert!(thin.len() <= MOST_POINTS + 2 && thin.contains(&(54_321.0, 7.0)));
-        assert!(thin.windows(2).all(|pair| pair[0].0 <= pair[1].0));
-    }
+    use crate::plot::BLUE;
 
     #[test]
     fn a_level_crosses_a_slope_once_and_a_saddle_twice() {

@@ -1,0 +1,132 @@
+//! Residuals of a surface against its inputs, the run order and its own value. A switch takes each cause out of the explanation.
+//!
+//! In: a model, the diagnosis of a response. Out: figures. Decides nothing: what the mean is without a cause comes from the diagnosis.
+
+use rsm_core::model::{Model, Surface};
+use rsm_diagnose::surface::causes::Cause;
+use rsm_diagnose::surface::{ResponseDiagnosis, Verdict};
+
+use crate::outcome::Refusal;
+use crate::plot::{self, BLUE, GREY, Mark, ORANGE, PINK, Series, Words, curves, switched};
+
+/// The plots of a response.
+pub struct Plots<'a> {
+    pub model: &'a Model,
+    pub response: &'a ResponseDiagnosis,
+}
+
+impl Plots<'_> {
+    fn surface(&self) -> &Surface {
+        &self.model.surfaces[self.response.surface]
+    }
+
+    /// The name of a switch: the page may have several responses.
+    fn group(&self, of: &str) -> String {
+        format!("{of} of {}", self.surface().name)
+    }
+
+    /// Where there are several causes: those without which the mean is another.
+    fn without(&self) -> Vec<&Cause> {
+        let moving: Vec<&Cause> = self.response.causes.iter().filter(|cause| !cause.without.is_empty()).collect();
+        if moving.len() > 1 { moving } else { Vec::new() }
+    }
+
+    /// Whether there is something to take out.
+    fn has_switch(&self) -> bool {
+        self.response.verdict != Verdict::NoDiscrepancy && !self.response.causes.is_empty()
+    }
+
+    /// Buttons: all causes, without each, the file. Nothing where the file holds.
+    pub fn switch(&self, of: &str) -> String {
+        if !self.has_switch() {
+            return String::new();
+        }
+        let mut states = vec![("With the causes".to_string(), String::new())];
+        states.extend(self.without().iter().map(|cause| (format!("Without {}", cause.label), String::new())));
+        states.push(("As the file is".to_string(), String::new()));
+        plot::switch(&self.group(of), "Computed", &states)
+    }
+
+    /// What shows the strongest cause: residuals against the input that it is of, else against the run order.
+    pub fn summary(&self, of: &str) -> Result<String, Refusal> {
+        let subject = self.response.causes.first().and_then(|cause| cause.subject.as_ref());
+        let input = subject.and_then(|(_, name)| self.surface().inputs.iter().position(|input| input == name));
+        match input {
+            Some(k) => self.against_input(of, k),
+            None => self.against_runs(of),
+        }
+    }
+
+    /// All of them.
+    pub fn section(&self, body: &mut String) -> Result<(), Refusal> {
+        let of = "residuals";
+        body.push_str("<h3>Residuals</h3>\n");
+        body.push_str(&self.switch(of));
+        body.push_str("<div class=\"plots\">\n");
+        for k in 0..self.surface().inputs.len() {
+            body.push_str(&self.against_input(of, k)?);
+        }
+        body.push_str(&self.against_runs(of)?);
+        let shown = &self.response.shown;
+        let x = format!("fitted value [{}]", self.surface().unit);
+        body.push_str(&self.residuals(of, "against the fitted value", &x, &|row| shown.explained[row])?);
+        body.push_str(&self.unseen()?);
+        body.push_str("</div>\n");
+        Ok(())
+    }
+
+    fn against_input(&self, of: &str, k: usize) -> Result<String, Refusal> {
+        let name = &self.surface().inputs[k];
+        let unit = self.model.input(name).map_or("", |input| input.unit.as_str());
+        let column = &self.response.shown.points[k];
+        self.residuals(of, &format!("against {name}"), &format!("{name} [{unit}]"), &|row| column[row])
+    }
+
+    fn against_runs(&self, of: &str) -> Result<String, Refusal> {
+        let shown = &self.response.shown;
+        self.residuals(of, "against the run order", "run", &|row| shown.places[row] as f64 + 1.0)
+    }
+
+    fn residuals(&self, of: &str, title: &str, x_title: &str, x: &dyn Fn(usize) -> f64) -> Result<String, Refusal> {
+        let shown = &self.response.shown;
+        let y = format!("measured less computed [{}]", self.surface().unit);
+        let points = |computed: &[f64], counts: bool| -> Vec<(f64, f64)> {
+            let rows = (0..shown.measured.len()).filter(|row| shown.counts[*row] == counts);
+            rows.map(|row| (x(row), shown.measured[row] - computed[row])).collect()
+        };
+        let without = self.without();
+        let file = Series::new("the file", ORANGE, Mark::Cross, points(&shown.nominal, true));
+        let explained = Series::new("with the causes", BLUE, Mark::Circle, points(&shown.explained, true));
+        let mut series = match (self.has_switch(), self.response.verdict) {
+            (true, _) => vec![file.in_state(without.len() + 1), explained.in_state(0)],
+            (false, Verdict::NoDiscrepancy) => vec![file],
+            (false, _) => vec![file, explained],
+        };
+        for (k, cause) in without.iter().enumerate() {
+            let name = format!("without {}", cause.label);
+            series.push(Series::new(&name, ORANGE, Mark::Cross, points(&cause.without, true)).in_state(k + 1).only_live());
+        }
+        let outlying = points(&shown.nominal, false);
+        if !outlying.is_empty() {
+            series.push(Series::new("outlying", PINK, Mark::Cross, outlying));
+        }
+        switched(Some(&self.group(of)), &Words { title, x: x_title, y: &y }, &series)
+    }
+
+    /// Computed against measured values of unseen rows.
+    fn unseen(&self) -> Result<String, Refusal> {
+        let judged = &self.response.judged;
+        let unit = &self.surface().unit;
+        let pairs = |computed: &[f64]| judged.measured.iter().copied().zip(computed.iter().copied()).collect::<Vec<_>>();
+        let (low, high) = judged.measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| (a.min(*y), b.max(*y)));
+        let (x, y) = (format!("measured [{unit}]"), format!("computed [{unit}]"));
+        let mut all = vec![
+            Series::new("equal", GREY, Mark::Line, vec![(low, low), (high, high)]),
+            Series::new("the file", ORANGE, Mark::Cross, pairs(&judged.nominal)),
+        ];
+        if self.response.verdict != Verdict::NoDiscrepancy {
+            all.push(Series::new("extended", BLUE, Mark::Circle, pairs(&judged.extended)));
+        }
+        curves(&Words { title: "unseen rows", x: &x, y: &y }, &all)
+    }
+}

@@ -1,0 +1,125 @@
+//! The page around a report: one self-contained HTML file.
+//!
+//! In: a title and a body of HTML. Out: text. Nothing is fetched from anywhere when it is read, and the page itself forbids it. Without a script, and on paper, still
+//! pictures and tables stay.
+
+pub mod number;
+pub mod summary;
+
+pub use number::{figure, known, short, with_unit};
+use serde_json::Value;
+
+const STYLE: &str = include_str!("assets/style.css");
+
+/// Our part: theme, contents, switches; plots; a surface to look into.
+const SCRIPTS: [&str; 3] =
+    [include_str!("assets/page.js"), include_str!("assets/plots.js"), include_str!("assets/explorer.js")];
+
+/// Plotly with its plots in space, as `gzip -9n` and base64 make of the file of the npm package `plotly.js-gl3d-dist-min` (docs/decisions/026-pages-with-plotly.md).
+const LIBRARY: &str = include_str!("assets/plotly/plotly-gl3d-4.1.1.min.js.gz.b64");
+
+/// The licence asks to be kept with the library.
+const LICENCE: &str = include_str!("assets/plotly/LICENSE");
+
+/// Who may load what: this page alone, and what it makes itself (a picture of a plot).
+const POLICY: &str =
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:";
+
+/// The whole page. The library is in it where a figure has numbers.
+pub fn page(title: &str, body: &str) -> String {
+    let library = if body.contains(NUMBERS) {
+        format!("<!-- Plotly.js 4.1.1\n{LICENCE}-->\n<script id=\"library\" type=\"text/plain\">\n{LIBRARY}</script>\n")
+    } else {
+        String::new()
+    };
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"generator\" content=\"rsm\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
+         <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <div class=\"top\"><nav aria-label=\"Contents\"></nav><button class=\"theme\" type=\"button\" title=\"Light or dark\">Dark</button></div>\n\
+         <main>\n{body}</main>\n{library}<script>\n{}</script>\n</body>\n</html>\n",
+        escaped(title),
+        SCRIPTS.concat()
+    )
+}
+
+/// Text as HTML shows it.
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// How the numbers of a figure begin.
+const NUMBERS: &str = "<script type=\"application/json\">";
+
+/// Numbers for the scripts. No text in them can end the element that holds them.
+pub fn numbers(value: &Value) -> String {
+    let text = value.to_string().replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026");
+    format!("{NUMBERS}{text}</script>\n")
+}
+
+/// A bar of a share of 200 pixels, of a class of the style sheet: `before` or `after`.
+pub fn bar(share: f64, class: &str) -> String {
+    format!("<span class=\"bar {class}\" style=\"width:{:.0}px\"></span>", 200.0 * share.clamp(0.0, 1.0))
+}
+
+/// Rows of a table without a head: a name and a value, as HTML.
+pub fn rows(rows: &[(String, String)]) -> String {
+    let each: String = rows.iter().map(|(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n")).collect();
+    if each.is_empty() { each } else { format!("<table>\n{each}</table>\n") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sha2::{Digest as _, Sha256};
+    use std::io::Read as _;
+
+    #[test]
+    fn the_library_is_the_file_of_its_package() {
+        let packed = decoded(LIBRARY);
+        let mut text = Vec::new();
+        flate2::read::GzDecoder::new(packed.as_slice()).read_to_end(&mut text).unwrap();
+        let digest: String = Sha256::digest(&text).iter().map(|byte| format!("{byte:02x}")).collect();
+        // SHA-256 of package/plotly-gl3d.min.js of plotly.js-gl3d-dist-min 4.1.1.
+        assert_eq!(digest, "aab04dcd9c103a92b18723f8c837712fe820f325d0bcd2421e415e8124a75b9f");
+        let text = String::from_utf8(text).unwrap();
+        assert!(text.starts_with("/**\n* plotly.js (gl3d - minified) v4.1.1\n") && text[..200].contains("MIT license"));
+        assert!(LICENCE.starts_with("MIT License") || LICENCE.starts_with("The MIT License"), "{LICENCE}");
+    }
+
+    /// Base64 as RFC 4648 has it.
+    fn decoded(text: &str) -> Vec<u8> {
+        let letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+        let mut bits = 0_u32;
+        let mut count = 0;
+        let mut bytes = Vec::new();
+        for letter in text.bytes().filter(|it| !it.is_ascii_whitespace() && *it != b'=') {
+            let value = letters.iter().position(|it| *it == letter).expect("a letter of base64") as u32;
+            bits = bits << 6 | value;
+            count += 6;
+            if count >= 8 {
+                count -= 8;
+                bytes.push((bits >> count) as u8);
+            }
+        }
+        bytes
+    }
+
+    #[test]
+    fn no_text_ends_the_element_that_holds_it() {
+        let evil = "</script><script>alert(1)</script><!--&\u{2028}";
+        let made = numbers(&serde_json::json!({ evil: evil }));
+        let inside = made.strip_prefix(NUMBERS).unwrap().strip_suffix("</script>\n").unwrap();
+        assert!(!inside.contains('<') && !inside.contains('&'));
+        let read: Value = serde_json::from_str(inside).unwrap();
+        assert_eq!(read[evil], evil);
+        assert!(!escaped(evil).contains('<'));
+    }
+
+    #[test]
+    fn a_page_names_no_place_to_fetch_from() {
+        let page = page("t", &format!("<p>x</p>{}", numbers(&Value::Null)));
+        assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("@import") && !page.contains("url("));
+        assert!(page.contains("default-src 'none'"));
+    }
+}

@@ -1,0 +1,363 @@
+//! The page of a fit: for each response the verdict, three numbers and the surface itself; below them how well it fits, its constraints and its terms.
+//!
+//! In: what a fit found. Out: text. Predictions come from the interpreter, so a report shows what an evaluator will return.
+
+mod surface;
+
+use rsm_core::check::Checked;
+use rsm_core::lower;
+use rsm_core::model::{Input, Surface};
+use rsm_core::number::Precision;
+use rsm_core::run::Interpreter;
+use rsm_fit::constrain::ConstraintStatistics;
+use rsm_fit::design;
+use rsm_fit::fit::{ChosenBy, Outcome, ResponseOutcome, Verdict};
+use rsm_fit::records::Records;
+use rsm_fit::statistics::{Named, ResponseStatistics, ValidationStatistics};
+
+use crate::commands::fit::verdict_in_words;
+
+use crate::outcome::Refusal;
+use crate::page::summary::{self, Number, Tone};
+use crate::page::{escaped, figure, known, page, rows, short, with_unit};
+use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, Series, Words};
+
+/// The report of a fit.
+pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
+    let mut body = format!("<h1>Model <code>{}</code></h1>\n", escaped(&outcome.model.name));
+    let reached = outcome.responses.iter().filter(|it| matches!(it.verdict, Verdict::Fitted | Verdict::Reached { .. })).count();
+    if outcome.responses.len() > 1 {
+        body += &format!(
+            "<p class=\"lead\">{reached} of {} responses are fitted as was asked.</p>\n{}",
+            outcome.responses.len(),
+            overview(outcome)
+        );
+    }
+    // Where no response could be fitted there is no surface, and no model to check.
+    let fitted = (!outcome.model.surfaces.is_empty()).then(|| Checked::from_model(&outcome.model));
+    let checked = fitted.transpose()?;
+    for response in &outcome.responses {
+        let (tone, state) = tone(&response.verdict);
+        body += &format!("<section>\n<h2>{}</h2>\n", escaped(&response.name));
+        body += &summary::verdict(tone, state, &format!("{}.", verdict_in_words(response)));
+        let (checked, statistics) = match (&checked, &response.statistics) {
+            (Some(checked), Some(statistics)) => (checked, statistics),
+            _ => {
+                body += "<p>There is no surface of it.</p>\n</section>\n";
+                continue;
+            }
+        };
+        body += &of_response(outcome, checked, response, statistics)?;
+        body += "</section>\n";
+    }
+    let files: Vec<String> = outcome
+        .files
+        .iter()
+        .map(|file| {
+            format!("<li>{} ({} rows, SHA-256 <code>{}</code>)</li>", escaped(&file.name), file.rows, &file.sha256[..16])
+        })
+        .collect();
+    body += &format!("<h2>Data</h2>\n<ul>\n{}\n</ul>\n", files.join("\n"));
+    Ok(page(&format!("rsm fit: {}", outcome.model.name), &body))
+}
+
+/// The verdict's colour, and its state in a word or two.
+fn tone(verdict: &Verdict) -> (Tone, &'static str) {
+    match verdict {
+        Verdict::Fitted => (Tone::Good, "fitted"),
+        Verdict::Reached { .. } => (Tone::Good, "reached"),
+        Verdict::ReachedAboutZero { .. } => (Tone::Warn, "reached about zero only"),
+        Verdict::NotReached { .. } => (Tone::Warn, "not reached"),
+        Verdict::Infeasible { .. } => (Tone::Bad, "no surface"),
+        Verdict::NotProven(_) => (Tone::Bad, "not proven"),
+        Verdict::IllConditioned { .. } => (Tone::Bad, "no surface"),
+    }
+}
+
+/// A line for each of several responses.
+fn overview(outcome: &Outcome) -> String {
+    let line = |response: &ResponseOutcome| {
+        let unit = outcome.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
+        let error = response.statistics.as_ref().and_then(|statistics| believed(response, statistics));
+        let error = error.map_or(String::new(), |(error, on)| format!("{} {on}", with_unit(&short(error), unit)));
+        format!(
+            "<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+            escaped(&response.name),
+            tone(&response.verdict).1,
+            escaped(&error)
+        )
+    };
+    let lines: String = outcome.responses.iter().map(line).collect();
+    format!(
+        "<table>\n<tr><th>response</th><th>verdict</th><th>error to be believed (root mean square)</th></tr>\n{lines}</table>\n"
+    )
+}
+
+/// The error that is to be believed (root mean square), and on which rows it is: those that chose least.
+fn believed(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Option<(f64, String)> {
+    let on = |errors: &ValidationStatistics, of: &str| (errors.rmse, format!("on {} {of}", errors.rows));
+    let test = statistics.test.as_ref().map(|it| on(it, "test rows"));
+    let cross = statistics.cross_validation.as_ref().map(|it| on(&it.errors, "rows, each left out in turn"));
+    let validation = statistics.validation.as_ref().map(|it| {
+        on(it, if response.chosen_by == ChosenBy::Nobody { "unseen rows" } else { "validation rows, which chose the terms" })
+    });
+    let residual = statistics.residual_sd.map(|sd| (sd, format!("on the {} fitted rows", statistics.rows)));
+    test.or(cross).or(validation).or(residual)
+}
+
+/// The three numbers of a response.
+fn numbers(response: &ResponseOutcome, statistics: &ResponseStatistics, unit: &str) -> String {
+    let mut list = Vec::new();
+    if let Some((error, on)) = believed(response, statistics) {
+        list.push(Number::new("Error (root mean square)", with_unit(&short(error), unit), on));
+    }
+    let share = |share: f64| format!("{:.1} %", 100.0 * share);
+    let left_out = statistics.r2_predicted.map(|it| (it, "of the spread of the rows, each left out in turn (predicted R²)"));
+    if let Some((r2, from)) = left_out.or(statistics.r2.map(|it| (it, "of the spread of the fitted rows (R²)"))) {
+        list.push(Number::new("Explained", share(r2), from));
+    }
+    list.push(Number::new("Terms", statistics.terms.len().to_string(), format!("from {} rows", statistics.rows)));
+    summary::numbers(&list)
+}
+
+/// Measured and predicted values of some rows.
+struct Pairs {
+    measured: Vec<f64>,
+    predicted: Vec<f64>,
+}
+
+fn of_response(
+    outcome: &Outcome,
+    checked: &Checked,
+    response: &ResponseOutcome,
+    statistics: &ResponseStatistics,
+) -> Result<String, Refusal> {
+    let index = outcome
+        .model
+        .surfaces
+        .iter()
+        .position(|surface| surface.name == response.name)
+        .expect("a fitted response has a surface");
+    let surface = &outcome.model.surfaces[index];
+    let inputs = checked.inputs_of(surface);
+    let tape = lower::surface(checked, index, Precision::F64);
+    let place = outcome.responses.iter().position(|other| other.name == response.name).expect("it is one of them");
+    let pairs = |records: &Records| {
+        let mut interpreter = Interpreter::<f64>::new(&tape);
+        let columns: Vec<usize> = surface
+            .inputs
+            .iter()
+            .map(|name| outcome.model.inputs.iter().position(|input| input.name == *name).expect("a known input"))
+            .collect();
+        let predicted = (0..records.rows()).map(|row| {
+            let point: Vec<f64> = columns.iter().map(|column| records.inputs[*column][row]).collect();
+            interpreter.eval(&point)
+        });
+        Pairs { predicted: predicted.collect(), measured: records.responses[place].clone() }
+    };
+    let fitted = pairs(&outcome.fitted);
+    let is_unseen = response.chosen_by == ChosenBy::Nobody;
+    let of_validation = if is_unseen { "unseen rows" } else { "validation rows" };
+    let apart: Vec<(&str, Pairs)> = [(of_validation, &outcome.validation), ("test rows", &outcome.test)]
+        .into_iter()
+        .filter_map(|(name, records)| Some((name, pairs(records.as_ref()?))))
+        .collect();
+
+    let unit = if surface.unit == "1" { String::new() } else { format!(" {}", escaped(&surface.unit)) };
+    let brackets = if unit.is_empty() { String::new() } else { format!(" [{}]", surface.unit) };
+    let mut text = numbers(response, statistics, &surface.unit);
+    text += &surface::figure(&surface::Shown {
+        outcome,
+        checked,
+        surface: index,
+        response: place,
+        constraints: statistics.constraints.as_ref(),
+        error: believed(response, statistics).map(|(error, on)| (error, format!("(root mean square {on})"))),
+    })?;
+    let warnings = statistics.warnings.iter();
+    let lines: String =
+        warnings.map(|warning| format!("<li><b>{}</b>: {}</li>\n", warning.kind, escaped(&warning.what))).collect();
+    if !lines.is_empty() {
+        text += &format!("<h3>Warnings</h3>\n<ul class=\"warnings\">\n{lines}</ul>\n");
+    }
+    text += "<h3>Measured and predicted</h3>\n<div class=\"plots\">\n";
+    text += &against_prediction(&fitted, &apart, &brackets)?;
+    text += &over_rows(&fitted, &apart, &brackets)?;
+    text += "</div>\n<div class=\"columns\">\n<div>\n<h3>Errors</h3>\n";
+    text += &errors(statistics, is_unseen, &unit);
+    text += "<h3>Statistics of the fit</h3>\n";
+    text += &of_the_fit(statistics, &inputs, !apart.is_empty());
+    text += "</div>\n<div>\n<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. A coefficient is rounded to what its 95 % interval supports; the model file has all digits.</p>\n";
+    text += &terms(surface, &inputs, statistics, &unit);
+    text += "</div>\n</div>\n";
+    if let Some(told) = &statistics.constraints {
+        text += "<h3>Constraints</h3>\n";
+        text += &constraints(told, &inputs, &unit);
+    }
+    Ok(text)
+}
+
+/// Errors by the rows on which they are.
+fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> String {
+    let validation = if is_unseen { "unseen rows" } else { "validation rows: on the rows that chose it" };
+    let cross = statistics.cross_validation.as_ref();
+    let left_out = cross.map_or(String::new(), |cross| format!("rows left out in {} parts in turn", cross.parts));
+    let lists = [
+        (validation, statistics.validation.as_ref()),
+        ("test rows, which chose nothing", statistics.test.as_ref()),
+        (left_out.as_str(), cross.map(|cross| &cross.errors)),
+    ];
+    let line = |name: &str, rows: usize, errors: [Option<f64>; 3]| {
+        let number = |value: Option<f64>| value.map_or(String::new(), |value| short(value) + unit);
+        let [mean, root, largest] = errors.map(number);
+        format!(
+            "<tr><td>{name}</td><td class=\"number\">{rows}</td><td class=\"number\">{mean}</td><td class=\"number\">{root}</td><td class=\"number\">{largest}</td></tr>\n"
+        )
+    };
+    let mut text = String::from(
+        "<table>\n<tr><th>on</th><th class=\"number\">rows</th><th class=\"number\">mean of magnitudes</th><th class=\"number\">root mean square</th><th class=\"number\">largest</th></tr>\n",
+    );
+    text += &line("fitted rows (residual standard deviation)", statistics.rows, [None, statistics.residual_sd, None]);
+    for (name, errors) in lists {
+        let Some(it) = errors else { continue };
+        text += &line(name, it.rows, [Some(it.mean_abs_error), Some(it.rmse), Some(it.max_abs_error)]);
+    }
+    text + "</table>\n"
+        + &rows(&[
+            ("terms chosen by".to_string(), escaped(&statistics.rows_used.terms)),
+            ("error to be believed".to_string(), escaped(&statistics.rows_used.error)),
+        ])
+}
+
+fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart: bool) -> String {
+    let mut list: Vec<(String, String)> = Vec::new();
+    let mut row = |name: &str, value: String| list.push((name.to_string(), value));
+    row(
+        "R<sup>2</sup>, adjusted, predicted",
+        [statistics.r2, statistics.r2_adjusted, statistics.r2_predicted].map(share).join(", "),
+    );
+    row("confidence C on the fitted rows", figure(statistics.confidence_c) + " %");
+    if let Some(lack) = &statistics.lack_of_fit {
+        let number = |value: Option<f64>| value.map_or("none".to_string(), short);
+        row(
+            "lack of fit",
+            format!("F = {}, p = {}, {} and {} degrees of freedom", number(lack.f), number(lack.p), lack.df[0], lack.df[1]),
+        );
+    }
+    if let Some(canonical) = &statistics.canonical {
+        let kind =
+            serde_json::to_value(canonical.kind).ok().and_then(|kind| kind.as_str().map(str::to_string)).unwrap_or_default();
+        row("stationary point", format!("{} at {}", escaped(&kind), place(&canonical.stationary_point, inputs)));
+    }
+    if let Some(support) = &statistics.support {
+        let words = format!("{:.1} % of the box, by {} half-spaces", 100.0 * support.share_of_box, support.half_spaces);
+        row("supported by the data", words);
+        if has_rows_apart {
+            row("rows outside that were not fitted", support.unseen_rows_outside.to_string());
+        }
+    }
+    rows(&list)
+}
+
+fn terms(surface: &Surface, inputs: &[Input], statistics: &ResponseStatistics, unit: &str) -> String {
+    let mut text = format!(
+        "<table>\n<tr><th>term</th><th class=\"number\">coefficient{}</th><th class=\"number\">standard error</th><th class=\"number\">t</th><th class=\"number\">p</th></tr>\n",
+        if unit.is_empty() { String::new() } else { format!(",{unit}") }
+    );
+    let number = |value: Option<f64>| value.map_or("none".to_string(), short);
+    for term in &statistics.terms {
+        text += &format!(
+            "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
+            escaped(&design::name(surface, inputs, &term.powers)),
+            // Two standard errors are about the half of a 95 % interval.
+            known(term.coefficient, 2.0 * term.standard_error.unwrap_or(0.0)),
+            number(term.standard_error),
+            number(term.t),
+            number(term.p)
+        );
+    }
+    text + "</table>\n"
+}
+
+/// What is proven, and what it cost.
+fn constraints(told: &ConstraintStatistics, inputs: &[Input], unit: &str) -> String {
+    let mut text = String::from("<table>\n<tr><th>constraint</th><th>proven distance</th><th>holds the surface at</th></tr>\n");
+    for report in &told.constraints {
+        let places: Vec<String> = report.points.iter().map(|point| place(point, inputs)).collect();
+        let places = if places.is_empty() { "nowhere".to_string() } else { places.join("; ") };
+        let distance = short(report.distance) + unit;
+        text += &format!("<tr><td>{}</td><td>{distance}</td><td>{places}</td></tr>\n", escaped(&report.constraint));
+    }
+    text += "</table>\n";
+    match &told.largest_change {
+        None => text += "<p>The constraints hold without changing a coefficient.</p>\n",
+        Some(change) => {
+            let unseen = told.validation_without.as_ref().map_or(String::new(), |unseen| {
+                format!(", mean error on validation rows {}{unit}", short(unseen.mean_abs_error))
+            });
+            text += &format!(
+                "<p>Without constraints: residual standard deviation {}{unit}{unseen}. The surface was changed most, by {}{unit}, at {}.</p>\n",
+                told.residual_sd_without.map_or("none".to_string(), short),
+                short(change.value),
+                place(&change.at, inputs)
+            );
+        }
+    }
+    text
+}
+
+/// A point with its units, to four digits.
+fn place(point: &Named<f64>, inputs: &[Input]) -> String {
+    let unit = |name: &String| inputs.iter().find(|input| input.name == *name).map_or("", |input| input.unit.as_str());
+    let each = point.0.iter().map(|(name, value)| escaped(&format!("{name} = {}", with_unit(&known(*value, 0.0), unit(name)))));
+    each.collect::<Vec<String>>().join(", ")
+}
+
+fn share(value: Option<f64>) -> String {
+    value.map_or("none".to_string(), |value| format!("{value:.4}"))
+}
+
+fn against_prediction(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -> Result<String, Refusal> {
+    let all: Vec<&Pairs> = std::iter::once(fitted).chain(apart.iter().map(|(_, pairs)| pairs)).collect();
+    let values = || all.iter().flat_map(|pairs| pairs.measured.iter().chain(&pairs.predicted));
+    let (low, high) =
+        values().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+    let points = |pairs: &Pairs| pairs.predicted.iter().copied().zip(pairs.measured.iter().copied()).collect::<Vec<_>>();
+    let (x, y) = (format!("predicted{brackets}"), format!("measured{brackets}"));
+    let words = Words { title: "measured against predicted", x: &x, y: &y };
+    with_rule(
+        &words,
+        vec![(low, low), (high, high)],
+        points(fitted),
+        apart.iter().map(|(name, pairs)| (*name, points(pairs))).collect(),
+    )
+}
+
+fn over_rows(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -> Result<String, Refusal> {
+    let residuals = |pairs: &Pairs| {
+        let each = pairs.measured.iter().zip(&pairs.predicted).enumerate();
+        each.map(|(row, (measured, predicted))| (row as f64 + 1.0, measured - predicted)).collect::<Vec<_>>()
+    };
+    let apart: NamedPoints<'_> = apart.iter().map(|(name, pairs)| (*name, residuals(pairs))).collect();
+    let fitted = residuals(fitted);
+    let last = apart.iter().map(|(_, rows)| rows.len()).fold(fitted.len(), usize::max) as f64 + 1.0;
+    let y = format!("residual{brackets}");
+    let words = Words { title: "residual over row", x: "row", y: &y };
+    with_rule(&words, vec![(0.0, 0.0), (last, 0.0)], fitted, apart)
+}
+
+/// Points of rows that were kept apart, under their name.
+type NamedPoints<'a> = Vec<(&'a str, Vec<(f64, f64)>)>;
+
+/// The rule shows where a perfect model would lie.
+fn with_rule(
+    words: &Words<'_>,
+    rule: Vec<(f64, f64)>,
+    fitted: Vec<(f64, f64)>,
+    apart: NamedPoints<'_>,
+) -> Result<String, Refusal> {
+    let mut series = vec![Series::new("", GREY, Mark::Line, rule), Series::new("fitted rows", BLUE, Mark::Circle, fitted)];
+    let colours = [ORANGE, BLACK];
+    series.extend(apart.into_iter().zip(colours).map(|((name, rows), colour)| Series::new(name, colour, Mark::Cross, rows)));
+    plot::curves(words, &series)
+}

@@ -1,0 +1,165 @@
+//! The pages in a browser: headless Chromium opens each, uses every control, and no script may fail. Needs the Debian package chromium.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Scripts that a copy of a page is given.
+const CLICK: &str = include_str!("../pages/click.js");
+
+/// Virtual milliseconds for a page: a page that waits for nothing takes a few seconds of real time.
+const BUDGET: &str = "--virtual-time-budget=120000";
+
+/// Chromium on the search path. In CI it must be there.
+fn chromium() -> Option<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let found = std::env::split_paths(&path)
+        .flat_map(|folder| ["chromium", "chromium-browser", "google-chrome"].map(|name| folder.join(name)))
+        .find(|file| file.is_file());
+    if found.is_none() {
+        assert!(
+            std::env::var_os("CI").is_none(),
+            "chromium is missing, and in CI this test must run: apt-get install chromium"
+        );
+        eprintln!("skipped: chromium is missing (Debian: apt-get install chromium)");
+    }
+    found
+}
+
+fn rsm(arguments: &[&str], folder: &Path) {
+    let output = Command::new(env!("CARGO_BIN_EXE_rsm")).args(arguments).current_dir(folder).output().unwrap();
+    // A fit that missed its confidence has a page, too.
+    assert!(matches!(output.status.code(), Some(0 | 1)), "rsm {arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// What the clicks saw on a page, in a window of so many pixels.
+fn clicked(browser: &Path, page: &Path, size: &str) -> Value {
+    let text = std::fs::read_to_string(page).unwrap();
+    let copy = page.with_file_name(format!("clicked-{size}.html"));
+    // Before the page's own scripts, so that none of their faults is missed.
+    let made = text.replacen("<style>", &format!("<script>\n{CLICK}</script>\n<style>"), 1);
+    assert_ne!(made, text);
+    std::fs::write(&copy, made).unwrap();
+    let profile = tempfile::tempdir().unwrap();
+    let output = Command::new(browser)
+        .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-extensions"])
+        .args(["--no-first-run", "--disable-background-networking", "--hide-scrollbars", "--dump-dom", BUDGET])
+        .arg(format!("--window-size={size}"))
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(format!("file://{}", copy.display()))
+        .output()
+        .unwrap();
+    let dom = String::from_utf8_lossy(&output.stdout);
+    let told = dom.split_once("<pre id=\"told\">").and_then(|(_, rest)| rest.split_once("</pre>"));
+    let (told, _) = told
+        .unwrap_or_else(|| panic!("{}: the clicks did not end: {}", page.display(), String::from_utf8_lossy(&output.stderr)));
+    let told = told.replace("&lt;", "<").replace("&gt;", ">").replace("&nbsp;", "\u{a0}").replace("&amp;", "&");
+    let value: Value = serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"));
+    assert_eq!(value["faults"], Value::Array(Vec::new()), "{}: {value:#}", page.display());
+    value
+}
+
+fn count(value: &Value, key: &str) -> u64 {
+    value[key].as_u64().unwrap_or_else(|| panic!("{key}: {value}"))
+}
+
+const FIT: &str = r#"format = 1
+model = "motor"
+data = ["DATA"]
+INPUTS
+[responses.angle]
+unit = "deg"
+inputs = NAMES
+select = { method = "ladder", max_order = 2, confidence = 90.0 }
+"#;
+
+/// Fits made-up data of so many inputs and opens its page.
+fn fit(folder: &Path, inputs: usize) -> PathBuf {
+    let names = &["torque", "speed", "heat"][..inputs];
+    let units = ["N*m", "rad/s", "K"];
+    let mut csv = String::new();
+    let heads: Vec<String> = names.iter().zip(units).map(|(name, unit)| format!("{name}[{unit}]")).collect();
+    csv += &format!("{},angle[deg]\n", heads.join(","));
+    for row in 0_u32..36 {
+        let values: Vec<f64> = (0..inputs as u32).map(|k| f64::from(row / 3_u32.pow(k) % 3) * 5.0).collect();
+        // No pattern that a polynomial of the second order would follow.
+        let scatter = f64::from(row * 7919 % 101) / 101.0 - 0.5;
+        let angle = 20.0 + values.iter().enumerate().map(|(k, x)| (3.5 - k as f64) * x + 0.05 * x * x).sum::<f64>() + scatter;
+        let cells: Vec<String> = values.iter().chain([&angle]).map(|value| format!("{value:.3}")).collect();
+        csv += &format!("{}\n", cells.join(","));
+    }
+    let data = format!("data-{inputs}.csv");
+    std::fs::write(folder.join(&data), csv).unwrap();
+    let told: Vec<String> = names.iter().zip(units).map(|(name, unit)| format!("inputs.{name}.unit = \"{unit}\"")).collect();
+    let text = FIT.replace("DATA", &data).replace("INPUTS", &told.join("\n")).replace("NAMES", &format!("{names:?}"));
+    let (specification, model, report) =
+        (format!("fit-{inputs}.toml"), format!("model-{inputs}.toml"), format!("report-{inputs}"));
+    std::fs::write(folder.join(&specification), text).unwrap();
+    rsm(&["fit", &specification, "--out", &model, "--report", &report], folder);
+    folder.join(report).join("report.html")
+}
+
+#[test]
+fn every_control_of_a_fits_page_works_and_shows_the_bits_of_the_evaluator() {
+    let Some(browser) = chromium() else { return };
+    let here = tempfile::tempdir().unwrap();
+    for (inputs, size) in [(1, "1300,900"), (2, "1300,900"), (3, "500,900")] {
+        let page = fit(here.path(), inputs);
+        let told = clicked(&browser, &page, size);
+        assert_eq!((count(&told, "sliders"), count(&told, "figures")), (inputs as u64, 3), "{told}");
+        assert!(count(&told, "hovered") >= 2 && count(&told, "zoomed") >= 2, "{told}");
+        let spaces = u64::from(inputs > 1);
+        assert_eq!((count(&told, "spaces"), count(&told, "turned")), (spaces, spaces), "{told}");
+        for it in told["values"].as_array().unwrap() {
+            let point = it["point"].as_array().unwrap().iter().zip(["torque", "speed", "heat"]);
+            let at: Vec<String> = point.map(|(value, name)| format!("{name}={:?}", value.as_f64().unwrap())).collect();
+            let model = format!("model-{inputs}.toml");
+            let output = Command::new(env!("CARGO_BIN_EXE_rsm"))
+                .args(["eval", &model, "--surface", "angle", "--at", &at.join(","), "--bits"])
+                .current_dir(here.path())
+                .output()
+                .unwrap();
+            let bits = String::from_utf8(output.stdout).unwrap();
+            assert_eq!(format!("{:016x}", it["value"].as_f64().unwrap().to_bits()), bits.trim(), "{it}");
+        }
+    }
+}
+
+#[test]
+fn a_cause_is_switched_off_by_a_click_and_no_name_from_data_is_a_script() {
+    let Some(browser) = chromium() else { return };
+    let here = tempfile::tempdir().unwrap();
+    fit(here.path(), 2);
+    // The rig's column has a name that would end a script and begin another.
+    let evil = "rig</script><script>console.error('escaped')</script><b>";
+    let mut csv = format!("torque[N*m],speed[rad/s],\"{evil}\",angle[deg]\n");
+    for row in 0_u32..40 {
+        let (torque, speed) = (f64::from(row % 3) * 5.0, f64::from(row / 3 % 3) * 5.0);
+        let scatter = f64::from(row * 7919 % 101) / 101.0 - 0.5;
+        let rig = if row * 31 % 7 < 3 { ("b", 4.0) } else { ("<i>a", 0.0) };
+        let angle = 20.0 + 1.5 * torque + 0.05 * torque * torque + 0.5 * speed + 0.05 * speed * speed + scatter + rig.1;
+        let angle = if row == 17 { angle + 30.0 } else { angle };
+        csv += &format!("{torque},{speed},{},{angle:.3}\n", rig.0);
+    }
+    std::fs::write(here.path().join("new.csv"), csv).unwrap();
+    rsm(&["diagnose", "model-2.toml", "--data", "new.csv", "--out", "surface"], here.path());
+    let page = here.path().join("surface/report.html");
+    let text = std::fs::read_to_string(&page).unwrap();
+    assert!(text.contains("rig&lt;/script&gt;") && text.contains("rig\\u003c/script\\u003e") && !text.contains(evil));
+    let told = clicked(&browser, &page, "1300,900");
+    assert!(count(&told, "switched") >= 4 && count(&told, "figures") >= 6, "{told}");
+
+    let plants = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants");
+    let plant = std::fs::read_to_string(plants.join("servo-axis.toml")).unwrap();
+    std::fs::copy(plants.join("servo-axis.csv"), here.path().join("motion.csv")).unwrap();
+    std::fs::write(here.path().join("plant.toml"), &plant).unwrap();
+    let friction = "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 12.0 }\n";
+    std::fs::write(here.path().join("machine.toml"), plant + friction).unwrap();
+    rsm(&["simulate", "machine.toml", "--record", "motion.csv", "--out", "record.csv"], here.path());
+    rsm(&["diagnose", "plant.toml", "--record", "record.csv", "--out", "found"], here.path());
+    let told = clicked(&browser, &here.path().join("found/report.html"), "500,900");
+    // Three switches: the summary and two outputs, each from all causes to none and back.
+    assert!(count(&told, "switched") >= 3 && count(&told, "figures") >= 9, "{told}");
+    assert_eq!(count(&told, "hovered"), count(&told, "figures"), "{told}");
+}
