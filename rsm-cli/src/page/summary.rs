@@ -38,9 +38,14 @@ impl Number {
     }
 }
 
-/// The verdict: a word or two of its state, and the sentences.
+/// The verdict: a word or two of its state, and the sentences, which begin with a capital unless with a name of data (`-` or `_` in its first word).
 pub fn verdict(tone: Tone, state: &str, sentences: &str) -> String {
-    format!("<p class=\"{}\"><span class=\"state\">{}</span> {}</p>\n", tone.class(), escaped(state), escaped(sentences))
+    let first = sentences.split(' ').next().unwrap_or_default();
+    let sentences = match sentences.chars().next() {
+        Some(letter) if !first.contains(['-', '_']) => format!("{}{}", letter.to_uppercase(), &sentences[letter.len_utf8()..]),
+        _ => sentences.to_string(),
+    };
+    format!("<p class=\"{}\"><span class=\"state\">{}</span> {}</p>\n", tone.class(), escaped(state), escaped(&sentences))
 }
 
 /// The numbers in large type.

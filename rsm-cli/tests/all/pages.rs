@@ -150,7 +150,7 @@ fn a_cause_is_switched_off_by_a_click_and_no_name_from_data_is_a_script() {
     let told = clicked(&browser, &page, "1300,900");
     assert!(count(&told, "switched") >= 4 && count(&told, "figures") >= 6, "{told}");
 
-    let plants = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-lab/plants");
+    let plants = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants");
     let plant = std::fs::read_to_string(plants.join("servo-axis.toml")).unwrap();
     std::fs::copy(plants.join("servo-axis.csv"), here.path().join("motion.csv")).unwrap();
     std::fs::write(here.path().join("plant.toml"), &plant).unwrap();

@@ -27,11 +27,12 @@ pub fn summary(kind: PlantKind, found: &Diagnosis) -> Result<String, Refusal> {
     let y = title(kind, shown.trace.output);
     let (from, to) = (shown.trace.time[shown.trace.worst.start], shown.trace.time[shown.trace.worst.end - 1]);
     let group = format!("summary of {y}");
-    let words = format!("{y} in {}, {from:.3} to {to:.3} s: where the plant without a cause is worst", shown.record);
+    let words = format!("{y}, where it is worst: {from:.3} to {to:.3} s");
     Ok(format!(
-        "{}<div class=\"plots one\">\n{}</div>\n",
+        "{}<div class=\"plots one\">\n{}</div>\n<p class=\"note\">Of {}: the rows in which the plant without a cause is worst.</p>\n",
         shown.switch(found, &group),
-        shown.outputs(&group, &shown.trace.worst, &words, &y)?
+        shown.outputs(&group, &shown.trace.worst, &words, &y)?,
+        escaped(shown.record)
     ))
 }
 
