@@ -30,7 +30,7 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
                             compares `rsm simulate` with other code for the same plants, an effect a line
        cargo xtask hidden-effects surfaces [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept] [--case NAME] [--quick]
                             surfaces against new data with something hidden in them
-       cargo xtask mutants [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--optimised] [--list]
+       cargo xtask mutants [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--within SECONDS] [--optimised] [--list]
                             changes the meaning of the code place by place, and names the changes that no test of the package notices
        cargo xtask fuzz [--count INPUTS] [--seed N] [--subject NAME] [--input NUMBER]
                             feeds changed inputs to every reader and to the core of every subcommand; a million where no count is given

@@ -41,20 +41,27 @@ pub(super) fn least_eigenvalue(
     aim: f64,
     work: &mut Work,
 ) -> Option<f64> {
+    in_cells(entries, sides, spaces, aim, work, MOST_CELLS)
+}
+
+/// The same in so many cells.
+fn in_cells(
+    entries: &[Vec<Monomial>],
+    sides: &[Interval],
+    spaces: &[HalfSpace],
+    aim: f64,
+    work: &mut Work,
+    mut left: usize,
+) -> Option<f64> {
     let mut least = f64::INFINITY;
     let mut cells = vec![sides.to_vec()];
-    let mut left = MOST_CELLS;
     while let Some(cell) = cells.pop() {
         match of_cell(entries, &cell, spaces, aim, work) {
             Outcome::Bound(bound) => least = least.min(bound),
             Outcome::Open(spreads) => {
                 // Both halves come to those that wait.
                 left = left.checked_sub(2)?;
-                // Across the variable that varies most, as a share of its side.
-                let share = |k: usize| (cell[k].high - cell[k].low) / (sides[k].high - sides[k].low);
-                let variance = |(k, of_cell): &(usize, f64)| of_cell * share(*k).powi(2);
-                let (axis, _) =
-                    spreads.into_iter().reduce(|one, other| if variance(&other) > variance(&one) { other } else { one })?;
+                let axis = widest(&cell, sides, &spreads)?;
                 let middle = cell[axis].low.midpoint(cell[axis].high);
                 for half in [Interval::new(cell[axis].low, middle), Interval::new(middle, cell[axis].high)] {
                     let mut part = cell.clone();
@@ -68,11 +75,31 @@ pub(super) fn least_eigenvalue(
     Some(least)
 }
 
+/// The variable that varies most in a cell, as a share of its side; of equal ones the first.
+fn widest(cell: &[Interval], sides: &[Interval], spreads: &[(usize, f64)]) -> Option<usize> {
+    let share = |k: usize| (cell[k].high - cell[k].low) / (sides[k].high - sides[k].low);
+    let variance = |(k, of_cell): &(usize, f64)| of_cell * share(*k).powi(2);
+    let (axis, _) = spreads.iter().reduce(|one, other| if variance(other) > variance(one) { other } else { one })?;
+    Some(*axis)
+}
+
+/// Rows of a symmetric matrix with so many entries on and above its diagonal.
+fn rows_of(entries: usize) -> usize {
+    // mutant `1 down`: no matrix is without entries.
+    (1..).find(|rows| rows * (rows + 1) / 2 == entries).expect("a matrix has a size")
+}
+
+/// Where an entry of a symmetric matrix stands among those on and above its diagonal, row by row.
+fn place(size: usize, a: usize, b: usize) -> usize {
+    let (row, column) = (a.min(b), a.max(b));
+    row * size - row * (row + 1) / 2 + column
+}
+
 fn of_cell(entries: &[Vec<Monomial>], sides: &[Interval], spaces: &[HalfSpace], aim: f64, work: &mut Work) -> Outcome {
-    let size = (1..).find(|size| size * (size + 1) / 2 >= entries.len()).expect("a matrix has a size");
+    let size = rows_of(entries.len());
     let scaling = Scaling::of(sides);
     let entries: Vec<Polynomial> = entries.iter().map(|entry| scaling.polynomial(entry)).collect();
-    let entry = |a: usize, b: usize| &entries[a.min(b) * size - a.min(b) * (a.min(b) + 1) / 2 + a.max(b)];
+    let entry = |a: usize, b: usize| &entries[place(size, a, b)];
     let live: Vec<usize> = (0..size).filter(|a| (0..size).any(|b| !entry(*a, b).is_empty())).collect();
     // An input in which nothing bends has the eigenvalue 0, to the bit.
     let most = if live.len() < size { 0.0 } else { f64::INFINITY };
@@ -93,6 +120,7 @@ fn of_cell(entries: &[Vec<Monomial>], sides: &[Interval], spaces: &[HalfSpace], 
     let Some(weights) = scaling.weights(spaces, &axes) else { return Outcome::Bound(f64::INFINITY) };
     let degree = matrix.iter().flat_map(|entry| entry.keys()).map(|powers| powers.iter().sum::<u32>()).max();
     let Some(degree) = degree else { return Outcome::Bound(most) };
+    // mutant `1 down`: what has degree 0 has no variables, and then only the monomial 1 at every degree.
     let least = degree.div_ceil(2).max(1);
     let mut outcome = Outcome::Stopped;
     for half in [least, least + 1] {

@@ -19,7 +19,7 @@ const FLOOR: Duration = Duration::from_secs(20);
 pub(crate) struct Test {
     program: PathBuf,
     name: String,
-    time: Duration,
+    pub(crate) time: Duration,
     reaches: Vec<usize>,
 }
 

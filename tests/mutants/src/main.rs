@@ -19,7 +19,7 @@ use instrument::Mutant;
 use judge::Fate;
 
 const USAGE: &str = "\
-usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--optimised] [--list]
+usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--within SECONDS] [--optimised] [--list]
   --package NAME    rsm-core, rsm-fit, rsm-sim or rsm-diagnose; without it all four, each with the files that are listed below
   --file PART       only files whose name contains PART (several may be given)
   --function NAME   only mutants inside this function
@@ -29,6 +29,7 @@ usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] 
   --seed N          the sample is drawn from this seed
   --unit            only the unit tests of the library: nothing else is compiled or run, and what they leave is known in minutes
   --near            only the unit tests of the changed files' own modules; what they leave is listed
+  --within SECONDS  only tests that take no longer without a mutant; survivors of these may still be noticed by the others
   --optimised       unit tests are compiled as usual: minutes more to compile, and loops of numbers take a tenth of the time
   --list            names the mutants, runs no test
 A mutant that means the same is argued in a comment on its line or right above: // mutant `< to <=`: why no test can notice it";
@@ -68,6 +69,7 @@ struct Request {
     unit: bool,
     near: bool,
     optimised: bool,
+    within: Option<usize>,
     list: bool,
 }
 
@@ -129,6 +131,7 @@ fn request(mut words: impl Iterator<Item = String>) -> Result<Request, String> {
             "--line" => request.line = Some(number()?),
             "--change" => request.change = Some(value),
             "--sample" => request.sample = Some(number()?),
+            "--within" => request.within = Some(number()?),
             "--seed" => request.seed = Some(number()? as u64),
             _ => return Err(format!("{word} {value} is not known")),
         }
@@ -174,8 +177,12 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     if request.near {
         others.clear();
     }
-    let tests = judge::survey(&near, &built.folder, &scratch)?;
-    println!("{package}: {} tests", tests.len());
+    let mut tests = judge::survey(&near, &built.folder, &scratch)?;
+    let all = tests.len();
+    if let Some(seconds) = request.within {
+        tests.retain(|test| test.time.as_secs_f64() <= seconds as f64);
+    }
+    println!("{package}: {all} tests, {} of them are run", tests.len());
     let by_number: BTreeMap<usize, &Mutant> = mutants.iter().map(|mutant| (mutant.number, *mutant)).collect();
     let numbers: Vec<usize> = by_number.keys().copied().collect();
     let is_argued = |number: usize| {

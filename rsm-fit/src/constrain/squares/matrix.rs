@@ -72,6 +72,7 @@ impl Matrix {
     /// The mean of it and its transpose, the same on both sides of the diagonal to the bit.
     pub(super) fn symmetric(mut self) -> Self {
         let size = self.size;
+        // mutant `0 up`: the first row has nothing before the diagonal.
         for i in 0..size {
             for j in 0..i {
                 let mean = 0.5 * (self.entries[i * size + j] + self.entries[j * size + i]);
@@ -179,9 +180,28 @@ mod tests {
         assert!(of(4.1 * f64::EPSILON) && !of(3.9 * f64::EPSILON) && !of(0.0) && !of(f64::NAN) && !of(f64::INFINITY));
         let tiny = Matrix { size: 1, entries: vec![f64::MIN_POSITIVE] };
         assert!(!tiny.is_positive());
+        assert!(Matrix { size: 1, entries: vec![1.5 * f64::MIN_POSITIVE] }.is_positive());
         // Three rows: one of the trace more.
         let of = |d: f64| Matrix { size: 3, entries: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, d] }.is_positive();
         assert!(of(10.2 * f64::EPSILON) && !of(9.8 * f64::EPSILON));
+    }
+
+    #[test]
+    fn a_scalar_product_counts_every_number_once() {
+        for length in 0..40 {
+            let numbers: Vec<f64> = (0..length).map(|k| f64::from(k + 1)).collect();
+            let others: Vec<f64> = (0..length).map(|k| f64::from(100 - k)).collect();
+            let expected: i32 = (0..length).map(|k| (k + 1) * (100 - k)).sum();
+            assert_eq!(dot(&numbers, &others), f64::from(expected), "{length}");
+        }
+    }
+
+    #[test]
+    fn a_lift_is_a_share_of_every_number_on_the_diagonal() {
+        let mut matrix = Matrix { size: 3, entries: (1..10).map(f64::from).collect() };
+        matrix.lift(0.5);
+        assert_eq!(matrix.entries, [1.5, 2.0, 3.0, 4.0, 7.5, 6.0, 7.0, 8.0, 13.5]);
+        assert_eq!(matrix.scaled(2.0).entries[..3], [3.0, 4.0, 6.0]);
     }
 
     #[test]

@@ -11,9 +11,9 @@ use std::collections::HashMap;
 
 use rsm_core::interval::Interval;
 
-use super::Work;
 use super::matrix::{Factor, Matrix, dot};
 use super::region::{Polynomial, Weight};
+use super::{Work, place};
 use crate::random::Random;
 
 /// Points of the box from whose moments a program starts. They are more than the rows of any matrix, so that its moments are those of no surface.
@@ -104,17 +104,18 @@ impl Program {
         let count = all.len() * pairs.len();
         let largest = entries.iter().flat_map(|entry| entry.values()).map(|value| value.magnitude()).fold(0.0, f64::max);
         let scale = largest.log2().ceil().exp2();
+        // mutant `> to >=`: no number of moments is 2000: of its divisors 1 and 10 are numbers of pairs, and there are never 2000 or 200 monomials.
         if count > MOST_MOMENTS || !scale.is_normal() {
             return None;
         }
         let known: HashMap<&[u32], usize> = all.iter().enumerate().map(|(k, powers)| (&powers[..], k)).collect();
-        let pair = |a: usize, b: usize| a.min(b) * size - a.min(b) * (a.min(b) + 1) / 2 + a.max(b);
         let block = |weight: &Weight| {
             let of_basis = half - weight.degree().div_ceil(2);
             let basis = monomials(variables, of_basis);
             let rows = basis.len() * size;
             let product = |row: usize, column: usize| {
-                known[&sum_of(&basis[row / size], &basis[column / size])[..]] * pairs.len() + pair(row % size, column % size)
+                known[&sum_of(&basis[row / size], &basis[column / size])[..]] * pairs.len()
+                    + place(size, row % size, column % size)
             };
             let products = (0..rows * rows).map(|k| product(k / rows, k % rows)).collect();
             // The lowest monomials come first: products of the basis are the first of all.
@@ -206,6 +207,8 @@ impl Program {
         let of_step = (self.wanted.len() as u64).pow(3);
         let mut z = self.matrices(&moments);
         let Some(mut x) = inverses(&z) else { return Outcome::Stopped };
+        // mutant `MOST_STEPS doubled`: 15 are usual, and the steps of a program without an answer become too short before so many.
+        // mutant `0 up`: likewise.
         for _ in 0..MOST_STEPS {
             // No m above it has squares, whatever the steps to come.
             if dot(&wanted, &moments) < aim {
@@ -218,7 +221,8 @@ impl Program {
             let Some(equations) = Equations::of(self, &wanted, &x, &z) else { break };
             let step = equations.step();
             // Squares of the coefficients that are sought: nearer to the middle of the cone, or to its edge with a larger m.
-            for (m, squares) in [equations.centre(), (step.m, moved(&x, 1.0, &step.squares))] {
+            for (m, squares) in [equations.centre(), (step.m, step.whole(&x))] {
+                // mutant `>= to >`: what is proven is below m.
                 let bound = if m >= aim { self.proven(&equations.refined(m, squares), m) } else { f64::NEG_INFINITY };
                 if bound >= aim {
                     return Outcome::Bound(bound * self.scale);
@@ -227,7 +231,7 @@ impl Program {
             x = moved(&x, step.of_squares, &step.squares);
             moments.iter_mut().zip(&step.moments).for_each(|(moment, change)| *moment += step.of_moments * change);
             z = self.matrices(&moments);
-            if step.of_squares.max(step.of_moments) < SHORTEST {
+            if step.is_too_short() {
                 break;
             }
         }
@@ -274,8 +278,13 @@ impl Program {
             }
         }
         let norm = rows.iter().map(|row| row.high).fold(0.0, f64::max);
-        (m - norm).next_down()
+        less(m, norm)
     }
+}
+
+/// No more than m less the norm.
+fn less(m: f64, norm: f64) -> f64 {
+    (m - norm).next_down()
 }
 
 /// The linear equations of all directions from one place.
@@ -301,6 +310,22 @@ struct Step {
     dz: Vec<Matrix>,
     of_squares: f64,
     of_moments: f64,
+}
+
+impl Step {
+    /// The squares with all of the change.
+    fn whole(&self, from: &[Matrix]) -> Vec<Matrix> {
+        moved(from, 1.0, &self.squares)
+    }
+
+    fn is_too_short(&self) -> bool {
+        self.of_squares.max(self.of_moments) < SHORTEST
+    }
+}
+
+/// How far towards their mean products are to go, of which so much was left where they were to be 0.
+fn share_of_mean(after: f64, before: f64) -> f64 {
+    (after / before).clamp(0.0, 1.0).powi(3)
 }
 
 impl<'a> Equations<'a> {
@@ -360,7 +385,7 @@ impl<'a> Equations<'a> {
         let nothing: Vec<Matrix> = self.x.iter().map(|x| Matrix::zeros(x.size)).collect();
         let tried = self.step_to(&nothing);
         let after = products(&moved(self.x, tried.of_squares, &tried.squares), &moved(self.z, tried.of_moments, &tried.dz));
-        let share = (after / products(self.x, self.z)).clamp(0.0, 1.0).powi(3);
+        let share = share_of_mean(after, products(self.x, self.z));
         let centre: Vec<Matrix> = self.inverse.iter().map(|z| z.scaled(share * self.mean)).collect();
         self.step_to(&moved(&centre, -1.0, &self.bent(&tried.squares, &tried.dz)))
     }
@@ -408,6 +433,7 @@ fn moved(from: &[Matrix], share: f64, by: &[Matrix]) -> Vec<Matrix> {
 /// How much of a change, at most all of it, leaves every matrix positive definite.
 fn longest(from: &[Matrix], by: &[Matrix]) -> f64 {
     let mut tried = 1.0 / SHARE_OF_WAY;
+    // mutant `>= to >`: no power of 0.9 is a ten-thousandth.
     while tried * SHARE_OF_WAY >= SHORTEST {
         if from.iter().zip(by).all(|(from, by)| from.plus(tried, by).factor().is_some()) {
             return tried * SHARE_OF_WAY;
@@ -416,3 +442,6 @@ fn longest(from: &[Matrix], by: &[Matrix]) -> f64 {
     }
     0.0
 }
+
+#[cfg(test)]
+mod tests;

@@ -116,18 +116,16 @@ impl Scaling {
                 let slope = normal * Interval::point(-self.halves[k]);
                 let middle = slope.low.midpoint(slope.high);
                 // |t_k| is at most 1: so much more or less.
-                let unsure = (slope.high - middle).max(middle - slope.low);
-                constant = constant + Interval::point(unsure.next_up());
+                constant = constant + Interval::point(unsure(slope, middle));
                 if middle != 0.0 {
                     terms.push((monomial(&[k]), middle));
                 }
             }
             let reach: f64 = terms.iter().map(|(_, slope)| slope.abs()).sum();
-            if constant.high >= reach {
-                // It does not cut the box.
+            if holds_everywhere(constant.high, reach) {
                 continue;
             }
-            if constant.high < -reach * (1.0 + ROUNDING) {
+            if holds_nowhere(constant.high, reach) {
                 return None;
             }
             terms.push((monomial(&[]), constant.high));
@@ -135,6 +133,21 @@ impl Scaling {
         }
         Some(weights)
     }
+}
+
+/// More than a slope can be off from a number inside it.
+fn unsure(slope: Interval, middle: f64) -> f64 {
+    (slope.high - middle).max(middle - slope.low).next_up()
+}
+
+/// Whether a constant and terms that reach so far either way are never negative: the half-space does not cut the box.
+fn holds_everywhere(constant: f64, reach: f64) -> bool {
+    constant >= reach
+}
+
+/// Whether they are negative everywhere, for certain.
+fn holds_nowhere(constant: f64, reach: f64) -> bool {
+    constant < -reach * (1.0 + ROUNDING)
 }
 
 #[cfg(test)]
@@ -145,3 +158,6 @@ impl Scaling {
         (all(&self.centres), all(&self.halves))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -288,6 +288,84 @@ fn the_region_in_its_own_variables_is_no_smaller() {
     assert!(inside > 100 && least < exact(1e-15), "{inside}");
 }
 
+#[test]
+fn entries_have_their_places() {
+    assert_eq!([1, 3, 6, 10].map(rows_of), [1, 2, 3, 4]);
+    let all: Vec<[usize; 2]> = (0..4).flat_map(|a| (a..4).map(move |b| [a, b])).collect();
+    for (k, [a, b]) in all.iter().enumerate() {
+        assert_eq!([place(4, *a, *b), place(4, *b, *a)], [k, k]);
+    }
+}
+
+#[test]
+fn a_cell_is_halved_across_what_varies_most_there() {
+    let sides = [Interval::new(0.0, 4.0), Interval::new(-1.0, 1.0)];
+    assert_eq!(widest(&sides, &sides, &[(0, 1.0), (1, 1.0)]), Some(0));
+    assert_eq!(widest(&sides, &sides, &[(0, 1.0), (1, 1.5)]), Some(1));
+    // A half of a side counts a quarter.
+    let half = [Interval::new(2.0, 4.0), sides[1]];
+    assert_eq!([3.9, 4.1].map(|of_first| widest(&half, &sides, &[(0, of_first), (1, 1.0)])), [Some(1), Some(0)]);
+    let half = [sides[0], Interval::new(0.5, 1.0)];
+    assert_eq!([15.0, 17.0].map(|of_second| widest(&half, &sides, &[(0, 1.0), (1, of_second)])), [Some(0), Some(1)]);
+    assert_eq!(widest(&sides, &sides, &[]), None);
+}
+
+/// x + 2 y over a corner of [0, 4] x [-1, 1], where it is 6 and lower by so much at most; in so many cells.
+fn in_corner(lower: f64, cells: usize) -> Option<f64> {
+    let line = [vec![monomial(&[1, 0], 1.0), monomial(&[0, 1], 2.0)]];
+    let sides = [Interval::new(0.0, 4.0), Interval::new(-1.0, 1.0)];
+    let corner = [HalfSpace { normal: vec![-1.0, -2.0], bound: lower - 6.0 }];
+    in_cells(&line, &sides, &corner, 6.0 - 10.0 * lower, &mut Work { left: ENOUGH }, cells)
+}
+
+#[test]
+fn a_corner_is_found_by_halves_and_by_so_many() {
+    // A corner of 0.7^17 takes eleven halves, two cells each.
+    let lower = 0.7_f64.powi(17);
+    assert_eq!([20, 21].map(|cells| in_corner(lower, cells)), [None; 2]);
+    let bound = in_corner(lower, 22);
+    assert!(bound.is_some_and(|bound| bound >= 6.0 - 10.0 * lower && bound <= 6.0 - lower), "{bound:?}");
+    // One of 62 cells is found, and one of 66 is too small.
+    let found = [37, 39].map(|power| {
+        let lower = 0.7_f64.powi(power);
+        let line = [vec![monomial(&[1, 0], 1.0), monomial(&[0, 1], 2.0)]];
+        let corner = [HalfSpace { normal: vec![-1.0, -2.0], bound: lower - 6.0 }];
+        proven(&line, &[Interval::new(0.0, 4.0), Interval::new(-1.0, 1.0)], &corner, 6.0 - 10.0 * lower).is_some()
+    });
+    assert_eq!(found, [true, false]);
+}
+
+#[test]
+fn a_half_space_across_a_variable_of_which_nothing_depends_is_not_asked() {
+    let flat = [vec![monomial(&[1, 0], 1.0)]];
+    let sides = [Interval::new(0.0, 4.0), Interval::new(-1.0, 1.0)];
+    let cut = |normal: [f64; 2], bound: f64| vec![HalfSpace { normal: normal.to_vec(), bound }];
+    assert_eq!(proven(&flat, &sides, &cut([-1.0, -2.0], -5.5), 1.0), None);
+    assert!(proven(&flat, &sides, &cut([-1.0, 0.0], -3.0), 2.9).is_some_and(|bound| bound <= 3.0));
+}
+
+#[test]
+fn an_input_without_bend_may_be_asked_for_zero_itself() {
+    let nothing: Vec<Monomial> = Vec::new();
+    let two = vec![monomial(&[0], 2.0), monomial(&[1], 1.0)];
+    assert_eq!(proven(&[two, nothing.clone(), nothing], &around(-1.0, 1.0, 1), &[], 0.0), Some(0.0));
+}
+
+#[test]
+fn the_second_degree_is_tried_before_halves() {
+    // (x^2 - 1/4)^2 beside a constant: its highest power counts.
+    let quartic = [vec![monomial(&[0], 1.0625), monomial(&[2], -0.5), monomial(&[4], 1.0)]];
+    assert!(proven(&quartic, &around(-1.0, 1.0, 1), &[], 0.99).is_some_and(|bound| bound <= 1.0));
+    // xy + yz + zx is -1 at least; squares of the first degree give -3/2, and those of the second know three signs at once.
+    let signs = [vec![monomial(&[1, 1, 0], 1.0), monomial(&[0, 1, 1], 1.0), monomial(&[1, 0, 1], 1.0)]];
+    let mut work = Work { left: ENOUGH };
+    let bound = least_eigenvalue(&signs, &around(-1.0, 1.0, 3), &[], -1.2, &mut work);
+    assert!(bound.is_some_and(|bound| (-1.2..=-1.0).contains(&bound)), "{bound:?}");
+    // Steps of 10 moments, then of 35.
+    let spent = ENOUGH - work.left;
+    assert_eq!(spent, 3 * 10u64.pow(3) + 8 * 35u64.pow(3));
+}
+
 /// 1 by 1, one variable: squares of (1, t) and of 1, the second times 1 - t^2.
 #[test]
 fn what_is_proven_is_what_the_squares_leave() {
