@@ -1,7 +1,7 @@
 // Put into a copy of a page before its own scripts: notes every fault, then uses every control as a reader would, and
 // leaves what it saw in place of the page.
 "use strict";
-const told = { faults: [], figures: 0, clicks: 0, sliders: 0, hovered: 0, zoomed: 0, spaces: 0, turned: 0, values: [], switched: 0 };
+const told = { faults: [], figures: 0, clicks: 0, sliders: 0, hovered: 0, zoomed: 0, spaces: 0, turned: 0, dragged: 0, values: [], switched: 0 };
 addEventListener("error", (event) => told.faults.push("error: " + event.message));
 addEventListener("unhandledrejection", (event) => told.faults.push("rejection: " + event.reason));
 addEventListener("securitypolicyviolation", (event) => told.faults.push("not allowed: " + event.violatedDirective + " " + event.blockedURI));
@@ -66,6 +66,17 @@ const explorer = async (figure) => {
     const kinds = space._fullData.map((trace) => trace.type);
     check(kinds[0] === "surface" && kinds[1] === "scatter3d", "no surface with its rows: " + kinds);
     told.spaces += 1;
+    // A drag turns it.
+    const eye = () => JSON.stringify(space._fullLayout.scene._scene.getCamera().eye);
+    const before = eye();
+    const canvas = space.querySelector("canvas");
+    // Where the sliders' last drawing may not have ended, a drag is lost: then once more.
+    for (let turn = 0; turn < 10 && eye() === before; turn += 1) for (const [kind, share, buttons] of [["mousemove", 0.4, 0], ["mousedown", 0.4, 1], ["mousemove", 0.5, 1], ["mousemove", 0.6, 1], ["mouseup", 0.6, 0]]) {
+      const box = canvas.getBoundingClientRect();
+      mouse(canvas, kind, box.left + share * box.width, box.top + 0.5 * box.height, buttons);
+      await pause(60);
+    }
+    if (await until(() => eye() !== before, "a drag did not turn the surface")) told.dragged += 1;
     const up = () => (space.layout.scene.camera?.up ?? { y: 0 }).y;
     const side = up();
     await click([...figure.querySelectorAll("button")].find((button) => button.textContent === "From above"));

@@ -65,7 +65,7 @@ rsm.explorer = async (figure, spec) => {
     slider.addEventListener("input", () => {
       point[k] = range[0] + ((range[1] - range[0]) * Number(slider.value)) / 200;
       tell();
-      later();
+      later(k);
     });
     tell();
     return slider;
@@ -154,21 +154,28 @@ rsm.explorer = async (figure, spec) => {
     reading.textContent = spec.name + " = " + (here === null ? "not supported by the data" : written(here));
     note.textContent = spec.known;
   };
-  const draw = (how) => Promise.all([
-    ...(space ? [how(space, ...spacePlot())] : []),
+  const draw = (how, inSight) => Promise.all([
+    ...(inSight && space ? [how(space, ...spacePlot())] : []),
     ...cuts.map((cut, k) => how(cut, ...cutPlot(k))),
   ]);
   all?.setAttribute("aria-pressed", String(!near));
-  const redraw = () => { read(); return draw(Plotly.react); };
+  const redraw = () => { read(); return draw(Plotly.react, true); };
   // Sliders move faster than plots: one drawing for all moves of 20 ms.
   let waiting = false;
-  const later = () => {
+  let turned = false;
+  const later = (k) => {
+    // Along its own axes the surface stays what it is.
+    turned ||= !axes.includes(k);
     if (waiting) return;
     waiting = true;
-    setTimeout(() => { waiting = false; redraw(); }, 20);
+    setTimeout(() => {
+      read();
+      draw(Plotly.react, turned);
+      waiting = turned = false;
+    }, 20);
   };
   read();
-  await draw(Plotly.newPlot);
+  await draw(Plotly.newPlot, true);
   return redraw;
 };
 rsm.start();

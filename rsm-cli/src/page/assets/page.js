@@ -1,6 +1,6 @@
 // What the page does beside its plots: the theme, the contents, the library that draws. No label is ever written as HTML.
 "use strict";
-const rsm = { figures: new Map(), states: new Map(), spaces: 0 };
+const rsm = { figures: new Map(), states: new Map(), spaces: 0, changes: 0 };
 
 // ---- theme ----
 rsm.kept = (value) => {
@@ -21,6 +21,7 @@ rsm.theme = (name) => {
   rsm.named();
 };
 rsm.named = () => {
+  rsm.changes += 1;
   document.querySelector(".theme").textContent = rsm.isDark() ? "Light" : "Dark";
   for (const redraw of rsm.figures.values()) redraw();
 };
@@ -55,6 +56,7 @@ rsm.switches = () => {
     const choose = (chosen) => {
       buttons.forEach((button) => button.setAttribute("aria-pressed", String(button === chosen)));
       told.textContent = chosen.dataset.told || "";
+      rsm.changes += 1;
       rsm.states.set(group.dataset.group, Number(chosen.dataset.state));
       for (const figure of document.querySelectorAll("figure[data-group]")) {
         if (figure.dataset.group === group.dataset.group) rsm.figures.get(figure)?.();
@@ -71,11 +73,12 @@ rsm.draw = async () => {
     await new Promise((next) => setTimeout(next));
     const spec = JSON.parse(figure.querySelector("script").textContent);
     figure.classList.add("drawn");
+    const before = rsm.changes;
     try {
       const redraw = await (spec.kind === "explorer" ? rsm.explorer : rsm.plot)(figure, spec);
       rsm.figures.set(figure, redraw);
       // The state of a switch or the theme may have changed while it was drawn.
-      redraw();
+      if (rsm.changes !== before) redraw();
     } catch (error) {
       figure.classList.remove("drawn");
       console.error("a plot could not be drawn", error);

@@ -33,14 +33,14 @@ rsm.scene = (x, y, z) => {
   });
   return {
     xaxis: axis(x), yaxis: axis(y), zaxis: axis(z), aspectmode: "manual", aspectratio: { x: 1.15, y: 1.15, z: 0.8 },
-    camera: { eye: { x: -1.35, y: -1.5, z: 0.85 } }, uirevision: "same",
+    camera: { eye: { x: -1.35, y: -1.5, z: 0.85 } }, dragmode: "turntable", uirevision: "same",
   };
 };
 rsm.config = {
   responsive: true, displaylogo: false, scrollZoom: false, displayModeBar: innerWidth > 600 ? "hover" : false, showTips: false, plotlyServerURL: "",
   modeBarButtons: [["zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d", "toImage"]],
 };
-rsm.config3d = { ...rsm.config, scrollZoom: true, modeBarButtons: [["orbitRotation", "zoom3d", "pan3d", "resetCameraDefault3d", "toImage"]] };
+rsm.config3d = { ...rsm.config, scrollZoom: true, modeBarButtons: [["tableRotation", "zoom3d", "pan3d", "resetCameraDefault3d", "toImage"]] };
 
 // Many rows of a record are not seen apart: the line then has gaps in none of them, and its points no markers.
 rsm.series = (one) => {
