@@ -3,10 +3,13 @@
 //! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages carry the proof and neither
 //! check again nor fail. One rule is one function. Whether f32 can hold the model at all is asked separately: [`Checked::refusal`].
 
+mod in_memory;
+
 use crate::model::{Compensator, Input, Model, Surface, Symmetry};
-use crate::model_file::{self, Located};
+use crate::model_file;
 use crate::names;
 use crate::number::{Precision, exact};
+use crate::places::Places;
 use crate::source::{Collector, Fault, Faults, Source};
 
 /// A model whose parts are known to fit together.
@@ -31,35 +34,47 @@ impl Checked {
         let Some(located) = model_file::read(source, &mut faults) else {
             return faults.finish(None);
         };
-        let context = Context { located: &located, source };
-        for rule in [check_name, check_inputs, check_surfaces, check_compensators, check_emitted_names] {
-            rule(&context, &mut faults);
-        }
-        let position = |path: String| source.position(located.places.place(&path).start);
-        let model = &located.model;
-        let range_places = model.inputs.iter().map(|input| position(format!("inputs.{}.range", input.name))).collect();
-        let term_places = model
-            .surfaces
-            .iter()
-            .map(|surface| (0..surface.terms.len()).map(|k| position(format!("surfaces.{}.terms.{k}", surface.name))).collect())
-            .collect();
-        let of_compensator = |it: &Compensator| {
-            let keys = it.parts().into_iter().map(|(key, _)| key).chain(["sample_time"]);
-            keys.map(|key| position(format!("compensators.{}.{key}", it.name))).collect()
-        };
-        let compensator_places = model.compensators.iter().map(of_compensator).collect();
-        let (model, file) = (model.clone(), source.name().to_string());
-        let checked = Checked { model, file, range_places, term_places, compensator_places };
+        let context = Context { model: &located.model, file: source.name(), text: Some((source, &located.places)) };
+        context.check(&mut faults);
+        let checked = context.checked();
         faults.finish(Some(checked))
     }
 
-    /// Checks a model that was made in memory; faults speak of the text that [`model_file::write`] gives it.
+    /// Checks a model that was made in memory. Faults name its file `NAME.toml`, although none was read, and have no line.
     ///
     /// # Errors
-    /// As [`Checked::read`].
+    /// Every fault: those of a model file with the same content, except those of its text.
+    ///
+    /// ```
+    /// use rsm_core::check::Checked;
+    /// use rsm_core::model::{Input, Model, Outside, Surface, Term};
+    ///
+    /// let speed = Input { name: "speed".into(), unit: "m/s".into(), range: [0.0, 30.0], outside: Outside::Clamp };
+    /// let drag = Surface {
+    ///     name: "drag".into(),
+    ///     unit: "N".into(),
+    ///     inputs: vec!["speed".into()],
+    ///     terms: vec![Term { powers: vec![0], coefficient: 35.0 }, Term { powers: vec![1], coefficient: 30.0 }],
+    ///     ..Surface::default()
+    /// };
+    /// let model = Model { name: "car".into(), inputs: vec![speed], surfaces: vec![drag], ..Model::default() };
+    /// assert!(Checked::from_model(&model).is_ok());
+    ///
+    /// let without_inputs = Model { inputs: vec![], ..model };
+    /// let faults = Checked::from_model(&without_inputs).unwrap_err();
+    /// assert_eq!(faults.list()[0].to_string(), "car.toml: `inputs`: found none, expected at least one");
+    /// ```
     pub fn from_model(model: &Model) -> Result<Self, Faults> {
+        let mut faults = Collector::new();
         let name = if model.name.is_empty() { "model" } else { &model.name };
-        Self::read(&Source::new(format!("{name}.toml"), model_file::write(model)))
+        let context = Context { model, file: &format!("{name}.toml"), text: None };
+        in_memory::check(&context, &mut faults);
+        // The rules compare exact numbers: what is not finite has none.
+        if faults.is_clean() {
+            context.check(&mut faults);
+        }
+        let checked = context.checked();
+        faults.finish(Some(checked))
     }
 
     /// The model.
@@ -191,35 +206,77 @@ fn beyond_ratio(compensator: &Compensator, precision: &str) -> String {
 /// What is said of a number that does not fit.
 const BEYOND: &str = "too large or too small for";
 
-/// A file under check.
+/// A model under check.
 struct Context<'a> {
-    located: &'a Located,
-    source: &'a Source,
+    model: &'a Model,
+    /// How messages call it.
+    file: &'a str,
+    /// Its text and where its parts stand in it; `None` of a model that was made in memory.
+    text: Option<(&'a Source, &'a Places)>,
 }
 
 impl Context<'_> {
     fn fault(&self, path: &str, what: impl Into<String>) -> Fault {
-        self.source.fault(self.located.places.place(path), what)
+        match self.text {
+            Some((source, places)) => source.fault(places.place(path), what),
+            None => Fault::whole_file(self.file, what),
+        }
+    }
+
+    /// All rules, one after the other.
+    fn check(&self, faults: &mut Collector) {
+        for rule in [check_name, check_inputs, check_surfaces, check_compensators, check_emitted_names] {
+            rule(self, faults);
+        }
+    }
+
+    /// The model with the places of what only one precision refuses.
+    fn checked(&self) -> Checked {
+        let model = self.model;
+        let position = |path: String| self.text.map_or((0, 0), |(source, places)| source.position(places.place(&path).start));
+        let of_terms = |surface: &Surface| {
+            let of_one = |k| position(format!("surfaces.{}.terms.{k}", surface.name));
+            (0..surface.terms.len()).map(of_one).collect()
+        };
+        let of_compensator = |it: &Compensator| {
+            let keys = it.parts().into_iter().map(|(key, _)| key).chain(["sample_time"]);
+            keys.map(|key| position(format!("compensators.{}.{key}", it.name))).collect()
+        };
+        Checked {
+            model: model.clone(),
+            file: self.file.to_string(),
+            range_places: model.inputs.iter().map(|input| position(format!("inputs.{}.range", input.name))).collect(),
+            term_places: model.surfaces.iter().map(of_terms).collect(),
+            compensator_places: model.compensators.iter().map(of_compensator).collect(),
+        }
+    }
+
+    /// Whether a part stands in the file but was refused for its shape.
+    fn is_broken(&self, path: &str) -> bool {
+        self.text.is_some_and(|(_, places)| places.is_broken(path))
+    }
+
+    /// Whether a key that a file must have is missing.
+    fn is_missing(&self, path: &str) -> bool {
+        self.text.is_some_and(|(_, places)| places.place(path) == (0..0))
     }
 
     /// Whether a name that is not there is really missing: its section could be read, and it was not refused for its shape.
     fn knows_all(&self, section: &str, name: &str) -> bool {
-        let read = self.located.places.place(section) != (0..0) && !self.located.places.is_broken(section);
-        let refused = self.located.places.is_broken(&format!("{section}.{name}"));
+        let read = !self.is_missing(section) && !self.is_broken(section);
+        let refused = self.is_broken(&format!("{section}.{name}"));
         // Where a model has no input at all, that is said once.
         let nothing_there = section == "inputs" && self.model().inputs.is_empty();
         read && !refused && !nothing_there
     }
 
     fn model(&self) -> &Model {
-        &self.located.model
+        self.model
     }
 }
 
 fn check_name(context: &Context<'_>, faults: &mut Collector) {
-    if context.located.places.is_broken("model")
-        || context.model().name.is_empty() && context.located.places.place("model") == (0..0)
-    {
+    if context.is_broken("model") || context.model().name.is_empty() && context.is_missing("model") {
         return;
     }
     if let Some(reason) = names::refuse_model(&context.model().name) {
@@ -243,7 +300,7 @@ fn check_inputs(context: &Context<'_>, faults: &mut Collector) {
 /// Whether some entry of a section was there but refused for its shape.
 fn any_under(context: &Context<'_>, section: &str) -> bool {
     // A section that is missing, or has no entry at all, has no broken entry either: the faults of shape speak for the rest.
-    context.located.places.place(section) == (0..0) || context.located.places.has_broken_under(section)
+    context.is_missing(section) || context.text.is_some_and(|(_, places)| places.has_broken_under(section))
 }
 
 /// low < high, and a width that f64 can hold: half of it is the unit of the coded variable.
@@ -281,7 +338,7 @@ fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
 
 fn check_surface_inputs(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
     let who = format!("surface `{}`", surface.name);
-    if surface.inputs.is_empty() && !context.located.places.is_broken(&format!("{path}.inputs")) {
+    if surface.inputs.is_empty() && !context.is_broken(&format!("{path}.inputs")) {
         faults.push(context.fault(&format!("{path}.inputs"), format!("{who}: `inputs`: found none, expected at least one")));
     }
     for (k, name) in surface.inputs.iter().enumerate() {
@@ -298,13 +355,12 @@ fn check_surface_inputs(context: &Context<'_>, faults: &mut Collector, surface: 
 
 fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
     let who = format!("surface `{}`", surface.name);
-    if surface.terms.is_empty() && !context.located.places.is_broken(&format!("{path}.terms")) {
+    if surface.terms.is_empty() && !context.is_broken(&format!("{path}.terms")) {
         faults.push(context.fault(&format!("{path}.terms"), format!("{who}: `terms`: found none, expected at least one")));
     }
     let (inputs, knots) = (surface.inputs.len(), surface.knots.len());
     // How many powers a term needs is known only where inputs and knots could be read.
-    let counts = !context.located.places.is_broken(&format!("{path}.inputs"))
-        && !context.located.places.is_broken(&format!("{path}.basis"));
+    let counts = !context.is_broken(&format!("{path}.inputs")) && !context.is_broken(&format!("{path}.basis"));
     for (k, term) in surface.terms.iter().enumerate() {
         let place = format!("{path}.terms.{k}");
         let found = term.powers.len();

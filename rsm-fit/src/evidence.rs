@@ -5,6 +5,7 @@
 //! date or a user: the same inputs give the same text.
 
 use rsm_core::model::Evidence;
+use rsm_core::source::Source;
 
 use crate::constrain::{ConstraintReport, ConstraintStatistics};
 use crate::fit::{ChosenBy, ResponseOutcome};
@@ -29,7 +30,7 @@ pub fn of(
     tell("rows", Some(whole(statistics.rows)));
     tell("rows_outside_range", Some(whole(outcome.rows_outside)).filter(|_| outcome.rows_outside > 0));
     tell("data", Some(files(&fit.files)));
-    tell("specification", Some(specification_of(specification)));
+    tell("specification", specification.source().map(specification_of));
     tell("method", Some(Evidence::Text(method(&response.method))));
     tell(
         "weights",
@@ -135,8 +136,7 @@ fn constrained(told: &ConstraintStatistics) -> Evidence {
 }
 
 /// The name without folders: where it lay on the machine that fitted says nothing.
-fn specification_of(specification: &Specification) -> Evidence {
-    let source = specification.source();
+fn specification_of(source: &Source) -> Evidence {
     let name = source.name().rsplit(['/', '\\']).next().unwrap_or_default();
     Evidence::Table(vec![text("file", name), text("sha256", &hash(source.text()))])
 }

@@ -4,6 +4,7 @@
 //! is an error with every fault; a numerical outcome (confidence not reached, columns that make each other up) is data. The way of one
 //! response is in `response.rs`. Never writes a file.
 
+use rsm_core::check::Checked;
 use rsm_core::model::{Input, Model};
 use rsm_core::source::{Collector, Faults};
 
@@ -88,6 +89,26 @@ impl Outcome {
         self.responses.iter().all(|response| matches!(response.verdict, Verdict::Fitted | Verdict::Reached { .. }))
     }
 
+    /// What became of a response.
+    #[must_use]
+    pub fn response(&self, name: &str) -> Option<&ResponseOutcome> {
+        self.responses.iter().find(|response| response.name == name)
+    }
+
+    /// The figures of a response; none when there is no such response, or it could not be fitted.
+    #[must_use]
+    pub fn statistics(&self, response: &str) -> Option<&ResponseStatistics> {
+        self.response(response)?.statistics.as_ref()
+    }
+
+    /// The model with the proof that its parts fit together: what evaluators are made of.
+    ///
+    /// # Errors
+    /// Every fault of the model, as [`Checked::from_model`]: a model without any surface, or names that no language can have.
+    pub fn checked(&self) -> Result<Checked, Faults> {
+        Checked::from_model(&self.model)
+    }
+
     /// What `rsm fit --json` prints.
     #[must_use]
     pub fn report(&self) -> Report<'_> {
@@ -133,11 +154,11 @@ fn is_empty<T>(named: &Named<T>) -> bool {
 }
 
 /// Rows to fit, to validate and to test.
-struct Data {
-    fit: Records,
-    validate: Option<Records>,
-    test: Option<Records>,
-    units: Units,
+pub(crate) struct Data {
+    pub fit: Records,
+    pub validate: Option<Records>,
+    pub test: Option<Records>,
+    pub units: Units,
 }
 
 /// Fits every response of a specification.
@@ -145,7 +166,16 @@ struct Data {
 /// # Errors
 /// Every fault of the data files; then those that only data and specification together show.
 pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Outcome, Refused> {
-    let data = read(specification, progress)?;
+    fit_rows(specification, read(specification, progress)?, progress)
+}
+
+/// Fits every response to rows in memory: what all ways to a fit share. Splits that the specification asks for are made here.
+pub(crate) fn fit_rows(
+    specification: &Specification,
+    data: Data,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Outcome, Refused> {
+    let data = set_aside(specification, data)?;
     let inputs = inputs(specification, &data)?;
     let mut model = Model { name: specification.model.clone(), inputs: inputs.clone(), ..Model::default() };
     let mut responses = Vec::new();
@@ -217,13 +247,18 @@ fn read(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -
     };
     // All are read before one is refused: all faults together.
     let (validate, test) = (apart(&specification.validation), apart(&specification.test));
-    let (mut fit, mut validate, mut test) = match (all, validate, test) {
-        (Ok(all), Ok(validate), Ok(test)) => (all, validate, test),
+    match (all, validate, test) {
+        (Ok(fit), Ok(validate), Ok(test)) => Ok(Data { fit, validate, test, units }),
         (all, validate, test) => {
             let refused = [all.err(), validate.err(), test.err()].into_iter().flatten();
-            return Err(Refused(refused.flat_map(|Refused(faults)| faults).collect()));
+            Err(Refused(refused.flat_map(|Refused(faults)| faults).collect()))
         }
-    };
+    }
+}
+
+/// Takes the rows that a split sets aside from those to fit.
+fn set_aside(specification: &Specification, data: Data) -> Result<Data, Refused> {
+    let Data { mut fit, mut validate, mut test, units } = data;
     let set_aside = |key: &str, rows: &Validation, fit: &mut Records| -> Result<Option<Records>, Refused> {
         let Validation::Split(wanted) = rows else { return Ok(None) };
         let sides = split::split(specification, wanted, fit);

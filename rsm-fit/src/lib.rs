@@ -90,9 +90,18 @@ mod response;
 
 pub mod fit;
 
+pub mod in_memory;
+
 pub mod recursive;
 
 pub mod plan;
+
+
+pub use fit::{Outcome, Progress, ResponseOutcome};
+pub use in_memory::{Fit, Input, Response};
+pub use records::Refused;
+pub use spec::{Constraint, Specification};
+pub use verdict::Verdict;
 
 #[cfg(test)]
 mod reference;

@@ -42,7 +42,7 @@ pub struct DataFile {
 
 /// The units in which a fit counts: of the inputs, then of the responses. Settled by the specification or by the first file
 /// that has one.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Units(Vec<Option<String>>);
 
 impl Units {
@@ -223,7 +223,11 @@ impl Records {
 
 /// The cells of the columns of runs as numbers, if each row has one of its own.
 fn in_order(cells: &[String], rows: usize) -> Vec<f64> {
-    let order: Vec<f64> = cells.iter().filter_map(|cell| cell.parse().ok()).filter(|run: &f64| run.is_finite()).collect();
+    distinct(cells.iter().filter_map(|cell| cell.parse().ok()).filter(|run: &f64| run.is_finite()).collect(), rows)
+}
+
+/// The places of rows in an order, if each row has one of its own; else none.
+pub(crate) fn distinct(order: Vec<f64>, rows: usize) -> Vec<f64> {
     let mut sorted = order.clone();
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();

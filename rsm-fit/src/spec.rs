@@ -63,17 +63,32 @@ pub struct Specification {
     pub inputs: Vec<InputSpec>,
     /// The responses, in the order of the file.
     pub responses: Vec<ResponseSpec>,
-    source: Source,
+    /// Which rows stay together in every split, beyond what the splits say.
+    pub(crate) together: Together,
+    /// Its text; none when it was made in memory.
+    source: Option<Source>,
     folder: PathBuf,
     places: Places,
 }
+
+/// Which rows stay together, whatever is split. A file says it of each split.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Together {
+    /// Columns: rows that agree in all of them stay together.
+    pub columns: Vec<String>,
+    /// Inputs: rows that agree in all inputs but for the sign of these stay together.
+    pub mirror: Vec<String>,
+}
+
+/// How faults call a fit that was asked for in memory.
+pub(crate) const IN_MEMORY: &str = "fit";
 
 /// Where rows that are not fitted come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Validation {
     /// From nowhere.
     None,
-    /// From files of their own, as written.
+    /// From rows of their own: files, as written, or what rows in memory are called.
     Files(Vec<String>),
     /// From the data: rows set aside.
     Split(Split),
@@ -186,8 +201,9 @@ impl Specification {
                 test: draft.test,
                 inputs: draft.inputs,
                 responses: draft.responses,
+                together: Together::default(),
                 places: draft.places,
-                source,
+                source: Some(source),
                 folder,
             };
             rules::check(&specification, &mut faults);
@@ -196,10 +212,26 @@ impl Specification {
         faults.finish(specification)
     }
 
-    /// The text from which it was read.
+    /// A specification of rows in memory. Gives it with the faults of its parts; the caller adds those of the rows.
+    pub(crate) fn in_memory(
+        model: String,
+        (validation, test): (Validation, Validation),
+        inputs: Vec<InputSpec>,
+        responses: Vec<ResponseSpec>,
+        together: Together,
+        faults: &mut Collector,
+    ) -> Self {
+        let (data, folder, places) = (Vec::new(), PathBuf::new(), Places::default());
+        let specification =
+            Specification { model, data, validation, test, inputs, responses, together, source: None, folder, places };
+        rules::check(&specification, faults);
+        specification
+    }
+
+    /// The text from which it was read; none when it was made in memory.
     #[must_use]
-    pub fn source(&self) -> &Source {
-        &self.source
+    pub fn source(&self) -> Option<&Source> {
+        self.source.as_ref()
     }
 
     /// Where a file that is named in it lies.
@@ -212,7 +244,7 @@ impl Specification {
     #[must_use]
     pub fn labels(&self) -> Vec<&str> {
         let mut labels: Vec<&str> = Vec::new();
-        for name in self.splits().flat_map(|split| &split.keep_together) {
+        for name in self.splits().flat_map(|split| &split.keep_together).chain(&self.together.columns) {
             if !labels.contains(&name.as_str()) {
                 labels.push(name);
             }
@@ -236,6 +268,9 @@ impl Specification {
 
     /// A fault at a part of the specification, by its dotted path.
     pub(crate) fn fault(&self, path: &str, what: impl Into<String>) -> Fault {
-        self.source.fault(self.places.place(path), what)
+        match &self.source {
+            Some(source) => source.fault(self.places.place(path), what),
+            None => Fault::whole_file(IN_MEMORY, what),
+        }
     }
 }

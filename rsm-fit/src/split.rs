@@ -102,15 +102,16 @@ fn groups(specification: &Specification, split: Option<&Split>, records: &Record
     };
     let labels = specification.labels();
     let splits: Vec<&Split> = split.map_or_else(|| specification.splits().collect(), |split| vec![split]);
-    for split in &splits {
-        if !split.keep_together.is_empty() {
+    let together = &specification.together;
+    for kept in splits.iter().map(|split| &split.keep_together).chain([&together.columns]) {
+        if !kept.is_empty() {
             let place = |name: &String| labels.iter().position(|label| label == name).expect("every split's columns are read");
-            let columns: Vec<&Vec<String>> = split.keep_together.iter().map(|name| &records.labels[place(name)]).collect();
+            let columns: Vec<&Vec<String>> = kept.iter().map(|name| &records.labels[place(name)]).collect();
             let key = |row: usize| columns.iter().map(|column| format!("{:?},", column[row])).collect();
             join((0..rows).map(key).collect());
         }
     }
-    let mirrored = splits.iter().flat_map(|split| &split.mirror);
+    let mirrored = splits.iter().flat_map(|split| &split.mirror).chain(&together.mirror);
     let mirrored: Vec<&String> = mirrored.collect();
     let is_mirrored: Vec<bool> = specification.inputs.iter().map(|input| mirrored.contains(&&input.name)).collect();
     let value = |x: f64, mirrored: bool| if mirrored { x.abs() } else { x + 0.0 };

@@ -126,22 +126,7 @@ impl Table {
     /// When the column was not among the wanted numbers.
     pub fn response_in(&self, name: &str, unit: Option<&str>) -> Result<(Vec<f64>, String), Fault> {
         let (values, unit) = self.values_in(name, unit)?;
-        let largest = values.iter().map(|value| value.abs()).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-        let Some((row, largest)) = largest else { return Ok((values, unit)) };
-        let [low, high] = MAGNITUDES;
-        let (what, help) = if largest > high {
-            (
-                format!("expected a magnitude up to {high:e}: the squares of a response must be finite"),
-                "give it in a larger unit",
-            )
-        } else if largest > 0.0 && largest < low {
-            (
-                format!("the largest of the response, expected {low:e} or more: its squares would be 0"),
-                "give it in a smaller unit",
-            )
-        } else {
-            return Ok((values, unit));
-        };
+        let Some((row, what, help)) = magnitude_fault(&values) else { return Ok((values, unit)) };
         let place = self.column(name).map_or(0, |column| column.place);
         let what = format!("column {place} `{name}`: found {:?}, {what}", values[row]);
         Err(Fault::at_line(&self.file, self.lines[row], 0, what).help(help))
@@ -151,6 +136,21 @@ impl Table {
     #[must_use]
     pub fn rows(&self) -> usize {
         self.lines.len()
+    }
+}
+
+/// The row of a response with a magnitude outside [`MAGNITUDES`], what was expected, and what to do.
+pub(crate) fn magnitude_fault(values: &[f64]) -> Option<(usize, String, &'static str)> {
+    let (row, largest) = values.iter().map(|value| value.abs()).enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let [low, high] = MAGNITUDES;
+    if largest > high {
+        let what = format!("expected a magnitude up to {high:e}: the squares of a response must be finite");
+        Some((row, what, "give it in a larger unit"))
+    } else if largest > 0.0 && largest < low {
+        let what = format!("the largest of the response, expected {low:e} or more: its squares would be 0");
+        Some((row, what, "give it in a smaller unit"))
+    } else {
+        None
     }
 }
 

@@ -8,16 +8,19 @@
 //! stand at equal distances in it, at its start and at its end, where they show such a drift (Montgomery, Design and Analysis
 //! of Experiments, 6.8).
 
+mod experiment;
 mod kept;
 mod levels;
 mod points;
 mod read;
+mod rules;
 mod spec;
 
 use std::collections::BTreeSet;
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
+pub use experiment::{Alpha, Experiment};
 pub use kept::Kept;
 pub use spec::{Condition, Design, DesignSpecification, Factor, MOST_RUNS};
 

@@ -14,11 +14,9 @@ use toml::de::DeValue;
 
 use super::levels;
 use super::points::{box_behnken_groups, rotatable_alpha};
+use super::rules::{MOST_FACTORS, check_names, check_size};
 use super::spec::{Condition, Design, Factor, MOST_RUNS};
 use crate::units;
-
-/// A cube of more has 2^factors corners beyond [`MOST_RUNS`].
-const MOST_FACTORS: usize = 16;
 
 /// What of the text has the right shape.
 pub(super) struct Draft {
@@ -81,7 +79,7 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<(Draft, Pl
     if section.is_some() && factors.is_empty() && !places.has_broken_under("factors") {
         faults.push(source.fault(places.place("factors"), "`factors`: found none, expected at least one"));
     }
-    check_names(&factors, &places, source, faults);
+    check_names(&factors, &|path, what| source.fault(places.place(path), what), faults);
     // What names factors cannot be judged while some of them are not known.
     let all_known = !places.has_broken_under("factors");
     let conditions = match conditions {
@@ -149,7 +147,8 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<(Draft, Pl
         conditions: conditions?,
         factors,
     };
-    check_size(&draft, source, section, faults);
+    let size = (draft.replicates, draft.centre_points);
+    check_size((&draft.design, draft.factors.len()), size, &|_, what| source.fault(section.clone(), what), faults);
     Some((draft, places))
 }
 
@@ -281,22 +280,6 @@ fn read_levels(what: &str, value: Value<'_>, reader: &TableReader<'_>, faults: &
     }
 }
 
-fn check_names(factors: &[Factor], places: &Places, source: &Source, faults: &mut Collector) {
-    for (k, factor) in factors.iter().enumerate() {
-        let clash = || factors[..k].iter().find_map(|earlier| names::clash(&earlier.name, &factor.name));
-        // `run` is the column of the run order.
-        let taken = (factor.name == "run").then(|| "is taken: it is the column of the run order".to_string());
-        if let Some(reason) = taken.or_else(|| names::refuse(&factor.name)).or_else(clash) {
-            let place = places.place(&format!("factors.{}", factor.name));
-            faults.push(source.fault(place, format!("factor name `{}` {reason}", factor.name)));
-        }
-    }
-    if factors.len() > MOST_FACTORS {
-        let what = format!("`factors`: found {}, at most {MOST_FACTORS} are accepted", factors.len());
-        faults.push(source.fault(places.place("factors"), what));
-    }
-}
-
 /// The index of a factor that is named somewhere, or a fault.
 fn factor_named(
     who: &str,
@@ -387,23 +370,4 @@ fn read_alpha(value: Value<'_>, factors: usize, top: &TableReader<'_>, faults: &
         faults.push(top.fault(value.span(), what));
     }
     alpha
-}
-
-/// A plan of more runs than [`MOST_RUNS`] is refused before its points are made.
-fn check_size(draft: &Draft, source: &Source, section: Range<usize>, faults: &mut Collector) {
-    let factors = draft.factors.len().min(MOST_FACTORS);
-    let points = match &draft.design {
-        Design::FullFactorial { blocks } => {
-            let of_block = |levels: &Vec<Vec<f64>>| levels.iter().fold(1usize, |count, of| count.saturating_mul(of.len()));
-            blocks.iter().map(of_block).fold(0usize, usize::saturating_add)
-        }
-        Design::CentralComposite { .. } => (1 << factors) + 2 * factors,
-        // 7 factors have 56 points.
-        Design::BoxBehnken => 56,
-        Design::LatinHypercube { runs } | Design::Random { runs } => *runs,
-    };
-    let runs = points.saturating_mul(draft.replicates).saturating_add(draft.centre_points);
-    if runs > MOST_RUNS {
-        faults.push(source.fault(section, format!("the plan has up to {runs} runs, at most {MOST_RUNS} are accepted")));
-    }
 }

@@ -52,9 +52,13 @@ pub struct DesignSpecification {
     pub centre_points: usize,
     /// What every point fulfils.
     pub conditions: Vec<Condition>,
-    source: Source,
+    /// Its text; none when it was made in memory.
+    source: Option<Source>,
     places: Places,
 }
+
+/// How faults call a design that was asked for in memory.
+pub(super) const IN_MEMORY: &str = "design";
 
 /// A factor of the experiment.
 #[derive(Debug, Clone, PartialEq)]
@@ -149,13 +153,29 @@ impl DesignSpecification {
         let draft = read::read(&source, &mut faults);
         let specification = draft.map(|(draft, places)| {
             let read::Draft { plan, seed, design, factors, replicates, centre_points, conditions } = draft;
+            let source = Some(source);
             DesignSpecification { plan, seed, design, factors, replicates, centre_points, conditions, source, places }
         });
         faults.finish(specification)
     }
 
+    /// A specification whose parts are known to fit together.
+    pub(super) fn in_memory(
+        seed: u64,
+        design: Design,
+        factors: Vec<Factor>,
+        (replicates, centre_points): (usize, usize),
+        conditions: Vec<Condition>,
+    ) -> Self {
+        let (plan, source, places) = (IN_MEMORY.to_string(), None, Places::default());
+        DesignSpecification { plan, seed, design, factors, replicates, centre_points, conditions, source, places }
+    }
+
     /// A fault at a part of the specification, by its dotted path.
     pub(super) fn fault(&self, path: &str, what: impl Into<String>) -> Fault {
-        self.source.fault(self.places.place(path), what)
+        match &self.source {
+            Some(source) => source.fault(self.places.place(path), what),
+            None => Fault::whole_file(IN_MEMORY, what),
+        }
     }
 }

@@ -22,8 +22,8 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
 }
 
 fn check_model(specification: &Specification, faults: &mut Collector) {
-    let place = specification.places.place("model");
-    if place != (0..0)
+    let stands = specification.source.is_none() || specification.places.place("model") != (0..0);
+    if stands
         && let Some(reason) = names::refuse_model(&specification.model)
         && !specification.model.is_empty()
     {

@@ -5,6 +5,7 @@ mod constraints;
 mod data;
 mod folders;
 mod honest;
+mod in_memory;
 mod ladder;
 mod nist;
 mod plans;

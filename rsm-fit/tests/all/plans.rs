@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use rsm_core::source::Source;
-use rsm_fit::plan::{DesignSpecification, Plan};
+use rsm_fit::plan::{Alpha, DesignSpecification, Experiment, Factor, Plan};
 
 use crate::rejected::cases;
 
@@ -249,5 +249,75 @@ fn mutilated_plans_are_refused_without_a_panic() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn a_design_in_memory_is_the_plan_of_its_specification() {
+    let ranges = || ["a", "b", "c"].map(|name| Factor::within(name, "rad/s", [-2.0, 6.0]));
+    let sections = |key: &str| ["a", "b", "c"].map(|name| format!("[factors.{name}]\nunit = \"rad/s\"\n{key}\n")).concat();
+    let range = sections("range = [-2.0, 6.0]");
+    let levels = || ["a", "b", "c"].map(|name| Factor::at(name, "rad/s", [-2.0, 0.0, 6.0]));
+    let cases = [
+        (
+            "design = \"central-composite\"\nalpha = \"rotatable\"\ncentre_points = 4\nreplicates = 2",
+            &range,
+            Experiment::central_composite(ranges(), Alpha::Rotatable).centre_points(4).replicates(2),
+        ),
+        (
+            "design = \"central-composite\"\nalpha = 1.5\ncentre_points = 0\nwhere = [{ sum = { a = 1.0, b = 1.0 }, at_most = 11.0 }]",
+            &range,
+            Experiment::central_composite(ranges(), Alpha::At(1.5)).at_most([("a", 1.0), ("b", 1.0)], 11.0),
+        ),
+        ("design = \"box-behnken\"\ncentre_points = 3", &range, Experiment::box_behnken(ranges()).centre_points(3)),
+        (
+            "design = \"latin-hypercube\"\nruns = 30\nwhere = [{ sum = { c = 1.0 }, at_least = 0.0 }]",
+            &range,
+            Experiment::latin_hypercube(ranges(), 30).at_least([("c", 1.0)], 0.0),
+        ),
+        ("design = \"random\"\nruns = 12", &range, Experiment::random(ranges(), 12)),
+        ("", &sections("levels = [-2, 0, 6]"), Experiment::full_factorial(levels())),
+        (
+            "blocks = [{ a = [0] }, { b = [1, 2], c = [-0.0] }]",
+            &sections("levels = [-2, 0, 6]"),
+            Experiment::full_factorial(levels()).block([("a", [0.0])]).block([("b", vec![1.0, 2.0]), ("c", vec![-0.0])]),
+        ),
+    ];
+    for (head, factors, experiment) in cases {
+        let text = format!("format = 1\nplan = \"p\"\nseed = 7\n{head}\n{factors}");
+        let specification =
+            DesignSpecification::from_source(Source::new("plan.toml", text)).unwrap_or_else(|faults| panic!("{faults}"));
+        assert_eq!(experiment.seed(7).plan().unwrap(), Plan::make(&specification).unwrap(), "{head}");
+    }
+}
+
+#[test]
+fn a_design_in_memory_that_cannot_be_made_is_told_in_words() {
+    let one = || [Factor::within("a", "1", [0.0, 1.0])];
+    let cases = [
+        (Experiment::random([], 3), "`factors`: found none, expected at least one"),
+        (Experiment::random([Factor::within("run", "1", [0.0, 1.0])], 3), "factor name `run` is taken"),
+        (Experiment::random([Factor::within("a", "parsnip", [0.0, 1.0])], 3), "factor `a`: `unit`: "),
+        (Experiment::random([Factor::within("a", "1", [0.0, f64::NAN])], 3), "factor `a`: `range`: found [0, NaN]"),
+        (Experiment::random([Factor::at("a", "1", [0.0, 1.0])], 3), "factor `a`: levels belong to the full factorial only"),
+        (Experiment::full_factorial(one()), "factor `a`: `levels`: found none, expected at least one"),
+        (Experiment::full_factorial([Factor::at("a", "1", [0.0, -0.0])]), "factor `a`: `levels`: 0 stands twice"),
+        (Experiment::full_factorial([Factor::at("a", "1", [0.0])]).block([("b", [1.0])]), "block 1: there is no factor `b`"),
+        (Experiment::full_factorial([Factor::at("a", "1", [0.0])]).block([("a", [])]), "block 1: `a`: `levels`: found none"),
+        (Experiment::central_composite(one(), Alpha::At(0.0)), "`alpha`: found 0, expected a number above 0"),
+        (Experiment::box_behnken(one()), "\"box-behnken\" has 3 to 7 factors, found 1"),
+        (Experiment::random(one(), 0), "`runs`: found 0, expected a whole number from 1"),
+        (Experiment::random(one(), 100_001), "the plan has up to 100001 runs, at most 100000 are accepted"),
+        (Experiment::random(one(), 3).replicates(0), "`replicates`: found 0"),
+        (Experiment::random(one(), 3).at_most([("b", 1.0)], 1.0), "condition 1: there is no factor `b`"),
+        (Experiment::random(one(), 3).at_most([("a", f64::NAN)], 1.0), "condition 1: found NaN, expected a finite number"),
+        (
+            Experiment::central_composite(one(), Alpha::Rotatable).at_most([("a", 1.0)], -9.0),
+            "`where`: no point of the design fulfils it",
+        ),
+    ];
+    for (experiment, expected) in cases {
+        let faults = experiment.plan().unwrap_err().to_string();
+        assert!(faults.contains(&format!("design: {expected}")), "expected {expected}, found\n{faults}");
     }
 }

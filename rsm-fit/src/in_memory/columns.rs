@@ -1,0 +1,330 @@
+//! Columns with what is known of them: an input with its unit and range, a response with what its surface shall be.
+//!
+//! In: names, numbers and choices, one method each. Out: the parts of a specification. Never judges them: that is done once, when the fit
+//! is asked for.
+
+use rsm_core::model::{Coding, Knot, Outside, Surface, Symmetry};
+
+use crate::spec::{Constraint, InputSpec, Method, ResponseSpec, SupportSpec, Weights};
+
+/// The order of a surface of which nobody said one: that of a quadratic response surface.
+const DEFAULT_ORDER: u32 = 2;
+
+/// The faces of a support with two inputs: those of a box and of four cut corners, as in a specification without `faces`.
+const FACES: usize = 8;
+
+/// An input: its values, a row each, and what is known of it.
+///
+/// ```
+/// use rsm_fit::Input;
+///
+/// let torque = Input::new("torque", [0.0, 5.0, 10.0]).unit("N*m").range([0.0, 12.0]);
+/// ```
+#[derive(Debug, Clone)]
+pub struct Input {
+    pub(super) name: Option<String>,
+    pub(super) values: Vec<f64>,
+    unit: String,
+    range: Option<[f64; 2]>,
+    outside: Outside,
+}
+
+impl Input {
+    /// An input with its values, one a row. Its unit is `1` and its range that of the values, unless other methods say more.
+    #[must_use]
+    pub fn new(name: impl Into<String>, values: impl AsRef<[f64]>) -> Self {
+        Input { name: Some(name.into()), ..Input::unnamed(values.as_ref().to_vec()) }
+    }
+
+    pub(super) fn unnamed(values: Vec<f64>) -> Self {
+        Input { name: None, values, unit: "1".to_string(), range: None, outside: Outside::default() }
+    }
+
+    /// The unit of the values, as `rsm` spells units: `N*m`, `rad/s`, `degC`. It is kept as text; no value is converted.
+    #[must_use]
+    pub fn unit(mut self, unit: impl Into<String>) -> Self {
+        self.unit = unit.into();
+        self
+    }
+
+    /// The range of the model, [low, high], in the unit of the values. Rows outside are fitted as measured.
+    #[must_use]
+    pub fn range(mut self, range: [f64; 2]) -> Self {
+        self.range = Some(range);
+        self
+    }
+
+    /// Outside the range an evaluator uses the polynomial as it is, in place of the nearest bound.
+    #[must_use]
+    pub fn extrapolated(mut self) -> Self {
+        self.outside = Outside::Extrapolate;
+        self
+    }
+
+    pub(super) fn specification(&self, name: &str) -> InputSpec {
+        InputSpec {
+            name: name.to_string(),
+            column: name.to_string(),
+            unit: Some(self.unit.clone()),
+            range: self.range,
+            outside: self.outside,
+        }
+    }
+
+    pub(super) fn numbers(&self) -> impl Iterator<Item = (String, f64)> {
+        self.range.into_iter().flatten().map(|end| ("`range`".to_string(), end))
+    }
+}
+
+/// A response: its values, a row each, and what its surface shall be.
+///
+/// What is not said here is taken from [`crate::Fit`], or left as a specification without the key has it.
+///
+/// ```
+/// use rsm_fit::{Constraint, Response};
+///
+/// let efficiency = Response::new("efficiency", [0.81, 0.88, 0.9])
+///     .unit("1")
+///     .inputs(["torque"])
+///     .order(2)
+///     .output_range([0.0, 1.0])
+///     .constraint(Constraint::Bounds { min: Some(0.0), max: Some(1.0) });
+/// ```
+#[derive(Debug, Clone)]
+pub struct Response {
+    pub(super) name: Option<String>,
+    pub(super) values: Vec<f64>,
+    pub(super) weights: Option<RowWeights>,
+    unit: String,
+    inputs: Option<Vec<String>>,
+    pub(super) choice: Choice,
+    surface: Surface,
+    constraints: Vec<Constraint>,
+    support: Option<SupportSpec>,
+}
+
+/// How much each row counts.
+#[derive(Debug, Clone)]
+pub(super) enum RowWeights {
+    Weights(Vec<f64>),
+    StandardErrors(Vec<f64>),
+}
+
+/// How the terms are chosen, as far as it was said.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Choice {
+    pub order: Option<u32>,
+    pub confidence: Option<f64>,
+    pub terms: Option<Vec<Vec<u32>>>,
+}
+
+impl Choice {
+    /// What was said here, else what was said there.
+    pub fn or(&self, other: &Choice) -> Choice {
+        if self.terms.is_some() {
+            return self.clone();
+        }
+        let is_own = self.order.is_some() || self.confidence.is_some();
+        Choice {
+            order: self.order.or(other.order),
+            confidence: self.confidence.or(other.confidence),
+            terms: other.terms.clone().filter(|_| !is_own),
+        }
+    }
+
+    /// `None`: terms were given, and something that chooses them too.
+    pub fn method(&self) -> Option<Method> {
+        match (&self.terms, self.order, self.confidence) {
+            (Some(terms), None, None) => Some(Method::Fixed(terms.clone())),
+            (Some(_), ..) => None,
+            (None, order, Some(confidence)) => Some(Method::Ladder { max_order: order.unwrap_or(DEFAULT_ORDER), confidence }),
+            (None, order, None) => Some(Method::FixedOrder(order.unwrap_or(DEFAULT_ORDER))),
+        }
+    }
+}
+
+impl Response {
+    /// A response with its values, one a row. Its surface is a function of all inputs, and its unit is `1`, unless other methods say more.
+    #[must_use]
+    pub fn new(name: impl Into<String>, values: impl AsRef<[f64]>) -> Self {
+        Response { name: Some(name.into()), ..Response::unnamed(values.as_ref().to_vec()) }
+    }
+
+    pub(super) fn unnamed(values: Vec<f64>) -> Self {
+        Response {
+            name: None,
+            values,
+            weights: None,
+            unit: "1".to_string(),
+            inputs: None,
+            choice: Choice::default(),
+            surface: Surface::default(),
+            constraints: Vec::new(),
+            support: None,
+        }
+    }
+
+    /// The unit of the values, as text; no value is converted.
+    #[must_use]
+    pub fn unit(mut self, unit: impl Into<String>) -> Self {
+        self.unit = unit.into();
+        self
+    }
+
+    /// The inputs of this surface, in the order of its arguments and powers. Without it: all.
+    #[must_use]
+    pub fn inputs<T: Into<String>>(mut self, names: impl IntoIterator<Item = T>) -> Self {
+        self.inputs = Some(names.into_iter().map(Into::into).collect());
+        self
+    }
+
+    /// All terms up to this order; with [`Response::ladder`], the highest order of a candidate. 2 where nothing is said.
+    #[must_use]
+    pub fn order(mut self, order: u32) -> Self {
+        self.choice.order = Some(order);
+        self
+    }
+
+    /// A ladder chooses the terms: they grow in number until the confidence C, in percent, is reached.
+    #[must_use]
+    pub fn ladder(mut self, confidence: f64) -> Self {
+        self.choice.confidence = Some(confidence);
+        self
+    }
+
+    /// These terms and no others: of each term a power for every input, then one for every knot.
+    #[must_use]
+    pub fn terms<T: Into<Vec<u32>>>(mut self, terms: impl IntoIterator<Item = T>) -> Self {
+        self.choice.terms = Some(terms.into_iter().map(Into::into).collect());
+        self
+    }
+
+    /// What the powers are powers of; coded variables from -1 to 1 where nothing is said.
+    #[must_use]
+    pub fn coding(mut self, coding: Coding) -> Self {
+        self.surface.coding = coding;
+        self
+    }
+
+    /// The response is the same for both signs of this input, or changes its sign with it. The range of the input must be symmetric about 0.
+    #[must_use]
+    pub fn symmetry(mut self, input: impl Into<String>, symmetry: Symmetry) -> Self {
+        self.surface.symmetry.push((input.into(), symmetry));
+        self
+    }
+
+    /// A hinge: beyond this value of an input the slope may change.
+    #[must_use]
+    pub fn knot(mut self, input: impl Into<String>, at: f64) -> Self {
+        self.surface.knots.push(Knot { input: input.into(), at });
+        self
+    }
+
+    /// An input enters by its reciprocal. Its range must lie on one side of 0.
+    #[must_use]
+    pub fn reciprocal(mut self, input: impl Into<String>) -> Self {
+        self.surface.reciprocal.push(input.into());
+        self
+    }
+
+    /// The evaluator saturates at these two values, in the unit of the response.
+    #[must_use]
+    pub fn output_range(mut self, range: [f64; 2]) -> Self {
+        self.surface.output_range = Some(range);
+        self
+    }
+
+    /// A weight a row, proportional to 1/sigma^2. Only ratios count.
+    #[must_use]
+    pub fn weights(mut self, weights: impl AsRef<[f64]>) -> Self {
+        self.weights = Some(RowWeights::Weights(weights.as_ref().to_vec()));
+        self
+    }
+
+    /// The standard error sigma of each row. Only ratios count.
+    #[must_use]
+    pub fn standard_errors(mut self, sigma: impl AsRef<[f64]>) -> Self {
+        self.weights = Some(RowWeights::StandardErrors(sigma.as_ref().to_vec()));
+        self
+    }
+
+    /// What the surface must keep over its whole supported region; it is proved, or there is no surface.
+    #[must_use]
+    pub fn constraint(mut self, constraint: Constraint) -> Self {
+        self.constraints.push(constraint);
+        self
+    }
+
+    /// The model says where the data support the surface: in half-spaces that hold all rows to fit, this far beyond them in coded units.
+    #[must_use]
+    pub fn supported_by_data(mut self, margin: f64) -> Self {
+        self.support = Some(SupportSpec { margin, faces: FACES });
+        self
+    }
+
+    /// `None` when terms were given, and something that chooses them too.
+    pub(super) fn specification(&self, name: &str, all: &[InputSpec], choice: &Choice) -> Option<ResponseSpec> {
+        let inputs = self.inputs.clone().unwrap_or_else(|| all.iter().map(|input| input.name.clone()).collect());
+        let surface = Surface { name: name.to_string(), unit: self.unit.clone(), inputs, ..self.surface.clone() };
+        Some(ResponseSpec {
+            column: name.to_string(),
+            unit: Some(self.unit.clone()),
+            surface,
+            method: self.choice.or(choice).method()?,
+            weights: self.weights.as_ref().map(|weights| match weights {
+                RowWeights::Weights(_) => Weights::Weight("weights in memory".to_string()),
+                RowWeights::StandardErrors(_) => Weights::StandardError("standard errors in memory".to_string()),
+            }),
+            constraints: self.constraints.clone(),
+            support: self.support,
+        })
+    }
+
+    /// The numbers that must be finite, with their names.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = (String, f64)> {
+        let range = self.surface.output_range.into_iter().flatten().map(|end| ("`output_range`".to_string(), end));
+        let knots = self.surface.knots.iter().enumerate().map(|(k, knot)| (format!("knot {}", k + 1), knot.at));
+        let bounds = self.constraints.iter().enumerate().flat_map(|(k, constraint)| {
+            let ends = if let Constraint::Bounds { min, max } = constraint { [*min, *max] } else { [None, None] };
+            ends.into_iter().flatten().map(move |end| (format!("constraint {}", k + 1), end))
+        });
+        let margin = self.support.map(|support| ("the margin of the support".to_string(), support.margin));
+        range.chain(knots).chain(bounds).chain(margin)
+    }
+
+    /// What is wrong with it beyond what the rules of a specification find: what a file could not even say.
+    pub(super) fn faults(&self, choice: &Choice) -> Vec<String> {
+        let mut faults = Vec::new();
+        let highest = rsm_core::model_file::HIGHEST_POWER;
+        let choice = self.choice.or(choice);
+        if choice.method().is_none() {
+            faults.push("found both terms and something that chooses them, expected one of them".to_string());
+        }
+        if let Some(order) = choice.order.filter(|order| !(1..=highest).contains(order)) {
+            faults.push(format!("the order: found {order}, expected a whole number from 1 to {highest}"));
+        }
+        for power in choice.terms.iter().flatten().flatten().filter(|power| **power > highest) {
+            faults.push(format!("a term: found the power {power}, expected at most {highest}"));
+        }
+        for (k, (input, _)) in self.surface.symmetry.iter().enumerate() {
+            if self.surface.symmetry[..k].iter().any(|(earlier, _)| earlier == input) {
+                faults.push(format!("the symmetry of `{input}` is given twice"));
+            }
+        }
+        for (k, constraint) in self.constraints.iter().enumerate() {
+            match constraint {
+                Constraint::Bounds { min: None, max: None } => {
+                    faults.push(format!("constraint {}: found neither `min` nor `max`, expected one of them", k + 1));
+                }
+                Constraint::Bounds { min: Some(min), max: Some(max) } if min >= max => {
+                    faults.push(format!("constraint {}: `min` {min} is not below `max` {max}", k + 1));
+                }
+                _ => {}
+            }
+        }
+        if let Some(support) = self.support.filter(|support| support.margin < 0.0) {
+            faults.push(format!("the margin of the support: found {}, expected 0 or more, in coded units", support.margin));
+        }
+        faults
+    }
+}

@@ -1,0 +1,404 @@
+//! Fits rows that are in memory: the front door of the library.
+//!
+//! In: inputs and responses as slices, nalgebra matrices or named columns; what the surfaces shall be, one method each. Out: the same
+//! [`Outcome`] as from files, because the same code fits: a specification in TOML and CSV files are another way to these types. Never
+//! reads or writes a file.
+//!
+//! ```
+//! use rsm_fit::{Fit, Input, Response};
+//!
+//! // The drag of a car, N, at speeds in m/s and two loads in kg.
+//! let speed = Input::new("speed", [0.0, 10.0, 20.0, 30.0, 0.0, 10.0, 20.0, 30.0]).unit("m/s");
+//! let load = Input::new("load", [0.0, 0.0, 0.0, 0.0, 300.0, 300.0, 300.0, 300.0]).unit("kg");
+//! let drag = Response::new("drag", [120.0, 165.0, 300.0, 525.0, 150.0, 195.0, 330.0, 555.0]).unit("N");
+//!
+//! let outcome = Fit::new([speed, load], drag).name("car").order(2).ladder(99.0).fit()?;
+//! assert!(outcome.reached());
+//! let statistics = outcome.statistics("drag").unwrap();
+//! assert!(statistics.residual_sd.unwrap() < 1e-9); // 120 + 0.45 speed^2 + 0.1 load, without noise
+//! # Ok::<(), rsm_fit::Refused>(())
+//! ```
+
+mod columns;
+mod rows;
+
+use rsm_core::source::{Collector, Fault};
+use sha2::{Digest, Sha256};
+
+pub use columns::{Input, Response};
+pub use rows::{Inputs, Responses};
+
+use crate::fit::{Data, Outcome, Progress, fit_rows};
+use crate::records::{DataFile, Records, Refused, Units};
+use crate::spec::{IN_MEMORY, InputSpec, Specification, Split, Together, Validation};
+use crate::table::magnitude_fault;
+use columns::{Choice, RowWeights};
+
+/// The column of the groups, as the specification calls it.
+const GROUPS: &str = "groups";
+
+/// A fit of rows in memory. Nothing is judged before [`Fit::fit`], which tells all faults at once.
+///
+/// ```
+/// use rsm_fit::Fit;
+///
+/// // Points of two inputs, a row each, and one response.
+/// let points = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [0.0, 0.0], [0.0, 1.0]];
+/// let response = points.map(|[a, b]| 3.0 + 2.0 * a - b);
+/// let outcome = Fit::new(&points, &response).order(1).fit()?;
+/// let terms: Vec<_> = outcome.model.surfaces[0].terms.iter().map(|term| (&term.powers[..], term.coefficient.round())).collect();
+/// assert_eq!(terms, [(&[0, 0][..], 3.0), (&[1, 0], 2.0), (&[0, 1], -1.0)]);
+/// # Ok::<(), rsm_fit::Refused>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Fit {
+    name: String,
+    inputs: Inputs,
+    responses: Responses,
+    choice: Choice,
+    validation: Apart,
+    test: Apart,
+    groups: Option<Vec<String>>,
+    mirror: Vec<String>,
+    run_order: Option<Vec<f64>>,
+}
+
+/// Rows that are not fitted.
+#[derive(Debug, Clone)]
+enum Apart {
+    None,
+    Rows(Inputs, Responses),
+    Share(f64, u64),
+}
+
+impl Fit {
+    /// A fit of responses to inputs, a row an observation. See [`Inputs`] for what holds the numbers.
+    ///
+    /// ```
+    /// use nalgebra::{DMatrix, DVector};
+    /// use rsm_fit::Fit;
+    ///
+    /// let inputs = DMatrix::from_fn(9, 2, |row, column| if column == 0 { (row % 3) as f64 } else { (row / 3) as f64 });
+    /// let response = DVector::from_fn(9, |row, _| 1.0 + inputs[(row, 0)] * inputs[(row, 1)]);
+    /// assert!(Fit::new(&inputs, &response).order(2).ladder(99.0).fit()?.reached());
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn new(inputs: impl Into<Inputs>, responses: impl Into<Responses>) -> Self {
+        Fit {
+            name: "model".to_string(),
+            inputs: inputs.into(),
+            responses: responses.into(),
+            choice: Choice::default(),
+            validation: Apart::None,
+            test: Apart::None,
+            groups: None,
+            mirror: Vec::new(),
+            run_order: None,
+        }
+    }
+
+    /// The name of the model, the prefix of emitted names; `model` where nothing is said.
+    #[must_use]
+    pub fn name(mut self, name: impl Into<String>) -> Self {
+        self.name = name.into();
+        self
+    }
+
+    /// All terms up to this order; with [`Fit::ladder`], the highest order of a candidate. For every response that does not say it itself; 2
+    /// where nothing is said.
+    #[must_use]
+    pub fn order(mut self, order: u32) -> Self {
+        self.choice.order = Some(order);
+        self
+    }
+
+    /// A ladder chooses the terms: they grow in number until the confidence C, in percent, is reached. For every response that does
+    /// not say it itself.
+    #[must_use]
+    pub fn ladder(mut self, confidence: f64) -> Self {
+        self.choice.confidence = Some(confidence);
+        self
+    }
+
+    /// These terms and no others, for every response that does not say it itself: of each term a power for every input, then one for
+    /// every knot.
+    ///
+    /// ```
+    /// use rsm_fit::Fit;
+    ///
+    /// let (x, y) = ([0.0, 1.0, 2.0, 3.0], [1.0, 2.0, 5.0, 10.0]);
+    /// let outcome = Fit::new(&x, &y).terms([[0], [1], [2]]).fit()?;
+    /// assert_eq!(outcome.model.surfaces[0].terms.len(), 3);
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn terms<T: Into<Vec<u32>>>(mut self, terms: impl IntoIterator<Item = T>) -> Self {
+        self.choice.terms = Some(terms.into_iter().map(Into::into).collect());
+        self
+    }
+
+    /// Rows by which a ladder chooses; where terms are given they are unseen. The same columns as those to fit, in the same order.
+    #[must_use]
+    pub fn validate(mut self, inputs: impl Into<Inputs>, responses: impl Into<Responses>) -> Self {
+        self.validation = Apart::Rows(inputs.into(), responses.into());
+        self
+    }
+
+    /// Sets a share of the rows aside, between 0 and 1, for the ladder to choose by. One seed gives one split, on every machine.
+    #[must_use]
+    pub fn validate_share(mut self, share: f64, seed: u64) -> Self {
+        self.validation = Apart::Share(share, seed);
+        self
+    }
+
+    /// Rows that judge at the very end and choose nothing. The same columns as those to fit, in the same order.
+    ///
+    /// ```
+    /// use rsm_fit::Fit;
+    ///
+    /// let (x, y) = ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], [0.1, 0.9, 2.1, 2.9, 4.1, 4.9]);
+    /// let outcome = Fit::new(&x, &y).order(1).test(&[1.5, 3.5], &[1.5, 3.5]).fit()?;
+    /// let judged = outcome.statistics("y").unwrap().test.as_ref().unwrap();
+    /// assert_eq!(judged.rows, 2);
+    /// assert!(judged.max_abs_error < 0.1);
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn test(mut self, inputs: impl Into<Inputs>, responses: impl Into<Responses>) -> Self {
+        self.test = Apart::Rows(inputs.into(), responses.into());
+        self
+    }
+
+    /// Sets a share of the rows aside, between 0 and 1, that judge at the very end. It leaves before that of [`Fit::validate_share`].
+    #[must_use]
+    pub fn test_share(mut self, share: f64, seed: u64) -> Self {
+        self.test = Apart::Share(share, seed);
+        self
+    }
+
+    /// The group of each row (a run, a day, a specimen). Rows of one group are set aside, or left out in turn, together.
+    #[must_use]
+    pub fn groups<T: ToString>(mut self, groups: impl IntoIterator<Item = T>) -> Self {
+        self.groups = Some(groups.into_iter().map(|group| group.to_string()).collect());
+        self
+    }
+
+    /// Rows that agree in all inputs but for the sign of these stay together, too: a map whose halves were made from each other.
+    #[must_use]
+    pub fn mirror<T: Into<String>>(mut self, inputs: impl IntoIterator<Item = T>) -> Self {
+        self.mirror = inputs.into_iter().map(Into::into).collect();
+        self
+    }
+
+    /// The place of each row in the order in which the runs were made: a drift of the residual is then looked for.
+    #[must_use]
+    pub fn run_order(mut self, order: impl AsRef<[f64]>) -> Self {
+        self.run_order = Some(order.as_ref().to_vec());
+        self
+    }
+
+    /// Fits.
+    ///
+    /// # Errors
+    /// Every fault of what was asked for and of the rows; then those that only both together show, such as fewer rows than terms. A
+    /// numerical outcome (a confidence that is not reached) is no error: [`Outcome::responses`] has a verdict each.
+    ///
+    /// ```
+    /// use rsm_fit::Fit;
+    ///
+    /// let refused = Fit::new(&[1.0, 2.0, f64::NAN], &[1.0, 2.0]).fit().unwrap_err();
+    /// assert_eq!(
+    ///     refused.to_string(),
+    ///     "fit: input `x1`: row 3: found NaN, expected a finite number\nfit: response `y`: found 2 rows, expected 3"
+    /// );
+    /// ```
+    pub fn fit(&self) -> Result<Outcome, Refused> {
+        self.fit_with(&mut |_| {})
+    }
+
+    /// Fits, and tells how far it is.
+    ///
+    /// # Errors
+    /// As [`Fit::fit`].
+    pub fn fit_with(&self, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Outcome, Refused> {
+        let mut faults = Collector::new();
+        let data = self.data(&mut faults);
+        let specification = self.specification(&mut faults);
+        let specification = faults.finish(Some(specification))?;
+        let specification = specification.expect("a fit without a specification has a fault");
+        let data = Data { units: Units::of(&specification), ..data };
+        fit_rows(&specification, data, progress)
+    }
+
+    fn input_names(&self) -> Vec<String> {
+        names(self.inputs.columns.iter().map(|column| &column.name), "x", true)
+    }
+
+    fn response_names(&self) -> Vec<String> {
+        names(self.responses.columns.iter().map(|column| &column.name), "y", self.responses.columns.len() > 1)
+    }
+
+    fn specification(&self, faults: &mut Collector) -> Option<Specification> {
+        let pairs = self.inputs.columns.iter().zip(self.input_names());
+        let inputs: Vec<InputSpec> = pairs.map(|(input, name)| input.specification(&name)).collect();
+        let mut responses = Vec::new();
+        let mut is_whole = true;
+        for (response, name) in self.responses.columns.iter().zip(self.response_names()) {
+            for what in response.faults(&self.choice) {
+                tell(faults, format!("response `{name}`: {what}"));
+                is_whole = false;
+            }
+            for (what, value) in response.numbers().filter(|(_, value)| !value.is_finite()) {
+                tell(faults, format!("response `{name}`: {what}: found {value}, expected a finite number"));
+                is_whole = false;
+            }
+            responses.extend(response.specification(&name, &inputs, &self.choice));
+        }
+        for (input, spec) in self.inputs.columns.iter().zip(&inputs) {
+            for (what, value) in input.numbers().filter(|(_, value)| !value.is_finite()) {
+                tell(faults, format!("input `{}`: {what}: found {value}, expected a finite number", spec.name));
+                is_whole = false;
+            }
+        }
+        for name in self.mirror.iter().filter(|name| !inputs.iter().any(|input| input.name == **name)) {
+            let known: Vec<String> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+            let fault = Fault::whole_file(IN_MEMORY, format!("`mirror`: there is no input `{name}`"));
+            faults.push(fault.help(format!("the inputs are {}", known.join(", "))));
+        }
+        if !is_whole || self.inputs.ragged.is_some() || self.responses.ragged.is_some() {
+            // The rules would complain of parts that were refused already.
+            return None;
+        }
+        let together =
+            Together { columns: self.groups.iter().map(|_| GROUPS.to_string()).collect(), mirror: self.mirror.clone() };
+        let apart = (self.validation.specification(VALIDATE), self.test.specification(TEST));
+        Some(Specification::in_memory(self.name.clone(), apart, inputs, responses, together, faults))
+    }
+
+    fn data(&self, faults: &mut Collector) -> Data {
+        let rows = self.inputs.columns.first().map_or(0, |column| column.values.len());
+        let mut fit = self.records("", (&self.inputs, &self.responses), "rows in memory", faults);
+        if let Some(groups) = &self.groups {
+            same_length(faults, "the groups", groups.len(), rows);
+            fit.labels.push(groups.clone());
+        }
+        if let Some(order) = &self.run_order {
+            same_length(faults, "the run order", order.len(), rows);
+            if let Some(bad) = order.iter().find(|place| !place.is_finite()) {
+                tell(faults, format!("the run order: found {bad}, expected a finite number"));
+            }
+            fit.order = crate::records::distinct(order.clone(), rows);
+        }
+        for (response, name) in self.responses.columns.iter().zip(self.response_names()) {
+            fit.weights.push(weights(response, &name, faults));
+        }
+        let mut apart = |key: &str, rows: &Apart| match rows {
+            Apart::Rows(inputs, responses) => {
+                let mut records =
+                    self.records(&format!("{key} rows: "), (inputs, responses), &format!("{key} rows in memory"), faults);
+                records.weights = vec![Vec::new(); self.responses.columns.len()];
+                // Rows of their own are in no group with those to fit.
+                records.labels = self.groups.iter().map(|_| (0..records.rows()).map(|row| row.to_string()).collect()).collect();
+                Some(records)
+            }
+            _ => None,
+        };
+        let (validate, test) = (apart(VALIDATE, &self.validation), apart(TEST, &self.test));
+        Data { fit, validate, test, units: Units::default() }
+    }
+
+    /// Columns as records, with a fault for each number that cannot be fitted. `who`: which rows, in messages.
+    fn records(&self, who: &str, (inputs, responses): (&Inputs, &Responses), name: &str, faults: &mut Collector) -> Records {
+        let mut columns = Vec::new();
+        for (k, known) in self.input_names().into_iter().enumerate() {
+            let Some(column) = inputs.columns.get(k) else { continue };
+            columns.push((format!("{who}input `{known}`"), known, &column.name, &column.values, false));
+        }
+        for (k, known) in self.response_names().into_iter().enumerate() {
+            let Some(column) = responses.columns.get(k) else { continue };
+            columns.push((format!("{who}response `{known}`"), known, &column.name, &column.values, true));
+        }
+        let counts = [
+            ("inputs", inputs.columns.len(), self.inputs.columns.len(), inputs.ragged),
+            ("responses", responses.columns.len(), self.responses.columns.len(), responses.ragged),
+        ];
+        for (kind, found, expected, ragged) in counts {
+            if let Some(ragged) = ragged {
+                let (row, found, expected) = (ragged.row, ragged.found, ragged.expected);
+                tell(faults, format!("{who}{kind}: row {row}: found {found} values, expected {expected}"));
+            } else if found != expected {
+                tell(faults, format!("{who}found {found} {kind}, expected {expected}"));
+            }
+        }
+        let rows = columns.first().map_or(0, |(_, _, _, values, _)| values.len());
+        if rows == 0 && columns.len() > 1 {
+            tell(faults, format!("{who}found no row, expected at least one"));
+        }
+        let mut hash = Sha256::new();
+        let mut records = Records::default();
+        for (who, known, given, values, is_response) in columns {
+            if let Some(given) = given.as_ref().filter(|given| **given != known) {
+                tell(faults, format!("{who}: found `{given}` in its place, expected the same order as in the rows to fit"));
+            }
+            same_length(faults, &who, values.len(), rows);
+            if let Some(row) = values.iter().position(|value| !value.is_finite()) {
+                tell(faults, format!("{who}: row {}: found {}, expected a finite number", row + 1, values[row]));
+            } else if let Some((row, what, help)) = magnitude_fault(values).filter(|_| is_response) {
+                let what = format!("{who}: row {}: found {:?}, {what}", row + 1, values[row]);
+                faults.push(Fault::whole_file(IN_MEMORY, what).help(help));
+            }
+            values.iter().for_each(|value| hash.update(value.to_le_bytes()));
+            if is_response { &mut records.responses } else { &mut records.inputs }.push(values.clone());
+        }
+        let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        records.files = vec![DataFile { name: name.to_string(), sha256, rows }];
+        records
+    }
+}
+
+/// How messages call rows that are kept apart.
+const VALIDATE: &str = "validation";
+const TEST: &str = "test";
+
+impl Apart {
+    fn specification(&self, key: &str) -> Validation {
+        match self {
+            Apart::None => Validation::None,
+            Apart::Rows(..) => Validation::Files(vec![format!("{key} rows in memory")]),
+            Apart::Share(share, seed) => {
+                Validation::Split(Split { share: *share, seed: *seed, keep_together: Vec::new(), mirror: Vec::new() })
+            }
+        }
+    }
+}
+
+/// The given names; where there is none, a letter, with a number from 1 where asked.
+fn names<'a>(given: impl Iterator<Item = &'a Option<String>>, letter: &str, numbered: bool) -> Vec<String> {
+    let own = |k: usize| if numbered { format!("{letter}{}", k + 1) } else { letter.to_string() };
+    given.enumerate().map(|(k, name)| name.clone().unwrap_or_else(|| own(k))).collect()
+}
+
+fn weights(response: &Response, name: &str, faults: &mut Collector) -> Vec<f64> {
+    let (given, weights): (&Vec<f64>, Vec<f64>) = match &response.weights {
+        None => return Vec::new(),
+        Some(RowWeights::Weights(weights)) => (weights, weights.clone()),
+        Some(RowWeights::StandardErrors(sigma)) => (sigma, sigma.iter().map(|sigma| 1.0 / (sigma * sigma)).collect()),
+    };
+    same_length(faults, &format!("response `{name}`: the weights"), given.len(), response.values.len());
+    if let Some(row) = (0..given.len()).find(|row| given[*row] <= 0.0 || !weights[*row].is_normal()) {
+        let what = format!("response `{name}`: the weight of row {}: found {}, expected a number above 0", row + 1, given[row]);
+        faults.push(Fault::whole_file(IN_MEMORY, what).help("leave out a row that shall not count"));
+    }
+    weights
+}
+
+fn same_length(faults: &mut Collector, who: &str, found: usize, expected: usize) {
+    if found != expected {
+        tell(faults, format!("{who}: found {found} rows, expected {expected}"));
+    }
+}
+
+fn tell(faults: &mut Collector, what: String) {
+    faults.push(Fault::whole_file(IN_MEMORY, what));
+}
