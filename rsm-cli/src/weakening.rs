@@ -1,8 +1,8 @@
 //! The motor's surfaces, from a plant to a fitted model: what the demo shows and `rsm diagnose --refit` repeats.
 //!
-//! In: a plant file, settings of the bench, a specification, a folder. Out: what the bench measured and the fit of it; the data and the specification are left in the folder.
+//! In: a plant file, settings of the bench, a specification. Out: what the bench measured, the fit of it, and both as files. Never writes.
 
-use std::path::Path;
+use std::path::PathBuf;
 
 use rsm_core::source::Source;
 use rsm_fit::fit::Outcome as Fitted;
@@ -14,7 +14,6 @@ use rsm_sim::plant_file::PlantFile;
 
 use crate::commands::{experiment, fit};
 use crate::outcome::Refusal;
-use crate::output;
 
 /// The shipped plans: half of the map of modulation depth and current advance, and the whole.
 pub const PLANS: [(&str, &str); 2] =
@@ -41,6 +40,8 @@ pub struct Measured {
     pub outcomes: [Vec<bench::Outcome>; 2],
     /// The fit.
     pub fitted: Fitted,
+    /// The specification and its data, `fit.toml`, `dyno.csv` and `dyno-unseen.csv`: the same fit as files.
+    pub files: Vec<(&'static str, String)>,
 }
 
 /// A shipped plan and its settings.
@@ -51,24 +52,17 @@ pub fn plan(name: &str, text: &str) -> Result<(Plan, Vec<Setting>), Refusal> {
     Ok((plan, settings))
 }
 
-/// Runs the settings and those of the other half of the map on the bench and fits the first; `fit.toml`, `dyno.csv` and `dyno-unseen.csv` are written into the folder.
-pub fn measure(
-    plant: &PlantFile,
-    bench: &Bench,
-    settings: &[Setting],
-    specification: &str,
-    folder: &Path,
-) -> Result<Measured, Refusal> {
+/// Runs the settings and those of the other half of the map on the bench and fits the first. Writes nothing.
+pub fn measure(plant: &PlantFile, bench: &Bench, settings: &[Setting], specification: &str) -> Result<Measured, Refusal> {
     let (_, unseen) = plan(UNSEEN.0, UNSEEN.1)?;
     let outcomes = [bench.run(plant, settings, SEEDS[0])?, bench.run(plant, &unseen, SEEDS[1])?];
-    output::write_all(&[
-        (folder.join("fit.toml"), specification.to_string()),
-        (folder.join("dyno.csv"), bench::csv(&outcomes[0])),
-        (folder.join("dyno-unseen.csv"), bench::csv(&outcomes[1])),
-    ])?;
-    let fitted = fit::with_progress(&Specification::read(&folder.join("fit.toml"))?)?;
+    let data = [("dyno.csv", bench::csv(&outcomes[0])), ("dyno-unseen.csv", bench::csv(&outcomes[1]))];
+    let sources = data.clone().map(|(name, text)| Source::new(name, text));
+    let parsed = Specification::from_source(Source::new("fit.toml", specification), PathBuf::new())?;
+    let fitted = fit::sources_with_progress(&parsed, &sources)?;
     fit::require_all(&fitted)?;
-    Ok(Measured { outcomes, fitted })
+    let files = [("fit.toml", specification.to_string())].into_iter().chain(data).collect();
+    Ok(Measured { outcomes, fitted, files })
 }
 
 /// Bench and specification for a motor: the shipped ones, their ranges in proportion to its torque, current and base speed. For the shipped motor they are the shipped ones.

@@ -36,6 +36,23 @@ pub fn compile(model_file: impl AsRef<Path>, precisions: &[Precision]) {
 ///
 /// # Errors
 /// Every fault of the file; a folder that cannot be written.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::build_script;
+///
+/// let folder = std::env::temp_dir();
+/// let file = folder.join(format!("car-{}.toml", std::process::id()));
+/// std::fs::write(&file, text).unwrap();
+/// let module = build_script::compile_into(&file, &[], &folder)?;
+/// assert!(std::fs::read_to_string(&module).unwrap().contains("pub fn drag("));
+/// # std::fs::remove_file(file).unwrap();
+/// # std::fs::remove_file(module).unwrap();
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 pub fn compile_into(model_file: &Path, precisions: &[Precision], folder: &Path) -> Result<PathBuf, Faults> {
     let module = compile::rust(&Source::read(model_file)?, precisions)?;
     let path = folder.join(format!("{}.rs", module.model));

@@ -29,6 +29,16 @@ impl Checked {
     ///
     /// # Errors
     /// Every fault of the file, with line and column, what was found and what is accepted.
+    ///
+    /// ```
+    /// use rsm_core::{check::Checked, source::Source};
+    ///
+    /// let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [30.0, 0.0]\n[surfaces.drag]\nunit = \"N\"\n\
+    ///             inputs = [\"speed\"]\nterms = [{ powers = [1], coefficient = 30.0 }]\n";
+    /// let faults = Checked::read(&Source::new("car.toml", text)).unwrap_err();
+    /// assert_eq!(faults.list()[0].line, 5);
+    /// assert_eq!(faults.list()[0].what, "input `speed`: low 30 m/s is above high 0 m/s");
+    /// ```
     pub fn read(source: &Source) -> Result<Self, Faults> {
         let mut faults = Collector::new();
         let Some(located) = model_file::read(source, &mut faults) else {

@@ -23,6 +23,18 @@ pub struct RustModule {
 ///
 /// # Errors
 /// The faults of a precision that was asked for and cannot hold the model; a compensator that is not certain to be stable.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{compile, number::Precision};
+///
+/// let unit = compile::unit(&checked, &[Precision::F64, Precision::F32])?;
+/// assert_eq!((unit.model.as_str(), unit.functions.len()), ("car", 2)); // one surface in two precisions
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults> {
     let model = checked.model();
     for index in 0..model.compensators.len() {
@@ -81,6 +93,18 @@ pub fn held(checked: &Checked, precisions: &[Precision]) -> Result<Vec<Precision
 ///
 /// # Errors
 /// Every fault of the file.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{compile, source::Source};
+///
+/// let module = compile::rust(&Source::new("car.toml", text), &[])?;
+/// assert!(module.text.contains("pub fn drag_f32(speed: f32) -> f32"));
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 pub fn rust(source: &Source, precisions: &[Precision]) -> Result<RustModule, Faults> {
     let unit = unit(&Checked::read(source)?, precisions)?;
     Ok(RustModule { text: emit::rust::emit(&unit), model: unit.model })

@@ -28,6 +28,19 @@ pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Op
 }
 
 /// What an evaluator would return if it made no rounding error: the polynomial, then `output_range`.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{exact, number};
+///
+/// let surface = &checked.model().surfaces[0];
+/// let found = exact::value(surface, &checked.inputs_of(surface), &[number::exact(10.0)]);
+/// assert_eq!(found, Some(number::integer(25))); // without any rounding
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[must_use]
 pub fn value(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<Rational> {
     let y = polynomial(surface, inputs, point)?;

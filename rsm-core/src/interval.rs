@@ -8,6 +8,13 @@ use std::ops::{Add, Mul, Neg, Sub};
 use crate::number::{Precision, Rational, exact};
 
 /// All reals from `low` to `high`, both included. Bounds may be infinite, never NaN.
+///
+/// ```
+/// use rsm_core::interval::Interval;
+///
+/// let sum = Interval::point(0.1) + Interval::point(0.2);
+/// assert!(sum.low <= 0.3 && 0.3 <= sum.high); // rounded outward
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
     /// The lower bound.

@@ -39,6 +39,9 @@
 //! assert!(module.text.contains("pub fn angle(speed: f64) -> f64"));
 //! ```
 
+// What is public is what a user of the library needs.
+#![warn(unreachable_pub)]
+
 // In the order of the pipeline.
 pub mod places;
 pub mod source;
@@ -75,3 +78,8 @@ pub mod compile;
 
 #[cfg(test)]
 mod adversary;
+
+/// The examples of the README run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

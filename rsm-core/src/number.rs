@@ -69,6 +69,14 @@ impl Precision {
 
     /// Rounds a rational to this format, to nearest, ties to even. Infinite when it is too large. The result is
     /// given as f64, which holds every f32 exactly.
+    ///
+    /// ```
+    /// use rsm_core::number::{Precision, Rational};
+    ///
+    /// let third = Rational::new(1.into(), 3.into());
+    /// assert_eq!(Precision::F64.round(&third), 1.0 / 3.0);
+    /// assert_eq!(Precision::F32.round(&third), f64::from(1.0f32 / 3.0));
+    /// ```
     #[must_use]
     pub fn round(self, value: &Rational) -> f64 {
         round_to_format(value, self)
@@ -185,6 +193,13 @@ pub fn sign(value: &Rational) -> Sign {
 }
 
 /// The shortest decimal text that reads back to the same f64, always with a point or an exponent.
+///
+/// ```
+/// use rsm_core::number;
+///
+/// assert_eq!(number::decimal(0.1), "0.1");
+/// assert_eq!(number::decimal(3.0), "3.0");
+/// ```
 #[must_use]
 pub fn decimal(value: f64) -> String {
     format!("{value:?}")

@@ -13,6 +13,19 @@ use crate::number::exact;
 use crate::pieces::{self, Piece};
 
 /// An enclosure of the true polynomial over the box.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::range;
+///
+/// let surface = &checked.model().surfaces[0];
+/// let found = range::range(surface, &checked.inputs_of(surface));
+/// assert!(4.9 < found.low && found.low <= 5.0 && 65.0 <= found.high && found.high < 65.1);
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[must_use]
 pub fn range(surface: &Surface, inputs: &[Input]) -> Interval {
     extent(surface, inputs).range

@@ -20,6 +20,18 @@ const CELLS: usize = 4096;
 
 /// A bound of |tape - ideal| over all arguments of the tape's type in the box; infinite when none can be given (the tape may overflow, or
 /// divide by a range that holds zero).
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{lower, number::Precision, rounding};
+///
+/// let bound = |precision| rounding::error_bound(&lower::surface(&checked, 0, precision), &[[0.0, 30.0]]);
+/// assert!(bound(Precision::F64) < 1e-13 && bound(Precision::F32) < 1e-4);
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[must_use]
 pub fn error_bound(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
     let per_side = cells_per_side(ranges.len(), tape.ops.len());

@@ -46,6 +46,21 @@ scalar!(f64, Precision::F64);
 scalar!(f32, Precision::F32);
 
 /// An interpreter with its registers, so that repeated evaluation allocates nothing.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{lower, number::Precision, run::Interpreter};
+///
+/// let tape = lower::surface(&checked, 0, Precision::F32);
+/// let mut drag = Interpreter::<f32>::new(&tape);
+/// assert_eq!(drag.eval(&[30.0]), 65.0);
+/// assert_eq!(drag.eval(&[99.0]), 65.0); // clamped to 30 m/s
+/// assert!(drag.eval(&[f32::NAN]).is_nan());
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Interpreter<'t, T> {
     tape: &'t Tape,

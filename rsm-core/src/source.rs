@@ -9,6 +9,14 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 /// A text file as it was read, with the name under which messages speak of it.
+///
+/// ```
+/// use rsm_core::source::Source;
+///
+/// let source = Source::new("fit.toml", "model = 3\n");
+/// let fault = source.fault(8..9, "`model`: found 3, expected a name").help("write it in quotes");
+/// assert_eq!(fault.to_string(), "fit.toml:1:9: `model`: found 3, expected a name\n  help: write it in quotes");
+/// ```
 #[derive(Debug, Clone)]
 pub struct Source {
     name: String,

@@ -134,6 +134,19 @@ impl Tape {
     }
 
     /// How many operations compute something: constants, inputs and states are not counted.
+    ///
+    /// ```
+    /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+    /// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+    /// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+    /// // A line from 5 N at rest to 65 N at 30 m/s.
+    /// use rsm_core::{lower, number::Precision};
+    ///
+    /// let tape = lower::surface(&checked, 0, Precision::F64);
+    /// assert!(tape.depth() <= tape.operation_count());
+    /// println!("{tape}"); // a line an operation, with the registers of the emitted code
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
     #[must_use]
     pub fn operation_count(&self) -> usize {
         self.ops.iter().filter(|op| !matches!(op, Op::Constant(_) | Op::Input(_) | Op::State(_))).count()

@@ -10,6 +10,9 @@
 //! hypotheses are the effects of the catalogue. Both say "nothing is wrong" when nothing is, and "unexplained" when no cause that they know explains it.
 //! Nothing here prints or writes.
 
+// What is public is what a user of the library needs.
+#![warn(unreachable_pub)]
+
 pub mod plant;
 
 pub mod surface;

@@ -15,6 +15,13 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 use rsm_core::basis::Arithmetic;
 
 /// high + low, where high is the sum rounded to f64.
+///
+/// ```
+/// use rsm_fit::dd::Dd;
+///
+/// let sum = Dd::from(1e20) + Dd::from(1.0) - Dd::from(1e20);
+/// assert_eq!(sum.to_f64(), 1.0); // f64 gives 0
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Dd {
     high: f64,

@@ -15,7 +15,7 @@ use crate::statistics::{Named, ValidationStatistics};
 
 /// The evidence of a fitted response.
 #[must_use]
-pub fn of(
+pub(crate) fn of(
     specification: &Specification,
     response: &ResponseSpec,
     outcome: &ResponseOutcome,

@@ -6,7 +6,7 @@
 
 use rsm_core::check::Checked;
 use rsm_core::model::{Input, Model};
-use rsm_core::source::{Collector, Faults};
+use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use crate::constrain::NotProven;
 use crate::evidence;
@@ -105,11 +105,30 @@ impl Outcome {
     ///
     /// # Errors
     /// Every fault of the model, as [`Checked::from_model`]: a model without any surface, or names that no language can have.
+    ///
+    /// ```
+    /// use rsm_core::{lower, number::Precision, run::Interpreter};
+    /// use rsm_fit::Fit;
+    ///
+    /// let outcome = Fit::new(&[0.0, 1.0, 2.0], &[1.0, 3.0, 5.0]).order(1).fit()?;
+    /// let tape = lower::surface(&outcome.checked()?, 0, Precision::F64);
+    /// assert_eq!(Interpreter::<f64>::new(&tape).eval(&[1.5]), 4.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn checked(&self) -> Result<Checked, Faults> {
         Checked::from_model(&self.model)
     }
 
     /// What `rsm fit --json` prints.
+    ///
+    /// ```
+    /// use rsm_fit::Fit;
+    ///
+    /// let outcome = Fit::new(&[0.0, 1.0, 2.0], &[1.0, 3.0, 5.0]).order(1).fit()?;
+    /// let json = serde_json::to_value(outcome.report())?;
+    /// assert_eq!(json["responses"]["y"]["terms"][0]["coefficient"], 3.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn report(&self) -> Report<'_> {
         let of_one = |response: &'_ ResponseOutcome| response.name.clone();
@@ -166,7 +185,48 @@ pub(crate) struct Data {
 /// # Errors
 /// Every fault of the data files; then those that only data and specification together show.
 pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Outcome, Refused> {
-    fit_rows(specification, read(specification, progress)?, progress)
+    let data = read(specification, &mut |file| {
+        progress(Progress::Reading { file });
+        Source::read(&specification.path_of(file))
+    })?;
+    fit_rows(specification, data, progress)
+}
+
+/// Fits every response of a specification whose data files are in memory: `sources` under the names that the specification has.
+///
+/// # Errors
+/// Those of [`fit`]; a file that the specification names and that is not there.
+///
+/// ```
+/// use rsm_core::source::Source;
+/// use rsm_fit::{Specification, fit};
+///
+/// let text = r#"
+///     format = 1
+///     model = "car"
+///     data = ["bench.csv"]
+///     inputs.speed.unit = "m/s"
+///     [responses.drag]
+///     inputs = ["speed"]
+///     select = { method = "fixed", order = 1 }
+/// "#;
+/// let specification = Specification::from_source(Source::new("fit.toml", text), "".into())?;
+/// let data = Source::new("bench.csv", "speed[km/h],drag[N]\n0,5\n54,35\n108,65\n");
+/// let outcome = fit::fit_sources(&specification, &[data], &mut |_progress| {})?;
+/// assert_eq!(outcome.model.inputs[0].range, [0.0, 30.0]); // 108 km/h, in the unit of the model
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn fit_sources(
+    specification: &Specification,
+    sources: &[Source],
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Outcome, Refused> {
+    let data = read(specification, &mut |file| {
+        progress(Progress::Reading { file });
+        let found = sources.iter().find(|source| source.name() == file).cloned();
+        found.ok_or_else(|| Faults::one(Fault::whole_file(file, "is not among the files in memory")))
+    })?;
+    fit_rows(specification, data, progress)
 }
 
 /// Fits every response to rows in memory: what all ways to a fit share. Splits that the specification asks for are made here.
@@ -237,12 +297,12 @@ fn copies(specification: &Specification, data: &Data) -> Vec<(&'static str, usiz
     validate.into_iter().chain(of("test", &specification.test, &data.test)).collect()
 }
 
-fn read(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Data, Refused> {
+/// `open`: the file of a name.
+fn read(specification: &Specification, open: &mut dyn FnMut(&str) -> Result<Source, Faults>) -> Result<Data, Refused> {
     let mut units = Units::of(specification);
-    let mut reading = |file: &str| progress(Progress::Reading { file });
-    let all = Records::read(specification, &specification.data, Rows::ToFit, &mut units, &mut reading);
+    let all = Records::read(specification, &specification.data, Rows::ToFit, &mut units, open);
     let mut apart = |rows: &Validation| match rows {
-        Validation::Files(files) => Records::read(specification, files, Rows::Unseen, &mut units, &mut reading).map(Some),
+        Validation::Files(files) => Records::read(specification, files, Rows::Unseen, &mut units, open).map(Some),
         _ => Ok(None),
     };
     // All are read before one is refused: all faults together.

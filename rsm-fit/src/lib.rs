@@ -18,16 +18,28 @@
 //! Every stage collects all faults of its input; numerical outcomes are data. Nothing here writes a file, prints, or knows an
 //! emitter. The same bytes in give the same model, to the bit, on every machine with IEEE 754.
 //!
-//! A line through seven points, from CSV text to a model file:
+//! Rows that are in memory already enter as `Records`: [`Fit`] is that way. A line through seven points, from there to a model:
+//!
+//! ```
+//! use rsm_fit::{Fit, Input, Response};
+//!
+//! let speed = Input::new("speed", [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0]).unit("m/s");
+//! let drag = Response::new("drag", [5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0]).unit("N");
+//! let outcome = Fit::new(speed, drag).name("car").order(3).ladder(99.0).fit()?;
+//!
+//! assert!(outcome.reached());
+//! assert_eq!(outcome.model.inputs[0].range, [0.0, 30.0]);
+//! let terms: Vec<_> = outcome.model.surfaces[0].terms.iter().map(|term| (term.powers[0], term.coefficient)).collect();
+//! assert_eq!(terms, [(0, 35.0), (1, 30.0)]); // 35 N in the middle of the range, 30 N more at its end
+//! # Ok::<(), rsm_fit::Refused>(())
+//! ```
+//!
+//! The same from the text of a CSV, with a conversion of units:
 //!
 //! ```
 //! use rsm_core::source::Source;
-//! use rsm_fit::{fit::fit, spec::Specification};
+//! use rsm_fit::{Specification, fit};
 //!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! # let folder = std::env::temp_dir().join(format!("rsm-fit-example-{}", std::process::id()));
-//! # std::fs::create_dir_all(&folder)?;
-//! std::fs::write(folder.join("bench.csv"), "speed[km/h],drag[N]\n0,5\n18,15\n36,25\n54,35\n72,45\n90,55\n108,65\n")?;
 //! let text = r#"
 //!     format = 1
 //!     model = "car"
@@ -38,17 +50,15 @@
 //!     inputs = ["speed"]
 //!     select = { method = "ladder", max_order = 3, confidence = 99.0 }
 //! "#;
-//! let specification = Specification::from_source(Source::new("fit.toml", text), folder.clone())?;
-//! let outcome = fit(&specification, &mut |_progress| {})?;
-//! # std::fs::remove_dir_all(&folder)?;
-//!
-//! assert!(outcome.reached());
+//! let data = Source::new("bench.csv", "speed[km/h],drag[N]\n0,5\n18,15\n36,25\n54,35\n72,45\n90,55\n108,65\n");
+//! let specification = Specification::from_source(Source::new("fit.toml", text), "".into())?;
+//! let outcome = fit::fit_sources(&specification, &[data], &mut |_progress| {})?;
 //! assert_eq!(outcome.model.inputs[0].range, [0.0, 30.0]); // 108 km/h, in the unit of the model
-//! let terms: Vec<_> = outcome.model.surfaces[0].terms.iter().map(|term| (term.powers[0], term.coefficient)).collect();
-//! assert_eq!(terms, [(0, 35.0), (1, 30.0)]); // 35 N in the middle of the range, 30 N more at its end
-//! # Ok(())
-//! # }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+
+// What is public is what a user of the library needs.
+#![warn(unreachable_pub)]
 
 pub mod units;
 
@@ -82,9 +92,9 @@ pub mod constrain;
 
 pub mod verdict;
 
-pub mod warnings;
+mod warnings;
 
-pub mod evidence;
+mod evidence;
 
 mod response;
 
@@ -96,7 +106,6 @@ pub mod recursive;
 
 pub mod plan;
 
-
 pub use fit::{Outcome, Progress, ResponseOutcome};
 pub use in_memory::{Fit, Input, Response};
 pub use records::Refused;
@@ -105,3 +114,8 @@ pub use verdict::Verdict;
 
 #[cfg(test)]
 mod reference;
+
+/// The examples of the README run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -7,6 +7,14 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// A stream of random numbers.
+///
+/// ```
+/// use rsm_fit::random::Random;
+///
+/// let (mut one, mut other) = (Random::new(7), Random::new(7));
+/// assert_eq!(one.share(), other.share());
+/// assert!(one.below(6) < 6);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Random(ChaCha8Rng);
 

@@ -29,6 +29,15 @@ impl From<Faults> for Refused {
     }
 }
 
+impl From<Refused> for Faults {
+    /// All faults in one list.
+    fn from(refused: Refused) -> Self {
+        let mut all = Collector::new();
+        refused.0.iter().flat_map(Faults::list).for_each(|fault| all.push(fault.clone()));
+        all.finish::<()>(None).expect_err("what was refused has a fault")
+    }
+}
+
 /// A data file as the evidence names it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataFile {
@@ -87,7 +96,7 @@ pub struct Records {
 }
 
 impl Records {
-    /// Reads some of the files of a specification. `progress` hears the name of each.
+    /// Reads some of the files of a specification. `open` gives the file of a name.
     ///
     /// # Errors
     /// Every fault of every file.
@@ -96,7 +105,7 @@ impl Records {
         files: &[String],
         rows: Rows,
         units: &mut Units,
-        progress: &mut dyn FnMut(&str),
+        open: &mut dyn FnMut(&str) -> Result<Source, Faults>,
     ) -> Result<Self, Refused> {
         let weights: Vec<Option<Weights>> = match rows {
             Rows::ToFit => specification.responses.iter().map(|response| response.weights.clone()).collect(),
@@ -115,8 +124,7 @@ impl Records {
         let mut refused = Vec::new();
         let mut runs: Vec<String> = Vec::new();
         for name in files {
-            progress(name);
-            let source = match Source::read(&specification.path_of(name)) {
+            let source = match open(name) {
                 Ok(source) => source,
                 Err(faults) => {
                     refused.push(faults);

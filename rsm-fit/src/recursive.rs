@@ -13,6 +13,18 @@ use crate::dd::Dd;
 use crate::qr::DEPENDENT;
 
 /// The state of recursive least squares.
+///
+/// ```
+/// use rsm_fit::{dd::Dd, recursive::RecursiveLeastSquares};
+///
+/// let mut line = RecursiveLeastSquares::new(2, 0.99);
+/// for time in 0..200 {
+///     let time = f64::from(time);
+///     line.update(&[Dd::ONE, Dd::from(time)], 3.0 + 0.5 * time);
+/// }
+/// let found = line.coefficients().unwrap();
+/// assert!((found[0] - 3.0).abs() < 1e-9 && (found[1] - 0.5).abs() < 1e-9);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecursiveLeastSquares {
     /// sqrt(forgetting factor).

@@ -41,7 +41,7 @@ pub(crate) struct Task<'a> {
 
 impl Task<'_> {
     /// Fits and fills the surface's terms.
-    pub fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
+    pub(crate) fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
         let method = &self.response.method;
         let terms = match method {
             Method::Fixed(terms) => terms.clone(),

@@ -44,6 +44,7 @@ use rsm_core::source::{Collector, Fault, Faults, Source};
 
 pub(crate) use rules::check_basis_against_ranges;
 pub use shape::{Constraint, SupportSpec};
+pub(crate) use shape::{FACES, MOST_FACES};
 
 /// So many candidate terms are the most: the triangle of all of them is held in memory and each step looks at all.
 pub const MOST_TERMS: usize = 1000;

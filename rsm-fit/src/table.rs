@@ -76,12 +76,64 @@ impl Table {
     ///
     /// # Errors
     /// Every fault, in the order of the file; past the first 20 they are counted only.
+    ///
+    /// ```
+    /// use rsm_core::source::Source;
+    /// use rsm_fit::table::{Table, Wanted};
+    ///
+    /// let source = Source::new("bench.csv", "# of Monday\nspeed[km/h],note\n36,cold\n72,warm\n");
+    /// let table = Table::read(&source, &Wanted { numbers: vec!["speed".into()], ..Wanted::default() })?;
+    /// let (speeds, unit) = table.values_in("speed", Some("m/s")).unwrap();
+    /// assert_eq!((speeds, unit.as_str()), (vec![10.0, 20.0], "m/s"));
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
     pub fn read(source: &Source, wanted: &Wanted) -> Result<Table, Faults> {
         let text = source.text();
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut reader = Reader { source, faults: Vec::new(), hidden: 0, lines: Lines { text, offset: 0, line: 1 } };
         let table = reader.table(wanted);
         reader.finish(table)
+    }
+
+    /// A table of columns in memory, without units in its header; `file` is how messages call it, and its rows are counted from 1.
+    ///
+    /// # Errors
+    /// Every fault: a wanted column that is not there, columns of different lengths, a wanted number that is not finite, no row.
+    pub fn in_memory(file: &str, columns: &[(&str, &[f64])], wanted: &Wanted) -> Result<Table, Faults> {
+        let mut faults = Collector::new();
+        let mut tell = |what: String| faults.push(Fault::whole_file(file, what));
+        let rows = columns.first().map_or(0, |(_, values)| values.len());
+        if rows == 0 {
+            tell("found no row, expected at least one".to_string());
+        }
+        for name in wanted.numbers.iter().chain(&wanted.labels) {
+            if !columns.iter().any(|(known, _)| known == name) {
+                let known: Vec<String> = columns.iter().map(|(name, _)| format!("`{name}`")).collect();
+                tell(format!("there is no column `{name}`; the columns are {}", known.join(", ")));
+            }
+        }
+        let mut table = Table { file: file.to_string(), header_line: 0, columns: Vec::new(), lines: (1..=rows).collect() };
+        for (k, (name, values)) in columns.iter().enumerate() {
+            if columns[..k].iter().any(|(earlier, _)| earlier == name) {
+                tell(format!("column `{name}` is given twice"));
+            }
+            if values.len() != rows {
+                tell(format!("column `{name}`: found {} rows, expected {rows}", values.len()));
+            }
+            let is_number = wanted.every_number || wanted.numbers.iter().any(|wanted| wanted == name);
+            let is_label = wanted.labels.iter().any(|wanted| wanted == name) || wanted.run && is_run(name);
+            if let Some(row) = values.iter().position(|value| is_number && !value.is_finite()) {
+                tell(format!("column `{name}`: row {}: found {}, expected a finite number", row + 1, values[row]));
+            }
+            table.columns.push(Column {
+                name: (*name).to_string(),
+                unit: None,
+                place: k + 1,
+                values: if is_number { values.to_vec() } else { Vec::new() },
+                labels: if is_label { values.iter().map(|value| format!("{value:?}")).collect() } else { Vec::new() },
+            });
+        }
+        faults.finish(Some(table))
     }
 
     /// The column of a name.

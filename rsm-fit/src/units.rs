@@ -32,6 +32,15 @@ impl Conversion {
     ///
     /// # Errors
     /// A sentence: an unknown unit, or two that measure different things.
+    ///
+    /// ```
+    /// use rsm_fit::units::Conversion;
+    ///
+    /// assert_eq!(Conversion::between("km/h", "m/s")?.apply(108.0), 30.0);
+    /// assert_eq!(Conversion::between("degC", "K")?.apply(20.0), 293.15);
+    /// assert!(Conversion::between("rpm", "N*m").unwrap_err().contains("different things"));
+    /// # Ok::<(), String>(())
+    /// ```
     pub fn between(from: &str, to: &str) -> Result<Self, String> {
         let (from_words, to_words) = (words(from)?, words(to)?);
         if from == to {
@@ -58,6 +67,13 @@ impl Conversion {
 ///
 /// # Errors
 /// A sentence that says what is wrong with it.
+///
+/// ```
+/// use rsm_fit::units;
+///
+/// assert!(units::check("N*m").is_ok());
+/// assert!(units::check("parsnip").is_err());
+/// ```
 pub fn check(text: &str) -> Result<(), String> {
     words(text).map(|_| ())
 }

@@ -30,7 +30,7 @@ use crate::statistics::{ResponseStatistics, RowsUsed, Warning, two_sided_t, valu
 use crate::verdict::LEAST_EXPLAINED;
 
 /// False alarms of each test.
-pub const ALARM: f64 = 0.01;
+pub(crate) const ALARM: f64 = 0.01;
 
 /// Residuals below this share of the spread are rounding of the data: no test is made of them.
 const EXACT: f64 = 1e-9;

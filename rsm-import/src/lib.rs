@@ -16,6 +16,9 @@
 //! assert!(record.notes.iter().any(|note| note.contains("jitter")));
 //! ```
 
+// What is public is what a user of the library needs.
+#![warn(unreachable_pub)]
+
 mod align;
 mod clock;
 mod decode;
@@ -30,3 +33,8 @@ mod wishes;
 pub use align::Alignment;
 pub use record::{Column, File, Record, import};
 pub use wishes::{Named, Wishes};
+
+/// The examples of the README run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -5,6 +5,9 @@
 //! `motor` is a permanent-magnet drive in closed loop around the plant `pmac`, and `bench` is its dynamometer. `track` runs the plant `driveline`
 //! through tip-ins, estimates damping and frequency, and tunes a compensator in rounds. Nothing here prints or writes.
 
+// What is public is what a user of the library needs.
+#![warn(unreachable_pub)]
+
 pub mod motor;
 
 pub mod bench;

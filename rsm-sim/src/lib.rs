@@ -27,6 +27,9 @@
 //! # }
 //! ```
 
+// What is public is what a user of the library needs.
+#![warn(unreachable_pub)]
+
 pub mod kind;
 
 pub mod schema;
@@ -48,3 +51,8 @@ mod integrate;
 pub mod simulate;
 
 pub mod threads;
+
+/// The examples of the README run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -6,8 +6,10 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::check::Checked;
 use rsm_core::model_file;
+use rsm_core::source::Source;
 use rsm_fit::constrain::{ConstraintReport, ConstraintStatistics};
 use rsm_fit::fit::{self, ChosenBy, Outcome as Fitted, Progress, ResponseOutcome, Verdict};
+use rsm_fit::records::Refused;
 use rsm_fit::spec::Specification;
 use rsm_fit::statistics::{Named, ValidationStatistics};
 
@@ -64,11 +66,20 @@ pub fn run(arguments: &Arguments) -> Outcome {
 
 /// Fits, with a spinner on a terminal that tells what is being done.
 pub fn with_progress(specification: &Specification) -> Result<Fitted, Refusal> {
+    spinning(|progress| fit::fit(specification, progress))
+}
+
+/// The same for data files that are in memory.
+pub fn sources_with_progress(specification: &Specification, sources: &[Source]) -> Result<Fitted, Refusal> {
+    spinning(|progress| fit::fit_sources(specification, sources, progress))
+}
+
+fn spinning(fit: impl FnOnce(&mut dyn FnMut(Progress<'_>)) -> Result<Fitted, Refused>) -> Result<Fitted, Refusal> {
     // Draws on standard error, and nothing at all when that is no terminal.
     let bar = ProgressBar::new_spinner();
     bar.set_style(ProgressStyle::with_template("{spinner} {elapsed_precise} {msg}").expect("the template is ours"));
     bar.enable_steady_tick(std::time::Duration::from_millis(100));
-    let result = fit::fit(specification, &mut |progress| {
+    let result = fit(&mut |progress| {
         bar.set_message(match progress {
             Progress::Reading { file } => format!("reading {file}"),
             Progress::Fitting { response, number, of } => format!("fitting {response} ({number} of {of})"),

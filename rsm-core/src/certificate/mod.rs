@@ -41,6 +41,19 @@ pub struct TapeCertificate {
 ///
 /// # Errors
 /// The faults of a precision that cannot hold the model.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{certificate, number::Precision};
+///
+/// let of_drag = &certificate::surfaces(&checked, &[Precision::F64])?[0];
+/// assert!(of_drag.range.low <= 5.0 && 65.0 <= of_drag.range.high);
+/// assert!(of_drag.tapes[0].error < 1e-13); // N, of 65
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 pub fn surfaces(checked: &Checked, precisions: &[Precision]) -> Result<Vec<SurfaceCertificate>, Faults> {
     for precision in precisions {
         if let Some(faults) = checked.refusal(*precision) {

@@ -29,6 +29,19 @@ pub const NO_BRANCH: [&str; 4] = [
 ];
 
 /// The text of both files.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{compile, emit, number::Precision};
+///
+/// let files = emit::c::emit(&compile::unit(&checked, &[Precision::F32])?);
+/// assert!(files.header.contains("float car_drag_f32(float speed);"));
+/// assert!(files.source.contains("#include \"car.h\""));
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[must_use]
 pub fn emit(unit: &Unit) -> CFiles {
     CFiles { header: header(unit), source: source(unit) }

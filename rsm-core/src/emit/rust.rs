@@ -22,6 +22,18 @@ const WIDTH: usize = 100;
 const ALLOW: &str = "#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]\n";
 
 /// The text of the module.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{compile, emit, number::Precision};
+///
+/// let text = emit::rust::emit(&compile::unit(&checked, &[Precision::F64])?);
+/// assert!(text.contains("pub fn drag(speed: f64) -> f64"));
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[must_use]
 pub fn emit(unit: &Unit) -> String {
     let mut text = format!(

@@ -35,6 +35,19 @@ pub use saturation::Saturation;
 ///
 /// # Panics
 /// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{lower, number::Precision, run::Interpreter};
+///
+/// let tape = lower::surface(&checked, 0, Precision::F64);
+/// assert_eq!(tape.inputs, ["speed"]);
+/// assert_eq!(Interpreter::<f64>::new(&tape).eval(&[15.0]), 35.0);
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[must_use]
 pub fn surface(checked: &Checked, index: usize, precision: Precision) -> Tape {
     let surface = &checked.model().surfaces[index];
@@ -83,6 +96,17 @@ fn saturation_of(surface: &Surface, inputs: &[Input], precision: Precision) -> O
 
 /// The tape of a surface's support test: 1 where every half-space holds, else 0. `None` for a surface without `support`.
 /// NaN in gives 0: what cannot be placed is not supported.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{lower, number::Precision};
+///
+/// assert!(lower::support(&checked, 0, Precision::F64).is_none()); // the file has no `support`
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[must_use]
 pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<Tape> {
     let surface = &checked.model().surfaces[index];

@@ -9,6 +9,18 @@ use crate::model::{Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outsid
 use crate::number::decimal;
 
 /// The text of a model file. Reading it gives the same model, every number to the bit.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{check::Checked, model_file, source::Source};
+///
+/// let written = model_file::write(checked.model());
+/// assert_eq!(Checked::read(&Source::new("car.toml", written))?.model(), checked.model());
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
 #[must_use]
 pub fn write(model: &Model) -> String {
     let mut out = String::new();

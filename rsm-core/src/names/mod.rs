@@ -103,6 +103,13 @@ pub fn c_self_test(model: &str) -> String {
 }
 
 /// Why any name (of a model, an input, a surface, a compensator) cannot be emitted. `None`: it can.
+///
+/// ```
+/// use rsm_core::names;
+///
+/// assert_eq!(names::refuse("torque"), None);
+/// assert!(names::refuse("while").unwrap().contains("keyword"));
+/// ```
 #[must_use]
 pub fn refuse(name: &str) -> Option<String> {
     not_an_identifier(name)

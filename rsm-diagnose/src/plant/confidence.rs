@@ -5,7 +5,7 @@
 //! hidden effects of seeds that the tables of `cargo xtask hidden-effects` do not use.
 
 /// What the probability of a cause comes from.
-pub struct Case<'a> {
+pub(super) struct Case<'a> {
     /// How much worse the fit is without it, in squared standard deviations of the noise.
     pub gain: f64,
     /// By how much each rival does worse, in the same unit.
@@ -21,7 +21,7 @@ pub struct Case<'a> {
 }
 
 /// How often a cause is right that has neither chance nor rivals against it, where the causes leave noise. Hidden effects of seeds 211 to 213 (2500 rows): 99 of 100; with one of either kind still to come, as in Laplace's rule.
-pub const EXPLAINED: f64 = 100.0 / 102.0;
+pub(super) const EXPLAINED: f64 = 100.0 / 102.0;
 
 /// The weight of "none of these" where structure is left, for a cause that removes half of it: something is at work that is not in the catalogue, and the nearest cause of the catalogue helps
 /// against it. Of the same seeds 48 of 49 were such, and 1 was right. A cause that is right and stands beside something small removes nearly all, and an unknown of which the nearest trace
@@ -33,7 +33,7 @@ const NOT_ASKED: f64 = 0.5;
 
 /// The probability that a cause is right.
 #[must_use]
-pub fn confidence(case: &Case<'_>) -> f64 {
+pub(super) fn confidence(case: &Case<'_>) -> f64 {
     // What does worse by what decides has a tenth of the evidence.
     let evidence = |behind: f64| (-behind.max(0.0) / case.unit * std::f64::consts::LN_10).exp();
     let rivals: f64 = case.rivals.iter().map(|it| evidence(it.1)).sum();

@@ -14,7 +14,7 @@ use super::work::Work;
 
 /// What one cause of a set is worth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Worth {
+pub(super) struct Worth {
     /// By how much 2 ln of the likelihood falls without it.
     pub gain: f64,
     /// ln of the probability of as much by chance.
@@ -24,7 +24,7 @@ pub struct Worth {
 /// The best set of causes, outliers and noise as they are.
 ///
 /// `work` is a limit: where it is met, the best set so far is the answer.
-pub fn causes(
+pub(super) fn causes(
     sample: &Sample,
     hypotheses: &[Hypothesis],
     thresholds: &Thresholds,
@@ -212,7 +212,7 @@ fn finer_steps(sample: &Sample, chosen: &[Hypothesis], pool: &[Hypothesis]) -> O
 }
 
 /// The hypotheses as the search sees them.
-pub fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, space: &Space) -> Vec<Candidate> {
+pub(super) fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, space: &Space) -> Vec<Candidate> {
     let widest = hypotheses.iter().map(|it| it.columns.len()).max().unwrap_or(0);
     let costs: Vec<f64> =
         (0..=widest).map(|width| if width == 0 { 0.0 } else { thresholds.cost(width, space.rows()) }).collect();
@@ -226,7 +226,7 @@ pub fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, space: &Sp
 }
 
 /// What a member of a set is worth to it.
-pub fn worth(search: &Search, candidates: &[Candidate], set: &[usize], member: usize) -> Worth {
+pub(super) fn worth(search: &Search, candidates: &[Candidate], set: &[usize], member: usize) -> Worth {
     let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
     let columns = |set: &[usize]| -> usize { set.iter().map(|it| candidates[*it].columns.len()).sum() };
     let (without, with) = (search.square(&rest), search.square(set));

@@ -12,7 +12,7 @@ const EXPLAINED: f64 = 0.96;
 const UNEXPLAINED: f64 = 0.03;
 
 /// The probability among all causes, known or not.
-pub fn beside_the_unknown(among_known: f64, verdict: Verdict) -> f64 {
+pub(super) fn beside_the_unknown(among_known: f64, verdict: Verdict) -> f64 {
     let known = if verdict == Verdict::Unexplained { UNEXPLAINED } else { EXPLAINED };
     known * among_known
 }

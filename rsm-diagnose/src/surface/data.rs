@@ -44,7 +44,37 @@ impl NewData {
     /// # Errors
     /// Every fault of every file.
     pub fn read(model: &Model, sources: &[Source], only: Option<&[usize]>) -> Result<Self, Refused> {
-        Self::read_as(model, sources, only, &[])
+        Self::read_as(model, &Origin::Files(sources), only, &[])
+    }
+
+    /// Rows in memory: columns by their names, all of one length, in the units of the model. What is no input and no response is a further
+    /// column, a candidate for a cause. A surface is compared where its response is there.
+    ///
+    /// # Errors
+    /// Every fault: columns of different lengths, a number that is not finite, an input that is missing.
+    ///
+    /// ```
+    /// use rsm_diagnose::surface::{self, Verdict, data::NewData};
+    /// use rsm_fit::{Fit, Input, Response};
+    ///
+    /// use rsm_fit::random::Random;
+    ///
+    /// // Twelve uniform numbers less six: normal noise of variance 1.
+    /// let mut random = Random::new(7);
+    /// let mut noise = || (0..12).map(|_| random.share()).sum::<f64>() - 6.0;
+    /// let speed: Vec<f64> = (0..80).map(|row| 0.4 * f64::from(row)).collect();
+    /// let drag: Vec<f64> = speed.iter().map(|v| 5.0 + 2.0 * v + 0.2 * noise()).collect();
+    /// let model = Fit::new(Input::new("speed", &speed), Response::new("drag", &drag)).order(1).fit()?.checked()?;
+    ///
+    /// // A year later the machine drags more, the faster the more.
+    /// let later: Vec<f64> = speed.iter().map(|v| 5.0 + 2.4 * v + 0.2 * noise()).collect();
+    /// let data = NewData::in_memory(model.model(), &[("speed", &speed), ("drag", &later)])?;
+    /// let found = surface::diagnose(&model, &data, None, &mut |_progress| {})?;
+    /// assert_eq!(found.verdict, Verdict::Explained);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn in_memory(model: &Model, columns: &[(&str, &[f64])]) -> Result<Self, Refused> {
+        Self::read_as(model, &Origin::Memory(columns), None, &[])
     }
 
     /// Reads files that judge what was found in others: the surfaces that those have, and their further columns as they are there. A column that varied there is the same quantity here, though it stands still, and levels
@@ -54,11 +84,12 @@ impl NewData {
     /// Every fault of every file.
     pub fn read_like(model: &Model, sources: &[Source], like: &NewData) -> Result<Self, Refused> {
         let compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| like.responses[*index].is_some()).collect();
-        Self::read_as(model, sources, Some(&compared), &like.extras)
+        Self::read_as(model, &Origin::Files(sources), Some(&compared), &like.extras)
     }
 
-    fn read_as(model: &Model, sources: &[Source], only: Option<&[usize]>, known: &[Extra]) -> Result<Self, Refused> {
-        let headers: Vec<Result<Table, Faults>> = sources.iter().map(header).collect();
+    fn read_as(model: &Model, origin: &Origin<'_>, only: Option<&[usize]>, known: &[Extra]) -> Result<Self, Refused> {
+        let headers: Vec<Result<Table, Faults>> =
+            (0..origin.count()).map(|file| origin.table(file, &Wanted::default())).collect();
         let faults: Vec<Faults> = headers.iter().filter_map(|it| it.as_ref().err().cloned()).collect();
         if !faults.is_empty() {
             return Err(Refused(faults));
@@ -110,8 +141,8 @@ impl NewData {
         }
         let mut refused = Vec::new();
         let mut cells: Vec<Vec<String>> = vec![Vec::new(); others.len()];
-        for (file, source) in sources.iter().enumerate() {
-            match data.append(model, source, file, &inputs, &compared, &others, &mut cells) {
+        for file in 0..origin.count() {
+            match data.append(model, origin, file, &inputs, &compared, &others, &mut cells) {
                 Ok(()) => {}
                 Err(faults) => refused.push(faults),
             }
@@ -128,7 +159,7 @@ impl NewData {
     fn append(
         &mut self,
         model: &Model,
-        source: &Source,
+        origin: &Origin<'_>,
         file: usize,
         inputs: &[usize],
         compared: &[usize],
@@ -138,7 +169,7 @@ impl NewData {
         let names = inputs.iter().map(|k| &model.inputs[*k].name);
         let numbers = names.chain(compared.iter().map(|k| &model.surfaces[*k].name)).cloned().collect();
         let labels = others.iter().map(|(name, _)| name.clone()).collect();
-        let table = Table::read(source, &Wanted { numbers, labels, ..Wanted::default() })?;
+        let table = origin.table(file, &Wanted { numbers, labels, ..Wanted::default() })?;
         let mut faults = Collector::new();
         let mut take = |values: Result<(Vec<f64>, String), Fault>, target: &mut Vec<f64>| match values {
             Ok((values, _)) => target.extend(values),
@@ -157,7 +188,7 @@ impl NewData {
             cells.extend(table.column(name).into_iter().flat_map(|column| column.labels.iter().cloned()));
         }
         self.lines.extend(table.lines.iter().map(|line| (file, *line)));
-        self.files.push(DataFile { name: source.name().to_string(), sha256: hash(source.text()), rows: table.rows() });
+        self.files.push(DataFile { name: table.file.clone(), sha256: origin.hash(file), rows: table.rows() });
         faults.finish(Some(()))
     }
 
@@ -218,8 +249,40 @@ impl NewData {
     }
 }
 
-fn header(source: &Source) -> Result<Table, Faults> {
-    Table::read(source, &Wanted::default())
+/// Where new data come from.
+enum Origin<'a> {
+    /// CSV files.
+    Files(&'a [Source]),
+    /// Columns by their names.
+    Memory(&'a [(&'a str, &'a [f64])]),
+}
+
+/// How messages call rows in memory.
+const IN_MEMORY: &str = "rows in memory";
+
+impl Origin<'_> {
+    fn count(&self) -> usize {
+        match self {
+            Origin::Files(sources) => sources.len(),
+            Origin::Memory(_) => 1,
+        }
+    }
+
+    /// The wanted columns of a file.
+    fn table(&self, file: usize, wanted: &Wanted) -> Result<Table, Faults> {
+        match self {
+            Origin::Files(sources) => Table::read(&sources[file], wanted),
+            Origin::Memory(columns) => Table::in_memory(IN_MEMORY, columns, wanted),
+        }
+    }
+
+    /// SHA-256 of a file; of rows in memory, of their text as a table.
+    fn hash(&self, file: usize) -> String {
+        match self {
+            Origin::Files(sources) => hash(sources[file].text()),
+            Origin::Memory(columns) => hash(&format!("{columns:?}")),
+        }
+    }
 }
 
 fn numbers(cells: &[String]) -> Option<Vec<f64>> {

@@ -39,7 +39,7 @@ const LEAST_GAIN: f64 = 0.3;
 const OUTSIDE: f64 = 0.05;
 
 /// Makes the columns of input sensors exact.
-pub fn refine(sample: &Sample, found: &mut Explained) {
+pub(super) fn refine(sample: &Sample, found: &mut Explained) {
     let moves = |claim: &Claim| matches!(claim, Claim::InputGain(_) | Claim::InputBias(_));
     if !found.set.iter().any(|it| moves(&it.claim)) {
         return;
@@ -121,7 +121,7 @@ pub fn refine(sample: &Sample, found: &mut Explained) {
 
 /// Gains and biases of each input's sensor that are not ruled out: twice the 95 % interval, ends and middle; (1, 0) alone where none is named. Nothing, where no input's sensor is. Twice, since rows are chosen by it: what
 /// one interval in twenty rules out wrongly would take the rows away that put it right.
-pub fn sensors_believed(sample: &Sample, found: &Explained, estimates: &Estimates) -> Option<Vec<Vec<(f64, f64)>>> {
+pub(super) fn sensors_believed(sample: &Sample, found: &Explained, estimates: &Estimates) -> Option<Vec<Vec<(f64, f64)>>> {
     let mut gains = vec![vec![1.0]; sample.inputs.len()];
     let mut biases = vec![vec![0.0]; sample.inputs.len()];
     let mut is_named = false;
@@ -169,7 +169,7 @@ fn slope(sample: &Sample, sensors: &[(f64, f64)], input: usize, (gain, bias): (f
 }
 
 /// The numbers of every cause.
-pub fn numbers(sample: &Sample, found: &Explained) -> Estimates {
+pub(super) fn numbers(sample: &Sample, found: &Explained) -> Estimates {
     let space = found.space(sample);
     let solved: Solved = solved(sample, &found.set, &space);
     let freedom = space.rows().saturating_sub(solved.rank).max(1) as f64;

@@ -73,7 +73,7 @@ impl Explained {
 }
 
 /// The best explanation. Where the work is spent, further kinds of noise are not tried: even noise, the plainest, is the first.
-pub fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, work: &Work<'_>) -> Explained {
+pub(super) fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, work: &Work<'_>) -> Explained {
     let mut best: Option<Explained> = None;
     let grown = Some(noise::growth(&plain(sample), &sample.nominal).0);
     let every: Vec<usize> = (0..sample.rows()).collect();
@@ -94,7 +94,7 @@ pub fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Threshol
 }
 
 /// The best explanation from one kind of noise. Gross outliers hide behind terms that imitate them; a large cause makes outliers of honest runs. So both beginnings are tried.
-pub fn from_noise(
+pub(super) fn from_noise(
     sample: &Sample,
     hypotheses: &[Hypothesis],
     thresholds: &Thresholds,
@@ -125,7 +125,7 @@ const LEAST_RATIO: f64 = 0.01;
 
 /// Where a file does not say how well it knows its coefficients, both are tried and the likelihood decides: fitted to as many rows as are new, or exact (a formula, a data sheet). Where it says its
 /// noise, [`know`] follows that; the first guess is from the scatter that is plain to see, or with few rows the noise of the file, and a tenth of it: a file that lacks terms took them for noise.
-pub fn loosenesses(sample: &Sample) -> Vec<f64> {
+pub(super) fn loosenesses(sample: &Sample) -> Vec<f64> {
     match (sample.sd_of_file, sample.rows_of_file) {
         (Some(_), _) if is_few(sample) => vec![1.0, 1.0 / LEAST_RATIO],
         (Some(old), _) => {
@@ -172,7 +172,7 @@ fn plain(sample: &Sample) -> Vec<f64> {
 }
 
 /// The white space of some rows.
-pub fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, looseness: f64) -> Space {
+pub(super) fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, looseness: f64) -> Space {
     let prior: Vec<Vec<f64>> = sample.prior.iter().map(|row| row.iter().map(|value| looseness * value).collect()).collect();
     Space::new(kept, shape, &sample.terms, &prior)
 }
@@ -218,14 +218,14 @@ fn scale(noise: Noise, fitted: &[f64]) -> Vec<f64> {
 }
 
 /// Least squares of the set at the rows that count: the fitted mean at all rows.
-pub fn settle(sample: &Sample, now: &mut Explained) {
+pub(super) fn settle(sample: &Sample, now: &mut Explained) {
     let space = now.space(sample);
     let solved = solved(sample, &now.set, &space);
     now.fitted = mean(sample, &now.set, &solved, &space);
 }
 
 /// The least-squares problem of a set.
-pub fn solved(sample: &Sample, set: &[Hypothesis], space: &Space) -> Solved {
+pub(super) fn solved(sample: &Sample, set: &[Hypothesis], space: &Space) -> Solved {
     let columns: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
     solve(&columns, &space.carried(&sample.residual()))
 }
@@ -245,7 +245,7 @@ fn mean(sample: &Sample, set: &[Hypothesis], solved: &Solved, space: &Space) -> 
 }
 
 /// By how much the coefficients of the file move: what is left, against how well the file knows them (the posterior mean).
-pub fn calibration(sample: &Sample, space: &Space, fitted: &[f64]) -> Vec<f64> {
+pub(super) fn calibration(sample: &Sample, space: &Space, fitted: &[f64]) -> Vec<f64> {
     let left: Vec<f64> = sample.response.iter().zip(fitted).map(|(y, f)| y - f).collect();
     space.calibration(&left, &sample.terms)
 }
@@ -329,7 +329,7 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
 }
 
 /// Externally studentised residuals of the rows kept, and their degrees of freedom.
-pub fn studentised(sample: &Sample, set: &[Hypothesis], space: &Space) -> (Vec<f64>, f64) {
+pub(super) fn studentised(sample: &Sample, set: &[Hypothesis], space: &Space) -> (Vec<f64>, f64) {
     let carried: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
     let basis = orthonormal(&carried);
     let solved = solve(&carried, &space.carried(&sample.residual()));

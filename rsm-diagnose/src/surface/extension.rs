@@ -74,7 +74,7 @@ fn identifier(name: &str, taken: &[Input]) -> String {
 }
 
 /// The extension.
-pub fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, taken: &[Input]) -> Extension {
+pub(super) fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, taken: &[Input]) -> Extension {
     let mut notes = Vec::new();
     let mut offsets = Vec::new();
     let mut surface = sample.surface.clone();
@@ -317,7 +317,7 @@ fn evidence(sample: &Sample, found: &Explained, estimates: &Estimates) -> Vec<(S
 }
 
 /// What an evaluator of a surface returns at points: clamped and saturated as the file says.
-pub fn evaluate(surface: &Surface, inputs: &[Input], points: &[Vec<f64>]) -> Vec<f64> {
+pub(super) fn evaluate(surface: &Surface, inputs: &[Input], points: &[Vec<f64>]) -> Vec<f64> {
     let design = Design::new(surface, inputs, surface.terms.iter().map(|term| term.powers.clone()).collect());
     let rows = points.first().map_or(0, Vec::len);
     let value = |row: usize| {

@@ -81,10 +81,10 @@ const ORDERS_ABOVE: u32 = 2;
 const MOST_TERMS: usize = 90;
 
 /// Changes between runs are looked for at no more than so many places; the best is then refined.
-pub const MOST_STEPS: usize = 40;
+pub(super) const MOST_STEPS: usize = 40;
 
 /// Rows on either side of a change.
-pub const LEAST_SIDE: usize = 3;
+pub(super) const LEAST_SIDE: usize = 3;
 
 /// Gains of an input's sensor around which a hypothesis is straight, less 1: between them the column turns little.
 const GAINS: [f64; 4] = [-0.2, -0.1, 0.1, 0.25];
@@ -112,7 +112,7 @@ const ALL_COEFFICIENTS: f64 = 12.0;
 const SAME: f64 = 1e-7;
 
 /// All hypotheses about a sample.
-pub fn all(sample: &Sample) -> Vec<Hypothesis> {
+pub(super) fn all(sample: &Sample) -> Vec<Hypothesis> {
     let mut list = List { sample, found: Vec::new(), groups: 0 };
     list.response_sensor();
     list.input_sensors();
@@ -422,19 +422,19 @@ fn step_places(rows: usize) -> Vec<usize> {
 }
 
 /// A change by 1 before a row: `before`, then `before` + 1.
-pub fn step(rows: usize, at: usize, before: f64) -> Vec<f64> {
+pub(super) fn step(rows: usize, at: usize, before: f64) -> Vec<f64> {
     (0..rows).map(|row| if row < at { before } else { before + 1.0 }).collect()
 }
 
 /// The polynomial with one input as it truly was when its sensor reads gain times the truth plus bias.
-pub fn moved(sample: &Sample, input: usize, (gain, bias): (f64, f64)) -> Vec<f64> {
+pub(super) fn moved(sample: &Sample, input: usize, (gain, bias): (f64, f64)) -> Vec<f64> {
     let mut points = sample.points.clone();
     points[input].iter_mut().for_each(|xi| *xi = (*xi - bias) / gain);
     sample.polynomial(&points)
 }
 
 /// How lists and reports call a term of the surface: `1`, `speed`, `torque^2*speed`.
-pub fn name_of(sample: &Sample, monomial: &Monomial) -> String {
+pub(super) fn name_of(sample: &Sample, monomial: &Monomial) -> String {
     let own = design::name(&sample.surface, &sample.inputs, &monomial.powers);
     match monomial.extra {
         None => own,
@@ -467,7 +467,7 @@ impl Claim {
 }
 
 /// Whether an input's bias can stand in a model file: mirrored and inverted variables cannot be shifted.
-pub fn bias_fits_file(sample: &Sample, input: usize) -> bool {
+pub(super) fn bias_fits_file(sample: &Sample, input: usize) -> bool {
     let name = &sample.inputs[input].name;
     !sample.surface.symmetry.iter().any(|(other, _)| other == name) && !sample.surface.reciprocal.contains(name)
 }

@@ -16,7 +16,7 @@ use rsm_fit::design;
 const NORMAL: f64 = 1.96;
 
 /// What is told of.
-pub struct Narrative<'a> {
+pub(super) struct Narrative<'a> {
     /// The rows.
     pub sample: &'a Sample,
     /// Their explanation.
@@ -74,7 +74,7 @@ impl Narrative<'_> {
     }
 
     /// A cause that moves the mean, of one or several members of the set.
-    pub fn cause(&self, members: &[usize]) -> Cause {
+    pub(super) fn cause(&self, members: &[usize]) -> Cause {
         let member = members[0];
         let sample = self.sample;
         let response = &sample.surface.name;
@@ -316,7 +316,7 @@ impl Narrative<'_> {
     }
 
     /// Several changes between runs: blocks that no column names.
-    pub fn change_points(&self, members: &[usize]) -> Cause {
+    pub(super) fn change_points(&self, members: &[usize]) -> Cause {
         let mut steps: Vec<(usize, usize)> = members
             .iter()
             .filter_map(|member| match self.found.set[*member].claim {
@@ -345,7 +345,7 @@ impl Narrative<'_> {
     }
 
     /// Runs that are left out.
-    pub fn outlying(&self, thresholds: &Thresholds) -> Option<Cause> {
+    pub(super) fn outlying(&self, thresholds: &Thresholds) -> Option<Cause> {
         if self.found.outliers.is_empty() {
             return None;
         }
@@ -383,7 +383,7 @@ impl Narrative<'_> {
     }
 
     /// Noise that follows the response.
-    pub fn growing(&self) -> Option<Cause> {
+    pub(super) fn growing(&self) -> Option<Cause> {
         let growth = self.found.noise.growth?;
         let (residual, fitted, _) = self.kept();
         let ratio = noise::growth(&residual, &fitted).1.max(1e-9);
@@ -434,7 +434,7 @@ impl Narrative<'_> {
     }
 
     /// Noise that follows itself.
-    pub fn following(&self) -> Option<Cause> {
+    pub(super) fn following(&self) -> Option<Cause> {
         let rho = self.found.noise.rho?;
         let (residual, _, kept) = self.kept();
         let even: Vec<f64> = residual.iter().zip(&kept).map(|(e, row)| e / self.found.scale[*row]).collect();

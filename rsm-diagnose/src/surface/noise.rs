@@ -94,7 +94,7 @@ fn misfit(residual: &[f64], ln_scale: &dyn Fn(usize) -> f64) -> f64 {
 const STEEPEST: f64 = 3.0;
 
 /// The growth that fits best, and 2 ln of its likelihood ratio.
-pub fn growth(residual: &[f64], fitted: &[f64]) -> (Growth, f64) {
+pub(super) fn growth(residual: &[f64], fitted: &[f64]) -> (Growth, f64) {
     let even = misfit(residual, &|_| 0.0);
     let u = centred(fitted);
     let (rate, after) = least(-STEEPEST, STEEPEST, &|rate| misfit(residual, &|row| rate * u[row]));
@@ -112,7 +112,7 @@ pub fn growth(residual: &[f64], fitted: &[f64]) -> (Growth, f64) {
 }
 
 /// 2 ln of the likelihood ratio of growth with the largest residuals left out, one in fifty and one at least: noise that grows shows itself in more than a few runs, outlying runs do not.
-pub fn growth_beyond_few(residual: &[f64], fitted: &[f64]) -> f64 {
+pub(super) fn growth_beyond_few(residual: &[f64], fitted: &[f64]) -> f64 {
     let few = (residual.len() / 50).max(1);
     let mut order: Vec<usize> = (0..residual.len()).collect();
     order.sort_by(|a, b| residual[*a].abs().total_cmp(&residual[*b].abs()));
@@ -123,7 +123,7 @@ pub fn growth_beyond_few(residual: &[f64], fitted: &[f64]) -> f64 {
 }
 
 /// The correlation of neighbours in the run order that fits best, and 2 ln of its likelihood ratio. `places` ascend.
-pub fn correlation(residual: &[f64], places: &[usize]) -> (f64, f64) {
+pub(super) fn correlation(residual: &[f64], places: &[usize]) -> (f64, f64) {
     let rows = residual.len() as f64;
     let misfit = |rho: f64| {
         let (mut square, mut logs) = (0.0, 0.0);

@@ -37,7 +37,7 @@ pub struct Thresholds {
 }
 
 /// A standard normal number: sum of twelve uniform ones less six would have light tails; this is Box and Muller's (1958).
-pub fn normal(random: &mut Random) -> f64 {
+pub(super) fn normal(random: &mut Random) -> f64 {
     let radius = (-2.0 * (1.0 - random.share()).ln()).sqrt();
     radius * (std::f64::consts::TAU * random.share()).cos()
 }

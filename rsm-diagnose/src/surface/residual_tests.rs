@@ -47,7 +47,7 @@ const LEAST_NEW: f64 = 1e-6;
 type Pairs = Vec<(usize, usize)>;
 
 /// All tests.
-pub fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
+pub(super) fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
     let space = found.space(sample);
     let kept = found.kept();
     let graphs = graphs(sample, &kept);
@@ -295,7 +295,7 @@ pub struct Floor {
 const LEAST_FREEDOM: usize = 4;
 
 /// The noise: from replicates, else from neighbours, else from the file's evidence, else from what the explanation leaves.
-pub fn floor(sample: &Sample, found: &Explained) -> Floor {
+pub(super) fn floor(sample: &Sample, found: &Explained) -> Floor {
     let kept = found.kept();
     let residual = even(sample, found, &kept);
     let mean_scale = (kept.iter().map(|row| found.scale[*row].powi(2)).sum::<f64>() / kept.len().max(1) as f64).sqrt();

@@ -9,7 +9,7 @@ use super::work::Work;
 
 /// A hypothesis as the search sees it.
 #[derive(Debug, Clone)]
-pub struct Candidate {
+pub(super) struct Candidate {
     /// Its columns, carried.
     pub columns: Vec<Vec<f64>>,
     /// Two of one group are never in a set together.
@@ -27,7 +27,7 @@ const BEAM: usize = 5;
 const MOST: usize = 9;
 
 /// Rows between two changes in the run order: fewer are outlying runs, each for itself.
-pub const LEAST_BLOCK: usize = 3;
+pub(super) const LEAST_BLOCK: usize = 3;
 
 /// A pivot below this share of a column's own square is rounding.
 const DEPENDENT: f64 = 1e-9;
@@ -127,7 +127,7 @@ struct Member {
 }
 
 /// The search with everything that does not change.
-pub struct Search {
+pub(super) struct Search {
     candidates: Vec<Member>,
     /// The first column of each candidate.
     first: Vec<usize>,
@@ -138,7 +138,7 @@ pub struct Search {
 
 /// A set of candidates, ascending, with what it leaves.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub(super) struct Found {
     /// Places among the candidates.
     pub set: Vec<usize>,
     /// The criterion.
@@ -147,13 +147,13 @@ pub struct Found {
 
 impl Search {
     /// How many multiplications the products of a search take.
-    pub fn multiplications(candidates: &[Candidate], rows: usize) -> usize {
+    pub(super) fn multiplications(candidates: &[Candidate], rows: usize) -> usize {
         let width: usize = candidates.iter().map(|it| it.columns.len()).sum();
         width * width / 2 * rows
     }
 
     /// Of a residual.
-    pub fn new(candidates: &[Candidate], residual: &[f64]) -> Self {
+    pub(super) fn new(candidates: &[Candidate], residual: &[f64]) -> Self {
         let mut columns: Vec<&[f64]> = candidates.iter().flat_map(|it| it.columns.iter().map(Vec::as_slice)).collect();
         columns.push(residual);
         let width = columns.len();
@@ -174,7 +174,7 @@ impl Search {
     }
 
     /// The same search among fewer candidates: those at these places, ascending.
-    pub fn among(&self, places: &[usize]) -> Search {
+    pub(super) fn among(&self, places: &[usize]) -> Search {
         let mut columns: Vec<usize> = places.iter().flat_map(|place| self.columns_of(*place)).collect();
         columns.push(self.start.width - 1);
         let values = columns.iter().flat_map(|i| columns.iter().map(|j| self.start.at(*i, *j))).collect();
@@ -241,17 +241,17 @@ impl Search {
     }
 
     /// The criterion of a set.
-    pub fn score(&self, set: &[usize]) -> f64 {
+    pub(super) fn score(&self, set: &[usize]) -> f64 {
         self.misfit(self.residual(&self.products_of(set))) + self.cost(set)
     }
 
     /// The square that a set leaves.
-    pub fn square(&self, set: &[usize]) -> f64 {
+    pub(super) fn square(&self, set: &[usize]) -> f64 {
         self.residual(&self.products_of(set))
     }
 
     /// The amplitudes of a member of a set.
-    pub fn coefficients(&self, set: &[usize], member: usize) -> Vec<f64> {
+    pub(super) fn coefficients(&self, set: &[usize], member: usize) -> Vec<f64> {
         let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
         let products = self.products_of(&rest);
         let columns: Vec<usize> = self.columns_of(member).collect();
@@ -271,7 +271,7 @@ impl Search {
     }
 
     /// All candidates that may join a set, with the score that each would give it.
-    pub fn joined(&self, set: &[usize]) -> Vec<(usize, f64)> {
+    pub(super) fn joined(&self, set: &[usize]) -> Vec<(usize, f64)> {
         let products = self.products_of(set);
         self.joined_to(&products, set)
     }
@@ -285,7 +285,7 @@ impl Search {
     }
 
     /// The best set; as good as the work that is left finds, where that is not enough.
-    pub fn best(&self, work: &Work<'_>) -> Found {
+    pub(super) fn best(&self, work: &Work<'_>) -> Found {
         let mut best = Found { set: Vec::new(), score: self.score(&[]) };
         let mut paths = vec![(best.clone(), Products::new(&self.start))];
         for depth in 1..=MOST {

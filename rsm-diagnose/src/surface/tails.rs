@@ -27,17 +27,17 @@ fn ln_beta_reg(a: f64, b: f64, x: f64) -> f64 {
 }
 
 /// ln P(F >= f) with `d1` and `d2` degrees of freedom.
-pub fn ln_upper_f(f: f64, d1: f64, d2: f64) -> f64 {
+pub(super) fn ln_upper_f(f: f64, d1: f64, d2: f64) -> f64 {
     if f <= 0.0 { 0.0 } else { ln_beta_reg(d2 / 2.0, d1 / 2.0, d2 / (d2 + d1 * f)) }
 }
 
 /// ln P(|T| >= |t|).
-pub fn ln_two_sided_t(t: f64, freedom: f64) -> f64 {
+pub(super) fn ln_two_sided_t(t: f64, freedom: f64) -> f64 {
     ln_upper_f(t * t, 1.0, freedom)
 }
 
 /// The F whose upper tail is `exp(ln_p)`: by bisection of ln F, which the tail falls along.
-pub fn f_of(ln_p: f64, d1: f64, d2: f64) -> f64 {
+pub(super) fn f_of(ln_p: f64, d1: f64, d2: f64) -> f64 {
     // e^-60 to e^60 hold every F that a test can ask for.
     let (mut low, mut high) = (-60.0_f64, 60.0_f64);
     // 2^-60 of the interval: below the rounding of F.
@@ -49,13 +49,13 @@ pub fn f_of(ln_p: f64, d1: f64, d2: f64) -> f64 {
 }
 
 /// The t with P(|T| >= t) = `p`.
-pub fn t_of(p: f64, freedom: f64) -> f64 {
+pub(super) fn t_of(p: f64, freedom: f64) -> f64 {
     f_of(p.ln(), 1.0, freedom).sqrt()
 }
 
 /// ln of the upper tail of a distribution of which mean, variance and third central moment are known, as a shifted gamma distribution (Pearson's type III, which keeps all
 /// three); a normal one where there is no skew to the right.
-pub fn ln_upper_of_moments(value: f64, mean: f64, variance: f64, third: f64) -> f64 {
+pub(super) fn ln_upper_of_moments(value: f64, mean: f64, variance: f64, third: f64) -> f64 {
     if variance <= 0.0 {
         return 0.0;
     }

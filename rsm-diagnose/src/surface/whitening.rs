@@ -107,19 +107,19 @@ impl Space {
 }
 
 /// a'b.
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 /// a - factor b, in place.
-pub fn subtract(a: &mut [f64], b: &[f64], factor: f64) {
+pub(super) fn subtract(a: &mut [f64], b: &[f64], factor: f64) {
     for (x, y) in a.iter_mut().zip(b) {
         *x -= factor * y;
     }
 }
 
 /// An orthonormal basis of what columns span (Gram and Schmidt, twice: Kahan and Parlett's "twice is enough"); dependent columns add nothing.
-pub fn orthonormal(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(super) fn orthonormal(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::new();
     for column in columns {
         let before = dot(column, column).sqrt();
@@ -140,7 +140,7 @@ pub fn orthonormal(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 /// ln of the determinant of A'A; columns that others make up are left out.
-pub fn ln_gram(columns: &[Vec<f64>]) -> f64 {
+pub(super) fn ln_gram(columns: &[Vec<f64>]) -> f64 {
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let mut sum = 0.0;
     for column in columns {
@@ -162,7 +162,7 @@ pub fn ln_gram(columns: &[Vec<f64>]) -> f64 {
 
 /// Least squares of `target` on columns, by the normal equations of an orthonormal basis. Columns that others make up get 0.
 #[derive(Debug, Clone)]
-pub struct Solved {
+pub(super) struct Solved {
     /// A coefficient a column.
     pub coefficients: Vec<f64>,
     /// (A'A)^-1, zero for columns that others make up.
@@ -174,7 +174,7 @@ pub struct Solved {
 }
 
 /// Solves. Columns are taken in their order.
-pub fn solve(columns: &[Vec<f64>], target: &[f64]) -> Solved {
+pub(super) fn solve(columns: &[Vec<f64>], target: &[f64]) -> Solved {
     let width = columns.len();
     // R^-1 by columns, beside the basis: column = sum of basis times R.
     let mut basis: Vec<(usize, Vec<f64>)> = Vec::new();

@@ -5,13 +5,10 @@
 
 use rsm_core::model::{Coding, Knot, Outside, Surface, Symmetry};
 
-use crate::spec::{Constraint, InputSpec, Method, ResponseSpec, SupportSpec, Weights};
+use crate::spec::{Constraint, FACES, InputSpec, MOST_FACES, Method, ResponseSpec, SupportSpec, Weights};
 
 /// The order of a surface of which nobody said one: that of a quadratic response surface.
 const DEFAULT_ORDER: u32 = 2;
-
-/// The faces of a support with two inputs: those of a box and of four cut corners, as in a specification without `faces`.
-const FACES: usize = 8;
 
 /// An input: its values, a row each, and what is known of it.
 ///
@@ -120,7 +117,7 @@ pub(super) struct Choice {
 
 impl Choice {
     /// What was said here, else what was said there.
-    pub fn or(&self, other: &Choice) -> Choice {
+    pub(super) fn or(&self, other: &Choice) -> Choice {
         if self.terms.is_some() {
             return self.clone();
         }
@@ -133,7 +130,7 @@ impl Choice {
     }
 
     /// `None`: terms were given, and something that chooses them too.
-    pub fn method(&self) -> Option<Method> {
+    pub(super) fn method(&self) -> Option<Method> {
         match (&self.terms, self.order, self.confidence) {
             (Some(terms), None, None) => Some(Method::Fixed(terms.clone())),
             (Some(_), ..) => None,
@@ -258,7 +255,15 @@ impl Response {
     /// The model says where the data support the surface: in half-spaces that hold all rows to fit, this far beyond them in coded units.
     #[must_use]
     pub fn supported_by_data(mut self, margin: f64) -> Self {
-        self.support = Some(SupportSpec { margin, faces: FACES });
+        self.support = Some(SupportSpec { margin, faces: self.support.map_or(FACES, |support| support.faces) });
+        self
+    }
+
+    /// With two inputs, at most so many half-spaces: 8 where nothing is said. It belongs to [`Response::supported_by_data`].
+    #[must_use]
+    pub fn support_faces(mut self, faces: usize) -> Self {
+        let margin = self.support.map_or(0.0, |support| support.margin);
+        self.support = Some(SupportSpec { margin, faces });
         self
     }
 
@@ -293,7 +298,8 @@ impl Response {
     }
 
     /// What is wrong with it beyond what the rules of a specification find: what a file could not even say.
-    pub(super) fn faults(&self, choice: &Choice) -> Vec<String> {
+    /// `inputs`: how many the fit has.
+    pub(super) fn faults(&self, inputs: usize, choice: &Choice) -> Vec<String> {
         let mut faults = Vec::new();
         let highest = rsm_core::model_file::HIGHEST_POWER;
         let choice = self.choice.or(choice);
@@ -324,6 +330,16 @@ impl Response {
         }
         if let Some(support) = self.support.filter(|support| support.margin < 0.0) {
             faults.push(format!("the margin of the support: found {}, expected 0 or more, in coded units", support.margin));
+        }
+        let inputs = self.inputs.as_ref().map_or(inputs, Vec::len);
+        if let Some(support) = self.support.filter(|support| support.faces != FACES) {
+            if !(4..=MOST_FACES).contains(&support.faces) {
+                let found = support.faces;
+                faults.push(format!("the faces of the support: found {found}, expected a whole number from 4 to {MOST_FACES}"));
+            }
+            if inputs != 2 {
+                faults.push("the faces of the support belong to responses of two inputs".to_string());
+            }
         }
         faults
     }

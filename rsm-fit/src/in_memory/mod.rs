@@ -245,7 +245,7 @@ impl Fit {
         let mut responses = Vec::new();
         let mut is_whole = true;
         for (response, name) in self.responses.columns.iter().zip(self.response_names()) {
-            for what in response.faults(&self.choice) {
+            for what in response.faults(inputs.len(), &self.choice) {
                 tell(faults, format!("response `{name}`: {what}"));
                 is_whole = false;
             }

@@ -135,6 +135,15 @@ impl Plan {
     ///
     /// # Errors
     /// Every fault of the file.
+    ///
+    /// ```
+    /// use rsm_core::source::Source;
+    /// use rsm_fit::plan::Plan;
+    ///
+    /// let plan = Plan::read(&Source::new("plan.csv", "run[1],speed[rpm]\n1,3000\n2,1500\n"))?;
+    /// assert_eq!(plan.settings("speed", "r/min").unwrap(), [3000.0, 1500.0]);
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
     pub fn read(source: &Source) -> Result<Plan, Faults> {
         let table = Table::read(source, &Wanted { numbers: vec![RUN.to_string()], every_number: true, ..Wanted::default() })?;
         let mut faults = Collector::new();
@@ -208,6 +217,14 @@ impl Plan {
     }
 
     /// The text of its file.
+    ///
+    /// ```
+    /// use rsm_fit::plan::{Experiment, Factor};
+    ///
+    /// let plan = Experiment::full_factorial([Factor::at("gear", "1", [2.0])]).replicates(2).plan()?;
+    /// assert_eq!(plan.csv(), "run[1],gear[1]\n1,2\n2,2\n");
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = format!("{RUN}[1]");

@@ -148,6 +148,16 @@ impl DesignSpecification {
     ///
     /// # Errors
     /// Every fault of the text.
+    ///
+    /// ```
+    /// use rsm_core::source::Source;
+    /// use rsm_fit::plan::{DesignSpecification, Plan};
+    ///
+    /// let text = "format = 1\nplan = \"dyno\"\nseed = 7\n[factors.gear]\nunit = \"1\"\nlevels = { from = 1, to = 5, step = 1 }\n";
+    /// let specification = DesignSpecification::from_source(Source::new("dyno.toml", text))?;
+    /// assert_eq!(Plan::make(&specification)?.points(), 5);
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
     pub fn from_source(source: Source) -> Result<Self, Faults> {
         let mut faults = Collector::new();
         let draft = read::read(&source, &mut faults);

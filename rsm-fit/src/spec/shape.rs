@@ -12,10 +12,10 @@ use toml::de::DeValue;
 use super::{ResponseSpec, Specification};
 
 /// Faces of a support without `faces`: those of a box and of four cut corners.
-const FACES: usize = 8;
+pub(crate) const FACES: usize = 8;
 
 /// With more faces the support test costs more than the surface.
-const MOST_FACES: i64 = 32;
+pub(crate) const MOST_FACES: usize = 32;
 
 /// What must hold over the whole supported region.
 #[derive(Debug, Clone, PartialEq)]
@@ -157,7 +157,7 @@ pub(super) fn read_support(
             let margin = table.optional("margin").map(|value| read_margin(&table, value, faults));
             let faces = table.optional("faces").map(|value| {
                 places.note(format!("{path}.support.faces"), value.span());
-                table.whole("`faces`", value, 4, MOST_FACES, faults)
+                table.whole("`faces`", value, 4, MOST_FACES as i64, faults)
             });
             table.finish(faults);
             let faces = faces.map_or(Some(FACES), |faces| faces.and_then(|faces| usize::try_from(faces).ok()));

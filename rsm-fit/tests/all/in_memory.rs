@@ -220,6 +220,12 @@ fn what_cannot_be_fitted_is_told_in_words() {
         ("odd", Fit::new(&x, y().symmetry("x1", Symmetry::Odd).order(1)), ""),
         ("bounds", Fit::new(&x, y().constraint(Constraint::Bounds { min: None, max: None })), "constraint 1: found neither"),
         ("margin", Fit::new(&x, y().supported_by_data(-1.0)), "the margin of the support: found -1, expected 0 or more"),
+        ("faces", Fit::new(&x, y().support_faces(6)), "the faces of the support belong to responses of two inputs"),
+        (
+            "many faces",
+            Fit::new(&x, y().support_faces(33)),
+            "the faces of the support: found 33, expected a whole number from 4",
+        ),
         ("share", plain().validate_share(1.0, 1), "`validate`: `share`: found 1, expected more than 0 and less than 1"),
         ("test", plain().test(&[[1.0, 2.0]], &[1.0]), "test rows: found 2 inputs, expected 1"),
         ("test names", plain().test(Input::new("b", [1.0]), &[1.0]), "test rows: input `x1`: found `b` in its place"),

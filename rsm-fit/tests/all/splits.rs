@@ -29,8 +29,10 @@ fn text(validate: &str) -> String {
 
 fn sides(scratch: &Scratch, validate: &str) -> (Records, Sides) {
     let specification = specification(&text(validate), &scratch.0);
-    let records =
-        Records::read(&specification, &specification.data, Rows::ToFit, &mut Units::of(&specification), &mut |_| {}).unwrap();
+    let records = {
+        let mut open = |name: &str| rsm_core::source::Source::read(&specification.path_of(name));
+        Records::read(&specification, &specification.data, Rows::ToFit, &mut Units::of(&specification), &mut open).unwrap()
+    };
     let Validation::Split(wanted) = &specification.validation else { panic!("a split was asked for") };
     let sides = split(&specification, wanted, &records);
     (records, sides)

@@ -1,9 +1,7 @@
 //! The figures of case 2: what the rounds reach, without lash and with it, what it costs, and what is left.
 //!
-//! In: a plant file of the car without lash, seeds, a folder. Out: [`Study`]: both cars tuned, driven again with fresh noise, and every figure
+//! In: a plant file of the car without lash, seeds. Out: [`Study`]: both cars tuned, driven again with fresh noise, and every figure
 //! of that last drive. Nothing here is chosen by the figures that it reports: rounds are chosen by their own runs.
-
-use std::path::Path;
 
 use rsm_core::check::Checked;
 use rsm_core::source::{Faults, Source};
@@ -22,11 +20,9 @@ use super::run::{Compensation, Trace};
 /// Total lash of the paper's car, 3 degrees at the wheel, in rad.
 pub const LASH: f64 = 0.0524;
 
-/// Where a study takes its noise from and leaves its files.
-#[derive(Debug, Clone)]
-pub struct Study<'a> {
-    /// Where the data files go.
-    pub folder: &'a Path,
+/// Where a study takes its noise from.
+#[derive(Debug, Clone, Copy)]
+pub struct Study {
     /// The seed of everything: orders, noise, unseen sets.
     pub seed: u64,
     /// On so many threads.
@@ -105,9 +101,9 @@ pub fn with_lash(plant: &PlantFile, gap: f64) -> Result<PlantFile, Faults> {
 ///
 /// # Errors
 /// What the track or the fit refuses.
-pub fn car(plant: &PlantFile, study: &Study<'_>, name: &str, poles: Poles) -> Result<Car, Faults> {
+pub fn car(plant: &PlantFile, study: &Study, poles: Poles) -> Result<Car, Faults> {
     let plan = TrackPlan::experiment(study.seed);
-    let settings = Settings { folder: study.folder, name, seed: study.seed, poles, threads: study.threads };
+    let settings = Settings { seed: study.seed, poles, threads: study.threads };
     let tuned = tune(plant, &plan, &settings)?;
     // Seeds that no round had: there are fewer than 1000 rounds.
     let drive = |plan: &TrackPlan, after: u64, compensation: Option<&Compensation>| {
@@ -116,7 +112,7 @@ pub fn car(plant: &PlantFile, study: &Study<'_>, name: &str, poles: Poles) -> Re
     let unseen: Vec<Measured> =
         drive(&TrackPlan::unseen(study.seed + 1), 0, None)?.into_iter().map(|(measured, _)| measured).collect();
     let best = &tuned.rounds[tuned.best];
-    let surfaces = fit_surfaces(&tuned.uncompensated, &best.pole_damping, Some(&unseen), &settings)?;
+    let surfaces = fit_surfaces(&tuned.uncompensated, &best.pole_damping, Some(&unseen), poles.damping_terms)?;
     let compensation = Compensation::new(&Checked::from_model(tuned.model())?, COMPENSATOR)?;
     let uncompensated = drive(&plan, 1, None)?;
     let compensated = drive(&plan, 2, Some(&compensation))?;
@@ -129,8 +125,7 @@ pub fn car(plant: &PlantFile, study: &Study<'_>, name: &str, poles: Poles) -> Re
         let residual = of_damping.and_then(|it| it.validation.as_ref()).map_or(f64::NAN, |it| it.mean_abs_error);
         100.0 * residual / mean_of_unseen
     };
-    let as_in_the_paper = Settings { poles: Poles { damping_terms: SECOND_ORDER, ..poles }, ..settings.clone() };
-    let second_order = fit_surfaces(&tuned.uncompensated, &best.pole_damping, Some(&unseen), &as_in_the_paper)?;
+    let second_order = fit_surfaces(&tuned.uncompensated, &best.pole_damping, Some(&unseen), SECOND_ORDER)?;
     let mean_and_largest = |ratio: fn(&Measured, &Measured) -> f64| {
         let ratios: Vec<f64> = before.iter().zip(&after).map(|(before, after)| ratio(before, after)).collect();
         [ratios.iter().sum::<f64>() / ratios.len() as f64, ratios.iter().copied().fold(0.0, f64::max)]
@@ -165,16 +160,16 @@ pub fn car(plant: &PlantFile, study: &Study<'_>, name: &str, poles: Poles) -> Re
 ///
 /// # Errors
 /// What the track or the fit refuses.
-pub fn figures(plant: &PlantFile, study: &Study<'_>) -> Result<Figures, Faults> {
+pub fn figures(plant: &PlantFile, study: &Study) -> Result<Figures, Faults> {
     let lash = with_lash(plant, LASH)?;
-    let without_lash = car(plant, study, "tip-in", Poles::WITHOUT_LASH)?;
-    let with_lash = car(&lash, study, "tip-in-lash", Poles::WITH_LASH)?;
+    let without_lash = car(plant, study, Poles::WITHOUT_LASH)?;
+    let with_lash = car(&lash, study, Poles::WITH_LASH)?;
     let left = left(plant, &lash, &with_lash, study)?;
     Ok(Figures { without_lash, with_lash, left })
 }
 
 /// What is left, by taking away lash, lag and the bend of the torque map, one at a time.
-fn left(plant: &PlantFile, lash: &PlantFile, car: &Car, study: &Study<'_>) -> Result<Vec<Without>, Faults> {
+fn left(plant: &PlantFile, lash: &PlantFile, car: &Car, study: &Study) -> Result<Vec<Without>, Faults> {
     let compensation = Compensation::new(&Checked::from_model(car.tuned.model())?, COMPENSATOR)?;
     let mut no_lag = lash.clone();
     // A tenth: 10 ms, which no shuffle sees (0.5 rad at 50 rad/s); a lag of 0 is not a driveline of docs/book/src/reference/plants.md.

@@ -1,6 +1,6 @@
 //! Another gearbox and the vehicle's load: damping and frequency of the shuffle against road speed and gear ratio, and against the load as well.
 //!
-//! In: a plant file, the ratios of a second gearbox, seeds, a folder for the data that are fitted. Out: [`Prediction`] and [`Loaded`], what the surfaces
+//! In: a plant file, the ratios of a second gearbox, seeds. Out: [`Prediction`] and [`Loaded`], what the surfaces
 //! leave on runs that no fit saw, as plain numbers. The second car is never fitted, and no term was chosen by it.
 //!
 //! The coordinates are road speed and 1/ratio. The inertia of the engine at the wheel goes with the square of the ratio, so frequency and damping of the mode
@@ -11,13 +11,12 @@ use rsm_core::check::Checked;
 use rsm_core::lower;
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
-use rsm_core::source::{Fault, Faults, Source};
-use rsm_fit::fit::{Outcome, fit};
-use rsm_fit::spec::Specification;
+use rsm_core::source::{Fault, Faults};
+use rsm_fit::{Constraint, Fit, Input, Outcome, Response};
 
 use rsm_sim::plant_file::PlantFile;
 
-use super::experiment::{csv, experiment};
+use super::experiment::experiment;
 use super::figures::Study;
 use super::measure::Measured;
 use super::plan::{ENGINE_SPEEDS_RPM, TrackPlan};
@@ -45,7 +44,27 @@ pub enum Against {
     RatioAndLoad,
 }
 
-/// The text of the specification of `damping_ratio` and `shuffle_frequency`.
+/// Ranges of the model: in m/s, in gears, of ratios, in kg; where the evaluators of the damping and of the frequency saturate.
+const SPEEDS: [f64; 2] = [2.5, 50.0];
+const GEARS: [f64; 2] = [1.0, 5.0];
+const RATIOS: [f64; 2] = [0.85, 3.6];
+const LOADS_OF_MODEL: [f64; 2] = [0.0, 320.0];
+const DAMPINGS: [f64; 2] = [0.05, 1.0];
+const FREQUENCIES: [f64; 2] = [8.0, 80.0];
+
+/// Faces of the support with two inputs: four sides of the box and the two lines of the engine.
+const FACES: usize = 6;
+
+/// The powers of the terms, a list an order of the ratio.
+fn terms(against: Against) -> Vec<Vec<u32>> {
+    let of_mode = (0..=3).flat_map(|ratio| (0..=2).map(move |speed| vec![speed, ratio]));
+    if against != Against::RatioAndLoad {
+        return of_mode.collect();
+    }
+    of_mode.map(|powers| [powers, vec![0]].concat()).chain([vec![0, 0, 1], vec![0, 1, 1]]).collect()
+}
+
+/// The text of the specification of `damping_ratio` and `shuffle_frequency`: what [`fit_mode`] fits in memory, for data in files.
 ///
 /// The terms: second order in the speed, as the engine's torque map bends that much, times third order in 1/ratio, the order that the surfaces against the gear
 /// have; the load moves little and is straight, with a slope of its own in each gear. The weights: in fifth gear a run knows its damping to 0.01, and with lash to 0.1 where
@@ -64,28 +83,22 @@ pub fn specification(against: Against, data: &str, unseen: Option<&str>) -> Stri
         ),
     };
     let (second, reciprocal, comment) = if against == Against::Gear {
-        ("[inputs.gear]\nunit = \"1\"\nrange = [1.0, 5.0]\n", "", "")
+        (format!("[inputs.gear]\nunit = \"1\"\nrange = {GEARS:?}\n"), "", "")
     } else {
         let comment = "# In 1/ratio both are nearly straight, and the runs lie between two straight lines: the engine's lowest and highest speed.\n";
-        ("[inputs.ratio]\nunit = \"1\"\nrange = [0.85, 3.6]\n", "reciprocal = [\"ratio\"]\n", comment)
+        (format!("[inputs.ratio]\nunit = \"1\"\nrange = {RATIOS:?}\n"), "reciprocal = [\"ratio\"]\n", comment)
     };
     let (third, inputs) = match against {
-        Against::Gear => ("", "\"speed\", \"gear\""),
-        Against::Ratio => ("", "\"speed\", \"ratio\""),
-        Against::RatioAndLoad => ("\n[inputs.load]\nunit = \"kg\"\nrange = [0.0, 320.0]\n", "\"speed\", \"ratio\", \"load\""),
+        Against::Gear => (String::new(), "\"speed\", \"gear\""),
+        Against::Ratio => (String::new(), "\"speed\", \"ratio\""),
+        Against::RatioAndLoad => {
+            (format!("\n[inputs.load]\nunit = \"kg\"\nrange = {LOADS_OF_MODEL:?}\n"), "\"speed\", \"ratio\", \"load\"")
+        }
     };
-    let with_load = against == Against::RatioAndLoad;
     // Four sides of the box and the two lines of the engine; with three inputs the directions are given: -1, 0 and 1.
-    let support = if with_load { "\"data\"" } else { "{ from = \"data\", faces = 6 }" };
-    let power = |speed: u32, ratio: u32, load: u32| {
-        if with_load { format!("[{speed}, {ratio}, {load}]") } else { format!("[{speed}, {ratio}]") }
-    };
-    let mut terms: Vec<String> =
-        (0..=3).flat_map(|ratio| (0..=2).map(move |speed| (speed, ratio))).map(|(s, r)| power(s, r, 0)).collect();
-    if with_load {
-        terms.extend([power(0, 0, 1), power(0, 1, 1)]);
-    }
-    let common = format!("{reciprocal}terms = [{}]\nselect = {{ method = \"fixed\" }}", terms.join(", "));
+    let with_load = against == Against::RatioAndLoad;
+    let support = if with_load { "\"data\"".to_string() } else { format!("{{ from = \"data\", faces = {FACES} }}") };
+    let common = format!("{reciprocal}terms = {:?}\nselect = {{ method = \"fixed\" }}", terms(against));
     format!(
         r#"# The mode of the driveline in tip-in runs (`rsm experiment driveline`) against {title}.
 format = 1
@@ -94,7 +107,7 @@ data = ["{data}"]
 {unseen}
 [inputs.speed]
 unit = "m/s"
-range = [2.5, 50.0]
+range = {SPEEDS:?}
 
 {second}{third}
 {comment}# A run in first gear knows its mode thirty times better than one in fifth: each counts by its standard error.
@@ -103,7 +116,7 @@ column = "shuffle_damping"
 unit = "1"
 inputs = [{inputs}]
 weights = {{ standard_error = "shuffle_damping_se" }}
-output_range = [0.05, 1.0]
+output_range = {DAMPINGS:?}
 constraints = [{{ kind = "bounds", min = 0.0 }}]
 support = {support}
 {common}
@@ -112,7 +125,7 @@ support = {support}
 unit = "rad/s"
 inputs = [{inputs}]
 weights = {{ standard_error = "shuffle_frequency_se" }}
-output_range = [8.0, 80.0]
+output_range = {FREQUENCIES:?}
 {common}
 "#
     )
@@ -165,18 +178,36 @@ pub fn with_ratios(plant: &PlantFile, ratios: [f64; 5]) -> PlantFile {
     other
 }
 
-/// Fits runs; writes their data into the folder of the study and nothing else.
+/// Fits runs.
 ///
 /// # Errors
-/// What the fit refuses; a file that cannot be written.
-pub fn fit_mode(against: Against, measured: &[Measured], study: &Study<'_>) -> Result<Outcome, Faults> {
-    let refuse = |what: String| Faults::one(Fault::whole_file(&study.folder.display().to_string(), what));
-    let data = "mode.csv";
-    std::fs::write(study.folder.join(data), csv(measured, &[]))
-        .map_err(|error| refuse(format!("{data} cannot be written: {error}")))?;
-    let source = Source::new("mode.toml", specification(against, data, None));
-    let specification = Specification::from_source(source, study.folder.to_path_buf())?;
-    fit(&specification, &mut |_progress| {}).map_err(|refused| refuse(refused.to_string()))
+/// What the fit refuses.
+pub fn fit_mode(against: Against, measured: &[Measured]) -> Result<Outcome, Faults> {
+    let column = |of: fn(&Measured) -> f64| measured.iter().map(of).collect::<Vec<f64>>();
+    let speed = Input::new("speed", column(|it| it.road_speed)).unit("m/s").range(SPEEDS);
+    let gear = || Input::new("gear", column(|it| it.run.gear as f64)).range(GEARS);
+    let ratio = || Input::new("ratio", column(|it| it.ratio)).range(RATIOS);
+    let load = || Input::new("load", column(|it| it.run.load)).unit("kg").range(LOADS_OF_MODEL);
+    let (name, inputs) = match against {
+        Against::Gear => ("driveline_gear", vec![speed, gear()]),
+        Against::Ratio => ("driveline_ratio", vec![speed, ratio()]),
+        Against::RatioAndLoad => ("driveline_load", vec![speed, ratio(), load()]),
+    };
+    let damping = Response::new("damping_ratio", column(|it| it.mode.shape.damping_ratio))
+        .standard_errors(column(|it| it.mode.standard_error[2]))
+        .output_range(DAMPINGS)
+        .constraint(Constraint::Bounds { min: Some(0.0), max: None })
+        .supported_by_data(0.0);
+    let damping = if against == Against::RatioAndLoad { damping } else { damping.support_faces(FACES) };
+    let frequency = Response::new("shuffle_frequency", column(|it| it.mode.shape.natural_frequency))
+        .unit("rad/s")
+        .standard_errors(column(|it| it.mode.standard_error[1]))
+        .output_range(FREQUENCIES);
+    let common = |response: Response| {
+        let response = if against == Against::Gear { response } else { response.reciprocal("ratio") };
+        response.terms(terms(against))
+    };
+    Ok(Fit::new(inputs, [common(damping), common(frequency)]).name(name).fit()?)
 }
 
 /// The values of a surface of a model, or of its support test, at runs.
@@ -232,7 +263,7 @@ pub fn residual(checked: &Checked, measured: &[Measured]) -> Result<Residual, Fa
     })
 }
 
-fn drive(plant: &PlantFile, plan: &TrackPlan, seed: u64, study: &Study<'_>) -> Result<Vec<Measured>, Faults> {
+fn drive(plant: &PlantFile, plan: &TrackPlan, seed: u64, study: &Study) -> Result<Vec<Measured>, Faults> {
     Ok(experiment(plant, plan, seed, None, study.threads)?.into_iter().map(|(measured, _)| measured).collect())
 }
 
@@ -240,14 +271,14 @@ fn drive(plant: &PlantFile, plan: &TrackPlan, seed: u64, study: &Study<'_>) -> R
 ///
 /// # Errors
 /// What the track or the fit refuses.
-pub fn prediction(plant: &PlantFile, ratios: [f64; 5], study: &Study<'_>) -> Result<Prediction, Faults> {
+pub fn prediction(plant: &PlantFile, ratios: [f64; 5], study: &Study) -> Result<Prediction, Faults> {
     let fitted = drive(plant, &TrackPlan::experiment(study.seed), study.seed, study)?;
     let plan = TrackPlan::unseen(study.seed + 1);
     let unseen = drive(plant, &plan, study.seed + 1, study)?;
     let other = drive(&with_ratios(plant, ratios), &plan, study.seed + 2, study)?;
-    let outcome = fit_mode(Against::Ratio, &fitted, study)?;
+    let outcome = fit_mode(Against::Ratio, &fitted)?;
     let by_ratio = Checked::from_model(&outcome.model)?;
-    let by_gear = Checked::from_model(&fit_mode(Against::Gear, &fitted, study)?.model)?;
+    let by_gear = Checked::from_model(&fit_mode(Against::Gear, &fitted)?.model)?;
     Ok(Prediction {
         unseen: residual(&by_ratio, &unseen)?,
         other: residual(&by_ratio, &other)?,
@@ -261,11 +292,11 @@ pub fn prediction(plant: &PlantFile, ratios: [f64; 5], study: &Study<'_>) -> Res
 ///
 /// # Errors
 /// What the track or the fit refuses.
-pub fn loaded(plant: &PlantFile, study: &Study<'_>) -> Result<Loaded, Faults> {
+pub fn loaded(plant: &PlantFile, study: &Study) -> Result<Loaded, Faults> {
     let fitted = drive(plant, &TrackPlan::full(&ENGINE_SPEEDS_RPM, &LOADS, study.seed), study.seed, study)?;
     let plan = TrackPlan::full(&UNSEEN_WITH_LOAD_RPM, &UNSEEN_LOADS, study.seed + 1);
     let unseen = drive(plant, &plan, study.seed + 1, study)?;
-    let outcome = fit_mode(Against::RatioAndLoad, &fitted, study)?;
+    let outcome = fit_mode(Against::RatioAndLoad, &fitted)?;
     let checked = Checked::from_model(&outcome.model)?;
     let points = points(&fitted);
     let at = |load: f64| points.iter().map(|[speed, gear, ratio, _]| [*speed, *gear, *ratio, load]).collect::<Vec<_>>();

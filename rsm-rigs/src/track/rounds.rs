@@ -1,20 +1,17 @@
 //! From tip-in runs to a compensator, in rounds: fit, compensate, drive again, fit what is missing, until it no longer improves.
 //!
-//! In: a plant file, plans, seeds, a folder for the data that are fitted. Out: a model with the surfaces and the compensator `tip_in`, and the
+//! In: a plant file, plans, seeds. Out: a model with the surfaces and the compensator `tip_in`, and the
 //! figures of every round. The first round asks for the pole damping of a filter of third order; every later one for that plus a share of
-//! what was missing to 0.7 in the response to the pedal. Writes its data files into the folder and nothing else.
+//! what was missing to 0.7 in the response to the pedal. The surfaces are fitted in memory; [`specification`] and [`data`] are the same fit as files. Never writes.
 //!
 //! The poles get a natural frequency of their own, a little above the rate of the engine's lag ([`Poles`]). At the shuffle frequency of the high gears, four times
 //! the lag's rate, they could have any damping: the lag would dominate and the response stay overdamped (measured: 0.8 to 2.2 in gears 3 to 5 for any
 //! pole damping from 0.4 to 0.7). Much slower poles cost acceleration for nothing.
 
-use std::path::Path;
-
 use rsm_core::check::Checked;
 use rsm_core::model::{Compensator, Model, Scheduled};
-use rsm_core::source::{Fault, Faults, Source};
-use rsm_fit::fit::{Outcome, fit};
-use rsm_fit::spec::Specification;
+use rsm_core::source::Faults;
+use rsm_fit::{Constraint, Fit, Input, Outcome, Response};
 
 use rsm_sim::plant_file::PlantFile;
 
@@ -40,23 +37,33 @@ const MOST_ROUNDS: usize = 8;
 const MOST_POLE_DAMPING: f64 = 1.2;
 
 /// Powers of speed and gear that leave no more than noise of what is smooth in gear and nearly straight in speed (lack of fit below the standard errors).
-const SMOOTH: &str = "[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2], [0, 3], [1, 3]";
+const SMOOTH: &[[u32; 2]] = &[[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2], [0, 3], [1, 3]];
 
 /// With lash the damping bends much more: at low torque the gap takes longer. These are what the ladder up to fifth order chose on 25 runs with the seed 11 and 30
 /// unseen ones at other speeds. On runs of other seeds and unseen speeds they leave 0.8 % of the mean damping, the eight above 4 to 5 %.
-const WITH_GAP: &str =
-    "[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [0, 3], [4, 0], [3, 1], [2, 2], [1, 3], [0, 4], [5, 0], [1, 4]";
+const WITH_GAP: &[[u32; 2]] =
+    &[[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [0, 3], [4, 0], [3, 1], [2, 2], [1, 3], [0, 4], [5, 0], [1, 4]];
 
 /// The paper's own form: second order in speed and gear.
-pub const SECOND_ORDER: &str = "[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]";
+pub const SECOND_ORDER: &[[u32; 2]] = &[[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
+
+/// Ranges of the model, in m/s and in gears; where the evaluators of both dampings and of the frequency saturate.
+const SPEEDS: [f64; 2] = [2.5, 50.0];
+const GEARS: [f64; 2] = [1.0, 5.0];
+const DAMPINGS: [f64; 2] = [0.05, 1.0];
+const DAMPING_ERRORS: [f64; 2] = [-0.04, 1.2];
+const FREQUENCIES: [f64; 2] = [8.0, 80.0];
+
+/// Faces of the support: four sides of the box and the two lines of the engine.
+const FACES: usize = 6;
 
 /// The text of the specification of the surfaces. Without lash all are smooth in gear and nearly straight in speed, whose slope falls with the gear (it goes
 /// with engine speed). Both dampings have the same terms ([`Poles::damping_terms`]), so that the noise of the one leaves their sum.
 #[must_use]
-pub fn specification(data: &str, unseen: Option<&str>, damping_terms: &str) -> String {
+pub fn specification(data: &str, unseen: Option<&str>, damping_terms: &[[u32; 2]]) -> String {
     let unseen = unseen.map_or(String::new(), |file| format!("validate = [\"{file}\"]\n"));
     let fixed = "select = { method = \"fixed\" }";
-    let (terms, frequency_terms) = (format!("terms = [{damping_terms}]\n{fixed}"), format!("terms = [{SMOOTH}]\n{fixed}"));
+    let (terms, frequency_terms) = (format!("terms = {damping_terms:?}\n{fixed}"), format!("terms = {SMOOTH:?}\n{fixed}"));
     format!(
         r#"# Surfaces of tip-in runs (`rsm experiment driveline`) against road speed and gear.
 format = 1
@@ -65,11 +72,11 @@ data = ["{data}"]
 {unseen}
 [inputs.speed]
 unit = "m/s"
-range = [2.5, 50.0]
+range = {SPEEDS:?}
 
 [inputs.gear]
 unit = "1"
-range = [1.0, 5.0]
+range = {GEARS:?}
 
 # The mode behind the engine's lag: what the zeros of the compensator cancel. A damping is positive.
 # One support stands for all three surfaces, since they rest on the same rows: the box and the two lines of the engine's speed.
@@ -77,9 +84,9 @@ range = [1.0, 5.0]
 column = "shuffle_damping"
 unit = "1"
 inputs = ["speed", "gear"]
-output_range = [0.05, 1.0]
+output_range = {DAMPINGS:?}
 constraints = [{{ kind = "bounds", min = 0.0 }}]
-support = {{ from = "data", faces = 6 }}
+support = {{ from = "data", faces = {FACES} }}
 {terms}
 
 # What the poles need beyond it. Both lower ends add up to more than 0: the poles are stable wherever the surfaces saturate.
@@ -87,13 +94,13 @@ support = {{ from = "data", faces = 6 }}
 column = "pole_damping_error"
 unit = "1"
 inputs = ["speed", "gear"]
-output_range = [-0.04, 1.2]
+output_range = {DAMPING_ERRORS:?}
 {terms}
 
 [responses.shuffle_frequency]
 unit = "rad/s"
 inputs = ["speed", "gear"]
-output_range = [8.0, 80.0]
+output_range = {FREQUENCIES:?}
 {frequency_terms}
 "#
     )
@@ -142,8 +149,8 @@ pub struct Poles {
     pub frequency_times_lag: f64,
     /// The least damping that is asked for.
     pub least_damping: f64,
-    /// Powers of speed and gear of both damping surfaces, whose sum is the poles' damping, as a specification writes them.
-    pub damping_terms: &'static str,
+    /// Powers of speed and gear of both damping surfaces, whose sum is the poles' damping.
+    pub damping_terms: &'static [[u32; 2]],
 }
 
 impl Poles {
@@ -157,12 +164,8 @@ impl Poles {
 }
 
 /// How a car is tuned.
-#[derive(Debug, Clone)]
-pub struct Settings<'a> {
-    /// Where the data files go, and what their names begin with.
-    pub folder: &'a Path,
-    /// The beginning of their names.
-    pub name: &'a str,
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
     /// The seed of the first experiment; every round has the next one.
     pub seed: u64,
     /// What is asked of the poles.
@@ -191,42 +194,62 @@ pub fn worst_ratio(uncompensated: &[Measured], compensated: &[Measured]) -> f64 
     uncompensated.iter().zip(compensated).filter_map(|(before, after)| overshoot_ratio(before, after)).fold(0.0, f64::max)
 }
 
-fn refuse(place: &Path, what: &impl ToString) -> Faults {
-    Faults::one(Fault::whole_file(&place.display().to_string(), what.to_string()))
+/// What the poles shall have beyond the damping of the mode.
+fn pole_damping_errors(measured: &[Measured], pole_damping: &[f64]) -> Vec<f64> {
+    measured.iter().zip(pole_damping).map(|(it, pole)| pole - it.mode.shape.damping_ratio).collect()
 }
 
 /// The data of [`specification`]: what was measured, and `pole_damping_error`, what the poles shall have beyond the damping of the mode.
 #[must_use]
 pub fn data(measured: &[Measured], pole_damping: &[f64]) -> String {
-    let errors: Vec<f64> = measured.iter().zip(pole_damping).map(|(it, pole)| pole - it.mode.shape.damping_ratio).collect();
-    csv(measured, &[("pole_damping_error[1]", &errors)])
+    csv(measured, &[("pole_damping_error[1]", &pole_damping_errors(measured, pole_damping))])
+}
+
+/// The data of unseen runs. What they would ask of the poles is nobody's measurement: the target stands there, and its figures are not used.
+#[must_use]
+pub fn unseen_data(unseen: &[Measured]) -> String {
+    data(unseen, &vec![TARGET; unseen.len()])
+}
+
+/// The inputs of runs.
+fn inputs(measured: &[Measured]) -> [Input; 2] {
+    let speed = measured.iter().map(|it| it.road_speed).collect::<Vec<f64>>();
+    let gear = measured.iter().map(|it| it.run.gear as f64).collect::<Vec<f64>>();
+    [Input::new("speed", speed).unit("m/s").range(SPEEDS), Input::new("gear", gear).unit("1").range(GEARS)]
+}
+
+/// The responses of runs whose poles shall have these dampings, as [`specification`] has them.
+fn responses(measured: &[Measured], pole_damping: &[f64], damping_terms: &[[u32; 2]]) -> [Response; 3] {
+    let damping: Vec<f64> = measured.iter().map(|it| it.mode.shape.damping_ratio).collect();
+    let frequency: Vec<f64> = measured.iter().map(|it| it.mode.shape.natural_frequency).collect();
+    let errors = pole_damping_errors(measured, pole_damping);
+    [
+        Response::new("damping_ratio", damping)
+            .output_range(DAMPINGS)
+            .constraint(Constraint::Bounds { min: Some(0.0), max: None })
+            .supported_by_data(0.0)
+            .support_faces(FACES)
+            .terms(damping_terms.iter().copied()),
+        Response::new("damping_error", errors).output_range(DAMPING_ERRORS).terms(damping_terms.iter().copied()),
+        Response::new("shuffle_frequency", frequency).unit("rad/s").output_range(FREQUENCIES).terms(SMOOTH.iter().copied()),
+    ]
 }
 
 /// Fits the surfaces of runs whose poles shall have these dampings.
 ///
 /// # Errors
-/// What the fit refuses; a file that cannot be written.
+/// What the fit refuses.
 pub fn fit_surfaces(
     measured: &[Measured],
     pole_damping: &[f64],
     unseen: Option<&[Measured]>,
-    settings: &Settings<'_>,
+    damping_terms: &[[u32; 2]],
 ) -> Result<Outcome, Faults> {
-    let write = |name: &str, measured: &[Measured], pole: &[f64]| {
-        let path = settings.folder.join(name);
-        std::fs::write(&path, data(measured, pole)).map_err(|error| refuse(&path, &format!("cannot be written: {error}")))
-    };
-    let fitted = format!("{}.csv", settings.name);
-    let unseen_data = format!("{}-unseen.csv", settings.name);
-    write(&fitted, measured, pole_damping)?;
+    let mut fit = Fit::new(inputs(measured), responses(measured, pole_damping, damping_terms)).name("driveline");
     if let Some(unseen) = unseen {
-        // What the unseen runs would ask of the poles is nobody's measurement: the target stands there, and its figures are not used.
-        write(&unseen_data, unseen, &vec![TARGET; unseen.len()])?;
+        fit = fit.validate(inputs(unseen), responses(unseen, &vec![TARGET; unseen.len()], damping_terms));
     }
-    let text = specification(&fitted, unseen.map(|_| unseen_data.as_str()), settings.poles.damping_terms);
-    let source = Source::new(format!("{}.toml", settings.name), text);
-    let specification = Specification::from_source(source, settings.folder.to_path_buf())?;
-    fit(&specification, &mut |_progress| {}).map_err(|refused| refuse(settings.folder, &refused))
+    Ok(fit.fit()?)
 }
 
 /// The model of fitted surfaces with the compensator on top.
@@ -248,7 +271,7 @@ pub fn with_compensator(surfaces: &Model, pole_frequency: f64) -> Model {
 ///
 /// # Errors
 /// What the track or the fit refuses.
-pub fn tune(plant: &PlantFile, plan: &TrackPlan, settings: &Settings<'_>) -> Result<Tuned, Faults> {
+pub fn tune(plant: &PlantFile, plan: &TrackPlan, settings: &Settings) -> Result<Tuned, Faults> {
     let drive = |seed: u64, compensation: Option<&Compensation>| {
         let runs = experiment(plant, plan, seed, compensation, settings.threads)?;
         Ok::<_, Faults>(runs.into_iter().map(|(measured, _)| measured).collect::<Vec<_>>())
@@ -261,7 +284,7 @@ pub fn tune(plant: &PlantFile, plan: &TrackPlan, settings: &Settings<'_>) -> Res
     let mut rounds: Vec<Round> = vec![];
     let mut best = 0;
     while rounds.len() < MOST_ROUNDS {
-        let outcome = fit_surfaces(&uncompensated, &pole_damping, None, settings)?;
+        let outcome = fit_surfaces(&uncompensated, &pole_damping, None, settings.poles.damping_terms)?;
         let model = with_compensator(&outcome.model, pole_frequency);
         let compensation = Compensation::new(&Checked::from_model(&model)?, COMPENSATOR)?;
         let measured = drive(settings.seed + 1 + rounds.len() as u64, Some(&compensation))?;

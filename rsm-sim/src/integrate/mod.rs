@@ -16,10 +16,10 @@ use crate::plants::Plant;
 
 /// A step is at most this over the fastest rate. The error of fourth order in one time constant is then 0.25^4/120, 3e-5 of
 /// what moves that fast; stability alone would allow 2.78.
-pub const STEP_RATE: f64 = 0.25;
+pub(crate) const STEP_RATE: f64 = 0.25;
 
 /// More steps in a span are not a simulation that anybody waits for: a stiffness or an inertia is wrong by orders.
-pub const MOST_STEPS: f64 = 50_000.0;
+pub(crate) const MOST_STEPS: f64 = 50_000.0;
 
 /// A step of the exponential method costs two to three of the classical one (nine products of a small matrix beside as many evaluations); it is taken
 /// where it saves at least this factor.
@@ -29,7 +29,7 @@ const PAYS: f64 = 3.0;
 const EXPONENTIAL: usize = 3;
 
 /// A plant with its effects under held inputs.
-pub struct System<'a, P: Plant> {
+pub(crate) struct System<'a, P: Plant> {
     /// The plant.
     pub plant: &'a P,
     /// Its effects.
@@ -49,7 +49,7 @@ impl<P: Plant> System<'_, P> {
     }
 
     /// The same at the state where the work stands.
-    pub fn rates_here(&self, held: Option<u32>, time: f64, work: &mut Work) -> u32 {
+    pub(crate) fn rates_here(&self, held: Option<u32>, time: f64, work: &mut Work) -> u32 {
         let Work { x, k: [dx, ..], outputs, .. } = &mut *work;
         self.rates(held, time, x, dx, outputs)
     }
@@ -57,7 +57,7 @@ impl<P: Plant> System<'_, P> {
 
 /// Everything that the inner loop writes.
 #[derive(Debug, Default)]
-pub struct Work {
+pub(crate) struct Work {
     /// The state.
     pub x: Vec<f64>,
     /// The rates of four stages; the first are those at the state.
@@ -73,14 +73,14 @@ pub struct Work {
 impl Work {
     /// For so many states.
     #[must_use]
-    pub fn new(states: usize) -> Self {
+    pub(crate) fn new(states: usize) -> Self {
         let of = || vec![0.0; states];
         let parts = Parts::default();
         Work { x: of(), k: [of(), of(), of(), of()], outputs: [0.0; 3], before: of(), first: of(), trial: of(), parts }
     }
 
     /// Before a run: nothing is left of another.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.x.fill(0.0);
         self.parts.clear();
     }
@@ -88,7 +88,7 @@ impl Work {
 
 /// A span: its start and its length, in s.
 #[derive(Debug, Clone, Copy)]
-pub struct Span {
+pub(crate) struct Span {
     /// When it begins.
     pub start: f64,
     /// How long it is.
@@ -100,7 +100,7 @@ pub struct Span {
 ///
 /// # Errors
 /// The fastest rate, where it asks for more than [`MOST_STEPS`].
-pub fn hold<P: Plant>(
+pub(crate) fn hold<P: Plant>(
     system: &System<'_, P>,
     work: &mut Work,
     pieces: u32,

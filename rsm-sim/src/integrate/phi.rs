@@ -16,13 +16,13 @@ const TERMS: u32 = 13;
 pub(super) struct Matrix<const N: usize>(pub Box<[[f64; N]; N]>);
 
 impl<const N: usize> Matrix<N> {
-    pub fn zero() -> Self {
+    pub(super) fn zero() -> Self {
         Matrix(Box::new([[0.0; N]; N]))
     }
 
     /// The matrix times a vector.
     #[inline]
-    pub fn times(&self, vector: &[f64; N]) -> [f64; N] {
+    pub(super) fn times(&self, vector: &[f64; N]) -> [f64; N] {
         let mut product = [0.0; N];
         for (column, factor) in self.0.iter().zip(vector) {
             for (sum, value) in product.iter_mut().zip(column) {
@@ -33,7 +33,7 @@ impl<const N: usize> Matrix<N> {
     }
 
     /// self other
-    pub fn product(&self, other: &Self) -> Self {
+    pub(super) fn product(&self, other: &Self) -> Self {
         let mut product = Self::zero();
         for (column, of_other) in product.0.iter_mut().zip(other.0.iter()) {
             *column = self.times(of_other);
@@ -42,7 +42,7 @@ impl<const N: usize> Matrix<N> {
     }
 
     /// factor self + diagonal I
-    pub fn scaled(&self, factor: f64, diagonal: f64) -> Self {
+    pub(super) fn scaled(&self, factor: f64, diagonal: f64) -> Self {
         let mut scaled = self.clone();
         for (j, column) in scaled.0.iter_mut().enumerate() {
             column.iter_mut().for_each(|value| *value *= factor);
@@ -52,7 +52,7 @@ impl<const N: usize> Matrix<N> {
     }
 
     /// factor (self + share other)
-    pub fn combined(&self, factor: f64, other: &Self, share: f64) -> Self {
+    pub(super) fn combined(&self, factor: f64, other: &Self, share: f64) -> Self {
         let mut sum = self.clone();
         for (column, of_other) in sum.0.iter_mut().zip(other.0.iter()) {
             for (value, other) in column.iter_mut().zip(of_other) {
@@ -63,7 +63,7 @@ impl<const N: usize> Matrix<N> {
     }
 
     /// The largest column sum.
-    pub fn norm(&self) -> f64 {
+    pub(super) fn norm(&self) -> f64 {
         self.0.iter().map(|column| column.iter().map(|value| value.abs()).sum()).fold(0.0, f64::max)
     }
 }

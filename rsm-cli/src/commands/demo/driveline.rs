@@ -13,6 +13,7 @@ use rsm_core::source::Source;
 use rsm_rigs::track::figures::{self, Car, Figures, Study};
 use rsm_rigs::track::gearbox::{self, OTHER_RATIOS, Prediction, Residual};
 use rsm_rigs::track::plan::TrackPlan;
+use rsm_rigs::track::rounds;
 use rsm_rigs::track::run::{COAST_ROWS, PERIOD, Trace};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::threads::threads;
@@ -42,9 +43,16 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
         (folder.join("plan.csv"), TrackPlan::experiment(SEED).csv()),
     ])?;
     tell.say("track    25 tip-in runs, five speeds in each gear, without lash and with 3 degrees of it; rounds of the compensator ...")?;
-    let study = Study { folder, seed: SEED, threads: threads() };
+    let study = Study { seed: SEED, threads: threads() };
     let found = figures::figures(&plant, &study)?;
     let Figures { without_lash, with_lash, left } = &found;
+    for (name, car) in [("tip-in", without_lash), ("tip-in-lash", with_lash)] {
+        let best = &car.tuned.rounds[car.tuned.best];
+        output::write_all(&[
+            (folder.join(format!("{name}.csv")), rounds::data(&car.tuned.uncompensated, &best.pole_damping)),
+            (folder.join(format!("{name}-unseen.csv")), rounds::unseen_data(&car.unseen)),
+        ])?;
+    }
     for (name, car) in [("without lash", without_lash), ("with lash", with_lash)] {
         tell.say(&format!(
             "track    {name}: damping surface off by {:.2} % on unseen runs, {:.2} % at second order as the paper has it; compensated damping ratio {:.3}, largest residual {:.3}; overshoot {:.2} of before \
@@ -85,12 +93,7 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
 }
 
 /// What surfaces against the gear ratio say of a gearbox that was never run, and surfaces with the load of other loads.
-fn other_cars(
-    tell: &Teller,
-    plant: &PlantFile,
-    study: &Study<'_>,
-    results: &mut Map<String, Value>,
-) -> Result<String, Refusal> {
+fn other_cars(tell: &Teller, plant: &PlantFile, study: &Study, results: &mut Map<String, Value>) -> Result<String, Refusal> {
     let Prediction { unseen, other, by_gear_other, .. } = gearbox::prediction(plant, OTHER_RATIOS, study)?;
     let loaded = gearbox::loaded(plant, study)?;
     let lines = [

@@ -88,7 +88,9 @@ fn measure_and_fit(
         plans[1].len()
     ))?;
     let bench = Bench::default();
-    let weakening::Measured { outcomes: [outcomes, _], fitted } = weakening::measure(plant, &bench, &plans[0], FIT, folder)?;
+    let measured = weakening::measure(plant, &bench, &plans[0], FIT)?;
+    let weakening::Measured { outcomes: [outcomes, _], fitted, files: of_fit } = measured;
+    output::write_all(&of_fit.into_iter().map(|(name, text)| (folder.join(name), text)).collect::<Vec<_>>())?;
     let points: Points = outcomes
         .iter()
         .filter_map(|outcome| match outcome {

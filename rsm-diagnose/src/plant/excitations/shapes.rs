@@ -4,42 +4,42 @@
 
 /// A quantity that is straight between points (time in s, value); before the first and after the last it stands still.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Path {
+pub(super) struct Path {
     points: Vec<(f64, f64)>,
 }
 
 impl Path {
     /// Begins at a value.
     #[must_use]
-    pub fn from(value: f64) -> Self {
+    pub(super) fn from(value: f64) -> Self {
         Path { points: vec![(0.0, value)] }
     }
 
     /// The instant of the last point, in s.
     #[must_use]
-    pub fn end(&self) -> f64 {
+    pub(super) fn end(&self) -> f64 {
         self.points.last().map_or(0.0, |point| point.0)
     }
 
     /// The value of the last point.
     #[must_use]
-    pub fn last(&self) -> f64 {
+    pub(super) fn last(&self) -> f64 {
         self.points.last().map_or(0.0, |point| point.1)
     }
 
     /// Goes to a value in a straight line.
-    pub fn go(&mut self, value: f64, seconds: f64) {
+    pub(super) fn go(&mut self, value: f64, seconds: f64) {
         self.points.push((self.end() + seconds.max(0.0), value));
     }
 
     /// Stays.
-    pub fn stay(&mut self, seconds: f64) {
+    pub(super) fn stay(&mut self, seconds: f64) {
         self.go(self.last(), seconds);
     }
 
     /// The values at rows, and their slopes per second: those of the stretch that a row begins.
     #[must_use]
-    pub fn sampled(&self, rows: usize, period: f64) -> (Vec<f64>, Vec<f64>) {
+    pub(super) fn sampled(&self, rows: usize, period: f64) -> (Vec<f64>, Vec<f64>) {
         let mut values = Vec::with_capacity(rows);
         let mut slopes = Vec::with_capacity(rows);
         let mut place = 0;
@@ -60,7 +60,7 @@ impl Path {
 /// A sequence of +1 and -1 that changes at random multiples of `hold` rows: the maximum-length sequence of a shift register of nine bits
 /// (x^9 + x^5 + 1; S. W. Golomb, 1967), whose spectrum is flat up to 0.44/hold.
 #[must_use]
-pub fn binary(rows: usize, hold: usize, skip: usize) -> Vec<f64> {
+pub(super) fn binary(rows: usize, hold: usize, skip: usize) -> Vec<f64> {
     let mut state = 0b1_0110_1001_u32;
     let mut bit = || {
         let next = (state ^ (state >> 4)) & 1;

@@ -29,8 +29,8 @@ const FOLD_PER_RAD_S: f32 = 1.0 / 780.0;
 /// `drive::STEEPER` of the target.
 const STEEPER: f32 = 1.25;
 
-/// The other leg of a circle, which the target includes from this file too.
-const CIRCLE: &str = include_str!("../../../../generated/coefficients/circle.toml");
+/// The other leg of a circle: a copy of the file that the target includes, so that this package stands alone. A test compares the two.
+const CIRCLE: &str = include_str!("../../../models/circle.toml");
 
 /// The constants of `Drive` that the step uses, made as `Drive::new` makes them.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,7 +13,7 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::threads::threads;
 use serde_json::{Value, json};
 
-use super::{Refitted, Request, collected, gain, usable, workshop};
+use super::{Refitted, Request, gain, usable};
 use crate::outcome::Refusal;
 use crate::{evaluators, output};
 
@@ -67,11 +67,11 @@ fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusa
     let mut models: Vec<Model> = Vec::new();
     for (name, plant) in [("nominal", &nominal), ("extended", &extended)] {
         (request.progress)(&format!("the {name} car on the track"));
-        let folder = workshop()?;
-        let settings = Settings { folder: folder.path(), name: "tip-in", seed: SEED, poles: poles(plant), threads: threads() };
+        let settings = Settings { seed: SEED, poles: poles(plant), threads: threads() };
         let tuned = rounds::tune(plant, plan, &settings)?;
         if name == "extended" {
-            files = collected(folder.path(), request.folder)?;
+            let data = rounds::data(&tuned.uncompensated, &tuned.rounds[tuned.best].pole_damping);
+            files.push((request.folder.join("tip-in.csv"), data));
             files.push((request.folder.join("plan.csv"), plan.csv()));
             files.push((
                 request.folder.join("fit.toml"),

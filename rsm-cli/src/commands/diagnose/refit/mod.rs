@@ -89,25 +89,6 @@ fn usable(plant: &PlantFile, never: &[&str]) -> (PlantFile, Vec<String>) {
     (usable, left_out)
 }
 
-/// A temporary folder for data that a fit reads.
-fn workshop() -> Result<tempfile::TempDir, Refusal> {
-    tempfile::tempdir().map_err(|error| Refusal::new(format!("--refit: no temporary folder: {error}")))
-}
-
-/// The files of a folder with their names in another.
-fn collected(from: &Path, to: &Path) -> Result<Vec<(PathBuf, String)>, Refusal> {
-    let failed = |error: std::io::Error| Refusal::new(format!("{}: cannot be read: {error}", from.display()));
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(from).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if let (true, Some(name)) = (path.is_file(), path.file_name()) {
-            files.push((to.join(name), std::fs::read_to_string(&path).map_err(failed)?));
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
 /// The share of an error that is gone.
 fn gain(before: f64, after: f64) -> f64 {
     if before > 0.0 { 1.0 - after / before } else { 0.0 }

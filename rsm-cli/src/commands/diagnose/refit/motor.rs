@@ -12,7 +12,7 @@ use rsm_rigs::motor::surface::{SurfaceController, Surfaces};
 use rsm_sim::plant_file::PlantFile;
 use serde_json::{Value, json};
 
-use super::{Refitted, Request, collected, gain, usable, workshop};
+use super::{Refitted, Request, gain, usable};
 use crate::outcome::Refusal;
 use crate::weakening::{self, PLANS, UNSEEN};
 use crate::{evaluators, output, report};
@@ -60,12 +60,11 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     let mut controllers = Vec::new();
     for (name, plant) in [("nominal", &nominal), ("extended", &extended)] {
         (request.progress)(&format!("the {name} motor on the bench"));
-        let folder = workshop()?;
         let (bench, specification) = weakening::for_motor(plant);
-        let fitted = weakening::measure(plant, &bench, &settings, &specification, folder.path())?.fitted;
+        let weakening::Measured { fitted, files: of_fit, .. } = weakening::measure(plant, &bench, &settings, &specification)?;
         let checked = Checked::from_model(&fitted.model)?;
         if name == "extended" {
-            files = collected(folder.path(), request.folder)?;
+            files = of_fit.into_iter().map(|(name, text)| (request.folder.join(name), text)).collect();
             files.push((request.folder.join("fit.html"), report::fit(&fitted)?));
             files.extend(evaluators::files(&checked, request.folder)?.1);
         }
