@@ -28,9 +28,9 @@ mod weakening;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
-use commands::{check, demo, design, diagnose, emit, eval, experiment, fit, import, simulate};
+use commands::{check, completions, demo, design, diagnose, emit, eval, experiment, fit, import, man, simulate};
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
 #[derive(Parser)]
@@ -65,6 +65,10 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// The whole chain on shipped data: fit, check, emit, compile, compare bits, run the motor loop
     Demo(demo::Arguments),
+    /// Print the completions of a shell
+    Completions(completions::Arguments),
+    /// Print the page of the manual, in roff
+    Man(man::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -81,6 +85,8 @@ fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments, Arguments::command()),
+        Command::Man(arguments) => man::run(&arguments, Arguments::command()),
     };
     outcome::exit(result)
 }

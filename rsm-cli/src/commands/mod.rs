@@ -1,6 +1,7 @@
 //! One file a subcommand.
 
 pub mod check;
+pub mod completions;
 pub mod demo;
 pub mod design;
 pub mod diagnose;
@@ -10,6 +11,7 @@ pub mod experiment;
 pub mod fit;
 pub mod import;
 pub mod limits;
+pub mod man;
 pub mod simulate;
 
 use std::io::Read as _;

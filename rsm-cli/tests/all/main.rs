@@ -14,5 +14,6 @@ mod motor;
 mod pages;
 mod readme;
 mod reference;
+mod shells;
 mod streams;
 mod tutorial;
