@@ -9,6 +9,7 @@ mod inlined;
 mod layers;
 mod library;
 mod lowering;
+mod manifests;
 mod measured;
 mod names;
 mod object_code;

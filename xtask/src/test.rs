@@ -5,7 +5,7 @@
 
 use crate::stage::Run;
 use crate::workspace::cargo;
-use crate::{generated, hidden_effects, mutants, packages};
+use crate::{generated, hidden_effects, mutants, packages, publish};
 
 /// The libraries that must build without `std`, and the bare-metal machine to try first: a Cortex-M4F, what a motor drive has.
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
@@ -74,7 +74,9 @@ pub(crate) fn run() -> bool {
             let mut docs = cargo(&["doc", "--workspace", "--no-deps"]);
             docs.env("RUSTDOCFLAGS", "-D warnings");
             docs
-        });
+        })
+        // Whether every library can be published; `cargo xtask publish-check` builds each from its package too.
+        .command("packing", publish::quick());
     let machine = has_core(BARE_METAL).then_some(BARE_METAL);
     if machine.is_none() && run.held() {
         println!("\nnote: {BARE_METAL} is not installed; the targets are built as `no_std` libraries for this host");

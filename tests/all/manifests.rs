@@ -1,0 +1,93 @@
+//! The manifests of the libraries: what a registry shows of them, and that each can be had without the rest of the workspace.
+
+use std::path::Path;
+
+use rsm_tests::cases;
+use toml::de::{DeTable, DeValue};
+
+/// The libraries, in order of dependence.
+const LIBRARIES: [&str; 8] = ["rsm-core", "rsm-macros", "rsm-fit", "rsm-import", "rsm-sim", "rsm-rigs", "rsm-diagnose", "rsm"];
+
+fn manifest(folder: &Path) -> String {
+    std::fs::read_to_string(folder.join("Cargo.toml")).unwrap_or_else(|error| panic!("{}: {error}", folder.display()))
+}
+
+fn table<'t, 'i>(of: &'t DeTable<'i>, key: &str) -> &'t DeTable<'i> {
+    of.get(key).and_then(|value| value.get_ref().as_table()).unwrap_or_else(|| panic!("there is no `{key}`"))
+}
+
+fn texts<'t>(package: &'t DeTable<'_>, key: &str) -> Vec<&'t str> {
+    let array = package.get(key).and_then(|value| value.get_ref().as_array());
+    array.into_iter().flatten().filter_map(|item| item.get_ref().as_str()).collect()
+}
+
+/// What is wrong with the manifest of a library.
+fn wrong(name: &str, manifest: &str, folder: &Path) -> Vec<String> {
+    let document = DeTable::parse(manifest).unwrap_or_else(|error| panic!("{name}: {error}")).into_inner();
+    let package = table(&document, "package");
+    let mut wrong = Vec::new();
+    let mut require = |held: bool, what: &str| {
+        if !held {
+            wrong.push(format!("{name}: {what}"));
+        }
+    };
+    let text = |key: &str| package.get(key).and_then(|value| value.get_ref().as_str());
+    require(text("description").is_some_and(|text| text.len() > 20), "a `description` of a line");
+    require(package.contains_key("license"), "a `license`");
+    require(text("readme") == Some("README.md"), "`readme = \"README.md\"`");
+    // Rules of crates.io: five of each at most, a keyword of 20 letters at most.
+    let keywords = texts(package, "keywords");
+    require((1..=5).contains(&keywords.len()) && keywords.iter().all(|word| word.len() <= 20), "one to five short `keywords`");
+    require((1..=5).contains(&texts(package, "categories").len()), "one to five `categories`");
+    let include = texts(package, "include");
+    require(include.contains(&"src") && include.contains(&"README.md"), "`include` with the sources and the README");
+    require(include.iter().all(|path| folder.join(path).exists()), "every path of `include`");
+    require(!package.contains_key("publish"), "no `publish`");
+    let lints = table(&document, "lints").get("workspace").map(|value| value.get_ref());
+    require(matches!(lints, Some(DeValue::Boolean(true))), "the lints of the workspace");
+    let dependencies = document.get("dependencies").and_then(|value| value.get_ref().as_table());
+    for used in dependencies.into_iter().flat_map(|table| table.keys()) {
+        let used = used.get_ref();
+        let is_ours = used.starts_with("rsm") || ["branch-free", "host-loop"].contains(&used.as_ref());
+        require(!is_ours || LIBRARIES.contains(&used.as_ref()), &format!("`{used}` is published"));
+    }
+    wrong
+}
+
+#[test]
+fn every_library_has_what_a_registry_shows() {
+    let root = cases::root();
+    let mut all = Vec::new();
+    for name in LIBRARIES {
+        let folder = root.join(name);
+        all.extend(wrong(name, &manifest(&folder), &folder));
+        let readme = std::fs::read_to_string(folder.join("README.md")).unwrap_or_default();
+        if !readme.starts_with(&format!("# {name}\n")) {
+            all.push(format!("{name}: a README.md with its name as title"));
+        }
+    }
+    assert!(all.is_empty(), "what is missing:\n  {}", all.join("\n  "));
+}
+
+#[test]
+fn a_manifest_that_lacks_something_is_named() {
+    let folder = cases::root().join("rsm-core");
+    let good = manifest(&folder);
+    for (from, to, expected) in [
+        ("readme = \"README.md\"\n", "", "rsm-core: `readme = \"README.md\"`"),
+        ("include = [\"src\", ", "include = [\"src\", \"sources\", ", "rsm-core: every path of `include`"),
+        ("keywords = [", "keywords = [\"a-word-of-more-than-20\", ", "rsm-core: one to five short `keywords`"),
+        ("license.workspace = true\n", "license.workspace = true\npublish = false\n", "rsm-core: no `publish`"),
+        ("[dependencies]\n", "[dependencies]\nrsm-cli.workspace = true\n", "rsm-core: `rsm-cli` is published"),
+    ] {
+        assert!(good.contains(from), "{from}");
+        assert_eq!(wrong("rsm-core", &good.replacen(from, to, 1), &folder), [expected]);
+    }
+}
+
+#[test]
+fn the_circle_of_the_rigs_is_that_of_the_target() {
+    // A package holds its own files: a copy, so that it can be built without the workspace.
+    let read = |path: &str| std::fs::read(cases::root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+    assert!(read("rsm-rigs/models/circle.toml") == read("generated/coefficients/circle.toml"), "copy the file of generated/");
+}
