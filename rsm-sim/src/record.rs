@@ -53,7 +53,39 @@ impl Record {
     /// # Errors
     /// Every fault, with its line.
     pub fn read(source: &Source, plant: &PlantFile) -> Result<Record, Faults> {
-        Self::read_as(source, plant, false)
+        Self::read_as(&|wanted| Table::read(source, wanted), plant, false)
+    }
+
+    /// A record of columns in memory: by the name that a record of this plant gives a signal its values, in the units of the simulation
+    /// (docs/book/src/reference/plants.md), all of one length.
+    ///
+    /// # Errors
+    /// Every fault: a column that the plant needs and that is not there, columns of different lengths, a number that is not finite, a time
+    /// that is not uniform.
+    ///
+    /// ```
+    /// use rsm_core::source::Source;
+    /// use rsm_sim::{plant_file::PlantFile, record::Record, simulate::Simulator};
+    ///
+    /// let axis = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2.0\nforce_gain = 4.0\n\
+    ///             viscous_friction = 0.0\ncommand_limit = 10.0\n";
+    /// let plant = PlantFile::read(&Source::new("axis.toml", axis))?;
+    /// let record = Record::in_memory(&plant, &[("time", &[0.0, 0.5, 1.0]), ("command", &[1.0; 3])])?;
+    /// let outputs = Simulator::new(&plant, &record)?.run(&record)?;
+    /// assert!((outputs.of("position").unwrap()[2] - 1.0).abs() < 1e-12); // 4 N on 2 kg, for 1 s
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn in_memory(plant: &PlantFile, columns: &[(&str, &[f64])]) -> Result<Record, Faults> {
+        let open = |wanted: &Wanted| {
+            let mut table = Table::in_memory("record in memory", columns, wanted)?;
+            for signal in plant.kind.columns() {
+                let name = name_of(plant, signal.name);
+                let column = table.columns.iter_mut().find(|column| column.name == name);
+                column.into_iter().for_each(|column| column.unit = Some(signal.unit.to_string()));
+            }
+            Ok(table)
+        };
+        Self::read_as(&open, plant, false)
     }
 
     /// Reads a record that may have gaps, as a logger that stopped for a while leaves them: its `breaks` say where. Nobody simulates across a break.
@@ -61,17 +93,18 @@ impl Record {
     /// # Errors
     /// Every other fault, with its line.
     pub fn read_with_gaps(source: &Source, plant: &PlantFile) -> Result<Record, Faults> {
-        Self::read_as(source, plant, true)
+        Self::read_as(&|wanted| Table::read(source, wanted), plant, true)
     }
 
-    fn read_as(source: &Source, plant: &PlantFile, gaps: bool) -> Result<Record, Faults> {
-        let header = Table::read(source, &Wanted::default())?;
+    /// `open` gives the wanted columns.
+    fn read_as(open: &dyn Fn(&Wanted) -> Result<Table, Faults>, plant: &PlantFile, gaps: bool) -> Result<Record, Faults> {
+        let header = open(&Wanted::default())?;
         let columns = Columns { plant, header: &header };
         let mut faults = Collector::new();
         let drive = columns.drive(&mut faults);
         let signals: Vec<Signal> = plant.kind.columns().into_iter().filter(|signal| columns.has(signal.name)).collect();
         let wanted = signals.iter().map(|signal| columns.name(signal.name).to_string()).collect();
-        let table = match Table::read(source, &Wanted { numbers: wanted, ..Wanted::default() }) {
+        let table = match open(&Wanted { numbers: wanted, ..Wanted::default() }) {
             Ok(table) => table,
             Err(found) => {
                 found.list().iter().for_each(|fault| faults.push(fault.clone()));
@@ -152,6 +185,12 @@ pub fn inputs(kind: PlantKind, drive: Drive) -> &'static [Signal] {
     }
 }
 
+/// The name of a signal in the records of a plant.
+fn name_of<'n>(plant: &'n PlantFile, signal: &'n str) -> &'n str {
+    let renamed = plant.columns.iter().find(|renamed| renamed.signal == signal);
+    renamed.map_or(signal, |renamed| renamed.column.as_str())
+}
+
 struct Columns<'a> {
     plant: &'a PlantFile,
     header: &'a Table,
@@ -160,8 +199,7 @@ struct Columns<'a> {
 impl Columns<'_> {
     /// The name of a signal in this record.
     fn name<'n>(&'n self, signal: &'n str) -> &'n str {
-        let renamed = self.plant.columns.iter().find(|renamed| renamed.signal == signal);
-        renamed.map_or(signal, |renamed| renamed.column.as_str())
+        name_of(self.plant, signal)
     }
 
     fn has(&self, signal: &str) -> bool {
