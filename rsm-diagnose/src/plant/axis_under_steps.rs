@@ -19,7 +19,7 @@ use rsm_sim::simulate::Simulator;
 const NOISE: f64 = 1e-5;
 
 /// The axis as its file has it: tolerances and effects as TOML.
-pub fn file(tolerances: &str, effects: &str) -> PlantFile {
+pub(super) fn file(tolerances: &str, effects: &str) -> PlantFile {
     let text = format!(
         "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\ncommand_limit = 10\n\
          [tolerance]\n{tolerances}\n{effects}\n"
@@ -28,12 +28,12 @@ pub fn file(tolerances: &str, effects: &str) -> PlantFile {
 }
 
 /// Dry friction of so many newtons.
-pub fn friction(force: f64) -> String {
+pub(super) fn friction(force: f64) -> String {
     format!("[[effects]]\nkind = \"coulomb-friction\"\nparameters = {{ force = {force} }}\n")
 }
 
 /// 0.6 s of a true axis along steps of 2 V and -1.5 V, with or without noise; its nominal plant.
-pub fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (WhitenedResiduals, Model) {
+pub(super) fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (WhitenedResiduals, Model) {
     let mut csv = "time[s],command[V],position[m]\n".to_string();
     for k in 0..600 {
         csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
@@ -48,7 +48,7 @@ pub fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (Whitene
 }
 
 /// A search with work without end, that tells nobody.
-pub fn search<'a>(
+pub(super) fn search<'a>(
     whitened: &'a WhitenedResiduals,
     unseen: &'a WhitenedResiduals,
     nominal: &'a Model,

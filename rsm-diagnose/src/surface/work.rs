@@ -25,7 +25,7 @@ impl<'a> Work<'a> {
 
     /// No limit.
     #[cfg(test)]
-    pub fn unbounded() -> Self {
+    pub(super) fn unbounded() -> Self {
         Work::within(usize::MAX)
     }
 
