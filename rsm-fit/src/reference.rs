@@ -27,7 +27,7 @@ pub(crate) struct Answer {
 }
 
 impl Problem {
-    pub fn of(rows: &[Vec<f64>], response: &[f64]) -> Self {
+    pub(crate) fn of(rows: &[Vec<f64>], response: &[f64]) -> Self {
         let all = |values: &[f64]| values.iter().map(|value| exact(*value)).collect::<Vec<Rational>>();
         Problem {
             rows: rows.iter().map(|row| all(row)).collect(),
@@ -36,18 +36,18 @@ impl Problem {
         }
     }
 
-    pub fn weighted(self, weights: &[f64]) -> Self {
+    pub(crate) fn weighted(self, weights: &[f64]) -> Self {
         Problem { weights: weights.iter().map(|weight| exact(*weight)).collect(), ..self }
     }
 
     /// Some of the columns.
-    pub fn only(&self, columns: &[usize]) -> Self {
+    pub(crate) fn only(&self, columns: &[usize]) -> Self {
         let rows = self.rows.iter().map(|row| columns.iter().map(|k| row[*k].clone()).collect()).collect();
         Problem { rows, ..self.clone() }
     }
 
     /// All rows but one.
-    pub fn without(&self, row: usize) -> Self {
+    pub(crate) fn without(&self, row: usize) -> Self {
         let mut other = self.clone();
         other.rows.remove(row);
         other.response.remove(row);
@@ -56,7 +56,7 @@ impl Problem {
     }
 
     /// sum of weight (response - row b)^2.
-    pub fn left_by(&self, coefficients: &[Rational]) -> Rational {
+    pub(crate) fn left_by(&self, coefficients: &[Rational]) -> Rational {
         let each = self.rows.iter().zip(&self.response).zip(&self.weights);
         each.map(|((row, y), weight)| {
             let error = y - dot(row, coefficients);
@@ -66,7 +66,7 @@ impl Problem {
     }
 
     /// None where the columns make each other up.
-    pub fn solve(&self) -> Option<Answer> {
+    pub(crate) fn solve(&self) -> Option<Answer> {
         let width = self.rows.first().map_or(0, Vec::len);
         let sum =
             |of: &dyn Fn(usize) -> Rational| (0..self.rows.len()).map(|row| of(row) * &self.weights[row]).sum::<Rational>();
@@ -100,7 +100,7 @@ impl Problem {
 
 impl Answer {
     /// x (X'WX)^-1 x'.
-    pub fn leverage(&self, row: &[Rational]) -> Rational {
+    pub(crate) fn leverage(&self, row: &[Rational]) -> Rational {
         dot(row, &self.inverse.iter().map(|line| dot(line, row)).collect::<Vec<_>>())
     }
 }

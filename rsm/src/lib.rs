@@ -64,7 +64,7 @@
 //! ```
 
 // What is public is what a user of the library needs.
-#![warn(unreachable_pub)]
+#![cfg_attr(not(test), warn(unreachable_pub))]
 
 pub use rsm_core::check::Checked;
 pub use rsm_core::model::Model;

@@ -19,7 +19,7 @@ pub(super) struct Case {
 
 impl Case {
     /// Rows of inputs with a response, fitted by terms.
-    pub fn new(ranges: &[[f64; 2]], terms: &[&[u32]], rows: &[(Vec<f64>, f64)], constraints: &[Constraint]) -> Self {
+    pub(super) fn new(ranges: &[[f64; 2]], terms: &[&[u32]], rows: &[(Vec<f64>, f64)], constraints: &[Constraint]) -> Self {
         let names: Vec<String> = (0..ranges.len()).map(|k| format!("x{k}")).collect();
         let input = |(name, range): (&String, &[f64; 2])| Input {
             name: name.clone(),
@@ -45,12 +45,12 @@ impl Case {
         Case { surface, inputs, problem, constraints: constraints.to_vec(), spread: high - low }
     }
 
-    pub fn task(&self) -> Task<'_> {
+    pub(super) fn task(&self) -> Task<'_> {
         let Case { surface, inputs, problem, constraints, spread } = self;
         Task { surface, inputs, constraints, problem, spread: *spread }
     }
 
-    pub fn claims(&self) -> Vec<Claim> {
+    pub(super) fn claims(&self) -> Vec<Claim> {
         let halves: Vec<f64> = self.inputs.iter().map(|input| (input.range[1] - input.range[0]) / 2.0).collect();
         claim::of(&self.constraints, &self.surface, &self.inputs, &halves)
     }
