@@ -207,7 +207,8 @@ pub fn fit_mode(against: Against, measured: &[Measured]) -> Result<Outcome, Faul
         let response = if against == Against::Gear { response } else { response.reciprocal("ratio") };
         response.terms(terms(against))
     };
-    Ok(Fit::new(inputs, [common(damping), common(frequency)]).name(name).fit()?)
+    let runs = column(|it| f64::from(it.run.run));
+    Ok(Fit::new(inputs, [common(damping), common(frequency)]).name(name).run_order(runs).fit()?)
 }
 
 /// The values of a surface of a model, or of its support test, at runs.

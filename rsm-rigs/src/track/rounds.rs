@@ -245,7 +245,9 @@ pub fn fit_surfaces(
     unseen: Option<&[Measured]>,
     damping_terms: &[[u32; 2]],
 ) -> Result<Outcome, Faults> {
-    let mut fit = Fit::new(inputs(measured), responses(measured, pole_damping, damping_terms)).name("driveline");
+    let runs: Vec<f64> = measured.iter().map(|it| f64::from(it.run.run)).collect();
+    let mut fit =
+        Fit::new(inputs(measured), responses(measured, pole_damping, damping_terms)).name("driveline").run_order(runs);
     if let Some(unseen) = unseen {
         fit = fit.validate(inputs(unseen), responses(unseen, &vec![TARGET; unseen.len()], damping_terms));
     }
