@@ -3,44 +3,12 @@
 //! In: the arguments of an effect from a plant file. Out: an object with the hooks that it needs; the others change nothing. A hook never
 //! allocates and never keeps anything from call to call: what an effect remembers is a state, integrated with those of the plant.
 
+pub mod declared;
+
 use crate::kind::PlantKind;
 use crate::plant_file::Parameters;
-use crate::schema::Bound;
 
-/// A number that an effect takes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Argument {
-    /// Its name in the file.
-    pub name: &'static str,
-    /// Its unit; empty where it is that of the named parameter or output.
-    pub unit: &'static str,
-    /// Which values it may have.
-    pub bound: Bound,
-    /// May be left out.
-    pub optional: bool,
-    /// Only on this plant; `None` on all on which the effect can stand.
-    pub on: Option<PlantKind>,
-}
-
-impl Argument {
-    /// A required number on every plant of the effect.
-    #[must_use]
-    pub const fn new(name: &'static str, unit: &'static str, bound: Bound) -> Self {
-        Argument { name, unit, bound, optional: false, on: None }
-    }
-
-    /// The same, on one plant only.
-    #[must_use]
-    pub const fn on(self, plant: PlantKind) -> Self {
-        Argument { on: Some(plant), ..self }
-    }
-
-    /// The same, but it may be left out.
-    #[must_use]
-    pub const fn optional(self) -> Self {
-        Argument { optional: true, ..self }
-    }
-}
+pub use declared::{Argument, Declared, Plausible, Role, Step, Unit};
 
 /// A word that an effect takes beside its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,6 +85,8 @@ pub struct Description {
     pub build: fn(&Arguments) -> Box<dyn Effect>,
     /// Where a search for its numbers may begin.
     pub guesses: fn(&Survey) -> Vec<Guess>,
+    /// What else a search wants to know.
+    pub declared: Declared,
 }
 
 /// What records and nominal plant say of sizes: the scales of first guesses.

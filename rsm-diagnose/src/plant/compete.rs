@@ -209,7 +209,7 @@ impl Search<'_> {
         for steps in ROUNDS.into_iter().chain([rest]) {
             let mut next = Vec::new();
             for it in pool {
-                if waves::is_wave(it.entry.description.kind, kind) {
+                if waves::is_wave(it.entry.description, kind) {
                     // Read off the record, it is at its best in first order.
                     let led =
                         it.cost.is_infinite().then(|| waves::led(self.whitened, fit, self.nominal, &it.entry, &[])).flatten();
@@ -249,7 +249,7 @@ impl Search<'_> {
 
     /// A full fit with this entry. `None` where it cannot be simulated, or where it says what calibration may do.
     pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
-        let led = waves::is_wave(entry.description.kind, entry.arguments.plant)
+        let led = waves::is_wave(entry.description, entry.arguments.plant)
             .then(|| waves::led(self.whitened, fit, self.nominal, entry, &waves::REACHES))
             .flatten();
         let found = match led {

@@ -3,57 +3,57 @@
 //! In: the fit of a search. Out: a fit with plainer causes, where it is as good. Never looks for a cause.
 
 use super::compete::{count, within_tolerance};
-use super::hypotheses::{LEVELS, generalises};
+use super::hypotheses::{generalises, levels_of};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::selection::Search;
 use super::significance::best_of;
+use rsm_sim::effect::declared::{Forms, Part};
 use rsm_sim::plant_file::Entry;
+
+/// The plainer forms of an entry.
+fn forms(entry: &Entry) -> Forms {
+    (entry.description.declared.forms)(&entry.arguments)
+}
 
 impl Search<'_> {
     /// Two levels of friction are their mean and a constant load of half their difference. Where the records cannot tell, it is said as two plain things: a load
     /// acts at rest, too, and the sum can be more than friction. Both have two numbers, and nothing was searched: chance does little.
     pub(super) fn split(&self, fit: Fit) -> Fit {
         let entries = &fit.model.file.effects;
-        let two_levels = |it: &Entry| it.description.kind == "asymmetric-friction" && it.arguments.numbers.len() == 2;
-        let Some(place) = entries.iter().position(two_levels) else { return fit };
-        if entries.iter().any(|it| it.description.kind == "constant-load") || entries.len() == self.effort.causes {
+        let found = entries.iter().enumerate().find_map(|(place, it)| Some((place, forms(it).alike?)));
+        let Some((place, parts)) = found else { return fit };
+        let is_there = |part: &Part| entries.iter().any(|it| it.description.kind == part.kind);
+        if parts.iter().any(is_there) || entries.len() == self.effort.causes {
             return fit;
         }
-        let levels: Vec<f64> = entries[place].arguments.numbers.iter().map(|number| number.1).collect();
-        let (mean, half) = (0.5 * (levels[0] + levels[1]), 0.5 * (levels[0] - levels[1]));
-        let (friction, load) =
-            (self.with_one_number("coulomb-friction", None, mean), self.with_one_number("constant-load", None, half));
-        let (Some(friction), Some(load)) = (friction, load) else { return fit };
-        let model = fit.model.minus(self.nominal, place).plus(self.nominal, friction).plus(self.nominal, load);
+        let Some(parts) = parts.iter().map(|part| self.entry(part)).collect::<Option<Vec<Entry>>>() else { return fit };
+        let bare = fit.model.minus(self.nominal, place);
+        let model = parts.into_iter().fold(bare, |model, part| model.plus(self.nominal, part));
         self.or_plainer(fit, model, best_of(1, 1))
     }
 
-    /// Friction that is the same both ways is no asymmetry: it is one level, or a part of that of a Stribeck curve beside it, and one viscous friction. The fit with those, where what it
-    /// has fewer numbers for is no more than chance.
+    /// Friction that is the same both ways is no asymmetry: it is one level, or a part of that of a curve beside it that holds such a level too, and one viscous friction. The fit with
+    /// those, where what it has fewer numbers for is no more than chance.
     pub(super) fn levelled(&self, fit: Fit) -> Fit {
         let entries = &fit.model.file.effects;
-        let Some(place) = entries.iter().position(|it| it.description.kind == "asymmetric-friction") else { return fit };
-        let number = |name| entries[place].arguments.optional(name);
-        let mean = |a, b| number(a).zip(number(b)).map(|(a, b)| 0.5 * (a + b));
-        let Some(level) = mean("forward", "backward") else { return fit };
+        let found = entries.iter().enumerate().find_map(|(place, it)| Some((place, forms(it).level?)));
+        let Some((place, level)) = found else { return fit };
         let mut model = fit.model.minus(self.nominal, place);
-        let curve = model.file.effects.iter().position(|it| it.description.kind == "stribeck-friction");
+        let curve = model.file.effects.iter().position(|it| generalises(it.description.kind, level.of.kind));
         match curve {
             Some(curve) => {
                 let mut entries = model.file.effects.clone();
-                let levels = entries[curve].arguments.numbers.iter_mut().filter(|it| ["coulomb", "static"].contains(&it.0));
-                levels.for_each(|it| it.1 += level);
+                levels_of(&mut entries[curve]).for_each(|it| *it += level.of.value);
                 model = model.with_effects(self.nominal, entries);
             }
             None => {
-                let Some(friction) = self.with_one_number("coulomb-friction", None, level) else { return fit };
+                let Some(friction) = self.entry(&level.of) else { return fit };
                 model = model.plus(self.nominal, friction);
             }
         }
-        if let Some(viscous) = mean("viscous_forward", "viscous_backward") {
-            let error = self.with_one_number("parameter-error", Some("viscous_friction"), viscous);
-            let Some(error) = error else { return fit };
+        for error in &level.errors {
+            let Some(error) = self.entry(error) else { return fit };
             if !within_tolerance(self.nominal, &error) {
                 model = model.plus(self.nominal, error);
             }
@@ -76,18 +76,17 @@ impl Search<'_> {
         if entries.iter().any(|it| special.is(it)) {
             return fit;
         }
-        let levels: Vec<f64> =
-            entries[place].arguments.numbers.iter().filter(|it| LEVELS.contains(&it.0)).map(|it| it.1).collect();
+        let levels: Vec<f64> = levels_of(&mut entries[place].clone()).map(|level| *level).collect();
         let level = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
         let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
         let worse = self.decides(&fit, threshold);
         self.or_plainer(fit, model, worse)
     }
 
-    /// The entry of a hypothesis with its one number, where it is one of this plant.
-    fn with_one_number(&self, name: &str, subject: Option<&str>, value: f64) -> Option<Entry> {
-        let found = self.hypotheses.iter().find(|it| it.description.kind == name && it.subject == subject);
-        found.map(|it| it.entry(self.nominal.file.kind, &[value]))
+    /// The entry of a part of a form, where it is a hypothesis on this plant.
+    fn entry(&self, part: &Part) -> Option<Entry> {
+        let found = self.hypotheses.iter().find(|it| it.description.kind == part.kind && it.subject == part.subject);
+        found.map(|it| it.entry(self.nominal.file.kind, &[part.value]))
     }
 
     /// A plainer model fitted, where it is worse by less than so much; else the fit.

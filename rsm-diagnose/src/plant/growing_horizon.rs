@@ -12,7 +12,7 @@ use super::multistart::escaped;
 use super::screen::{Screened, screen};
 use super::selection::Search;
 use super::whitened_residuals::WhitenedResiduals;
-use rsm_sim::effect::Guess;
+use rsm_sim::effect::{Guess, Role};
 
 /// A beginning ends where the squared residual, from the first row on, passes this many times that of noise. What is wrong then has three parts in four of it: enough to
 /// fit a number to, and of the size of the noise, where first order holds.
@@ -139,7 +139,7 @@ fn followed(whitened: &WhitenedResiduals, model: Model, mut ends: Vec<usize>, st
 fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
     // Steps of rounding have no derivative, and nothing of them adds up.
     let follows = |it: &&Hypothesis| {
-        it.description.kind != "sensor-quantisation" && it.guesses.iter().all(|guess| guess.neutral.is_none())
+        it.description.declared.role != Role::Rounding && it.guesses.iter().all(|guess| guess.neutral.is_none())
     };
     let nonlinear = hypotheses.iter().filter(follows);
     let each = nonlinear.map(|it| {

@@ -4,7 +4,7 @@
 //! In: a model and a survey of the records. Out: a list, and the model with a hypothesis added. Never judges one.
 
 use super::model::{Model, Place, Unknown};
-use rsm_sim::effect::{Arguments, Description, Guess, Subject, Survey};
+use rsm_sim::effect::{Argument, Arguments, Description, Guess, Role, Step, Subject, Survey};
 use rsm_sim::effects;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
@@ -30,11 +30,15 @@ pub fn label(kind: &str, subject: Option<&str>) -> String {
 /// Whether one cause holds another as its special case: it then always fits as well, and that says nothing.
 #[must_use]
 pub fn generalises(general: &str, special: &str) -> bool {
-    matches!((general, special), ("asymmetric-friction" | "stribeck-friction", "coulomb-friction"))
+    effects::of(general).is_some_and(|it| it.declared.generalises == Some(special))
 }
 
-/// The numbers of a general case that are its special case's level.
-pub const LEVELS: [&str; 4] = ["forward", "backward", "coulomb", "static"];
+/// The numbers of an entry that are levels of friction: its special case has one.
+pub fn levels_of(entry: &mut Entry) -> impl Iterator<Item = &mut f64> {
+    let description = entry.description;
+    let is_level = move |name: &str| description.arguments.iter().any(|it| it.name == name && it.is_level);
+    entry.arguments.numbers.iter_mut().filter(move |it| is_level(it.0)).map(|it| &mut it.1)
+}
 
 /// Parameters that are known by counting or are limits of whoever makes the record: an error of them is no hypothesis.
 const KNOWN: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
@@ -120,6 +124,11 @@ impl Hypothesis {
     }
 }
 
+/// What its effect declares of a number of an entry.
+pub(super) fn declared(entry: &Entry, name: &str) -> Option<&'static Argument> {
+    entry.description.arguments_on(entry.arguments.plant).find(|argument| argument.name == name)
+}
+
 /// What physics says of a number of an entry.
 fn bound_of(entry: &Entry, name: &str) -> Bound {
     let plant = entry.arguments.plant;
@@ -127,7 +136,7 @@ fn bound_of(entry: &Entry, name: &str) -> Bound {
         let subject = entry.arguments.subject.as_deref().unwrap_or("");
         return schema::named(plant).find(|nominal| nominal.name == subject).map_or(Bound::Any, |nominal| nominal.bound);
     }
-    entry.description.arguments_on(plant).find(|argument| argument.name == name).map_or(Bound::Any, |argument| argument.bound)
+    declared(entry, name).map_or(Bound::Any, |argument| argument.bound)
 }
 
 /// The unknowns of an entry: its numbers, but for whole numbers and for steps of rounding, along which a simulation has no derivative.
@@ -135,17 +144,14 @@ fn unknowns_of(entry: &Entry, place: usize) -> Vec<Unknown> {
     let mut unknowns = Vec::new();
     for (name, value) in &entry.arguments.numbers {
         let bound = bound_of(entry, name);
-        if bound == Bound::Count || entry.description.kind == "sensor-quantisation" {
+        if bound == Bound::Count || entry.description.declared.role == Role::Rounding {
             continue;
         }
         let mut unknown = Unknown::bounded(Place::Effect { entry: place, number: name }, bound, *value);
-        match (entry.description.kind, *name) {
-            (_, "phase") => unknown.scale = 0.1,
-            ("input-delay" | "sensor-delay", _) => unknown.scale = value.abs().max(1e-6),
-            // Near a value in proportion to which nothing is (a gain of 1, a parameter), a per cent is a step.
-            ("parameter-error" | "input-gain" | "sensor-gain", _) if !unknown.logarithmic && *value != 0.0 => {
-                unknown.scale = 0.01 * value.abs();
-            }
+        match declared(entry, name).map_or(Step::Usual, |argument| argument.step) {
+            _ if *name == "phase" => unknown.scale = 0.1,
+            Step::OwnSize => unknown.scale = value.abs().max(1e-6),
+            Step::PerCent if !unknown.logarithmic && *value != 0.0 => unknown.scale = 0.01 * value.abs(),
             _ => {}
         }
         unknowns.push(unknown);

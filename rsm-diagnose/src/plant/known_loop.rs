@@ -14,7 +14,7 @@
 use super::confidence::EXPLAINED;
 use super::whitened_residuals::Prepared;
 use super::{Cause, Interval};
-use rsm_sim::effect::Arguments;
+use rsm_sim::effect::{Arguments, Role};
 use rsm_sim::plant_file::{Entry, PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
 
@@ -93,7 +93,7 @@ impl KnownLoop {
     /// The sensors that are off, as entries of the plant.
     #[must_use]
     pub fn entries(&self, file: &PlantFile) -> Vec<Entry> {
-        let Some(description) = rsm_sim::effects::of("sensor-gain").filter(|_| self.is_worth() && self.late == 0) else {
+        let Some(description) = rsm_sim::effects::with(Role::ReadingGain).filter(|_| self.is_worth() && self.late == 0) else {
             return Vec::new();
         };
         let off = [("position", &self.position), ("command", &self.command)].into_iter().filter(|(_, gain)| gain.is_off());

@@ -9,8 +9,6 @@ use super::model::Model;
 use super::validation::{self, Error};
 use super::whitened_residuals::WhitenedResiduals;
 use crate::plant::inverse::Motion;
-use rsm_sim::effect::Arguments;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 
 /// Steps of a fit: the same as for a candidate.
@@ -77,27 +75,6 @@ pub fn steps(
 
 /// What a cause is without its further numbers, the simplest first.
 fn special_cases(entry: &Entry) -> Vec<Vec<Entry>> {
-    let plant = entry.arguments.plant;
-    let name = if plant == PlantKind::Pmac { "torque" } else { "force" };
-    let one = |kind: &str, value: f64| -> Option<Entry> {
-        let description = rsm_sim::effects::of(kind)?;
-        Some(Entry { description, arguments: Arguments { plant, subject: None, numbers: vec![(name, value)] } })
-    };
-    let number = |name: &str| entry.arguments.optional(name);
-    match entry.description.kind {
-        "asymmetric-friction" => {
-            let (Some(forward), Some(backward)) = (number("forward"), number("backward")) else { return Vec::new() };
-            // Levels F + c forward and F - c backward are a dry friction F and a constant c.
-            let dry = one("coulomb-friction", 0.5 * (forward + backward));
-            let offset = one("constant-load", 0.5 * (forward - backward));
-            let both: Vec<Entry> = dry.clone().into_iter().chain(offset).collect();
-            // Without viscous numbers of its own it is that pair.
-            let pair = number("viscous_forward").is_some().then_some(both);
-            dry.map(|it| vec![it]).into_iter().chain(pair).collect()
-        }
-        "stribeck-friction" => {
-            number("coulomb").and_then(|level| one("coulomb-friction", level)).map(|it| vec![it]).into_iter().collect()
-        }
-        _ => Vec::new(),
-    }
+    let forms = (entry.description.declared.forms)(&entry.arguments);
+    forms.special.iter().map(|form| form.iter().filter_map(|part| part.entry(entry.arguments.plant)).collect()).collect()
 }

@@ -3,7 +3,9 @@
 //! In: an entry with its numbers, a survey of the records. Out: why it is refused, in words; `None` where it may be. A number that a fit has driven so far follows an error
 //! that the catalogue does not hold. Never moves a number.
 
-use rsm_sim::effect::Survey;
+use super::hypotheses::declared;
+use rsm_sim::effect::declared::STEEPEST_ROAD;
+use rsm_sim::effect::{Plausible, Survey};
 use rsm_sim::plant_file::{Entry, PlantFile};
 
 /// A parameter and a gain may be wrong by this factor: a decimal point, a wrong datasheet row and another size of the same series are within it.
@@ -18,12 +20,6 @@ const TIMES_THE_EFFORT: f64 = 4.0;
 /// What lags or comes late by more than this share of a record cannot be told from a drift.
 const SHARE_OF_RECORD: f64 = 0.25;
 
-/// Beyond 12 Beaufort (33 m/s) nobody drives; in m/s.
-const STORM: f64 = 40.0;
-
-/// The steepest public roads climb by 35 to 38 %; in rad.
-const STEEPEST: f64 = 0.36;
-
 /// What a column in other units differs by: rpm and rad/s, km/h and m/s, kp and N, degrees and radians, peak and r.m.s., decimal prefixes.
 const UNITS: [f64; 7] = [9.549_297, 3.6, 9.806_65, 57.295_78, 10.0, 100.0, 1000.0];
 
@@ -36,7 +32,8 @@ pub fn why_not(entry: &Entry, survey: &Survey, file: &PlantFile) -> Option<Strin
     let numbers = entry.arguments.numbers.iter();
     let mut beyond = numbers.filter_map(|(name, value)| {
         let (low, high) = range(entry, name, survey, file)?;
-        let of_unit = entry.description.kind == "sensor-gain" && is_unit(*value);
+        let may_be_unit = declared(entry, name).is_some_and(|it| it.plausible == Plausible::FactorOrUnit);
+        let of_unit = may_be_unit && is_unit(*value);
         (!(low..=high).contains(value) && !of_unit)
             .then(|| format!("{name} = {value:.4} is beyond what is plausible, {low:.4} to {high:.4}"))
     });
@@ -54,11 +51,13 @@ fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option
     let below = |limit: f64| Some((0.0, limit));
     let effort = TIMES_THE_EFFORT * survey.effort;
     let output = || entry.arguments.plant.output(entry.arguments.subject.as_deref()?);
-    match (entry.description.kind, name) {
-        ("parameter-error", "value") => {
+    match declared(entry, name)?.plausible {
+        Plausible::Any => None,
+        Plausible::Within(limit) => about(limit),
+        Plausible::Parameter => {
             let subject = entry.arguments.subject.as_deref()?;
             if subject == "grade" {
-                return about(STEEPEST);
+                return about(STEEPEST_ROAD);
             }
             let was = file.parameters.optional(subject)?;
             let is_loss = ["friction", "damping", "rolling"].iter().any(|word| subject.contains(word));
@@ -67,22 +66,17 @@ fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option
             // Where the file says that there is none, nothing says how much there may be.
             (was != 0.0).then_some((low.min(high), low.max(high)))
         }
-        ("input-gain" | "sensor-gain", "gain") | ("throttle-nonlinearity", "exponent") => Some((1.0 / FACTOR, FACTOR)),
-        ("sensor-bias", "bias") => about(survey.largest[output()?]),
-        ("sensor-drift", "rate") => about(survey.largest[output()?] / survey.duration),
-        ("sensor-lag", "time_constant") | ("input-delay" | "sensor-delay", "delay") => below(SHARE_OF_RECORD * survey.duration),
-        ("headwind", "wind") => about(STORM),
-        ("road-grade", "grade") => about(STEEPEST),
-        ("load-drift", _) => about(effort / survey.duration),
-        ("coulomb-friction" | "constant-load" | "brake-drag", _) | ("cogging-torque", "amplitude") => about(effort),
-        ("asymmetric-friction", "forward" | "backward") | ("stribeck-friction", "coulomb" | "static") => below(effort),
-        // Typical is half of the largest: beyond three times that the curve is not passed.
-        ("stribeck-friction", "stribeck_velocity") => below(3.0 * survey.speed),
-        ("windage", _) => about(effort / (survey.speed * survey.speed)),
-        ("inverter-dead-time", _) => about(survey.input),
-        ("angle-offset", _) => about(std::f64::consts::FRAC_PI_2),
-        ("angle-eccentricity" | "torque-ripple", _) => about(1.0),
-        _ => None,
+        Plausible::Factor | Plausible::FactorOrUnit => Some((1.0 / FACTOR, FACTOR)),
+        Plausible::Reading => about(survey.largest[output()?]),
+        Plausible::ReadingPerRecord => about(survey.largest[output()?] / survey.duration),
+        Plausible::ShareOfRecord => below(SHARE_OF_RECORD * survey.duration),
+        Plausible::EffortPerRecord => about(effort / survey.duration),
+        Plausible::Effort => about(effort),
+        Plausible::EffortOneWay => below(effort),
+        // Typical is half of the largest: beyond three times that it is not passed.
+        Plausible::Speed => below(3.0 * survey.speed),
+        Plausible::EffortPerSpeedSquared => about(effort / (survey.speed * survey.speed)),
+        Plausible::Input => about(survey.input),
     }
 }
 

@@ -4,7 +4,7 @@
 //! (starts, calibration, causes already believed): their derivatives are projected out, through normal equations, so that a cause gets no credit
 //! for what they can do. Also the gain that noise alone would give the best of them. Never fits.
 
-use super::hypotheses::{Hypothesis, LEVELS, generalises};
+use super::hypotheses::{Hypothesis, generalises};
 use super::levenberg::Fit;
 use super::model::Model;
 use super::normal::Normal;
@@ -129,7 +129,7 @@ fn traces(
     guesses: &[(usize, Guess)],
 ) -> Vec<Vec<Vec<f64>>> {
     let kind = fit.model.file.kind;
-    let is_wave = |k: usize| waves::is_wave(hypotheses[k].description.kind, kind);
+    let is_wave = |k: usize| waves::is_wave(hypotheses[k].description, kind);
     let traces = guesses.iter().any(|(k, _)| is_wave(*k)).then(|| PositionTraces::new(whitened, fit));
     let mut models = Vec::new();
     for (k, guess) in guesses.iter().filter(|(k, _)| !is_wave(*k)) {
@@ -168,7 +168,7 @@ fn about_now(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
 
 /// A guess whose lowest level is the one that is believed, and whose others are higher by half of it: near enough for a first order.
 fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64, kind: PlantKind) -> Guess {
-    let is_level: Vec<bool> = hypothesis.description.arguments_on(kind).map(|it| LEVELS.contains(&it.name)).collect();
+    let is_level: Vec<bool> = hypothesis.description.arguments_on(kind).map(|it| it.is_level).collect();
     let levels = guess.values.iter().zip(&is_level).filter(|(_, is)| **is).map(|(value, _)| *value);
     let (low, high) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     let spread = if high > low { 0.5 * level / (high - low) } else { 0.0 };

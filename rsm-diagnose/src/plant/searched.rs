@@ -14,7 +14,7 @@ use super::{
     Options, Refused, calibration, configurations, effect_size, equations, everywhere, experiment, growth, hypotheses,
     known_loop, polish, tested, under_way, waves,
 };
-use rsm_sim::effect::Survey;
+use rsm_sim::effect::{Role, Survey};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -53,7 +53,7 @@ impl<'a> Asked<'a> {
         present.dedup();
         let mut hypotheses = hypotheses::all(file.kind, &ready.survey, &present);
         let is_rounded = |name: &str| ready.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
-        hypotheses.retain(|it| it.description.kind != "sensor-quantisation" || !it.subject.is_some_and(is_rounded));
+        hypotheses.retain(|it| it.description.declared.role != Role::Rounding || !it.subject.is_some_and(is_rounded));
         (options.progress)("asking the equations along the records");
         let said = equations::look(&ready.whitened, &ready.nominal, &hypotheses);
         said.iter().for_each(|it| it.hand_over(&mut hypotheses));

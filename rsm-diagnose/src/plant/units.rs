@@ -14,6 +14,7 @@ use super::noise::{Floor, median};
 use super::nuisance::Nuisance;
 use super::share::Piece;
 use super::whitened_residuals::{Prepared, WhitenedResiduals, dot};
+use rsm_sim::effect::Role;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
@@ -327,7 +328,7 @@ pub fn asked_again(
 ) -> Vec<Option<[f64; 3]>> {
     // Readings that are rounded have no derivatives.
     let mut plant = plant.clone();
-    plant.effects.retain(|it| it.description.kind != "sensor-quantisation");
+    plant.effects.retain(|it| it.description.declared.role != Role::Rounding);
     let records: Vec<Record> = right.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
     let mut whitened = whitened(prepared(&records, &[], &plant), &plant, threads);
     noise.iter().for_each(|(output, sd, _)| whitened.floors[*output] = Floor::white(*sd));

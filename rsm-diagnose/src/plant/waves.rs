@@ -16,9 +16,10 @@ use super::model::Model;
 use super::normal::Normal;
 use super::position_traces::PositionTraces;
 use super::whitened_residuals::{Column, WhitenedResiduals, dot};
-use rsm_sim::effect::{Arguments, Wave};
+use rsm_sim::effect::{Arguments, Description, Role, Wave};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
+use rsm_sim::schema::Bound;
 use rsm_sim::threads::in_threads;
 
 /// Waves over the travel that are tried at most. Half a wave over the travel is the width of a line.
@@ -194,14 +195,14 @@ fn travel(whitened: &WhitenedResiduals) -> Option<f64> {
 /// Whether an entry is no wave over the position, or one of which the records hold a whole turn at least: of less any smooth force is a part, a spring first of all.
 #[must_use]
 pub fn comes_again(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
-    let wave = Some(entry).filter(|it| is_wave(it.description.kind, it.arguments.plant));
+    let wave = Some(entry).filter(|it| is_wave(it.description, it.arguments.plant));
     wave.and_then(|it| of(&it.arguments)).is_none_or(|wave| travel(whitened).is_some_and(|travel| wave.pitch <= travel))
 }
 
-/// Whether an effect is such a wave.
+/// Whether an effect is such a wave on a plant: one of any length, not an order of a rotor, which is counted.
 #[must_use]
-pub fn is_wave(kind: &str, plant: PlantKind) -> bool {
-    kind == "cogging-torque" && plant == PlantKind::ServoAxis
+pub fn is_wave(effect: &Description, plant: PlantKind) -> bool {
+    effect.declared.role == Role::Waves && effect.arguments_on(plant).all(|it| it.bound != Bound::Count)
 }
 
 /// The wave that an entry says.

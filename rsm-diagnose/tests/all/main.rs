@@ -6,6 +6,7 @@ mod equals;
 #[path = "../../../rsm-fit/tests/all/folders.rs"]
 mod folders;
 mod measured;
+mod names;
 mod next_experiment;
 mod rest;
 #[path = "../../../rsm-sim/tests/all/shipped.rs"]

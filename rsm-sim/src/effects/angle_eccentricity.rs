@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,13 @@ pub const DESCRIPTION: Description = Description {
     kind: "angle-eccentricity",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
-    arguments: &[Argument::new("amplitude", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
+    arguments: &[Argument::new("amplitude", Unit::Is("rad"), Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))
+        .plausible(Plausible::Within(1.0))],
     sentence: "The encoder errs by {amplitude} once a turn.",
     check: "Check the concentricity of the encoder and its disc; the error must repeat once a mechanical turn at any speed and current.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct AngleEccentricity {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,13 @@ pub const DESCRIPTION: Description = Description {
     kind: "angle-offset",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
-    arguments: &[Argument::new("angle", "rad", Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))],
+    arguments: &[Argument::new("angle", Unit::Is("rad"), Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))
+        .plausible(Plausible::Within(std::f64::consts::FRAC_PI_2))],
     sentence: "The recorded frame is turned by {angle}.",
     check: "Align the encoder again: turn the rotor from outside with open terminals, the back-EMF must stand on the q axis alone.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct AngleOffset {

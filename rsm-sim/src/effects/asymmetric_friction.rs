@@ -9,8 +9,10 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
+use crate::effect::declared::{Forms, Level, Part};
 use crate::effect::{
-    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_rate,
+    Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Scale, Subject, Survey, Unit, sign_width,
+    smooth_sign, smooth_sign_rate,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -21,16 +23,35 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::ServoAxis, PlantKind::Pmac],
     subject: Subject::None,
     arguments: &[
-        Argument::new("forward", "", Bound::NotNegative),
-        Argument::new("backward", "", Bound::NotNegative),
-        Argument::new("viscous_forward", "", Bound::NotNegative).optional(),
-        Argument::new("viscous_backward", "", Bound::NotNegative).optional(),
+        Argument::new("forward", Unit::Effort, Bound::NotNegative).plausible(Plausible::EffortOneWay).level(),
+        Argument::new("backward", Unit::Effort, Bound::NotNegative).plausible(Plausible::EffortOneWay).level(),
+        Argument::new("viscous_forward", Unit::EffortPerSpeed, Bound::NotNegative).optional(),
+        Argument::new("viscous_backward", Unit::EffortPerSpeed, Bound::NotNegative).optional(),
     ],
     sentence: "Friction is {forward} forward and {backward} backward.",
     check: "Drive slowly at the same speed both ways and compare the efforts, level by level; look at seals, guides and anything that wears on one side.",
     build,
     guesses,
+    declared: Declared { generalises: Some("coulomb-friction"), forms, ..Declared::NOTHING },
 };
+
+/// Levels F + c forward and F - c backward are a dry friction F and a constant load c; without a difference it is F alone, and its viscous parts are one, which the plant has.
+fn forms(arguments: &Arguments) -> Forms {
+    let mean = |a, b| Some(0.5 * (arguments.optional(a)? + arguments.optional(b)?));
+    let (forward, backward) = (arguments.number("forward"), arguments.number("backward"));
+    let dry = Part::new("coulomb-friction", 0.5 * (forward + backward));
+    let pair = vec![dry, Part::new("constant-load", 0.5 * (forward - backward))];
+    let viscous = mean("viscous_forward", "viscous_backward");
+    let error = |value| Part { kind: "parameter-error", subject: Some("viscous_friction"), value };
+    let is_bare = arguments.numbers.len() == 2;
+    // Without viscous numbers of its own it is that pair, and no case of it.
+    let special = if arguments.optional("viscous_forward").is_some() { vec![vec![dry], pair.clone()] } else { vec![vec![dry]] };
+    Forms {
+        special,
+        alike: is_bare.then_some(pair),
+        level: Some(Level { of: dry, errors: viscous.map(error).into_iter().collect() }),
+    }
+}
 
 struct AsymmetricFriction {
     level: [f64; 2],

@@ -10,7 +10,8 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Carried, Description, Effect, FirstInstant, Guess, Joint, Motion, Scale, Split, Subject, Survey, Twist,
+    Argument, Arguments, Carried, Declared, Description, Effect, FirstInstant, Guess, Joint, Motion, Scale, Split, Subject,
+    Survey, Twist, Unit,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -21,15 +22,16 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::None,
     arguments: &[
-        Argument::new("gap", "", Bound::NotNegative),
-        Argument::new("mass_ratio", "1", Bound::Between(0.0, 1.0)).on(PlantKind::ServoAxis),
-        Argument::new("stiffness", "N/m", Bound::Positive).on(PlantKind::ServoAxis),
-        Argument::new("damping", "N*s/m", Bound::NotNegative).on(PlantKind::ServoAxis),
+        Argument::new("gap", Unit::Gap, Bound::NotNegative),
+        Argument::new("mass_ratio", Unit::Is("1"), Bound::Between(0.0, 1.0)).on(PlantKind::ServoAxis),
+        Argument::new("stiffness", Unit::Is("N/m"), Bound::Positive).on(PlantKind::ServoAxis),
+        Argument::new("damping", Unit::Is("N*s/m"), Bound::NotNegative).on(PlantKind::ServoAxis),
     ],
     sentence: "There is a free play of {gap} in the drive.",
     check: "Hold the drive and move the load by hand, or reverse it under a small torque, and measure the free play between the two.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct Backlash {

@@ -10,8 +10,8 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Description, Effect, Guess, Motion, ROTOR_SIGN_WIDTH, Scale, Subject, Survey, smooth_sign,
-    smooth_sign_rate,
+    Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, ROTOR_SIGN_WIDTH, Scale, Subject, Survey,
+    Unit, smooth_sign, smooth_sign_rate,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -21,11 +21,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "brake-drag",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
-    arguments: &[Argument::new("torque", "N*m", Bound::NotNegative)],
+    arguments: &[Argument::new("torque", Unit::Is("N*m"), Bound::NotNegative).plausible(Plausible::Effort)],
     sentence: "A brake drags with {torque}.",
     check: "Jack the wheels up and turn them by hand, or measure the temperature of the brakes after driving without braking.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct BrakeDrag {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Joint, Scale, Subject, Survey};
+use crate::effect::{Argument, Arguments, Carried, Declared, Description, Effect, Guess, Joint, Scale, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "clutch-slip",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
-    arguments: &[Argument::new("capacity", "N*m", Bound::Positive)],
+    arguments: &[Argument::new("capacity", Unit::Is("N*m"), Bound::Positive)],
     sentence: "The clutch slips above {capacity}.",
     check: "Compare engine speed with road speed times the gear ratio under full load; where they part, inspect lining and clamp load.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct ClutchSlip {

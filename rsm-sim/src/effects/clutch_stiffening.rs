@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Carried, Description, Effect, Guess, Joint, Scale, Subject, Survey, Twist};
+use crate::effect::{
+    Argument, Arguments, Carried, Declared, Description, Effect, Guess, Joint, Scale, Subject, Survey, Twist, Unit,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "clutch-stiffening",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
-    arguments: &[Argument::new("cubic_stiffness", "N*m/rad^3", Bound::NotNegative)],
+    arguments: &[Argument::new("cubic_stiffness", Unit::Is("N*m/rad^3"), Bound::NotNegative)],
     sentence: "The clutch stiffens with {cubic_stiffness}.",
     check: "Measure the clutch's torque against its twist on a bench, beyond the first stage of its springs.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct ClutchStiffening {

@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey};
+use crate::effect::{
+    Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Role, Scale, Subject, Survey, Unit,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -19,15 +21,16 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
     arguments: &[
-        Argument::new("amplitude", "", Bound::NotNegative),
-        Argument::new("cycles", "1", Bound::Count).on(PlantKind::Pmac),
-        Argument::new("pitch", "m", Bound::Positive).on(PlantKind::ServoAxis),
-        Argument::new("phase", "rad", Bound::Any),
+        Argument::new("amplitude", Unit::Effort, Bound::NotNegative).plausible(Plausible::Effort),
+        Argument::new("cycles", Unit::Is("1"), Bound::Count).on(PlantKind::Pmac),
+        Argument::new("pitch", Unit::Is("m"), Bound::Positive).on(PlantKind::ServoAxis),
+        Argument::new("phase", Unit::Is("rad"), Bound::Any),
     ],
     sentence: "A cogging torque of amplitude {amplitude} acts on the motor.",
     check: "Turn the unpowered motor slowly through a few turns (the axis over a few pitches) with a force gauge: the wave must be there without current.",
     build,
     guesses,
+    declared: Declared::role(Role::Waves),
 };
 
 struct CoggingTorque {

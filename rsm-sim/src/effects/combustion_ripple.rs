@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Scale, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Scale, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "combustion-ripple",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
-    arguments: &[Argument::new("amplitude", "1", Bound::NotNegative)],
+    arguments: &[Argument::new("amplitude", Unit::Is("1"), Bound::NotNegative)],
     sentence: "The engine torque ripples by {amplitude} three times a turn.",
     check: "Compare with a motored engine: the ripple must vanish with fuel cut off.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct CombustionRipple {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -19,13 +19,14 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
     arguments: &[
-        Argument::new("torque", "N*m", Bound::Any).on(PlantKind::Pmac),
-        Argument::new("force", "N", Bound::Any).on(PlantKind::ServoAxis),
+        Argument::new("torque", Unit::Is("N*m"), Bound::Any).plausible(Plausible::Effort).on(PlantKind::Pmac),
+        Argument::new("force", Unit::Is("N"), Bound::Any).plausible(Plausible::Effort).on(PlantKind::ServoAxis),
     ],
     sentence: "A constant load of {torque}{force} is missing from the record.",
     check: "Hold the drive at rest in several positions and read the effort; look for gravity, springs, hoses and unrecorded loads.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct ConstantLoad {

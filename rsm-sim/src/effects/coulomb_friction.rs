@@ -10,7 +10,8 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_rate,
+    Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Scale, Subject, Survey, Unit, sign_width,
+    smooth_sign, smooth_sign_rate,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -21,13 +22,14 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
     arguments: &[
-        Argument::new("torque", "N*m", Bound::NotNegative).on(PlantKind::Pmac),
-        Argument::new("force", "N", Bound::NotNegative).on(PlantKind::ServoAxis),
+        Argument::new("torque", Unit::Is("N*m"), Bound::NotNegative).plausible(Plausible::Effort).on(PlantKind::Pmac),
+        Argument::new("force", Unit::Is("N"), Bound::NotNegative).plausible(Plausible::Effort).on(PlantKind::ServoAxis),
     ],
     sentence: "A dry friction of {torque}{force} is missing from the model.",
     check: "Drive slowly both ways at constant speed: the effort must jump by twice this level at the reversal.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct CoulombFriction {

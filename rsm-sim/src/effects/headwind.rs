@@ -9,20 +9,24 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
+
+/// Beyond 12 Beaufort (33 m/s) nobody drives; in m/s.
+const STORM: f64 = 40.0;
 
 /// What a file and a report may know of it.
 pub const DESCRIPTION: Description = Description {
     kind: "headwind",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
-    arguments: &[Argument::new("wind", "m/s", Bound::Any)],
+    arguments: &[Argument::new("wind", Unit::Is("m/s"), Bound::Any).plausible(Plausible::Within(STORM))],
     sentence: "There is a headwind of {wind}.",
     check: "Drive the same road both ways; what changes sign is wind.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct Headwind {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,14 @@ pub const DESCRIPTION: Description = Description {
     kind: "input-delay",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::None,
-    arguments: &[Argument::new("delay", "s", Bound::NotNegative)],
+    arguments: &[Argument::new("delay", Unit::Is("s"), Bound::NotNegative)
+        .plausible(Plausible::ShareOfRecord)
+        .step(Step::OwnSize)],
     sentence: "The input acts {delay} later than recorded.",
     check: "Apply one step of the input and count the samples to the first answer; look for filters, buses and time stamps.",
     build,
     guesses,
+    declared: Declared::role(Role::Delay),
 };
 
 struct InputDelay {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "input-gain",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::None,
-    arguments: &[Argument::new("gain", "1", Bound::Any)],
+    arguments: &[Argument::new("gain", Unit::Is("1"), Bound::Any).plausible(Plausible::Factor).step(Step::PerCent)],
     sentence: "The input acts {gain} times as strong as recorded.",
     check: "Measure the input where it acts (terminal voltage, plate angle, force at rest) against what the record says.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct InputGain {

@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Scale, Subject, Survey, Windings};
+use crate::effect::{
+    Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Scale, Subject, Survey, Unit, Windings,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "inverter-dead-time",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
-    arguments: &[Argument::new("voltage_loss", "V", Bound::NotNegative)],
+    arguments: &[Argument::new("voltage_loss", Unit::Is("V"), Bound::NotNegative).plausible(Plausible::Input)],
     sentence: "The inverter loses {voltage_loss} against the current.",
     check: "Measure terminal voltage against command at standstill at small currents: the loss must stay as the current shrinks.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 /// Width of the crossing of zero, in A.

@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, FirstInstant, Guess, Subject, Survey};
+use crate::effect::{
+    Argument, Arguments, Declared, Description, Effect, FirstInstant, Guess, Plausible, Subject, Survey, Unit,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -19,13 +21,14 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
     arguments: &[
-        Argument::new("torque_rate", "N*m/s", Bound::Any).on(PlantKind::Pmac),
-        Argument::new("force_rate", "N/s", Bound::Any).on(PlantKind::ServoAxis),
+        Argument::new("torque_rate", Unit::Is("N*m/s"), Bound::Any).plausible(Plausible::EffortPerRecord).on(PlantKind::Pmac),
+        Argument::new("force_rate", Unit::Is("N/s"), Bound::Any).plausible(Plausible::EffortPerRecord).on(PlantKind::ServoAxis),
     ],
     sentence: "A load that is not in the record grows by {torque_rate}{force_rate}.",
     check: "Drive the same motion both ways at the beginning and at the end of an hour and compare the efforts: half their difference is the load.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct LoadDrift {

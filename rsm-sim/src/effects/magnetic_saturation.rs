@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Scale, Subject, Survey, Windings};
+use crate::effect::{
+    Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Scale, Subject, Survey, Unit, Windings,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "magnetic-saturation",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
-    arguments: &[Argument::new("saturation_current", "A", Bound::Positive)],
+    arguments: &[Argument::new("saturation_current", Unit::Is("A"), Bound::Positive)],
     sentence: "The inductance halves at a current of {saturation_current}.",
     check: "Measure the inductance at small and at large current at standstill, by a small step on top of each.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct MagneticSaturation {

@@ -37,7 +37,7 @@ pub mod tyre_slip;
 pub mod voltage_limit;
 pub mod windage;
 
-use crate::effect::Description;
+use crate::effect::{Description, Role};
 
 /// Every effect.
 pub const ALL: &[&Description] = &[
@@ -80,4 +80,10 @@ pub const ALL: &[&Description] = &[
 #[must_use]
 pub fn of(kind: &str) -> Option<&'static Description> {
     ALL.iter().copied().find(|description| description.kind == kind)
+}
+
+/// The first effect with a role.
+#[must_use]
+pub fn with(role: Role) -> Option<&'static Description> {
+    ALL.iter().copied().find(|description| description.declared.role == role)
 }

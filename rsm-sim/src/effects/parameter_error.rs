@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::plant_file::Parameters;
 use crate::schema::Bound;
@@ -19,11 +19,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "parameter-error",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Parameter,
-    arguments: &[Argument::new("value", "", Bound::Any)],
+    arguments: &[Argument::new("value", Unit::OfSubject, Bound::Any).plausible(Plausible::Parameter).step(Step::PerCent)],
     sentence: "The parameter {parameter} is {value}, not what the plant file says.",
     check: "Measure the parameter by itself, or look up where its value in the plant file comes from.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct ParameterError {

@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Scale, Subject, Survey};
+use crate::effect::{
+    Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Scale, Subject, Survey, Unit,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -19,13 +21,14 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
     arguments: &[
-        Argument::new("thermal_resistance", "K/W", Bound::NotNegative),
-        Argument::new("thermal_time_constant", "s", Bound::Positive),
+        Argument::new("thermal_resistance", Unit::Is("K/W"), Bound::NotNegative),
+        Argument::new("thermal_time_constant", Unit::Is("s"), Bound::Positive),
     ],
     sentence: "The winding heats up: {thermal_resistance} with a time constant of {thermal_time_constant}.",
     check: "Measure the winding's resistance cold, and again directly after the record.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 /// Per kelvin.

@@ -9,7 +9,8 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::declared::STEEPEST_ROAD;
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::plant_file::Parameters;
 use crate::schema::Bound;
@@ -19,11 +20,17 @@ pub const DESCRIPTION: Description = Description {
     kind: "road-grade",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
-    arguments: &[Argument::new("grade", "rad", Bound::Between(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2))],
+    arguments: &[Argument::new(
+        "grade",
+        Unit::Is("rad"),
+        Bound::Between(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2),
+    )
+    .plausible(Plausible::Within(STEEPEST_ROAD))],
     sentence: "The road has a grade of {grade}.",
     check: "Measure the slope, or drive the same road both ways; the scale and a coast-down tell it from drag.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct RoadGrade {

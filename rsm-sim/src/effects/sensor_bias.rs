@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-bias",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
-    arguments: &[Argument::new("bias", "", Bound::Any)],
+    arguments: &[Argument::new("bias", Unit::OfSubject, Bound::Any).plausible(Plausible::Reading)],
     sentence: "The sensor of {output} reads {bias} too much.",
     check: "Read the sensor at a known rest, before and after a record.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct SensorBias {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,14 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-delay",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
-    arguments: &[Argument::new("delay", "s", Bound::NotNegative)],
+    arguments: &[Argument::new("delay", Unit::Is("s"), Bound::NotNegative)
+        .plausible(Plausible::ShareOfRecord)
+        .step(Step::OwnSize)],
     sentence: "The sensor of {output} reads {delay} late.",
     check: "Record one step with the sensor and with one whose time stamps are known; look at the bus, the logger's queue and its clock.",
     build,
     guesses,
+    declared: Declared::role(Role::Delay),
 };
 
 struct SensorDelay {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-drift",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
-    arguments: &[Argument::new("rate", "", Bound::Any)],
+    arguments: &[Argument::new("rate", Unit::OfSubjectPerSecond, Bound::Any).plausible(Plausible::ReadingPerRecord)],
     sentence: "The sensor of {output} drifts by {rate}.",
     check: "Read the sensor at a known rest at the beginning and at the end of a long record.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct SensorDrift {

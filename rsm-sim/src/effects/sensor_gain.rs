@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-gain",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
-    arguments: &[Argument::new("gain", "", Bound::Positive)],
+    arguments: &[Argument::new("gain", Unit::Is("1"), Bound::Positive).plausible(Plausible::FactorOrUnit).step(Step::PerCent)],
     sentence: "The sensor of {output} reads {gain} times the truth.",
     check: "Compare the sensor with a second one, or with a known distance, speed or current.",
     build,
     guesses,
+    declared: Declared::role(Role::ReadingGain),
 };
 
 struct SensorGain {

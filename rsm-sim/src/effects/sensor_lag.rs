@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Scale, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Scale, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-lag",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
-    arguments: &[Argument::new("time_constant", "s", Bound::Positive)],
+    arguments: &[Argument::new("time_constant", Unit::Is("s"), Bound::Positive).plausible(Plausible::ShareOfRecord)],
     sentence: "The sensor of {output} lags with a time constant of {time_constant}.",
     check: "Compare the sensor with a faster one on one step; look for a filter in its electronics or in the log.",
     build,
     guesses,
+    declared: Declared::role(Role::ReadingLag),
 };
 
 struct SensorLag {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Role, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-quantisation",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
-    arguments: &[Argument::new("step", "", Bound::Positive)],
+    arguments: &[Argument::new("step", Unit::OfSubject, Bound::Positive)],
     sentence: "The sensor of {output} rounds to multiples of {step}.",
     check: "Look up the resolution of the sensor and of the log, and take a finer one where control needs it.",
     build,
     guesses,
+    declared: Declared::role(Role::Rounding),
 };
 
 struct SensorQuantisation {

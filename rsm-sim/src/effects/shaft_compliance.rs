@@ -10,7 +10,8 @@
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
 use crate::effect::{
-    Argument, Arguments, Carried, Description, Effect, FirstInstant, Guess, Motion, Scale, Split, Subject, Survey,
+    Argument, Arguments, Carried, Declared, Description, Effect, FirstInstant, Guess, Motion, Scale, Split, Subject, Survey,
+    Unit,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -21,14 +22,15 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
     arguments: &[
-        Argument::new("inertia_ratio", "1", Bound::Between(0.0, 1.0)),
-        Argument::new("stiffness", "", Bound::Positive),
-        Argument::new("damping", "", Bound::NotNegative),
+        Argument::new("inertia_ratio", Unit::Is("1"), Bound::Between(0.0, 1.0)),
+        Argument::new("stiffness", Unit::Stiffness, Bound::Positive),
+        Argument::new("damping", Unit::EffortPerSpeed, Bound::NotNegative),
     ],
     sentence: "The load hangs on a spring of {stiffness}, with {inertia_ratio} of the inertia behind it.",
     check: "Clamp the load and twist the drive, or excite the drive by a sweep and look for a resonance above an antiresonance.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct ShaftCompliance {

@@ -9,8 +9,10 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
+use crate::effect::declared::{Forms, Part};
 use crate::effect::{
-    Argument, Arguments, Description, Effect, Guess, Motion, Scale, Subject, Survey, sign_width, smooth_sign, smooth_sign_rate,
+    Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Scale, Subject, Survey, Unit, sign_width,
+    smooth_sign, smooth_sign_rate,
 };
 use crate::kind::PlantKind;
 use crate::schema::Bound;
@@ -21,15 +23,21 @@ pub const DESCRIPTION: Description = Description {
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
     arguments: &[
-        Argument::new("coulomb", "", Bound::NotNegative),
-        Argument::new("static", "", Bound::NotNegative),
-        Argument::new("stribeck_velocity", "", Bound::Positive),
+        Argument::new("coulomb", Unit::Effort, Bound::NotNegative).plausible(Plausible::EffortOneWay).level(),
+        Argument::new("static", Unit::Effort, Bound::NotNegative).plausible(Plausible::EffortOneWay).level(),
+        Argument::new("stribeck_velocity", Unit::Speed, Bound::Positive).plausible(Plausible::Speed),
     ],
     sentence: "Friction of {coulomb} rises to {static} below a speed of {stribeck_velocity}.",
     check: "Drive at several constant speeds around the Stribeck velocity: the effort must fall as the speed rises.",
     build,
     guesses,
+    declared: Declared { generalises: Some("coulomb-friction"), forms, ..Declared::NOTHING },
 };
+
+/// At high speed it is a dry friction of its lower level.
+fn forms(arguments: &Arguments) -> Forms {
+    Forms { special: vec![vec![Part::new("coulomb-friction", arguments.number("coulomb"))]], ..Forms::default() }
+}
 
 struct StribeckFriction {
     coulomb: f64,

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "throttle-nonlinearity",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
-    arguments: &[Argument::new("exponent", "1", Bound::Positive)],
+    arguments: &[Argument::new("exponent", Unit::Is("1"), Bound::Positive).plausible(Plausible::Factor)],
     sentence: "The throttle acts with the power {exponent}.",
     check: "Measure torque or air mass at several throttle openings at one engine speed.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct ThrottleNonlinearity {

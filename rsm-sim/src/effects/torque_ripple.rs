@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Currents, Description, Effect, Guess, Machine, Scale, Subject, Survey};
+use crate::effect::{
+    Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Plausible, Scale, Subject, Survey, Unit,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "torque-ripple",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
-    arguments: &[Argument::new("amplitude", "1", Bound::NotNegative)],
+    arguments: &[Argument::new("amplitude", Unit::Is("1"), Bound::NotNegative).plausible(Plausible::Within(1.0))],
     sentence: "The flux linkage ripples by {amplitude} six times an electrical turn.",
     check: "Turn the motor from outside with open terminals and look at its back-EMF: the sixth order must be there.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct TorqueRipple {

@@ -9,7 +9,9 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Contact, Description, Effect, FirstInstant, Guess, Scale, Subject, Survey};
+use crate::effect::{
+    Argument, Arguments, Contact, Declared, Description, Effect, FirstInstant, Guess, Scale, Subject, Survey, Unit,
+};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "tyre-slip",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
-    arguments: &[Argument::new("slip_stiffness", "N", Bound::Positive)],
+    arguments: &[Argument::new("slip_stiffness", Unit::Is("N"), Bound::Positive)],
     sentence: "The tyres slip: {slip_stiffness} for a slip of 1.",
     check: "Compare wheel speed with ground speed (GPS) while accelerating and while coasting.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 /// Below this speed the slip is taken over it, in m/s.

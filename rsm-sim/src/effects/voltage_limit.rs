@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "voltage-limit",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
-    arguments: &[Argument::new("limit", "V", Bound::Positive)],
+    arguments: &[Argument::new("limit", Unit::Is("V"), Bound::Positive)],
     sentence: "The bus allows {limit} only.",
     check: "Record the bus voltage under load; compare it with the value from which the limit was computed.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct VoltageLimit {

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: what its hooks change. Never changes anything else.
 
-use crate::effect::{Argument, Arguments, Description, Effect, Guess, Motion, Subject, Survey};
+use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
@@ -18,11 +18,14 @@ pub const DESCRIPTION: Description = Description {
     kind: "windage",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
-    arguments: &[Argument::new("coefficient", "N*m*s^2/rad^2", Bound::NotNegative)],
+    arguments: &[
+        Argument::new("coefficient", Unit::Is("N*m*s^2/rad^2"), Bound::NotNegative).plausible(Plausible::EffortPerSpeedSquared)
+    ],
     sentence: "Windage of {coefficient} is missing from the model.",
     check: "Coast down from high speed without current: the deceleration must grow with the square of the speed.",
     build,
     guesses,
+    declared: Declared::NOTHING,
 };
 
 struct Windage {

@@ -25,11 +25,12 @@ use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::screen::scaled;
 use super::significance::best_of;
+use super::waves::is_wave;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use held_out::{Base, Blocks, Prior, blocks};
 use led::{missed, names};
 use readings::{Readings, Version};
-use rsm_sim::effect::Guess;
+use rsm_sim::effect::{Guess, Role};
 use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
@@ -356,13 +357,13 @@ impl Equations {
         let period = self.records[0].0.record.period;
         let mut asked: Vec<(usize, Guess)> = Vec::new();
         for (k, hypothesis) in hypotheses.iter().enumerate() {
-            let of = hypothesis.description.kind;
+            let role = hypothesis.description.declared.role;
             // Rounding has no derivative, and orders of a rotor are asked one by one.
-            if of == "sensor-quantisation" || of == "cogging-torque" && kind == PlantKind::Pmac {
+            if role == Role::Rounding || role == Role::Waves && !is_wave(hypothesis.description, kind) {
                 continue;
             }
             asked.extend(hypothesis.guesses.iter().map(|guess| (k, guess.clone())));
-            if let ("input-delay" | "sensor-delay", Some(like)) = (of, hypothesis.guesses.first()) {
+            if let (Role::Delay, Some(like)) = (role, hypothesis.guesses.first()) {
                 asked.extend(DELAYS.map(|rows| (k, Guess { values: vec![rows * period], ..like.clone() })));
             }
         }
@@ -385,7 +386,7 @@ impl Equations {
 
     /// Waves of torque over the turning of a rotor, at every order that its records show.
     fn orders(&self, model: &Model, hypotheses: &[Hypothesis]) -> Vec<Candidate> {
-        let Some(hypothesis) = hypotheses.iter().position(|it| it.description.kind == "cogging-torque") else {
+        let Some(hypothesis) = hypotheses.iter().position(|it| it.description.declared.role == Role::Waves) else {
             return Vec::new();
         };
         if model.file.kind != PlantKind::Pmac {

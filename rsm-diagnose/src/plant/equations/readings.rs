@@ -4,10 +4,10 @@
 
 use super::led::MEMORY;
 use crate::plant::whitened_residuals::Prepared;
-use rsm_sim::effect::AXIS_SIGN_WIDTH;
+use rsm_sim::effect::{AXIS_SIGN_WIDTH, Role};
 use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::PlantKind;
-use rsm_sim::plant_file::PlantFile;
+use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 
 /// Rows on either side over which a reading is smoothed: where two versions of one reading are compared, its noise is in both and would look like a part of what is missed.
@@ -114,9 +114,9 @@ impl Readings {
         let (values, slope) = (chosen[output].as_ref()?, self.slope[output].as_ref()?);
         let name = file.kind.outputs()[output].name;
         // A slow sensor's reading and its slope times its time constant are what it reads.
-        let slow =
-            |kind: &str| file.acting().find(|it| it.description.kind == kind && it.arguments.subject.as_deref() == Some(name));
-        let lag = slow("sensor-lag").map_or(0.0, |it| it.arguments.number("time_constant"));
+        let is_slow =
+            |it: &&Entry| it.description.declared.role == Role::ReadingLag && it.arguments.subject.as_deref() == Some(name);
+        let lag = file.acting().find(is_slow).map_or(0.0, |it| it.arguments.number("time_constant"));
         let late = hooks.reads_late(output) / record.period;
         let (whole, part) = (late.round(), late - late.round());
         let last = values.len() - 1;

@@ -9,7 +9,7 @@ use super::super::posterior::Posterior;
 use super::super::selection::Believed;
 use super::super::whitened_residuals::WhitenedResiduals;
 use super::{Cause, Interval};
-use rsm_sim::effect::{Arguments, Subject};
+use rsm_sim::effect::{Arguments, Role, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 
@@ -69,7 +69,7 @@ pub(crate) fn cause(
 
 /// Rounding as an entry of a file.
 pub(super) fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Option<Entry> {
-    let description = rsm_sim::effects::of("sensor-quantisation")?;
+    let description = rsm_sim::effects::with(Role::Rounding)?;
     let subject = Some(kind.outputs()[output].name.to_string());
     Some(Entry { description, arguments: Arguments { plant: kind, subject, numbers: vec![("step", step)] } })
 }
@@ -95,8 +95,9 @@ pub(super) fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64
 /// Rounding as a cause: the readings are multiples of the step, and no other cause makes them so.
 pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> Cause {
     let signal = kind.outputs()[output];
+    let description = rsm_sim::effects::with(Role::Rounding);
     Cause {
-        kind: "sensor-quantisation",
+        kind: description.map_or("", |it| it.kind),
         subject: Some(signal.name.to_string()),
         of: Subject::Output,
         parameters: vec![Interval {
@@ -114,7 +115,7 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
         rivals: Vec::new(),
         asked: true,
         sentence: format!("The sensor of {} rounds to multiples of {step} {}.", signal.name, signal.unit),
-        check: rsm_sim::effects::of("sensor-quantisation").map_or("", |description| description.check),
+        check: description.map_or("", |it| it.check),
         witness: None,
         only_in: None,
     }
@@ -128,24 +129,6 @@ pub(crate) fn with_unit(it: &Interval) -> String {
 }
 
 pub(super) fn unit(plant: PlantKind, description: &rsm_sim::effect::Description, subject: Option<&str>, name: &str) -> String {
-    let stated = description.arguments_on(plant).find(|it| it.name == name).map_or("", |it| it.unit);
-    if !stated.is_empty() {
-        return stated.to_string();
-    }
-    let of_output = |name: &str| plant.output(name).map_or("1", |k| plant.outputs()[k].unit);
-    let rotor = plant == PlantKind::Pmac;
-    match (description.kind, name) {
-        ("parameter-error", _) => {
-            let mut parameters = rsm_sim::schema::named(plant);
-            parameters.find(|it| Some(it.name) == subject).map_or("1", |it| it.unit).to_string()
-        }
-        ("sensor-gain", _) => "1".to_string(),
-        ("sensor-drift", _) => format!("{}/s", of_output(subject.unwrap_or(""))),
-        ("sensor-bias" | "sensor-quantisation", _) => of_output(subject.unwrap_or("")).to_string(),
-        ("backlash", "gap") => if plant == PlantKind::Driveline { "rad" } else { "m" }.to_string(),
-        (_, "stiffness") => if rotor { "N*m/rad" } else { "N/m" }.to_string(),
-        (_, "damping" | "viscous_forward" | "viscous_backward") => if rotor { "N*m*s/rad" } else { "N*s/m" }.to_string(),
-        (_, "stribeck_velocity") => if rotor { "rad/s" } else { "m/s" }.to_string(),
-        _ => if rotor { "N*m" } else { "N" }.to_string(),
-    }
+    let argument = description.arguments_on(plant).find(|it| it.name == name);
+    argument.map_or("1".to_string(), |it| it.unit.on(plant, subject))
 }

@@ -1,0 +1,41 @@
+//! The search knows no effect by name: what is special about one is declared in its own file.
+
+use std::path::{Path, PathBuf};
+
+/// The sources of a folder, without those of tests.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        let name = entry.file_name().unwrap().to_string_lossy().into_owned();
+        if entry.is_dir() && name != "tests" {
+            found.extend(sources(&entry));
+        } else if name.ends_with(".rs") && name != "tests.rs" && name != "axis_under_steps.rs" {
+            found.push(entry);
+        }
+    }
+    found
+}
+
+/// Lines that hold the name of an effect as a string, outside of tests and comments.
+fn named(text: &str) -> Vec<(usize, &str)> {
+    let before_tests = text.lines().enumerate().take_while(|(_, line)| *line != "#[cfg(test)]");
+    let code = before_tests.filter(|(_, line)| !line.trim_start().starts_with("//"));
+    let names = |line: &str| rsm_sim::effects::ALL.iter().any(|it| line.contains(&format!("\"{}\"", it.kind)));
+    code.filter(|(_, line)| names(line)).map(|(number, line)| (number + 1, line)).collect()
+}
+
+#[test]
+fn no_source_of_the_diagnosis_names_an_effect() {
+    let list = sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src/plant"));
+    assert!(list.len() > 60, "{}", list.len());
+    for path in list {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let found = named(&text);
+        assert!(found.is_empty(), "{}: {found:?}", path.display());
+    }
+}
+
+#[test]
+fn a_name_is_seen() {
+    assert_eq!(named("// \"windage\"\nlet a = of(\"windage\");\n#[cfg(test)]\n\"windage\"\n"), [(2, "let a = of(\"windage\");")]);
+}
