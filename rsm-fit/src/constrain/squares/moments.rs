@@ -273,6 +273,7 @@ impl Program {
         for (k, rest) in rest.iter().enumerate() {
             let magnitude = Interval::point(rest.magnitude());
             match self.pairs[k % self.pairs.len()] {
+                // mutant `guard to false`: two halves come to the same row: as sound, and larger by a rounding upwards at most.
                 [a, b] if a == b => rows[a] = rows[a] + magnitude,
                 both => both.into_iter().for_each(|a| rows[a] = rows[a] + magnitude.halved()),
             }

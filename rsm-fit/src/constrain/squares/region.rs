@@ -98,6 +98,7 @@ impl Scaling {
             for b in &axes[..place] {
                 for [s, r] in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
                     let terms =
+                        // mutant `* to /`: both are 1 or -1.
                         [(monomial(&[]), 1.0), (monomial(&[*a]), s), (monomial(&[*b]), r), (monomial(&[*a, *b]), s * r)];
                     weights.push(Weight { terms: terms.to_vec() });
                 }

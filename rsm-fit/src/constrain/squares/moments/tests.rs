@@ -196,6 +196,11 @@ fn first_moments_are_those_of_points_of_the_region() {
     let everywhere = Weight { terms: vec![(vec![0], 1.0)] };
     let first = first_moments(&all, &[everywhere], &[[0, 0]], 1).unwrap();
     assert_eq!(first[1], points.iter().sum::<f64>() / 4096.0);
+    // One of them is enough: the largest.
+    let mut sorted = points.clone();
+    sorted.sort_by(f64::total_cmp);
+    let above = Weight { terms: vec![(vec![0], -sorted[4094].midpoint(sorted[4095])), (vec![1], 1.0)] };
+    assert_eq!(first_moments(&all, &[above], &[[0, 0]], 1).unwrap()[1], sorted[4095]);
     // Only where every weight is above 0: x > 1/2 has the mean 3/4.
     let half = |constant: f64| Weight { terms: vec![(vec![0], constant), (vec![1], 1.0)] };
     let first = first_moments(&all, &[half(2.0), half(-0.5)], &[[0, 0]], 1).unwrap();

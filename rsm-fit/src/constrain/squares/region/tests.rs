@@ -97,6 +97,7 @@ fn a_half_space_across_what_nothing_depends_on_is_left_out() {
     // Across the first, or the last, on which nothing depends.
     assert_eq!(of_space(&cube, &[1.0, 1.0, 0.0], 0.5, &[1, 2]), None);
     assert_eq!(of_space(&cube, &[0.0, 1.0, 1.0], 0.5, &[0, 1]), None);
+    assert_eq!(of_space(&[[-0.25, 0.25], [-1.0, 1.0]], &[1.0, 1.0], 0.5, &[1]), None);
     // Such a variable without width is a number: -0.25 - y of the middle 0.75.
     let found = of_space(&[[0.75, 0.75], [-1.0, 1.0]], &[1.0, 1.0], 0.5, &[1]).unwrap();
     assert!(found.terms.len() == 2 && (found.terms[1].1 + 0.25).abs() < 1e-14, "{found:?}");
