@@ -80,7 +80,7 @@ pub struct Witness {
     pub records: Vec<(String, f64, f64)>,
     /// Where the plant without it is wrong.
     pub places: Vec<Region>,
-    /// What the plant without it simulates, everything else fitted again: a list of values for each of [`Portrait::traces`], in their order and unit.
+    /// What the plant without it simulates, everything else fitted again: a list of values for each of [`ErrorBreakdown::traces`], in their order and unit.
     pub without: Vec<Vec<f64>>,
 }
 

@@ -37,5 +37,8 @@ fn no_source_of_the_diagnosis_names_an_effect() {
 
 #[test]
 fn a_name_is_seen() {
-    assert_eq!(named("// \"windage\"\nlet a = of(\"windage\");\n#[cfg(test)]\n\"windage\"\n"), [(2, "let a = of(\"windage\");")]);
+    assert_eq!(
+        named("// \"windage\"\nlet a = of(\"windage\");\n#[cfg(test)]\n\"windage\"\n"),
+        [(2, "let a = of(\"windage\");")]
+    );
 }
