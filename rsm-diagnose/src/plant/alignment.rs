@@ -1,7 +1,7 @@
-//! A second look at the data, beside the calibrated simulation: what the readings alone do not show.
+//! A second check of the data, made with the calibrated simulation: it finds what the readings alone do not show.
 //!
-//! In: prepared records and their simulation. Out: jumps that are motion are taken back; a channel that is late or early in one record alone is found, and left
-//! out there. What is late in all records alike is the plant's or the sensor's, and a matter for the search. Never corrects a sample.
+//! In: prepared records and their simulation. Out: jumps that turn out to be motion count again; a channel that is late or early in one record only is reported and
+//! left out of that record. A delay that all records share belongs to the plant or to a sensor, so the search deals with it. Never corrects a sample.
 
 use super::checks::{Finding, jumps};
 use super::whitened_residuals::{Prepared, Simulated};

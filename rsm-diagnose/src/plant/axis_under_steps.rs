@@ -1,6 +1,6 @@
-//! For tests of this folder: an axis in open loop under steps of its command, with an effect that the nominal plant lacks.
+//! A test case: an axis in open loop, driven by steps of its command, with an effect that the nominal plant lacks.
 //!
-//! In: tolerances, an effect, noise. Out: whitened records, nominal and true plant; a search with what a test gives it. Never in a program.
+//! In: tolerances, an effect, noise. Out: whitened records, the nominal and the true plant, and a search with the inputs that a test gives it. Used by tests alone.
 
 use rsm_core::source::Source;
 

@@ -1,6 +1,6 @@
-//! Blocks of rows that stand twice in a record: a recorder that wrote its buffer again.
+//! Blocks of rows that occur twice in a record, because a recorder wrote its buffer again.
 //!
-//! In: the noisy channels of a record. Out: the rows of the second blocks. Knows how often equal rows meet by chance; never looks at time or at a plant.
+//! In: the noisy channels of a record. Out: the rows of each second block. The test knows how often equal rows occur by chance. Never looks at time or at a plant.
 
 use std::collections::HashMap;
 

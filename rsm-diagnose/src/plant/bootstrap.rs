@@ -1,4 +1,4 @@
-//! How sure a gain is: a moving-block bootstrap over the rows on which it is judged (H. R. Künsch, 1989).
+//! The interval of a gain: a moving-block bootstrap over the rows on which the gain is judged (H. R. Künsch, 1989).
 //!
 //! In: errors of two models on the same records. Out: a 95 % interval of the gain. Never simulates.
 

@@ -1,8 +1,8 @@
-//! Gaps of a few rows, bridged: a logger that loses a row now and then has lost nothing else.
+//! Gaps of a few rows, as a logger leaves that loses a row now and then.
 //!
-//! In: a prepared record with gaps. Out: the same record with rows in their place, so that a simulation goes on. Outputs there do not count. Inputs go linearly from the row before
-//! the gap to the row after it; where readings after a gap show that an input was higher or lower in it, the line is moved by as much. Never bridges what it does not know: a
-//! long gap, one that is no whole number of rows, time that goes back. Never touches a row that was recorded.
+//! In: a prepared record with gaps. Out: the same record with rows in the gaps, so that a simulation can run through. Outputs in these rows do not count. Inputs are interpolated
+//! linearly from the row before the gap to the row after it. Where the readings after a gap show that an input was higher or lower inside it, the line is moved by that amount. Three
+//! kinds of gap are not bridged: a long one, one that is no whole number of rows, and time that goes back. Never changes a recorded row.
 
 use std::ops::Range;
 

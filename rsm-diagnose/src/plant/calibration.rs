@@ -1,7 +1,7 @@
 //! The calibrated plant, and the noise of each output.
 //!
-//! In: records, a plant file. Out: parameters within their tolerances and starts that fit the records best, from several starts; noise floors from what that fit leaves, or from what readings that are
-//! rounded leave about their mean. Never adds a cause.
+//! In: records, a plant file. Out: the parameters (within their tolerances) and starts that fit the records best, from several starts; and the noise floors. A floor comes from what
+//! this fit leaves or, for a sensor that rounds, from the scatter about the mean reading. Never adds a cause.
 
 use super::levenberg::{self, Fit};
 use super::model::{self, AtStart, Model};

@@ -1,7 +1,7 @@
-//! Data before physics: samples that no sensor in order can have read.
+//! Checks of the data before any physics: samples that a working sensor cannot have read.
 //!
-//! In: a prepared record. Out: findings, with the rows they concern taken out of every later figure. Where time is missing or a block of rows stands twice, the
-//! inputs of the plant are missing too, and nobody knows its state afterwards: a part without such a break is kept. Never corrects a sample.
+//! In: a prepared record. Out: findings. Their rows count in no later figure. Where time is missing, or a block of rows occurs twice, the inputs are missing too, and
+//! the state of the plant afterwards is unknown: one part without such a break is kept. Never corrects a sample.
 
 use super::blocks::twice;
 use super::bridges;

@@ -1,8 +1,8 @@
-//! A plant that comes with effects: what its file claims, judged by the records.
+//! A plant file that already has effects: the records judge what the file claims.
 //!
-//! In: a plant file with `[[effects]]`, as an earlier diagnosis or an engineer wrote it. Out: a diagnosis that begins with them: causes are what they do not explain, and a claim that
-//! the records contradict is a cause itself, with the number of the records beside that of the file. The effects are part of the plant while the search runs, so two
-//! searches decide: one in which the claims stand, and, where other numbers do clearly better, one with those. The simpler explanation is believed.
+//! In: a plant file with `[[effects]]`, written by an earlier diagnosis or by an engineer. Out: a diagnosis that starts from them. A cause is what they do not explain. A claim that the
+//! records contradict becomes a cause itself, with the number of the records beside that of the file. The effects are part of the plant during the search, so two searches
+//! decide: one keeps the claims, and the other, run where different numbers fit clearly better, uses those. The simpler explanation is believed.
 
 use super::confidence::{self, Case};
 use super::levenberg::{self, Fit};

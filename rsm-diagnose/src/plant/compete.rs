@@ -1,7 +1,7 @@
-//! A competition for the place of one more cause: guesses are refined, the best hypotheses fitted in full, one of them believed.
+//! The choice of one more cause: guesses are refined, the best hypotheses are fitted in full, and at most one of them is believed.
 //!
-//! In: a fit and what the screen found about it. Out: candidates, the best first, and the one to believe, if any. A candidate is judged on training and
-//! validation records together; only training records move a number. Never looks at how the fit came about.
+//! In: a fit, and what the screen found about it. Out: candidates, the best first, and the one to believe, if any. A candidate is judged on training and
+//! validation records together; numbers are fitted to training records only. Never looks at how the fit came about.
 
 use super::hypotheses::{Hypothesis, label};
 use super::levenberg::{self, Fit};

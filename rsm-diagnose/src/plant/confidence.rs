@@ -1,7 +1,7 @@
-//! How sure a cause is: the probability that it is right.
+//! The confidence of a cause: the probability that it is right.
 //!
-//! In: what a cause gains, what its fitted rivals fall short of it by, what is left unexplained, whether rivals were asked, the verdict. Out: a probability. Four things
-//! speak against a cause: chance, each rival, a cause that is not in the catalogue, a rival that nobody asked. Its odds against the first two come from the records; the others are rates, counted on
+//! In: what a cause gains, how far each fitted rival falls short of it, what is left unexplained, whether rivals were asked, the verdict. Out: a probability. Four things
+//! can make a cause wrong: chance, a rival, a cause that is not in the catalogue, and a rival that was not asked. The records give the odds against the first two. The other two are rates, counted on
 //! hidden effects of seeds that the tables of `cargo xtask hidden-effects` do not use.
 
 /// What the probability of a cause comes from.

@@ -1,10 +1,10 @@
-//! A black-box correction: a response surface of what an extended simulation still gets wrong, over what it simulates and what drives it.
+//! A black-box correction: a response surface of the error that an extended simulation still has, over its outputs and inputs.
 //!
-//! In: the extended plant along training and unseen records. Out: a model file with a surface for each output that gains by one on unseen rows, or how much
-//! the best of them would have gained. It says `measured = simulated + surface`; it names no cause, and holds where the records went and nowhere else.
+//! In: the extended plant along training and holdout records. Out: a model file with a surface for each output whose error it reduces on holdout rows, or how much
+//! the best surface would have gained. The file means `measured = simulated + surface`. It names no cause, and it is valid only where the records went.
 //!
-//! The surface is static: what hangs on the past alone (a resonance, a lag) it cannot hold. Terms are chosen by the ladder of the fitter, on every other
-//! training record against the records between them (a single record: eighths); coefficients are then fitted to all of them. Never sees an unseen row before it is judged.
+//! The surface is static, so it cannot represent what depends on the past alone, such as a resonance or a lag. The ladder of the fitter chooses the terms on every second
+//! training record and judges them on the records between (a single record is divided into eighths). The coefficients are then fitted to all training records. Never uses a holdout row before it is judged.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;

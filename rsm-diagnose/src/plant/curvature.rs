@@ -1,4 +1,4 @@
-//! How the simulation bends with the parameters that are calibrated.
+//! The curvature of the simulation with respect to the calibrated parameters.
 //!
 //! In: records and a fit. Out: whitened second derivatives, one for each parameter and each pair. Never moves the fit.
 

@@ -1,8 +1,7 @@
-//! What a cause must be worth where a model stays far from its records.
+//! The least gain that a cause must have where a model stays far from its records.
 //!
-//! In: a squared residual whose noise is one a row. Out: the gain below which a cause is not named. A real machine has parts that no catalogue holds: their trace has a shape,
-//! and among tens of hypotheses some trace has a few per cent in common with any shape, on unseen records too and far above what noise would show. Never looks at a
-//! record.
+//! In: a squared residual in which the noise has one unit a row. Out: the gain below which a cause is not named. A real machine has parts that no catalogue holds, and what they leave has a shape.
+//! Among tens of hypotheses, one always shares a few per cent with any shape, on holdout records too, and far above the noise. Never looks at a record.
 
 /// A cause must remove a twentieth of the error that is left above the noise, 2.5 % of its root mean square: one that is right removes most of what is left, but for what
 /// other causes do, and the strongest comes first. On the measured axis, dry friction removes 80 % of the squared error, its offset 60 % of what is then left, its

@@ -1,7 +1,7 @@
-//! The breakdown of an error: everything that a report shows beside the verdict.
+//! The breakdown of the error: the data of the report beside the verdict.
 //!
 //! In: the nominal, the calibrated and the extended plant along the records that judge, and the causes that are believed. Out: an [`ErrorBreakdown`]: errors by region, frequency and
-//! order, curves, calibration, what each cause removes, what is left and a correction of it. Decides nothing: no verdict hangs on it.
+//! order, curves, the calibration, what each cause removes, what is left, and a correction of it. No verdict depends on it.
 
 use super::correction::{self, Offer};
 use super::levenberg::Fit;

@@ -1,7 +1,7 @@
-//! The answer, asked on all rows of records that are too long to be searched.
+//! The answer, checked on all rows of records that are too long for the search.
 //!
-//! In: whole records, the plant at the end of a search. Out: what it leaves, window by window, each with a start of its own, so that memory is that of one window. A window is judged as an unseen
-//! record is: by the noise that it has itself, the numbers of the plant moving as far as they are unsure. Never moves a cause, never names one.
+//! In: whole records, the plant at the end of a search. Out: the error in each window of rows. Each window has a start of its own, so the memory needed is that of one window. A window is judged as a
+//! holdout record is: against its own noise, with the numbers of the plant free within their uncertainty. Never changes or names a cause.
 
 use std::fmt;
 

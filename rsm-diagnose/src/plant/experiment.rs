@@ -1,8 +1,8 @@
-//! The next experiment: the record that tells causes apart which the present records do not, or that looks where an error has no cause.
+//! The next experiment: the record that separates causes which the present records cannot separate, or that looks where an error has no cause.
 //!
-//! In: the fitted plant, its rivals, the library of excitations. Out: a [`NextExperiment`]. Two plants that are alike on the present records are simulated along each
-//! excitation; what counts is the difference that remains when the one that is wrong may still move everything that it has to move: its parameters as far as the present
-//! records let it (their information matrix), the start of the new record freely. All to first order about the fits, in units of the noise. Never sees the plant that is true.
+//! In: the fitted plant, its rivals, the library of excitations. Out: a [`NextExperiment`]. Two plants that agree on the present records are simulated along each
+//! excitation. What counts is the difference that remains after the wrong plant has moved everything that it may move: its parameters as far as the present
+//! records allow (their information matrix), and the start of the new record freely. All this is to first order about the fits, in units of the noise. Never sees the true plant.
 
 use super::excitations::{self, Excitation, Limits};
 use super::levenberg::{self, Fit};

@@ -1,4 +1,4 @@
-//! How far a plant of known structure is from its records in a free run: the metric by which models of measured machines are compared.
+//! The error of a plant of known structure in a free run: the metric by which the literature compares models of measured machines.
 //!
 //! In: a plant file with its effects, records. Out: its numbers, fitted to the error of the simulation, and root mean square errors. Names no cause.
 

@@ -1,6 +1,6 @@
-//! Friction in plainer words: forms of it that say the same of some records.
+//! Simpler forms of friction that describe the same records.
 //!
-//! In: the fit of a search. Out: a fit with plainer causes, where it is as good. Never looks for a cause.
+//! In: the fit of a search. Out: a fit with simpler causes, where it is as good. The forms are those that the effects declare. Never looks for a cause.
 
 use super::compete::{count, within_tolerance};
 use super::hypotheses::{generalises, levels_of};

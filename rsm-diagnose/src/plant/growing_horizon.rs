@@ -1,8 +1,8 @@
-//! A cause looked for where a record begins, and followed to its end.
+//! A search over a growing horizon: a cause is fitted to the beginning of each record, then followed to its end.
 //!
-//! In: a fit that leaves structure, hypotheses that no number scales. Out: fits with one of them, along the whole of all records. What adds up along a record (a
-//! clutch that has slipped swings at its limit, and every swing depends on all before) makes a cost with many narrow valleys, and what has run away is like
-//! nothing in first order. At a beginning little has added up: there the valleys are wide, and calibration is not yet bent. Never judges what it finds.
+//! In: a fit that leaves structure, and hypotheses that no number scales. Out: fits with one of them, along the whole of all records. Some effects accumulate along a record: a clutch that
+//! has slipped swings at its limit, and every swing depends on all before. The cost then has many narrow local minima, and no first-order step leads anywhere. Near the beginning little has
+//! accumulated, the minima are wide, and the calibration is not yet biased. Never judges what it finds.
 
 use super::compete::Candidate;
 use super::hypotheses::Hypothesis;

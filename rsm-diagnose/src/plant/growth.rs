@@ -1,7 +1,7 @@
 //! Noise that grows with the reading.
 //!
-//! In: what a simulation leaves of an output, with its readings. Out: how the standard deviation of the noise goes with the size of the reading, where that can be told from chance.
-//! Never looks at slow structure: it asks what a row has beside its neighbours. Robust: medians of parts of equal size, so a few outliers move nothing.
+//! In: the residual of an output, with its readings. Out: the standard deviation of the noise as a function of the size of the reading, where this can be told from chance.
+//! Only differences between neighbouring rows are used, so slow structure does not count. Medians of parts of equal size make it robust against a few outliers.
 
 use super::noise::median;
 

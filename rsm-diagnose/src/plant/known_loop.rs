@@ -1,15 +1,15 @@
-//! A loop whose law is known is checked before anything else: what the controller of an axis says, against its law, needs no plant.
+//! A check of a loop whose law is known, made before anything else: the recorded command of an axis is compared with the law of its controller. This needs no plant.
 //!
 //! ```text
 //!   u = h (a (r - q) - k v),  a = velocity_gain position_gain,  k = velocity_gain,  and readings m = g q:
 //!   u = h (1 - 1/g) [a r] + (h/g) [a (r - m) - k v_m] + a constant
 //! ```
 //!
-//! In: records in closed loop that hold the position and the command. Out: the gains of both sensors by a regression of two lines, how late the position is read, and what is left of
-//! the command. Friction, mass and load have no part in it, so that it stands where nothing is known of them. Never simulates.
+//! In: records in closed loop that hold the position and the command. Out: the gains of both sensors from a regression on two terms, the delay of the position reading, and what is left of
+//! the command. Friction, mass and load do not enter, so the check holds even where nothing is known of them. Never simulates.
 //!
-//! A difference of readings is far noisier than they are, and noise in a regressor makes its slope too small: the law of some rows before, whose noise is another, stands as its
-//! instrument (P. G. Wright, 1928). Intervals come from parts of the records left out in turn (J. W. Tukey, 1958), and so does what the two lines are worth on rows that did not make them.
+//! A difference of readings is much noisier than the readings, and noise in a regressor makes its coefficient too small. The law a few rows earlier, whose noise is independent, serves as the
+//! instrument (P. G. Wright, 1928). Intervals come from leaving out parts of the records in turn (J. W. Tukey, 1958); so does the gain on rows that did not give the coefficients.
 
 use super::confidence::EXPLAINED;
 use super::whitened_residuals::Prepared;

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   records --units, checks--> rows that count --noise--> floor --levenberg--> calibrated plant
-//!      --screen--> ranked hypotheses --profile--> best numbers --selection--> causes --validation--> gain
+//!      --screen--> ranked hypotheses --variable_projection--> best numbers --selection--> causes --validation--> gain
 //!      --excitations--> records that could be made --experiment--> the one that tells causes apart
 //! ```
 //!

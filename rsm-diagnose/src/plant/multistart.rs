@@ -1,8 +1,7 @@
-//! Out of valleys: ways from a fit that is only the nearest best to one that is better.
+//! Several starts for a fit that may stand at a local minimum.
 //!
-//! In: a fit that leaves structure. Out: a better fit of the same unknowns, if it is found. What a cause adds up along a record, and what bounces, sticks or creeps over a
-//! crest at another moment for numbers that hardly differ, parts the ground into narrow valleys. Judged on all rows by plain squares. Never changes which
-//! unknowns there are.
+//! In: a fit that leaves structure. Out: a better fit of the same unknowns, if one is found. Effects that accumulate along a record, and contacts that bounce, stick or slip at another
+//! moment for slightly other numbers, give the cost many narrow local minima. A start is judged by the sum of squares over all rows. Never changes which unknowns there are.
 
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};

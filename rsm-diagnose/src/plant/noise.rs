@@ -1,12 +1,12 @@
-//! The noise floor of an output, estimated from what is left of its records.
+//! The noise floor of an output, estimated from the residuals of its records.
 //!
-//! In: residuals of an output. Out: a first-order autoregressive model of its noise (white where that will do), which whitens residuals, with the standard
+//! In: residuals of an output. Out: a first-order autoregressive model of its noise (white noise where that is enough), which whitens residuals, and the standard
 //! error of its correlation.
 //!
-//! Two estimates. That of the upper band holds whatever slow structure the residual has: its spectrum is the median over half-overlapping Hann segments
-//! (P. D. Welch, 1967) of second differences, divided by their transfer, and the model is fitted above `LOWEST` alone (P. Whittle, 1953) and continued
-//! downwards. That of the whole record is ten times as sharp for slow noise, and wrong where there is structure. It is taken only where it passes two tests:
-//! the upper band does not refuse it, and what it whitens is white in every octave. So what stands above the noise at low frequencies stays structure.
+//! There are two estimates. The first uses the upper band and is valid whatever slow structure the residual has. Its spectrum is the median over half-overlapping Hann segments
+//! (P. D. Welch, 1967) of second differences, divided by their transfer function. The model is fitted above `LOWEST` only (P. Whittle, 1953) and continued to lower frequencies. The
+//! second estimate uses the whole record. It is ten times as precise for slow noise, but wrong where there is structure, so it is used only if it passes two tests: the upper band does
+//! not reject it, and the residual that it whitens is white in every octave. Energy above the noise at low frequencies therefore remains structure.
 
 use std::f64::consts::TAU;
 

@@ -1,8 +1,8 @@
-//! Directions that records leave open, followed to their end: a force, a mass and a friction that grow together move nothing, and only tolerances say where they stand.
+//! Directions in the parameters that the records leave open. Example: a force, a mass and a friction that grow together change nothing, so only tolerances fix their common size.
 //!
-//! In: a fit. Out: the same fit at its best within a tenth of a standard deviation, in every direction, with derivatives that hold along open directions as well. A derivative by each unknown alone misses a share of
-//! it, the bend over its step; along a direction in which the shares of several unknowns cancel, what they miss is all that is left, and says that the records know what they do not. So derivatives are
-//! taken again along those directions themselves, over a standard deviation of what is known, to both sides. Never changes which unknowns there are.
+//! In: a fit. Out: the same fit, converged within a tenth of a standard deviation in every direction, with derivatives that are valid along open directions too. A one-sided derivative by a single unknown
+//! has an error, the curvature over its step. Along a direction in which the contributions of several unknowns cancel, these errors are all that is left, and they look like information that the records do not have.
+//! Derivatives are therefore taken again along those directions, as central differences over one standard deviation. Never changes which unknowns there are.
 
 use super::levenberg::{Equations, Fit};
 use super::model::{Model, Place};

@@ -1,10 +1,10 @@
-//! The error by order: what repeats with the turning of a shaft, or with the way along an axis.
+//! The error by order: what repeats with the rotation of a shaft, or with the position of an axis.
 //!
 //! In: simulations before and after, along the same records. Out: for each output a spectrum over orders (waves a turn; waves a metre), averaged over pieces
 //! of motion in one direction, and the orders that stand out of their neighbours. Never names a cause.
 //!
 //! A piece is weighted by a Hann window over the angle and summed with d(angle), so that a piece of changing speed is sampled evenly over the angle. Rows at
-//! which an order would lie above 0.45 of the sample rate do not count for it.
+//! which an order would lie above 0.45 of the sample rate do not count for that order.
 
 use std::f64::consts::TAU;
 use std::ops::Range;

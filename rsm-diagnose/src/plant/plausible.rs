@@ -1,7 +1,7 @@
-//! Numbers that no plant and no sensor has: a winding of a thousand times its resistance, a bias beyond the readings, a wind that nobody drives in.
+//! Numbers that no real plant or sensor has: a thousand times the resistance of a winding, a bias beyond the readings, a wind in which nobody drives.
 //!
-//! In: an entry with its numbers, a survey of the records. Out: why it is refused, in words; `None` where it may be. A number that a fit has driven so far follows an error
-//! that the catalogue does not hold. Never moves a number.
+//! In: an entry with its numbers, a survey of the records. Out: the reason why it is refused, in words, or `None`. A number that a fit has moved so far compensates for an error
+//! that the catalogue does not hold. The effects declare which range a number has. Never moves a number.
 
 use super::hypotheses::declared;
 use rsm_sim::effect::declared::STEEPEST_ROAD;

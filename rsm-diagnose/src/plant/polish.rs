@@ -1,6 +1,6 @@
-//! The last fit: with the noise that it leaves itself, and every number in the form in which people write it; the file of the extended plant.
+//! The last fit, with the noise that it leaves itself and with every number in the form in which people write it; and the file of the extended plant.
 //!
-//! In: the fit of a search. Out: the same causes, fitted with the floors of their own residual. Never adds or removes a cause.
+//! In: the fit of a search. Out: the same causes, fitted with the noise floors of their own residual. Never adds or removes a cause.
 
 use std::f64::consts::{PI, TAU};
 

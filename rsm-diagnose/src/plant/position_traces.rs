@@ -1,7 +1,7 @@
-//! Where an axis was in its records, and what a force along its way would do.
+//! The motion of an axis in its records, and the response to a force that depends on it.
 //!
-//! In: prepared records, and the simulation of a fit. Out: whitened traces of forces that depend on position, speed and command, as the linear axis and its controller answer
-//! them; and ways that a simulation corrects. Never fits.
+//! In: prepared records, and the simulation of a fit. Out: whitened responses of the linear axis and its controller to forces that depend on position, speed and command;
+//! and positions that a simulation corrects. Never fits.
 
 use std::f64::consts::TAU;
 

@@ -1,8 +1,8 @@
 //! What records and tolerances together say of each number: standard deviations and 95 % intervals.
 //!
-//! In: a fit with its derivatives. Out: deviations and intervals by unknown. Readings are normal about the simulation, which is in proportion near the fit; tolerances are normal as far as two
-//! standard deviations, where a cause begins; a number that physics bounds is beyond its bound with certainty not. An unknown at a bound is known no better for that: it stays in the
-//! covariance, and its interval is the shortest that holds 95 % of what is left of the bell. Without a bound within reach that is 1.96 standard deviations to both sides.
+//! In: a fit with its derivatives. Out: a standard deviation and an interval for each unknown. Three assumptions: readings are normal about the simulation, which is linear near the fit; tolerances are normal up to two
+//! standard deviations, where a cause begins; and a number is never beyond its physical bound. An unknown at a bound is known no better because of it: it stays in the
+//! covariance, and its interval is the shortest one that holds 95 % of the truncated normal distribution. Without a bound in reach this is 1.96 standard deviations to both sides.
 
 use super::levenberg::{self, Fit};
 use super::model::{Place, Unknown};

@@ -1,10 +1,10 @@
-//! Whether anything predicts what is left: waves over what turns or travels, of every order that sampling shows, and powers of the inputs and of the motion.
+//! Tests whether anything predicts the residual: waves over an angle or a position, of every order that the sampling can show, and powers of the inputs and of the motion.
 //!
-//! In: a fit along records. Out: the wave or the powers that predict most, where that is more than chance among all that were tried. Octaves of the spectrum ([`super::whiteness`]) see
-//! energy that gathers in time; a small wave over an angle is one line among thousands there, and at a changing speed not even a line. Never names a cause.
+//! In: a fit along records. Out: the wave or the powers that predict most, if this is more than chance among all that were tried. The octave spectrum ([`super::whiteness`]) sees
+//! energy at certain frequencies. A small wave over an angle is one spectral line among thousands there, and not even a line while the speed changes. Never names a cause.
 //!
-//! The level that a wave has to stand out of is that of its neighbouring orders, and that of powers the rest of the residual at other times: a noise whose colour is known badly raises
-//! both, and is no structure.
+//! A wave is compared with the level of its neighbouring orders, and powers with the same powers at other times of the residual. Coloured noise whose spectrum is known badly raises
+//! these levels too, and is not taken for structure.
 
 use std::f64::consts::TAU;
 

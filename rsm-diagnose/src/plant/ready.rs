@@ -1,7 +1,7 @@
-//! Records made ready for a search, with the plant that is calibrated to them.
+//! The preparation of records for a search, with the plant that is calibrated to them.
 //!
-//! In: a plant file, records. Out: rows that count, noise floors, starts, the calibrated plant, the sizes of the records. Whoever fits causes or claims to records begins here, so that
-//! all of them see the same rows, the same noise and the same starts. Never asks for a cause.
+//! In: a plant file, records. Out: the rows that count, noise floors, starts, the calibrated plant, the scales of the records. Every fit of causes or claims starts here, so
+//! all of them use the same rows, the same noise and the same starts. Never asks for a cause.
 
 use super::calibration::{calibrate, floors, with_rounding};
 use super::checks::{self, Finding};

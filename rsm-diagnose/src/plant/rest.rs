@@ -1,7 +1,7 @@
-//! A plant at rest is no fault: readings that repeat there are what an encoder, a dead band or a coarse step gives.
+//! A plant at rest is no fault: an encoder, a dead band or a coarse step gives readings that repeat.
 //!
-//! In: the readings of a channel, the nominal plant along it. Out: whether equal readings are rest. A sensor that hangs is left by a jump, for the plant has moved on; its noise is gone while that of
-//! its neighbours in time is not; and what it shows is any value. Rest is entered and left gently. The nominal plant is asked last: it may lack the friction that holds the true one.
+//! In: the readings of a channel, the nominal plant along it. Out: whether equal readings are rest. Three signs tell a sensor that hangs from rest: its readings end with a jump, because the plant has moved on; its
+//! noise is gone while that of neighbouring rows is not; and it may stop at any value. Rest begins and ends gently. The nominal plant is used last, because it may lack the friction that holds the true one.
 
 use std::ops::Range;
 

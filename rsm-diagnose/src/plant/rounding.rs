@@ -1,9 +1,9 @@
-//! Readings that a sensor rounds: what they say of a simulation that is not rounded.
+//! Readings that a sensor rounds, compared with a simulation that is not rounded.
 //!
-//! In: the step, simulated values and their readings. Out: the noise before rounding, the mean reading of a value and its scatter. Never finds the step.
+//! In: the step, simulated values and their readings. Out: the noise before rounding, the mean reading of a value, and its scatter. Never finds the step.
 //!
-//! Of noise as large as the step nothing is left but a uniform error. Below a third of the step the error of rounding depends on where between two steps a value lies: where the
-//! motion is slow that is a wave or an offset, which a fit against the simulation itself takes for a bias or a drift. Against the mean reading E[round(x + n)]
+//! If the noise is as large as the step, rounding adds only a uniform error. If it is below a third of the step, the rounding error depends on where the value lies between two steps. During slow
+//! motion this error is a wave or an offset, and a fit against the simulation itself would take it for a bias or a drift. Compared with the mean reading E[round(x + n)],
 //! it is noise from row to row again. The likelihood of n is that of an ordered probit (J. Aitchison, S. D. Silvey, 1957).
 
 /// Noises before rounding that are tried, in steps, each 1.43 times the one before. Below the first a value within a fiftieth of an edge would decide; the last leaves 4 exp(-2 pi^2/4) = 3 % of the

@@ -1,7 +1,7 @@
-//! Which causes: added while they pay, exchanged where another does better, removed when they no longer do.
+//! The selection of causes: a cause is added while it pays, exchanged where another does better, and removed when it no longer pays.
 //!
-//! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes with what competed against each. What a cause must gain comes from null simulations and
-//! from what is worth naming; ties go to the simpler cause. Never looks at validation records to fit, only to judge.
+//! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the least effect size give the gain that a cause
+//! must have. Ties go to the simpler cause. Validation records judge; they never fit a number.
 
 use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::everywhere::Everywhere;

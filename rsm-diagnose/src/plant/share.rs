@@ -1,8 +1,8 @@
-//! How much of records that are too long a search looks at.
+//! The share of long records that a search uses.
 //!
-//! In: records, the steps that a simulation takes along them. Out: of each record its beginning and pieces that are spread over the rest, together the same share of each. A piece starts at a
-//! state that its first readings show in part only: the rows until that is forgotten do not count. A plant that does not forget is looked at where its records begin alone. Says how many rows that
-//! leaves out; what they say of the answer is asked afterwards (`everywhere`). Never drops a record.
+//! In: records, the integration steps that a simulation takes along them. Out: of each record its beginning and pieces spread over the rest, the same share of each record. The first readings of a piece show
+//! its state only in part, so the rows until the plant has forgotten that state do not count. For a plant that does not forget, only the beginnings are used. Says how many rows are
+//! left out; `everywhere` checks the answer on them afterwards. Never drops a record.
 
 use std::fmt;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! What chance gives: noise as the floors have it, and the point that the best of many trials passes rarely.
+//! Significance: noise with the statistics of the noise floors, and the gain that the best of many trials seldom exceeds by chance.
 //!
 //! In: noise floors, gains of null draws, counts of trials. Out: numbers in squared standard deviations. Never looks at a residual.
 

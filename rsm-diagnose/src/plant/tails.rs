@@ -1,9 +1,9 @@
-//! Noise with heavy tails: readings far off their neighbours count as little as Student's t says.
+//! Noise with heavy tails: a reading far off its neighbours has the weight that Student's t distribution gives it.
 //!
-//! In: what a simulation leaves of the outputs. Out: the law of the noise of each output that has heavy tails, and readings in which it is tame: each is moved towards the readings beside it until a least squares
-//! fit to all of them solves the equations that the likelihood of Student's t asks (pseudo-values; P. J. Huber, "Robust statistics", 1981, section 7.8). What follows sees noise of an even size whose variance is
-//! that of the best estimate there is, so costs, thresholds and intervals hold as they stand. Where noise is normal nothing is touched. Never decides by the simulation alone: what a row has beside its neighbours is
-//! asked, so structure that lasts some rows is no outlier. Where noise follows itself from row to row, that is asked of the innovations: each reading less what the reading before, itself tame, says of it.
+//! In: the residuals of the outputs. Out: the distribution of the noise of each output with heavy tails, and readings in which each outlier is moved towards its neighbours, so that a least squares
+//! fit solves the equations of the likelihood of Student's t (pseudo-values; P. J. Huber, "Robust statistics", 1981, section 7.8). Later steps then see noise of one size, with the variance
+//! of the best estimate, so costs, thresholds and intervals stay valid. Normal noise is left unchanged. A reading is compared with its neighbours, not with the simulation alone, so structure that lasts
+//! some rows is no outlier. Where the noise is correlated from row to row, its innovations are used: each reading less what the reading before it, already corrected, predicts.
 
 use super::alignment;
 use super::checks::Finding;

@@ -1,7 +1,7 @@
-//! What an extended plant gains on records that nothing has seen.
+//! The gain of an extended plant on test records, which nothing else uses.
 //!
-//! In: the plants at the end of a diagnosis, and test records. Out: [`Tested`]. Test records are touched here alone, once, after causes, numbers and verdict stand: no other file for
-//! the test changes anything but these figures. Never moves a number of the plant but the start of a record, which its own first part gives.
+//! In: the plants at the end of a diagnosis, and test records. Out: [`Tested`]. Test records are used here only, once, after causes, numbers and verdict are final; other test
+//! files change nothing but these figures. Only the start of a record is fitted, to its own first part.
 
 use super::bootstrap;
 use super::checks::{self, Finding};

@@ -1,10 +1,10 @@
-//! Records that begin in the middle of a motion: of a car, whose torque lags and whose driveshaft swings; of an axis, cut out of a longer log.
+//! Records that begin in the middle of a motion: a car, whose torque lags and whose driveshaft swings, or an axis whose record is cut out of a longer log.
 //!
-//! In: a fit whose starts are steady. Out: whether starts that are not explain one of its records far better. Such starts are then unknown in every record; they are forgotten within
-//! seconds, and what they take up of a missing cause ends there, too. Never moves anything else.
+//! In: a fit with steady starts. Out: whether other starts explain one of its records far better. If so, the starts of all records are unknown. Their influence ends within
+//! seconds, and so does the part of a missing cause that they absorb. Never changes anything else.
 //!
-//! Records of one machine are cut out of one kind of log: where one of them evidently begins in motion, the speed is unknown in all of them, for a speed that is small is not 0. What effects
-//! remember of the time before a record (commands under way, a lagging reading, a twisted shaft) is unknown too, and forgotten soon: the first rows lead the simulation and judge nothing.
+//! All records of a machine usually come from one kind of log. If one of them clearly begins in motion, the starting speed is unknown in all of them, because a small speed is not 0. What effects
+//! remember from before the record (delayed commands, a lagging reading, a twisted shaft) is unknown too, but soon forgotten: the first rows run the simulation in and judge nothing.
 
 use super::levenberg::{self, Fit};
 use super::model::{self, AtStart, Model};

@@ -1,11 +1,11 @@
-//! Columns that are in another unit than their record says: rpm for rad/s, km/h for m/s, kgf for N, r.m.s. for peak, per cent for a share.
+//! Columns whose unit is not the one that the record states: rpm for rad/s, km/h for m/s, kgf for N, r.m.s. for peak, per cent for a share.
 //!
-//! In: a plant file, training records as they were read. Out: columns with the factor that they are off by, the unit that this is, and the gain that the records ask for with its interval; records
-//! that are put right. Asked before anything else: a column that is off by ten breaks a calibration. Never offers a factor that the plant's motion does not show: where two columns explain it
-//! alike, both are named.
+//! In: a plant file, training records as they were read. Out: columns with the factor, the unit that it means, and the gain that the records ask for with its interval; and
+//! corrected records. This is done first, because a column that is wrong by a factor of ten makes calibration fail. Reports only a factor that the motion of the plant shows. If two columns explain it
+//! equally well, both are named.
 //!
-//! A candidate is a column, or columns that are usually wrong together, with one factor of a short list. The nominal plant along the first rows, with the column put right, says which ones are worth
-//! a calibration; the calibrations say which one it is; and a free gain beside all that is free anyway says whether it is that factor.
+//! A candidate is a column, or several columns that usually go wrong together, with one factor of a short list. The nominal plant along the first rows says which candidates deserve
+//! a calibration. The calibrations choose one. A free gain, fitted with everything else that is free, confirms the factor.
 
 use super::checks;
 use super::levenberg::{self, Fit};

@@ -1,7 +1,7 @@
-//! The noise of the upper band: what is left of an output above a tenth of its sample rate, where mechanical structure seldom is.
+//! The noise of the upper band: the part of a residual above a tenth of the sample rate, where mechanical structure is rare.
 //!
-//! In: residuals of an output. Out: their spectrum, the first-order process that suits its upper band best, and what that band says against another one. Knows nothing of lower frequencies but that
-//! a process may not ask for more there than there is.
+//! In: residuals of an output. Out: their spectrum, the first-order process that fits its upper band best, and how far that band rejects another process. Lower frequencies are used for one
+//! condition only: a process may not have more energy there than the residual has.
 
 use std::f64::consts::{PI, TAU};
 

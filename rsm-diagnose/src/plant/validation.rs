@@ -1,6 +1,6 @@
-//! Judges a model on records that no fit has seen.
+//! Judges a model on records that no fit has used.
 //!
-//! In: a model, validation records. Out: errors of each output, their starts being the only unknowns. Never moves a number of the plant.
+//! In: a model, validation records. Out: errors of each output, with the starts of the records as the only unknowns. Never moves a number of the plant.
 
 use super::levenberg;
 use super::model::{Model, Place};

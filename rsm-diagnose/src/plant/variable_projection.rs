@@ -1,7 +1,7 @@
-//! Hypotheses fitted by their own numbers, with everything that is free anyway moving along in first order.
+//! Hypotheses fitted by their own numbers, with all other free unknowns eliminated to first order (variable projection; G. H. Golub, V. Pereyra, 1973).
 //!
-//! In: a fitted model, the same with causes more, numbers to begin with. Out: the numbers at the best and the squared residual there. One simulation a number and step:
-//! cheap enough for every hypothesis that the screen lets through. Never moves a start or a calibration for good.
+//! In: a fitted model, the same model with further causes, numbers to begin with. Out: the best numbers and the squared residual there. It takes one simulation for each number and step, so
+//! every hypothesis that the screen keeps can be fitted. Never moves a start or a calibration for good.
 
 use super::model::{Model, Place};
 use super::normal::Normal;

@@ -1,6 +1,6 @@
-//! From causes to a verdict: intervals, confidence, rivals, where the nominal plant is wrong, what the extension gains.
+//! The verdict: intervals, confidence, rivals, where the nominal plant is wrong, what the extension gains.
 //!
-//! In: a selection and the records. Out: a [`Diagnosis`], all its figures from the fits. Never fits a cause.
+//! In: a selection and the records. Out: a [`Diagnosis`], with all its figures from the fits. Never fits a cause.
 
 mod own_noise;
 mod rivals;

@@ -1,7 +1,7 @@
-//! The last word on a set of causes: each unseen record judges it alone, and so do its own intervals.
+//! The final veto on a set of causes: each holdout record judges the set by itself, and so do the intervals of the causes.
 //!
-//! In: the fit of a search with its causes, unseen records. Out: what stands, and what was tried and refused, with the reason. A set that trades one record for another has
-//! a better sum and is no explanation, so sums do not count here. Never adds a cause.
+//! In: the fit of a search with its causes, holdout records. Out: the causes that stand, and those that were tried and refused, with the reason. A set that improves one record and worsens another may
+//! have a better sum and is still no explanation, so sums do not count here. Never adds a cause.
 
 use super::hypotheses::Hypothesis;
 use super::levenberg::{self, Fit};

@@ -1,12 +1,12 @@
-//! Waves of force over the position of an axis, read off what a calibrated simulation leaves.
+//! Waves of force over the position of an axis, found in the residual of a calibrated simulation.
 //!
-//! In: prepared records and a fit without such a wave. Out: wave lengths with amplitude and phase, the strongest first; and a plant with one of them, near its best. Never
+//! In: prepared records and a fit without such a wave. Out: wave lengths with amplitude and phase, the strongest first; and a plant with one of them, near its best fit. Never
 //! decides whether one is a cause.
 //!
-//! A force A sin(2 pi q/pitch + phase) depends on where the axis is, and a simulation that lacks it soon is elsewhere: a search for the pitch in free run has a local best at
-//! every wave more or less. But the true position stands in the record. Along it the force of any wave is known but for two factors, and nominal plant and controller
-//! are linear: they answer with two traces, which are fitted by least squares, in the noise of the readings, jointly with all that is free anyway. No
-//! derivative of a reading is taken, and long slow motion, where a small force moves much, has the weight that it deserves.
+//! A force A sin(2 pi q/pitch + phase) depends on the position. A simulation without it soon has another position, so a search for the pitch in a free run has a local minimum
+//! at almost every wave. But the record holds the true position. Along it the force of a wave is known except for two factors. The nominal plant and the controller
+//! are linear and give one response for each factor. Both are fitted by least squares, weighted by the noise of the readings, together with all other free unknowns. No
+//! reading is differentiated, and long slow motion, in which a small force has a large effect, has its full weight.
 
 use std::f64::consts::TAU;
 

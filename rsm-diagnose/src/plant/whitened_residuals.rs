@@ -1,7 +1,7 @@
-//! Free-run simulations of a model along all records, on all cores, and whitened residuals.
+//! Free-run simulations of a model along all records, on all cores, and their whitened residuals.
 //!
-//! In: a model and prepared records. Out: residuals of length one where they are noise, and their derivatives with respect to unknowns.
-//! The same bits whatever the number of threads: each simulation is one job with a place of its own.
+//! In: a model and prepared records. Out: residuals with variance one where they are noise, and their derivatives with respect to the unknowns.
+//! The bits do not depend on the number of threads: each simulation is one job with a place of its own.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -1,6 +1,6 @@
-//! What is left after all causes: is it noise?
+//! Tests whether what is left after all causes is noise.
 //!
-//! In: the whitened residual of a fit. Out: for each output and octave of frequencies its energy over that of noise, and whether it is more than noise
+//! In: the whitened residual of a fit. Out: for each output and octave of frequencies its energy relative to noise, and whether it exceeds what noise
 //! shows in 199 of 200 cases. Never says what the structure is.
 
 use super::levenberg::Fit;

@@ -1,6 +1,6 @@
-//! Causes as they are reported: how sure each is, and what else would leave the same trace.
+//! Causes as they are reported: the confidence of each, and what else would leave the same trace.
 //!
-//! In: a sample, its explanation, estimates, all hypotheses. Out: [`Cause`] after cause, the strongest first; their words and numbers are from `telling`. Decides nothing about which causes there are.
+//! In: a sample, its explanation, estimates, all hypotheses. Out: the list of [`Cause`]s, the strongest first; `narrative` gives their words and numbers. Never decides which causes there are.
 
 use super::choice::{Worth, candidates, worth};
 use super::estimate::Estimates;

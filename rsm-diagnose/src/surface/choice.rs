@@ -1,7 +1,7 @@
-//! The set of causes that explains a sample best, with outlying runs and noise as they are taken to be.
+//! The set of causes that explains a sample best, for given outlying runs and noise.
 //!
-//! In: a sample, hypotheses, thresholds, the state of [`super::explain`]. Out: hypotheses. What the search finds is looked at again: each cause must be worth its threshold in the set, shapes that are a plain
-//! shift in disguise go, changes between runs are placed to the row, and a whole order that is missing is told by its terms. Never touches outlying runs or the noise.
+//! In: a sample, hypotheses, thresholds, the state of [`super::explain`]. Out: hypotheses. The result of the search is checked again: each cause must exceed its threshold within the set, shapes that equal a plain
+//! shift are dropped, changes between runs are placed at their row, and a missing order is reported by its terms. Never changes outlying runs or the noise.
 
 use super::explain::{Explained, solved};
 use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_STEPS, Part, step};

@@ -1,6 +1,6 @@
-//! The probability that a cause is right, beside causes that are not in the catalogue.
+//! The probability that a cause is right, including causes that are not in the catalogue.
 //!
-//! In: the probability among the causes that are known (beyond chance, and its odds against rivals), the verdict. Out: the probability among all. "None of these" has a rate, counted on hidden effects of seeds that the tables of
+//! In: the probability among the known causes (against chance and against rivals), the verdict. Out: the probability among all causes. "None of these" has a rate, counted on hidden effects of seeds that the tables of
 //! `cargo xtask hidden-effects surfaces` do not use.
 
 use super::Verdict;

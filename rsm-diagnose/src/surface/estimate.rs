@@ -1,7 +1,7 @@
 //! The numbers of a cause, with their intervals.
 //!
-//! In: a sample and its explanation. Out: the explanation with the columns of input sensors as they are at the estimate (gain and bias of a sensor act through the polynomial, not in a straight line:
-//! Gauss and Newton), and for each cause its unknowns with standard errors. Never adds or drops a cause.
+//! In: a sample and its explanation. Out: for each cause its unknowns with standard errors; and the explanation with the columns of input sensors updated to the estimate. The gain and bias of an input sensor act
+//! through the polynomial, which is not linear, so these columns are iterated (Gauss-Newton). Never adds or drops a cause.
 
 use super::explain::{Explained, settle, solved};
 use super::hypotheses::{Claim, moved};

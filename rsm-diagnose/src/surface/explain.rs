@@ -1,8 +1,8 @@
-//! Which causes, outlying runs and kind of noise together explain a sample.
+//! The combination of causes, outlying runs and noise that explains a sample.
 //!
-//! In: a sample, hypotheses, thresholds. Out: [`Explained`], the combination with the least -2 ln likelihood plus costs. Each kind of noise is a start of its own, since noise that grows looks
-//! like outliers, and errors that follow each other look like drift, to whoever assumes the contrary; from each start causes, outliers and noise are found in turns until they stay.
-//! Never looks at unseen rows.
+//! In: a sample, hypotheses, thresholds. Out: [`Explained`], the combination with the least -2 ln likelihood plus costs. Noise that grows looks like outliers if it is assumed even, and correlated errors look like drift
+//! if they are assumed independent. Each kind of noise is therefore a start of its own. From each start, causes, outliers and noise are found in turn until they no longer change.
+//! Never uses holdout rows.
 
 use super::choice::causes;
 use super::hypotheses::Hypothesis;

@@ -1,7 +1,7 @@
-//! The extended surface: what the causes write into the model file, and what they say of rows beyond it.
+//! The extended surface: what the causes write into the model file, and what they mean for rows outside it.
 //!
-//! In: a sample, its explanation and the estimates. Out: [`Extension`]: a surface with its inputs that evaluates readings as the new data have them, and offsets (drift, blocks) that no file
-//! holds. Coding, symmetry, reciprocals, knots and support stay; an input's sensor moves powers exactly, by expanding them, and knots with it. Never changes another surface.
+//! In: a sample, its explanation and the estimates. Out: [`Extension`]: a surface and its inputs, for readings as the new data have them, and offsets (drift, blocks) that a model file cannot
+//! hold. Coding, symmetry, reciprocals, knots and support stay. A correction of an input's sensor is applied to powers and knots by exact expansion. Never changes another surface.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
-//! The gain on rows that no estimate has seen.
+//! The gain on rows that no estimate has used.
 //!
-//! In: the nominal surface, extensions, rows that they were not made from: files kept for it, or folds of the new data that are left out in turn while everything, the choice of causes included, is
-//! repeated without them. Out: errors before and after. Never looks at an unseen row before it is judged.
+//! In: the nominal surface, extensions, and rows that were not used for them: separate files, or folds of the new data. Each fold is left out in turn while everything, including the choice of causes, is
+//! repeated without it. Out: errors before and after. Never looks at a holdout row before it is judged.
 
 use rsm_core::model::{Input, Model, Surface};
 

@@ -1,7 +1,7 @@
-//! What may be wrong with a surface or with the data: one hypothesis a cause and shape.
+//! What may be wrong with a surface or with the data: one hypothesis for each cause and shape.
 //!
-//! In: a [`Sample`]. Out: [`Hypothesis`] after hypothesis, each with its columns (what it adds to the response, a column for each unknown number), and with what it would write
-//! into the model file. A cause has several shapes where the data decide: a missing term of which the old fit took a part into its coefficients, a sensor's gain of 0.8 or 1.2.
+//! In: a [`Sample`]. Out: the list of [`Hypothesis`] values, each with its columns (what it adds to the response, one column for each unknown number) and with what it would write
+//! into the model file. A cause has several shapes where the data must decide: a missing term that the old fit partly absorbed into its coefficients, or a sensor gain of 0.8 or 1.2.
 //! Never looks at the response.
 
 use super::sample::Sample;

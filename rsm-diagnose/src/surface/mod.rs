@@ -1,13 +1,13 @@
-//! What new data say against a fitted surface: which runs, which cause, how sure, and the surface that says it better.
+//! What new data show about a fitted surface: where it is wrong, the cause with its confidence, and the extended surface.
 //!
 //! ```text
 //!   model.toml, new.csv --data--> NewData --sample--> Sample (rows inside box and support)
 //!       hypotheses: every cause as columns ----+
 //!       null: what chance shows on these rows -+--explain, choice--> causes, outlying runs, noise
-//!                                                 |  left_over: is it noise that is left?
-//!                                                 |  estimate, telling, causes: numbers, words, rivals
+//!                                                 |  residual_tests: is the rest noise?
+//!                                                 |  estimate, narrative, causes: numbers, words, rivals
 //!                                                 v
-//!       extension: the surface that says it --unseen--> gain on rows that nothing was estimated from
+//!       extension: the surface that says it --holdout--> gain on rows that nothing was estimated from
 //! ```
 //!
 //! In: a checked model, new data. Out: [`Diagnosis`]. Coefficients of the file are estimates and may move within what the rows that made them leave open; that is calibration, not a cause. Thresholds come

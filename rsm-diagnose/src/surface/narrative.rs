@@ -1,6 +1,6 @@
 //! Causes in plain words with their numbers: kind, name, unit, interval.
 //!
-//! In: a sample, its explanation, estimates. Out: [`Cause`] after cause, without rivals: how sure a cause is, and what else would leave the same trace, is said in [`super::causes`]. Decides nothing.
+//! In: a sample, its explanation, estimates. Out: the list of [`Cause`]s without rivals; [`super::causes`] adds the confidence and what else would leave the same trace. Decides nothing.
 
 use super::causes::{Cause, OutlyingRun, Parameter};
 use super::estimate::Estimates;

@@ -1,9 +1,9 @@
-//! The noise of new data: whether it grows with the response, whether errors follow each other.
+//! The noise of new data: whether it grows with the response, and whether successive errors are correlated.
 //!
-//! In: residuals, fitted values, places in the run order. Out: the unknown that fits best, by maximum likelihood, and 2 ln of its likelihood ratio against even, independent noise. Never changes
+//! In: residuals, fitted values, places in the run order. Out: the maximum likelihood estimate, and 2 ln of its likelihood ratio against even, independent noise. Never changes
 //! a residual.
 //!
-//! Sources: Cook and Weisberg 1983 and Carroll and Ruppert 1988 for variance functions; an autoregression of first order for errors that follow each other, as in Durbin and
+//! Sources: Cook and Weisberg 1983 and Carroll and Ruppert 1988 for variance functions; a first-order autoregression for correlated errors, as in Durbin and
 //! Watson 1950, by exact likelihood.
 
 /// How the standard deviation of the noise follows the response.

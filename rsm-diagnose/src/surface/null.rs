@@ -1,7 +1,7 @@
-//! What chance alone would show on these very rows.
+//! The null distribution: what chance alone shows on these very rows.
 //!
-//! In: hypotheses carried into the white space, the share of false alarms that is allowed. Out: [`Thresholds`]. Draws pure noise many times, from a fixed seed, and looks at it as
-//! the diagnosis looks at the data: so the number of hypotheses, and how alike they are, need no formula. Never sees the response.
+//! In: the columns of the hypotheses in the whitened space, the allowed rate of false alarms. Out: [`Thresholds`]. Pure noise is drawn many times, from a fixed seed, and analysed as
+//! the data are. The number of hypotheses and their similarity therefore need no formula. Never uses the response.
 
 use super::noise;
 use super::tails::{f_of, ln_two_sided_t, ln_upper_f};

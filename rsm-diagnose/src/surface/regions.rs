@@ -1,6 +1,6 @@
-//! Where a surface is wrong: which runs hold the squared error.
+//! Where a surface is wrong: the runs that hold the squared error.
 //!
-//! In: a sample, measured less computed (of the nominal file, or of what is left), the rows that count. Out: regions (a third of an input's range, a third of the run order, a level of a further column), those that hold more than their share first.
+//! In: a sample, measured less computed (by the nominal file or after the causes), the rows that count. Out: regions (a third of an input's range, a third of the run order, a level of a further column); those that hold more than their share come first.
 //! Never names a cause.
 
 use super::sample::Sample;

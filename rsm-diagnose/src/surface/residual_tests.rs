@@ -1,8 +1,8 @@
-//! What is left when the causes are gone: noise, or structure that nobody explains.
+//! Tests of the residual after the causes: is it noise, or structure without an explanation?
 //!
-//! In: a sample and its explanation. Out: a test after test with the probability of as much by chance, and the noise that the data themselves show. Replicates judge the surface by their own scatter;
-//! where there are none, neighbours do: residuals of near points are alike when a smooth part is missing. The chance is drawn: noise put through the same projections, its first three moments
-//! kept. Never names a cause.
+//! In: a sample and its explanation. Out: a list of tests, each with the probability of as much by chance, and the noise that the data show. Replicates give a lack-of-fit test.
+//! Without replicates, neighbours are compared: where a smooth part is missing, the residuals of near points are alike. The null distribution is that of noise after the same projections, with its first three moments.
+//! Never names a cause.
 
 use rsm_core::model::Evidence;
 

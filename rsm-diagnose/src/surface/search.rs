@@ -1,8 +1,8 @@
-//! Which hypotheses explain a residual together: a search among sets, on the matrix of products of their columns.
+//! The search for the set of hypotheses that explains a residual, on the matrix of products of their columns.
 //!
-//! In: hypotheses as columns carried into the space of [`super::whitening`], the carried residual, what each costs. Out: the set with the least n ln(sum of squares) plus costs. Sets
-//! grow along several paths at once (a beam), so that two causes that mask each other are found together, and are then improved by leaving out and exchanging. Never
-//! decides how much a cause must be worth: the costs say it.
+//! In: hypotheses as columns in the space of [`super::whitening`], the residual there, the cost of each. Out: the set with the least n ln(sum of squares) plus costs. A beam search
+//! grows several sets at once, so two causes that mask each other are found together. The sets are then improved by leaving out and exchanging members. Never
+//! decides how much a cause must gain: the costs say it.
 
 use super::whitening::subtract;
 use super::work::Work;

@@ -1,7 +1,7 @@
-//! Tails of t, F and gamma distributions, far out and back.
+//! Tails of the t, F and gamma distributions, and their inverses, far from the centre.
 //!
-//! In: a statistic with its degrees of freedom. Out: the logarithm of the probability of as much or more by chance, and the statistic of a probability. Logarithms,
-//! because the evidence for a cause may lie below the smallest f64. Never NaN for finite arguments and positive degrees of freedom.
+//! In: a statistic with its degrees of freedom. Out: the logarithm of the probability of as much or more by chance, and the statistic of a given probability. Logarithms are used
+//! because the probability may lie below the smallest f64. Never NaN for finite arguments and positive degrees of freedom.
 
 use statrs::function::beta::{beta_reg, ln_beta};
 use statrs::function::gamma::gamma_ur;

@@ -1,10 +1,10 @@
-//! The space in which residuals of new data are white when nothing is wrong.
+//! The space in which the residuals of new data are white if nothing is wrong.
 //!
-//! In: the rows that are kept, the scale and the correlation of the noise, the columns of the present terms, and how well the file knows its coefficients. Out: [`Space`],
-//! which carries any column of numbers (one a row) into a space where least squares without further conditions is right. Never looks at a response.
+//! In: the rows that are kept, the scale and the correlation of the noise, the columns of the present terms, and the uncertainty of the file's coefficients. Out: [`Space`],
+//! which transforms a column (one value for each row) into a space where ordinary least squares is optimal. Never looks at a response.
 //!
-//! The coefficients of a file are estimates. What they may be wrong by is taken for normal with a covariance sigma^2 C ([`super::sample`] says which). Then y - f has the covariance
-//! sigma^2 (I + X C X'), X the terms at the new rows. With the eigenvectors u of X C X' and their eigenvalues d, its inverse root is I - sum (1 - 1/sqrt(1 + d)) u u'.
+//! The coefficients of a file are estimates. Their error is assumed normal with a covariance sigma^2 C ([`super::sample`] says which). The covariance of y - f is then
+//! sigma^2 (I + X C X'), with X the terms at the new rows. With the eigenvectors u of X C X' and their eigenvalues d, its inverse root is I - sum (1 - 1/sqrt(1 + d)) u u'.
 
 /// What is known of the noise of each row, up to a common factor.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,6 +1,6 @@
-//! How much work a diagnosis may be, counted in multiplications: the same data give the same answer on every machine.
+//! The limit of work of a diagnosis, counted in multiplications: the same data give the same answer on every machine.
 //!
-//! In: what has been done. Out: whether to go on. Knows nothing of what the work is.
+//! In: the work done so far. Out: whether to go on. Knows nothing of what the work is.
 
 use std::cell::Cell;
 

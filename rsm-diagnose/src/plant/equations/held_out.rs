@@ -1,6 +1,6 @@
-//! Least squares judged on rows that did not make them: even and odd blocks of time, each fitted and judged by the other.
+//! Least squares with cross-validation: even and odd blocks of time, each judged by the fit to the other.
 //!
-//! In: columns in blocks (a record and an equation each), and what they are to explain. Out: what columns leave on the other blocks. Never knows what a column is.
+//! In: columns in blocks (one for each record and equation), and a target. Out: what the columns leave on the other blocks. Never knows what a column is.
 
 use crate::plant::normal::Normal;
 use crate::plant::whitened_residuals::dot;

@@ -1,6 +1,6 @@
-//! The readings of a record as equations want them: raw, smooth, and taken back through what sensors do to them.
+//! The readings of a record in the form that the equations need: raw, smoothed, and corrected for what sensors do to them.
 //!
-//! In: a prepared record. Out: signals a row, and which rows count. Never looks at an equation.
+//! In: a prepared record. Out: a signal value for each row, and which rows count. Never looks at an equation.
 
 use super::led::MEMORY;
 use crate::plant::whitened_residuals::Prepared;

@@ -1,7 +1,7 @@
-//! Waves of torque over the turning of a rotor, at every order: what each would add to what the speed's equation says.
+//! Waves of torque over the angle of a rotor, at every order: what each would add to the equation of the speed.
 //!
-//! In: the recorded speed of a motor. Out: two columns an order, a quarter of a wave apart. The angle is the integral of the recorded speed, so that a wave of 90 cycles a turn
-//! stays in step where a simulated angle would be some cycles away. Never fits.
+//! In: the recorded speed of a motor. Out: two columns for each order, a quarter of a wave apart. The angle is the integral of the recorded speed, so a wave of 90 cycles a turn
+//! stays in phase. A simulated angle would be several cycles off. Never fits.
 
 use super::led::MEMORY;
 

@@ -1,8 +1,8 @@
-//! The inverse model of an axis: the force that a measured motion asks for, against the force that the drive gave.
+//! The inverse model of an axis: the force that a measured motion needs, compared with the force that the drive gave.
 //!
 //! In: a record of an axis with position and command. Out: regressions of the force on acceleration, speed and friction, and the relative error of the force,
-//! also of any plant file whose effects have no memory. Only filtered derivatives of the measured position enter: no simulation, no loop, no start.
-//! Never decides about causes: a force that fits says nothing of a free run.
+//! also for any plant file whose effects have no memory. Only filtered derivatives of the measured position are used: no simulation, no loop, no start.
+//! Never decides about causes: a good fit of the force does not imply a good free run.
 //!
 //! Source: A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", 2019: inverse dynamic identification model with least squares (IDIM-LS).
 

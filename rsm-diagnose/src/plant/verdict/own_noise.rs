@@ -1,6 +1,6 @@
-//! Unseen records are judged by the noise that they have themselves.
+//! The noise of holdout records, by which they are judged.
 //!
-//! In: unseen records with a fit to them. Out: their floors, the residual by these, what is left. Never takes structure for noise.
+//! In: holdout records with a fit to them. Out: their noise floors, the residual whitened by these, what is left. Never takes structure for noise.
 
 use super::super::calibration;
 use super::super::levenberg::Fit;

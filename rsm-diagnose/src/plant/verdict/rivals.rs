@@ -1,6 +1,6 @@
-//! What competed with a cause and does as well.
+//! Rivals that explain the records as well as a cause does.
 //!
-//! In: a believed cause with its rivals. Out: those that the records do not tell from it, by name and as plants. Never fits one.
+//! In: a believed cause with its rivals. Out: those that the records do not separate from it, by name and as plants. Never fits one.
 
 use super::super::hypotheses::generalises;
 use super::super::selection::Believed;

@@ -1,6 +1,6 @@
-//! A cause as it is told: its numbers with intervals and units, its sentence.
+//! The report of a cause: its numbers with intervals and units, its sentence.
 //!
-//! In: an entry of a fitted plant, or rounding of an output. Out: a [`Cause`]. Never judges one.
+//! In: an entry of a fitted plant, or the rounding of an output. Out: a [`Cause`]. Never judges one.
 
 use super::super::error_breakdown::Witness;
 use super::super::levenberg::Fit;
