@@ -66,6 +66,31 @@ pub struct Surface {
     pub evidence: Vec<(String, Evidence)>,
 }
 
+impl Surface {
+    /// How messages and emitted code speak of a term: `1`, `speed`, `torque^2*speed`, `hinge(speed, 465)`.
+    ///
+    /// ```
+    /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+    /// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [2], coefficient = 30.0 }]\n";
+    /// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+    /// let drag = &checked.model().surfaces[0];
+    /// assert_eq!(drag.term_name(&drag.terms[1].powers), "speed^2");
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
+    #[must_use]
+    pub fn term_name(&self, powers: &[u32]) -> String {
+        let own = self.inputs.iter().cloned();
+        let hinges = self.knots.iter().map(|knot| format!("hinge({}, {})", knot.input, knot.at));
+        let factors: Vec<String> = own
+            .chain(hinges)
+            .zip(powers)
+            .filter(|(_, power)| **power > 0)
+            .map(|(factor, power)| if *power == 1 { factor } else { format!("{factor}^{power}") })
+            .collect();
+        if factors.is_empty() { "1".to_string() } else { factors.join("*") }
+    }
+}
+
 /// What the powers of a surface are powers of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coding {

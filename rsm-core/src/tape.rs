@@ -100,6 +100,19 @@ pub struct Tape {
     pub output: Reg,
     /// The register of each state's next value, written when all operations are done. Empty: the tape is a function of its arguments.
     pub next_states: Vec<Reg>,
+    /// The terms of the model behind constants, in the order of the registers. For a reader: they change no result.
+    pub notes: Vec<(Reg, Note)>,
+}
+
+/// The term of a model from which a constant is made: scales of variables are folded into it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Note {
+    /// Its name, as [`crate::model::Surface::term_name`] gives it.
+    pub term: String,
+    /// Its coefficient in the model file.
+    pub coefficient: f64,
+    /// The unit of the response.
+    pub unit: String,
 }
 
 impl Tape {
@@ -225,13 +238,14 @@ pub struct TapeBuilder {
     precision: Precision,
     ops: Vec<Op>,
     shares: bool,
+    notes: Vec<(Reg, Note)>,
 }
 
 impl TapeBuilder {
     /// An empty tape.
     #[must_use]
     pub fn new(precision: Precision) -> Self {
-        TapeBuilder { precision, ops: Vec::new(), shares: false }
+        TapeBuilder { precision, ops: Vec::new(), shares: false, notes: Vec::new() }
     }
 
     /// An empty tape on which an operation that stands there already is not written again: several surfaces of the same inputs, and a
@@ -280,6 +294,18 @@ impl TapeBuilder {
         }
     }
 
+    /// Says of a constant from which term of the model it is made. Nothing is said where it was not written (a factor of 1).
+    pub fn note(&mut self, exact: &Rational, note: Note) {
+        let value = self.precision.round(exact);
+        let constant = |op: &Op| matches!(op, Op::Constant(it) if it.value.to_bits() == value.to_bits() && it.exact == *exact);
+        let Some(place) = self.ops.iter().position(constant) else { return };
+        let entry = (Reg(place as u32), note);
+        // A surface may be taken into a compensator more than once.
+        if !self.notes.contains(&entry) {
+            self.notes.push(entry);
+        }
+    }
+
     /// A register times a constant. Nothing is written for 1, and for -1 a change of the sign: both are exact.
     pub fn times(&mut self, value: Reg, factor: Rational) -> Reg {
         if factor == integer(1) {
@@ -307,7 +333,9 @@ impl TapeBuilder {
     /// The finished tape.
     #[must_use]
     pub fn finish(self, name: impl Into<String>, inputs: Vec<String>, output: Reg) -> Tape {
-        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, output, next_states: vec![] }
+        let mut notes = self.notes;
+        notes.sort_by_key(|(reg, _)| *reg);
+        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, output, next_states: vec![], notes }
     }
 
     /// The finished tape of something that keeps states.

@@ -97,22 +97,8 @@ impl Design {
     /// How messages speak of a term: `1`, `speed`, `torque^2*speed`, `hinge(speed, 465)`.
     #[must_use]
     pub fn name_of(&self, term: usize) -> String {
-        name(&self.surface, &self.inputs, &self.terms[term])
+        self.surface.term_name(&self.terms[term])
     }
-}
-
-/// How messages speak of a term.
-#[must_use]
-pub fn name(surface: &Surface, inputs: &[Input], powers: &[u32]) -> String {
-    let own = inputs.iter().map(|input| input.name.clone());
-    let hinges = surface.knots.iter().map(|knot| format!("hinge({}, {})", knot.input, knot.at));
-    let factors: Vec<String> = own
-        .chain(hinges)
-        .zip(powers)
-        .filter(|(_, power)| **power > 0)
-        .map(|(factor, power)| if *power == 1 { factor } else { format!("{factor}^{power}") })
-        .collect();
-    if factors.is_empty() { "1".to_string() } else { factors.join("*") }
 }
 
 /// The order of a term: the sum of its powers.
@@ -188,7 +174,7 @@ mod tests {
         let surface = Surface { inputs: vec!["a".into(), "b".into()], ..Surface::default() };
         let terms = terms_up_to(&surface, 2);
         assert_eq!(terms, [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]);
-        let names: Vec<_> = terms.iter().map(|powers| name(&surface, &inputs, powers)).collect();
+        let names: Vec<_> = terms.iter().map(|powers| surface.term_name(powers)).collect();
         assert_eq!(names, ["1", "a", "b", "a^2", "a*b", "b^2"]);
         for (width, order) in [(1, 10), (2, 3), (6, 5)] {
             let surface = Surface { inputs: vec!["x".to_string(); width], ..Surface::default() };

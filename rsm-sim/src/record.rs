@@ -70,7 +70,9 @@ impl Record {
     /// let axis = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2.0\nforce_gain = 4.0\n\
     ///             viscous_friction = 0.0\ncommand_limit = 10.0\n";
     /// let plant = PlantFile::read(&Source::new("axis.toml", axis))?;
-    /// let record = Record::in_memory(&plant, &[("time", &[0.0, 0.5, 1.0]), ("command", &[1.0; 3])])?;
+    /// // The plant starts where the first reading of the position says.
+    /// let columns: [(&str, &[f64]); 3] = [("time", &[0.0, 0.5, 1.0]), ("command", &[1.0; 3]), ("position", &[0.0; 3])];
+    /// let record = Record::in_memory(&plant, &columns)?;
     /// let outputs = Simulator::new(&plant, &record)?.run(&record)?;
     /// assert!((outputs.of("position").unwrap()[2] - 1.0).abs() < 1e-12); // 4 N on 2 kg, for 1 s
     /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -4,6 +4,7 @@
 
 use crate::generated;
 use crate::stage::Run;
+use crate::test;
 use crate::workspace::cargo;
 
 /// Blesses everything, in the order in which one thing depends on another.
@@ -14,6 +15,7 @@ pub(crate) fn run() -> bool {
         command
     };
     Run::new()
+        .command("programs", test::programs())
         .check("generated", generated::refresh)
         .command("golden files", with_bless(&["test", "--workspace", "--exclude", "rsm-bench", "--no-fail-fast"]))
         .command("instructions", with_bless(&["test", "-p", "rsm-bench"]))

@@ -1,13 +1,14 @@
 //! What is emitted from `generated/coefficients`: `generated/rust` and `generated/c`.
 //!
-//! In: every coefficient file. Out: the emitted files, by the command `rsm emit`, in a scratch folder; the checked-in ones are compared with them or replaced by
+//! In: every coefficient file. Out: the emitted files, by the program `rsm` of the stage `programs`, in a scratch folder; the checked-in ones are compared with them or replaced by
 //! them. A replacement happens only after everything has been emitted, file by file by renaming, so that a fault leaves no half of anything.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
-use crate::workspace::{cargo, root, scratch};
+use crate::workspace::{program, root, scratch};
 
 const LANGUAGES: [&str; 2] = ["rust", "c"];
 
@@ -74,12 +75,13 @@ fn emit() -> Result<Files, String> {
     }
     for model in coefficient_files()? {
         for language in LANGUAGES {
-            let mut emit = cargo(&["rsm", "emit"]);
+            let mut emit = Command::new(program("debug", "rsm"));
+            emit.current_dir(root()).arg("emit");
             // Relative to the root, as a developer would type it: messages then name the file in the same words.
             emit.arg(model.strip_prefix(root()).unwrap_or(&model));
             emit.args(["--lang", language, "--out"]).arg(folder.join(language));
             // What it prints is only of interest when it fails.
-            let output = emit.output().map_err(|error| format!("cannot start cargo: {error}"))?;
+            let output = emit.output().map_err(|error| format!("cannot start target/debug/rsm: {error}"))?;
             if !output.status.success() {
                 let said = String::from_utf8_lossy(&output.stderr);
                 return Err(format!("rsm emit {} --lang {language}: {}\n{said}", model.display(), output.status));

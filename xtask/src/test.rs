@@ -50,8 +50,7 @@ pub(crate) fn run() -> bool {
         .command("format", cargo(&["fmt", "--all", "--check"]))
         .command("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
         .command("test", cargo(&["test", "--workspace", "--no-fail-fast"]))
-        // Test programs stand elsewhere than the programs themselves. With the tests named too, cargo takes the libraries that the tests have built.
-        .command("programs", cargo(&["build", "--workspace", "--bins", "--tests"]))
+        .command("programs", programs())
         // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())
         .command("hidden in surfaces", hidden_effects::quick_surfaces())
@@ -103,6 +102,11 @@ pub(crate) fn run() -> bool {
     let held = run.finish();
     println!("\n{}", run.totals());
     held
+}
+
+/// Builds the programs, which stand elsewhere than their tests. With the tests named too, cargo takes the libraries that the tests have built.
+pub(crate) fn programs() -> std::process::Command {
+    cargo(&["build", "--workspace", "--bins", "--tests"])
 }
 
 /// Whether the compiler in use has the core library of a machine.

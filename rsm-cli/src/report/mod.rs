@@ -268,7 +268,7 @@ fn terms(surface: &Surface, inputs: &[Input], statistics: &ResponseStatistics, u
     for term in &statistics.terms {
         text += &format!(
             "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
-            escaped(&design::name(surface, inputs, &term.powers)),
+            escaped(&surface.term_name(&term.powers)),
             // Two standard errors are about the half of a 95 % interval.
             known(term.coefficient, 2.0 * term.standard_error.unwrap_or(0.0)),
             number(term.standard_error),

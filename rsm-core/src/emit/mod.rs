@@ -101,11 +101,13 @@ impl Function {
     }
 }
 
-/// A unit as it may stand in a comment of C and in the documentation of Rust: ASCII, in backticks, without the marks that end a comment.
+/// A unit as it may stand in a comment of C and in the documentation of Rust: in backticks.
 fn unit(text: &str) -> String {
-    if text.is_empty() {
-        return "no unit".to_string();
-    }
+    if text.is_empty() { "no unit".to_string() } else { format!("`{}`", plain(text)) }
+}
+
+/// Text as it may stand in a comment of C and of Rust: ASCII, without the marks that end a comment.
+fn plain(text: &str) -> String {
     let mut plain = String::new();
     for c in text.chars() {
         match c {
@@ -115,7 +117,19 @@ fn unit(text: &str) -> String {
         }
     }
     // Both marks of a comment, and the trigraph ??/ that is a backslash to old compilers.
-    format!("`{}`", plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?"))
+    plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+}
+
+/// The terms of the model behind a constant, as a comment has them: `torque*speed: 3.75 deg`.
+fn terms_behind(tape: &Tape, reg: Reg) -> Option<String> {
+    let each = tape.notes.iter().filter(|(at, _)| *at == reg).map(|(_, note)| {
+        // Six digits: enough to find the line of the model file, which has all of them.
+        let short: f64 = format!("{:.5e}", note.coefficient).parse().unwrap_or(note.coefficient);
+        let unit = if note.unit.is_empty() || note.unit == "1" { String::new() } else { format!(" {}", plain(&note.unit)) };
+        format!("{}: {}{unit}", plain(&note.term), number::decimal(short))
+    });
+    let all: Vec<String> = each.collect();
+    (!all.is_empty()).then(|| all.join(", "))
 }
 
 /// Which registers the results depend on. The others are not printed: a local that nobody reads is a warning.
@@ -159,3 +173,6 @@ fn literal(value: f64, precision: Precision) -> String {
         Precision::F32 => number::decimal_f32(value),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,7 @@
 
 use crate::model::{Surface, Term};
 use crate::number::{Precision, Rational, exact, integer, power};
-use crate::tape::{Op, Reg, TapeBuilder};
+use crate::tape::{Note, Op, Reg, TapeBuilder};
 
 use super::nest::{Leaf, Nest, Written, degree};
 use super::scheme::{self, Candidate};
@@ -65,6 +65,10 @@ pub(super) fn lower(tape: &mut TapeBuilder, variables: &mut Variables<'_>, surfa
     let values: Vec<Option<(Reg, usize)>> = values.into_iter().zip(ready).map(|(reg, ready)| reg.zip(ready)).collect();
     let mut sheet = Written(tape);
     let (value, _) = Nest::new(&mut sheet, &values).value(&leaves, &levels);
+    for (leaf, term) in leaves.iter().zip(terms) {
+        let note = Note { term: surface.term_name(&term.powers), coefficient: term.coefficient, unit: surface.unit.clone() };
+        tape.note(&leaf.coefficient, note);
+    }
     value
 }
 

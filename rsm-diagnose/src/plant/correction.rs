@@ -390,7 +390,7 @@ fn fit(
     let signal = kind.outputs()[output];
     surface.name = format!("{}_correction", signal.name);
     surface.unit = signal.unit.to_string();
-    let terms = surface.terms.iter().map(|term| design::name(&surface, &inputs, &term.powers)).collect();
+    let terms = surface.terms.iter().map(|term| surface.term_name(&term.powers)).collect();
     let model =
         Model { name: "correction".to_string(), inputs: inputs.clone(), surfaces: vec![surface.clone()], ..Model::default() };
     let checked = Checked::from_model(&model).ok()?;

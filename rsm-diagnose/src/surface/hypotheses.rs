@@ -435,7 +435,7 @@ pub(super) fn moved(sample: &Sample, input: usize, (gain, bias): (f64, f64)) -> 
 
 /// How lists and reports call a term of the surface: `1`, `speed`, `torque^2*speed`.
 pub(super) fn name_of(sample: &Sample, monomial: &Monomial) -> String {
-    let own = design::name(&sample.surface, &sample.inputs, &monomial.powers);
+    let own = sample.surface.term_name(&monomial.powers);
     match monomial.extra {
         None => own,
         Some((extra, power)) => {
@@ -449,7 +449,7 @@ pub(super) fn name_of(sample: &Sample, monomial: &Monomial) -> String {
 impl Claim {
     /// KIND, or KIND:NAME, as lists of causes write it.
     pub fn label(&self, sample: &Sample) -> String {
-        let term = |powers: &[u32]| design::name(&sample.surface, &sample.inputs, powers);
+        let term = |powers: &[u32]| sample.surface.term_name(powers);
         match self {
             Claim::Term(powers) => format!("missing-term:{}", term(powers)),
             Claim::Order(order) => format!("missing-term:order {order}"),
