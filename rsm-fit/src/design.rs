@@ -170,7 +170,6 @@ mod tests {
 
     #[test]
     fn terms_come_by_order() {
-        let inputs = [input("a"), input("b")];
         let surface = Surface { inputs: vec!["a".into(), "b".into()], ..Surface::default() };
         let terms = terms_up_to(&surface, 2);
         assert_eq!(terms, [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]);

@@ -10,7 +10,6 @@ use rsm_core::model::{Input, Surface};
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_fit::constrain::ConstraintStatistics;
-use rsm_fit::design;
 use rsm_fit::fit::{ChosenBy, Outcome, ResponseOutcome, Verdict};
 use rsm_fit::records::Records;
 use rsm_fit::statistics::{Named, ResponseStatistics, ValidationStatistics};
@@ -188,7 +187,7 @@ fn of_response(
     text += "<h3>Statistics of the fit</h3>\n";
     text += &of_the_fit(statistics, &inputs, !apart.is_empty());
     text += "</div>\n<div>\n<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. A coefficient is rounded to what its 95 % interval supports; the model file has all digits.</p>\n";
-    text += &terms(surface, &inputs, statistics, &unit);
+    text += &terms(surface, statistics, &unit);
     text += "</div>\n</div>\n";
     if let Some(told) = &statistics.constraints {
         text += "<h3>Constraints</h3>\n";
@@ -259,7 +258,7 @@ fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart:
     rows(&list)
 }
 
-fn terms(surface: &Surface, inputs: &[Input], statistics: &ResponseStatistics, unit: &str) -> String {
+fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> String {
     let mut text = format!(
         "<table>\n<tr><th>term</th><th class=\"number\">coefficient{}</th><th class=\"number\">standard error</th><th class=\"number\">t</th><th class=\"number\">p</th></tr>\n",
         if unit.is_empty() { String::new() } else { format!(",{unit}") }

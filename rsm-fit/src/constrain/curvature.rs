@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use rsm_core::bernstein::{Measure, Monomial};
 use rsm_core::interval::Interval;
 
-use super::valleys::Landscape;
+use super::local_minima::Landscape;
 
 /// Cholesky's factor in f64 is that of a matrix that differs by less than n + 1 roundings of its trace (Rump 2006, Verification of positive definiteness, BIT 46), and
 /// so by n (n + 1) 2^-53 of its largest entry; eigenvalues are found as closely. Eight times that for n up to 6, a row.

@@ -6,7 +6,7 @@
 //!
 //! A semi-infinite program by exchange (Hettich, Kortanek 1993, SIAM Review 35): the constraints are enforced at points, then
 //! [`bernstein::least`] looks for the worst place of the whole region and either proves that there is none or gives it as a new
-//! point, with the other local minima where a constraint is broken (`valleys.rs`); points that no longer hold are dropped (`points.rs`). At the points a constraint is enforced [`SHIFT`]
+//! point, with the other local minima where a constraint is broken (`local_minima.rs`); points that no longer hold are dropped (`points.rs`). At the points a constraint is enforced [`SHIFT`]
 //! inside, so that the dips between them, which shrink with the square of their distance, end at 0 and not only tend to it. Where
 //! they still have not after `SHIFTED_ROUNDS`, or only the proof is missing, the shift grows up to `MOST_SHIFT`. Convexity is searched and proven in all
 //! directions at once (`curvature.rs`). What a search neither breaks nor proves is proven by sums of squares (`squares.rs`). Region: the
@@ -14,11 +14,11 @@
 
 mod claim;
 mod curvature;
+mod local_minima;
 mod points;
 mod program;
 mod squares;
 mod unproven;
-mod valleys;
 
 use rsm_core::basis::{Factor, Variable};
 use rsm_core::bernstein::{self, Place, Search};
@@ -200,11 +200,11 @@ impl Task<'_> {
             let step = self.problem.coefficients_of(c);
             coefficients = free.iter().zip(&step).map(|(free, step)| (*free + *step).to_f64()).collect();
             found = self.search(&claims, &coefficients);
-            let mut valleys = Vec::new();
+            let mut local_minima = Vec::new();
             if !self.is_proven(&found) {
-                valleys = points.valleys(&coefficients, &active, &mut random);
+                local_minima = points.local_minima(&coefficients, &active, &mut random);
                 // A proof is sought where no place is known that would break it.
-                if valleys.is_empty() && self.is_unbroken(&found) {
+                if local_minima.is_empty() && self.is_unbroken(&found) {
                     found = self.proof(&claims, &coefficients, found, &mut work);
                 }
             }
@@ -218,7 +218,7 @@ impl Task<'_> {
                 let largest_change = self.largest_change(&coefficients);
                 return Constrained::Active { coefficients, constraints, rounds: rounds.count, shift, largest_change };
             }
-            match points.exchange(&active, &found, &valleys) {
+            match points.exchange(&active, &found, &local_minima) {
                 // A shift that grows leaves the proof more room.
                 Ok(is_new) => is_complete = !is_new,
                 Err(constraint) => {

@@ -6,8 +6,8 @@
 use rsm_core::bernstein::Place;
 
 use super::claim::Claim;
+use super::local_minima::Landscape;
 use super::program::Row;
-use super::valleys::Landscape;
 use super::{Found, Task};
 use crate::dd::Dd;
 use crate::random::Random;
@@ -99,7 +99,7 @@ impl Points<'_> {
     }
 
     /// The local minima where a claim is broken: descents begin at the points that hold the surface and at random ones.
-    pub(super) fn valleys(&self, coefficients: &[f64], active: &[usize], random: &mut Random) -> Vec<(usize, Vec<f64>)> {
+    pub(super) fn local_minima(&self, coefficients: &[f64], active: &[usize], random: &mut Random) -> Vec<(usize, Vec<f64>)> {
         let mut found = Vec::new();
         for (k, claim) in self.claims.iter().enumerate() {
             let sides: Vec<[f64; 2]> = claim.sides.iter().map(|side| [side.low, side.high]).collect();
@@ -118,7 +118,12 @@ impl Points<'_> {
 
     /// Drops points that no longer matter and adds places where claims are broken: the worst ones that a search found and further
     /// ones. Whether there is a new one among them.
-    pub(super) fn exchange(&mut self, active: &[usize], found: &[Found], valleys: &[(usize, Vec<f64>)]) -> Result<bool, usize> {
+    pub(super) fn exchange(
+        &mut self,
+        active: &[usize],
+        found: &[Found],
+        local_minima: &[(usize, Vec<f64>)],
+    ) -> Result<bool, usize> {
         for (k, point) in self.points.iter_mut().enumerate() {
             point.idle = if active.contains(&k) { 0 } else { point.idle + 1 };
         }
@@ -126,7 +131,7 @@ impl Points<'_> {
         let count = self.points.len();
         let worst = found.iter().enumerate().filter(|(_, found)| found.seen < self.task.enough());
         let worst = worst.map(|(k, found)| (k, found.shares.clone()));
-        for (k, shares) in worst.chain(valleys.iter().cloned()) {
+        for (k, shares) in worst.chain(local_minima.iter().cloned()) {
             if !self.points.iter().any(|point| point.claim == k && point.shares == shares) {
                 self.push(k, shares, false)?;
             }

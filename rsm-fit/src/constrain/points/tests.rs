@@ -159,20 +159,20 @@ fn points_come_where_a_claim_is_broken_and_go_when_they_are_idle() {
 }
 
 #[test]
-fn valleys_are_looked_for_where_points_hold_and_where_chance_wants() {
+fn local_minima_are_looked_for_where_points_hold_and_where_chance_wants() {
     // 5 - x^2 below 4, and above -20, which it is.
     let rows = line(&[-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0], |x| 5.0 - x * x);
     let case = Case::new(&[[-4.0, 4.0]], &[&[0], &[2]], &rows, &[bounds(Some(-20.0), Some(4.0))]);
     with(&case, |points| {
         points.first().unwrap();
         let mut random = Random::new(0);
-        let found = points.valleys(&[5.0, -1.0], &[], &mut random);
+        let found = points.local_minima(&[5.0, -1.0], &[], &mut random);
         assert_eq!(found.len(), 1, "{found:?}");
         assert!(found[0].0 == 1 && (found[0].1[0] - 0.5).abs() < 1e-8, "{found:?}");
-        assert_eq!(points.valleys(&[4.0, -1.0], &[], &mut random), [], "4 at most");
+        assert_eq!(points.local_minima(&[4.0, -1.0], &[], &mut random), [], "4 at most");
         // To the slack, 15e-12.
-        assert_eq!(points.valleys(&[4.0 + 14e-12, -1.0], &[], &mut random), []);
-        assert_eq!(points.valleys(&[4.0 + 20e-12, -1.0], &[], &mut random).len(), 1);
+        assert_eq!(points.local_minima(&[4.0 + 14e-12, -1.0], &[], &mut random), []);
+        assert_eq!(points.local_minima(&[4.0 + 20e-12, -1.0], &[], &mut random).len(), 1);
     });
     // x^4 with a dent of a thousandth of the range, which chance does not meet, but a point that holds does.
     let terms: &[&[u32]] = &[&[0], &[1]];
@@ -183,9 +183,9 @@ fn valleys_are_looked_for_where_points_hold_and_where_chance_wants() {
         points.first().unwrap();
         assert_eq!(points.points.iter().map(|point| (point.claim, point.shares[0])).collect::<Vec<_>>(), [(0, 0.0), (1, 0.0)]);
         // -1 everywhere: only the point at 0 lies in the region, and it is one of the first claim.
-        assert_eq!(points.valleys(&[-1.0, 0.0], &[], &mut Random::new(0)), []);
-        assert_eq!(points.valleys(&[-1.0, 0.0], &[0], &mut Random::new(0)), [(0, vec![0.0])]);
-        assert_eq!(points.valleys(&[-1.0, 0.0], &[1], &mut Random::new(0)), []);
+        assert_eq!(points.local_minima(&[-1.0, 0.0], &[], &mut Random::new(0)), []);
+        assert_eq!(points.local_minima(&[-1.0, 0.0], &[0], &mut Random::new(0)), [(0, vec![0.0])]);
+        assert_eq!(points.local_minima(&[-1.0, 0.0], &[1], &mut Random::new(0)), []);
     });
 }
 

@@ -2,11 +2,11 @@
 //!
 //! In: a claim with its coefficients and points to begin from. Out: where a descent from each of them ends. Values are plain f64 and
 //! prove nothing: [`rsm_core::bernstein::least`] alone does. A round of exchange that adds only the worst place makes the next
-//! valley the worst one, and needs as many rounds as there are valleys for each digit.
+//! minimum the worst one, and needs as many rounds as there are local minima for each digit.
 
 use rsm_core::bernstein::Monomial;
 
-/// The first step of a descent, as a share of a side: valleys of a polynomial of order 5 are wider.
+/// The first step of a descent, as a share of a side: local minima of a polynomial of order 5 are wider.
 const FIRST_STEP: f64 = 1.0 / 16.0;
 
 /// The last step. The vertex of the parabola through the last three values then leaves some 10^-9 of the depth.
