@@ -38,6 +38,14 @@ fn a_constant_has_its_term_beside_it() {
 }
 
 #[test]
+fn a_number_has_no_unit() {
+    for none in ["1", ""] {
+        let [c, rust] = emitted(&MODEL.replace("unit = \"deg\"", &format!("unit = \"{none}\"")));
+        assert!(c.contains(" /* torque*speed: 3.75 */\n") && rust.contains(" // torque*speed: 3.75\n"), "{c}");
+    }
+}
+
+#[test]
 fn a_unit_cannot_end_the_comment() {
     let [c, rust] = emitted(&MODEL.replace("unit = \"deg\"", "unit = \"*/ int x; //\\n\u{b0}\""));
     assert!(c.contains("/* torque*speed: 3.75 * / int x; //U+000AU+00B0 */\n"), "{c}");
