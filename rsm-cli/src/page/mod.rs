@@ -6,7 +6,7 @@
 pub mod number;
 pub mod summary;
 
-pub use number::{figure, known, short, with_unit};
+pub use number::{figure, known, multiple, short, with_unit};
 use serde_json::Value;
 
 const STYLE: &str = include_str!("assets/style.css");

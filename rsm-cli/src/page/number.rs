@@ -2,6 +2,11 @@
 //!
 //! In: values, the half widths of their intervals, units. Out: text. Files and JSON keep all digits; pages do not.
 
+/// A multiple of the noise: two decimals, or two digits where it is a thousand and more, for a record that has next to no noise.
+pub fn multiple(value: f64) -> String {
+    if value.abs() < 1000.0 { format!("{value:.2}") } else { format!("{value:.1e}") }
+}
+
 /// A number with five significant digits.
 pub fn figure(value: Option<f64>) -> String {
     value.map_or("none".to_string(), |value| digits(value, 5))
@@ -84,5 +89,11 @@ mod tests {
         assert_eq!([decimals(0.42, 30.0), decimals(42.0, 3e4), decimals(0.0, 30.0), decimals(0.0, 0.0)], [2, 0, 2, 3]);
         assert_eq!(with_unit("3", "1"), "3");
         assert_eq!(with_unit("3", "N"), "3 N");
+    }
+
+    #[test]
+    fn a_multiple_has_what_a_reader_can_use() {
+        assert_eq!([0.0, 1.004, 41.98, 999.99].map(multiple), ["0.00", "1.00", "41.98", "999.99"]);
+        assert_eq!([1000.0, 57676012.88].map(multiple), ["1.0e3", "5.8e7"]);
     }
 }

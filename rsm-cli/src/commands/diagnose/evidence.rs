@@ -6,7 +6,7 @@ use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
 use rsm_sim::kind::PlantKind;
 
 use super::words;
-use crate::page::figure;
+use crate::page::{figure, multiple};
 
 /// An interval whose half is this share of its value or more is told as wide.
 const WIDE: f64 = 0.3;
@@ -34,8 +34,8 @@ pub fn of(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Evidence {
     constants(found, &mut it);
     if found.verdict == Verdict::Unexplained {
         let words = format!(
-            "Structure is left that nothing in the catalogue explains ({:.2} times the noise with it): the numbers of this cause may hold some of it.",
-            words::times(found)
+            "Structure is left that nothing in the catalogue explains ({} times the noise with it): the numbers of this cause may hold some of it.",
+            multiple(words::times(found))
         );
         it.speaks_against.push(words);
     }
@@ -59,7 +59,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
     let moved: Vec<String> = outputs
         .iter()
         .filter(|(_, without, with)| without - with > 0.01)
-        .map(|(k, without, with)| format!("{} from {without:.2} to {with:.2}", kind.outputs()[*k].name))
+        .map(|(k, without, with)| format!("{} from {} to {}", kind.outputs()[*k].name, multiple(*without), multiple(*with)))
         .collect();
     if !moved.is_empty() {
         it.supports.push(format!("On {records} it lowers the error, in multiples of the noise: {}.", moved.join(", ")));
@@ -67,7 +67,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
     let worse: Vec<String> = outputs
         .iter()
         .filter(|(_, without, with)| with - without > 0.01)
-        .map(|(k, without, with)| format!("{} from {without:.2} to {with:.2}", kind.outputs()[*k].name))
+        .map(|(k, without, with)| format!("{} from {} to {}", kind.outputs()[*k].name, multiple(*without), multiple(*with)))
         .collect();
     if !worse.is_empty() {
         it.speaks_against.push(format!("On {records} it raises the error, in multiples of the noise: {}.", worse.join(", ")));

@@ -15,7 +15,7 @@ use rsm_sim::kind::PlantKind;
 
 use super::evidence::label;
 use super::next;
-use crate::page::figure;
+use crate::page::{figure, multiple};
 
 /// What the figures of training and validation records rest on: validation records give no number, and choose among causes.
 pub const CHOSEN: &str = "on the records that chose it";
@@ -49,8 +49,10 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
     let ((before, most), (after, least)) = (worst(&found.nominal), worst(&found.extended));
     let names = and(&found.causes.iter().map(label).collect::<Vec<_>>());
     let gain = format!(
-        "On {judging} ({CHOSEN}) {:.1} % of the error beyond the noise is gone: the worst output was {before}, {most:.2} times its noise, and is {after} now, {least:.2} times.{}",
+        "On {judging} ({CHOSEN}) {:.1} % of the error beyond the noise is gone: the worst output was {before}, {} times its noise, and is {after} now, {} times.{}",
         100.0 * found.gain,
+        multiple(most),
+        multiple(least),
         test(kind, found)
     );
     match found.verdict {
@@ -65,7 +67,8 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             });
             format!(
                 "Nothing is wrong with the simulation that these records show: with its parameters inside their tolerances it leaves noise. On {judging} the worst \
-                 output, {after}, is {least:.2} times its noise.{moved}{}",
+                 output, {after}, is {} times its noise.{moved}{}",
+                multiple(least),
                 test(kind, found)
             )
         }
@@ -120,8 +123,8 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
                 None => looks,
             };
             format!(
-                "The simulation gets something wrong that the catalogue does not explain: what is left is {:.2} times the noise.{looks}{stopped} {helps}",
-                times(found)
+                "The simulation gets something wrong that the catalogue does not explain: what is left is {} times the noise.{looks}{stopped} {helps}",
+                multiple(times(found))
             )
         }
     }
@@ -134,7 +137,7 @@ fn test(kind: PlantKind, found: &Diagnosis) -> String {
     let plural = if count == 1 { "" } else { "s" };
     let worst = it.extended.iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio));
     let worst = worst.map_or(String::new(), |it| {
-        format!("; the worst output, {}, is {:.2} times its noise", kind.outputs()[it.output].name, it.noise_ratio)
+        format!("; the worst output, {}, is {} times its noise", kind.outputs()[it.output].name, multiple(it.noise_ratio))
     });
     format!(
         " On {count} test record{plural}, which nothing has seen before, {:.1} % is gone ({:.1} to {:.1} %){worst}. Starts are estimated on the first {} % of each, errors are of the rest.",

@@ -14,7 +14,7 @@ use rsm_sim::kind::PlantKind;
 use super::super::evidence::label;
 use super::super::words;
 use crate::outcome::Refusal;
-use crate::page::escaped;
+use crate::page::{escaped, multiple};
 use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words, decades, switched};
 
 /// The output that is worst before any cause: its worst stretch, with a switch. Nothing where there are no curves.
@@ -137,7 +137,7 @@ impl<'a> Shown<'a> {
         let output = self.trace.output;
         let told = |errors: &[Error]| {
             let error = errors.iter().find(|it| it.output == output);
-            error.map_or(String::new(), |it| format!("error {:.2} times the noise", it.noise_ratio))
+            error.map_or(String::new(), |it| format!("error {} times the noise", multiple(it.noise_ratio)))
         };
         let all = match names.as_slice() {
             [one] => format!("With {one}"),
@@ -146,7 +146,8 @@ impl<'a> Shown<'a> {
         let mut states = vec![(all, told(&found.extended))];
         for (cause, _) in &self.without {
             let outputs = cause.witness.iter().flat_map(|witness| &witness.outputs);
-            let error = outputs.filter(|it| it.0 == output).map(|it| format!("error {:.2} times the noise", it.1)).next();
+            let error =
+                outputs.filter(|it| it.0 == output).map(|it| format!("error {} times the noise", multiple(it.1))).next();
             states.push((format!("Without {}", label(cause)), error.unwrap_or_default()));
         }
         let none = match names.as_slice() {

@@ -20,7 +20,7 @@ use super::next;
 use super::words;
 use crate::outcome::Refusal;
 use crate::page::summary::{self, Number, Tone};
-use crate::page::{escaped, known, page, short};
+use crate::page::{escaped, known, multiple, page, short};
 
 /// Causes whose evidence is told in full.
 const CLOSELY: usize = 3;
@@ -358,15 +358,15 @@ fn errors(body: &mut String, kind: PlantKind, found: &Diagnosis) {
         });
         let _ = writeln!(
             body,
-            "<tr><td>{} [{}]</td><td class=\"number\">{}</td><td>{correlation}</td><td class=\"number\">{}</td><td class=\"number\">{:.2}</td>\
-             <td class=\"number\">{}</td><td class=\"number\">{:.2}</td></tr>",
+            "<tr><td>{} [{}]</td><td class=\"number\">{}</td><td>{correlation}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
+             <td class=\"number\">{}</td><td class=\"number\">{}</td></tr>",
             signal.name,
             escaped(signal.unit),
             sd.map_or("none".to_string(), short),
             short(before.rmse),
-            before.noise_ratio,
+            multiple(before.noise_ratio),
             short(after.rmse),
-            after.noise_ratio
+            multiple(after.noise_ratio)
         );
     }
     body.push_str("</table>\n");
