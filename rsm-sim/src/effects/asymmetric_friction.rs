@@ -114,4 +114,21 @@ mod tests {
             assert!((found - expected).abs() < 1e-12, "{found} at {speed}");
         }
     }
+
+    #[test]
+    fn its_plainer_forms_are_a_dry_friction_with_and_without_a_load() {
+        let of = |numbers: &[(&'static str, f64)]| {
+            forms(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+        };
+        let (dry, load) = (Part::new("coulomb-friction", 25.0), Part::new("constant-load", 5.0));
+        let levels = [("forward", 30.0), ("backward", 20.0)];
+        let bare = of(&levels);
+        assert_eq!((bare.special, bare.alike), (vec![vec![dry]], Some(vec![dry, load])));
+        assert_eq!(bare.level, Some(Level { of: dry, errors: vec![] }));
+        // With viscous parts of its own the pair is a special case, and their mean is an error of the plant's.
+        let whole = of(&[levels[0], levels[1], ("viscous_forward", 100.0), ("viscous_backward", 140.0)]);
+        assert_eq!((whole.special, whole.alike), (vec![vec![dry], vec![dry, load]], None));
+        let error = Part { kind: "parameter-error", subject: Some("viscous_friction"), value: 120.0 };
+        assert_eq!(whole.level, Some(Level { of: dry, errors: vec![error] }));
+    }
 }
