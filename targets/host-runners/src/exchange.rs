@@ -74,10 +74,15 @@ impl<const S: usize, const C: usize> PlantEnd<'_, S, C> {
         // The loop is a tick behind at most, so there is always room.
         self.samples.push(&Numbered { number: self.tick, values });
         if self.tick > 0 {
-            while !self.loop_ended.load(Ordering::Acquire) {
+            loop {
+                // Asked before the ring is: a command that was sent before the end is there once the end is seen.
+                let ended = self.loop_ended.load(Ordering::Acquire);
                 if let Some(command) = self.commands.pop() {
                     self.seen.note(command.number);
                     self.last = command.values;
+                    break;
+                }
+                if ended {
                     break;
                 }
                 std::thread::sleep(NAP);
