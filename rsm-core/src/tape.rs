@@ -271,12 +271,17 @@ impl TapeBuilder {
     pub fn push(&mut self, op: Op) -> Reg {
         debug_assert!(op.operands().iter().all(|operand| (operand.0 as usize) < self.ops.len()), "operands come first");
         if self.shares
-            && let Some(known) = self.ops.iter().position(|other| *other == op)
+            && let Some(known) = self.known(&op)
         {
-            return Reg(known as u32);
+            return known;
         }
         self.ops.push(op);
         Reg(self.ops.len() as u32 - 1)
+    }
+
+    /// The register of an operation that stands on the tape already.
+    fn known(&self, op: &Op) -> Option<Reg> {
+        self.ops.iter().position(|other| other == op).map(|place| Reg(place as u32))
     }
 
     /// A constant, rounded here, once, to the precision of the tape.
@@ -288,18 +293,14 @@ impl TapeBuilder {
     /// A constant whose rounding was decided elsewhere (a bound that is rounded into the box).
     pub fn rounded_constant(&mut self, value: f64, exact: Rational) -> Reg {
         let constant = Op::Constant(Constant { value, exact });
-        match self.ops.iter().position(|op| *op == constant) {
-            Some(known) => Reg(known as u32),
-            None => self.push(constant),
-        }
+        self.known(&constant).unwrap_or_else(|| self.push(constant))
     }
 
     /// Says of a constant from which term of the model it is made. Nothing is said where it was not written (a factor of 1).
     pub fn note(&mut self, exact: &Rational, note: Note) {
-        let value = self.precision.round(exact);
-        let constant = |op: &Op| matches!(op, Op::Constant(it) if it.value.to_bits() == value.to_bits() && it.exact == *exact);
-        let Some(place) = self.ops.iter().position(constant) else { return };
-        let entry = (Reg(place as u32), note);
+        let constant = Op::Constant(Constant { value: self.precision.round(exact), exact: exact.clone() });
+        let Some(place) = self.known(&constant) else { return };
+        let entry = (place, note);
         // A surface may be taken into a compensator more than once.
         if !self.notes.contains(&entry) {
             self.notes.push(entry);

@@ -165,6 +165,12 @@ impl Description {
     pub fn arguments_on(&self, plant: PlantKind) -> impl Iterator<Item = &'static Argument> {
         self.arguments.iter().filter(move |argument| argument.on.is_none_or(|on| on == plant))
     }
+
+    /// The number of a name that it takes on a plant.
+    #[must_use]
+    pub fn argument(&self, plant: PlantKind, name: &str) -> Option<&'static Argument> {
+        self.arguments_on(plant).find(|argument| argument.name == name)
+    }
 }
 
 /// Position, speed and nominal viscous friction of a body (rad or m, per second).

@@ -226,7 +226,7 @@ fn a_fused_operation_is_noticed() {
 }
 
 #[test]
-#[ignore = "10^6 points a function take minutes: run by `cargo xtask test` with --release"]
+#[ignore = "10^6 points a function take minutes: run by `cargo xtask test` at opt 3"]
 fn all_back_ends_keep_the_bits_at_a_million_points() {
     let loaded: Vec<Loaded> = RUST_OPTIONS
         .iter()

@@ -57,6 +57,7 @@ fn wrong(name: &str, manifest: &str, folder: &Path) -> Vec<String> {
 #[test]
 fn every_library_has_what_a_registry_shows() {
     let root = cases::root();
+    let packed = std::fs::read_to_string(root.join("xtask/src/publish.rs")).expect("the list of what is packed");
     let mut all = Vec::new();
     for name in LIBRARIES {
         let folder = root.join(name);
@@ -64,6 +65,9 @@ fn every_library_has_what_a_registry_shows() {
         let readme = std::fs::read_to_string(folder.join("README.md")).unwrap_or_default();
         if !readme.starts_with(&format!("# {name}\n")) {
             all.push(format!("{name}: a README.md with its name as title"));
+        }
+        if !packed.contains(&format!("\"{name}\"")) {
+            all.push(format!("{name}: a place in LIBRARIES of xtask/src/publish.rs"));
         }
     }
     assert!(all.is_empty(), "what is missing:\n  {}", all.join("\n  "));

@@ -10,9 +10,5 @@ pub mod object;
 pub mod points;
 pub mod report;
 
-/// Says that the calling test shows nothing on this machine, and why. The words go past the test harness, which would keep those of a test that passes;
-/// `cargo xtask test` counts such lines.
-pub fn skipped(why: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout(), "\nSKIPPED: {why}");
-}
+mod skipped;
+pub use skipped::skipped;

@@ -1,9 +1,13 @@
 //! The pages in a browser: headless Chromium opens each, uses every control, and no script may fail. Needs the Debian package chromium.
 
+#[path = "../../../tests/src/skipped.rs"]
+mod skipped;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
+use skipped::skipped;
 
 /// Scripts that a copy of a page is given.
 const CLICK: &str = include_str!("../pages/click.js");
@@ -22,7 +26,7 @@ fn chromium() -> Option<PathBuf> {
             std::env::var_os("CI").is_none(),
             "chromium is missing, and in CI this test must run: apt-get install chromium"
         );
-        eprintln!("skipped: chromium is missing (Debian: apt-get install chromium)");
+        skipped("chromium is missing (Debian: apt-get install chromium)");
     }
     found
 }

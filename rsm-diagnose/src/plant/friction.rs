@@ -3,7 +3,7 @@
 //! In: the fit of a search. Out: a fit with simpler causes, where it is as good. The forms are those that the effects declare. Never looks for a cause.
 
 use super::compete::{count, within_tolerance};
-use super::hypotheses::{generalises, levels_of};
+use super::hypotheses::{generalises, levels};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::selection::Search;
@@ -44,7 +44,9 @@ impl Search<'_> {
         match curve {
             Some(curve) => {
                 let mut entries = model.file.effects.clone();
-                levels_of(&mut entries[curve]).for_each(|it| *it += level.of.value);
+                for place in levels(&entries[curve]) {
+                    entries[curve].arguments.numbers[place].1 += level.of.value;
+                }
                 model = model.with_effects(self.nominal, entries);
             }
             None => {
@@ -76,8 +78,9 @@ impl Search<'_> {
         if entries.iter().any(|it| special.is(it)) {
             return fit;
         }
-        let levels: Vec<f64> = levels_of(&mut entries[place].clone()).map(|level| *level).collect();
-        let level = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
+        let levels = levels(&entries[place]);
+        let sum: f64 = levels.iter().map(|number| entries[place].arguments.numbers[*number].1).sum();
+        let level = sum / levels.len().max(1) as f64;
         let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
         let worse = self.decides(&fit, threshold);
         self.or_plainer(fit, model, worse)

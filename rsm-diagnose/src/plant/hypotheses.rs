@@ -33,13 +33,6 @@ pub fn generalises(general: &str, special: &str) -> bool {
     effects::of(general).is_some_and(|it| it.declared.generalises == Some(special))
 }
 
-/// The numbers of an entry that are levels of friction: its special case has one.
-pub fn levels_of(entry: &mut Entry) -> impl Iterator<Item = &mut f64> {
-    let description = entry.description;
-    let is_level = move |name: &str| description.arguments.iter().any(|it| it.name == name && it.is_level);
-    entry.arguments.numbers.iter_mut().filter(move |it| is_level(it.0)).map(|it| &mut it.1)
-}
-
 /// Parameters that are known by counting or are limits of whoever makes the record: an error of them is no hypothesis.
 const KNOWN: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
 
@@ -126,7 +119,13 @@ impl Hypothesis {
 
 /// What its effect declares of a number of an entry.
 pub(super) fn declared(entry: &Entry, name: &str) -> Option<&'static Argument> {
-    entry.description.arguments_on(entry.arguments.plant).find(|argument| argument.name == name)
+    entry.description.argument(entry.arguments.plant, name)
+}
+
+/// Which numbers of an entry, by their place, are levels of friction: its special case has one.
+pub(super) fn levels(entry: &Entry) -> Vec<usize> {
+    let is_level = |(_, (name, _)): &(usize, &(&str, f64))| declared(entry, name).is_some_and(|it| it.is_level);
+    entry.arguments.numbers.iter().enumerate().filter(is_level).map(|(place, _)| place).collect()
 }
 
 /// What physics says of a number of an entry.

@@ -305,7 +305,7 @@ pub fn conclude(
         causes.push(cause(&fit, place, one, alike, confidence, witnesses.get(place).cloned().flatten()));
     }
     for (output, step) in rounded {
-        causes.push(rounding(file.kind, *output, *step, off_lattice(whitened, *output, *step), fit.residual.len() as f64));
+        causes.extend(rounding(file.kind, *output, *step, off_lattice(whitened, *output, *step), fit.residual.len() as f64));
     }
     let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
     let by_law = known_loop.as_ref().map_or_else(Vec::new, |it| it.beside(file, &fit.model.file.effects, rows));

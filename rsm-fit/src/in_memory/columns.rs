@@ -318,15 +318,7 @@ impl Response {
             }
         }
         for (k, constraint) in self.constraints.iter().enumerate() {
-            match constraint {
-                Constraint::Bounds { min: None, max: None } => {
-                    faults.push(format!("constraint {}: found neither `min` nor `max`, expected one of them", k + 1));
-                }
-                Constraint::Bounds { min: Some(min), max: Some(max) } if min >= max => {
-                    faults.push(format!("constraint {}: `min` {min} is not below `max` {max}", k + 1));
-                }
-                _ => {}
-            }
+            faults.extend(constraint.fault().map(|what| format!("constraint {}: {what}", k + 1)));
         }
         if let Some(support) = self.support.filter(|support| support.margin < 0.0) {
             faults.push(format!("the margin of the support: found {}, expected 0 or more, in coded units", support.margin));

@@ -29,7 +29,7 @@ pub use columns::{Input, Response};
 pub use rows::{Inputs, Responses};
 
 use crate::fit::{Data, Outcome, Progress, fit_rows};
-use crate::records::{DataFile, Records, Refused, Units};
+use crate::records::{DataFile, Records, Refused, Units, hexadecimal};
 use crate::spec::{IN_MEMORY, InputSpec, Specification, Split, Together, Validation};
 use crate::table::magnitude_fault;
 use columns::{Choice, RowWeights};
@@ -351,7 +351,7 @@ impl Fit {
             values.iter().for_each(|value| hash.update(value.to_le_bytes()));
             if is_response { &mut records.responses } else { &mut records.inputs }.push(values.clone());
         }
-        let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        let sha256 = hexadecimal(&hash.finalize());
         records.files = vec![DataFile { name: name.to_string(), sha256, rows }];
         records
     }

@@ -40,6 +40,21 @@ pub enum Constraint {
     Concave,
 }
 
+impl Constraint {
+    /// What is wrong with it whatever the response is, as a file and a fit in memory say it.
+    pub(crate) fn fault(&self) -> Option<String> {
+        match self {
+            Constraint::Bounds { min: None, max: None } => {
+                Some("found neither `min` nor `max`, expected one of them".to_string())
+            }
+            Constraint::Bounds { min: Some(min), max: Some(max) } if min >= max => {
+                Some(format!("`min` {min} is not below `max` {max}"))
+            }
+            _ => None,
+        }
+    }
+}
+
 impl std::fmt::Display for Constraint {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -97,16 +112,11 @@ fn read_constraint(reader: &mut TableReader<'_>, faults: &mut Collector) -> Opti
                 Some(value) => reader.number(&format!("`{key}`"), value, faults).map(Some),
             };
             let (min, max) = (bound("min", faults), bound("max", faults));
-            if (&min, &max) == (&Some(None), &Some(None)) {
-                faults.push(reader.fault(reader.span(), "found neither `min` nor `max`, expected one of them"));
+            let constraint = Constraint::Bounds { min: min?, max: max? };
+            if let Some(what) = constraint.fault() {
+                faults.push(reader.fault(reader.span(), what));
             }
-            let (min, max) = (min?, max?);
-            if let (Some(min), Some(max)) = (min, max)
-                && min >= max
-            {
-                faults.push(reader.fault(reader.span(), format!("`min` {min} is not below `max` {max}")));
-            }
-            Some(Constraint::Bounds { min, max })
+            Some(constraint)
         }
         DeValue::String(word) if word == "monotone" => {
             let input = reader.text("input", faults);

@@ -73,23 +73,28 @@ impl<const S: usize, const C: usize> PlantEnd<'_, S, C> {
     pub fn exchange(&mut self, values: [f64; S]) -> [f64; C] {
         // The loop is a tick behind at most, so there is always room.
         self.samples.push(&Numbered { number: self.tick, values });
-        if self.tick > 0 {
-            loop {
-                // Asked before the ring is: a command that was sent before the end is there once the end is seen.
-                let ended = self.loop_ended.load(Ordering::Acquire);
-                if let Some(command) = self.commands.pop() {
-                    self.seen.note(command.number);
-                    self.last = command.values;
-                    break;
-                }
-                if ended {
-                    break;
-                }
-                std::thread::sleep(NAP);
-            }
+        if self.tick > 0
+            && let Some(command) = awaited(self.commands, self.loop_ended, || ())
+        {
+            self.seen.note(command.number);
+            self.last = command.values;
         }
         self.tick += 1;
         self.last
+    }
+}
+
+/// The next of a ring, or `None` where the sender has ended. `waits` hears of every nap.
+fn awaited<const N: usize>(ring: &Ring<N>, ended: &AtomicBool, mut waits: impl FnMut()) -> Option<Numbered<N>> {
+    loop {
+        // In this order: what was sent before the end is there once the end is seen.
+        let over = ended.load(Ordering::Acquire);
+        let next = ring.pop();
+        if next.is_some() || over {
+            return next;
+        }
+        waits();
+        std::thread::sleep(NAP);
     }
 }
 
@@ -127,18 +132,7 @@ pub fn run<const S: usize, const C: usize, T: Send>(
         let mut due: Option<Instant> = None;
         let report = run_measured(&settings, |tick| {
             let mut waited = false;
-            let sample = loop {
-                // In this order: a sample that was sent before the plant ended is seen.
-                let over = plant_ended.load(Ordering::Acquire);
-                if let Some(sample) = samples.pop() {
-                    break sample;
-                }
-                if over {
-                    return 0;
-                }
-                waited = true;
-                std::thread::sleep(NAP);
-            };
+            let Some(sample) = awaited(&samples, &plant_ended, || waited = true) else { return 0 };
             sequence.note(sample.number);
             let began = Instant::now();
             let values = step(sample.values);

@@ -127,7 +127,7 @@ fn a_step_is_known_to_the_digits_of_the_readings_or_to_what_their_changes_miss()
 
 #[test]
 fn rounding_is_a_cause_of_its_own_and_an_entry_of_the_file() {
-    let found = rounding(PlantKind::ServoAxis, 0, 0.5, 0.125, 600.0);
+    let found = rounding(PlantKind::ServoAxis, 0, 0.5, 0.125, 600.0).unwrap();
     let step = &found.parameters[0];
     assert_eq!((step.value, step.low, step.high, step.unit.as_str()), (0.5, 0.375, 0.625, "m"));
     assert_eq!((found.confidence, found.gain, found.asked), (0.99, 600.0, true));

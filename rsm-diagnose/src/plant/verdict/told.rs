@@ -93,11 +93,11 @@ pub(super) fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64
 }
 
 /// Rounding as a cause: the readings are multiples of the step, and no other cause makes them so.
-pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> Cause {
+pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> Option<Cause> {
     let signal = kind.outputs()[output];
-    let description = rsm_sim::effects::with(Role::Rounding);
-    Cause {
-        kind: description.map_or("", |it| it.kind),
+    let description = rsm_sim::effects::with(Role::Rounding)?;
+    Some(Cause {
+        kind: description.kind,
         subject: Some(signal.name.to_string()),
         of: Subject::Output,
         parameters: vec![Interval {
@@ -115,10 +115,10 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
         rivals: Vec::new(),
         asked: true,
         sentence: format!("The sensor of {} rounds to multiples of {step} {}.", signal.name, signal.unit),
-        check: description.map_or("", |it| it.check),
+        check: description.check,
         witness: None,
         only_in: None,
-    }
+    })
 }
 
 /// A number to four digits, with its unit.
@@ -129,6 +129,5 @@ pub(crate) fn with_unit(it: &Interval) -> String {
 }
 
 pub(super) fn unit(plant: PlantKind, description: &rsm_sim::effect::Description, subject: Option<&str>, name: &str) -> String {
-    let argument = description.arguments_on(plant).find(|it| it.name == name);
-    argument.map_or("1".to_string(), |it| it.unit.on(plant, subject))
+    description.argument(plant, name).map_or("1".to_string(), |it| it.unit.on(plant, subject))
 }

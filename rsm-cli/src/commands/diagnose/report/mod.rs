@@ -64,7 +64,11 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
     let judging = words::judging(&found.error_breakdown);
     let mut numbers = Vec::new();
     if found.verdict == Verdict::NoDiscrepancy {
-        numbers.push(Number::new("Worst output", format!("{:.2} × noise", worst(&found.extended)), format!("on {judging}")));
+        numbers.push(Number::new(
+            "Worst output",
+            format!("{} × noise", multiple(worst(&found.extended))),
+            format!("on {judging}"),
+        ));
         if let Some(it) = found.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs())) {
             let moved = format!("{:.1} σ", it.sds.abs());
             numbers.push(Number::new("Largest move within a tolerance", moved, format!("of {} (2 σ are allowed)", it.name)));
@@ -78,7 +82,7 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
         };
         let from = format!("{on}; 95 % interval {:.1} to {:.1} %", 100.0 * low, 100.0 * high);
         numbers.push(Number::new("Error beyond the noise that is gone", percent(gain, high - low), from));
-        let moved = format!("{} → {} × noise", times(worst(&found.nominal)), times(worst(&found.extended)));
+        let moved = format!("{} → {} × noise", multiple(worst(&found.nominal)), multiple(worst(&found.extended)));
         numbers.push(Number::new("Worst output", moved, format!("plant file, then with what was found, on {judging}")));
         match found.entries().next() {
             Some(cause) => {
@@ -94,15 +98,6 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
         }
     }
     summary::verdict(tone, state, &words::verdict(kind, found)) + &summary::numbers(&numbers)
-}
-
-/// A ratio as far as it is looked at: large ones without decimals.
-fn times(ratio: f64) -> String {
-    match ratio {
-        _ if ratio < 10.0 => format!("{ratio:.2}"),
-        _ if ratio < 1e5 => format!("{ratio:.0}"),
-        _ => format!("{ratio:.1e}"),
-    }
 }
 
 /// A share in per cent with as many decimals as its interval supports.
