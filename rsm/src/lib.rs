@@ -85,3 +85,14 @@ pub use rsm_sim::simulate::{Outputs, Simulator};
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// The Rust of the book's guides, as documentation tests.
+#[cfg(doctest)]
+mod guides {
+    #[doc = include_str!("../../docs/book/src/guides/design.md")]
+    struct Design;
+    #[doc = include_str!("../../docs/book/src/guides/embed-rust.md")]
+    struct EmbedRust;
+    #[doc = include_str!("../../docs/book/src/guides/fit.md")]
+    struct Fit;
+}

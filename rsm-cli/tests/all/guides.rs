@@ -1,50 +1,241 @@
-//! The specifications and commands of three guides of the book, run on the data of the tutorial.
+//! The guides of the book do what they say: every block of every page is run, compiled, or named here with the reason why not.
 
-use std::path::Path;
 use std::process::Command;
+
+use crate::shell::{Block, blocks, of_the_project, read, run};
 
 const DATA: &str = "torque[N*m],speed[rpm],angle[deg]\n0,6500,14.1\n0,7500,34.8\n5,6500,19.2\n5,7500,31.9\n10,6500,27.4\n10,7500,36.5\n\
                     5,7000,25.8\n0,7000,24.7\n10,7000,32.2\n";
 
-/// The first block of a language on a page.
-fn block(page: &str, language: &str) -> String {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/book/src/guides").join(page);
-    let text = std::fs::read_to_string(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-    let opening = format!("```{language}\n");
-    let found = text.split_once(&opening).and_then(|(_, rest)| rest.split_once("```"));
-    found.unwrap_or_else(|| panic!("{page} has no block of {language}")).0.to_string()
+/// The languages of the blocks of each page, in order. Who adds a block adds its test, here or where the comment says.
+const PAGES: [(&str, &[&str]); 10] = [
+    // Its commands test the project itself: `the_commands_for_a_new_effect_exist`.
+    ("add-effect.md", &["sh"]),
+    ("constrain.md", &["toml"]),
+    ("cortex-m.md", &["sh"]),
+    // The Rust of `design.md`, `fit.md` and `embed-rust.md` is compiled as documentation tests of the crates `rsm` and `rsm-macros`.
+    ("design.md", &["toml", "sh", "rust"]),
+    ("diagnose-plant.md", &["toml", "sh"]),
+    ("diagnose-surface.md", &["sh"]),
+    ("embed-c.md", &["sh", "c", "c"]),
+    ("embed-rust.md", &["rust,ignore", "rust,ignore", "rust,ignore", "rust"]),
+    ("fit.md", &["toml", "sh", "rust"]),
+    ("import.md", &["sh"]),
+];
+
+fn page(name: &str) -> Vec<Block> {
+    blocks(&read(&format!("docs/book/src/guides/{name}")))
 }
 
-/// Runs a block of commands, `rsm` being the command under test; what it prints.
-fn run(script: &str, folder: &Path) -> String {
-    let programs = Path::new(env!("CARGO_BIN_EXE_rsm")).parent().unwrap().to_path_buf();
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let path = std::env::join_paths(std::iter::once(programs).chain(std::env::split_paths(&path))).unwrap();
-    let script = format!("exec 2>&1\n{script}");
-    let output = Command::new("sh").args(["-e", "-c", &script]).env("PATH", path).current_dir(folder).output().unwrap();
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{text}");
-    text
+/// The text of a block, by its place on the page.
+fn block(name: &str, place: usize) -> String {
+    page(name).swap_remove(place).text
+}
+
+/// A folder with the model `motor.toml` of the guide to fits, and what the fit printed.
+fn fitted() -> (tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("dyno.csv"), DATA).unwrap();
+    std::fs::write(folder.path().join("fit.toml"), block("fit.md", 0)).unwrap();
+    let text = run(&block("fit.md", 1), folder.path());
+    (folder, text)
 }
 
 #[test]
-fn the_guides_to_fits_and_designs_do_what_they_say() {
-    let folder = tempfile::tempdir().unwrap();
+fn no_block_of_a_guide_is_without_a_test() {
+    let mut found: Vec<String> = std::fs::read_dir(of_the_project("docs/book/src/guides"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    found.sort();
+    assert_eq!(found, PAGES.map(|it| it.0));
+    for (name, languages) in PAGES {
+        let found: Vec<String> = page(name).into_iter().map(|it| it.language).collect();
+        assert_eq!(found, languages, "{name}");
+    }
+}
+
+#[test]
+fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
+    let (folder, text) = fitted();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    write("dyno.csv", DATA);
-    write("fit.toml", &block("fit.md", "toml"));
-    let text = run(&block("fit.md", "sh"), folder.path());
     assert!(text.contains("reached (99 % wanted)") && text.contains("error to be believed"), "{text}");
     assert!(folder.path().join("report/report.html").is_file());
-    // What the guide to C does with it.
-    run(&block("embed-c.md", "sh"), folder.path());
-    assert!(folder.path().join("src/motor.c").is_file());
     // The response of the guide to constraints, in a specification.
     let inputs = "format = 1\nmodel = \"constrained\"\ndata = [\"dyno.csv\"]\n[inputs.torque]\n[inputs.speed]\n\n";
-    write("constrained.toml", &format!("{inputs}{}", block("constrain.md", "toml")));
+    write("constrained.toml", &format!("{inputs}{}", block("constrain.md", 0)));
     let text = run("rsm fit constrained.toml --out constrained-model.toml", folder.path());
     assert_eq!(text.matches("proven over the whole region").count(), 2, "{text}");
-    write("design.toml", &block("design.md", "toml"));
-    let text = run(&block("design.md", "sh"), folder.path());
+    write("design.toml", &block("design.md", 0));
+    let text = run(&block("design.md", 1), folder.path());
     assert!(text.contains("central-composite"), "{text}");
+}
+
+/// A C program whose `main` runs some statements of a guide after a few of its own.
+fn program(shown: &str, before: &str, after: &str) -> String {
+    let (includes, statements): (Vec<&str>, Vec<&str>) = shown.lines().partition(|line| line.starts_with("#include"));
+    let (includes, statements) = (includes.join("\n"), statements.join("\n"));
+    format!("#include <stdio.h>\n{includes}\nint main(void)\n{{\n{before}\n{statements}\n{after}\nreturn 0;\n}}\n")
+}
+
+const STRICT: &str = "cc -std=c99 -Wall -Wextra -Werror -O2";
+
+#[test]
+fn the_guide_to_c_calls_what_was_emitted() {
+    let (folder, _) = fitted();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    run(&block("embed-c.md", 0), folder.path());
+    let before = "double torque = 7.0, speed = 740.0;\nfloat torque_f32 = 7.0F;\n(void)torque_f32;";
+    let after = "printf(\"%.17g %.17g %d\\n\", angle, (double)angle_f32, motor_self_test());";
+    // The arguments of the f32 function are of the same name in the guide: C converts them.
+    write("main.c", &program(&block("embed-c.md", 1), before, after));
+    let compile = format!("{STRICT} -DRSM_SELF_TEST -Isrc main.c src/motor.c -o main\n./main");
+    let printed = run(&compile, folder.path());
+    let numbers: Vec<f64> = printed.split_whitespace().map(|word| word.parse().unwrap()).collect();
+    let at = "rsm eval motor.toml --surface angle --at torque=7,speed=740 --bits";
+    let bits = |command: &str| u64::from_str_radix(run(command, folder.path()).trim().trim_start_matches("0x"), 16).unwrap();
+    assert_eq!(numbers[0].to_bits(), bits(at));
+    let single = bits(&format!("{at} --precision f32"));
+    assert_eq!(u64::from((numbers[1] as f32).to_bits()), single);
+    assert_eq!(numbers[2], 0.0, "the self-test");
+    // The compensator is that of a generated file, which the guide names.
+    let generated = of_the_project("generated/c").canonicalize().unwrap();
+    let before = "double pedal = 0.25, road_speed = 10.0, gear = 2.0;";
+    write(
+        "filter.c",
+        &program(&format!("#include \"driveline.h\"\n{}", block("embed-c.md", 2)), before, "printf(\"%g\\n\", throttle);"),
+    );
+    let compile = format!("{STRICT} -I'{0}' filter.c '{0}/driveline.c' -o filter\n./filter", generated.display());
+    // A filter at rest at 0 has moved by less than its input after one sample time.
+    let throttle: f64 = run(&compile, folder.path()).trim().parse().unwrap();
+    assert!(throttle.is_finite() && throttle.abs() < 0.25, "{throttle}");
+}
+
+#[test]
+fn the_guide_to_a_cortex_m_compiles() {
+    if Command::new("arm-none-eabi-gcc").arg("--version").output().is_err() {
+        crate::skipped::skipped("arm-none-eabi-gcc is not installed: the guide to a Cortex-M was not compiled");
+        return;
+    }
+    let (folder, _) = fitted();
+    run("rsm emit motor.toml --lang c --precision f32 --out src", folder.path());
+    run(&block("cortex-m.md", 0), folder.path());
+    assert!(folder.path().join("motor.o").is_file());
+}
+
+#[test]
+fn the_guide_to_the_diagnosis_of_a_surface_runs() {
+    let (folder, _) = fitted();
+    // The same runs again, from a sensor that reads 2 deg more.
+    let again = DATA.lines().map(|line| {
+        match line.rsplit_once(',').and_then(|(rest, angle)| Some((rest, angle.parse::<f64>().ok()?))) {
+            Some((rest, angle)) => format!("{rest},{}\n", angle + 2.0),
+            None => format!("{line}\n"),
+        }
+    });
+    std::fs::write(folder.path().join("new.csv"), again.collect::<String>()).unwrap();
+    let text = run(&block("diagnose-surface.md", 0), folder.path());
+    assert!(text.contains("angle"), "{text}");
+    for name in ["report.html", "diagnosis.json", "extended.toml"] {
+        assert!(folder.path().join("found").join(name).is_file(), "{name}\n{text}");
+    }
+}
+
+#[test]
+fn the_guide_to_the_diagnosis_of_a_plant_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    // The guide's two tables, in the plant file of the motor in place of its own.
+    let shipped = read("rsm-sim/plants/pmac.toml");
+    let mut plant = String::new();
+    let mut own = false;
+    for line in shipped.lines() {
+        own = if line.starts_with('[') { line == "[tolerance]" || line == "[noise]" } else { own };
+        plant += if own { "" } else { line };
+        plant.push('\n');
+    }
+    std::fs::write(folder.path().join("plant.toml"), format!("{plant}\n{}", block("diagnose-plant.md", 0))).unwrap();
+    std::fs::copy(of_the_project("rsm-sim/plants/pmac.csv"), folder.path().join("inputs.csv")).unwrap();
+    // Records without noise of the plant itself: nothing is wrong.
+    let records: String = ["train", "choose", "untouched"]
+        .map(|name| format!("rsm simulate plant.toml --record inputs.csv --out {name}.csv\n"))
+        .concat();
+    run(&records, folder.path());
+    let text = run(&block("diagnose-plant.md", 1), folder.path());
+    assert!(text.contains("no-discrepancy") || text.contains("no discrepancy"), "{text}");
+    for name in ["report.html", "diagnosis.json", "extended.toml"] {
+        assert!(folder.path().join("found").join(name).is_file(), "{name}\n{text}");
+    }
+}
+
+/// A MAT file of version 5 with column vectors of doubles (MathWorks, "MAT-File Format", level 5).
+fn mat(columns: &[(&str, &[f64])]) -> Vec<u8> {
+    let element = |kind: u32, data: &[u8]| {
+        let mut bytes = [kind.to_le_bytes(), u32::try_from(data.len()).unwrap().to_le_bytes()].concat();
+        bytes.extend_from_slice(data);
+        bytes.resize(bytes.len().next_multiple_of(8), 0);
+        bytes
+    };
+    let mut file = b"MATLAB 5.0 MAT-file".to_vec();
+    file.resize(124, b' ');
+    file.extend_from_slice(&[0x00, 0x01, b'I', b'M']);
+    for (name, values) in columns {
+        // mxDOUBLE_CLASS; miUINT32, miINT32, miINT8, miDOUBLE; miMATRIX around them.
+        let rows = i32::try_from(values.len()).unwrap();
+        let numbers: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let inside = [
+            element(6, &[6_u32.to_le_bytes(), 0_u32.to_le_bytes()].concat()),
+            element(5, &[rows.to_le_bytes(), 1_i32.to_le_bytes()].concat()),
+            element(1, name.as_bytes()),
+            element(9, &numbers),
+        ];
+        file.extend(element(14, &inside.concat()));
+    }
+    file
+}
+
+#[test]
+fn the_guide_to_imports_makes_one_record_of_two_files() {
+    let folder = tempfile::tempdir().unwrap();
+    // A run-up in steps, 4 s at 1 kHz. The inverter's clock starts 0.25 s later.
+    let speed = |time: f64| 40.0 * (1.3 * time).sin() + 15.0 * (4.1 * time + 1.0).sin() + 6.0 * (9.7 * time * time / 4.0).cos();
+    let mut bench = "time[s],Drehzahl,i_q[A]\n".to_string();
+    for k in 0..4000 {
+        let time = f64::from(k) / 1000.0;
+        bench += &format!("{time:.3},{:.6},{:.6}\n", speed(time), (3.0 * time).cos());
+    }
+    std::fs::write(folder.path().join("bench.csv"), bench).unwrap();
+    let clock: Vec<f64> = (0..3500).map(|k| f64::from(k) / 1000.0).collect();
+    let omega: Vec<f64> = clock.iter().map(|time| speed(time + 0.25)).collect();
+    let voltage: Vec<f64> = clock.iter().map(|time| 20.0 + (2.0 * time).sin()).collect();
+    std::fs::write(folder.path().join("inverter.mat"), mat(&[("t", &clock), ("omega", &omega), ("u_q", &voltage)])).unwrap();
+    let plants = folder.path().join("rsm-sim/plants");
+    std::fs::create_dir_all(&plants).unwrap();
+    std::fs::copy(of_the_project("rsm-sim/plants/pmac.toml"), plants.join("pmac.toml")).unwrap();
+    let text = run(&block("import.md", 0), folder.path());
+    let record = std::fs::read_to_string(folder.path().join("record.csv")).unwrap();
+    let header = record.lines().find(|line| !line.starts_with('#')).unwrap();
+    for column in ["speed[rad/s]", "i_q[A]", "v_q[V]", "load_torque[N*m]"] {
+        assert!(header.contains(column), "{column} is not in {header}\n{text}");
+    }
+}
+
+#[test]
+fn the_commands_for_a_new_effect_exist() {
+    let text = block("add-effect.md", 0);
+    let xtask = read("tests/hidden-effects/src/main.rs");
+    for line in text.lines() {
+        let words: Vec<&str> = line.split('#').next().unwrap().split_whitespace().collect();
+        match words[..] {
+            ["cargo", "test", "-p", package] => assert!(of_the_project(package).join("Cargo.toml").is_file(), "{line}"),
+            ["cargo", "test", "-p", "rsm-tests", "--test", target, filter] => {
+                assert!(read("tests/Cargo.toml").contains(&format!("name = \"{target}\"")), "{line}");
+                assert!(of_the_project("tests/all").join(format!("{filter}.rs")).is_file(), "{line}");
+            }
+            ["cargo", "xtask", "hidden-effects", ref options @ ..] => {
+                let options = options.iter().filter(|word| word.starts_with("--"));
+                options.for_each(|option| assert!(xtask.contains(&format!("\"{option}\"")), "{line}: {option}"));
+            }
+            _ => panic!("a command of another kind: {line}"),
+        }
+    }
 }

@@ -14,6 +14,9 @@ mod motor;
 mod pages;
 mod readme;
 mod reference;
+mod shell;
 mod shells;
+#[path = "../../../tests/src/skipped.rs"]
+mod skipped;
 mod streams;
 mod tutorial;

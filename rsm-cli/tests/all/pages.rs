@@ -1,13 +1,11 @@
 //! The pages in a browser: headless Chromium opens each, uses every control, and no script may fail. Needs the Debian package chromium.
 
-#[path = "../../../tests/src/skipped.rs"]
-mod skipped;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use skipped::skipped;
+
+use crate::skipped::skipped;
 
 /// Scripts that a copy of a page is given.
 const CLICK: &str = include_str!("../pages/click.js");

@@ -1,30 +1,16 @@
 //! The README's examples, run as they are pasted.
 
-use std::path::Path;
-use std::process::Command;
+use crate::shell::{of_the_project, read, run};
 
-fn root() -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
-
-/// The indented block below a heading of the README, with the command under test in place of `cargo rsm`.
+/// The indented block below a heading of the README.
 fn block(heading: &str) -> String {
-    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let readme = read("README.md");
     let after = readme.split_once(heading).unwrap_or_else(|| panic!("README has no `{heading}`")).1;
     let lines = after
         .lines()
         .skip_while(|line| !line.starts_with("    "))
         .take_while(|line| line.starts_with("    ") || line.is_empty());
-    let script = lines.map(|line| line.strip_prefix("    ").unwrap_or(line)).collect::<Vec<_>>().join("\n");
-    script.replace("cargo rsm", env!("CARGO_BIN_EXE_rsm"))
-}
-
-fn run(script: &str, folder: &Path) -> String {
-    let script = format!("exec 2>&1\n{script}");
-    let output = Command::new("sh").args(["-e", "-c", &script]).current_dir(folder).output().unwrap();
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{text}");
-    text
+    lines.map(|line| line.strip_prefix("    ").unwrap_or(line)).collect::<Vec<_>>().join("\n")
 }
 
 #[test]
@@ -46,7 +32,7 @@ fn the_diagnosis_of_the_readme_names_the_cause_that_it_promises() {
     std::fs::create_dir_all(&plants).unwrap();
     std::fs::create_dir_all(&example).unwrap();
     for name in ["servo-axis.toml", "servo-axis.csv"] {
-        std::fs::copy(root().join("rsm-sim/plants").join(name), plants.join(name)).unwrap();
+        std::fs::copy(of_the_project("rsm-sim/plants").join(name), plants.join(name)).unwrap();
     }
     let text = run(&script, &example);
     let promised = script.lines().rev().find_map(|line| line.split_once("# ")).unwrap().1.trim();

@@ -3,12 +3,12 @@
 //! In: the page. Its blocks ```sh are run in one shell; a block ```text behind one is what that block prints, each line of it, in this order; `...` is what
 //! is left out. `RSM_BLESS=1` writes the pictures anew from the reports that the tutorial makes.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+
+use crate::shell::{of_the_project, run};
 
 fn book(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/book/src").join(name)
+    of_the_project("docs/book/src").join(name)
 }
 
 /// A block of commands with the lines that it prints.
@@ -72,16 +72,10 @@ fn every_block_of_the_first_hour_prints_what_the_page_says() {
     let plants = clone.path().join("rsm-sim/plants");
     std::fs::create_dir_all(&plants).unwrap();
     for name in ["servo-axis.toml", "servo-axis.csv"] {
-        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name);
-        std::fs::copy(shipped, plants.join(name)).unwrap();
+        std::fs::copy(of_the_project("rsm-sim/plants").join(name), plants.join(name)).unwrap();
     }
-    let mut script = "exec 2>&1\n".to_string();
-    for step in &steps {
-        let _ = writeln!(script, "{}echo '{MARK}'", step.commands.replace("cargo rsm", env!("CARGO_BIN_EXE_rsm")));
-    }
-    let output = Command::new("sh").args(["-e", "-c", &script]).current_dir(clone.path()).output().unwrap();
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{text}");
+    let script: String = steps.iter().map(|step| format!("{}echo '{MARK}'\n", step.commands)).collect();
+    let text = run(&script, clone.path());
     let printed: Vec<&str> = text.split(MARK).collect();
     assert_eq!(printed.len(), steps.len() + 1);
     for (step, printed) in steps.iter().zip(printed) {

@@ -2,6 +2,7 @@
 
 mod cargo_project;
 mod edited;
+mod guide;
 mod refused;
 
 rsm_macros::include_model!("tests/models/two_inputs.toml");
