@@ -38,9 +38,9 @@ fn no_document_is_cited_that_is_not_there() {
         for (k, line) in text.lines().enumerate() {
             for name in cited(line) {
                 found += 1;
-                // A name stands for a file of the root, of the citing file's folder, or of the end of a path.
+                // A name stands for a file of the root (a source may go up to it), of the citing file's folder, or of the end of a path.
                 let beside = Path::new(file).parent().unwrap_or(Path::new("")).join(name);
-                let is_there = root().join(name).is_file()
+                let is_there = root().join(name.trim_start_matches("../")).is_file()
                     || root().join(beside).is_file()
                     || files.iter().any(|it| it == name || it.ends_with(&format!("/{name}")));
                 // Measured data are no part of the repository; their README stands beside them.
