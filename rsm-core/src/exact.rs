@@ -57,9 +57,26 @@ pub fn ideal(tape: &Tape, point: &[Rational]) -> Option<Rational> {
     ideal_step(tape, &mut [], point)
 }
 
-/// One step of a tape without rounding, from the states that are given and to those that it leaves. `None` on a division by zero.
+/// All results of a tape, executed without rounding as [`ideal`] does it.
+#[must_use]
+pub fn ideal_all(tape: &Tape, point: &[Rational]) -> Option<Vec<Rational>> {
+    let registers = registers(tape, &[], point)?;
+    Some(tape.outputs.iter().map(|output| registers[output.reg.0 as usize].clone()).collect())
+}
+
+/// One step of a tape without rounding, from the states that are given and to those that it leaves; the result, of several the first. `None`
+/// on a division by zero.
 #[must_use]
 pub fn ideal_step(tape: &Tape, states: &mut [Rational], point: &[Rational]) -> Option<Rational> {
+    let registers = registers(tape, states, point)?;
+    for (state, next) in states.iter_mut().zip(&tape.states) {
+        *state = registers[next.reg.0 as usize].clone();
+    }
+    Some(registers[tape.output().0 as usize].clone())
+}
+
+/// What every operation gives without rounding.
+fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec<Rational>> {
     let mut registers: Vec<Rational> = Vec::with_capacity(tape.ops.len());
     for op in &tape.ops {
         let r = |reg: &Reg| registers[reg.0 as usize].clone();
@@ -87,8 +104,5 @@ pub fn ideal_step(tape: &Tape, states: &mut [Rational], point: &[Rational]) -> O
         };
         registers.push(value);
     }
-    for (state, next) in states.iter_mut().zip(&tape.next_states) {
-        *state = registers[next.0 as usize].clone();
-    }
-    Some(registers[tape.output.0 as usize].clone())
+    Some(registers)
 }

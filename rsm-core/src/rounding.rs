@@ -34,18 +34,31 @@ const CELLS: usize = 4096;
 /// ```
 #[must_use]
 pub fn error_bound(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
+    worst_over_cells(tape, ranges, &[tape.output()])[0]
+}
+
+/// The bound of every result of a tape, in the order of its `outputs`, as [`error_bound`] gives it for one.
+#[must_use]
+pub fn error_bounds(tape: &Tape, ranges: &[[f64; 2]]) -> Vec<f64> {
+    let outputs: Vec<Reg> = tape.outputs.iter().map(|output| output.reg).collect();
+    worst_over_cells(tape, ranges, &outputs)
+}
+
+/// The largest bound of each register over the cells of the box.
+fn worst_over_cells(tape: &Tape, ranges: &[[f64; 2]], registers: &[Reg]) -> Vec<f64> {
     let per_side = cells_per_side(ranges.len(), tape.ops.len());
     let parts = |range: &[f64; 2]| (0..per_side).map(|k| side(tape.precision, *range, k, per_side)).collect();
     let parts: Vec<Vec<Option<Side>>> = ranges.iter().map(parts).collect();
     let mut analysis = Analysis::new(tape);
-    let mut worst = 0.0f64;
+    let mut worst = vec![0.0f64; registers.len()];
     let mut cell = vec![0usize; ranges.len()];
     loop {
         let sides: Option<Vec<Side>> = parts.iter().zip(&cell).map(|(parts, k)| parts[*k]).collect();
         // A cell without any number of the type (a narrow range in f32) holds no argument.
         if let Some(sides) = sides {
-            worst = worst.max(analysis.error_in(&sides));
-            if worst.is_infinite() {
+            analysis.run(&sides);
+            worst.iter_mut().zip(registers).for_each(|(worst, reg)| *worst = worst.max(analysis.of(*reg).error));
+            if worst.iter().all(|worst| worst.is_infinite()) {
                 return worst;
             }
         }
@@ -130,7 +143,7 @@ impl<'t> Analysis<'t> {
         Analysis { tape, known: tape.ops.iter().map(of_constant).collect() }
     }
 
-    fn error_in(&mut self, sides: &[Side]) -> f64 {
+    fn run(&mut self, sides: &[Side]) {
         for (reg, op) in self.tape.iter() {
             let known = match *op {
                 // Known from the beginning.
@@ -159,7 +172,6 @@ impl<'t> Analysis<'t> {
             let is_known = known.low >= -largest && known.high <= largest && known.error.is_finite();
             self.known[reg.0 as usize] = if is_known { known } else { Known::NOTHING };
         }
-        self.of(self.tape.output).error
     }
 
     fn of(&self, reg: Reg) -> Known {

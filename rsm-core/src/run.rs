@@ -79,27 +79,42 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
         assert_eq!(tape.precision, T::PRECISION, "a tape is executed in the precision it was lowered for");
         let size = tape.ops.len();
         let zero = T::from_constant(0.0);
-        let states = vec![zero; tape.next_states.len()];
+        let states = vec![zero; tape.states.len()];
         Interpreter { tape, registers: vec![zero; size], flags: vec![false; size], states }
     }
 
-    /// The value of the surface. `arguments` in the order of the surface's inputs, in their units.
+    /// The value of the surface; of a tape with several results the first. `arguments` in the order of the surface's inputs, in their units.
     ///
     /// # Panics
     /// When the number of arguments is not that of the tape, or the tape keeps states: its value is that of [`Interpreter::step`].
     pub fn eval(&mut self, arguments: &[T]) -> T {
-        assert!(self.tape.next_states.is_empty(), "a tape with states is executed step by step");
+        assert!(self.tape.states.is_empty(), "a tape with states is executed step by step");
         self.execute(arguments)
     }
 
-    /// The result of one step; the states become what the step leaves. A tape without states is just evaluated.
+    /// All results of a tape that is a function of its arguments, in the order of its `outputs`.
+    ///
+    /// # Panics
+    /// As [`Interpreter::eval`], and when there is not one place a result.
+    pub fn eval_all(&mut self, arguments: &[T], results: &mut [T]) {
+        self.eval(arguments);
+        assert_eq!(results.len(), self.tape.outputs.len(), "one place a result");
+        results.iter_mut().zip(self.results()).for_each(|(place, result)| *place = result);
+    }
+
+    /// All results of the last evaluation or step, in the order of the tape's `outputs`.
+    pub fn results(&self) -> impl Iterator<Item = T> {
+        self.tape.outputs.iter().map(|output| self.registers[output.reg.0 as usize])
+    }
+
+    /// The result of one step, of several the first; the states become what the step leaves. A tape without states is just evaluated.
     ///
     /// # Panics
     /// When the number of arguments is not that of the tape.
     pub fn step(&mut self, arguments: &[T]) -> T {
         let result = self.execute(arguments);
-        for (state, next) in self.states.iter_mut().zip(&self.tape.next_states) {
-            *state = self.registers[next.0 as usize];
+        for (state, next) in self.states.iter_mut().zip(&self.tape.states) {
+            *state = self.registers[next.reg.0 as usize];
         }
         result
     }
@@ -151,6 +166,6 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
             };
             self.registers[k] = value;
         }
-        self.registers[self.tape.output.0 as usize]
+        self.registers[self.tape.output().0 as usize]
     }
 }

@@ -5,9 +5,13 @@
 //! multiply-add is not among the operations, so no back end may fuse. A tape of a compensator also has states: numbers that it reads, and
 //! writes when all operations are done, so that a step sees what the step before left.
 
+mod builder;
+
 use std::fmt;
 
-use crate::number::{Precision, Rational, integer};
+use crate::number::{Precision, Rational};
+
+pub use builder::TapeBuilder;
 
 /// The result of one operation: operation `n` of the tape writes register `n`, once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -85,7 +89,16 @@ pub enum Extremum {
     },
 }
 
-/// A lowered surface or compensator in one precision.
+/// A register that matters when the tape has been executed, with its name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Named {
+    /// What the result or the state is called.
+    pub name: String,
+    /// The register that holds the result, or the next value of the state.
+    pub reg: Reg,
+}
+
+/// A straight line of operations in one precision: a lowered surface or compensator, or what another crate wrote with a [`TapeBuilder`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tape {
     /// The name of the surface, of the support test or of the compensator.
@@ -96,10 +109,11 @@ pub struct Tape {
     pub inputs: Vec<String>,
     /// The operations, in order of execution.
     pub ops: Vec<Op>,
-    /// The register that holds the result.
-    pub output: Reg,
-    /// The register of each state's next value, written when all operations are done. Empty: the tape is a function of its arguments.
-    pub next_states: Vec<Reg>,
+    /// The results, one or more, in order. A single one has the name of the tape.
+    pub outputs: Vec<Named>,
+    /// The states in order, each with the register of its next value, written when all operations are done. Empty: the tape is a function
+    /// of its arguments.
+    pub states: Vec<Named>,
     /// The terms of the model behind constants, in the order of the registers. For a reader: they change no result.
     pub notes: Vec<(Reg, Note)>,
 }
@@ -127,9 +141,15 @@ impl Tape {
         self.ops.iter().enumerate().map(|(k, op)| (Reg(k as u32), op))
     }
 
-    /// The registers that matter when the tape has been executed: the result, then the next states.
+    /// The register of the result, of several the first.
+    #[must_use]
+    pub fn output(&self) -> Reg {
+        self.outputs[0].reg
+    }
+
+    /// The registers that matter when the tape has been executed: the results, then the next states.
     pub fn results(&self) -> impl Iterator<Item = Reg> {
-        std::iter::once(self.output).chain(self.next_states.iter().copied())
+        self.outputs.iter().chain(&self.states).map(|named| named.reg)
     }
 
     /// Whether the select in a register is a maximum or a minimum.
@@ -194,6 +214,23 @@ impl Op {
             Op::Select { condition, then, otherwise } => vec![condition, then, otherwise],
         }
     }
+
+    /// The same operation on other registers.
+    fn with_operands(&self, place: impl Fn(Reg) -> Reg) -> Op {
+        match *self {
+            Op::Constant(_) | Op::Input(_) | Op::State(_) => self.clone(),
+            Op::Negate(a) => Op::Negate(place(a)),
+            Op::Absolute(a) => Op::Absolute(place(a)),
+            Op::Add(a, b) => Op::Add(place(a), place(b)),
+            Op::Subtract(a, b) => Op::Subtract(place(a), place(b)),
+            Op::Multiply(a, b) => Op::Multiply(place(a), place(b)),
+            Op::Divide(a, b) => Op::Divide(place(a), place(b)),
+            Op::Less(a, b) => Op::Less(place(a), place(b)),
+            Op::Select { condition, then, otherwise } => {
+                Op::Select { condition: place(condition), then: place(then), otherwise: place(otherwise) }
+            }
+        }
+    }
 }
 
 impl fmt::Display for Reg {
@@ -225,123 +262,12 @@ impl fmt::Display for Tape {
                 Op::Select { condition, then, otherwise } => writeln!(f, "select {condition} {then} {otherwise}")?,
             }
         }
-        for (k, next) in self.next_states.iter().enumerate() {
-            writeln!(f, "  s{k}   := {next}")?;
+        for (k, next) in self.states.iter().enumerate() {
+            writeln!(f, "  s{k}   := {}", next.reg)?;
         }
-        writeln!(f, "  return {}", self.output)
-    }
-}
-
-/// Writes a tape operation by operation.
-#[derive(Debug)]
-pub struct TapeBuilder {
-    precision: Precision,
-    ops: Vec<Op>,
-    shares: bool,
-    notes: Vec<(Reg, Note)>,
-}
-
-impl TapeBuilder {
-    /// An empty tape.
-    #[must_use]
-    pub fn new(precision: Precision) -> Self {
-        TapeBuilder { precision, ops: Vec::new(), shares: false, notes: Vec::new() }
-    }
-
-    /// An empty tape on which an operation that stands there already is not written again: several surfaces of the same inputs, and a
-    /// surface that is used twice.
-    #[must_use]
-    pub fn sharing(precision: Precision) -> Self {
-        TapeBuilder { shares: true, ..TapeBuilder::new(precision) }
-    }
-
-    /// The precision of the tape.
-    #[must_use]
-    pub fn precision(&self) -> Precision {
-        self.precision
-    }
-
-    /// The length of the longest chain of dependent operations up to a register, counted as [`Tape::depth`] counts.
-    #[must_use]
-    pub fn depth_of(&self, reg: Reg) -> usize {
-        depths(&self.ops[..=reg.0 as usize])[reg.0 as usize]
-    }
-
-    /// Appends an operation, or finds it where the tape shares.
-    pub fn push(&mut self, op: Op) -> Reg {
-        debug_assert!(op.operands().iter().all(|operand| (operand.0 as usize) < self.ops.len()), "operands come first");
-        if self.shares
-            && let Some(known) = self.known(&op)
-        {
-            return known;
+        if let [only] = self.outputs.as_slice() {
+            return writeln!(f, "  return {}", only.reg);
         }
-        self.ops.push(op);
-        Reg(self.ops.len() as u32 - 1)
-    }
-
-    /// The register of an operation that stands on the tape already.
-    fn known(&self, op: &Op) -> Option<Reg> {
-        self.ops.iter().position(|other| other == op).map(|place| Reg(place as u32))
-    }
-
-    /// A constant, rounded here, once, to the precision of the tape.
-    pub fn constant(&mut self, exact: Rational) -> Reg {
-        let value = self.precision.round(&exact);
-        self.rounded_constant(value, exact)
-    }
-
-    /// A constant whose rounding was decided elsewhere (a bound that is rounded into the box).
-    pub fn rounded_constant(&mut self, value: f64, exact: Rational) -> Reg {
-        let constant = Op::Constant(Constant { value, exact });
-        self.known(&constant).unwrap_or_else(|| self.push(constant))
-    }
-
-    /// Says of a constant from which term of the model it is made. Nothing is said where it was not written (a factor of 1).
-    pub fn note(&mut self, exact: &Rational, note: Note) {
-        let constant = Op::Constant(Constant { value: self.precision.round(exact), exact: exact.clone() });
-        let Some(place) = self.known(&constant) else { return };
-        let entry = (place, note);
-        // A surface may be taken into a compensator more than once.
-        if !self.notes.contains(&entry) {
-            self.notes.push(entry);
-        }
-    }
-
-    /// A register times a constant. Nothing is written for 1, and for -1 a change of the sign: both are exact.
-    pub fn times(&mut self, value: Reg, factor: Rational) -> Reg {
-        if factor == integer(1) {
-            return value;
-        }
-        if factor == integer(-1) {
-            return self.push(Op::Negate(value));
-        }
-        let factor = self.constant(factor);
-        self.push(Op::Multiply(value, factor))
-    }
-
-    /// `bound` if `value < bound`, else `value`.
-    pub fn at_least(&mut self, value: Reg, bound: Reg) -> Reg {
-        let condition = self.push(Op::Less(value, bound));
-        self.push(Op::Select { condition, then: bound, otherwise: value })
-    }
-
-    /// `bound` if `bound < value`, else `value`.
-    pub fn at_most(&mut self, value: Reg, bound: Reg) -> Reg {
-        let condition = self.push(Op::Less(bound, value));
-        self.push(Op::Select { condition, then: bound, otherwise: value })
-    }
-
-    /// The finished tape.
-    #[must_use]
-    pub fn finish(self, name: impl Into<String>, inputs: Vec<String>, output: Reg) -> Tape {
-        let mut notes = self.notes;
-        notes.sort_by_key(|(reg, _)| *reg);
-        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, output, next_states: vec![], notes }
-    }
-
-    /// The finished tape of something that keeps states.
-    #[must_use]
-    pub fn finish_with_states(self, name: impl Into<String>, inputs: Vec<String>, output: Reg, next_states: Vec<Reg>) -> Tape {
-        Tape { next_states, ..self.finish(name, inputs, output) }
+        self.outputs.iter().try_for_each(|output| writeln!(f, "  return {} = {}", output.name, output.reg))
     }
 }

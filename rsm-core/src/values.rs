@@ -71,7 +71,13 @@ impl<'t> Values<'t> {
             let is_known = found.low.is_finite() && found.high.is_finite();
             self.ranges[k] = if is_known { found } else { ANYTHING };
         }
-        self.ranges[self.tape.output.0 as usize]
+        self.of(self.tape.output())
+    }
+
+    /// The range of a register in the cell that [`Values::over`] was asked for last: another result.
+    #[must_use]
+    pub fn of(&self, reg: Reg) -> Interval {
+        self.ranges[reg.0 as usize]
     }
 
     /// Ends as the tape would compute them: f64 operations on numbers of the type, rounded to the type. For f32 the rounding of the f64

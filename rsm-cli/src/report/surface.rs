@@ -98,7 +98,7 @@ fn operations(tape: &Tape) -> Value {
         Op::Select { condition, then, otherwise } => json!(["select", condition.0, then.0, otherwise.0]),
     };
     json!({
-        "ops": tape.ops.iter().map(one).collect::<Vec<Value>>(), "output": tape.output.0,
+        "ops": tape.ops.iter().map(one).collect::<Vec<Value>>(), "output": tape.output().0,
         "single": tape.precision == Precision::F32,
     })
 }

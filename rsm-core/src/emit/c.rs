@@ -307,12 +307,12 @@ fn define(unit: &Unit, function: &Function) -> String {
         let note = terms_behind(tape, reg).map_or(String::new(), |terms| format!(" /* {terms} */"));
         text.push_str(&format!("    const {float} {reg} = {value};{note}\n"));
     }
-    for (field, next) in function.states().iter().zip(&tape.next_states) {
-        text.push_str(&format!("    {}->{field} = {next};\n", names::STATE));
+    for (field, next) in function.states().iter().zip(&tape.states) {
+        text.push_str(&format!("    {}->{field} = {};\n", names::STATE, next.reg));
     }
     match function.kind {
-        Kind::Surface | Kind::Step => text.push_str(&format!("    return {};\n}}\n", tape.output)),
-        Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output)),
+        Kind::Surface | Kind::Step => text.push_str(&format!("    return {};\n}}\n", tape.output())),
+        Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output())),
     }
     text
 }

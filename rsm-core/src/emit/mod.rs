@@ -58,7 +58,7 @@ impl Function {
 
     /// The names of the state's fields.
     fn states(&self) -> Vec<String> {
-        (0..self.tape.next_states.len()).map(|k| format!("s{k}")).collect()
+        (0..self.tape.states.len()).map(|k| format!("s{k}")).collect()
     }
 
     /// What a caller must know, a line each: what it is, the arguments, the result, the cost.

@@ -160,7 +160,7 @@ fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool)
         };
         values.push(value);
     }
-    values[tape.output.0 as usize]
+    values[tape.output().0 as usize]
 }
 
 /// Steele, Lea, Flood: "Fast splittable pseudorandom number generators" (2014), the finalizer of splitmix64.

@@ -119,10 +119,10 @@ fn print(function: &Function) -> String {
         let note = terms_behind(tape, reg).map_or(String::new(), |terms| format!(" // {terms}"));
         text.push_str(&format!("    let {reg}: {float} = {value};{note}\n"));
     }
-    for (field, next) in function.states().iter().zip(&tape.next_states) {
-        text.push_str(&format!("    {}.{field} = {next};\n", names::STATE));
+    for (field, next) in function.states().iter().zip(&tape.states) {
+        text.push_str(&format!("    {}.{field} = {};\n", names::STATE, next.reg));
     }
-    let output = tape.output;
+    let output = tape.output();
     match function.kind {
         Kind::Surface | Kind::Step => text.push_str(&format!("    {output}\n")),
         // The tape ends in 1 or 0; a comparison converts it without the saturation of `as`.

@@ -31,7 +31,9 @@ fn off(builder: &mut TapeBuilder, value: f64, by: f64) -> Reg {
 /// The bound from the whole box as one cell.
 fn bound_of_one_cell(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
     let sides: Vec<Side> = ranges.iter().map(|range| side(tape.precision, *range, 0, 1).unwrap()).collect();
-    Analysis::new(tape).error_in(&sides)
+    let mut analysis = Analysis::new(tape);
+    analysis.run(&sides);
+    analysis.of(tape.output()).error
 }
 
 /// The worst ratio over a box; asserts that no error is above the bound.

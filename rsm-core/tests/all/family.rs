@@ -154,7 +154,7 @@ fn without_rounding_every_tape_is_the_reference() {
         }
         // Every operation that the result needs not is written nowhere, or is an argument.
         let mut live = vec![false; tape.ops.len()];
-        live[tape.output.0 as usize] = true;
+        live[tape.output().0 as usize] = true;
         for k in (0..live.len()).rev() {
             assert!(live[k] || matches!(tape.ops[k], Op::Input(_)), "r{k} is for nothing\n{tape}");
             if live[k] {

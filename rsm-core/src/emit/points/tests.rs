@@ -138,7 +138,7 @@ fn fused_of(at: [f64; 4], left_first: bool, write: impl FnOnce(&mut TapeBuilder,
     let inputs = [0, 1, 2, 3].map(|k| tape.push(Op::Input(Port(k))));
     let output = write(&mut tape, inputs);
     let names = ["a", "b", "c", "d"].map(str::to_owned).to_vec();
-    fused(&tape.finish("s", names, output), &[0.9], &at, left_first)
+    fused(&tape.finish_with_states("s", names, output, vec![output]), &[0.9], &at, left_first)
 }
 
 /// Writes what an operation reads, and gives the operation.

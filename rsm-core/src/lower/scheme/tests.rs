@@ -53,7 +53,7 @@ impl Polynomial {
         let leaves = self.leaves();
         let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
         let (output, told) = Nest::new(&mut Written(&mut tape), &variables).value(&leaves, levels);
-        let tape = tape.finish("s", vec![], output);
+        let tape = tape.finish("s", vec!["x".to_string(); self.waits.len()], output);
         let of_the_sums = |op: &&Op| matches!(op, Op::Add(..) | Op::Subtract(..) | Op::Multiply(..) | Op::Negate(_));
         (Cost { operations: tape.ops.iter().filter(of_the_sums).count(), ready: tape.depth() }, told)
     }

@@ -96,7 +96,7 @@ fn any_step(random: &mut Random) -> [usize; 4] {
 /// Which registers the result depends on.
 fn live(tape: &Tape) -> Vec<bool> {
     let mut live = vec![false; tape.ops.len()];
-    live[tape.output.0 as usize] = true;
+    live[tape.output().0 as usize] = true;
     for k in (0..live.len()).rev() {
         if live[k] {
             tape.ops[k].operands().iter().for_each(|operand| live[operand.0 as usize] = true);

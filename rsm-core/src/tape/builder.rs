@@ -1,0 +1,311 @@
+//! Writes a tape operation by operation.
+//!
+//! In: operations, in order. Out: a [`Tape`]. Nothing is simplified, but for a factor of 1 or -1 in [`TapeBuilder::times`]: what is pushed is
+//! what the tape computes. A builder that shares finds an operation that stands there already.
+
+use std::collections::HashMap;
+
+use crate::number::{Precision, Rational, integer};
+
+use super::{Constant, Named, Note, Op, Port, Reg, State, Tape};
+
+/// Writes a tape operation by operation: of a surface, or of anything else that a crate wants to compute with the same bits everywhere.
+///
+/// ```
+/// use rsm_core::number::{Precision, exact};
+/// use rsm_core::run::Interpreter;
+/// use rsm_core::tape::TapeBuilder;
+///
+/// // A mass on a spring: the rates of position and speed. `sharing` writes an operation once, however often it is asked for.
+/// let mut tape = TapeBuilder::sharing(Precision::F64);
+/// let (position, speed, force) = (tape.input(0), tape.input(1), tape.input(2));
+/// let stiffness = tape.constant(exact(40.0)); // N/m
+/// let mass = tape.constant(exact(2.0)); // kg
+/// let pull = tape.multiply(stiffness, position);
+/// let balance = tape.subtract(force, pull);
+/// let acceleration = tape.divide(balance, mass);
+///
+/// let names = ["position", "speed", "force"].map(str::to_string).to_vec();
+/// let tape = tape.finish_with_results("rates", names, [("position_rate", speed), ("speed_rate", acceleration)], [] as [(&str, _); 0]);
+/// let mut rates = [0.0; 2];
+/// Interpreter::<f64>::new(&tape).eval_all(&[0.5, 3.0, 24.0], &mut rates);
+/// assert_eq!(rates, [3.0, 2.0]); // m/s, m/s^2
+/// ```
+#[derive(Debug)]
+pub struct TapeBuilder {
+    precision: Precision,
+    ops: Vec<Op>,
+    shares: bool,
+    /// Where operations stand: constants, and on a tape that shares all the others too.
+    places: HashMap<Key, Reg>,
+    notes: Vec<(Reg, Note)>,
+}
+
+/// What makes two operations the same one.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum Key {
+    /// The bits of the value, and the number before rounding.
+    Constant(u64, Rational),
+    /// The name of the operation, then its operands, port or state.
+    Other(std::mem::Discriminant<Op>, Vec<u32>),
+}
+
+impl Key {
+    fn of(op: &Op) -> Key {
+        let numbers = match op {
+            // -0 and +0 of the same rational are one constant.
+            Op::Constant(constant) => return Key::Constant((constant.value + 0.0).to_bits(), constant.exact.clone()),
+            Op::Input(port) => vec![port.0],
+            Op::State(state) => vec![state.0],
+            _ => op.operands().iter().map(|operand| operand.0).collect(),
+        };
+        Key::Other(std::mem::discriminant(op), numbers)
+    }
+}
+
+impl TapeBuilder {
+    /// An empty tape.
+    #[must_use]
+    pub fn new(precision: Precision) -> Self {
+        TapeBuilder { precision, ops: Vec::new(), shares: false, places: HashMap::new(), notes: Vec::new() }
+    }
+
+    /// An empty tape on which an operation that stands there already is not written again: several surfaces of the same inputs, and a
+    /// surface that is used twice.
+    #[must_use]
+    pub fn sharing(precision: Precision) -> Self {
+        TapeBuilder { shares: true, ..TapeBuilder::new(precision) }
+    }
+
+    /// The precision of the tape.
+    #[must_use]
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// The length of the longest chain of dependent operations up to a register, counted as [`Tape::depth`] counts.
+    #[must_use]
+    pub fn depth_of(&self, reg: Reg) -> usize {
+        super::depths(&self.ops[..=reg.0 as usize])[reg.0 as usize]
+    }
+
+    /// The operation that writes a register.
+    ///
+    /// # Panics
+    /// When the tape has no such register yet.
+    #[must_use]
+    pub fn op(&self, reg: Reg) -> &Op {
+        &self.ops[reg.0 as usize]
+    }
+
+    /// How many operations stand on the tape, constants and inputs included.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.ops.len()
+    }
+
+    /// Whether nothing stands on the tape yet.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.ops.is_empty()
+    }
+
+    /// Appends an operation, or finds it where the tape shares. Operands are registers of this builder.
+    pub fn push(&mut self, op: Op) -> Reg {
+        debug_assert!(op.operands().iter().all(|operand| (operand.0 as usize) < self.ops.len()), "operands come first");
+        let next = Reg(self.ops.len() as u32);
+        if self.shares || matches!(op, Op::Constant(_)) {
+            let place = *self.places.entry(Key::of(&op)).or_insert(next);
+            if self.shares && place != next {
+                return place;
+            }
+        }
+        self.ops.push(op);
+        next
+    }
+
+    /// The register of a constant that stands on the tape already.
+    fn known(&self, constant: &Op) -> Option<Reg> {
+        self.places.get(&Key::of(constant)).copied()
+    }
+
+    /// A constant, rounded here, once, to the precision of the tape.
+    pub fn constant(&mut self, exact: Rational) -> Reg {
+        let value = self.precision.round(&exact);
+        self.rounded_constant(value, exact)
+    }
+
+    /// A constant whose rounding was decided elsewhere (a bound that is rounded into the box).
+    pub fn rounded_constant(&mut self, value: f64, exact: Rational) -> Reg {
+        let constant = Op::Constant(Constant { value, exact });
+        self.known(&constant).unwrap_or_else(|| self.push(constant))
+    }
+
+    /// Says of a constant from which term of the model it is made. Nothing is said where it was not written (a factor of 1).
+    pub fn note(&mut self, exact: &Rational, note: Note) {
+        let constant = Op::Constant(Constant { value: self.precision.round(exact), exact: exact.clone() });
+        if let Some(place) = self.known(&constant) {
+            self.add_note(place, note);
+        }
+    }
+
+    /// A surface may stand on a tape more than once.
+    fn add_note(&mut self, place: Reg, note: Note) {
+        let entry = (place, note);
+        if !self.notes.contains(&entry) {
+            self.notes.push(entry);
+        }
+    }
+
+    /// An argument, counted from 0 in the order in which `finish` names them.
+    pub fn input(&mut self, port: u32) -> Reg {
+        self.push(Op::Input(Port(port)))
+    }
+
+    /// A state as the step before left it, counted from 0 in the order in which [`TapeBuilder::finish_with_results`] names them.
+    pub fn state(&mut self, state: u32) -> Reg {
+        self.push(Op::State(State(state)))
+    }
+
+    /// `-a`.
+    pub fn negate(&mut self, a: Reg) -> Reg {
+        self.push(Op::Negate(a))
+    }
+
+    /// `|a|`.
+    pub fn absolute(&mut self, a: Reg) -> Reg {
+        self.push(Op::Absolute(a))
+    }
+
+    /// `a + b`.
+    pub fn add(&mut self, a: Reg, b: Reg) -> Reg {
+        self.push(Op::Add(a, b))
+    }
+
+    /// `a - b`.
+    pub fn subtract(&mut self, a: Reg, b: Reg) -> Reg {
+        self.push(Op::Subtract(a, b))
+    }
+
+    /// `a * b`.
+    pub fn multiply(&mut self, a: Reg, b: Reg) -> Reg {
+        self.push(Op::Multiply(a, b))
+    }
+
+    /// `a / b`.
+    pub fn divide(&mut self, a: Reg, b: Reg) -> Reg {
+        self.push(Op::Divide(a, b))
+    }
+
+    /// `then` where `left < right`, else `otherwise`, also where either of the two compared is NaN.
+    pub fn select_less(&mut self, left: Reg, right: Reg, then: Reg, otherwise: Reg) -> Reg {
+        let condition = self.push(Op::Less(left, right));
+        self.push(Op::Select { condition, then, otherwise })
+    }
+
+    /// A register times a constant. Nothing is written for 1, and for -1 a change of the sign: both are exact.
+    pub fn times(&mut self, value: Reg, factor: Rational) -> Reg {
+        if factor == integer(1) {
+            return value;
+        }
+        if factor == integer(-1) {
+            return self.push(Op::Negate(value));
+        }
+        let factor = self.constant(factor);
+        self.push(Op::Multiply(value, factor))
+    }
+
+    /// `bound` if `value < bound`, else `value`.
+    pub fn at_least(&mut self, value: Reg, bound: Reg) -> Reg {
+        self.select_less(value, bound, bound, value)
+    }
+
+    /// `bound` if `bound < value`, else `value`.
+    pub fn at_most(&mut self, value: Reg, bound: Reg) -> Reg {
+        self.select_less(bound, value, bound, value)
+    }
+
+    /// Writes the operations of a finished tape here, its inputs replaced by registers of this one, and gives the registers of its results:
+    /// a surface inside the equations of a plant.
+    ///
+    /// # Panics
+    /// When the precision differs, when there are not as many arguments as inputs, or when the tape keeps states.
+    ///
+    /// ```
+    /// # use rsm_core::{number::Precision, run::Interpreter, tape::TapeBuilder};
+    /// let mut square = TapeBuilder::new(Precision::F64);
+    /// let x = square.input(0);
+    /// let y = square.multiply(x, x);
+    /// let square = square.finish("square", vec!["x".to_string()], y);
+    ///
+    /// let mut fourth = TapeBuilder::sharing(Precision::F64);
+    /// let x = fourth.input(0);
+    /// let once = fourth.inline(&square, &[x]);
+    /// let twice = fourth.inline(&square, &once);
+    /// let fourth = fourth.finish("fourth", vec!["x".to_string()], twice[0]);
+    /// assert_eq!(Interpreter::<f64>::new(&fourth).eval(&[3.0]), 81.0);
+    /// ```
+    pub fn inline(&mut self, tape: &Tape, arguments: &[Reg]) -> Vec<Reg> {
+        assert_eq!(tape.precision, self.precision, "a tape has one precision");
+        assert_eq!(arguments.len(), tape.inputs.len(), "one argument an input");
+        assert!(tape.states.is_empty(), "only a function of its arguments can stand inside another tape");
+        let mut places: Vec<Reg> = Vec::with_capacity(tape.ops.len());
+        for op in &tape.ops {
+            let place = match op {
+                Op::Input(port) => arguments[port.0 as usize],
+                Op::Constant(constant) => self.rounded_constant(constant.value, constant.exact.clone()),
+                other => self.push(other.with_operands(|reg| places[reg.0 as usize])),
+            };
+            places.push(place);
+        }
+        for (reg, note) in &tape.notes {
+            self.add_note(places[reg.0 as usize], note.clone());
+        }
+        tape.outputs.iter().map(|output| places[output.reg.0 as usize]).collect()
+    }
+
+    /// The finished tape of a function with one result.
+    #[must_use]
+    pub fn finish(self, name: impl Into<String>, inputs: Vec<String>, output: Reg) -> Tape {
+        let name = name.into();
+        self.finish_with_results(name.clone(), inputs, [(name, output)], [] as [(String, Reg); 0])
+    }
+
+    /// The finished tape of something that keeps states and has one result. The states are called s0, s1, ...
+    #[must_use]
+    pub fn finish_with_states(self, name: impl Into<String>, inputs: Vec<String>, output: Reg, next_states: Vec<Reg>) -> Tape {
+        let name = name.into();
+        let states = next_states.into_iter().enumerate().map(|(k, reg)| (format!("s{k}"), reg));
+        self.finish_with_results(name.clone(), inputs, [(name, output)], states)
+    }
+
+    /// The finished tape with its results and states by name, both in order. A state comes with the register of its next value.
+    ///
+    /// # Panics
+    /// When there is no result, or when an operation reads an input or a state that has no name here.
+    #[must_use]
+    pub fn finish_with_results(
+        self,
+        name: impl Into<String>,
+        inputs: Vec<String>,
+        outputs: impl IntoIterator<Item = (impl Into<String>, Reg)>,
+        states: impl IntoIterator<Item = (impl Into<String>, Reg)>,
+    ) -> Tape {
+        let outputs: Vec<Named> = outputs.into_iter().map(|(name, reg)| Named { name: name.into(), reg }).collect();
+        let states: Vec<Named> = states.into_iter().map(|(name, reg)| Named { name: name.into(), reg }).collect();
+        assert!(!outputs.is_empty(), "a tape has a result");
+        for op in &self.ops {
+            match op {
+                Op::Input(port) => assert!((port.0 as usize) < inputs.len(), "input {} has no name", port.0),
+                Op::State(state) => assert!((state.0 as usize) < states.len(), "state {} has no next value", state.0),
+                _ => {}
+            }
+        }
+        let mut notes = self.notes;
+        notes.sort_by_key(|(reg, _)| *reg);
+        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, outputs, states, notes }
+    }
+}
+
+#[cfg(test)]
+mod tests;
