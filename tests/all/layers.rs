@@ -32,6 +32,8 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "rsm-fit", ours: &["rsm-core"], aside: &[], outside: None },
     // Files of other tools: it knows units and tables, neither plants nor models.
     Law { package: "rsm-import", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
+    // Texts to equations to programs: it knows neither records nor effects. Units come from rsm-fit.
+    Law { package: "rsm-model", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
     Law { package: "rsm-sim", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
     Law { package: "rsm-rigs", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
     // It knows plants, not rigs: a diagnosis may not know how a record was made.

@@ -10,12 +10,13 @@ use crate::layers::LAWS;
 const MOST_WORDS: usize = 1500;
 
 /// Folders whose entries must all be named, each under a heading of its own.
-const COMPLETE: [&str; 9] = [
+const COMPLETE: [&str; 10] = [
     "rsm-core/src/",
     "rsm-macros/src/",
     "rsm-fit/src/",
     "rsm-diagnose/src/surface/",
     "rsm-import/src/",
+    "rsm-model/src/",
     "rsm-sim/src/",
     "rsm-rigs/src/",
     "rsm-diagnose/src/plant/",

@@ -1,0 +1,210 @@
+//! The tree of a text, as it was written: names not yet resolved, arrays not yet written out.
+//!
+//! Sums, products and conjunctions are lists, so that a sum of thousands of terms is not a deep tree.
+
+use std::ops::Range;
+
+/// Where a part stands in its text, in bytes.
+pub(crate) type Span = Range<usize>;
+
+/// A part of a name with its subscripts: `x[1, 2]`.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Part {
+    pub(crate) name: String,
+    pub(crate) subscripts: Vec<Subscript>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Subscript {
+    /// `:`
+    All,
+    At(Expression),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Expression {
+    pub(crate) kind: Kind,
+    pub(crate) span: Span,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Compare {
+    Less,
+    LessEqual,
+    Greater,
+    GreaterEqual,
+    Equal,
+    Different,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Kind {
+    /// A number, and whether it is written as a whole number.
+    Number(f64, bool),
+    Boolean(bool),
+    Text(String),
+    Name(Vec<Part>),
+    /// A function, its arguments by place, its arguments by name.
+    Call(String, Vec<Expression>, Vec<(String, Expression)>),
+    /// Terms, each with its sign: true for minus.
+    Sum(Vec<(bool, Expression)>),
+    /// Factors, each with what joins it to those before. The first joins by [`Joint::Times`].
+    Product(Vec<(Joint, Expression)>),
+    /// Base, exponent, whether it is taken element by element.
+    Power(Box<Expression>, Box<Expression>, bool),
+    Relation(Compare, Box<Expression>, Box<Expression>),
+    And(Vec<Expression>),
+    Or(Vec<Expression>),
+    Not(Box<Expression>),
+    /// Conditions with their values, and the value of `else`.
+    If(Vec<(Expression, Expression)>, Box<Expression>),
+    /// `{a, b}`
+    Array(Vec<Expression>),
+    /// `{expression for index in range}`
+    Comprehension(Box<Expression>, String, Box<Expression>),
+    /// `[a, b; c, d]`
+    Matrix(Vec<Vec<Expression>>),
+    /// First, step, last.
+    Range(Box<Expression>, Option<Box<Expression>>, Box<Expression>),
+    /// `end` in a subscript.
+    End,
+    /// What could not be read and was told.
+    Broken,
+}
+
+/// What joins a factor to those before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Joint {
+    Times,
+    Over,
+    /// Element by element.
+    EachTimes,
+    /// Element by element.
+    EachOver,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Variability {
+    Constant,
+    Parameter,
+    Discrete,
+    Continuous,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Direction {
+    Input,
+    Output,
+    Neither,
+}
+
+/// A modification: attributes in parentheses, a value behind `=`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Modification {
+    pub(crate) attributes: Vec<Attribute>,
+    pub(crate) value: Option<Expression>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Attribute {
+    pub(crate) name: String,
+    pub(crate) value: AttributeValue,
+    pub(crate) span: Span,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum AttributeValue {
+    Text(String),
+    Expression(Expression),
+    /// `x(start(...))`: something inside something.
+    Nested,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Declaration {
+    pub(crate) variability: Variability,
+    pub(crate) direction: Direction,
+    /// The type as it is written: `Real`, or a name of the text.
+    pub(crate) type_name: String,
+    pub(crate) type_span: Span,
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    /// Sizes that stand at the type come after those at the name.
+    pub(crate) sizes: Vec<Subscript>,
+    pub(crate) modification: Modification,
+    pub(crate) description: String,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Equation {
+    pub(crate) kind: EquationKind,
+    pub(crate) span: Span,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) enum EquationKind {
+    Equal(Expression, Expression),
+    /// Branches, then the equations of `else`.
+    If(Vec<(Expression, Vec<Equation>)>, Vec<Equation>),
+    /// Index, range, equations.
+    For(String, Expression, Vec<Equation>),
+    /// Branches: `when` and each `elsewhen`.
+    When(Vec<(Expression, Vec<Equation>)>),
+    /// `reinit(...)`, `assert(...)` and other calls that stand alone.
+    Call(Expression),
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Statement {
+    pub(crate) kind: StatementKind,
+    pub(crate) span: Span,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) enum StatementKind {
+    /// A name with subscripts takes a value.
+    Assign(Vec<Part>, Expression),
+    If(Vec<(Expression, Vec<Statement>)>, Vec<Statement>),
+    For(String, Expression, Vec<Statement>),
+    /// `assert(...)` and other calls that stand alone.
+    Call(Expression),
+}
+
+/// `type Voltage = Real(unit = "V");`
+#[derive(Debug, Clone)]
+pub(crate) struct TypeDefinition {
+    pub(crate) name: String,
+    pub(crate) base: String,
+    pub(crate) sizes: Vec<Subscript>,
+    pub(crate) modification: Modification,
+    pub(crate) span: Span,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Function {
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    pub(crate) declarations: Vec<Declaration>,
+    /// `None`: the text declares the function and says nothing of what it computes.
+    pub(crate) algorithm: Option<Vec<Statement>>,
+}
+
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Model {
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    pub(crate) description: String,
+    pub(crate) declarations: Vec<Declaration>,
+    pub(crate) equations: Vec<Equation>,
+    pub(crate) initial_equations: Vec<Equation>,
+}
+
+/// A whole text.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Text {
+    pub(crate) types: Vec<TypeDefinition>,
+    pub(crate) functions: Vec<Function>,
+    /// `constant` declarations of the package.
+    pub(crate) constants: Vec<Declaration>,
+    pub(crate) models: Vec<Model>,
+}
