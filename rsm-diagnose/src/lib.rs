@@ -14,5 +14,5 @@
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
 pub mod plant;
-
+mod probability;
 pub mod surface;

@@ -162,6 +162,8 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
         let case = Case {
             gain,
             rivals: &[],
+            same: judged.decides,
+            not_fitted: 0,
             unit: judged.decides,
             left: anew.left.excess.max(0.0) * rows,
             explained,

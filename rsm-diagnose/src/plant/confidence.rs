@@ -4,12 +4,18 @@
 //! can make a cause wrong: chance, a rival, a cause that is not in the catalogue, and a rival that was not asked. The records give the odds against the first two. The other two are rates, counted on
 //! hidden effects of seeds that the tables of `cargo xtask hidden-effects` do not use.
 
+use crate::probability::Probability;
+
 /// What the probability of a cause comes from.
 pub(super) struct Case<'a> {
     /// How much worse the fit is without it, in squared standard deviations of the noise.
     pub gain: f64,
     /// By how much each rival does worse, in the same unit.
     pub rivals: &'a [(String, f64)],
+    /// A rival that does worse by less leaves the same trace, in the same unit.
+    pub same: f64,
+    /// How many leave the same trace and were not fitted: they would do as well.
+    pub not_fitted: usize,
     /// What decides between two explanations, in the same unit: what chance does, or a twentieth of what is left.
     pub unit: f64,
     /// What is left above the noise, in the same unit.
@@ -33,13 +39,14 @@ const NOT_ASKED: f64 = 0.5;
 
 /// The probability that a cause is right.
 #[must_use]
-pub(super) fn confidence(case: &Case<'_>) -> f64 {
+pub(super) fn confidence(case: &Case<'_>) -> Probability {
     // What does worse by what decides has a tenth of the evidence.
     let evidence = |behind: f64| (-behind.max(0.0) / case.unit * std::f64::consts::LN_10).exp();
-    let rivals: f64 = case.rivals.iter().map(|it| evidence(it.1)).sum();
+    let fitted = case.rivals.iter().map(|it| (evidence(it.1), it.1 < case.same));
+    let rivals = fitted.chain(std::iter::repeat_n((1.0, true), case.not_fitted));
     let known = if case.explained { EXPLAINED } else { beside_the_unknown(case) };
-    let found = known * (1.0 - evidence(case.gain)) / (1.0 + rivals);
-    if case.asked { found } else { found.min(NOT_ASKED) }
+    let found = Probability::among(1.0 - evidence(case.gain), rivals).times(known);
+    if case.asked { found } else { found.at_most(NOT_ASKED) }
 }
 
 /// How probable a cause is against none of the catalogue, by the share of the structure's r.m.s. that it removes on its own.
@@ -54,32 +61,38 @@ mod tests {
     use super::*;
 
     fn case<'a>(rivals: &'a [(String, f64)]) -> Case<'a> {
-        Case { gain: 1e6, rivals, unit: 30.0, left: 0.0, explained: true, asked: true }
+        Case { gain: 1e6, rivals, same: 30.0, not_fitted: 0, unit: 30.0, left: 0.0, explained: true, asked: true }
     }
 
     #[test]
     fn each_thing_that_speaks_against_a_cause_counts() {
         let behind = |by: f64| [("rival".to_string(), by)];
         // Alone, and with a rival far behind: what the verdict's rate is.
-        assert_eq!(confidence(&case(&[])), EXPLAINED);
-        assert!((confidence(&case(&behind(1e5))) - EXPLAINED).abs() < 1e-12);
-        // A rival that does as well has half; one that is behind by what decides has a tenth as much evidence.
-        assert!((confidence(&case(&behind(0.0))) - EXPLAINED / 2.0).abs() < 1e-12);
-        assert!((confidence(&case(&behind(30.0))) - EXPLAINED / 1.1).abs() < 1e-12);
+        let own = |case: &Case<'_>| confidence(case).own;
+        assert_eq!(confidence(&case(&[])), Probability::plain(EXPLAINED));
+        assert!((own(&case(&behind(1e5))) - EXPLAINED).abs() < 1e-12);
+        // A rival that does as well has half, and one of the two is right; one that is behind by what decides has a tenth as much evidence, and is another.
+        let half = confidence(&case(&behind(0.0)));
+        assert!((half.own - EXPLAINED / 2.0).abs() < 1e-12 && (half.of_any - EXPLAINED).abs() < 1e-12);
+        let behind_it = confidence(&case(&behind(30.0)));
+        assert!((behind_it.own - EXPLAINED / 1.1).abs() < 1e-12 && behind_it.of_any == behind_it.own);
+        // What leaves the same trace and was not fitted would do as well.
+        let third = confidence(&Case { not_fitted: 2, ..case(&[]) });
+        assert!((third.own - EXPLAINED / 3.0).abs() < 1e-12 && (third.of_any - EXPLAINED).abs() < 1e-12);
         // The same distance says less where more decides: a twentieth of what is left.
-        let left = confidence(&Case { unit: 1000.0, ..case(&behind(30.0)) });
+        let left = own(&Case { unit: 1000.0, ..case(&behind(30.0)) });
         assert!((left - EXPLAINED / (1.0 + 10_f64.powf(-0.03))).abs() < 1e-12);
         // No gain, no cause.
-        assert_eq!(confidence(&Case { gain: 0.0, ..case(&[]) }), 0.0);
+        assert_eq!(own(&Case { gain: 0.0, ..case(&[]) }), 0.0);
     }
 
     #[test]
     fn nobody_is_sure_of_what_was_not_asked_or_stands_beside_the_unknown() {
-        assert_eq!(confidence(&Case { asked: false, ..case(&[]) }), NOT_ASKED);
-        let beside = |left: f64| confidence(&Case { explained: false, left, ..case(&[]) });
+        assert_eq!(confidence(&Case { asked: false, ..case(&[]) }).own, NOT_ASKED);
+        let beside = |left: f64| confidence(&Case { explained: false, left, ..case(&[]) }).own;
         // Of the r.m.s. three tenths of the structure are gone, two thirds, 94 %, and all but 0.1 %.
         let all = [1e6, 1.1e5, 4e3, 1.0].map(beside);
         assert!(all[0] < 0.02 && all[1] < 0.1 && all[2] < 0.4 && all[3] > 0.9, "{all:?}");
-        assert!(confidence(&Case { asked: false, explained: false, left: 1e6, ..case(&[]) }) < 0.05);
+        assert!(confidence(&Case { asked: false, explained: false, left: 1e6, ..case(&[]) }).own < 0.05);
     }
 }

@@ -128,6 +128,7 @@ impl KnownLoop {
                     unit: "1".to_string(),
                 }],
                 confidence: EXPLAINED,
+                confidence_of_any: EXPLAINED,
                 indistinguishable_from: Vec::new(),
                 gain: rows as f64 * ((self.stated / self.left).powi(2) - 1.0),
                 rivals: Vec::new(),

@@ -34,6 +34,7 @@ use super::validation::{self, Error};
 use super::veto::Refusal;
 use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::{self, Left};
+use crate::probability::Probability;
 pub use crate::surface::Verdict;
 use own_noise::by_own_noise;
 pub(super) use own_noise::left_there;
@@ -90,6 +91,8 @@ pub struct Cause {
     pub parameters: Vec<Interval>,
     /// The probability that it is right.
     pub confidence: f64,
+    /// The probability that it, or one of those that leave the same trace, is right.
+    pub confidence_of_any: f64,
     /// Causes that leave the same trace in these records.
     pub indistinguishable_from: Vec<String>,
     /// How much worse the fit is without it, in squared standard deviations of the noise.
@@ -295,6 +298,8 @@ pub fn conclude(
         let judged = Case {
             gain: one.gain,
             rivals: &one.rivals,
+            same,
+            not_fitted: rivals::not_fitted(one).count(),
             unit: decides,
             left: most_left * fit.residual.len() as f64,
             explained: is_explained(structure, stopped),
@@ -411,8 +416,8 @@ fn is_explained(structure: bool, stopped: Option<Limit>) -> bool {
 }
 
 /// A cause that the law of a known loop shows is as sure as one that has nothing against it.
-fn sure(confidence: f64, by_law: bool) -> f64 {
-    confidence.max(if by_law { confidence::EXPLAINED } else { 0.0 })
+fn sure(confidence: Probability, by_law: bool) -> Probability {
+    confidence.at_least(if by_law { confidence::EXPLAINED } else { 0.0 })
 }
 
 /// Whether a cause is named, and no helper.

@@ -11,6 +11,7 @@ use super::null::Thresholds;
 use super::sample::Sample;
 use super::search::Search;
 use super::tails::f_of;
+use crate::probability::Probability;
 
 /// A number of a cause.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,8 +56,10 @@ pub struct Cause {
     pub details: Vec<(&'static str, String)>,
     /// Runs, of outlying ones.
     pub runs: Vec<OutlyingRun>,
-    /// 0 to 1: beyond chance, and beyond its rivals.
+    /// The probability that it is right.
     pub confidence: f64,
+    /// The probability that it, or one of those that the data do not rule out, is right.
+    pub confidence_of_any: f64,
     /// By how much 2 ln of the likelihood falls without it.
     pub gain: f64,
     /// ln of the probability of as much by chance.
@@ -69,6 +72,18 @@ pub struct Cause {
     pub sentence: String,
     /// What the mean becomes at each row inside without this cause, all others fitted again; in the order of `Shown` and the unit of the response. Empty for what does not move the mean.
     pub without: Vec<f64>,
+}
+
+impl Cause {
+    /// Takes a probability.
+    pub(super) fn believe(&mut self, it: Probability) {
+        (self.confidence, self.confidence_of_any) = (it.own, it.of_any);
+    }
+
+    /// How probable it is.
+    pub(super) fn probability(&self) -> Probability {
+        Probability { own: self.confidence, of_any: self.confidence_of_any }
+    }
 }
 
 /// A rival that does worse by less than this is not ruled out: 2 ln 19, odds of 95 to 5. What is true is ahead of a rival by more only once in 20 times: the mean of a likelihood ratio under the
@@ -138,10 +153,10 @@ pub fn all(
         }
         rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
         cause.indistinguishable_from = rivals.iter().filter(|it| it.1 < NEAR).map(|it| it.0.clone()).collect();
-        let others: f64 = likely.iter().map(|it| (-it.1 / 2.0).exp()).sum();
         // Chance: the probability of so good a hypothesis among all, in units of its threshold.
         let chance = (cause.ln_p - thresholds.ln_p_mean).min(0.0).exp() * 0.05;
-        cause.confidence = (1.0 - chance) / (1.0 + others);
+        let evidence = likely.iter().map(|it| ((-it.1 / 2.0).exp(), cause.indistinguishable_from.contains(&it.0)));
+        cause.believe(Probability::among(1.0 - chance, evidence));
         rivals.truncate(5);
         cause.rivals = rivals;
         causes.push(cause);

@@ -4,6 +4,7 @@
 //! `cargo xtask hidden-effects surfaces` do not use.
 
 use super::Verdict;
+use crate::probability::Probability;
 
 /// How often a cause is right that has neither chance nor rivals against it, where the causes leave noise: hidden effects of seeds 641 to 648, 280 of 291.
 const EXPLAINED: f64 = 0.96;
@@ -12,7 +13,7 @@ const EXPLAINED: f64 = 0.96;
 const UNEXPLAINED: f64 = 0.03;
 
 /// The probability among all causes, known or not.
-pub(super) fn beside_the_unknown(among_known: f64, verdict: Verdict) -> f64 {
+pub(super) fn beside_the_unknown(among_known: Probability, verdict: Verdict) -> Probability {
     let known = if verdict == Verdict::Unexplained { UNEXPLAINED } else { EXPLAINED };
-    known * among_known
+    among_known.times(known)
 }

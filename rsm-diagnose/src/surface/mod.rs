@@ -371,7 +371,7 @@ fn of_response(
         Verdict::Explained
     };
     for cause in &mut causes {
-        cause.confidence = confidence::beside_the_unknown(cause.confidence, verdict);
+        cause.believe(confidence::beside_the_unknown(cause.probability(), verdict));
     }
     let mut notes = extension.notes.clone();
     if stopped {

@@ -73,7 +73,8 @@ struct Found<'j> {
     name: String,
     twins: Vec<&'j str>,
     parameters: &'j Value,
-    confidence: Option<f64>,
+    /// All that is said of it.
+    cause: &'j Value,
     /// Files of the records in which alone it acts.
     only_in: Vec<&'j str>,
 }
@@ -87,7 +88,7 @@ fn found(answer: &Value) -> Vec<Found<'_>> {
             name: named(cause),
             twins: twins.iter().filter_map(Value::as_str).collect(),
             parameters: &cause["parameters"],
-            confidence: cause["confidence"].as_f64(),
+            cause,
             only_in: cause["only_in"].as_array().into_iter().flatten().filter_map(Value::as_str).collect(),
         }
     };
@@ -175,9 +176,12 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
     }
     let names: Vec<&str> = found.iter().map(|found| found.name.as_str()).collect();
     let answer = if names.is_empty() { verdict.to_string() } else { format!("{verdict}: {}", names.join(", ")) };
-    // A cause without a confidence claims to be sure.
-    let named =
-        found.iter().map(|cause| Named { confidence: cause.confidence.unwrap_or(1.0), right: is_true(case, cause, &found) });
+    let named = found.iter().map(|cause| {
+        let right = is_true(case, cause, &found);
+        let is_twin = |truth: &Effect| cause.twins.contains(&name(truth).as_str());
+        let any_right = right || case.causes.iter().any(is_twin) || case.own.is_some() && is_own(case, cause);
+        Named::of(cause.cause, right, any_right)
+    });
     Judgement { right, answer, errors, covered, named: named.collect() }
 }
 

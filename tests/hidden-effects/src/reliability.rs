@@ -18,6 +18,23 @@ pub struct Named {
     pub confidence: f64,
     /// Whether it is in the truth.
     pub right: bool,
+    /// What the answer says of the cause and those which it does not tell from it, together.
+    pub confidence_of_any: f64,
+    /// Whether one of these is in the truth.
+    pub any_right: bool,
+}
+
+impl Named {
+    /// The causes of a list, each together with those that the answer does not tell from it.
+    pub fn together(list: &[Named]) -> Vec<Named> {
+        list.iter().map(|it| Named { confidence: it.confidence_of_any, right: it.any_right, ..*it }).collect()
+    }
+
+    /// A cause of an answer. Without a confidence it claims to be sure; without one for its equals too, they add nothing to it.
+    pub fn of(cause: &serde_json::Value, right: bool, any_right: bool) -> Self {
+        let confidence = cause["confidence"].as_f64().unwrap_or(1.0);
+        Named { confidence, right, confidence_of_any: cause["confidence_of_any"].as_f64().unwrap_or(confidence), any_right }
+    }
 }
 
 /// Causes in a range of confidences.
@@ -64,46 +81,57 @@ pub struct Reliability(pub Vec<Named>);
 impl Reliability {
     /// Bins that hold causes.
     pub fn bins(&self) -> Vec<Bin> {
-        let ends = BINS.iter().skip(1).copied().chain([f64::INFINITY]);
-        let bins = BINS.iter().zip(ends).map(|(from, to)| {
-            let of: Vec<&Named> = self.0.iter().filter(|it| *from <= it.confidence && it.confidence < to).collect();
-            let said = of.iter().map(|it| it.confidence).sum::<f64>() / of.len().max(1) as f64;
-            Bin { from: *from, to: to.min(1.0), count: of.len(), right: of.iter().filter(|it| it.right).count(), said }
-        });
-        bins.filter(|bin| bin.count > 0).collect()
+        bins(&self.0)
     }
 
     /// Whether no bin is right less often than it says, as far as its count shows. A cause that is right more often than it says misleads nobody, and shows in the table.
     pub fn held(&self) -> bool {
-        self.bins().iter().all(|bin| bin.interval().1 >= bin.said)
+        let not_too_sure = |list: &[Named]| bins(list).iter().all(|bin| bin.interval().1 >= bin.said);
+        not_too_sure(&self.0) && not_too_sure(&Named::together(&self.0))
     }
+}
+
+fn bins(list: &[Named]) -> Vec<Bin> {
+    let ends = BINS.iter().skip(1).copied().chain([f64::INFINITY]);
+    let bins = BINS.iter().zip(ends).map(|(from, to)| {
+        let of: Vec<&Named> = list.iter().filter(|it| *from <= it.confidence && it.confidence < to).collect();
+        let said = of.iter().map(|it| it.confidence).sum::<f64>() / of.len().max(1) as f64;
+        Bin { from: *from, to: to.min(1.0), count: of.len(), right: of.iter().filter(|it| it.right).count(), said }
+    });
+    bins.filter(|bin| bin.count > 0).collect()
 }
 
 impl fmt::Display for Reliability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "confidence     causes  right  mean said  share right  95 % of it")?;
-        for bin in self.bins() {
-            let (low, high) = bin.interval();
-            let mark = if bin.holds() {
-                ""
-            } else if high < bin.said {
-                "  TOO SURE"
-            } else {
-                "  too modest"
-            };
-            writeln!(
-                f,
-                "{:.2} to {:.2} {:>8} {:>6} {:>10.3} {:>12.3}  {low:.3} to {high:.3}{mark}",
-                bin.from,
-                bin.to,
-                bin.count,
-                bin.right,
-                bin.said,
-                bin.right as f64 / bin.count as f64
-            )?;
-        }
-        Ok(())
+        table(f, &self.0, "a cause by itself")?;
+        table(f, &Named::together(&self.0), "a cause, or one of those which the answer does not tell from it")
     }
+}
+
+/// The table of a list.
+fn table(f: &mut fmt::Formatter<'_>, list: &[Named], what: &str) -> fmt::Result {
+    writeln!(f, "{what}:\nconfidence     causes  right  mean said  share right  95 % of it")?;
+    for bin in bins(list) {
+        let (low, high) = bin.interval();
+        let mark = if bin.holds() {
+            ""
+        } else if high < bin.said {
+            "  TOO SURE"
+        } else {
+            "  too modest"
+        };
+        writeln!(
+            f,
+            "{:.2} to {:.2} {:>8} {:>6} {:>10.3} {:>12.3}  {low:.3} to {high:.3}{mark}",
+            bin.from,
+            bin.to,
+            bin.count,
+            bin.right,
+            bin.said,
+            bin.right as f64 / bin.count as f64
+        )?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -111,7 +139,8 @@ mod tests {
     use super::*;
 
     fn of(confidence: f64, right: usize, wrong: usize) -> Vec<Named> {
-        (0..right + wrong).map(|k| Named { confidence, right: k < right }).collect()
+        let one = |right| Named { confidence, right, confidence_of_any: confidence, any_right: right };
+        (0..right + wrong).map(|k| one(k < right)).collect()
     }
 
     #[test]
@@ -121,6 +150,17 @@ mod tests {
         assert!(Reliability(of(0.05, 10, 10)).held() && !Reliability(of(0.05, 10, 10)).bins()[0].holds());
         // 52 of 63 wrong at 0.99.
         assert!(!Reliability([of(0.99, 11, 52), of(0.2, 5, 20)].concat()).held());
+    }
+
+    #[test]
+    fn equals_are_judged_together_by_what_is_said_of_all_of_them() {
+        let cause = serde_json::json!({ "confidence": 0.24, "confidence_of_any": 0.96 });
+        let told = Named { confidence: 0.24, right: false, confidence_of_any: 0.96, any_right: true };
+        assert_eq!(Named::of(&cause, false, true), told);
+        let together = Named::together(&[told])[0];
+        assert_eq!((together.confidence, together.right), (0.96, true));
+        let old = Named::of(&serde_json::json!({ "confidence": 0.9 }), true, true);
+        assert_eq!((old.confidence_of_any, Named::of(&serde_json::json!({}), true, true).confidence), (0.9, 1.0));
     }
 
     #[test]

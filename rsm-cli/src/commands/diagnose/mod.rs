@@ -241,6 +241,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             Subject::None => None,
         };
         one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
+        one.insert("confidence_of_any".to_string(), json!(output::finite(cause.confidence_of_any)));
         one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
         if let Some(record) = &cause.only_in {
             one.insert("only_in".to_string(), json!([record]));

@@ -100,7 +100,11 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
         for cause in &response.causes {
             tell!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
             if !cause.indistinguishable_from.is_empty() {
-                tell!("    In these data this is not to be told from {}.", cause.indistinguishable_from.join(", "));
+                tell!(
+                    "    These data do not tell it from {}. Confidence that one of these is right: {:.2}.",
+                    cause.indistinguishable_from.join(", "),
+                    cause.confidence_of_any
+                );
             }
         }
         for note in &response.notes {
@@ -201,6 +205,7 @@ fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
         one.insert("runs".to_string(), cause.runs.iter().map(run).collect());
     }
     one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
+    one.insert("confidence_of_any".to_string(), json!(output::finite(cause.confidence_of_any)));
     one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
     let rivals = cause.rivals.iter().map(|(label, behind)| json!({ "cause": label, "behind": output::finite(*behind) }));
     one.insert(

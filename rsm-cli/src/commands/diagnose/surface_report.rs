@@ -241,7 +241,12 @@ fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cau
         }
     }
     if !cause.indistinguishable_from.is_empty() {
-        let _ = write!(body, " <b>These data do not tell it from {}.</b>", escaped(&cause.indistinguishable_from.join(", ")));
+        let _ = write!(
+            body,
+            " <b>These data do not tell it from {}. Confidence that one of these is right: {:.2}.</b>",
+            escaped(&cause.indistinguishable_from.join(", ")),
+            cause.confidence_of_any
+        );
     }
     body.push_str("</p>\n<table><tr><th>number</th><th>value</th><th>95 % interval</th><th>unit</th></tr>\n");
     for it in &cause.parameters {

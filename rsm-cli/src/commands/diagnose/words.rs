@@ -242,7 +242,11 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for cause in &found.causes {
         tell!("  {}: {} Confidence {:.2}.", label(cause), cause.sentence, cause.confidence);
         if !cause.indistinguishable_from.is_empty() {
-            tell!("    In these records the same as {}.", cause.indistinguishable_from.join(", "));
+            tell!(
+                "    In these records the same as {}. Confidence that one of these is right: {:.2}.",
+                cause.indistinguishable_from.join(", "),
+                cause.confidence_of_any
+            );
         }
         tell!("    To be sure: {}", cause.check);
     }

@@ -25,10 +25,14 @@ fn as_good(one: &Believed, same: f64) -> impl Iterator<Item = &String> {
     one.rivals.iter().filter(move |it| it.1 < same).map(|it| &it.0)
 }
 
+/// What leaves the same trace and was not fitted: it would do as well.
+pub(super) fn not_fitted(one: &Believed) -> impl Iterator<Item = &String> {
+    one.alike.iter().filter(|it| !one.rivals.iter().any(|rival| rival.0 == **it))
+}
+
 /// Their names; and of the same trace those that were not fitted, for they would do as well.
 pub(super) fn alike(one: &Believed, same: f64) -> Vec<String> {
-    let not_fitted = one.alike.iter().filter(|it| !one.rivals.iter().any(|rival| rival.0 == **it));
-    as_good(one, same).chain(not_fitted).cloned().collect()
+    as_good(one, same).chain(not_fitted(one)).cloned().collect()
 }
 
 /// Those of which there is a plant, with it.

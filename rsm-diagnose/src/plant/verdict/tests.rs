@@ -187,7 +187,7 @@ fn named(fit: &Fit, place: usize) -> Cause {
         asked: true,
         without: fit.model.clone(),
     };
-    cause(fit, place, &believed, Vec::new(), 0.5, None)
+    cause(fit, place, &believed, Vec::new(), Probability::plain(0.5), None)
 }
 
 #[test]
@@ -244,8 +244,10 @@ fn what_is_left_counts_where_it_is_beyond_what_is_allowed_and_matters() {
 
 #[test]
 fn what_the_law_shows_is_as_sure_as_what_has_nothing_against_it() {
-    assert_eq!([sure(0.3, false), sure(-0.1, false)], [0.3, 0.0]);
-    assert_eq!([sure(0.3, true), sure(0.99, true)], [confidence::EXPLAINED, 0.99]);
+    let sure = |own: f64, by_law| sure(Probability { own, of_any: 0.99 }, by_law);
+    assert_eq!([sure(0.3, false).own, sure(-0.1, false).own], [0.3, 0.0]);
+    assert_eq!([sure(0.3, true).own, sure(0.985, true).own], [confidence::EXPLAINED, 0.985]);
+    assert_eq!(sure(0.3, true).of_any, 0.99);
 }
 
 #[test]

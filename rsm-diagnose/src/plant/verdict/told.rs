@@ -9,6 +9,7 @@ use super::super::posterior::Posterior;
 use super::super::selection::Believed;
 use super::super::whitened_residuals::WhitenedResiduals;
 use super::{Cause, Interval};
+use crate::probability::Probability;
 use rsm_sim::effect::{Arguments, Role, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
@@ -31,7 +32,7 @@ pub(crate) fn cause(
     place: usize,
     believed: &Believed,
     alike: Vec<String>,
-    confidence: f64,
+    confidence: Probability,
     witness: Option<Witness>,
 ) -> Cause {
     let entry = &fit.model.file.effects[place];
@@ -55,7 +56,8 @@ pub(crate) fn cause(
         subject,
         of: entry.description.subject,
         parameters,
-        confidence,
+        confidence: confidence.own,
+        confidence_of_any: confidence.of_any,
         indistinguishable_from: alike,
         gain: believed.gain,
         rivals: believed.rivals.clone(),
@@ -109,6 +111,7 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
         }],
         // A hundredth is left for a file whose digits were cut.
         confidence: 0.99,
+        confidence_of_any: 0.99,
         indistinguishable_from: Vec::new(),
         // All rows are multiples of the step: about one squared standard deviation a row.
         gain: rows,

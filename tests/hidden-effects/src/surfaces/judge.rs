@@ -72,10 +72,9 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
     }
     let causes_right = case.verdict == "unexplained" || (found == case.truths.len() && free.is_empty());
     let answer = format!("{verdict}: {}", if labels.is_empty() { "nothing".to_string() } else { labels.join(", ") });
-    let named = causes.iter().zip(&labels).map(|(cause, label)| Named {
-        // A cause without a confidence claims to be sure.
-        confidence: cause["confidence"].as_f64().unwrap_or(1.0),
-        right: case.truths.iter().any(|truth| truth.label == *label),
+    let named = causes.iter().enumerate().map(|(k, cause)| {
+        let right = case.truths.iter().any(|truth| truth.label == labels[k]);
+        Named::of(cause, right, case.truths.iter().any(|truth| says(k, &truth.label)))
     });
     Judgement { right: verdict == case.verdict && causes_right, answer, numbers, named: named.collect() }
 }

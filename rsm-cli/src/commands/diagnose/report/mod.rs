@@ -198,7 +198,12 @@ fn listed(body: &mut String, kind: PlantKind, found: &Diagnosis, heading: &str, 
         );
         if !cause.indistinguishable_from.is_empty() {
             let names = cause.indistinguishable_from.join(", ");
-            let _ = write!(body, " <b>In these records it is the same as {}: one of them is enough.</b>", escaped(&names));
+            let _ = write!(
+                body,
+                " <b>In these records it is the same as {}: one of them is enough. Confidence that one of these is right: {:.2}.</b>",
+                escaped(&names),
+                cause.confidence_of_any
+            );
         }
         body.push_str("</p>\n");
         if number < CLOSELY {

@@ -82,8 +82,9 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
     assert!(found.left.excess > 1.0 && found.left_unseen.is_none() && !found.error_breakdown.unseen);
     // The worst of what is left, over all rows, stands beside its gain.
     let left = found.predicted.as_ref().map_or(found.left.excess, |it| it.excess.max(found.left.excess));
-    let case = Case { gain: 1e4, rivals: &[], unit, left: left * rows, explained: false, asked: true };
-    assert_eq!(drift.confidence, confidence::confidence(&case));
+    let case =
+        Case { gain: 1e4, rivals: &[], same: unit, not_fitted: 0, unit, left: left * rows, explained: false, asked: true };
+    assert_eq!(drift.confidence, confidence::confidence(&case).own);
     assert!(drift.confidence > 0.0 && drift.confidence < NAMED, "{}", drift.confidence);
     // A gain of the command by the law alone: a cause and an entry of its own.
     let right = Known { value: 1.0, low: 0.99, high: 1.01 };

@@ -1,0 +1,67 @@
+//! The probability that a cause is right: Bayes' rule over a cause, chance and its rivals. Both diagnoses use it.
+//!
+//! In: the evidence of each rival, relative to that of the cause, and whether the data tell the two apart. Out: the probability of the cause by itself, and that of the
+//! cause or a rival that the data do not tell from it. How often the true cause is not in the catalogue is a rate that each diagnosis brings.
+
+/// How probable a cause is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Probability {
+    /// That it is right itself. Of causes that leave the same trace each has its share.
+    pub(crate) own: f64,
+    /// That it, or one of those which the data do not tell from it, is right.
+    pub(crate) of_any: f64,
+}
+
+impl Probability {
+    /// Of a cause that chance does not make with probability `not_chance`. Each rival has its evidence, 1 where it explains the data as well as the cause does, and is the same or not
+    /// as far as the data go.
+    #[must_use]
+    pub(crate) fn among(not_chance: f64, rivals: impl IntoIterator<Item = (f64, bool)>) -> Self {
+        let (mut same, mut others) = (1.0, 0.0);
+        for (evidence, is_same) in rivals {
+            *if is_same { &mut same } else { &mut others } += evidence;
+        }
+        let all = same + others;
+        Probability { own: not_chance / all, of_any: not_chance * same / all }
+    }
+
+    /// The same for a cause and for its equals.
+    #[cfg(test)]
+    pub(crate) fn plain(probability: f64) -> Self {
+        Probability { own: probability, of_any: probability }
+    }
+
+    /// Where none of all these is right with the rest of this probability.
+    #[must_use]
+    pub(crate) fn times(self, known: f64) -> Self {
+        Probability { own: known * self.own, of_any: known * self.of_any }
+    }
+
+    /// No more than this.
+    #[must_use]
+    pub(crate) fn at_most(self, most: f64) -> Self {
+        Probability { own: self.own.min(most), of_any: self.of_any.min(most) }
+    }
+
+    /// No less than this.
+    #[must_use]
+    pub(crate) fn at_least(self, least: f64) -> Self {
+        Probability { own: self.own.max(least), of_any: self.of_any.max(least) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equals_share_what_is_sure_of_all_of_them() {
+        // Three of one trace, and a rival with a tenth of the evidence.
+        let found = Probability::among(0.99, [(1.0, true), (1.0, true), (0.1, false)]);
+        assert!((found.own - 0.99 / 3.1).abs() < 1e-15 && (found.of_any - 0.99 * 3.0 / 3.1).abs() < 1e-15);
+        assert_eq!(Probability::among(0.5, []), Probability::plain(0.5));
+        assert_eq!(found.times(0.5), Probability { own: 0.5 * found.own, of_any: 0.5 * found.of_any });
+        assert_eq!(found.at_most(0.4), Probability { own: found.own, of_any: 0.4 });
+        assert_eq!(found.at_least(0.4), Probability { own: 0.4, of_any: found.of_any });
+    }
+}
