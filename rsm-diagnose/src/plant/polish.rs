@@ -74,17 +74,13 @@ pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, 
     plant
 }
 
-/// A fit of the start of the first record alone, with its records; `None` where records begin steadily. Rows that judged nothing, for causes that were not known yet could have a memory of what was before
-/// them, say best how it begins now that the causes stand.
+/// A fit of the start of the first record alone, with its records; `None` where records begin steadily. The rows that were set aside to lead the simulation
+/// say best how it begins, now that the causes stand.
 fn began(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, Fit)> {
     if fit.model.at_start == AtStart::Steady {
         return None;
     }
-    let mut first = whitened.records.first()?.clone();
-    for used in &mut first.used {
-        let aside = used.iter().position(|used| *used).unwrap_or(0);
-        used[..aside].fill(true);
-    }
+    let first = whitened.records.first()?.from_its_start();
     let of_first = |place: &Place| matches!(place, Place::Start { record: 0, .. });
     let unknowns = fit.model.unknowns.iter().filter(|it| of_first(&it.place)).cloned().collect();
     let model = Model { starts: fit.model.starts[..1].to_vec(), unknowns, ..fit.model.clone() };

@@ -215,7 +215,7 @@ fn second_look(
             what: if shift.late > 0 { "shifted in time, late" } else { "shifted in time, early" },
             rows: (prepared.file_row(0), prepared.file_row(rows - 1)),
         });
-        prepared.used[shift.output].fill(false);
+        prepared.leave_out(shift.output);
         changed = true;
     }
     changed

@@ -36,7 +36,7 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
     for prepared in whitened.records.iter_mut().chain(&mut unseen.records) {
         let rows = prepared.record.rows();
         let first = ((REMEMBERED / prepared.record.period) as usize).min(rows / MOST_SHARE);
-        prepared.used.iter_mut().for_each(|used| used[..first].fill(false));
+        prepared.lead(first);
     }
     at_start
 }

@@ -54,6 +54,8 @@ pub struct Prepared {
     pub from: usize,
     /// Gaps of a few rows that were filled, in their order.
     pub bridges: Vec<Bridge>,
+    /// For each of `outputs`, which of the first rows counted before they were set aside to lead the simulation. Empty where none were.
+    pub(super) led: Vec<Vec<bool>>,
 }
 
 impl Prepared {
@@ -68,7 +70,7 @@ impl Prepared {
         };
         let outputs: Vec<usize> = (0..outputs_of_plant).filter(|k| shown(*k) && record.measured[*k].is_some()).collect();
         let used = vec![vec![true; record.rows()]; outputs.len()];
-        Prepared { record, outputs, used, from: 0, bridges: Vec::new() }
+        Prepared { record, outputs, used, from: 0, bridges: Vec::new(), led: Vec::new() }
     }
 
     /// The measured values of the k-th of its outputs.
@@ -102,6 +104,28 @@ impl Prepared {
         short
     }
 
+    /// Sets the first rows aside: they lead the simulation, and do not count.
+    pub(super) fn lead(&mut self, rows: usize) {
+        self.led = self.used.iter().map(|used| used[..rows].to_vec()).collect();
+        self.used.iter_mut().for_each(|used| used[..rows].fill(false));
+    }
+
+    /// The same record, with the rows that were set aside to lead: what was left out for another reason stays out.
+    pub(super) fn from_its_start(&self) -> Self {
+        let mut whole = self.clone();
+        for (used, led) in whole.used.iter_mut().zip(&self.led) {
+            used[..led.len()].copy_from_slice(led);
+        }
+        whole.led.clear();
+        whole
+    }
+
+    /// No row of its k-th output counts.
+    pub(super) fn leave_out(&mut self, k: usize) {
+        self.used[k].fill(false);
+        self.led.iter_mut().skip(k).take(1).for_each(|led| led.fill(false));
+    }
+
     /// Keeps some rows.
     pub fn keep(&mut self, rows: std::ops::Range<usize>) {
         self.from = self.file_row(rows.start);
@@ -111,6 +135,7 @@ impl Prepared {
             bridge.rows = bridge.rows.start - rows.start..bridge.rows.end - rows.start;
         }
         self.used.iter_mut().for_each(|used| *used = used[rows.clone()].to_vec());
+        self.led.iter_mut().for_each(|led| *led = led.iter().take(rows.end).skip(rows.start).copied().collect());
     }
 }
 
@@ -432,6 +457,32 @@ mod tests {
         // 3 % of the mass move the end by 0.12 m.
         assert!((share(1.0) - 1.0 / 1.03).abs() < 1e-6, "{}", share(1.0));
         assert!((share(1e-4) - 1.0).abs() < 1e-4, "{}", share(1e-4));
+    }
+
+    #[test]
+    fn rows_that_lead_count_again_from_the_start_and_rows_that_a_finding_left_out_do_not() {
+        let text = include_str!("../../../rsm-sim/plants/servo-axis.toml");
+        let file = PlantFile::read(&Source::new("axis.toml", text)).unwrap();
+        let rows: String = (0..8).map(|k| format!("{},0,0,0\n", f64::from(k) / 100.0)).collect();
+        let csv = format!("time[s],reference[m],position[m],command[V]\n{rows}");
+        let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let mut prepared = Prepared::new(record, 2);
+        prepared.used[0][1] = false;
+        prepared.lead(3);
+        let t = true;
+        assert_eq!(prepared.used, [[!t, !t, !t, t, t, t, t, t]; 2]);
+        assert_eq!(prepared.from_its_start().used, [[t, !t, t, t, t, t, t, t], [t; 8]]);
+        // Shorter records, and an output that is left out afterwards.
+        let mut short = prepared.shortened(2);
+        assert_eq!(short.from_its_start().used, [[t, !t], [t, t]]);
+        short.leave_out(1);
+        assert_eq!(short.from_its_start().used, [[t, !t], [!t, !t]]);
+        let mut late = prepared.clone();
+        late.keep(2..5);
+        assert_eq!(late.from_its_start().used, [[t; 3]; 2]);
+        let mut later = prepared;
+        later.keep(4..6);
+        assert_eq!(later.from_its_start().used, [[t; 2]; 2]);
     }
 
     #[test]
