@@ -1,17 +1,18 @@
-//! Plants as equations: Base Modelica text to a flat system.
+//! Plants as equations: Base Modelica text to a system that is sorted, solved and reduced.
 //!
 //! ```text
-//! plant.mo --syntax--> tree --flat--> scalar equations over one pool of expressions
+//! plant.mo --syntax--> tree --flat--> scalar equations --system--> states, rates, outputs, switches --> programs
 //! ```
+//!
+//! Whoever changes a plant (an effect) rewrites the flat equations; whoever runs it takes programs from the system.
 
 // What is public is what a user of the library needs.
 #![cfg_attr(not(test), warn(unreachable_pub))]
-// The sorting of the equations, which uses the rest, follows.
-#![allow(dead_code)]
 
 pub mod expression;
 pub mod flat;
 mod syntax;
+pub mod system;
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

@@ -7,17 +7,13 @@ use std::collections::HashMap;
 
 use super::{Binary, Id, Node, Pool, Symbol, Unary};
 
-/// Gives the value of a response surface: its number, its arguments, how often it is derived by each.
-pub(crate) type Surfaces<'s> = &'s dyn Fn(u32, &[f64], &[u8]) -> f64;
-
 /// The values of symbols, and of expressions that follow from them.
 ///
-/// A symbol without a value is NaN, and so is what depends on it.
+/// A symbol without a value is NaN, a response surface too, and so is what depends on them.
 pub struct Values<'p> {
     pool: &'p Pool,
     symbols: HashMap<Symbol, f64>,
     done: HashMap<Id, f64>,
-    surfaces: Option<Surfaces<'p>>,
 }
 
 impl std::fmt::Debug for Values<'_> {
@@ -30,12 +26,7 @@ impl<'p> Values<'p> {
     /// No symbol has a value yet.
     #[must_use]
     pub fn new(pool: &'p Pool) -> Self {
-        Values { pool, symbols: HashMap::new(), done: HashMap::new(), surfaces: None }
-    }
-
-    pub(crate) fn with_surfaces(mut self, surfaces: Surfaces<'p>) -> Self {
-        self.surfaces = Some(surfaces);
-        self
+        Values { pool, symbols: HashMap::new(), done: HashMap::new() }
     }
 
     /// Gives a symbol a value. What was computed before is forgotten.
@@ -75,11 +66,8 @@ impl<'p> Values<'p> {
                         of(then)
                     }
                 }
-                Node::Surface(surface, list) => {
-                    let (arguments, orders) = self.pool.list(list);
-                    let values: Vec<f64> = arguments.iter().map(|argument| of(*argument)).collect();
-                    self.surfaces.map_or(f64::NAN, |surfaces| surfaces(surface, &values, orders))
-                }
+                // What it computes stands in another file.
+                Node::Surface(..) => f64::NAN,
             };
             self.done.insert(id, value);
         }

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 
 pub(crate) use derive::Derivative;
 pub use evaluate::Values;
-use evaluate::{operate, operate_unary};
+pub(crate) use evaluate::{operate, operate_unary};
 
 /// A node of a pool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -126,11 +126,6 @@ impl Pool {
     #[must_use]
     pub fn node(&self, id: Id) -> Node {
         self.nodes[id.0 as usize]
-    }
-
-    /// How many nodes there are.
-    pub(crate) fn len(&self) -> usize {
-        self.nodes.len()
     }
 
     pub(crate) fn list(&self, list: u32) -> &Arguments {

@@ -252,6 +252,11 @@ impl Flat {
         (0..self.variables.len() as u32).map(Symbol)
     }
 
+    /// The value of an expression of constants and parameters.
+    pub(crate) fn known(&self, id: Id) -> Option<(f64, Vec<Symbol>)> {
+        translate::known(&self.pool, &self.variables, id)
+    }
+
     /// The symbol of a derived role, such as a derivative, made where it is not there yet.
     pub(crate) fn derived(&mut self, role: Role) -> Symbol {
         derived(&mut self.variables, &mut self.names, role)

@@ -112,7 +112,6 @@ impl Translator<'_> {
                 }
                 None => self.fault(span, "found `end` outside of subscripts", ""),
             },
-            Kind::Broken => None,
         }
     }
 

@@ -142,9 +142,8 @@ impl Parser<'_> {
     fn model(&mut self) -> Read<Model> {
         let opened = self.span();
         self.advance();
-        let span = self.span();
         let name = self.dotted("the name of the model")?;
-        let mut model = Model { name: name.clone(), span, ..Model::default() };
+        let mut model = Model { name: name.clone(), ..Model::default() };
         model.description = self.comment()?;
         loop {
             match self.token().clone() {
@@ -258,7 +257,6 @@ impl Parser<'_> {
 
     fn type_definition(&mut self) -> Read<TypeDefinition> {
         self.advance();
-        let span = self.span();
         let name = self.dotted("the name of the type")?;
         self.sign("=", "after the name of a type")?;
         if self.is_keyword("enumeration") {
@@ -270,7 +268,7 @@ impl Parser<'_> {
         let modification = self.modification()?;
         self.comment()?;
         self.sign(";", "at the end of a type")?;
-        Ok(TypeDefinition { name, base, sizes, modification, span })
+        Ok(TypeDefinition { name, base, sizes, modification })
     }
 
     /// A declaration of one or several names.

@@ -68,8 +68,6 @@ pub(crate) enum Kind {
     Range(Box<Expression>, Option<Box<Expression>>, Box<Expression>),
     /// `end` in a subscript.
     End,
-    /// What could not be read and was told.
-    Broken,
 }
 
 /// What joins a factor to those before it.
@@ -177,7 +175,6 @@ pub(crate) struct TypeDefinition {
     pub(crate) base: String,
     pub(crate) sizes: Vec<Subscript>,
     pub(crate) modification: Modification,
-    pub(crate) span: Span,
 }
 
 #[derive(Debug, Clone)]
@@ -192,7 +189,6 @@ pub(crate) struct Function {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Model {
     pub(crate) name: String,
-    pub(crate) span: Span,
     pub(crate) description: String,
     pub(crate) declarations: Vec<Declaration>,
     pub(crate) equations: Vec<Equation>,

@@ -1,1 +1,6 @@
 //! The tests of the crate from outside, one binary.
+
+mod against_hand;
+mod faults;
+mod simulator;
+mod speed;

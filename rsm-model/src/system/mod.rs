@@ -1,0 +1,518 @@
+//! The sorted, solved and reduced system.
+//!
+//! ```text
+//! Flat --aliases--> --switches--> --index--> --matching--> blocks --solve--> System --> programs
+//! ```
+//!
+//! In: a flat system, as it was read or as effects rewrote it. Out: [`System`]: its states, and every other variable as an expression of states, inputs,
+//! parameters and time. A system that is singular, over- or underdetermined is a fault that names equations by their lines and the unknowns left over.
+//!
+//! Between two events a condition does not change: each comparison of what changes continuously is a [`Switch`], whose value is an argument of the programs.
+//! Whoever integrates looks where `left - right` changes its sign, sets the switch there, and lets the clauses act.
+
+mod alias;
+mod index;
+mod linear;
+mod matching;
+mod program;
+mod solve;
+mod start;
+mod work;
+
+use std::collections::{HashMap, HashSet};
+
+use rsm_core::source::Faults;
+
+use crate::expression::{Id, Replacement, Symbol};
+use crate::flat::{Basic, Flat, Role};
+
+pub use alias::Alias;
+pub use program::{Program, SurfaceValue};
+pub use start::Start;
+
+use matching::Matching;
+use solve::Solved;
+use work::{Residual, Work};
+
+/// A comparison of values that change continuously: true while `left < right`.
+#[derive(Debug, Clone, Copy)]
+pub struct Switch {
+    /// The left side.
+    pub left: Id,
+    /// The right side.
+    pub right: Id,
+    /// The argument of the programs that has its value since the last event: 1 or 0.
+    pub held: Symbol,
+}
+
+/// How a block was solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// The equation stands as `x = ...`.
+    Given,
+    /// An equation that is linear in its unknown was turned round.
+    Turned,
+    /// Several equations that are linear in their unknowns, by elimination.
+    Linear,
+    /// Newton's method, a fixed number of steps from the last solution.
+    Newton,
+}
+
+/// Equations that are solved together.
+#[derive(Debug, Clone)]
+pub struct Block {
+    /// What they give.
+    pub unknowns: Vec<Symbol>,
+    /// The lines of the equations.
+    pub lines: Vec<usize>,
+    /// How they are solved.
+    pub method: Method,
+}
+
+/// An unknown of a nonlinear block.
+#[derive(Debug, Clone, Copy)]
+pub struct Iterated {
+    /// The unknown.
+    pub unknown: Symbol,
+    /// The argument that has its value in the last solution.
+    pub guess: Symbol,
+    /// Where the iteration begins for the first time: the start of the text, or 0.
+    pub start: Id,
+    /// Its new value.
+    pub value: Id,
+    /// What is left of an equation of the block: zero when the steps were enough.
+    pub residual: Id,
+}
+
+/// A number that is kept from event to event.
+#[derive(Debug, Clone, Copy)]
+pub struct Memory {
+    /// The variable.
+    pub variable: Symbol,
+    /// The argument of the programs that has its value: the variable itself where a `when` gives it, else its value before the event.
+    pub held: Symbol,
+    /// The argument of the programs of events that has its value before the event.
+    pub before: Symbol,
+    /// Its value behind an event.
+    pub next: Id,
+}
+
+/// A branch of a `when`, or a comparison of its conditions.
+#[derive(Debug, Clone)]
+pub struct Event {
+    /// It acts when one of these becomes true.
+    pub conditions: Vec<Id>,
+    /// It does not act together with these earlier branches.
+    pub unless: Vec<usize>,
+    /// The argument of the programs of events that says that it acts.
+    pub acts: Symbol,
+    /// States that go on from another value.
+    pub restarted: Vec<(Symbol, Id)>,
+}
+
+/// A system of ordinary differential equations with events.
+#[derive(Debug, Clone)]
+pub struct System {
+    /// The flat system that it was made from, with the expressions.
+    pub(crate) flat: Flat,
+    equations: Vec<Residual>,
+    initial: Vec<Residual>,
+    aliases: HashMap<Symbol, Alias>,
+    states: Vec<Symbol>,
+    unknowns: Vec<Symbol>,
+    /// Every unknown in known symbols.
+    values: HashMap<Symbol, Id>,
+    blocks: Vec<Block>,
+    iterated: Vec<Iterated>,
+    switches: Vec<Switch>,
+    memories: Vec<Memory>,
+    events: Vec<Event>,
+}
+
+impl System {
+    /// Sorts, solves and reduces a flat system.
+    ///
+    /// ```
+    /// use rsm_core::source::Source;
+    /// use rsm_model::{flat::{Flat, Options}, system::System};
+    ///
+    /// let text = "model Tank\n  input Real q;\n  Real level(start = 1.0);\n  output Real outflow;\nequation\n  \
+    ///             2*der(level) = q - outflow;\n  outflow = 0.5*level;\nend Tank;\n";
+    /// let flat = Flat::read(&Source::new("tank.mo", text), &Options::default())?;
+    /// let system = System::new(&flat)?;
+    /// let names: Vec<&str> = system.states().iter().map(|state| system.name(*state)).collect();
+    /// assert_eq!(names, ["level"]);
+    /// assert_eq!(system.text(system.rates()[0]), "(q - 0.5*level)/2");
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
+    ///
+    /// # Errors
+    /// All faults of one pass: equations that are too many, unknowns that nothing gives, blocks that cannot be solved.
+    pub fn new(flat: &Flat) -> Result<System, Faults> {
+        let mut work = Work::new(flat.clone());
+        let system = work.compile();
+        work.faults.finish(system)
+    }
+
+    /// The name of a symbol.
+    #[must_use]
+    pub fn name(&self, symbol: Symbol) -> &str {
+        &self.flat.variable(symbol).name
+    }
+
+    /// The flat system behind it: names, units, starts, expressions.
+    #[must_use]
+    pub fn flat(&self) -> &Flat {
+        &self.flat
+    }
+
+    /// An expression as text.
+    #[must_use]
+    pub fn text(&self, id: Id) -> String {
+        self.flat.text(id)
+    }
+
+    /// The states, in the order of their declaration.
+    #[must_use]
+    pub fn states(&self) -> &[Symbol] {
+        &self.states
+    }
+
+    /// The derivative of each state by time, in known symbols.
+    #[must_use]
+    pub fn rates(&self) -> Vec<Id> {
+        self.states.iter().map(|state| self.values[&self.rate_symbol(*state)]).collect()
+    }
+
+    fn rate_symbol(&self, state: Symbol) -> Symbol {
+        self.flat.find(&format!("der({})", self.name(state))).expect("a state has a derivative")
+    }
+
+    /// The inputs, in the order of their declaration.
+    #[must_use]
+    pub fn inputs(&self) -> Vec<Symbol> {
+        self.of_role(Role::Input)
+    }
+
+    /// The parameters that may be set without compiling again, in the order of their declaration.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<Symbol> {
+        let is_free = |symbol: &Symbol| {
+            let variable = self.flat.variable(*symbol);
+            !variable.is_structural && variable.value.is_some_and(|value| self.flat.pool.value(value).is_some())
+        };
+        self.of_role(Role::Parameter).into_iter().filter(is_free).collect()
+    }
+
+    /// The value of a parameter in the text, or in place of it.
+    #[must_use]
+    pub fn parameter_value(&self, parameter: Symbol) -> Option<f64> {
+        self.flat.variable(parameter).value.and_then(|value| self.flat.pool.value(value))
+    }
+
+    /// The outputs, in the order of their declaration.
+    #[must_use]
+    pub fn outputs(&self) -> Vec<Symbol> {
+        self.flat.symbols().filter(|symbol| self.flat.variable(*symbol).is_output).collect()
+    }
+
+    fn of_role(&self, role: Role) -> Vec<Symbol> {
+        self.flat.symbols().filter(|symbol| self.flat.variable(*symbol).role == role).collect()
+    }
+
+    /// What a name stands for.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<Symbol> {
+        self.flat.find(name)
+    }
+
+    /// The comparisons that are switches, their sides in known symbols.
+    #[must_use]
+    pub fn switches(&self) -> &[Switch] {
+        &self.switches
+    }
+
+    /// What is kept from event to event.
+    #[must_use]
+    pub fn memories(&self) -> &[Memory] {
+        &self.memories
+    }
+
+    /// The branches of `when`.
+    #[must_use]
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// The blocks in the order of solution.
+    #[must_use]
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// The unknowns of nonlinear blocks.
+    #[must_use]
+    pub fn iterated(&self) -> &[Iterated] {
+        &self.iterated
+    }
+
+    /// Any variable in known symbols: states, inputs, parameters, the time, switches, memories, guesses.
+    pub fn value(&mut self, symbol: Symbol) -> Id {
+        if let Some(alias) = self.aliases.get(&symbol).copied() {
+            let value = self.value(alias.of);
+            return if alias.is_negative { self.flat.pool.negate(value) } else { value };
+        }
+        self.values.get(&symbol).copied().unwrap_or_else(|| self.flat.pool.symbol(symbol))
+    }
+
+    /// The program that computes some expressions from some arguments.
+    ///
+    /// # Errors
+    /// A symbol that an expression needs and that is no argument.
+    pub fn program(&self, arguments: &[Symbol], results: &[Id]) -> Result<Program, Symbol> {
+        Program::new(&self.flat.pool, arguments, results)
+    }
+
+    /// The passes' view of the system, for its start.
+    fn again(&self) -> Work {
+        let mut work = Work::new(self.flat.clone());
+        work.equations.clone_from(&self.equations);
+        work.initial.clone_from(&self.initial);
+        work.aliases.clone_from(&self.aliases);
+        work
+    }
+}
+
+/// Values that are replaced by those before them, one after another.
+struct Known {
+    replacement: Replacement,
+}
+
+impl Known {
+    fn of(&mut self, pool: &mut crate::expression::Pool, symbol: Symbol) -> Id {
+        let id = pool.symbol(symbol);
+        self.replacement.symbols.get(&symbol).copied().unwrap_or(id)
+    }
+}
+
+impl Work {
+    fn compile(&mut self) -> Option<System> {
+        self.settle_numbers();
+        self.take_aliases();
+        self.take_switches();
+        if self.has_fault {
+            return None;
+        }
+        self.check_counts();
+        if self.has_fault {
+            return None;
+        }
+        self.derive_equations();
+        if self.has_fault {
+            return None;
+        }
+        let dummies = self.dummies();
+        let (states, unknowns) = self.divide(&dummies);
+        let equations = self.equations.clone();
+        let matching = self.matched(&equations, &unknowns)?;
+        let solved = self.solve_blocks(&equations, &matching, &unknowns);
+        if self.has_fault {
+            return None;
+        }
+        let (known, iterated) = self.in_known_symbols(&solved);
+        let mut known = known.replacement;
+        let mut switches = self.switches.clone();
+        for switch in &mut switches {
+            switch.left = known.of(&mut self.flat.pool, switch.left);
+            switch.right = known.of(&mut self.flat.pool, switch.right);
+        }
+        for check in &mut self.flat.checks {
+            check.condition = known.of(&mut self.flat.pool, check.condition);
+        }
+        let values = known.symbols;
+        let (memories, events) = self.events(&states, &unknowns)?;
+        Some(System {
+            flat: self.flat.clone(),
+            equations: self.equations.clone(),
+            initial: self.initial.clone(),
+            aliases: self.aliases.clone(),
+            states,
+            unknowns,
+            values,
+            blocks: solved.blocks,
+            iterated,
+            switches,
+            memories,
+            events,
+        })
+    }
+
+    /// States, and what is found from the equations.
+    fn divide(&self, dummies: &HashSet<Symbol>) -> (Vec<Symbol>, Vec<Symbol>) {
+        let mut present: HashSet<Symbol> = HashSet::new();
+        for equation in &self.equations {
+            for symbol in self.unknowns_of(equation.residual) {
+                present.insert(symbol);
+                let mut inner = symbol;
+                while let Role::Derivative(of) = self.flat.variable(inner).role {
+                    present.insert(of);
+                    inner = of;
+                }
+            }
+        }
+        let mut all: Vec<Symbol> = present.iter().copied().collect();
+        all.sort_unstable();
+        let is_state = |symbol: &Symbol| {
+            self.derivative_of(*symbol)
+                .is_some_and(|derivative| present.contains(&derivative) && !dummies.contains(&derivative))
+        };
+        all.into_iter().partition(is_state)
+    }
+
+    fn matched(&mut self, equations: &[Residual], unknowns: &[Symbol]) -> Option<Matching> {
+        let number: HashMap<Symbol, usize> = unknowns.iter().enumerate().map(|(k, symbol)| (*symbol, k)).collect();
+        let incidence: Vec<Vec<usize>> = equations.iter().map(|equation| self.numbers_of(equation.residual, &number)).collect();
+        let mut matching = Matching::new(incidence, unknowns.len());
+        for (equation, residual) in equations.iter().enumerate() {
+            if let Err(searched) = matching.augment(equation, |_| true) {
+                let names: Vec<String> =
+                    searched.unknowns.iter().map(|k| format!("`{}`", self.flat.variable(unknowns[*k]).name)).collect();
+                let what = format!("this equation is one too many for {}", index::listed(&names));
+                self.fault(residual.place.clone(), what, "it follows from others, or contradicts them: take it out");
+            }
+        }
+        (!self.has_fault).then_some(matching)
+    }
+
+    /// Solved values with every solved symbol replaced, in the order of solution.
+    fn in_known_symbols(&mut self, solved: &Solved) -> (Known, Vec<Iterated>) {
+        let mut replacement = Replacement::default();
+        for (symbol, value) in &solved.values {
+            let value = replacement.of(&mut self.flat.pool, *value);
+            replacement.symbols.insert(*symbol, value);
+        }
+        let iterated = solved
+            .iterated
+            .iter()
+            .map(|it| Iterated {
+                value: replacement.of(&mut self.flat.pool, it.value),
+                residual: replacement.of(&mut self.flat.pool, it.residual),
+                ..*it
+            })
+            .collect();
+        (Known { replacement }, iterated)
+    }
+
+    /// What happens at events: the same equations, with what a `when` gives among the unknowns.
+    fn events(&mut self, states: &[Symbol], unknowns: &[Symbol]) -> Option<(Vec<Memory>, Vec<Event>)> {
+        self.replace_before_of_states(states);
+        let clauses = self.flat.clauses.clone();
+        let acts: Vec<Symbol> = (0..clauses.len()).map(|k| self.flat.derived(Role::Acts(k as u32))).collect();
+        let mut equations = self.equations.clone();
+        let held: Vec<Symbol> = self.held.iter().copied().collect();
+        for symbol in &held {
+            let before = self.flat.derived(Role::Before(*symbol));
+            let mut value = self.flat.pool.symbol(before);
+            let mut place = self.flat.variable(*symbol).place.clone();
+            for (clause, acts) in clauses.iter().zip(&acts).rev() {
+                let Some((_, given)) = clause.assigned.iter().find(|(target, _)| target == symbol) else { continue };
+                let acts = self.flat.pool.symbol(*acts);
+                value = self.flat.pool.choose(acts, *given, value);
+                place = clause.place.clone();
+            }
+            let left = self.flat.pool.symbol(*symbol);
+            let residual = self.flat.pool.subtract(left, value);
+            equations.push(Residual { residual, sides: (left, value), place, derived_from: None });
+        }
+        let befores: Vec<(Symbol, Symbol)> = self
+            .flat
+            .symbols()
+            .filter_map(|symbol| match self.flat.variable(symbol).role {
+                Role::Before(of) => Some((of, symbol)),
+                _ => None,
+            })
+            .collect();
+        if clauses.is_empty() && befores.is_empty() {
+            return Some((Vec::new(), Vec::new()));
+        }
+        let mut all = unknowns.to_vec();
+        all.extend(&held);
+        let matching = self.matched(&equations, &all)?;
+        let solved = self.solve_blocks(&equations, &matching, &all);
+        if self.has_fault {
+            return None;
+        }
+        let (mut known, _) = self.in_known_symbols(&solved);
+        let memories = befores
+            .into_iter()
+            .map(|(variable, before)| Memory {
+                variable,
+                held: if self.is_held(variable) { variable } else { before },
+                before,
+                next: known.of(&mut self.flat.pool, variable),
+            })
+            .collect();
+        let events = clauses
+            .iter()
+            .zip(acts)
+            .map(|(clause, acts)| Event {
+                conditions: clause.conditions.iter().map(|id| known.replacement.of(&mut self.flat.pool, *id)).collect(),
+                unless: clause.unless.clone(),
+                acts,
+                restarted: clause
+                    .restarted
+                    .iter()
+                    .map(|(state, value)| (*state, known.replacement.of(&mut self.flat.pool, *value)))
+                    .collect(),
+            })
+            .collect();
+        Some((memories, events))
+    }
+
+    /// Before an event a state is what it is until the event restarts it. Other continuous variables have no memory.
+    fn replace_before_of_states(&mut self, states: &[Symbol]) {
+        let mut replaced = HashMap::new();
+        for symbol in self.flat.symbols() {
+            let Role::Before(of) = self.flat.variable(symbol).role else { continue };
+            // A state under another name is that state.
+            let alias = self.aliases.get(&of).copied().unwrap_or(Alias { of, is_negative: false });
+            let variable = self.flat.variable(of).clone();
+            if variable.basic != Basic::Real || self.is_held(of) {
+                continue;
+            }
+            if states.contains(&alias.of) {
+                let value = self.flat.pool.symbol(alias.of);
+                let value = if alias.is_negative { self.flat.pool.negate(value) } else { value };
+                replaced.insert(symbol, value);
+            } else {
+                let what =
+                    format!("`pre({})`: it is neither a state nor a variable that a `when` gives a value", variable.name);
+                self.fault(
+                    variable.place,
+                    what,
+                    "write a discrete variable that takes its value in a `when`, and `pre` of that",
+                );
+            }
+        }
+        for clause in &self.flat.clauses.clone() {
+            for (target, _) in &clause.restarted {
+                let alias = self.aliases.get(target).copied();
+                let is_state = alias.map_or(states.contains(target), |alias| states.contains(&alias.of));
+                if !is_state {
+                    let variable = self.flat.variable(*target).clone();
+                    let what = format!("`reinit({}, ...)`: it is not a state", variable.name);
+                    self.fault(clause.place.clone(), what, "only a variable that is integrated can be restarted");
+                }
+            }
+        }
+        let aliases = self.aliases.clone();
+        for k in 0..self.flat.clauses.len() {
+            for (target, value) in std::mem::take(&mut self.flat.clauses[k].restarted) {
+                let alias = aliases.get(&target).copied().unwrap_or(Alias { of: target, is_negative: false });
+                let value = if alias.is_negative { self.flat.pool.negate(value) } else { value };
+                self.flat.clauses[k].restarted.push((alias.of, value));
+            }
+        }
+        self.replace(&mut Replacement::new(replaced));
+    }
+}

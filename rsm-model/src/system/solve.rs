@@ -1,0 +1,186 @@
+//! Blocks of equations, solved for their unknowns.
+//!
+//! In: equations and what each block is to give. Out: an expression of each unknown in symbols that are known before it. An equation that is linear
+//! in its unknown is turned round; a linear block is solved by elimination; a nonlinear one by Newton's method with its exact Jacobian: a fixed number of
+//! steps from the last solution, and its residual as a further result.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use crate::expression::{Derivative, Id, Replacement, Symbol};
+use crate::flat::{Basic, Role};
+
+use super::index::listed;
+use super::matching::{Matching, components};
+use super::work::{Residual, Work};
+use super::{Block, Iterated, Method};
+
+/// Steps of Newton's method in one pass. From a solution one step of integration ago, with error e, three steps leave e^8.
+pub(super) const NEWTON_STEPS: usize = 3;
+
+/// What was solved.
+#[derive(Debug, Default)]
+pub(super) struct Solved {
+    /// Each unknown in symbols that are known before it, in the order of solution.
+    pub(super) values: Vec<(Symbol, Id)>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) iterated: Vec<Iterated>,
+}
+
+impl Work {
+    /// Sorts equations into blocks and solves them one after another. The matching is complete.
+    pub(super) fn solve_blocks(&mut self, equations: &[Residual], matching: &Matching, unknowns: &[Symbol]) -> Solved {
+        // Unknown k is given by equation_of[k]; it depends on the other unknowns of that equation.
+        let depends: Vec<Vec<usize>> = (0..unknowns.len())
+            .map(|k| {
+                let equation = matching.equation_of[k].expect("the matching is complete");
+                matching.unknowns[equation].iter().copied().filter(|other| *other != k).collect()
+            })
+            .collect();
+        let mut solved = Solved::default();
+        for component in components(&depends) {
+            let block: Vec<(usize, Symbol)> =
+                component.iter().map(|k| (matching.equation_of[*k].expect("the matching is complete"), unknowns[*k])).collect();
+            match &block[..] {
+                [(equation, unknown)] => self.solve_single(&equations[*equation].clone(), *unknown, &mut solved),
+                _ => self.solve_several(equations, &block, &mut solved),
+            }
+        }
+        solved
+    }
+
+    fn note(&self, equations: &[Residual], block: &[(usize, Symbol)], method: Method) -> Block {
+        let mut lines: Vec<usize> = block.iter().map(|(equation, _)| self.line(&equations[*equation].place)).collect();
+        lines.sort_unstable();
+        lines.dedup();
+        Block { unknowns: block.iter().map(|(_, symbol)| *symbol).collect(), lines, method }
+    }
+
+    fn solve_single(&mut self, equation: &Residual, unknown: Symbol, solved: &mut Solved) {
+        let equations = std::slice::from_ref(equation);
+        let id = self.flat.pool.symbol(unknown);
+        for (side, other) in [equation.sides, (equation.sides.1, equation.sides.0)] {
+            if side == id && self.flat.pool.symbols(other).binary_search(&unknown).is_err() {
+                solved.blocks.push(self.note(equations, &[(0, unknown)], Method::Given));
+                solved.values.push((unknown, other));
+                return;
+            }
+        }
+        let variable = self.flat.variable(unknown);
+        if variable.basic != Basic::Real {
+            let what =
+                format!("`{}` of type {} is not alone on a side of its equation", variable.name, type_word(variable.basic));
+            self.fault(equation.place.clone(), what, "write it as `b = ...`");
+            return;
+        }
+        let slope = Derivative::by(&mut self.flat.pool, unknown).of(&mut self.flat.pool, equation.residual);
+        let depends = self.flat.pool.symbols(slope).binary_search(&unknown).is_ok();
+        if self.flat.pool.is_number(slope, 0.0) {
+            self.singular(equations, &[(0, unknown)]);
+            return;
+        }
+        if depends {
+            self.newton(equations, &[(0, unknown)], &[vec![slope]], solved);
+            return;
+        }
+        let zero = self.flat.pool.number(0.0);
+        let rest = Replacement::new(HashMap::from([(unknown, zero)])).of(&mut self.flat.pool, equation.residual);
+        let quotient = self.flat.pool.divide(rest, slope);
+        let value = self.flat.pool.negate(quotient);
+        solved.blocks.push(self.note(equations, &[(0, unknown)], Method::Turned));
+        solved.values.push((unknown, value));
+    }
+
+    fn solve_several(&mut self, equations: &[Residual], block: &[(usize, Symbol)], solved: &mut Solved) {
+        if let Some((equation, unknown)) = block.iter().find(|(_, unknown)| self.flat.variable(*unknown).basic != Basic::Real) {
+            let names: Vec<String> =
+                block.iter().map(|(_, symbol)| format!("`{}`", self.flat.variable(*symbol).name)).collect();
+            let what = format!("`{}` depends on itself through {}", self.flat.variable(*unknown).name, listed(&names));
+            self.fault(equations[*equation].place.clone(), what, "use `pre(...)`: the value before the event");
+            return;
+        }
+        let jacobian: Vec<Vec<Id>> = {
+            let mut columns: Vec<Derivative> =
+                block.iter().map(|(_, unknown)| Derivative::by(&mut self.flat.pool, *unknown)).collect();
+            block
+                .iter()
+                .map(|(equation, _)| {
+                    let residual = equations[*equation].residual;
+                    columns.iter_mut().map(|column| column.of(&mut self.flat.pool, residual)).collect()
+                })
+                .collect()
+        };
+        let unknowns: Vec<Symbol> = block.iter().map(|(_, unknown)| *unknown).collect();
+        let is_linear = jacobian
+            .iter()
+            .flatten()
+            .all(|entry| self.flat.pool.symbols(*entry).iter().all(|symbol| !unknowns.contains(symbol)));
+        if !is_linear {
+            self.newton(equations, block, &jacobian, solved);
+            return;
+        }
+        let zero = self.flat.pool.number(0.0);
+        let mut at_zero = Replacement::new(unknowns.iter().map(|unknown| (*unknown, zero)).collect());
+        let right: Vec<Id> = block
+            .iter()
+            .map(|(equation, _)| {
+                let rest = at_zero.of(&mut self.flat.pool, equations[*equation].residual);
+                self.flat.pool.negate(rest)
+            })
+            .collect();
+        match self.solve_linear(jacobian, right) {
+            Some(values) => {
+                solved.blocks.push(self.note(equations, block, Method::Linear));
+                solved.values.extend(unknowns.into_iter().zip(values));
+            }
+            None => self.singular(equations, block),
+        }
+    }
+
+    fn newton(&mut self, equations: &[Residual], block: &[(usize, Symbol)], jacobian: &[Vec<Id>], solved: &mut Solved) {
+        let unknowns: Vec<Symbol> = block.iter().map(|(_, unknown)| *unknown).collect();
+        let guesses: Vec<Symbol> = unknowns.iter().map(|unknown| self.flat.derived(Role::Guess(*unknown))).collect();
+        let mut now: Vec<Id> = guesses.iter().map(|guess| self.flat.pool.symbol(*guess)).collect();
+        let residuals: Vec<Id> = block.iter().map(|(equation, _)| equations[*equation].residual).collect();
+        for _ in 0..NEWTON_STEPS {
+            let mut here = Replacement::new(unknowns.iter().copied().zip(now.iter().copied()).collect());
+            let rows: Vec<Vec<Id>> =
+                jacobian.iter().map(|row| row.iter().map(|entry| here.of(&mut self.flat.pool, *entry)).collect()).collect();
+            let right: Vec<Id> = residuals.iter().map(|residual| here.of(&mut self.flat.pool, *residual)).collect();
+            let Some(steps) = self.solve_linear(rows, right) else {
+                self.singular(equations, block);
+                return;
+            };
+            now = now.into_iter().zip(steps).map(|(now, step)| self.flat.pool.subtract(now, step)).collect();
+        }
+        let mut end = Replacement::new(unknowns.iter().copied().zip(now.iter().copied()).collect());
+        let left: Vec<Id> = residuals.iter().map(|residual| end.of(&mut self.flat.pool, *residual)).collect();
+        solved.blocks.push(self.note(equations, block, Method::Newton));
+        for (k, unknown) in unknowns.iter().enumerate() {
+            let start = self.flat.variable(*unknown).start.unwrap_or_else(|| self.flat.pool.number(0.0));
+            solved.iterated.push(Iterated { unknown: *unknown, guess: guesses[k], start, value: now[k], residual: left[k] });
+            solved.values.push((*unknown, now[k]));
+        }
+    }
+
+    /// Tells that a block cannot be solved for its unknowns.
+    fn singular(&mut self, equations: &[Residual], block: &[(usize, Symbol)]) {
+        let names: Vec<String> = block.iter().map(|(_, symbol)| format!("`{}`", self.flat.variable(*symbol).name)).collect();
+        let mut lines: Vec<usize> = block.iter().map(|(equation, _)| self.line(&equations[*equation].place)).collect();
+        lines.sort_unstable();
+        lines.dedup();
+        let lines: Vec<String> = lines.iter().map(usize::to_string).collect();
+        let place: Range<usize> = equations[block[0].0].place.clone();
+        let what =
+            format!("the equations of lines {} do not give {}: they depend on each other", listed(&lines), listed(&names));
+        self.fault(place, what, "replace one of them by an equation that says something else");
+    }
+}
+
+fn type_word(basic: Basic) -> &'static str {
+    match basic {
+        Basic::Real => "Real",
+        Basic::Integer => "Integer",
+        Basic::Boolean => "Boolean",
+    }
+}

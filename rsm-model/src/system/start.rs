@@ -1,0 +1,194 @@
+//! The start: what is known of it, in the order in which it counts.
+//!
+//! The equations hold at the start as well. To them come, in this order, values that are given from outside (the first row of a record), the text's
+//! initial equations, starts that are fixed, and then, where something is still free, the other starts of states. A value that no room is left for is a
+//! fault where the text demands it.
+
+use std::collections::HashMap;
+
+use rsm_core::source::Faults;
+
+use crate::expression::{Id, Replacement, Symbol};
+use crate::flat::Role;
+
+use super::matching::Matching;
+use super::solve::Solved;
+use super::work::{Residual, Work};
+use super::{Iterated, System};
+
+/// How a system starts.
+#[derive(Debug, Clone)]
+pub struct Start {
+    /// The value of each state and of each variable that a `when` gives a value, in inputs, parameters, time, guesses and given values.
+    pub values: Vec<(Symbol, Id)>,
+    /// What is found by iteration at the start.
+    pub iterated: Vec<Iterated>,
+    /// Starts of the text that count, by the variable.
+    pub used: Vec<Symbol>,
+    /// Starts that the text fixes although the rest determines them: these are zero where they agree.
+    pub redundant: Vec<(Symbol, Id)>,
+}
+
+impl System {
+    /// How the system starts when some of its variables are known: outputs in the first row of a record. They are arguments of the result, under their
+    /// own symbols.
+    ///
+    /// # Errors
+    /// What the text and the given values demand is too much, contradicts itself, or leaves something open.
+    pub fn start(&mut self, given: &[Symbol]) -> Result<Start, Faults> {
+        let mut work = self.again();
+        let start = work.start(self, given);
+        let faults = std::mem::take(&mut work.faults);
+        // What was made on the way stays: expressions of the start are in the pool of the system.
+        self.flat = work.flat;
+        faults.finish(start)
+    }
+}
+
+impl Work {
+    fn start(&mut self, system: &System, given: &[Symbol]) -> Option<Start> {
+        let mut unknowns: Vec<Symbol> = system.unknowns.clone();
+        unknowns.extend(&system.states);
+        unknowns.extend(&self.held);
+        let number: HashMap<Symbol, usize> = unknowns.iter().enumerate().map(|(k, symbol)| (*symbol, k)).collect();
+        let mut equations = self.equations.clone();
+        let incidence: Vec<Vec<usize>> = equations.iter().map(|equation| self.numbers_of(equation.residual, &number)).collect();
+        let mut matching = Matching::new(incidence, unknowns.len());
+        for equation in 0..equations.len() {
+            // Complete for fixed states, so complete here.
+            let _ = matching.augment(equation, |_| true);
+        }
+        let mut wanted: Vec<(Residual, String, Option<Symbol>)> = Vec::new();
+        let mut known = HashMap::new();
+        for symbol in given {
+            // The variable is an unknown of the start; what is given is an argument under a symbol of its own.
+            let place = self.flat.variable(*symbol).place.clone();
+            let argument = self.flat.derived(Role::Before(*symbol));
+            let left = self.flat.pool.symbol(*symbol);
+            let right = self.flat.pool.symbol(argument);
+            known.insert(argument, *symbol);
+            let name = format!("the given value of `{}`", self.flat.variable(*symbol).name);
+            wanted.push((self.equation(left, right, place), name, None));
+        }
+        for equation in self.initial.clone() {
+            let line = self.line(&equation.place);
+            wanted.push((equation, format!("the initial equation of line {line}"), None));
+        }
+        let mut optional = Vec::new();
+        for symbol in &unknowns {
+            let variable = self.flat.variable(*symbol).clone();
+            let is_state = system.states.contains(symbol) || self.is_held(*symbol);
+            if given.contains(symbol) || (!is_state && variable.fixed != Some(true)) {
+                continue;
+            }
+            let left = self.flat.pool.symbol(*symbol);
+            let right = variable.start.unwrap_or_else(|| self.flat.pool.number(0.0));
+            let equation = self.equation(left, right, variable.place.clone());
+            let entry = (equation, format!("the start of `{}`", variable.name), Some(*symbol));
+            if variable.fixed == Some(true) { wanted.push(entry) } else { optional.push(entry) }
+        }
+        let (mut used, mut redundant) = (Vec::new(), Vec::new());
+        for (equation, name, of) in wanted {
+            let added = matching.add(self.numbers_of(equation.residual, &number));
+            let place = equation.place.clone();
+            equations.push(equation);
+            if matching.augment(added, |_| true).is_ok() {
+                used.extend(of);
+            } else if let Some(of) = of {
+                // A flattened text fixes the starts of both ends of a shaft: the second is looked at when the first are solved.
+                redundant.push((of, equations[added].residual));
+            } else {
+                self.fault(
+                    place,
+                    format!("{name} is one demand too many: the rest determines the start already"),
+                    "leave it out, or write `fixed = false` at a start that is only a guess",
+                );
+            }
+        }
+        for (equation, _, of) in optional {
+            let added = matching.add(self.numbers_of(equation.residual, &number));
+            equations.push(equation);
+            if matching.augment(added, |_| true).is_ok() {
+                used.extend(of);
+            }
+        }
+        for (k, symbol) in unknowns.iter().enumerate() {
+            if matching.equation_of[k].is_none() {
+                let variable = self.flat.variable(*symbol).clone();
+                let what = format!("nothing gives `{}` at the start", variable.name);
+                self.fault(variable.place, what, "write `start = ...` at it, or an initial equation");
+            }
+        }
+        if self.has_fault {
+            return None;
+        }
+        let solved = self.solve_blocks(&equations, &matching, &unknowns);
+        if self.has_fault {
+            return None;
+        }
+        let start = self.start_from(system, &solved, &known, (used, redundant));
+        self.check_redundant(&start);
+        Some(start)
+    }
+
+    fn equation(&mut self, left: Id, right: Id, place: std::ops::Range<usize>) -> Residual {
+        Residual { residual: self.flat.pool.subtract(left, right), sides: (left, right), place, derived_from: None }
+    }
+
+    pub(super) fn numbers_of(&self, id: Id, number: &HashMap<Symbol, usize>) -> Vec<usize> {
+        self.flat.pool.symbols(id).into_iter().filter_map(|symbol| number.get(&symbol).copied()).collect()
+    }
+
+    /// The values of states in known symbols.
+    fn start_from(
+        &mut self,
+        system: &System,
+        solved: &Solved,
+        known: &HashMap<Symbol, Symbol>,
+        (used, redundant): (Vec<Symbol>, Vec<(Symbol, Id)>),
+    ) -> Start {
+        let (mut all, iterated) = self.in_known_symbols(solved);
+        // A given value is an argument under the symbol of its variable.
+        let mut given =
+            Replacement::new(known.iter().map(|(argument, symbol)| (*argument, self.flat.pool.symbol(*symbol))).collect());
+        let mut of = |work: &mut Self, id: Id| given.of(&mut work.flat.pool, id);
+        let targets: Vec<Symbol> = system.states.iter().chain(&self.held).copied().collect();
+        let values = targets
+            .into_iter()
+            .map(|symbol| {
+                let value = all.of(&mut self.flat.pool, symbol);
+                (symbol, of(self, value))
+            })
+            .collect();
+        let iterated = iterated
+            .into_iter()
+            .map(|it| Iterated { value: of(self, it.value), residual: of(self, it.residual), ..it })
+            .collect();
+        let redundant = redundant
+            .into_iter()
+            .map(|(symbol, residual)| {
+                let residual = all.replacement.of(&mut self.flat.pool, residual);
+                (symbol, of(self, residual))
+            })
+            .collect();
+        Start { values, iterated, used, redundant }
+    }
+
+    /// Tells starts that contradict the rest, where that can be known from the text.
+    fn check_redundant(&mut self, start: &Start) {
+        for (symbol, residual) in &start.redundant {
+            let Some((off, _)) = self.flat.known(*residual) else { continue };
+            let variable = self.flat.variable(*symbol).clone();
+            let value = variable.start.and_then(|start| self.flat.known(start)).map_or(0.0, |(value, _)| value);
+            // Starts are written with six digits or more; beside a start of 0 a thousandth of a unit is small.
+            if off.abs() > 1e-6 * value.abs().max(variable.nominal.unwrap_or(1e-3).abs()) {
+                let what = format!(
+                    "the start of `{}` is one demand too many: the rest determines it, and gives {}",
+                    variable.name,
+                    value + off
+                );
+                self.fault(variable.place, what, "leave it out, or write `fixed = false` where it is only a guess");
+            }
+        }
+    }
+}
