@@ -4,9 +4,11 @@
 //! decision with lowering: interpreter and emitters read the same tape, so their agreement says nothing about the tape itself.
 //! Also executes a tape in exact arithmetic, with its constants as they were before rounding: that must give the polynomial again.
 
+use num_traits::Signed;
+
 use crate::basis::{self, Arithmetic, Factor};
 use crate::model::{Input, Surface};
-use crate::number::{Rational, exact};
+use crate::number::{Precision, Rational, exact, integer};
 use crate::tape::{Op, Reg, Tape};
 
 /// The true polynomial at a point, inputs clamped where they say so, before `output_range`. `None` where it has a pole (a reciprocal
@@ -51,7 +53,8 @@ pub fn value(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<
     })
 }
 
-/// A tape executed without rounding, its constants as they were before rounding. `None` on a division by zero.
+/// A tape executed without rounding, its constants as they were before rounding. `None` on a division by zero, and where the tape has an
+/// elementary function: its values are not rational.
 #[must_use]
 pub fn ideal(tape: &Tape, point: &[Rational]) -> Option<Rational> {
     ideal_step(tape, &mut [], point)
@@ -77,6 +80,9 @@ pub fn ideal_step(tape: &Tape, states: &mut [Rational], point: &[Rational]) -> O
 
 /// What every operation gives without rounding.
 fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec<Rational>> {
+    if !tape.computed.is_empty() {
+        return None;
+    }
     let mut registers: Vec<Rational> = Vec::with_capacity(tape.ops.len());
     for op in &tape.ops {
         let r = |reg: &Reg| registers[reg.0 as usize].clone();
@@ -88,6 +94,8 @@ fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec
             Op::Negate(a) => -r(a),
             Op::Absolute(a) if r(a) < zero => -r(a),
             Op::Absolute(a) => r(a),
+            Op::Exponent(a) => integer(exponent(&r(a), tape.precision)),
+            Op::PowerOfTwo(a) => power_of_two(&r(a), tape.precision)?,
             Op::Add(a, b) => r(a) + r(b),
             Op::Subtract(a, b) => r(a) - r(b),
             Op::Multiply(a, b) => r(a) * r(b),
@@ -105,4 +113,39 @@ fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec
         registers.push(value);
     }
     Some(registers)
+}
+
+/// floor(log2 |value|), one below the smallest exponent for what is subnormal or zero.
+fn exponent(value: &Rational, precision: Precision) -> i64 {
+    let bias = bias(precision);
+    let power = |exponent: i64| {
+        let power = Rational::from_integer(num_bigint::BigInt::from(1) << exponent.unsigned_abs());
+        if exponent < 0 { power.recip() } else { power }
+    };
+    let magnitude = value.abs();
+    if magnitude < power(1 - bias) {
+        return -bias;
+    }
+    // floor(log2) is this or one less.
+    let above = value.numer().bits() as i64 - value.denom().bits() as i64;
+    if magnitude < power(above) { above - 1 } else { above }
+}
+
+/// 2^value of a whole number for which there is a normal number; `None` for any other.
+fn power_of_two(value: &Rational, precision: Precision) -> Option<Rational> {
+    let bias = bias(precision);
+    if !value.is_integer() || *value < integer(1 - bias) || *value > integer(bias) {
+        return None;
+    }
+    let whole = i64::try_from(value.numer()).expect("it is at most the bias");
+    // An exponent of f32 is one of f64 too.
+    Some(exact(crate::number::power_of_two(whole)))
+}
+
+/// The largest exponent.
+fn bias(precision: Precision) -> i64 {
+    match precision {
+        Precision::F64 => 1023,
+        Precision::F32 => 127,
+    }
 }

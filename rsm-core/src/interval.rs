@@ -5,7 +5,8 @@
 
 use std::ops::{Add, Mul, Neg, Sub};
 
-use crate::number::{Precision, Rational, exact};
+use crate::number::{Precision, Rational, exact, power_of_two};
+use crate::run::Scalar;
 
 /// All reals from `low` to `high`, both included. Bounds may be infinite, never NaN.
 ///
@@ -63,6 +64,31 @@ impl Interval {
     #[must_use]
     pub fn width(self) -> f64 {
         (self.high - self.low).next_up()
+    }
+
+    /// What [`crate::tape::Op::Exponent`] gives for the numbers in it.
+    #[must_use]
+    pub fn exponent(self, precision: Precision) -> Self {
+        let of = |value: f64| match precision {
+            Precision::F64 => value.exponent(),
+            Precision::F32 => f64::from((value as f32).exponent()),
+        };
+        let nearest = if self.low <= 0.0 && self.high >= 0.0 { 0.0 } else { self.low.abs().min(self.high.abs()) };
+        Interval { low: of(nearest), high: of(self.magnitude()) }
+    }
+
+    /// What [`crate::tape::Op::PowerOfTwo`] gives for the whole numbers in it; `None` where one of them has no power.
+    #[must_use]
+    pub fn power_of_two(self, precision: Precision) -> Option<Self> {
+        let largest = match precision {
+            Precision::F64 => 1023.0,
+            Precision::F32 => 127.0,
+        };
+        if !(self.low > -largest && self.high <= largest) {
+            return None;
+        }
+        // Ends that are not whole lie outside of the whole numbers between them.
+        Some(Interval { low: power_of_two(self.low.floor() as i64), high: power_of_two(self.high.ceil() as i64) })
     }
 
     /// Half of everything; exact but for subnormals, which are moved outward.

@@ -57,6 +57,9 @@ pub mod basis;
 pub mod number;
 pub mod tape;
 
+pub mod elementary;
+pub mod tangent;
+
 pub mod bernstein;
 pub mod interval;
 pub mod pieces;

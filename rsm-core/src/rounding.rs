@@ -12,6 +12,8 @@ use std::cmp::Ordering;
 
 use num_traits::Signed;
 
+use crate::elementary::{self, Computed, Function};
+use crate::interval::Interval;
 use crate::number::{Precision, exact, power_of_two};
 use crate::tape::{Extremum, Op, Reg, Tape};
 
@@ -144,6 +146,7 @@ impl<'t> Analysis<'t> {
     }
 
     fn run(&mut self, sides: &[Side]) {
+        let mut rows = self.tape.computed.iter().peekable();
         for (reg, op) in self.tape.iter() {
             let known = match *op {
                 // Known from the beginning.
@@ -159,6 +162,8 @@ impl<'t> Analysis<'t> {
                     Known { low: -a.high, high: -a.low, error: a.error }
                 }
                 Op::Absolute(a) => absolute(self.of(a)),
+                Op::Exponent(a) => self.exponent(self.of(a)),
+                Op::PowerOfTwo(a) => self.power_of_two(self.of(a)),
                 Op::Add(a, b) => self.sum(a, b, false),
                 Op::Subtract(a, b) => self.sum(a, b, true),
                 Op::Multiply(a, b) => self.product(self.of(a), self.of(b), a == b),
@@ -167,10 +172,53 @@ impl<'t> Analysis<'t> {
                 Op::Less(..) => Known::NOTHING,
                 Op::Select { condition, then, otherwise } => self.select(reg, condition, then, otherwise),
             };
+            // What its rows compute is known better than they tell: they choose, and keep what rounding loses.
+            let known = match rows.next_if(|row| row.result == reg) {
+                Some(row) => self.computed(row),
+                None => known,
+            };
             let largest = self.tape.precision.largest();
             // Not so for a NaN.
             let is_known = known.low >= -largest && known.high <= largest && known.error.is_finite();
             self.known[reg.0 as usize] = if is_known { known } else { Known::NOTHING };
+        }
+    }
+
+    /// An elementary function: the slope carries the errors of its arguments, and the rows err by at most one unit in the last place. The ideal is
+    /// the function itself.
+    fn computed(&self, row: &Computed) -> Known {
+        let arguments: Vec<Known> = row.arguments.iter().map(|argument| self.of(*argument)).collect();
+        let computed: Vec<Interval> = arguments.iter().map(|a| Interval { low: a.low, high: a.high }).collect();
+        // Between an argument and its ideal.
+        let wide = arguments.iter().map(|a| Interval {
+            low: if a.error == 0.0 { a.low } else { difference_down(a.low, a.error) },
+            high: sum_up(a.high, a.error),
+        });
+        let wide: Vec<Interval> = wide.collect();
+        let range = elementary::range::over(row.function, &computed);
+        if !range.magnitude().is_finite() || !elementary::range::over(row.function, &wide).magnitude().is_finite() {
+            return Known::NOTHING;
+        }
+        let unit = if row.function == Function::Floor { 0.0 } else { 2.0 * self.half_ulp(range.magnitude()) };
+        let slopes = elementary::range::slopes(row.function, &wide);
+        let propagated = arguments.iter().zip(slopes).map(|(a, slope)| product_up(slope, a.error));
+        Known { low: range.low - unit, high: range.high + unit, error: propagated.fold(unit, sum_up) }
+    }
+
+    /// Tape and ideal may have different exponents where the operand has an error.
+    fn exponent(&self, a: Known) -> Known {
+        if a.error > 0.0 || !a.magnitude().is_finite() {
+            return Known::NOTHING;
+        }
+        let range = Interval { low: a.low, high: a.high }.exponent(self.tape.precision);
+        Known { low: range.low, high: range.high, error: 0.0 }
+    }
+
+    /// An operand without error is a whole number: who writes the operation makes it one.
+    fn power_of_two(&self, a: Known) -> Known {
+        match (Interval { low: a.low, high: a.high }.power_of_two(self.tape.precision), a.error) {
+            (Some(range), 0.0) => Known { low: range.low, high: range.high, error: 0.0 },
+            _ => Known::NOTHING,
         }
     }
 

@@ -22,6 +22,10 @@ pub trait Scalar:
     fn from_constant(value: f64) -> Self;
     /// Clears the sign bit.
     fn absolute(self) -> Self;
+    /// The number in the place of the exponent, without its bias: [`Op::Exponent`].
+    fn exponent(self) -> Self;
+    /// A whole number moved into the place of the exponent: [`Op::PowerOfTwo`].
+    fn power_of_two(self) -> Self;
     /// The bits, in the low end.
     fn bits(self) -> u64;
 }
@@ -35,6 +39,18 @@ macro_rules! scalar {
             }
             fn absolute(self) -> Self {
                 self.abs()
+            }
+            fn exponent(self) -> Self {
+                const DIGITS: u32 = <$float>::MANTISSA_DIGITS - 1;
+                let field = (self.to_bits() << 1) >> (DIGITS + 1);
+                field as $float - (<$float>::MAX_EXP - 1) as $float
+            }
+            fn power_of_two(self) -> Self {
+                const DIGITS: u32 = <$float>::MANTISSA_DIGITS - 1;
+                // In [2^52, 2^53), in f32 [2^23, 2^24), the last bit of a number is worth 1. Sum and bias are exact.
+                let one_and_a_half = (3u64 << (DIGITS - 1)) as $float;
+                let biased = self + (one_and_a_half + (<$float>::MAX_EXP - 1) as $float);
+                <$float>::from_bits(biased.to_bits() << DIGITS)
             }
             fn bits(self) -> u64 {
                 u64::from(self.to_bits())
@@ -148,6 +164,8 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
                 Op::State(state) => self.states[state.0 as usize],
                 Op::Negate(a) => -r(a),
                 Op::Absolute(a) => r(a).absolute(),
+                Op::Exponent(a) => r(a).exponent(),
+                Op::PowerOfTwo(a) => r(a).power_of_two(),
                 Op::Add(a, b) => r(a) + r(b),
                 Op::Subtract(a, b) => r(a) - r(b),
                 Op::Multiply(a, b) => r(a) * r(b),

@@ -9,6 +9,7 @@ mod builder;
 
 use std::fmt;
 
+use crate::elementary::Computed;
 use crate::number::{Precision, Rational};
 
 pub use builder::TapeBuilder;
@@ -55,6 +56,12 @@ pub enum Op {
     Multiply(Reg, Reg),
     /// `a / b`.
     Divide(Reg, Reg),
+    /// The exponent of `a` as a number: floor(log2 |a|) of a normal number. Of zero and of subnormal numbers one below the smallest (-1023,
+    /// in f32 -127), of an infinity and of NaN one above the largest (1024, in f32 128).
+    Exponent(Reg),
+    /// 2^a of a whole number `a` from -1022 to 1023, in f32 from -126 to 127: `a` moved into the place of the exponent. Anything else gives
+    /// some bits, of NaN not the same on every machine; who writes the operation clamps before it and passes a NaN beside it.
+    PowerOfTwo(Reg),
     /// `a < b`: true or false, false when either is NaN. Only `Select` reads it.
     Less(Reg, Reg),
     /// `then` if the `Less` in `condition` was true, else `otherwise`. Moves bits, rounds nothing.
@@ -116,6 +123,8 @@ pub struct Tape {
     pub states: Vec<Named>,
     /// The terms of the model behind constants, in the order of the registers. For a reader: they change no result.
     pub notes: Vec<(Reg, Note)>,
+    /// The rows of operations that compute elementary functions, in the order of their results.
+    pub computed: Vec<Computed>,
 }
 
 /// The term of a model from which a constant is made: scales of variables are folded into it.
@@ -209,7 +218,7 @@ impl Op {
     pub fn operands(&self) -> Vec<Reg> {
         match *self {
             Op::Constant(_) | Op::Input(_) | Op::State(_) => vec![],
-            Op::Negate(a) | Op::Absolute(a) => vec![a],
+            Op::Negate(a) | Op::Absolute(a) | Op::Exponent(a) | Op::PowerOfTwo(a) => vec![a],
             Op::Add(a, b) | Op::Subtract(a, b) | Op::Multiply(a, b) | Op::Divide(a, b) | Op::Less(a, b) => vec![a, b],
             Op::Select { condition, then, otherwise } => vec![condition, then, otherwise],
         }
@@ -221,6 +230,8 @@ impl Op {
             Op::Constant(_) | Op::Input(_) | Op::State(_) => self.clone(),
             Op::Negate(a) => Op::Negate(place(a)),
             Op::Absolute(a) => Op::Absolute(place(a)),
+            Op::Exponent(a) => Op::Exponent(place(a)),
+            Op::PowerOfTwo(a) => Op::PowerOfTwo(place(a)),
             Op::Add(a, b) => Op::Add(place(a), place(b)),
             Op::Subtract(a, b) => Op::Subtract(place(a), place(b)),
             Op::Multiply(a, b) => Op::Multiply(place(a), place(b)),
@@ -254,6 +265,8 @@ impl fmt::Display for Tape {
                 Op::State(state) => writeln!(f, "state s{}", state.0)?,
                 Op::Negate(a) => writeln!(f, "negate {a}")?,
                 Op::Absolute(a) => writeln!(f, "absolute {a}")?,
+                Op::Exponent(a) => writeln!(f, "exponent {a}")?,
+                Op::PowerOfTwo(a) => writeln!(f, "power-of-two {a}")?,
                 Op::Add(a, b) => writeln!(f, "add {a} {b}")?,
                 Op::Subtract(a, b) => writeln!(f, "subtract {a} {b}")?,
                 Op::Multiply(a, b) => writeln!(f, "multiply {a} {b}")?,

@@ -5,6 +5,7 @@
 //! is a point they are the bits of the evaluator. Unlike the range of the certificate it is about the computed numbers and not about the
 //! true polynomial, and it searches nothing: its excess falls in proportion to the cell, for whoever halves cells.
 
+use crate::elementary::{self, Function};
 use crate::interval::Interval;
 use crate::number::Precision;
 use crate::tape::{Extremum, Op, Reg, Tape};
@@ -37,6 +38,7 @@ impl<'t> Values<'t> {
     #[must_use]
     pub fn over(&mut self, cell: &[Interval]) -> Interval {
         assert_eq!(cell.len(), self.tape.inputs.len(), "one pair of bounds an argument");
+        let mut rows = self.tape.computed.iter().peekable();
         for (k, op) in self.tape.ops.iter().enumerate() {
             let of = |reg: Reg| self.ranges[reg.0 as usize];
             let found = match *op {
@@ -45,6 +47,8 @@ impl<'t> Values<'t> {
                 Op::State(_) | Op::Less(..) => ANYTHING,
                 Op::Negate(a) => -of(a),
                 Op::Absolute(a) => absolute(of(a)),
+                Op::Exponent(a) => of(a).exponent(self.tape.precision),
+                Op::PowerOfTwo(a) => of(a).power_of_two(self.tape.precision).unwrap_or(ANYTHING),
                 Op::Add(a, b) => self.rounded(of(a).low + of(b).low, of(a).high + of(b).high),
                 Op::Subtract(a, b) => self.rounded(of(a).low - of(b).high, of(a).high - of(b).low),
                 Op::Multiply(a, b) if a == b => self.square(of(a)),
@@ -66,6 +70,16 @@ impl<'t> Values<'t> {
                         _ => of(then).hull(of(otherwise)),
                     },
                 },
+            };
+            // The rows of an elementary function give it to one unit in the last place.
+            let found = match rows.next_if(|row| row.result == Reg(k as u32)) {
+                Some(row) => {
+                    let arguments: Vec<Interval> = row.arguments.iter().map(|reg| self.ranges[reg.0 as usize]).collect();
+                    let range = elementary::range::over(row.function, &arguments);
+                    let is_exact = row.function == Function::Floor;
+                    if is_exact { range } else { Interval { low: range.low.next_down(), high: range.high.next_up() } }
+                }
+                None => found,
             };
             // An infinity is an end that rounding may have passed: what follows from it may be NaN.
             let is_known = found.low.is_finite() && found.high.is_finite();

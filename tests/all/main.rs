@@ -4,6 +4,7 @@ mod bit_for_bit;
 mod book;
 mod documents;
 mod effects;
+mod elementary;
 mod firmware;
 mod inlined;
 mod layers;

@@ -90,6 +90,8 @@ fn operations(tape: &Tape) -> Value {
         Op::State(_) => json!(["state"]),
         Op::Negate(a) => json!(["negate", a.0]),
         Op::Absolute(a) => json!(["absolute", a.0]),
+        // Only elementary functions have these, and no surface has one.
+        Op::Exponent(_) | Op::PowerOfTwo(_) => json!(["state"]),
         Op::Add(a, b) => json!(["add", a.0, b.0]),
         Op::Subtract(a, b) => json!(["subtract", a.0, b.0]),
         Op::Multiply(a, b) => json!(["multiply", a.0, b.0]),

@@ -211,6 +211,8 @@ fn define_init(unit: &Unit, function: &Function) -> String {
 fn feeds_sum(tape: &Tape, reg: Reg) -> bool {
     tape.iter().any(|(reader, op)| match *op {
         Op::Add(a, b) | Op::Subtract(a, b) => a == reg || b == reg,
+        // There is a sum in it.
+        Op::PowerOfTwo(a) => a == reg,
         // The magnitude of a square is the square itself to a compiler.
         Op::Negate(a) | Op::Absolute(a) => a == reg && feeds_sum(tape, reader),
         _ => false,
@@ -253,6 +255,8 @@ fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
                 Op::Divide(_, b) => needs.hide |= !has_exact_reciprocal(tape, *b),
                 Op::Subtract(a, b) => needs.hide |= a == b,
                 Op::Absolute(_) => needs.absolute = true,
+                Op::Exponent(_) => needs.exponent = true,
+                Op::PowerOfTwo(_) => needs.power_of_two = true,
                 Op::Select { .. } => match tape.extremum(reg) {
                     Some(Extremum::AtLeast { .. }) => needs.at_least = true,
                     Some(Extremum::AtMost { .. }) => needs.at_most = true,
@@ -285,6 +289,8 @@ fn define(unit: &Unit, function: &Function) -> String {
             Op::State(state) => format!("{}->s{}", names::STATE, state.0),
             Op::Negate(a) => format!("-{}({a})", helper("hide")),
             Op::Absolute(a) => format!("{}({a})", helper("absolute")),
+            Op::Exponent(a) => format!("{}({a})", helper("exponent")),
+            Op::PowerOfTwo(a) => format!("{}({a})", helper("power_of_two")),
             // gcc makes 2 a of it, a product that it would fuse.
             Op::Add(a, b) if a == b => format!("{}({a} + {b})", helper("keep")),
             Op::Add(a, b) => format!("{a} + {b}"),

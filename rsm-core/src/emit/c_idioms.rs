@@ -21,6 +21,8 @@ pub(super) struct Needs {
     pub keep: bool,
     pub hide: bool,
     pub absolute: bool,
+    pub exponent: bool,
+    pub power_of_two: bool,
     pub at_least: bool,
     pub at_most: bool,
     pub select: bool,
@@ -62,12 +64,16 @@ pub(super) fn helpers(model: &str, needs: Needs, precision: Precision) -> String
     let mut text = String::new();
     let mut put = |wanted: bool, template: &str| {
         if wanted {
-            text.push_str(&fill(template, precision).replace("@m", model));
+            let filled = fill(template, precision).replace("@order", IN_ORDER);
+            text.push_str(&filled.replace("@m", model));
         }
     };
     put(needs.keep || needs.hide, KEEP);
     put(needs.hide, HIDE);
     put(needs.absolute, ABSOLUTE);
+    put(needs.exponent || needs.power_of_two, COPY);
+    put(needs.exponent, EXPONENT);
+    put(needs.power_of_two, POWER_OF_TWO);
     put(needs.any_choice(), CHOOSE);
     put(needs.select, SELECT);
     put(needs.at_least, AT_LEAST);
@@ -77,7 +83,7 @@ pub(super) fn helpers(model: &str, needs: Needs, precision: Precision) -> String
 
 /// Writes the type, the suffixes and the register classes of a precision into a template.
 fn fill(template: &str, precision: Precision) -> String {
-    let words: [(&str, &str, &str); 12] = [
+    let words: [(&str, &str, &str); 17] = [
         // Before @s, with which it begins.
         ("@suffix", "", "_f32"),
         ("@type", "double", "float"),
@@ -90,6 +96,12 @@ fn fill(template: &str, precision: Precision) -> String {
         ("@v", "%P", "%"),
         ("@fp", "8", "4"),
         ("@w", "w", "t"),
+        ("@digits", "52", "23"),
+        ("@field", "0x7ff", "0xff"),
+        // 2^52 and 2^23 as bits; with the bias as a number; with the bias and 2^51 or 2^22 more.
+        ("@unit", "((uint64_t)0x43300000 << 32)", "(uint32_t)0x4b000000"),
+        ("@biased", "4503599627371519.0", "8388735.0f"),
+        ("@lifted", "6755399441056767.0", "12583039.0f"),
         ("@length", "64", "32"),
     ];
     let mut text = template.to_string();
@@ -268,6 +280,43 @@ static inline @type @m_rsm_absolute@suffix(@type value)
     (void)memcpy(&value, &bits, sizeof value);
     return value;
 #endif
+}
+";
+
+const COPY: &str = r"
+#if !defined(RSM_COPY)
+#if defined(__GNUC__)
+#define RSM_COPY(to, from) ((void)__builtin_memcpy((to), (from), sizeof *(to)))
+#else
+#define RSM_COPY(to, from) ((void)memcpy((to), (from), sizeof *(to)))
+#endif
+#endif
+";
+
+// 2^52 with the field of the exponent at its end is 2^52 + field: no conversion between whole and floating-point numbers, which a machine
+// without floating point of this width would call.
+const EXPONENT: &str = r"
+/* The exponent as a number: the field without its bias. */
+static inline @type @m_rsm_exponent@suffix(@type value)
+{
+@order    @bits bits;
+    RSM_COPY(&bits, &value);
+    bits = ((bits >> @digits) & @field) | @unit;
+    RSM_COPY(&value, &bits);
+    return value - @biased;
+}
+";
+
+const POWER_OF_TWO: &str = r"
+/* 2 to a whole number, which moves into the place of the exponent. */
+static inline @type @m_rsm_power_of_two@suffix(@type value)
+{
+@order    @type lifted = value + @lifted;
+    @bits bits;
+    RSM_COPY(&bits, &lifted);
+    bits <<= @digits;
+    RSM_COPY(&lifted, &bits);
+    return lifted;
 }
 ";
 

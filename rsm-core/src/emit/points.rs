@@ -147,6 +147,8 @@ fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool)
             Op::State(state) => states[state.0 as usize],
             Op::Negate(a) => -r(a),
             Op::Absolute(a) => r(a).absolute(),
+            Op::Exponent(a) => r(a).exponent(),
+            Op::PowerOfTwo(a) => r(a).power_of_two(),
             Op::Add(a, b) => sum(a, b, false),
             Op::Subtract(a, b) => sum(a, b, true),
             Op::Multiply(a, b) => r(a) * r(b),

@@ -48,7 +48,13 @@ pub fn emit(unit: &Unit) -> String {
     text.push_str(&functions);
     // Helpers that nobody calls are left out: which do, the text says.
     for precision in Precision::ALL {
-        for (name, helper) in [("at_least", AT_LEAST), ("at_most", AT_MOST), ("select", SELECT)] {
+        for (name, helper) in [
+            ("at_least", AT_LEAST),
+            ("at_most", AT_MOST),
+            ("select", SELECT),
+            ("exponent", EXPONENT),
+            ("power_of_two", POWER_OF_TWO),
+        ] {
             let name = format!("rsm_{name}_{}", precision.name());
             if functions.contains(&format!("{name}(")) {
                 text.push_str(&fill(helper, precision));
@@ -103,6 +109,8 @@ fn print(function: &Function) -> String {
             Op::State(state) => format!("{}.s{}", names::STATE, state.0),
             Op::Negate(a) => format!("-{a}"),
             Op::Absolute(a) => format!("{a}.abs()"),
+            Op::Exponent(a) => format!("rsm_exponent_{float}({a})"),
+            Op::PowerOfTwo(a) => format!("rsm_power_of_two_{float}({a})"),
             Op::Add(a, b) => format!("{a} + {b}"),
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) => format!("{a} * {b}"),
@@ -156,6 +164,13 @@ fn fill(helper: &str, precision: Precision) -> String {
         Precision::F64 => ("sd", "pd"),
         Precision::F32 => ("ss", "ps"),
     };
+    // 2^52 and 2^23 as bits; with the bias as a number; with the bias and 2^51 or 2^22 more.
+    let (digits, whole, biased, lifted) = match precision {
+        Precision::F64 => ("52", "0x4330_0000_0000_0000", "4503599627371519.0", "6755399441056767.0"),
+        Precision::F32 => ("23", "0x4b00_0000", "8388735.0", "12583039.0"),
+    };
+    let helper = helper.replace("@digits", digits).replace("@whole", whole);
+    let helper = helper.replace("@biased", biased).replace("@lifted", lifted);
     let body = helper.replace("@float", precision.name()).replace("@s", scalar).replace("@p", packed);
     let (comment, function) = body.split_once('\n').expect("a helper begins with a comment");
     format!("\n{comment}\n{ALLOW}#[allow(unsafe_code, unused_unsafe)]\n#[inline(always)]\n{function}")
@@ -209,5 +224,19 @@ fn rsm_select_@float(left: @float, right: @float, then: @float, otherwise: @floa
     {
         ::core::hint::select_unpredictable(left < right, then, otherwise)
     }
+}
+"#;
+
+// No conversion between whole and floating-point numbers, which a machine without floating point of this width would call.
+const EXPONENT: &str = r#"// The exponent as a number: the field without its bias.
+fn rsm_exponent_@float(value: @float) -> @float {
+    let field = (value.to_bits() << 1) >> (@digits + 1);
+    @float::from_bits(field | @whole) - @biased
+}
+"#;
+
+const POWER_OF_TWO: &str = r#"// 2 to a whole number, which moves into the place of the exponent.
+fn rsm_power_of_two_@float(value: @float) -> @float {
+    @float::from_bits((value + @lifted).to_bits() << @digits)
 }
 "#;

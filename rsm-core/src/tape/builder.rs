@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 
+use crate::elementary::Computed;
 use crate::number::{Precision, Rational, integer};
 
 use super::{Constant, Named, Note, Op, Port, Reg, State, Tape};
@@ -39,6 +40,7 @@ pub struct TapeBuilder {
     /// Where operations stand: constants, and on a tape that shares all the others too.
     places: HashMap<Key, Reg>,
     notes: Vec<(Reg, Note)>,
+    computed: Vec<Computed>,
 }
 
 /// What makes two operations the same one.
@@ -67,7 +69,14 @@ impl TapeBuilder {
     /// An empty tape.
     #[must_use]
     pub fn new(precision: Precision) -> Self {
-        TapeBuilder { precision, ops: Vec::new(), shares: false, places: HashMap::new(), notes: Vec::new() }
+        TapeBuilder {
+            precision,
+            ops: Vec::new(),
+            shares: false,
+            places: HashMap::new(),
+            notes: Vec::new(),
+            computed: Vec::new(),
+        }
     }
 
     /// An empty tape on which an operation that stands there already is not written again: several surfaces of the same inputs, and a
@@ -154,6 +163,13 @@ impl TapeBuilder {
         let entry = (place, note);
         if !self.notes.contains(&entry) {
             self.notes.push(entry);
+        }
+    }
+
+    /// Says that a row of operations computes an elementary function.
+    pub(crate) fn mark(&mut self, computed: Computed) {
+        if !self.computed.contains(&computed) {
+            self.computed.push(computed);
         }
     }
 
@@ -246,13 +262,20 @@ impl TapeBuilder {
     /// assert_eq!(Interpreter::<f64>::new(&fourth).eval(&[3.0]), 81.0);
     /// ```
     pub fn inline(&mut self, tape: &Tape, arguments: &[Reg]) -> Vec<Reg> {
+        assert!(tape.states.is_empty(), "only a function of its arguments can stand inside another tape");
+        let places = self.transcribe(tape, arguments, &[]);
+        tape.outputs.iter().map(|output| places[output.reg.0 as usize]).collect()
+    }
+
+    /// Writes the operations of a finished tape here, its inputs and states replaced by registers of this one, and gives the place of each register.
+    pub(crate) fn transcribe(&mut self, tape: &Tape, arguments: &[Reg], states: &[Reg]) -> Vec<Reg> {
         assert_eq!(tape.precision, self.precision, "a tape has one precision");
         assert_eq!(arguments.len(), tape.inputs.len(), "one argument an input");
-        assert!(tape.states.is_empty(), "only a function of its arguments can stand inside another tape");
         let mut places: Vec<Reg> = Vec::with_capacity(tape.ops.len());
         for op in &tape.ops {
             let place = match op {
                 Op::Input(port) => arguments[port.0 as usize],
+                Op::State(state) => states[state.0 as usize],
                 Op::Constant(constant) => self.rounded_constant(constant.value, constant.exact.clone()),
                 other => self.push(other.with_operands(|reg| places[reg.0 as usize])),
             };
@@ -261,7 +284,12 @@ impl TapeBuilder {
         for (reg, note) in &tape.notes {
             self.add_note(places[reg.0 as usize], note.clone());
         }
-        tape.outputs.iter().map(|output| places[output.reg.0 as usize]).collect()
+        for row in &tape.computed {
+            let place = |reg: &Reg| places[reg.0 as usize];
+            let arguments = row.arguments.iter().map(place).collect();
+            self.mark(Computed { function: row.function, arguments, result: place(&row.result) });
+        }
+        places
     }
 
     /// The finished tape of a function with one result.
@@ -303,7 +331,9 @@ impl TapeBuilder {
         }
         let mut notes = self.notes;
         notes.sort_by_key(|(reg, _)| *reg);
-        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, outputs, states, notes }
+        let mut computed = self.computed;
+        computed.sort_by_key(|row| row.result);
+        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, outputs, states, notes, computed }
     }
 }
 

@@ -1,9 +1,11 @@
 //! The tests of rsm-core, one binary.
 
 mod compensator;
+mod elementary;
 mod emitted;
 mod exact_products;
 mod family;
 mod lowering;
+mod operations;
 mod rejected;
 mod saturation;

@@ -1,0 +1,147 @@
+//! Derives the constants of `coefficients.rs` in exact rationals, with a proven bound of what each polynomial misses.
+//!
+//! In: the Taylor coefficients of a function and an interval. Out: a polynomial of lower degree with coefficients of f64, and a bound of
+//! |polynomial - function| over the interval. The Taylor polynomial is written in Chebyshev polynomials of the interval; dropping the last of these
+//! costs at most the magnitude of its coefficient (Lanczos, "Applied Analysis", 1956, chapter 7: economisation). The bound is the sum of what was
+//! dropped, of what Taylor's series has left, and of what the rounding of the coefficients moves.
+//!
+//! Only tests use this file: one of them compares `coefficients.rs` with what is derived here (`RSM_BLESS=1` writes it).
+
+use num_traits::Signed;
+
+use crate::number::{Precision, Rational, exact, integer};
+
+/// A polynomial whose coefficients are numbers of f64, and how far it is from its function at most.
+pub(super) struct Derived {
+    pub coefficients: Vec<f64>,
+    pub bound: Rational,
+}
+
+/// Of sum a(i) z^i over [low, high], with |z| < 1 there or coefficients that fall as fast as those of exp: terms up to 40 are taken, and
+/// `ratio` bounds |a(i+1) z / a(i)| from there on.
+pub(super) fn economised(taylor: impl Fn(u32) -> Rational, [low, high]: [f64; 2], ratio: f64, terms: usize) -> Derived {
+    const TAYLOR: u32 = 40;
+    let (low, high) = (exact(low), exact(high));
+    let all: Vec<Rational> = (0..TAYLOR).map(&taylor).collect();
+    let largest = low.abs().max(high.abs());
+    // A geometric series from the first term that is left out.
+    let rest = taylor(TAYLOR).abs() * crate::number::power(&largest, TAYLOR) / (integer(1) - exact(ratio));
+    // z = middle + half u, u in [-1, 1].
+    let (middle, half) = ((&low + &high) / integer(2), (&high - &low) / integer(2));
+    let mut in_u = shifted(&all, &middle, &half);
+    let mut dropped = integer(0);
+    while in_u.len() > terms {
+        let degree = in_u.len() - 1;
+        let chebyshev = chebyshev(degree);
+        let share = &in_u[degree] / &chebyshev[degree];
+        dropped += share.abs();
+        in_u.iter_mut().zip(&chebyshev).for_each(|(a, t)| *a -= &share * t);
+        in_u.pop();
+    }
+    // u = (z - middle)/half
+    let in_z = shifted(&in_u, &(-&middle / &half), &(integer(1) / &half));
+    let coefficients: Vec<f64> = in_z.iter().map(|a| Precision::F64.round(a)).collect();
+    let moved = in_z.iter().zip(&coefficients).enumerate();
+    let moved = moved.map(|(k, (a, rounded))| (exact(*rounded) - a).abs() * crate::number::power(&largest, k as u32));
+    Derived { bound: rest + dropped + moved.sum::<Rational>(), coefficients }
+}
+
+/// The polynomial in u of a polynomial in z = shift + scale u.
+fn shifted(polynomial: &[Rational], shift: &Rational, scale: &Rational) -> Vec<Rational> {
+    // Horner's rule on polynomials: p := p (shift + scale u) + a
+    let mut result: Vec<Rational> = vec![];
+    for a in polynomial.iter().rev() {
+        let mut next = vec![integer(0); (result.len() + 1).min(polynomial.len())];
+        for (k, b) in result.iter().enumerate() {
+            next[k] += b * shift;
+            if k + 1 < next.len() {
+                next[k + 1] += b * scale;
+            }
+        }
+        next[0] += a;
+        result = next;
+    }
+    result
+}
+
+/// The coefficients of T_n: T_n = 2 u T_(n-1) - T_(n-2).
+fn chebyshev(degree: usize) -> Vec<Rational> {
+    let (mut below, mut this) = (vec![integer(1)], vec![integer(0), integer(1)]);
+    if degree == 0 {
+        return below;
+    }
+    for _ in 1..degree {
+        let mut next = vec![integer(0)];
+        next.extend(this.iter().map(|a| integer(2) * a));
+        next.iter_mut().zip(&below).for_each(|(a, b)| *a -= b);
+        below = std::mem::replace(&mut this, next);
+    }
+    this
+}
+
+pub(super) fn factorial(n: u32) -> Rational {
+    (1..=n).fold(integer(1), |product, k| product * integer(i64::from(k)))
+}
+
+/// atan(1/n) by its series, to 2^-400.
+fn atan_of_inverse(n: i64) -> Rational {
+    let square = integer(n * n);
+    let mut power = integer(1) / integer(n);
+    let mut sum = integer(0);
+    // 25^-k, 4^-k: 200 terms are far below.
+    for k in 0..200 {
+        let term = &power / integer(2 * k + 1);
+        sum = if k % 2 == 0 { sum + term } else { sum - term };
+        power /= &square;
+    }
+    sum
+}
+
+/// Machin, 1706: pi/4 = 4 atan(1/5) - atan(1/239).
+pub(super) fn half_pi() -> Rational {
+    integer(2) * (integer(4) * atan_of_inverse(5) - atan_of_inverse(239))
+}
+
+pub(super) fn atan_of_half() -> Rational {
+    atan_of_inverse(2)
+}
+
+/// log(a/b) = 2 atanh((a - b)/(a + b)) by its series, to 2^-400 for ratios up to 2.
+fn log_of(ratio: &Rational) -> Rational {
+    let s = (ratio - integer(1)) / (ratio + integer(1));
+    let square = &s * &s;
+    let mut power = s;
+    let mut sum = integer(0);
+    for k in 0..150 {
+        sum += &power / integer(2 * k + 1);
+        power *= &square;
+    }
+    integer(2) * sum
+}
+
+pub(super) fn log_of_two() -> Rational {
+    log_of(&integer(2))
+}
+
+/// log 10 = 3 log 2 + log(10/8)
+pub(super) fn log_of_ten() -> Rational {
+    integer(3) * log_of_two() + log_of(&(integer(5) / integer(4)))
+}
+
+/// A number as a sum of parts, each but the last with so many bits that a product with a whole number of the other bits is exact.
+pub(super) fn parts(value: &Rational, bits: u32, count: usize) -> Vec<f64> {
+    let mut rest = value.clone();
+    let mut parts = vec![];
+    for k in 0..count {
+        let nearest = Precision::F64.round(&rest);
+        let part = if k + 1 == count {
+            nearest
+        } else {
+            // Cut, not rounded: every part has the sign of the number.
+            f64::from_bits(nearest.to_bits() >> (53 - bits) << (53 - bits))
+        };
+        rest -= exact(part);
+        parts.push(part);
+    }
+    parts
+}

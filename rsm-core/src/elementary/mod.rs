@@ -1,0 +1,200 @@
+//! Elementary functions as rows of operations of a tape: no call, no branch, the same bits everywhere.
+//!
+//! In: a builder and the registers of the arguments. Out: the register of the result, which differs from the true value by at most 1 unit in the last
+//! place over the stated range. NaN in gives NaN out. Range reduction and polynomial are written with the operations of the tape; two of them,
+//! `Exponent` and `PowerOfTwo`, exist for this. Only tapes in f64 hold these functions: f32 would need its own reductions and proofs.
+//!
+//! | function | range | beyond |
+//! |---|---|---|
+//! | `sqrt` | 0 to the largest number, infinity | NaN below 0 |
+//! | `exp` | all numbers; from 709.78 on infinity, below -745.13 zero | |
+//! | `log`, `log10` | above 0, subnormal numbers too; -infinity at 0 | NaN below 0 |
+//! | `sin`, `cos`, `tan` | magnitudes up to 800,000 | NaN |
+//! | `asin`, `acos` | -1 to 1 | NaN |
+//! | `atan` | all numbers, infinities too | |
+//! | `atan2` | all finite pairs; 0 at (0, 0) | NaN where both are infinite |
+//! | `sinh`, `cosh` | all numbers; infinity from 710.48 on | |
+//! | `tanh` | all numbers | |
+//! | `floor` | all numbers, exactly | |
+//!
+//! The sign of a zero is not kept by odd functions: `atan(-0.0)` is +0.0. `sqrt` may be off by more than half a unit and is no IEEE square root.
+//!
+//! Which rows belong to a function stays on the tape ([`Computed`]): the bound of rounding errors and the tangent take the function
+//! as a whole.
+
+mod circular;
+// A program writes it, and the parts of pi need the digits that they have.
+#[allow(clippy::approx_constant)]
+#[rustfmt::skip]
+mod coefficients;
+#[cfg(test)]
+mod derive;
+mod exponential;
+mod inverse;
+mod logarithm;
+mod pair;
+pub(crate) mod range;
+mod whole;
+
+use crate::number::{Precision, Rational, exact};
+use crate::tape::{Reg, TapeBuilder};
+
+pub use whole::{maximum, minimum, modulo, power, sign};
+
+/// A function of one number, `Atan2` of two.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Function {
+    /// The square root.
+    Sqrt,
+    /// e to the argument.
+    Exp,
+    /// The natural logarithm.
+    Log,
+    /// The logarithm to the base 10.
+    Log10,
+    /// The sine of an angle in rad.
+    Sin,
+    /// The cosine of an angle in rad.
+    Cos,
+    /// The tangent of an angle in rad.
+    Tan,
+    /// The angle in rad, -pi/2 to pi/2, with this sine.
+    Asin,
+    /// The angle in rad, 0 to pi, with this cosine.
+    Acos,
+    /// The angle in rad, -pi/2 to pi/2, with this tangent.
+    Atan,
+    /// Of y and x: the angle in rad, -pi to pi, of the point (x, y).
+    Atan2,
+    /// The hyperbolic sine.
+    Sinh,
+    /// The hyperbolic cosine.
+    Cosh,
+    /// The hyperbolic tangent.
+    Tanh,
+    /// The largest whole number that is not above the argument.
+    Floor,
+}
+
+impl Function {
+    /// All of them.
+    pub const ALL: [Function; 15] = {
+        use Function::*;
+        [Sqrt, Exp, Log, Log10, Sin, Cos, Tan, Asin, Acos, Atan, Atan2, Sinh, Cosh, Tanh, Floor]
+    };
+
+    /// The name, as equations have it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Function::Sqrt => "sqrt",
+            Function::Exp => "exp",
+            Function::Log => "log",
+            Function::Log10 => "log10",
+            Function::Sin => "sin",
+            Function::Cos => "cos",
+            Function::Tan => "tan",
+            Function::Asin => "asin",
+            Function::Acos => "acos",
+            Function::Atan => "atan",
+            Function::Atan2 => "atan2",
+            Function::Sinh => "sinh",
+            Function::Cosh => "cosh",
+            Function::Tanh => "tanh",
+            Function::Floor => "floor",
+        }
+    }
+
+    /// The function of a name.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|function| function.name() == name)
+    }
+
+    /// How many arguments it has.
+    #[must_use]
+    pub fn arity(self) -> usize {
+        if self == Function::Atan2 { 2 } else { 1 }
+    }
+
+    /// The arguments for which the promised error holds and the result is a finite number; of `Atan2` the same for both.
+    #[must_use]
+    pub fn range(self) -> [f64; 2] {
+        match self {
+            Function::Sqrt => [0.0, f64::MAX],
+            Function::Exp => [f64::MIN, 709.782_712_893_383_9],
+            Function::Log | Function::Log10 => [5e-324, f64::MAX],
+            Function::Sin | Function::Cos | Function::Tan => [-circular::LIMIT, circular::LIMIT],
+            Function::Asin | Function::Acos => [-1.0, 1.0],
+            Function::Sinh | Function::Cosh => [-710.475_860_073_943_8, 710.475_860_073_943_8],
+            Function::Atan | Function::Atan2 | Function::Tanh | Function::Floor => [f64::MIN, f64::MAX],
+        }
+    }
+}
+
+/// A row of operations that computes a function: which one, of what, and where the result stands.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Computed {
+    /// The function.
+    pub function: Function,
+    /// The registers of its arguments.
+    pub arguments: Vec<Reg>,
+    /// The register of its result.
+    pub result: Reg,
+}
+
+/// Whether tapes of a precision can hold elementary functions: f64 alone can.
+#[must_use]
+pub fn holds(precision: Precision) -> bool {
+    precision == Precision::F64
+}
+
+/// 1/log 10, to 80 bits.
+pub(crate) fn inverse_log_of_ten() -> Rational {
+    coefficients::INVERSE_LOG_OF_TEN.into_iter().map(exact).sum()
+}
+
+/// Appends the rows of a function and gives the register of its result.
+///
+/// # Panics
+/// When the tape is not in f64 (ask [`holds`] first), or when there are not as many arguments as the function has.
+///
+/// ```
+/// use rsm_core::elementary::{self, Function};
+/// use rsm_core::number::Precision;
+/// use rsm_core::run::Interpreter;
+/// use rsm_core::tape::TapeBuilder;
+///
+/// let mut tape = TapeBuilder::sharing(Precision::F64);
+/// let angle = tape.input(0);
+/// let sine = elementary::write(&mut tape, Function::Sin, &[angle]);
+/// let tape = tape.finish("sine", vec!["angle".to_string()], sine);
+/// assert_eq!(Interpreter::<f64>::new(&tape).eval(&[0.5]), 0.479425538604203);
+/// ```
+pub fn write(tape: &mut TapeBuilder, function: Function, arguments: &[Reg]) -> Reg {
+    assert!(holds(tape.precision()), "elementary functions need a tape in f64");
+    assert_eq!(arguments.len(), function.arity(), "{} has another number of arguments", function.name());
+    let x = arguments[0];
+    let result = match function {
+        Function::Sqrt => logarithm::sqrt(tape, x),
+        Function::Exp => exponential::exp(tape, x),
+        Function::Log => logarithm::log(tape, x),
+        Function::Log10 => logarithm::log10(tape, x),
+        Function::Sin => circular::sin(tape, x),
+        Function::Cos => circular::cos(tape, x),
+        Function::Tan => circular::tan(tape, x),
+        Function::Asin => inverse::asin(tape, x),
+        Function::Acos => inverse::acos(tape, x),
+        Function::Atan => inverse::atan(tape, x),
+        Function::Atan2 => inverse::atan2(tape, x, arguments[1]),
+        Function::Sinh => exponential::sinh(tape, x),
+        Function::Cosh => exponential::cosh(tape, x),
+        Function::Tanh => exponential::tanh(tape, x),
+        Function::Floor => whole::floor(tape, x),
+    };
+    tape.mark(Computed { function, arguments: arguments.to_vec(), result });
+    result
+}
+
+#[cfg(test)]
+mod tests;
