@@ -13,6 +13,8 @@
 // What is public is what a user of the library needs.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
+mod engine;
+
 pub mod plant;
 mod probability;
 pub mod surface;

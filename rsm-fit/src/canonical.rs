@@ -12,7 +12,7 @@ use rsm_core::model::{Coding, Input, Surface};
 use serde::Serialize;
 
 use crate::design::{Coded, Physical, order};
-use crate::statistics::Named;
+use crate::observations::Named;
 
 /// The form of a second-order surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]

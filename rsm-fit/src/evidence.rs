@@ -8,10 +8,11 @@ use rsm_core::model::Evidence;
 use rsm_core::source::Source;
 
 use crate::constrain::{ConstraintReport, ConstraintStatistics};
-use crate::fit::{ChosenBy, ResponseOutcome};
+use crate::observations::{Named, ValidationStatistics};
+use crate::outcome::ResponseOutcome;
 use crate::records::{DataFile, Records, hash};
+use crate::selection::ChosenBy;
 use crate::spec::{Method, ResponseSpec, Specification, Validation, Weights};
-use crate::statistics::{Named, ValidationStatistics};
 
 /// The evidence of a fitted response.
 #[must_use]

@@ -82,6 +82,8 @@ pub mod ladder;
 
 mod selection;
 
+mod observations;
+
 pub mod statistics;
 
 pub mod canonical;
@@ -95,6 +97,8 @@ pub mod verdict;
 mod warnings;
 
 mod evidence;
+
+mod outcome;
 
 mod response;
 

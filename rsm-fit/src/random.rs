@@ -1,6 +1,6 @@
 //! Random numbers that are the same for one seed on every machine and in every release.
 //!
-//! In: a seed. Out: whole numbers below a limit, numbers in [0, 1), shuffles. The stream of ChaCha8 is fixed by its definition;
+//! In: a seed. Out: whole numbers below a limit, numbers in [0, 1) and (0, 1], normal numbers, shuffles. The stream of ChaCha8 is fixed by its definition;
 //! what is made of it is fixed here. Never reads a clock or the machine.
 
 use rand_chacha::ChaCha8Rng;
@@ -44,6 +44,17 @@ impl Random {
         (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
+    /// A number in (0, 1], for a logarithm: a multiple of 2^-53, each equally likely.
+    pub fn uniform(&mut self) -> f64 {
+        1.0 - self.share()
+    }
+
+    /// A normal number, with mean 0 and variance 1 (G. E. P. Box, M. E. Muller, 1958).
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * self.uniform().ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.share()).cos()
+    }
+
     /// Puts items into a random order, each equally likely (Fisher and Yates; Durstenfeld 1964).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
@@ -70,5 +81,14 @@ mod tests {
         let mean = (0..10_000).map(|_| random.share()).sum::<f64>() / 1e4;
         // Standard deviation of the mean: sqrt(1/12/10^4) = 0.0029.
         assert!((mean - 0.5).abs() < 0.015, "{mean}");
+    }
+
+    #[test]
+    fn normal_numbers_have_the_moments_of_the_normal_distribution() {
+        let mut random = Random::new(2);
+        let values: Vec<f64> = (0..100_000).map(|_| random.normal()).collect();
+        let moment = |power: i32| values.iter().map(|value| value.powi(power)).sum::<f64>() / 1e5;
+        // Mean, variance and fourth moment are 0, 1 and 3; five standard errors of each: sqrt(1, 2, 96)/sqrt(10^5).
+        assert!(moment(1).abs() < 0.016 && (moment(2) - 1.0).abs() < 0.023 && (moment(4) - 3.0).abs() < 0.16);
     }
 }

@@ -14,9 +14,9 @@ use serde::Serialize;
 
 use crate::dd::Dd;
 use crate::design::Physical;
+use crate::observations::Observations;
 use crate::random::Random;
 use crate::spec::SupportSpec;
-use crate::statistics::Observations;
 
 /// What is told of the support of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -22,6 +22,7 @@
 mod align;
 mod clock;
 mod decode;
+mod format;
 mod log;
 mod mat;
 mod mat73;

@@ -1,7 +1,5 @@
 //! What a file holds, whatever its format: columns with gaps.
 
-use rsm_core::source::{Fault, Faults};
-
 /// A column as its file has it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Raw {
@@ -25,23 +23,8 @@ pub(crate) struct Log {
 }
 
 impl Log {
-    /// Reads a file of any format: what it is, its first bytes say.
-    pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Log, Faults> {
-        let log = if bytes.starts_with(b"MATLAB 7.3") || hdf5_pure::is_hdf5_bytes(bytes) {
-            crate::mat73::read(name, bytes)?
-        } else if crate::mat::is_mat(bytes) {
-            crate::mat::read(name, bytes)?
-        } else if let Some(format) = foreign(bytes) {
-            let what = format!("this is {format}, which is not read");
-            return Err(Faults::one(Fault::whole_file(name, what).help("export it as CSV or as a MAT file")));
-        } else {
-            crate::sheet::read(name, bytes)?
-        };
-        Ok(log.with_names_apart())
-    }
-
     /// Two columns of one name: the second gets a number, or goes if it says the same.
-    fn with_names_apart(mut self) -> Self {
+    pub(crate) fn with_names_apart(mut self) -> Self {
         let mut kept: Vec<Raw> = Vec::new();
         for mut column in std::mem::take(&mut self.columns) {
             let same = |values: &[f64], others: &[f64]| {
@@ -87,17 +70,4 @@ impl Log {
             alike.next().filter(|_| alike.next().is_none())
         })
     }
-}
-
-/// Formats of other tools that are not tables, by their first bytes.
-fn foreign(bytes: &[u8]) -> Option<&'static str> {
-    const KNOWN: [(&[u8], &str); 6] = [
-        (b"MDF     ", "an MDF file"),
-        (b"UnFinMF ", "an MDF file"),
-        (b"PK\x03\x04", "a zip archive (a spreadsheet?)"),
-        (b"\xd0\xcf\x11\xe0", "an old spreadsheet"),
-        (b"PAR1", "a Parquet file"),
-        (b"TDSm", "a TDMS file"),
-    ];
-    KNOWN.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|(_, format)| *format)
 }

@@ -6,6 +6,7 @@ use rsm_fit::units::Conversion;
 
 use crate::align::{Alignment, align};
 use crate::clock::{Clock, readable, short};
+use crate::format;
 use crate::log::{Log, Raw};
 use crate::resample::Samples;
 use crate::wishes::{Named, Wishes};
@@ -122,7 +123,7 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
     };
     let mut timed: Vec<Timed> = Vec::new();
     for file in files {
-        timed.push(with_clock(Log::read(&file.name, &file.bytes)?, wishes)?);
+        timed.push(with_clock(format::read(&file.name, &file.bytes)?, wishes)?);
     }
     let mut notes: Vec<String> = Vec::new();
     for it in &timed {

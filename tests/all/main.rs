@@ -2,6 +2,7 @@
 
 mod bit_for_bit;
 mod book;
+mod cycles;
 mod documents;
 mod effects;
 mod elementary;

@@ -120,9 +120,9 @@ fn misses(measured: &[f64], simulated: &[f64], used: &[bool]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
 

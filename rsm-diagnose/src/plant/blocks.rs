@@ -4,7 +4,8 @@
 
 use std::collections::HashMap;
 
-use super::checks::STUCK;
+/// In a noisy channel two equal readings one after the other are chance; this many are a channel that hangs.
+pub(super) const STUCK: usize = 8;
 
 /// Blocks of rows that stand twice by chance are rarer than this in a record.
 const TWICE: f64 = 1e-6;
@@ -60,8 +61,8 @@ pub fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     #[test]
     fn blocks_of_coarse_readings_may_stand_twice_by_chance() {

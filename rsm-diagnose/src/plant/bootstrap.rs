@@ -2,8 +2,8 @@
 //!
 //! In: errors of two models on the same records. Out: a 95 % interval of the gain. Never simulates.
 
-use super::random::Random;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use rsm_fit::random::Random;
 
 /// Draws: the ends of a 95 % interval are the 25th values from either end.
 const DRAWS: usize = 1000;
@@ -48,7 +48,7 @@ pub fn gain_interval(
         .map(|_| {
             let mut sums: Sums = Default::default();
             for _ in 0..blocks.len() {
-                let drawn = &blocks[(random.uniform() * blocks.len() as f64) as usize];
+                let drawn = &blocks[random.below(blocks.len() as u64) as usize];
                 sums.iter_mut().flatten().zip(drawn.iter().flatten()).for_each(|(sum, value)| *sum += value);
             }
             gain(&sums)

@@ -4,13 +4,14 @@
 //! linearly from the row before the gap to the row after it. Where the readings after a gap show that an input was higher or lower inside it, the line is moved by that amount. Three
 //! kinds of gap are not bridged: a long one, one that is no whole number of rows, and time that goes back. Never changes a recorded row.
 
-use std::ops::Range;
-
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::normal::Normal;
 use super::nuisance::Nuisance;
-use super::whitened_residuals::{Column, Prepared, WhitenedResiduals, dot};
+pub use super::prepared::Bridge;
+use super::prepared::Prepared;
+use super::whitened_residuals::{Column, WhitenedResiduals};
+use crate::engine::columns::dot;
+use crate::engine::normal::Normal;
 
 /// The longest gap that is bridged, in rows. An instant may be off by 1 % of a period, so over ten rows their number is still known to a tenth; and of an input that
 /// changes once in the gap its mean says when, of one that changes twice it does not.
@@ -44,15 +45,6 @@ const OF_A_CHANGE: f64 = 1.0 / 12.0;
 
 /// Offsets that gain less together, in squared standard deviations of the noise, are not worth another calibration.
 const GAINS: f64 = 1.0;
-
-/// A gap that was filled.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Bridge {
-    /// The rows that stand for those that are missing.
-    pub rows: Range<usize>,
-    /// By how much each input is moved from the line between the rows beside the gap.
-    pub offsets: [f64; 3],
-}
 
 /// What was bridged in a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -311,10 +303,10 @@ fn traces(whitened: &WhitenedResiduals, fit: &Fit, record: usize, places: &[Plac
 #[cfg(test)]
 mod tests {
     use super::super::noise::Floor;
-    use super::super::random::Random;
     use super::super::{axis_under_steps, levenberg};
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::record::Record;
 
     const AXIS: &str = "mass = 0.1\nviscous_friction = 0.5";

@@ -3,18 +3,14 @@
 //! In: a prepared record. Out: findings. Their rows count in no later figure. Where time is missing, or a block of rows occurs twice, the inputs are missing too, and
 //! the state of the plant afterwards is unknown: one part without such a break is kept. Never corrects a sample.
 
-use super::blocks::twice;
+use super::blocks::{STUCK, twice};
 use super::bridges;
-use super::noise::median;
+use super::prepared::{Piece, Prepared};
 use super::rest::{self, Resting};
-use super::share::Piece;
-use super::whitened_residuals::Prepared;
+use crate::engine::significance::median;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
-
-/// In a noisy channel two equal readings one after the other are chance; this many are a channel that hangs.
-pub(super) const STUCK: usize = 8;
 
 /// A channel counts as noisy when fewer than this share of its readings equal the one before: rounding to coarse steps repeats far more.
 const REPEATS: f64 = 0.02;
@@ -330,9 +326,9 @@ pub fn jumps(values: &[f64]) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::record::Record;
 
     fn rows(change: impl Fn(usize, &mut [f64; 3])) -> Vec<String> {

@@ -7,12 +7,12 @@
 use super::confidence::{self, Case};
 use super::levenberg::{self, Fit};
 use super::model::Model;
+use super::prepared::Piece;
 use super::ready::{HeavyTails, Ready};
 use super::selection::Believed;
-use super::share::Piece;
 use super::verdict::{self, Cause, Diagnosis, Interval, NAMED, Verdict};
 use super::whitened_residuals::WhitenedResiduals;
-use super::{Options, Refused, bootstrap, checks, effect_size, of_nominal, tails, tested, validation};
+use super::{Options, Refused, bootstrap, checks, effect_size, of_nominal, taming, tested, validation};
 use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -196,7 +196,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.gain = verdict::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
     let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
-    let whitened = tails::tamed(judged.noise.on(prepared), &judged.filed.model);
+    let whitened = taming::tamed(judged.noise.on(prepared), &judged.filed.model);
     let records: Vec<&Record> = judges.iter().collect();
     let sds = judged.noise.floors.map(|floor| floor.sd);
     let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));
@@ -222,8 +222,8 @@ fn told(sentence: &str, claim: &Claim) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::axis_under_steps::{self, friction};
-    use super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     const TOLERANCES: &str = "mass = 0.01";
 

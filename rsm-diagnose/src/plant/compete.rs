@@ -9,9 +9,9 @@ use super::model::Model;
 use super::nuisance::Nuisance;
 use super::screen::Screened;
 use super::selection::Search;
-use super::significance::best_of;
 use super::variable_projection::{Projected, project};
 use super::{effect_size, multistart, validation, waves, whiteness};
+use crate::engine::significance::best_of;
 use rsm_sim::plant_file::Entry;
 
 /// Ties: a simpler cause wins when it reaches this share of the gain, if the better one does not leave noise either. Smoothings and integrators of the same

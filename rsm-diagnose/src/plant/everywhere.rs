@@ -9,9 +9,10 @@ use super::checks;
 use super::levenberg::Fit;
 use super::octave_spectrum::{OCTAVES, Octave};
 use super::posterior::Posterior;
-use super::share::{self, Piece};
+use super::prepared::Piece;
+use super::share;
 use super::whitened_residuals::WhitenedResiduals;
-use super::{regions, tails, validation, verdict, whiteness};
+use super::{regions, taming, validation, verdict, whiteness};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -121,7 +122,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
             if prepared.iter().all(|it| it.outputs.is_empty()) {
                 continue;
             }
-            let there = tails::tamed(whitened.on(prepared), &fit.model);
+            let there = taming::tamed(whitened.on(prepared), &fit.model);
             // From first readings straight on; where that leaves something, as carefully as an unseen record.
             let quick = validation::at_once(&there, &fit.model).map(|started| verdict::left_there(&there, started, looks));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
@@ -169,10 +170,10 @@ mod tests {
     use super::super::levenberg;
     use super::super::model::Model;
     use super::super::noise::Floor;
-    use super::super::random::Random;
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::simulate::Simulator;
 
     /// What all rows say of a car whose throttle reads so much less than it is from two thirds of its record on; the answer was found on its first 4000 rows.

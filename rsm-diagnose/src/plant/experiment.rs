@@ -7,9 +7,10 @@
 use super::excitations::{self, Excitation, Limits};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
-use super::normal::Normal;
 use super::verdict::{Alias, Verdict};
-use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals, dot};
+use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals};
+use crate::engine::columns::dot;
+use crate::engine::normal::Normal;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;

@@ -204,11 +204,11 @@ mod tests {
     use super::super::calibration::calibrate;
     use super::super::model::AtStart;
     use super::super::noise::Floor;
-    use super::super::random::Random;
     use super::super::whitened_residuals::Prepared;
     use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
     use rsm_sim::simulate::Simulator;

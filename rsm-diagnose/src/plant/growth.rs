@@ -3,7 +3,7 @@
 //! In: the residual of an output, with its readings. Out: the standard deviation of the noise as a function of the size of the reading, where this can be told from chance.
 //! Only differences between neighbouring rows are used, so slow structure does not count. Medians of parts of equal size make it robust against a few outliers.
 
-use super::noise::median;
+use crate::engine::significance::median;
 
 /// Parts of the range of readings, of equally many rows each.
 const PARTS: usize = 12;
@@ -184,8 +184,8 @@ fn sizes(measured: &[f64]) -> impl Iterator<Item = f64> + '_ {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     fn record(rows: usize, seed: u64, law: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>) {
         let mut random = Random::new(seed);

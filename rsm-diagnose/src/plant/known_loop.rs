@@ -319,9 +319,9 @@ fn miss(row: &Row, slopes: &[f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::record::Record;
     use rsm_sim::simulate::Simulator;
 

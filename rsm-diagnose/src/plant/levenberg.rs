@@ -1,20 +1,18 @@
-//! Levenberg-Marquardt over all unknowns at once (K. Levenberg, 1944; D. W. Marquardt, 1963), with bounds and Gaussian priors.
+//! Fits over all unknowns of a model at once, with bounds and Gaussian priors.
 //!
 //! In: prepared records with their whitening, and a model. Out: the fitted model with residual, derivatives and cost. An unknown at a bound that the gradient presses outwards
 //! is fixed for that step. Never changes which unknowns there are.
 
 use super::model::{Model, Place};
-use super::normal::Normal;
 use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
+use crate::engine::levenberg::{Amount, LEAST_DAMPING, Problem, Rules, descend};
+use crate::engine::normal::Normal;
 
 /// A step that promises less than this, in units of squared residuals whose noise is one, is not worth its simulations.
 const ENOUGH: f64 = 0.3;
 
 /// Relative to the cost, for records far above their noise.
 const ENOUGH_SHARE: f64 = 1e-6;
-
-/// The least damping, of curvatures: nine digits are what differences hold.
-const LEAST_DAMPING: f64 = 1e-9;
 
 /// A fitted model.
 #[derive(Debug, Clone)]
@@ -85,7 +83,7 @@ impl Fit {
 /// Squared residual and priors of a model.
 #[must_use]
 pub fn cost(model: &Model, residual: &[f64]) -> f64 {
-    let mut cost = super::whitened_residuals::dot(residual, residual);
+    let mut cost = crate::engine::columns::dot(residual, residual);
     for (k, unknown) in model.unknowns.iter().enumerate() {
         if let Some((centre, sd)) = unknown.prior {
             let off = (model.value(k) - centre) / sd;
@@ -131,77 +129,79 @@ pub fn fit(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<F
     onward(whitened, model, steps, None)
 }
 
-/// Fits all unknowns, beginning with the derivatives that an earlier fit to the same records has of the same unknowns.
+/// Where a fit stands.
+struct Standing {
+    model: Model,
+    simulated: Vec<Simulated>,
+    residual: Vec<f64>,
+    cost: f64,
+}
+
+impl Standing {
+    fn of(whitened: &WhitenedResiduals, model: Model) -> Option<Self> {
+        let simulated = whitened.run(&model)?;
+        let residual = whitened.residual(&simulated);
+        Some(Standing { cost: cost(&model, &residual), model, simulated, residual })
+    }
+}
+
+/// All unknowns of a model along records.
 ///
 /// Derivatives are what a fit costs: one simulation an unknown. They change little from step to step, so a step corrects them along its own direction by
 /// what it saw (C. G. Broyden, 1965), and they are taken anew where a step disappoints, and once before the end: what counts as the best was there for derivatives
 /// of its own.
+struct AllUnknowns<'a>(&'a WhitenedResiduals);
+
+impl Problem for AllUnknowns<'_> {
+    type Place = Standing;
+    type Derivatives = Vec<Column>;
+    type Equations = Equations;
+
+    fn cost(&self, at: &Standing) -> f64 {
+        at.cost
+    }
+
+    fn derivatives(&self, at: &Standing) -> Option<Vec<Column>> {
+        let all: Vec<usize> = (0..at.model.unknowns.len()).collect();
+        self.0.derivatives(&at.model, &at.simulated, &all)
+    }
+
+    fn equations(&self, at: &Standing, columns: &Vec<Column>) -> Equations {
+        Equations::new(&at.model, columns, &at.residual)
+    }
+
+    fn step(&self, at: &Standing, equations: &Equations, damping: f64) -> (Vec<f64>, f64) {
+        let change = equations.change(&at.model, damping);
+        let promised = equations.promised(&change);
+        (change, promised)
+    }
+
+    fn moved(&self, at: &Standing, equations: &Equations, step: &[f64]) -> Option<Standing> {
+        Standing::of(self.0, equations.moved(&at.model, step))
+    }
+
+    fn corrected(&self, mut columns: Vec<Column>, from: &Standing, to: &Standing) -> Option<Vec<Column>> {
+        correct(&mut columns, &from.model, &to.model, self.0.changes(&from.simulated, &to.simulated, 1.0));
+        Some(columns)
+    }
+}
+
+/// Fits all unknowns, beginning with the derivatives that an earlier fit to the same records has of the same unknowns.
 #[must_use]
 pub fn onward(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: Option<&Fit>) -> Option<Fit> {
-    let mut model = model;
-    let mut simulated = whitened.run(&model)?;
-    let mut residual = whitened.residual(&simulated);
-    let mut cost_now = cost(&model, &residual);
-    let mut damping = 1e-3;
-    let all: Vec<usize> = (0..model.unknowns.len()).collect();
-    let known: Vec<Option<Column>> = all.iter().map(|&k| earlier.and_then(|fit| fit.column_of(&model, k))).collect();
-    let missing: Vec<usize> = all.iter().copied().filter(|k| known[*k].is_none()).collect();
-    let mut exact = missing.len() == all.len();
-    let mut fresh = whitened.derivatives(&model, &simulated, &missing)?.into_iter();
-    let mut columns: Vec<Column> = known.into_iter().map(|column| column.or_else(|| fresh.next())).collect::<Option<_>>()?;
-    let mut step = 0;
-    loop {
-        let equations = Equations::new(&model, &columns, &residual);
-        let mut goes_on = false;
-        // Five dampings are a factor of ten thousand: what no damping improves is at its best. Corrected derivatives get two: better ones are to be had.
-        let tries = match (step == steps, exact) {
-            (true, _) => 0,
-            (false, true) => 5,
-            (false, false) => 2,
-        };
-        for _ in 0..tries {
-            let change = equations.change(&model, damping);
-            let promised = equations.promised(&change);
-            if promised < ENOUGH.max(ENOUGH_SHARE * cost_now) {
-                // Where records leave a direction open (the force of an axis against its mass), only priors curve it, a millionth as much as the records curve each
-                // unknown by itself: damping would hold it where it happens to be.
-                if damping <= LEAST_DAMPING {
-                    break;
-                }
-                damping = LEAST_DAMPING;
-                continue;
-            }
-            let trial = equations.moved(&model, &change);
-            let better = whitened.run(&trial).map(|simulated| {
-                let residual = whitened.residual(&simulated);
-                (cost(&trial, &residual), simulated, residual)
-            });
-            match better {
-                Some((trial_cost, trial_simulated, trial_residual)) if trial_cost < cost_now => {
-                    let gained = cost_now - trial_cost;
-                    let seen = whitened.changes(&simulated, &trial_simulated, 1.0);
-                    correct(&mut columns, &model, &trial, seen);
-                    (model, simulated, residual, cost_now) = (trial, trial_simulated, trial_residual, trial_cost);
-                    damping = less(damping);
-                    // Half of what was promised: the derivatives point elsewhere.
-                    goes_on = gained > ENOUGH.max(ENOUGH_SHARE * cost_now) && gained > 0.5 * promised;
-                    exact = exact && gained <= ENOUGH.max(ENOUGH_SHARE * cost_now);
-                    step += 1;
-                    break;
-                }
-                _ => damping = more(damping),
-            }
-        }
-        if goes_on && step < steps {
-            continue;
-        }
-        if exact {
-            let Equations { free, columns, held, .. } = equations;
-            return Some(Fit { model, simulated, residual, cost: cost_now, free, columns, held });
-        }
-        columns = whitened.derivatives(&model, &simulated, &all)?;
-        exact = true;
-    }
+    let start = Standing::of(whitened, model)?;
+    let all = 0..start.model.unknowns.len();
+    let known: Vec<Option<Column>> = all.clone().map(|k| earlier.and_then(|fit| fit.column_of(&start.model, k))).collect();
+    let missing: Vec<usize> = all.filter(|k| known[*k].is_none()).collect();
+    let exact = missing.len() == known.len();
+    let mut fresh = whitened.derivatives(&start.model, &start.simulated, &missing)?.into_iter();
+    let columns: Vec<Column> = known.into_iter().map(|column| column.or_else(|| fresh.next())).collect::<Option<_>>()?;
+    let enough = Amount { least: ENOUGH, share: ENOUGH_SHARE };
+    // Five dampings are a factor of ten thousand: what no damping improves is at its best. Corrected derivatives get two: better ones are to be had.
+    let rules = Rules { steps, tries: [5, 2], worth: Some(enough), undamps: true, enough, kept_promise: 0.5, ends_exact: true };
+    let (at, equations) = descend(&AllUnknowns(whitened), start, Some((columns, exact)), &rules)?;
+    let Equations { free, columns, held, .. } = equations;
+    Some(Fit { model: at.model, simulated: at.simulated, residual: at.residual, cost: at.cost, free, columns, held })
 }
 
 /// Normal equations of the unknowns that are not pressed against a bound.
@@ -254,16 +254,6 @@ impl Equations {
     pub(super) fn moved(&self, model: &Model, change: &[f64]) -> Model {
         model.moved(&self.free, change)
     }
-}
-
-/// The damping after a step that was right.
-pub(super) fn less(damping: f64) -> f64 {
-    (damping / 10.0).max(LEAST_DAMPING)
-}
-
-/// The damping after a step that was none.
-pub(super) fn more(damping: f64) -> f64 {
-    (damping * 10.0).max(1e-6)
 }
 
 /// Corrects derivatives by what a step changed in truth, along that step alone. Those of starts stay: they are those of one record and hardly change.

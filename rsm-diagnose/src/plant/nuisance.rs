@@ -4,8 +4,9 @@
 //! come back: a missing cause may have pressed it there, and would otherwise get no credit for what the bound costs. Never simulates.
 
 use super::levenberg::Fit;
-use super::normal::Normal;
-use super::whitened_residuals::{Column, dot};
+use super::whitened_residuals::Column;
+use crate::engine::columns::dot;
+use crate::engine::normal::Normal;
 
 /// Unknowns at bounds that may come back at most: of those beyond, none does. Every set of them has normal equations of its own.
 const MOST_HELD: usize = 4;

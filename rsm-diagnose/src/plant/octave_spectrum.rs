@@ -4,7 +4,8 @@
 
 use std::f64::consts::TAU;
 
-use super::noise::Floor;
+use super::floor::Floor;
+use crate::engine::significance::deviate_of_chi_squared;
 
 /// Octaves below the Nyquist frequency; the last holds everything below.
 pub const OCTAVES: usize = 8;
@@ -28,12 +29,11 @@ impl Octave {
         self.power / self.lines.max(f64::MIN_POSITIVE)
     }
 
-    /// How far its power is above that of noise, in standard deviations: the power of noise is chi squared with two degrees of freedom a line, made normal by
-    /// its cube root (E. B. Wilson, M. M. Hilferty, 1931), and the floor that whitened it has an error of its own.
+    /// How far its power is above that of noise, in standard deviations of a normal variable that is as rare: the power of noise is half of chi squared with two degrees of freedom a line, and the
+    /// floor that whitened it has an error of its own.
     #[must_use]
     pub fn deviation(&self, floor: &Floor, octave: usize) -> f64 {
-        let third = 1.0 / (9.0 * self.lines);
-        let normal = (self.ratio().cbrt() - 1.0 + third) / third.sqrt();
+        let normal = deviate_of_chi_squared(2.0 * self.power, 2.0 * self.lines);
         let error = floor.error * floor.slope(centre(octave));
         normal / (1.0 + self.lines * error * error).sqrt()
     }
@@ -97,8 +97,8 @@ pub fn transform(re: &mut [f64], im: &mut [f64]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     #[test]
     fn octaves_of_noise_deviate_as_a_normal_variable_does() {

@@ -6,8 +6,8 @@
 
 use super::levenberg::{Equations, Fit};
 use super::model::{Model, Place};
-use super::normal::Normal;
 use super::whitened_residuals::{Column, WhitenedResiduals};
+use crate::engine::normal::Normal;
 
 /// A direction is open where records and the other numbers leave this share of the standard deviation of a tolerance, and more: what a bend feigns is to a thousandth.
 const OPEN: f64 = 1e-3;
@@ -196,9 +196,9 @@ fn eigen(mut a: Vec<f64>, n: usize) -> Vec<(f64, Vec<f64>)> {
 mod tests {
     use super::super::noise::Floor;
     use super::super::posterior::{Posterior, REACH};
-    use super::super::random::Random;
     use super::super::{axis_under_steps, levenberg};
     use super::*;
+    use rsm_fit::random::Random;
 
     const TOLERANCES: &str = "mass = 0.02\nviscous_friction = 0.02";
 

@@ -355,10 +355,10 @@ pub fn spectral(
 #[cfg(test)]
 mod tests {
     use super::super::noise::Floor;
-    use super::super::random::Random;
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
 

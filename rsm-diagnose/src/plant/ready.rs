@@ -9,9 +9,9 @@ use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model};
 use super::noise::Floor;
 use super::share::Share;
-use super::tails::Recorded;
+use super::taming::{self, Recorded};
 use super::whitened_residuals::WhitenedResiduals;
-use super::{Options, Refused, alignment, bridges, regions, survey, tails, under_way, validation};
+use super::{Options, Refused, alignment, bridges, regions, survey, under_way, validation};
 use rsm_sim::effect::Survey;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -100,7 +100,7 @@ impl Ready {
         let mut recorded = [&whitened, &unseen].map(Recorded::of);
         if tails == HeavyTails::LookedFor {
             for _ in 0..TAILS {
-                if !tails::found(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
+                if !taming::found(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
                     break;
                 }
                 (options.progress)("noise with heavy tails: readings far off their neighbours count less");
@@ -148,7 +148,7 @@ impl Ready {
 
     /// Looks for tails that stood under structure until a fit took that away; whether that changes readings.
     pub fn tails_beside(&mut self, fit: &Fit) -> bool {
-        tails::found(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
+        taming::found(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
     }
 
     /// What readings say of inputs in the gaps of their records, the plant being that of a fit; whether those of the training records moved.

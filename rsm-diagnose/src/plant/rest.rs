@@ -120,8 +120,8 @@ fn step(values: &[f64]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     /// A speed that comes to rest for 100 rows and goes on, in steps, with noise of so many of them.
     fn readings(step: f64, noise: f64) -> Vec<f64> {

@@ -3,7 +3,7 @@
 //! In: a signal and the angle at which each value was taken, however unevenly. Out: the wave at each order, by least squares.
 //! Never decides what makes a wave.
 
-use crate::plant::normal::Normal;
+use crate::engine::normal::Normal;
 
 /// A wave amplitude sin(order angle + phase) in a signal.
 #[derive(Debug, Clone, Copy, PartialEq)]

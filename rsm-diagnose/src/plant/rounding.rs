@@ -6,6 +6,8 @@
 //! motion this error is a wave or an offset, and a fit against the simulation itself would take it for a bias or a drift. Compared with the mean reading E[round(x + n)],
 //! it is noise from row to row again. The likelihood of n is that of an ordered probit (J. Aitchison, S. D. Silvey, 1957).
 
+use crate::engine::significance::normal;
+
 /// Noises before rounding that are tried, in steps, each 1.43 times the one before. Below the first a value within a fiftieth of an edge would decide; the last leaves 4 exp(-2 pi^2/4) = 3 % of the
 /// step as the wave of the mean reading, a tenth of the uniform error's standard deviation, and more is no wave.
 const NOISES: [f64; 10] = [0.02, 0.0286, 0.0409, 0.0585, 0.0836, 0.1196, 0.171, 0.2445, 0.3497, 0.5];
@@ -72,19 +74,10 @@ impl Rounding {
     }
 }
 
-/// The distribution function of a normal variable (C. Hastings, "Approximations for digital computers", 1955, sheet 43; to 1e-7).
-fn normal(x: f64) -> f64 {
-    let z = x.abs() * std::f64::consts::FRAC_1_SQRT_2;
-    let t = 1.0 / (1.0 + 0.327_591_1 * z);
-    let sum = t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    let tail = 0.5 * sum * (-z * z).exp();
-    if x < 0.0 { tail } else { 1.0 - tail }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     #[test]
     fn a_value_between_two_steps_reads_their_mean_and_one_on_a_step_itself() {

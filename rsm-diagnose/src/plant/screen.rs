@@ -7,13 +7,15 @@
 use super::hypotheses::{Hypothesis, generalises};
 use super::levenberg::Fit;
 use super::model::Model;
-use super::normal::Normal;
 use super::nuisance::{Back, Nuisance};
+use super::null;
 use super::position_traces::PositionTraces;
-use super::random::Random;
-use super::significance;
 use super::waves;
-use super::whitened_residuals::{WhitenedResiduals, dot};
+use super::whitened_residuals::WhitenedResiduals;
+use crate::engine::columns::dot;
+use crate::engine::normal::Normal;
+use crate::engine::significance::point_of_largest;
+use rsm_fit::random::Random;
 use rsm_sim::effect::{Guess, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
@@ -339,12 +341,12 @@ pub fn null(whitened: &WhitenedResiduals, fit: &Fit, screened: &[Screened], roun
         });
         largest.push(gains.fold(0.0, f64::max));
     }
-    significance::point(&largest)
+    point_of_largest(&largest)
 }
 
 /// A whitened residual of a plant without any discrepancy.
 fn drawn(whitened: &WhitenedResiduals, fit: &Fit, rounded: &[(usize, f64)], random: &mut Random) -> Vec<f64> {
-    let mut stack = significance::noise(whitened, random);
+    let mut stack = null::noise(whitened, random);
     let mut first = 0;
     for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
         for (k, values) in simulated.iter().enumerate() {

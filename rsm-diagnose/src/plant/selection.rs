@@ -11,11 +11,11 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
 use super::screen::{Pair, Screened, null, pairs, screen};
-use super::significance::best_of;
 use super::variable_projection::project;
 use super::veto::Refusal;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{effect_size, waves, whiteness};
+use crate::engine::significance::best_of;
 use rsm_sim::effect::Survey;
 use rsm_sim::plant_file::Entry;
 

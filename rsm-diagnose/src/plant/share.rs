@@ -9,7 +9,9 @@ use std::ops::Range;
 
 use super::checks;
 use super::model::Model;
-use super::whitened_residuals::{Prepared, WhitenedResiduals};
+pub use super::prepared::Piece;
+use super::prepared::Prepared;
+use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -41,17 +43,6 @@ pub struct Share {
     rows: (usize, usize),
 }
 
-/// A part of a record.
-#[derive(Debug, Clone)]
-pub struct Piece {
-    /// Its rows; messages name them.
-    pub record: Record,
-    /// Rows of the file before it.
-    pub from: usize,
-    /// Its first rows, which do not count: they come from a state that nobody knows.
-    pub settling: usize,
-}
-
 /// Rows that the search did not look at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NotSeen {
@@ -68,14 +59,6 @@ impl fmt::Display for NotSeen {
             "Of {} rows the search for causes looked at {}, of each record its beginning and pieces of the rest, where the plant forgets its start fast enough: all of them would take longer than a diagnosis may",
             self.of, self.seen
         )
-    }
-}
-
-impl Piece {
-    /// All of a record.
-    #[must_use]
-    pub fn whole(record: Record) -> Self {
-        Piece { record, from: 0, settling: 0 }
     }
 }
 

@@ -223,8 +223,8 @@ fn shown(value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     #[test]
     fn a_line_stands_out_of_a_steep_slope_and_a_slope_alone_has_none() {

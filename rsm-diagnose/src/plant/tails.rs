@@ -2,17 +2,12 @@
 //!
 //! In: the residuals of the outputs. Out: the distribution of the noise of each output with heavy tails, and readings in which each outlier is moved towards its neighbours, so that a least squares
 //! fit solves the equations of the likelihood of Student's t (pseudo-values; P. J. Huber, "Robust statistics", 1981, section 7.8). Later steps then see noise of one size, with the variance
-//! of the best estimate, so costs, thresholds and intervals stay valid. Normal noise is left unchanged. A reading is compared with its neighbours, not with the simulation alone, so structure that lasts
+//! of the best estimate, so costs, thresholds and intervals stay valid ([`super::taming`]). Normal noise is left unchanged. A reading is compared with its neighbours, not with the simulation alone, so structure that lasts
 //! some rows is no outlier. Where the noise is correlated from row to row, its innovations are used: each reading less what the reading before it, already corrected, predicts.
 
-use super::alignment;
-use super::checks::Finding;
-use super::levenberg::Fit;
-use super::model::Model;
-use super::noise::{Floor, median};
-use super::validation;
-use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
-use rsm_sim::kind::PlantKind;
+use super::noise::Floor;
+use crate::engine::significance::median;
+use statrs::function::gamma::ln_gamma;
 
 /// Rows to either side that say where a row should be: their median is not moved by outliers.
 const BESIDE: usize = 4;
@@ -173,7 +168,7 @@ impl Tails {
     }
 
     /// Readings of a record in which the noise is tame: moved towards their neighbours. `left` is what a simulation leaves of them.
-    fn tamed(&self, measured: &[f64], left: &[f64], used: &[bool], law: &Floor) -> Vec<f64> {
+    pub(super) fn tamed(&self, measured: &[f64], left: &[f64], used: &[bool], law: &Floor) -> Vec<f64> {
         let (even, uneven) = evened(law, measured, left);
         let off = off_expected(&even, used, self.correlation);
         let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return measured.to_vec() };
@@ -194,7 +189,7 @@ impl Tails {
 }
 
 /// What is left as it would be if the noise did not grow with the reading, and what each row was divided by.
-fn evened(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn evened(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut even, mut units) = (left.to_vec(), vec![1.0; left.len()]);
     floor.even(measured, &mut even);
     floor.even(measured, &mut units);
@@ -281,130 +276,18 @@ fn scale(values: &[f64], freedom: f64) -> f64 {
 /// The negative logarithm of the likelihood of Student's t.
 fn cost(values: &[f64], (freedom, scale): (f64, f64)) -> f64 {
     let level =
-        log_gamma(0.5 * freedom) - log_gamma(0.5 * (freedom + 1.0)) + 0.5 * (freedom * std::f64::consts::PI).ln() + scale.ln();
+        ln_gamma(0.5 * freedom) - ln_gamma(0.5 * (freedom + 1.0)) + 0.5 * (freedom * std::f64::consts::PI).ln() + scale.ln();
     let tail = |value: &f64| 0.5 * (freedom + 1.0) * ((value / scale).powi(2) / freedom).ln_1p();
     values.len() as f64 * level + values.iter().map(tail).sum::<f64>()
-}
-
-/// The logarithm of the gamma function for numbers above 0 (J. Stirling's series from 10 on, by the recursion below it; to 1e-10).
-fn log_gamma(x: f64) -> f64 {
-    let (mut x, mut below) = (x, 0.0);
-    while x < 10.0 {
-        below += x.ln();
-        x += 1.0;
-    }
-    let inverse = 1.0 / x;
-    let series = inverse / 12.0 - inverse.powi(3) / 360.0 + inverse.powi(5) / 1260.0 - inverse.powi(7) / 1680.0;
-    (x - 0.5) * x.ln() - x + 0.5 * std::f64::consts::TAU.ln() + series - below
-}
-
-/// The laws of all outputs, from what a simulation leaves of the records.
-fn laws(whitened: &WhitenedResiduals, simulated: &[Simulated], kind: PlantKind, findings: &[Finding]) -> [Option<Tails>; 3] {
-    let mut laws = [None; 3];
-    for (output, law) in laws.iter_mut().enumerate() {
-        let floor = &whitened.floors[output];
-        let mut even: Vec<(&Prepared, usize, Vec<f64>)> = Vec::new();
-        for (prepared, simulated) in whitened.records.iter().zip(simulated) {
-            let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
-            let left = less(prepared.measured(k), &simulated[k]);
-            even.push((prepared, k, evened(floor, prepared.measured(k), &left).0));
-        }
-        let mut lists: Vec<Left<'_>> = Vec::new();
-        for (prepared, k, left) in &even {
-            let jumps = alignment::jumps_of(prepared, *k, kind, findings);
-            lists.push(Left { measured: prepared.measured(*k), left, used: &prepared.used[*k], jumps });
-        }
-        *law = if lists.is_empty() { None } else { Tails::found(&lists) };
-    }
-    laws
-}
-
-/// Readings as they were recorded, of each record by output: laws are asked of these, beside the best fit there is.
-#[derive(Debug, Clone)]
-pub struct Recorded(Vec<Vec<Option<Vec<f64>>>>);
-
-impl Recorded {
-    /// The readings of the records.
-    #[must_use]
-    pub fn of(whitened: &WhitenedResiduals) -> Self {
-        Recorded(whitened.records.iter().map(|it| it.record.measured.clone()).collect())
-    }
-
-    /// Exchanges them with those that the records hold.
-    fn swap(&mut self, whitened: &mut WhitenedResiduals) {
-        self.0.iter_mut().zip(&mut whitened.records).for_each(|(own, it)| std::mem::swap(own, &mut it.record.measured));
-    }
-}
-
-/// Correlations of noise that differ by less leave readings that differ by less than a tenth of the noise, and only behind outliers.
-const SAME_COLOUR: f64 = 0.1;
-
-/// Looks for heavy tails beside a fit and makes the noise of both sets of records tame; whether that changed. A fit that misses something hides tails under structure, or takes structure for the colour of noise:
-/// laws are found anew once a better one is there. `recorded`: the readings of both sets of records; `findings` tell which rows were left out as jumps.
-pub fn found(
-    whitened: &mut WhitenedResiduals,
-    unseen: &mut WhitenedResiduals,
-    recorded: &mut [Recorded; 2],
-    fit: &Fit,
-    findings: &[Finding],
-) -> bool {
-    recorded[0].swap(whitened);
-    let laws = laws(whitened, &fit.simulated, fit.model.file.kind, findings);
-    let is_same = |(one, other): (&Option<Tails>, &Option<Tails>)| match (one, other) {
-        (Some(one), Some(other)) => (one.correlation - other.correlation).abs() < SAME_COLOUR,
-        (one, other) => one.is_none() && other.is_none(),
-    };
-    let changes = !laws.iter().zip(&whitened.tails).all(is_same);
-    if changes {
-        recorded[1].swap(unseen);
-        *recorded = [Recorded::of(whitened), Recorded::of(unseen)];
-        whitened.tails = laws;
-        tame(whitened, &fit.simulated);
-        *unseen = tamed(whitened.on(std::mem::take(&mut unseen.records)), &fit.model);
-    } else {
-        recorded[0].swap(whitened);
-    }
-    changes
-}
-
-/// Makes the noise of the records tame by its laws. `simulated` is a simulation of them; their readings are as they were recorded.
-fn tame(whitened: &mut WhitenedResiduals, simulated: &[Simulated]) {
-    for (prepared, simulated) in whitened.records.iter_mut().zip(simulated) {
-        for (k, values) in simulated.iter().enumerate() {
-            let output = prepared.outputs[k];
-            let Some(law) = whitened.tails[output] else { continue };
-            let measured = prepared.measured(k);
-            let tamed = law.tamed(measured, &less(measured, values), &prepared.used[k], &whitened.floors[output]);
-            prepared.record.measured[output] = Some(tamed);
-        }
-    }
-}
-
-/// Records that no fit has seen, their noise tame by the laws of those that were fitted. Where a model cannot be simulated along them they stay as they are.
-#[must_use]
-pub fn tamed(mut unseen: WhitenedResiduals, model: &Model) -> WhitenedResiduals {
-    if unseen.tails.iter().any(Option::is_some)
-        && let Some(there) = validation::on(&unseen, model)
-    {
-        tame(&mut unseen, &there.simulated);
-    }
-    unseen
-}
-
-fn less(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
-    measured.iter().zip(simulated).map(|(measured, simulated)| measured - simulated).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::checks::jumps;
-    use super::super::random::Random;
-    use super::super::{Options, Verdict, axis_under_steps, diagnose, levenberg};
+    use super::super::{Options, Verdict, axis_under_steps, diagnose};
     use super::*;
-    use rsm_core::source::Source;
-    use rsm_sim::plant_file::PlantFile;
+    use rsm_fit::random::Random;
     use rsm_sim::record::Record;
-    use rsm_sim::simulate::Simulator;
 
     /// Student's t with so many degrees of freedom, of scale one.
     fn student(random: &mut Random, freedom: usize) -> f64 {
@@ -571,56 +454,5 @@ mod tests {
         assert!(found.noise[0].1 < 1.1e-5, "{:?}", found.noise);
         let force = &found.causes[0].parameters[0];
         assert!(force.low <= 0.5 && 0.5 <= force.high, "{force:?}");
-    }
-
-    /// A closed axis on which both readings have outliers, at a fit that misses the position by what lasts, and at one that does not.
-    #[test]
-    fn tails_under_structure_of_one_output_are_found_once_it_is_gone_and_those_of_the_other_stay() {
-        let file =
-            PlantFile::read(&Source::new("axis.toml", include_str!("../../../rsm-sim/plants/servo-axis.toml").to_string()))
-                .unwrap();
-        let row = |k: usize| format!("{},{},0,0\n", k as f64 / 1000.0, 1e-2 * (k as f64 / 300.0).sin());
-        let csv = "time[s],reference[m],position[m],command[V]\n".to_string() + &(0..3000).map(row).collect::<String>();
-        let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
-        let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
-        let mut random = Random::new(9);
-        let sds = [1e-6, 1e-3, 1.0];
-        for (k, name) in ["position", "command"].iter().enumerate() {
-            let mut noise = || if random.uniform() < 0.02 { 20.0 } else { 1.0 } * sds[k] * random.normal();
-            record.measured[k] = Some(simulated.of(name).unwrap().iter().map(|value| value + noise()).collect());
-        }
-        let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
-        let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
-        let fit = levenberg::fit(&whitened, model, 4).unwrap();
-        let mut missed = fit.clone();
-        // Ten rows in forty are off by thirty times the noise.
-        missed.simulated[0][0].iter_mut().enumerate().filter(|(k, _)| k / 10 % 4 == 0).for_each(|(_, value)| *value += 3e-5);
-        let mut unseen = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
-        let mut recorded = [&whitened, &unseen].map(Recorded::of);
-        assert!(super::found(&mut whitened, &mut unseen, &mut recorded, &missed, &[]));
-        assert!(whitened.tails[0].is_none() && whitened.tails[1].is_some(), "{:?}", whitened.tails);
-        assert_eq!(whitened.records[0].record.measured[0], record.measured[0]);
-        assert!(super::found(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
-        assert!(whitened.tails[0].is_some() && unseen.tails == whitened.tails, "{:?}", whitened.tails);
-        // Tame by what was recorded, not by what was tame before, and once.
-        let mut once = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
-        let mut of_once = [&once, &unseen].map(Recorded::of);
-        assert!(super::found(&mut once, &mut unseen.clone(), &mut of_once, &fit, &[]));
-        assert_eq!(whitened.records[0].record.measured, once.records[0].record.measured);
-        assert_ne!(whitened.records[0].record.measured, record.measured);
-        assert!(!super::found(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
-        assert_eq!(whitened.records[0].record.measured, once.records[0].record.measured);
-    }
-
-    #[test]
-    fn log_gamma_of_halves_and_wholes() {
-        for (x, value) in [
-            (0.5, std::f64::consts::PI.sqrt().ln()),
-            (1.0, 0.0),
-            (5.0, 24.0_f64.ln()),
-            (1.5, (0.5 * std::f64::consts::PI.sqrt()).ln()),
-        ] {
-            assert!((log_gamma(x) - value).abs() < 1e-9, "{x}");
-        }
     }
 }

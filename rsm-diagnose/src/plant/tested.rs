@@ -6,8 +6,8 @@
 use super::bootstrap;
 use super::checks::{self, Finding};
 use super::model::Model;
-use super::share::Piece;
-use super::tails;
+use super::prepared::Piece;
+use super::taming;
 use super::validation::{self, Error};
 use super::verdict::{gain, gain_of};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
@@ -47,7 +47,7 @@ pub fn tested(
     if prepared.is_empty() {
         return None;
     }
-    let whitened = tails::tamed(fitted.on(prepared), extended);
+    let whitened = taming::tamed(fitted.on(prepared), extended);
     let before = from_first_part(&whitened, nominal)?;
     let after = from_first_part(&whitened, extended)?;
     let mut rest = whitened.clone();

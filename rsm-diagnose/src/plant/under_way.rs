@@ -82,9 +82,9 @@ mod tests {
     use rsm_core::source::Source;
 
     use super::super::noise::Floor;
-    use super::super::random::Random;
     use super::super::whitened_residuals::Prepared;
     use super::*;
+    use rsm_fit::random::Random;
 
     /// Positions of 400 rows at a kilohertz that begin at a speed, m/s, read with 1 um of noise.
     fn axis(file: &PlantFile, speed: f64, seed: u64) -> Prepared {

@@ -10,10 +10,12 @@
 use super::checks;
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::noise::{Floor, median};
+use super::noise::Floor;
 use super::nuisance::Nuisance;
-use super::share::Piece;
-use super::whitened_residuals::{Prepared, WhitenedResiduals, dot};
+use super::prepared::Piece;
+use super::whitened_residuals::{Prepared, WhitenedResiduals};
+use crate::engine::columns::dot;
+use crate::engine::significance::median;
 use rsm_sim::effect::Role;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;

@@ -5,8 +5,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::noise::Floor;
+use super::floor::{Floor, shape};
 use super::octave_spectrum::{Octave, transform};
+use crate::engine::significance::median;
 
 /// Samples of a segment: 125 of them in a record of 8000 rows. Where rows are lost so often that fewer than half of the rows stand in one, segments are shorter.
 const SEGMENTS: [usize; 3] = [128, 64, 32];
@@ -122,11 +123,6 @@ fn holds(octave: Octave, k: usize, correlation: f64, level: f64) -> bool {
     held.deviation(&Floor::white(1.0), k) > -3.66
 }
 
-/// The power of a first-order process falls with this; the cosine is that of the frequency.
-pub(super) fn shape(correlation: f64, cos: f64) -> f64 {
-    1.0 - 2.0 * correlation * cos + correlation * correlation
-}
-
 pub(super) fn positive(level: f64) -> Option<f64> {
     (level > 0.0 && level.is_finite()).then_some(level)
 }
@@ -179,14 +175,4 @@ fn starts(residuals: &[(&[f64], &[bool])], size: usize) -> Vec<(usize, usize)> {
         }
     }
     list
-}
-
-/// The median; reorders its values.
-pub fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
 }

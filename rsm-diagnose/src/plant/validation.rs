@@ -133,9 +133,9 @@ pub fn errors_of(whitened: &WhitenedResiduals, simulated: &[Simulated]) -> Vec<E
 #[cfg(test)]
 mod tests {
     use super::super::noise::Floor;
-    use super::super::random::Random;
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::simulate::Simulator;
 

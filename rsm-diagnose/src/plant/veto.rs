@@ -143,7 +143,7 @@ fn by_record(unseen: &WhitenedResiduals, model: &Model, guides: &[&Model], fit: 
     let of = |fit: &Fit, record: usize| {
         let first = unseen.first(record);
         let part = &fit.residual[first..first + WhitenedResiduals::length(&unseen.records[record])];
-        super::whitened_residuals::dot(part, part)
+        crate::engine::columns::dot(part, part)
     };
     Some((0..unseen.records.len()).map(|record| fits.iter().map(|fit| of(fit, record)).fold(f64::INFINITY, f64::min)).collect())
 }

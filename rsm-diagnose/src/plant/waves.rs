@@ -13,9 +13,10 @@ use std::f64::consts::TAU;
 use super::curvature::{Curvature, curvatures};
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::normal::Normal;
 use super::position_traces::PositionTraces;
-use super::whitened_residuals::{Column, WhitenedResiduals, dot};
+use super::whitened_residuals::{Column, WhitenedResiduals};
+use crate::engine::columns::dot;
+use crate::engine::normal::Normal;
 use rsm_sim::effect::{Arguments, Description, Role, Wave};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
@@ -354,10 +355,10 @@ impl<'f> Joint<'f> {
 #[cfg(test)]
 mod tests {
     use super::super::noise::Floor;
-    use super::super::random::Random;
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
     use rsm_sim::simulate::Simulator;

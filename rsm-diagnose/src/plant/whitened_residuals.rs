@@ -6,11 +6,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::bridges::Bridge;
 use super::model::{Model, Place};
 use super::noise::Floor;
+pub use super::prepared::Prepared;
 use super::tails::Tails;
-use rsm_sim::record::{Drive, Record};
+use crate::engine::columns::dot;
 use rsm_sim::simulate::{Outputs, Simulator};
 use rsm_sim::threads::in_threads_with;
 
@@ -41,104 +41,6 @@ const LEAST_ALLOWED: usize = 64;
 /// time constant on its way to nothing.
 const TIMES_THE_PLANT: usize = 8;
 
-/// A record with the rows that count.
-#[derive(Debug, Clone)]
-pub struct Prepared {
-    /// The record.
-    pub record: Record,
-    /// The outputs that it holds and that the simulation shows, by their place in the plant.
-    pub outputs: Vec<usize>,
-    /// For each of `outputs`, which rows count.
-    pub used: Vec<Vec<bool>>,
-    /// How many rows of the file stand before its first.
-    pub from: usize,
-    /// Gaps of a few rows that were filled, in their order.
-    pub bridges: Vec<Bridge>,
-    /// For each of `outputs`, which of the first rows counted before they were set aside to lead the simulation. Empty where none were.
-    pub(super) led: Vec<Vec<bool>>,
-}
-
-impl Prepared {
-    /// All rows of a record count.
-    #[must_use]
-    pub fn new(record: Record, outputs_of_plant: usize) -> Self {
-        let shown = |output: usize| match record.drive {
-            Drive::HoldsDirectCurrent => output > 0,
-            // An axis in open loop has its command as an input.
-            Drive::Open if outputs_of_plant == 2 => output == 0,
-            _ => true,
-        };
-        let outputs: Vec<usize> = (0..outputs_of_plant).filter(|k| shown(*k) && record.measured[*k].is_some()).collect();
-        let used = vec![vec![true; record.rows()]; outputs.len()];
-        Prepared { record, outputs, used, from: 0, bridges: Vec::new(), led: Vec::new() }
-    }
-
-    /// The measured values of the k-th of its outputs.
-    #[must_use]
-    pub fn measured(&self, k: usize) -> &[f64] {
-        self.record.measured[self.outputs[k]].as_deref().unwrap_or(&[])
-    }
-
-    /// The row of the file that a row is; of a row that the file lacks, the one before.
-    #[must_use]
-    pub fn file_row(&self, row: usize) -> usize {
-        let filled: usize = self.bridges.iter().map(|it| (row + 1).clamp(it.rows.start, it.rows.end) - it.rows.start).sum();
-        self.from + row - filled
-    }
-
-    /// The row that a row of the file is, where it is one of these.
-    #[must_use]
-    pub fn row_of(&self, file_row: usize) -> Option<usize> {
-        let mut row = file_row.checked_sub(self.from)?;
-        for bridge in &self.bridges {
-            row += if row >= bridge.rows.start { bridge.rows.len() } else { 0 };
-        }
-        (row < self.record.rows()).then_some(row)
-    }
-
-    /// The first rows of it.
-    #[must_use]
-    pub fn shortened(&self, rows: usize) -> Self {
-        let mut short = self.clone();
-        short.keep(0..rows.min(self.record.rows()));
-        short
-    }
-
-    /// Sets the first rows aside: they lead the simulation, and do not count.
-    pub(super) fn lead(&mut self, rows: usize) {
-        self.led = self.used.iter().map(|used| used[..rows].to_vec()).collect();
-        self.used.iter_mut().for_each(|used| used[..rows].fill(false));
-    }
-
-    /// The same record, with the rows that were set aside to lead: what was left out for another reason stays out.
-    pub(super) fn from_its_start(&self) -> Self {
-        let mut whole = self.clone();
-        for (used, led) in whole.used.iter_mut().zip(&self.led) {
-            used[..led.len()].copy_from_slice(led);
-        }
-        whole.led.clear();
-        whole
-    }
-
-    /// No row of its k-th output counts.
-    pub(super) fn leave_out(&mut self, k: usize) {
-        self.used[k].fill(false);
-        self.led.iter_mut().skip(k).take(1).for_each(|led| led.fill(false));
-    }
-
-    /// Keeps some rows.
-    pub fn keep(&mut self, rows: std::ops::Range<usize>) {
-        self.from = self.file_row(rows.start);
-        self.record = self.record.piece(rows.clone());
-        self.bridges.retain(|it| rows.start < it.rows.start && it.rows.end < rows.end);
-        for bridge in &mut self.bridges {
-            bridge.rows = bridge.rows.start - rows.start..bridge.rows.end - rows.start;
-        }
-        self.used.iter_mut().for_each(|used| *used = used[rows.clone()].to_vec());
-        self.led.iter_mut().for_each(|led| *led = led.iter().take(rows.end).skip(rows.start).copied().collect());
-    }
-}
-
 /// Simulated outputs of one record, in the order of [`Prepared::outputs`].
 pub type Simulated = Vec<Vec<f64>>;
 
@@ -168,23 +70,6 @@ impl Column {
         }
         dot(&self.values[first - self.first..end - self.first], &other.values[first - other.first..end - other.first])
     }
-}
-
-/// Inner product in eight partial sums: the order is fixed, and the machine may keep them side by side. Of lists of different length the beginnings count.
-#[must_use]
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // Eights and rests would else be of different places: of 8 and 7 numbers nothing would meet.
-    let common = a.len().min(b.len());
-    let (a, b) = (&a[..common], &b[..common]);
-    let mut sums = [0.0; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a8.zip(b8) {
-        for k in 0..8 {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    sums.iter().sum::<f64>() + rest
 }
 
 /// Records and the noise of their outputs.
@@ -433,6 +318,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_sim::plant_file::PlantFile;
+    use rsm_sim::record::Record;
 
     #[test]
     fn a_difference_that_moves_more_than_the_noise_is_taken_again_over_a_shorter_step() {
@@ -457,39 +343,5 @@ mod tests {
         // 3 % of the mass move the end by 0.12 m.
         assert!((share(1.0) - 1.0 / 1.03).abs() < 1e-6, "{}", share(1.0));
         assert!((share(1e-4) - 1.0).abs() < 1e-4, "{}", share(1e-4));
-    }
-
-    #[test]
-    fn rows_that_lead_count_again_from_the_start_and_rows_that_a_finding_left_out_do_not() {
-        let text = include_str!("../../../rsm-sim/plants/servo-axis.toml");
-        let file = PlantFile::read(&Source::new("axis.toml", text)).unwrap();
-        let rows: String = (0..8).map(|k| format!("{},0,0,0\n", f64::from(k) / 100.0)).collect();
-        let csv = format!("time[s],reference[m],position[m],command[V]\n{rows}");
-        let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
-        let mut prepared = Prepared::new(record, 2);
-        prepared.used[0][1] = false;
-        prepared.lead(3);
-        let t = true;
-        assert_eq!(prepared.used, [[!t, !t, !t, t, t, t, t, t]; 2]);
-        assert_eq!(prepared.from_its_start().used, [[t, !t, t, t, t, t, t, t], [t; 8]]);
-        // Shorter records, and an output that is left out afterwards.
-        let mut short = prepared.shortened(2);
-        assert_eq!(short.from_its_start().used, [[t, !t], [t, t]]);
-        short.leave_out(1);
-        assert_eq!(short.from_its_start().used, [[t, !t], [!t, !t]]);
-        let mut late = prepared.clone();
-        late.keep(2..5);
-        assert_eq!(late.from_its_start().used, [[t; 3]; 2]);
-        let mut later = prepared;
-        later.keep(4..6);
-        assert_eq!(later.from_its_start().used, [[t; 2]; 2]);
-    }
-
-    #[test]
-    fn the_beginnings_of_lists_meet_whatever_their_lengths() {
-        let ones = [1.0; 20];
-        for (a, b) in [(8, 7), (7, 8), (16, 17), (20, 3), (9, 9), (0, 5)] {
-            assert_eq!(dot(&ones[..a], &ones[..b]), a.min(b) as f64);
-        }
     }
 }

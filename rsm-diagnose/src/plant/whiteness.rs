@@ -7,6 +7,7 @@ use super::levenberg::Fit;
 use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
 use super::whitened_residuals::WhitenedResiduals;
+use crate::engine::significance::quantile;
 
 /// How rarely noise alone may pass for structure, over all octaves of all outputs in both looks. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.
 const ALARM: f64 = 0.01;
@@ -124,11 +125,4 @@ fn uneven(whitened: &WhitenedResiduals, fit: &Fit, output: usize, rounding: Roun
         octave.power *= even * share;
         octave.lines *= share;
     }
-}
-
-/// What a normal variable passes with this probability, at most one half (C. Hastings, "Approximations for digital computers", 1955, sheet 68; to 5e-4).
-#[must_use]
-pub fn quantile(probability: f64) -> f64 {
-    let t = (-2.0 * probability.ln()).sqrt();
-    t - (2.515_517 + t * (0.802_853 + t * 0.010_328)) / (1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308)))
 }

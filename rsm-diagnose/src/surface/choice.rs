@@ -3,14 +3,15 @@
 //! In: a sample, hypotheses, thresholds, the state of [`super::explain`]. Out: hypotheses. The result of the search is checked again: each cause must exceed its threshold within the set, shapes that equal a plain
 //! shift are dropped, changes between runs are placed at their row, and a missing order is reported by its terms. Never changes outlying runs or the noise.
 
-use super::explain::{Explained, solved};
+use super::explained::{Explained, solved};
 use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_STEPS, Part, step};
 use super::null::Thresholds;
 use super::sample::Sample;
 use super::search::{Candidate, Search};
-use super::tails::ln_upper_f;
-use super::whitening::{Space, dot};
-use super::work::Work;
+use super::whitening::Space;
+use crate::engine::columns::dot;
+use crate::engine::significance::ln_upper_f;
+use crate::engine::work::Work;
 
 /// What one cause of a set is worth.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,11 +3,11 @@
 //! In: a sample and its explanation. Out: for each cause its unknowns with standard errors; and the explanation with the columns of input sensors updated to the estimate. The gain and bias of an input sensor act
 //! through the polynomial, which is not linear, so these columns are iterated (Gauss-Newton). Never adds or drops a cause.
 
-use super::explain::{Explained, settle, solved};
+use super::explained::{Explained, settle, solved};
 use super::hypotheses::{Claim, moved};
 use super::sample::Sample;
-use super::tails::t_of;
-use super::whitening::{Solved, dot, solve};
+use crate::engine::columns::{Solved, dot, solve};
+use crate::engine::significance::t_of;
 
 /// What one cause's unknowns are.
 #[derive(Debug, Clone, PartialEq)]

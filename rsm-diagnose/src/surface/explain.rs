@@ -5,40 +5,15 @@
 //! Never uses holdout rows.
 
 use super::choice::causes;
+use super::explained::{Explained, Noise, settle, solved, space_of};
 use super::hypotheses::Hypothesis;
 use super::noise::{self, Growth};
 use super::null::Thresholds;
 use super::sample::Sample;
-use super::whitening::{Shape, Solved, Space, dot, ln_gram, orthonormal, solve};
-use super::work::Work;
-
-/// The noise as it is taken to be.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Noise {
-    /// How it grows; `None`: it is even.
-    pub growth: Option<Growth>,
-    /// Correlation of neighbours in the run order; `None`: there is none.
-    pub rho: Option<f64>,
-}
-
-/// What explains a sample.
-#[derive(Debug, Clone)]
-pub struct Explained {
-    /// The causes that move the mean.
-    pub set: Vec<Hypothesis>,
-    /// Rows that are left out, places in the sample, ascending.
-    pub outliers: Vec<usize>,
-    /// The noise.
-    pub noise: Noise,
-    /// How much less well the file knows its coefficients than `Sample::prior` says: a factor of the variance.
-    pub looseness: f64,
-    /// -2 ln likelihood plus costs.
-    pub score: f64,
-    /// What the mean becomes at all rows.
-    pub fitted: Vec<f64>,
-    /// Relative standard deviation of each row.
-    pub scale: Vec<f64>,
-}
+use super::whitening::{Shape, Space};
+use crate::engine::columns::{Basis, dot, solve};
+use crate::engine::significance::f_of;
+use crate::engine::work::Work;
 
 /// A tenth of the runs may be outliers; more are a part of the process.
 const MOST_OUTLIERS: f64 = 0.1;
@@ -54,23 +29,6 @@ const ONE_BY_ONE: usize = 400;
 
 /// Turns until causes, outliers and noise stay; where they circle, the best turn counts.
 const TURNS: usize = 5;
-
-impl Explained {
-    /// The rows that count.
-    pub fn kept(&self) -> Vec<usize> {
-        (0..self.fitted.len()).filter(|row| !self.outliers.contains(row)).collect()
-    }
-
-    /// Scale and correlation of the noise.
-    pub fn shape(&self) -> Shape {
-        Shape { scale: self.scale.clone(), rho: self.noise.rho.unwrap_or(0.0) }
-    }
-
-    /// The white space of the rows that count.
-    pub fn space(&self, sample: &Sample) -> Space {
-        space_of(sample, &self.kept(), &self.shape(), self.looseness)
-    }
-}
 
 /// The best explanation. Where the work is spent, further kinds of noise are not tried: even noise, the plainest, is the first.
 pub(super) fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, work: &Work<'_>) -> Explained {
@@ -171,12 +129,6 @@ fn plain(sample: &Sample) -> Vec<f64> {
     solve(&columns, &residual).residual
 }
 
-/// The white space of some rows.
-pub(super) fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, looseness: f64) -> Space {
-    let prior: Vec<Vec<f64>> = sample.prior.iter().map(|row| row.iter().map(|value| looseness * value).collect()).collect();
-    Space::new(kept, shape, &sample.terms, &prior)
-}
-
 /// So often the knowledge of the coefficients follows the noise, which follows it: a variance of the noise of the file's rows moves that of the new ones by little.
 const AGREEING: usize = 2;
 
@@ -217,39 +169,6 @@ fn scale(noise: Noise, fitted: &[f64]) -> Vec<f64> {
     noise.growth.map_or_else(|| vec![1.0; fitted.len()], |growth| growth.scale(fitted))
 }
 
-/// Least squares of the set at the rows that count: the fitted mean at all rows.
-pub(super) fn settle(sample: &Sample, now: &mut Explained) {
-    let space = now.space(sample);
-    let solved = solved(sample, &now.set, &space);
-    now.fitted = mean(sample, &now.set, &solved, &space);
-}
-
-/// The least-squares problem of a set.
-pub(super) fn solved(sample: &Sample, set: &[Hypothesis], space: &Space) -> Solved {
-    let columns: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
-    solve(&columns, &space.carried(&sample.residual()))
-}
-
-/// The nominal response with the causes, and with the coefficients moved by what the data say within their uncertainty.
-fn mean(sample: &Sample, set: &[Hypothesis], solved: &Solved, space: &Space) -> Vec<f64> {
-    let mut fitted = sample.nominal.clone();
-    let all = set.iter().flat_map(|it| &it.columns).zip(&solved.coefficients);
-    for (column, amplitude) in all {
-        fitted.iter_mut().zip(column).for_each(|(f, x)| *f += amplitude * x);
-    }
-    let moves = calibration(sample, space, &fitted);
-    for (column, amount) in sample.terms.iter().zip(moves) {
-        fitted.iter_mut().zip(column).for_each(|(f, x)| *f += amount * x);
-    }
-    fitted
-}
-
-/// By how much the coefficients of the file move: what is left, against how well the file knows them (the posterior mean).
-pub(super) fn calibration(sample: &Sample, space: &Space, fitted: &[f64]) -> Vec<f64> {
-    let left: Vec<f64> = sample.response.iter().zip(fitted).map(|(y, f)| y - f).collect();
-    space.calibration(&left, &sample.terms)
-}
-
 /// -2 ln likelihood plus the costs of causes, outliers and noise. A row that is left out counts as one that fits exactly.
 fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
     let space = now.space(sample);
@@ -260,7 +179,7 @@ fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
     let width = |it: &Hypothesis| it.columns.len();
     let causes: f64 = now.set.iter().map(|it| thresholds.cost(width(it), space.rows()) + it.prior).sum();
     let freedom = (rows - now.set.iter().map(width).sum::<usize>() as f64 - 3.0).max(2.0);
-    let f = super::tails::f_of((thresholds.alpha_outliers / rows).ln(), 1.0, freedom);
+    let f = f_of((thresholds.alpha_outliers / rows).ln(), 1.0, freedom);
     let outliers = now.outliers.len() as f64 * rows * (f / freedom).ln_1p();
     if !is_noise_proven(sample, thresholds, now) {
         return f64::INFINITY;
@@ -270,7 +189,7 @@ fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
     let even = space_of(sample, &now.kept(), &Shape { scale: vec![1.0; sample.rows()], rho: 0.0 }, now.looseness);
     let gram = |space: &Space| {
         let columns = now.set.iter().flat_map(|it| &it.columns);
-        ln_gram(&columns.map(|column| space.carried(column)).collect::<Vec<_>>())
+        Basis::of(&columns.map(|column| space.carried(column)).collect::<Vec<_>>()).ln_gram()
     };
     let restricted = if now.noise == Noise::default() { 0.0 } else { gram(&space) - gram(&even) };
     rows * (square / space.rows() as f64).ln() + restricted + space.ln_determinant + scales_left_out + causes + outliers + noise
@@ -331,7 +250,7 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
 /// Externally studentised residuals of the rows kept, and their degrees of freedom.
 pub(super) fn studentised(sample: &Sample, set: &[Hypothesis], space: &Space) -> (Vec<f64>, f64) {
     let carried: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
-    let basis = orthonormal(&carried);
+    let basis = Basis::of(&carried).directions;
     let solved = solve(&carried, &space.carried(&sample.residual()));
     let (rows, rank) = (space.rows() as f64, basis.len() as f64);
     let square = dot(&solved.residual, &solved.residual);

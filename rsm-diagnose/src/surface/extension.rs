@@ -9,7 +9,7 @@ use rsm_core::basis::Variable;
 use rsm_core::model::{Coding, Evidence, Input, Outside, Surface, Term};
 
 use super::estimate::Estimates;
-use super::explain::{Explained, calibration};
+use super::explained::{Explained, calibration};
 use super::hypotheses::{Claim, Monomial, bias_fits_file};
 use super::sample::Sample;
 use rsm_fit::design::{Design, Physical};

@@ -8,12 +8,13 @@ use rsm_core::model::{Input, Model, Surface};
 use super::Verdict;
 use super::data::NewData;
 use super::estimate::{numbers, refine};
-use super::explain::{Explained, explain, from_noise};
+use super::explain::{explain, from_noise};
+use super::explained::Explained;
 use super::extension::{Extension, evaluate, extend};
 use super::hypotheses;
 use super::null::Thresholds;
 use super::sample::{Extra, Sample, Taken};
-use super::work::Work;
+use crate::engine::work::Work;
 use rsm_fit::random::Random;
 
 /// Folds of the cross-validation: a fifth is left out at a time (Hastie, Tibshirani, Friedman, The Elements of Statistical Learning, 7.10).

@@ -5,7 +5,7 @@
 //! Never looks at the response.
 
 use super::sample::Sample;
-use super::whitening::{dot, orthonormal, solve, subtract};
+use crate::engine::columns::{Basis, dot, solve, subtract};
 use rsm_fit::design::{self, missing_odd_input, terms_up_to};
 
 /// A product of powers of the surface's factors and of a column that the surface lacks.
@@ -274,11 +274,11 @@ impl List<'_> {
     }
 
     /// What the inputs of the model make up of columns: their span, with the constant.
-    fn known(&self) -> Vec<Vec<f64>> {
+    fn known(&self) -> Basis {
         let mut known = vec![vec![1.0; self.sample.rows()]];
         known.extend((0..self.sample.inputs.len()).map(|input| self.sample.coded(input)));
         known.extend(self.sample.points.iter().cloned());
-        orthonormal(&known)
+        Basis::of(&known)
     }
 
     fn missing_inputs(&mut self) {
@@ -291,10 +291,7 @@ impl List<'_> {
             }
             let z: Vec<f64> = values.iter().map(|value| (value - middle) / half).collect();
             let mut own = z.clone();
-            for direction in &known {
-                let part = dot(direction, &own);
-                subtract(&mut own, direction, part);
-            }
+            known.project_out(&mut own);
             if norm(&own) < SAME * norm(&z) {
                 continue;
             }

@@ -13,12 +13,14 @@
 //! In: a checked model, new data. Out: [`Diagnosis`]. Coefficients of the file are estimates and may move within what the rows that made them leave open; that is calibration, not a cause. Thresholds come
 //! from noise drawn on the data's own rows, at most 5 % of false alarms in all. Never prints or writes.
 
+mod cause;
 pub mod causes;
 mod choice;
 mod confidence;
 pub mod data;
 mod estimate;
 mod explain;
+mod explained;
 mod extension;
 pub mod holdout;
 mod hypotheses;
@@ -29,17 +31,16 @@ pub mod regions;
 mod residual_tests;
 mod sample;
 mod search;
-mod tails;
 mod whitening;
-mod work;
 
 use rsm_core::check::Checked;
 use rsm_core::model::{Evidence, Input, Model};
 
+use crate::engine::work::Work;
 use causes::Cause;
 use data::NewData;
 use estimate::Estimates;
-use explain::Explained;
+use explained::Explained;
 use extension::Extension;
 use holdout::{Errors, Judged};
 use hypotheses::Hypothesis;
@@ -48,7 +49,6 @@ use regions::Region;
 pub use residual_tests::{Floor, Test};
 use rsm_fit::table::MAGNITUDES;
 use sample::{Sample, Taken};
-use work::Work;
 
 /// False alarms of a whole diagnosis. 5 % are allowed; a fifth is kept back for the draws, which know a threshold to some 15 %.
 const FALSE_ALARMS: f64 = 0.04;
@@ -274,7 +274,7 @@ impl Answer {
         let hypotheses = hypotheses::all(&sample);
         let every: Vec<usize> = (0..sample.rows()).collect();
         let even = whitening::Shape { scale: vec![1.0; sample.rows()], rho: 0.0 };
-        let space = explain::space_of(&sample, &every, &even, explain::loosenesses(&sample)[0]);
+        let space = explained::space_of(&sample, &every, &even, explain::loosenesses(&sample)[0]);
         let carried: Vec<Vec<Vec<f64>>> =
             hypotheses.iter().map(|it| it.columns.iter().map(|column| space.carried(column)).collect()).collect();
         let thresholds = Thresholds::new(&carried, &sample.nominal, sample.rows(), alpha);

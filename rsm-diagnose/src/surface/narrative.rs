@@ -2,14 +2,14 @@
 //!
 //! In: a sample, its explanation, estimates. Out: the list of [`Cause`]s without rivals; [`super::causes`] adds the confidence and what else would leave the same trace. Decides nothing.
 
-use super::causes::{Cause, OutlyingRun, Parameter};
+use super::cause::{Cause, OutlyingRun, Parameter};
 use super::estimate::Estimates;
-use super::explain::Explained;
+use super::explained::Explained;
 use super::hypotheses::{Claim, Monomial, Part, name_of};
 use super::noise::{self, Growth};
 use super::null::Thresholds;
 use super::sample::Sample;
-use super::tails::{ln_two_sided_t, ln_upper_f};
+use crate::engine::significance::{ln_two_sided_t, ln_upper_f};
 use rsm_fit::design;
 
 /// The standard normal's 97.5 % point.

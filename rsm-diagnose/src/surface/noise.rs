@@ -144,7 +144,6 @@ pub(super) fn correlation(residual: &[f64], places: &[usize]) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::null::normal;
     use rsm_fit::random::Random;
 
     #[test]
@@ -152,7 +151,7 @@ mod tests {
         let mut random = Random::new(3);
         let rows = 4000;
         let fitted: Vec<f64> = (0..rows).map(|k| 2.0 + (k % 40) as f64 / 4.0).collect();
-        let even: Vec<f64> = (0..rows).map(|_| normal(&mut random)).collect();
+        let even: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
         let places: Vec<usize> = (0..rows).collect();
         assert!(growth(&even, &fitted).1 < 9.0 && correlation(&even, &places).1 < 9.0);
         let grown: Vec<f64> = even.iter().zip(&fitted).map(|(e, f)| e * f * 0.1).collect();

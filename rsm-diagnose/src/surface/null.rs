@@ -4,8 +4,8 @@
 //! the data are. The number of hypotheses and their similarity therefore need no formula. Never uses the response.
 
 use super::noise;
-use super::tails::{f_of, ln_two_sided_t, ln_upper_f};
-use super::whitening::{dot, orthonormal};
+use crate::engine::columns::{Basis, dot};
+use crate::engine::significance::{f_of, ln_two_sided_t, ln_upper_f};
 use rsm_fit::random::Random;
 
 /// Of all false alarms these shares fall to causes that move the mean, to outlying runs, to noise that grows, to errors that follow each other, and to structure left. The mean has by far the
@@ -36,30 +36,23 @@ pub struct Thresholds {
     pub alpha_structure: f64,
 }
 
-/// A standard normal number: sum of twelve uniform ones less six would have light tails; this is Box and Muller's (1958).
-pub(super) fn normal(random: &mut Random) -> f64 {
-    let radius = (-2.0 * (1.0 - random.share()).ln()).sqrt();
-    radius * (std::f64::consts::TAU * random.share()).cos()
-}
-
 impl Thresholds {
     /// `carried`: the columns of every hypothesis in the white space of all rows; `fitted` the nominal response there; `alpha` the share of false alarms of this response.
     pub fn new(carried: &[Vec<Vec<f64>>], fitted: &[f64], rows: usize, alpha: f64) -> Self {
         // A seed is a part of the method: the same data, the same answer.
         let mut random = Random::new(0x5eed);
-        let bases: Vec<Vec<Vec<f64>>> =
-            carried.iter().map(|columns| orthonormal(columns)).filter(|it| !it.is_empty()).collect();
-        let numbers: usize = bases.iter().map(Vec::len).sum();
+        let bases: Vec<Basis> = carried.iter().map(Basis::of).filter(|it| it.rank() > 0).collect();
+        let numbers: usize = bases.iter().map(Basis::rank).sum();
         let draws = (WORK / (rows * numbers).max(1)).clamp(200, DRAWS);
-        let widest = bases.iter().map(Vec::len).max().unwrap_or(0);
+        let widest = bases.iter().map(Basis::rank).max().unwrap_or(0);
         let mut least: Vec<f64> = Vec::with_capacity(draws);
         for _ in 0..draws {
-            let draw: Vec<f64> = (0..rows).map(|_| normal(&mut random)).collect();
+            let draw: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
             let square = dot(&draw, &draw);
             let mut share = vec![0.0_f64; widest + 1];
             for basis in &bases {
-                let taken: f64 = basis.iter().map(|direction| dot(direction, &draw).powi(2)).sum();
-                share[basis.len()] = share[basis.len()].max(taken / square);
+                let largest = &mut share[basis.rank()];
+                *largest = largest.max(basis.takes(&draw) / square);
             }
             let tails = share.iter().enumerate().filter(|(_, share)| **share > 0.0);
             let ln_p = tails.map(|(width, share)| ln_p_of_share(*share, width, rows)).fold(0.0, f64::min);
@@ -71,7 +64,7 @@ impl Thresholds {
         let ln_p_mean = least[place.min(draws - 1)].min((alpha * SHARES[0]).ln());
         let mut ratios = [0.0, 0.0];
         for _ in 0..RATIO_DRAWS {
-            let draw: Vec<f64> = (0..rows).map(|_| normal(&mut random)).collect();
+            let draw: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
             let places: Vec<usize> = (0..rows).collect();
             ratios[0] += noise::growth(&draw, fitted).1.max(0.0) / RATIO_DRAWS as f64;
             ratios[1] += noise::correlation(&draw, &places).1.max(0.0) / RATIO_DRAWS as f64;

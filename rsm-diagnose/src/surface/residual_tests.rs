@@ -6,11 +6,10 @@
 
 use rsm_core::model::Evidence;
 
-use super::explain::Explained;
-use super::null::normal;
+use super::explained::Explained;
 use super::sample::Sample;
-use super::tails::{ln_upper_f, ln_upper_of_moments};
-use super::whitening::{dot, orthonormal, subtract};
+use crate::engine::columns::{Basis, dot};
+use crate::engine::significance::{among, ln_upper_f, ln_upper_of_moments};
 use rsm_fit::random::Random;
 
 /// A test for structure left.
@@ -53,31 +52,28 @@ pub(super) fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
     let graphs = graphs(sample, &kept);
     // Coefficients of the file are free here: what they may be wrong by is judged elsewhere, and structure is what no choice of them removes.
     let columns = sample.terms.iter().chain(found.set.iter().flat_map(|it| &it.columns));
-    let basis = orthonormal(&columns.map(|column| space.whitened(column)).collect::<Vec<_>>());
+    let basis = Basis::of(&columns.map(|column| space.whitened(column)).collect::<Vec<_>>());
     let without = |mut values: Vec<f64>| {
-        for direction in &basis {
-            let part = dot(direction, &values);
-            subtract(&mut values, direction, part);
-        }
+        basis.project_out(&mut values);
         values
     };
     let left = without(space.whitened(&sample.residual()));
     let mut tests = Vec::new();
     if found.noise.rho.is_none() {
-        tests.extend(replicates(sample, found, &kept, dot(&left, &left), basis.len()));
+        tests.extend(replicates(sample, found, &kept, dot(&left, &left), basis.rank()));
     }
     // Errors that follow each other in the run order may be a part of the surface that the runs pass through in order: they are noise only where nothing predicts them. And teeth that are
     // narrower than the reach of neighbours are seen by their own wave alone.
     let predicted = |column: &[f64]| without(space.whitened(column));
-    tests.extend(waves(sample, &kept, &left, basis.len(), &predicted));
-    tests.extend(bends(sample, &left, basis.len(), &predicted));
+    tests.extend(waves(sample, &kept, &left, basis.rank(), &predicted));
+    tests.extend(bends(sample, &left, basis.rank(), &predicted));
     tests.extend(outliers_together(sample, found));
     let form =
         |pairs: &Pairs, u: &[f64]| pairs.iter().map(|(i, j)| u[*i] * u[*j]).sum::<f64>() / dot(u, u).max(f64::MIN_POSITIVE);
     let mut random = Random::new(0x1ef7);
     let mut drawn: Vec<Vec<f64>> = vec![Vec::with_capacity(DRAWS); graphs.len()];
     for _ in 0..DRAWS {
-        let draw = without((0..kept.len()).map(|_| normal(&mut random)).collect());
+        let draw = without((0..kept.len()).map(|_| random.normal()).collect());
         for ((_, pairs), drawn) in graphs.iter().zip(&mut drawn) {
             drawn.push(form(pairs, &draw));
         }
@@ -117,7 +113,7 @@ fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: 
         }
     }
     let (ln_p, what) = best?;
-    Some(Test { what, ln_p: (ln_p + f64::from(tried).ln()).min(0.0) })
+    Some(Test { what, ln_p: among(ln_p, f64::from(tried)) })
 }
 
 /// Powers of the inputs, all up to the second order, up to the third and so on: what a surface of too low an order lacks. Of these the one that predicts most, with Bonferroni's share.
@@ -145,20 +141,19 @@ fn bends(sample: &Sample, left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) 
         }
     }
     let (ln_p, order) = best?;
-    Some(Test { what: format!("powers of the inputs up to the order {order}"), ln_p: (ln_p + f64::from(tried).ln()).min(0.0) })
+    Some(Test { what: format!("powers of the inputs up to the order {order}"), ln_p: among(ln_p, f64::from(tried)) })
 }
 
 /// The F test of columns that are orthogonal to all that is known: ln of the chance that noise is predicted as well. `None` where they hold nothing new, or too few rows are left.
 fn ln_p_of(left: &[f64], rank: usize, columns: &[Vec<f64>]) -> Option<f64> {
     // What is left of a column that the known ones make up is rounding.
     let length = (left.len() as f64).sqrt();
-    let new: Vec<Vec<f64>> = columns.iter().filter(|it| dot(it, it).sqrt() > LEAST_NEW * length).cloned().collect();
-    let basis = orthonormal(&new);
-    let rest = left.len().checked_sub(rank + basis.len()).filter(|rest| *rest > 0 && !basis.is_empty())?;
-    let explained: f64 = basis.iter().map(|direction| dot(direction, left).powi(2)).sum();
+    let basis = Basis::of(columns.iter().filter(|it| dot(it, it).sqrt() > LEAST_NEW * length));
+    let rest = left.len().checked_sub(rank + basis.rank()).filter(|rest| *rest > 0 && basis.rank() > 0)?;
+    let explained = basis.takes(left);
     let unexplained = (dot(left, left) - explained).max(f64::MIN_POSITIVE);
-    let f = (explained / basis.len() as f64) / (unexplained / rest as f64);
-    Some(ln_upper_f(f, basis.len() as f64, rest as f64))
+    let f = (explained / basis.rank() as f64) / (unexplained / rest as f64);
+    Some(ln_upper_f(f, basis.rank() as f64, rest as f64))
 }
 
 /// Whether outlying runs lie beside each other, off to the same side: then they are a place that the surface misses, not errors of single runs. With n runs and k outliers in arbitrary places, some

@@ -5,7 +5,7 @@
 
 use rsm_core::model::{Evidence, Input, Model, Surface};
 
-use super::whitening::{dot, solve};
+use crate::engine::columns::{dot, solve};
 use rsm_fit::design::{Design, Physical};
 use rsm_fit::random::Random;
 use rsm_fit::support::Region;

@@ -4,8 +4,8 @@
 //! grows several sets at once, so two causes that mask each other are found together. The sets are then improved by leaving out and exchanging members. Never
 //! decides how much a cause must gain: the costs say it.
 
-use super::whitening::subtract;
-use super::work::Work;
+use crate::engine::columns::subtract;
+use crate::engine::work::Work;
 
 /// A hypothesis as the search sees it.
 #[derive(Debug, Clone)]

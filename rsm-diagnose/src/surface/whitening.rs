@@ -6,6 +6,8 @@
 //! The coefficients of a file are estimates. Their error is assumed normal with a covariance sigma^2 C ([`super::sample`] says which). The covariance of y - f is then
 //! sigma^2 (I + X C X'), with X the terms at the new rows. With the eigenvectors u of X C X' and their eigenvalues d, its inverse root is I - sum (1 - 1/sqrt(1 + d)) u u'.
 
+use crate::engine::columns::{Basis, dot, subtract};
+
 /// What is known of the noise of each row, up to a common factor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
@@ -30,9 +32,6 @@ pub struct Space {
     pub ln_determinant: f64,
 }
 
-/// A part of a column below this share of it is what rounding leaves of nothing: columns of powers up to seven on [-1, 1] keep some ten digits of 16.
-const DEPENDENT: f64 = 1e-6;
-
 impl Space {
     /// `kept` are places among the rows, ascending; `terms` the columns of the present terms at all rows; `prior` is C.
     pub fn new(kept: &[usize], shape: &Shape, terms: &[Vec<f64>], prior: &[Vec<f64>]) -> Self {
@@ -47,7 +46,7 @@ impl Space {
         let mut space =
             Space { kept: kept.to_vec(), scale, after, directions: Vec::new(), prior: prior.to_vec(), ln_determinant };
         let whitened: Vec<Vec<f64>> = terms.iter().map(|term| space.whitened(term)).collect();
-        let basis = orthonormal(&whitened);
+        let basis = Basis::of(&whitened).directions;
         if basis.is_empty() {
             return space;
         }
@@ -106,137 +105,6 @@ impl Space {
     }
 }
 
-/// a'b.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-/// a - factor b, in place.
-pub(super) fn subtract(a: &mut [f64], b: &[f64], factor: f64) {
-    for (x, y) in a.iter_mut().zip(b) {
-        *x -= factor * y;
-    }
-}
-
-/// An orthonormal basis of what columns span (Gram and Schmidt, twice: Kahan and Parlett's "twice is enough"); dependent columns add nothing.
-pub(super) fn orthonormal(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    for column in columns {
-        let before = dot(column, column).sqrt();
-        let mut own = column.clone();
-        for _ in 0..2 {
-            for direction in &basis {
-                let part = dot(direction, &own);
-                subtract(&mut own, direction, part);
-            }
-        }
-        let norm = dot(&own, &own).sqrt();
-        if norm > DEPENDENT * before && norm > 0.0 {
-            own.iter_mut().for_each(|x| *x /= norm);
-            basis.push(own);
-        }
-    }
-    basis
-}
-
-/// ln of the determinant of A'A; columns that others make up are left out.
-pub(super) fn ln_gram(columns: &[Vec<f64>]) -> f64 {
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    let mut sum = 0.0;
-    for column in columns {
-        let before = dot(column, column).sqrt();
-        let mut own = column.clone();
-        for direction in &basis {
-            let part = dot(direction, &own);
-            subtract(&mut own, direction, part);
-        }
-        let norm = dot(&own, &own).sqrt();
-        if norm > DEPENDENT * before && norm > 0.0 {
-            sum += 2.0 * norm.ln();
-            own.iter_mut().for_each(|x| *x /= norm);
-            basis.push(own);
-        }
-    }
-    sum
-}
-
-/// Least squares of `target` on columns, by the normal equations of an orthonormal basis. Columns that others make up get 0.
-#[derive(Debug, Clone)]
-pub(super) struct Solved {
-    /// A coefficient a column.
-    pub coefficients: Vec<f64>,
-    /// (A'A)^-1, zero for columns that others make up.
-    pub covariance: Vec<Vec<f64>>,
-    /// What is left of the target.
-    pub residual: Vec<f64>,
-    /// Columns that count.
-    pub rank: usize,
-}
-
-/// Solves. Columns are taken in their order.
-pub(super) fn solve(columns: &[Vec<f64>], target: &[f64]) -> Solved {
-    let width = columns.len();
-    // R^-1 by columns, beside the basis: column = sum of basis times R.
-    let mut basis: Vec<(usize, Vec<f64>)> = Vec::new();
-    let mut triangle: Vec<Vec<f64>> = Vec::new();
-    for (k, column) in columns.iter().enumerate() {
-        let before = dot(column, column).sqrt();
-        let mut own = column.clone();
-        let mut parts = vec![0.0; basis.len()];
-        for _ in 0..2 {
-            for (part, (_, direction)) in parts.iter_mut().zip(&basis) {
-                let more = dot(direction, &own);
-                subtract(&mut own, direction, more);
-                *part += more;
-            }
-        }
-        let norm = dot(&own, &own).sqrt();
-        if norm > DEPENDENT * before && norm > 0.0 {
-            own.iter_mut().for_each(|x| *x /= norm);
-            parts.push(norm);
-            triangle.push(parts);
-            basis.push((k, own));
-        }
-    }
-    let rank = basis.len();
-    let mut residual = target.to_vec();
-    let mut right = Vec::with_capacity(rank);
-    for (_, direction) in &basis {
-        let part = dot(direction, &residual);
-        subtract(&mut residual, direction, part);
-        right.push(part);
-    }
-    // R is upper triangular: `triangle[j]` is its column j.
-    let back = |mut b: Vec<f64>| {
-        for row in (0..rank).rev() {
-            b[row] /= triangle[row][row];
-            let value = b[row];
-            for (above, entry) in b[..row].iter_mut().zip(&triangle[row]) {
-                *above -= entry * value;
-            }
-        }
-        b
-    };
-    let mut coefficients = vec![0.0; width];
-    for (value, (k, _)) in back(right).into_iter().zip(&basis) {
-        coefficients[*k] = value;
-    }
-    let inverse: Vec<Vec<f64>> = (0..rank)
-        .map(|j| {
-            let mut unit = vec![0.0; rank];
-            unit[j] = 1.0;
-            back(unit)
-        })
-        .collect();
-    let mut covariance = vec![vec![0.0; width]; width];
-    for (a, (i, _)) in basis.iter().enumerate() {
-        for (b, (j, _)) in basis.iter().enumerate() {
-            covariance[*i][*j] = inverse.iter().map(|column| column[a] * column[b]).sum();
-        }
-    }
-    Solved { coefficients, covariance, residual, rank }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -265,17 +133,5 @@ mod tests {
         assert!((found[2] - 3.5 / (15.0_f64 / 16.0).sqrt()).abs() < 1e-15);
         let expected = 6.0 * 2.0_f64.ln() + 0.75_f64.ln() + (15.0_f64 / 16.0).ln();
         assert!((space.ln_determinant - expected).abs() < 1e-14);
-    }
-
-    #[test]
-    fn least_squares_leaves_dependent_columns_out() {
-        let x: Vec<f64> = (0..6).map(f64::from).collect();
-        let columns = [vec![1.0; 6], x.clone(), x.iter().map(|x| 2.0 + 3.0 * x).collect()];
-        let y: Vec<f64> = x.iter().map(|x| 5.0 - x).collect();
-        let solved = solve(&columns, &y);
-        assert_eq!(solved.rank, 2);
-        assert!((solved.coefficients[0] - 5.0).abs() < 1e-12 && (solved.coefficients[1] + 1.0).abs() < 1e-12);
-        // The variance of a slope over 0..5: 1/17.5.
-        assert!((solved.covariance[1][1] - 1.0 / 17.5).abs() < 1e-15 && solved.covariance[2][2] == 0.0);
     }
 }

@@ -1,12 +1,12 @@
 //! The black-box correction of a diagnosis, on an axis that is integrated here: a spring whose force goes with the square of the position, which no entry of
 //! the catalogue is, and noise that nothing explains.
 
+use crate::random::Random;
 use rsm_core::check::Checked;
 use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_diagnose::plant::correction::{self, Offer};
 use rsm_diagnose::plant::noise::Floor;
-use rsm_diagnose::plant::random::Random;
 use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;

@@ -1,6 +1,6 @@
 //! The diagnosis on records that are simulated here, with noise from a fixed seed: small versions of what tests/hidden-effects judges with other code.
 
-use rsm_diagnose::plant::random::Random;
+use crate::random::Random;
 use rsm_diagnose::plant::selection::{Limit, Path};
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose, diagnose_and_test};
 use rsm_sim::plant_file::PlantFile;

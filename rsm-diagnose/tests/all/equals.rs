@@ -1,7 +1,7 @@
 //! Explanations that records do not tell apart: the truth is the answer or one of its aliases, and nothing false is said with certainty. Families drawn from seeds: forces against a mass, a drive that turns one way, laws
 //! that hold simpler ones, resistances of a car.
 
-use rsm_diagnose::plant::random::Random;
+use crate::random::Random;
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;

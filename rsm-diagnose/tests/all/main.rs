@@ -8,6 +8,7 @@ mod folders;
 mod measured;
 mod names;
 mod next_experiment;
+mod random;
 mod rest;
 #[path = "../../../rsm-sim/tests/all/shipped.rs"]
 mod shipped;

@@ -1,12 +1,12 @@
 //! The next experiment: causes that leave the same trace are told apart by the record that is asked for; those that no record tells apart are said to be so.
 
+use crate::random::Random;
 use rsm_core::source::Source;
 use rsm_diagnose::plant::excitations::{self, Limits};
 use rsm_diagnose::plant::experiment::{NextExperiment, next};
 use rsm_diagnose::plant::levenberg::{self, Fit};
 use rsm_diagnose::plant::model::Model;
 use rsm_diagnose::plant::noise::Floor;
-use rsm_diagnose::plant::random::Random;
 use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_diagnose::plant::{Alias, Diagnosis, Options, Verdict, diagnose};
 use rsm_sim::kind::PlantKind;

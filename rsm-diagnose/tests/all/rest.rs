@@ -2,9 +2,9 @@
 //!
 //! The machines are simulated here, with a friction that holds them still, by code that shares nothing with the plants.
 
+use crate::random::Random;
 use rsm_diagnose::plant::blocks;
 use rsm_diagnose::plant::checks::{self, Finding};
-use rsm_diagnose::plant::random::Random;
 use rsm_diagnose::plant::share::Piece;
 use rsm_diagnose::plant::{Options, Verdict, diagnose};
 use rsm_sim::plant_file::PlantFile;

@@ -27,10 +27,10 @@ use rsm_core::model::{HalfSpace, Input, Surface};
 use serde::Serialize;
 
 use crate::design::Coded;
+use crate::observations::{Named, ValidationStatistics};
 use crate::qr::Growing;
 use crate::random::Random;
 use crate::spec::Constraint;
-use crate::statistics::{Named, ValidationStatistics};
 use crate::support::Region;
 use claim::Claim;
 use curvature::LeastEigenvalue;

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::claim::Claim;
 use super::{Found, MOST_SHIFT, SHIFT, Task};
+use crate::observations::Named;
 use crate::spec::Constraint;
-use crate::statistics::Named;
 
 /// How a search for a proof ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]

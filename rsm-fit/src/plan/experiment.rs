@@ -6,9 +6,10 @@
 use rsm_core::source::{Collector, Fault, Faults};
 
 use super::Plan;
+use super::design::{Condition, Design, Factor, MOST_RUNS};
 use super::points::{box_behnken_groups, rotatable_alpha};
 use super::rules::{MOST_FACTORS, check_names, check_size};
-use super::spec::{Condition, Design, DesignSpecification, Factor, IN_MEMORY, MOST_RUNS};
+use super::spec::{DesignSpecification, IN_MEMORY};
 use crate::units;
 
 /// Where the axial points of a central composite design lie.

@@ -8,6 +8,7 @@
 //! stand at equal distances in it, at its start and at its end, where they show such a drift (Montgomery, Design and Analysis
 //! of Experiments, 6.8).
 
+mod design;
 mod experiment;
 mod kept;
 mod levels;
@@ -20,9 +21,10 @@ use std::collections::BTreeSet;
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
+pub use design::{Condition, Design, Factor, MOST_RUNS};
 pub use experiment::{Alpha, Experiment};
 pub use kept::Kept;
-pub use spec::{Condition, Design, DesignSpecification, Factor, MOST_RUNS};
+pub use spec::DesignSpecification;
 
 use crate::random::Random;
 use crate::table::{Table, Wanted};

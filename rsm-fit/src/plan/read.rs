@@ -12,10 +12,10 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader::{self, TableReader, Value, describe};
 use toml::de::DeValue;
 
+use super::design::{Condition, Design, Factor, MOST_RUNS};
 use super::levels;
 use super::points::{box_behnken_groups, rotatable_alpha};
 use super::rules::{MOST_FACTORS, check_names, check_size};
-use super::spec::{Condition, Design, Factor, MOST_RUNS};
 use crate::units;
 
 /// What of the text has the right shape.

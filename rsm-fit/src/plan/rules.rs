@@ -5,7 +5,7 @@
 use rsm_core::names;
 use rsm_core::source::{Collector, Fault};
 
-use super::spec::{Design, Factor, MOST_RUNS};
+use super::design::{Design, Factor, MOST_RUNS};
 
 /// A cube of more has 2^factors corners beyond [`MOST_RUNS`].
 pub(super) const MOST_FACTORS: usize = 16;

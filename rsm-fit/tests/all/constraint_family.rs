@@ -9,7 +9,6 @@ use rsm_fit::fit::{Outcome, Verdict};
 use rsm_fit::random::Random;
 
 use crate::data::{Scratch, fitted};
-use crate::honest::normal;
 
 /// A specification and its data.
 struct Problem {
@@ -38,8 +37,8 @@ fn problem(seed: u64) -> Problem {
     // Rows for all terms and half as many again.
     let terms = (1..=inputs).fold(1, |count, k| count * (order + k) / k);
     let count = terms * 3 / 2 + 10;
-    let slopes: Vec<f64> = (0..inputs).map(|_| normal(&mut random)).collect();
-    let curves: Vec<f64> = (0..inputs).map(|_| normal(&mut random)).collect();
+    let slopes: Vec<f64> = (0..inputs).map(|_| random.normal()).collect();
+    let curves: Vec<f64> = (0..inputs).map(|_| random.normal()).collect();
     let noise = 0.3 + random.share();
     let names: Vec<String> = (0..inputs).map(|k| format!("x{k}")).collect();
     let mut data = names.iter().map(|name| format!("{name}[1],")).collect::<String>() + "y[1]\n";
@@ -47,7 +46,7 @@ fn problem(seed: u64) -> Problem {
     for _ in 0..count {
         let x: Vec<f64> = (0..inputs).map(|_| 2.0 * random.share() - 1.0).collect();
         let y: f64 = (0..inputs).map(|k| slopes[k] * x[k] + curves[k] * x[k] * x[k]).sum::<f64>() + (2.0 * x[0]).sin();
-        let y = y + noise * normal(&mut random);
+        let y = y + noise * random.normal();
         data += &x.iter().map(|x| format!("{x:e},")).collect::<String>();
         data += &format!("{y:e}\n");
         rows.push((x, y));

@@ -12,12 +12,6 @@ use rsm_fit::statistics::ResponseStatistics;
 
 use crate::data::{Scratch, fitted};
 
-/// Normal numbers (Box and Muller 1958).
-pub fn normal(random: &mut Random) -> f64 {
-    let (u, v) = (1.0 - random.share(), random.share());
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-}
-
 /// A polynomial of uniform inputs in [-1, 1], scaled to a standard deviation of 1, with noise.
 struct Truth {
     inputs: usize,
@@ -34,7 +28,7 @@ impl Truth {
         loop {
             let total: i32 = powers.iter().sum();
             if total > 0 && total <= order as i32 && random.share() < 0.5 {
-                terms.push((powers.clone(), normal(random) / f64::from(total)));
+                terms.push((powers.clone(), random.normal() / f64::from(total)));
             }
             let Some(place) = powers.iter().position(|power| *power < order as i32) else { break };
             powers[place] += 1;
@@ -68,7 +62,7 @@ impl Truth {
         let mut text = format!("{names}y[K]\n");
         for _ in 0..rows {
             let point = self.point(random);
-            let y = self.at(&point) + self.noise * normal(random);
+            let y = self.at(&point) + self.noise * random.normal();
             text += &format!("{}{y:e}\n", point.iter().map(|x| format!("{x:e},")).collect::<String>());
         }
         text
@@ -83,7 +77,7 @@ impl Truth {
             .map(|_| {
                 let point = self.point(random);
                 let value = interpreter.eval(&point);
-                (value - self.at(&point) - self.noise * normal(random)).powi(2)
+                (value - self.at(&point) - self.noise * random.normal()).powi(2)
             })
             .sum();
         (square / rows as f64).sqrt()
@@ -315,7 +309,7 @@ fn clean(seed: u64, spoil: impl Fn(usize, f64) -> f64) -> String {
         let point = place % 32;
         let [x, z] = [point % 8, point / 8].map(|k| k as f64);
         let (x, z) = (x / 3.5 - 1.0, z / 1.5 - 1.0);
-        let y = spoil(*run, 300.0 + 3.0 * x - 2.0 * z + x * z + 0.5 * normal(&mut random));
+        let y = spoil(*run, 300.0 + 3.0 * x - 2.0 * z + x * z + 0.5 * random.normal());
         rows += &format!("{x:e},{z:e},{},{y:e}\n", run + 1);
     }
     rows

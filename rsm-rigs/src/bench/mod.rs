@@ -13,6 +13,7 @@
 //! (at 60 A by 1.7 A of weakening current).
 
 mod csv;
+pub mod limit_points;
 
 use rsm_core::source::{Fault, Faults};
 

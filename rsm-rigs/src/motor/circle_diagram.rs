@@ -13,8 +13,7 @@
 //! The cross terms of i_d i_q cancel. What the drive may do is inside this circle and inside i_d^2 + i_q^2 = I^2. Where the highest point of
 //! the voltage circle lies inside the current circle it is the most torque that the voltage carries (maximum torque per volt).
 
-use super::controller::{Demand, Known, References};
-use super::field_oriented::Weakening;
+use super::controller::{Demand, Known, References, Weakening};
 
 /// The circle diagram of a motor.
 #[derive(Debug, Clone, Copy)]

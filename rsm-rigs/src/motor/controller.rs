@@ -41,6 +41,12 @@ pub struct Measured {
     pub bus_voltage_v: f64,
 }
 
+/// A source of current references.
+pub trait Weakening {
+    /// The references for a demand.
+    fn references(&mut self, demand: &Demand) -> References;
+}
+
 /// A controller of the motor.
 pub trait Controller {
     /// Every [`REFERENCE_PERIOD_S`]: the references, which hold until the next call. The controller keeps them for [`Controller::duties`];

@@ -4,14 +4,9 @@
 //! response surface differ in the source of references and in nothing else, so a comparison shows the surface and nothing else.
 
 use super::circle_diagram::CircleDiagram;
+pub use super::controller::Weakening;
 use super::controller::{Controller, Demand, Known, Measured, References};
 use super::current_loop::CurrentLoop;
-
-/// A source of current references.
-pub trait Weakening {
-    /// The references for a demand.
-    fn references(&mut self, demand: &Demand) -> References;
-}
 
 /// A controller: references at 1 kHz, currents at the PWM rate.
 #[derive(Debug, Clone)]

@@ -36,6 +36,4 @@ pub mod tasks;
 
 pub mod figures;
 
-pub mod limit_points;
-
 pub mod limits;

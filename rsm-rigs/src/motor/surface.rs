@@ -40,7 +40,7 @@ impl Surfaces {
 }
 
 /// The tape of the surface `weakening_current`.
-pub(super) fn weakening_tape(model: &Checked) -> Result<Tape, Faults> {
+pub(crate) fn weakening_tape(model: &Checked) -> Result<Tape, Faults> {
     find(model, "weakening_current", &["torque", "speed"])?.ok_or_else(|| {
         let what = format!("model `{}`: there is no surface `weakening_current`", model.model().name);
         Faults::one(Fault::whole_file("model", what))

@@ -14,6 +14,7 @@ const COMPLETE: [&str; 10] = [
     "rsm-core/src/",
     "rsm-macros/src/",
     "rsm-fit/src/",
+    "rsm-diagnose/src/engine/",
     "rsm-diagnose/src/surface/",
     "rsm-import/src/",
     "rsm-model/src/",

@@ -2,8 +2,8 @@
 //!
 //! In: columns in blocks (one for each record and equation), and a target. Out: what the columns leave on the other blocks. Never knows what a column is.
 
-use crate::plant::normal::Normal;
-use crate::plant::whitened_residuals::dot;
+use crate::engine::columns::dot;
+use crate::engine::normal::Normal;
 
 /// Rows of a block of time: four memories of an equation, so that neighbours have little in common.
 const BLOCK: usize = 400;
@@ -174,8 +174,8 @@ fn crossed(folds: &[Sums<'_>; 2], priors: &[Prior]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::random::Random;
     use super::*;
+    use rsm_fit::random::Random;
 
     fn drawn(random: &mut Random, rows: usize) -> Vec<f64> {
         (0..rows).map(|_| random.normal()).collect()

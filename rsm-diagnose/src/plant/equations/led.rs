@@ -9,7 +9,7 @@
 //! cancel, and the road speed by the acceleration. Nothing is differentiated: the noise of a reading stands beside the reading as it is, and that of the others passes an
 //! integral. Nothing runs away either: what a free run has made of an error after a second is not in it. Never fits, never simulates.
 
-use super::readings::{Readings, Version, WIDTH};
+use super::readings::{MEMORY, Readings, Version, WIDTH};
 use crate::plant::whitened_residuals::Prepared;
 use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::{PlantKind, StartValues};
@@ -19,9 +19,6 @@ use rsm_sim::plants::driveline::Driveline;
 use rsm_sim::plants::pmac::Pmac;
 use rsm_sim::plants::servo_axis::ServoAxis;
 use rsm_sim::record::{Drive, Record};
-
-/// Rows of the memory. Longer, a constant error of a rate stands out of the noise by more, and what the plant makes of its own errors does so, too.
-pub const MEMORY: f64 = 100.0;
 
 /// The most states of a plant with effects: seven of the car and as many of effects.
 const STATES: usize = 16;

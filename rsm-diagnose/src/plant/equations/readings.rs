@@ -2,13 +2,15 @@
 //!
 //! In: a prepared record. Out: a signal value for each row, and which rows count. Never looks at an equation.
 
-use super::led::MEMORY;
 use crate::plant::whitened_residuals::Prepared;
 use rsm_sim::effect::{AXIS_SIGN_WIDTH, Role};
 use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
+
+/// Rows of the memory. Longer, a constant error of a rate stands out of the noise by more, and what the plant makes of its own errors does so, too.
+pub const MEMORY: f64 = 100.0;
 
 /// Rows on either side over which a reading is smoothed: where two versions of one reading are compared, its noise is in both and would look like a part of what is missed.
 pub const WIDTH: usize = 10;

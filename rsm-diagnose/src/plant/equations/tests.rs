@@ -6,10 +6,10 @@ use super::super::calibration::calibrate;
 use super::super::hypotheses;
 use super::super::model::AtStart;
 use super::super::noise::Floor;
-use super::super::random::Random;
 use super::super::survey;
 use super::super::whitened_residuals::WhitenedResiduals;
 use super::*;
+use rsm_fit::random::Random;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
 

@@ -3,7 +3,7 @@
 //! In: the recorded speed of a motor. Out: two columns for each order, a quarter of a wave apart. The angle is the integral of the recorded speed, so a wave of 90 cycles a turn
 //! stays in phase. A simulated angle would be several cycles off. Never fits.
 
-use super::led::MEMORY;
+use super::readings::MEMORY;
 
 /// Orders that are asked: 36 slots with 42 poles have 252 cycles a turn, but a motor of a hundred turns a second passes a third of a kilohertz with four; more than 120 are above
 /// what the sampling shows.

@@ -10,7 +10,7 @@ pub mod filter;
 
 use filter::LowPass;
 
-use crate::plant::normal::Normal;
+use crate::engine::normal::Normal;
 use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;

@@ -3,8 +3,8 @@
 //!
 //! The map was mirrored by its authors: only i_q >= 0 is used, with psi_q odd, so that no mirror pair stands on both sides of a split.
 
+use crate::random::Random;
 use rsm_core::source::Source;
-use rsm_diagnose::plant::random::Random;
 use rsm_diagnose::plant::{Options, Verdict, diagnose_and_test};
 use rsm_fit::table::{Table, Wanted};
 use rsm_sim::plant_file::PlantFile;

@@ -4,10 +4,10 @@
 //! and settings of its own, and which steady windows of the records show by their flux linkages.
 
 use rsm_core::check::Checked;
+use rsm_rigs::bench::limit_points::{self, LimitPoint};
 use rsm_rigs::motor::closed_loop::Drive;
 use rsm_rigs::motor::controller::Known;
 use rsm_rigs::motor::figures::{self, RUN_UP_SPEED};
-use rsm_rigs::motor::limit_points::{self, LimitPoint};
 use rsm_rigs::motor::surface::{SurfaceController, Surfaces};
 use rsm_sim::plant_file::PlantFile;
 use serde_json::{Value, json};

@@ -1,14 +1,13 @@
-//! Random numbers that are the same on every machine.
+//! Random numbers of the tests: the records that they make stay the same when the diagnosis draws other ones.
 
 use std::f64::consts::TAU;
 
-/// Random numbers for null simulations: the same for the same seed on every machine (G. Marsaglia's xorshift64*, 2003).
+/// The same for the same seed on every machine (G. Marsaglia's xorshift64*, 2003).
 #[derive(Debug, Clone)]
 pub struct Random(u64);
 
 impl Random {
     /// From a seed.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
     }

@@ -11,7 +11,7 @@ const FINE_RIDGE: f64 = 1e-13;
 
 /// A factorised symmetric matrix.
 #[derive(Debug, Clone)]
-pub struct Normal {
+pub(crate) struct Normal {
     size: usize,
     scale: Vec<f64>,
     /// Lower triangle of the Cholesky factor, row by row.
@@ -21,13 +21,13 @@ pub struct Normal {
 impl Normal {
     /// Factorises a symmetric positive semidefinite matrix, row by row, with `damping` times its diagonal added.
     #[must_use]
-    pub fn new(matrix: &[f64], size: usize, damping: f64) -> Self {
+    pub(crate) fn new(matrix: &[f64], size: usize, damping: f64) -> Self {
         Self::with_ridge(matrix, size, damping, RIDGE)
     }
 
     /// Factorises a matrix whose directions are known down to rounding, undamped.
     #[must_use]
-    pub fn fine(matrix: &[f64], size: usize) -> Self {
+    pub(crate) fn fine(matrix: &[f64], size: usize) -> Self {
         Self::with_ridge(matrix, size, 0.0, FINE_RIDGE)
     }
 
@@ -57,7 +57,7 @@ impl Normal {
 
     /// The solution for a right-hand side.
     #[must_use]
-    pub fn solve(&self, right: &[f64]) -> Vec<f64> {
+    pub(crate) fn solve(&self, right: &[f64]) -> Vec<f64> {
         let n = self.size;
         let mut x: Vec<f64> = right.iter().zip(&self.scale).map(|(value, scale)| value / scale).collect();
         for i in 0..n {
@@ -75,15 +75,9 @@ impl Normal {
         x.iter().zip(&self.scale).map(|(value, scale)| value / scale).collect()
     }
 
-    /// The i-th entry of the diagonal of the inverse: the variance of an unknown where the noise is one.
-    #[must_use]
-    pub fn variance(&self, i: usize) -> f64 {
-        self.covariances(i)[i]
-    }
-
     /// The i-th column of the inverse: covariances of an unknown with all of them.
     #[must_use]
-    pub fn covariances(&self, i: usize) -> Vec<f64> {
+    pub(crate) fn covariances(&self, i: usize) -> Vec<f64> {
         let mut right = vec![0.0; self.size];
         right[i] = 1.0;
         self.solve(&right)
@@ -101,7 +95,7 @@ mod tests {
         let x = normal.solve(&[10.0, 11.0]);
         // The ridge moves the ninth digit.
         assert!((x[0] - 1.0).abs() < 1e-7 && (x[1] - 3.0).abs() < 1e-7, "{x:?}");
-        assert!((normal.variance(0) - 0.375).abs() < 1e-7);
+        assert!((normal.covariances(0)[0] - 0.375).abs() < 1e-7);
     }
 
     #[test]

@@ -8,9 +8,9 @@ use rsm_core::check::Checked;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Faults;
 
-use super::controller::Known;
-use super::surface::weakening_tape;
-use crate::bench::{Outcome, Point};
+use super::{Outcome, Point};
+use crate::motor::controller::Known;
+use crate::motor::surface::weakening_tape;
 use rsm_sim::record::Record;
 
 /// A current vector at the speed at which it meets the voltage limit, seen forwards: a motor that turns backwards is mirrored.

@@ -5,7 +5,7 @@
 use std::cell::Cell;
 
 /// Counts work against a limit.
-pub(super) struct Work<'a> {
+pub(crate) struct Work<'a> {
     taken: Cell<usize>,
     limit: usize,
     refused: Cell<bool>,
@@ -14,23 +14,23 @@ pub(super) struct Work<'a> {
 
 impl<'a> Work<'a> {
     /// So many multiplications, and no more begun.
-    pub(super) fn within(limit: usize) -> Self {
+    pub(crate) fn within(limit: usize) -> Self {
         Work { taken: Cell::new(0), limit, refused: Cell::new(false), told: None }
     }
 
     /// The same, and somebody hears at every whole per cent of the limit.
-    pub(super) fn telling(limit: usize, told: &'a dyn Fn(usize)) -> Self {
+    pub(crate) fn telling(limit: usize, told: &'a dyn Fn(usize)) -> Self {
         Work { told: Some(told), ..Work::within(limit) }
     }
 
     /// No limit.
     #[cfg(test)]
-    pub(super) fn unbounded() -> Self {
+    pub(crate) fn unbounded() -> Self {
         Work::within(usize::MAX)
     }
 
     /// Counts.
-    pub(super) fn takes(&self, multiplications: usize) {
+    pub(crate) fn takes(&self, multiplications: usize) {
         let before = self.percent();
         self.taken.set(self.taken.get().saturating_add(multiplications));
         if let Some(told) = self.told.filter(|_| self.percent() > before) {
@@ -39,7 +39,7 @@ impl<'a> Work<'a> {
     }
 
     /// Whether there is work left; once it is asked for and is not there, the answer remembers.
-    pub(super) fn goes_on(&self) -> bool {
+    pub(crate) fn goes_on(&self) -> bool {
         let goes_on = self.taken.get() < self.limit;
         if !goes_on {
             self.refused.set(true);
@@ -48,7 +48,7 @@ impl<'a> Work<'a> {
     }
 
     /// Whether anything was left undone.
-    pub(super) fn ran_out(&self) -> bool {
+    pub(crate) fn ran_out(&self) -> bool {
         self.refused.get()
     }
 

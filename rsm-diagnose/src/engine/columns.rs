@@ -1,0 +1,183 @@
+//! Columns of numbers: products, orthonormal bases, least squares.
+//!
+//! In: columns of one length, in a space where the noise is white. Out: bases, coefficients, what a basis takes of a residual. Never knows what a column stands for.
+
+/// A part of a column below this share of it is what rounding leaves of nothing: columns of powers up to seven on [-1, 1] keep some ten digits of 16.
+const DEPENDENT: f64 = 1e-6;
+
+/// Inner product in eight partial sums: the order is fixed, and the machine may keep them side by side. Of lists of different length the beginnings count.
+#[must_use]
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // Eights and rests would else be of different places: of 8 and 7 numbers nothing would meet.
+    let common = a.len().min(b.len());
+    let (a, b) = (&a[..common], &b[..common]);
+    let mut sums = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a8.zip(b8) {
+        for k in 0..8 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+/// a - factor b, in place.
+pub(crate) fn subtract(a: &mut [f64], b: &[f64], factor: f64) {
+    for (x, y) in a.iter_mut().zip(b) {
+        *x -= factor * y;
+    }
+}
+
+/// An orthonormal basis of what columns span (Gram and Schmidt, twice: Kahan and Parlett's "twice is enough"). Columns that those before them make up add nothing.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Basis {
+    /// Orthogonal, each of length one.
+    pub directions: Vec<Vec<f64>>,
+    /// The column that each direction came from.
+    from: Vec<usize>,
+    /// For each direction its column in terms of the directions up to it: a column of the upper triangular factor R.
+    triangle: Vec<Vec<f64>>,
+}
+
+impl Basis {
+    /// Of columns, in their order.
+    #[must_use]
+    pub(crate) fn of<'c>(columns: impl IntoIterator<Item = &'c Vec<f64>>) -> Self {
+        let mut basis = Basis::default();
+        for (k, column) in columns.into_iter().enumerate() {
+            let before = dot(column, column).sqrt();
+            let mut own = column.clone();
+            let mut parts = vec![0.0; basis.rank()];
+            for _ in 0..2 {
+                for (part, direction) in parts.iter_mut().zip(&basis.directions) {
+                    let more = dot(direction, &own);
+                    subtract(&mut own, direction, more);
+                    *part += more;
+                }
+            }
+            let norm = dot(&own, &own).sqrt();
+            if norm > DEPENDENT * before && norm > 0.0 {
+                own.iter_mut().for_each(|x| *x /= norm);
+                parts.push(norm);
+                basis.triangle.push(parts);
+                basis.from.push(k);
+                basis.directions.push(own);
+            }
+        }
+        basis
+    }
+
+    /// How many columns count.
+    #[must_use]
+    pub(crate) fn rank(&self) -> usize {
+        self.directions.len()
+    }
+
+    /// The square that the columns take of a target.
+    #[must_use]
+    pub(crate) fn takes(&self, target: &[f64]) -> f64 {
+        self.directions.iter().map(|direction| dot(direction, target).powi(2)).sum()
+    }
+
+    /// Takes the columns out of a target; the target's part along each direction.
+    pub(crate) fn project_out(&self, target: &mut [f64]) -> Vec<f64> {
+        let part = |direction: &Vec<f64>| {
+            let part = dot(direction, target);
+            subtract(target, direction, part);
+            part
+        };
+        self.directions.iter().map(part).collect()
+    }
+
+    /// ln of the determinant of A'A.
+    #[must_use]
+    pub(crate) fn ln_gram(&self) -> f64 {
+        self.triangle.iter().filter_map(|parts| parts.last()).map(|own| 2.0 * own.ln()).sum()
+    }
+
+    /// The solution of R x = b.
+    fn back(&self, mut b: Vec<f64>) -> Vec<f64> {
+        for row in (0..self.rank()).rev() {
+            b[row] /= self.triangle[row][row];
+            let value = b[row];
+            for (above, entry) in b[..row].iter_mut().zip(&self.triangle[row]) {
+                *above -= entry * value;
+            }
+        }
+        b
+    }
+}
+
+/// Least squares of a target on columns. Columns that others make up get 0.
+#[derive(Debug, Clone)]
+pub(crate) struct Solved {
+    /// A coefficient a column.
+    pub coefficients: Vec<f64>,
+    /// (A'A)^-1, zero for columns that others make up.
+    pub covariance: Vec<Vec<f64>>,
+    /// What is left of the target.
+    pub residual: Vec<f64>,
+    /// Columns that count.
+    pub rank: usize,
+}
+
+/// Solves. Columns are taken in their order.
+#[must_use]
+pub(crate) fn solve(columns: &[Vec<f64>], target: &[f64]) -> Solved {
+    let width = columns.len();
+    let basis = Basis::of(columns);
+    let rank = basis.rank();
+    let mut residual = target.to_vec();
+    let right = basis.project_out(&mut residual);
+    let mut coefficients = vec![0.0; width];
+    for (value, k) in basis.back(right).into_iter().zip(&basis.from) {
+        coefficients[*k] = value;
+    }
+    let unit = |j: usize| (0..rank).map(|k| if k == j { 1.0 } else { 0.0 }).collect();
+    let inverse: Vec<Vec<f64>> = (0..rank).map(|j| basis.back(unit(j))).collect();
+    let mut covariance = vec![vec![0.0; width]; width];
+    for (a, i) in basis.from.iter().enumerate() {
+        for (b, j) in basis.from.iter().enumerate() {
+            covariance[*i][*j] = inverse.iter().map(|column| column[a] * column[b]).sum();
+        }
+    }
+    Solved { coefficients, covariance, residual, rank }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn least_squares_leaves_dependent_columns_out() {
+        let x: Vec<f64> = (0..6).map(f64::from).collect();
+        let columns = [vec![1.0; 6], x.clone(), x.iter().map(|x| 2.0 + 3.0 * x).collect()];
+        let y: Vec<f64> = x.iter().map(|x| 5.0 - x).collect();
+        let solved = solve(&columns, &y);
+        assert_eq!(solved.rank, 2);
+        assert!((solved.coefficients[0] - 5.0).abs() < 1e-12 && (solved.coefficients[1] + 1.0).abs() < 1e-12);
+        // The variance of a slope over 0..5: 1/17.5.
+        assert!((solved.covariance[1][1] - 1.0 / 17.5).abs() < 1e-15 && solved.covariance[2][2] == 0.0);
+    }
+
+    #[test]
+    fn a_basis_takes_what_its_columns_explain() {
+        let columns = [vec![3.0, 0.0, 0.0], vec![4.0, 2.0, 0.0]];
+        let basis = Basis::of(&columns);
+        // The first two places of the target, and the determinant of A'A: (3 * 2)^2.
+        assert!((basis.takes(&[1.0, 2.0, 7.0]) - 5.0).abs() < 1e-14);
+        assert!((basis.ln_gram() - 36.0_f64.ln()).abs() < 1e-14);
+        let mut target = vec![1.0, 2.0, 7.0];
+        let parts = basis.project_out(&mut target);
+        assert!(target == [0.0, 0.0, 7.0] && parts == [1.0, 2.0], "{target:?} {parts:?}");
+    }
+
+    #[test]
+    fn the_beginnings_of_lists_meet_whatever_their_lengths() {
+        let ones = [1.0; 20];
+        for (a, b) in [(8, 7), (7, 8), (16, 17), (20, 3), (9, 9), (0, 5)] {
+            assert_eq!(dot(&ones[..a], &ones[..b]), a.min(b) as f64);
+        }
+    }
+}

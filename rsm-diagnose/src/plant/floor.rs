@@ -1,0 +1,108 @@
+//! The noise floor of an output: how large its noise is, how it follows itself, how it grows with the reading.
+//!
+//! In: values of rows. Out: whitened values, standard deviations. [`super::noise`] estimates it. Never looks at a spectrum.
+
+use std::f64::consts::TAU;
+
+use super::growth::Growth;
+use super::rounding::Rounding;
+
+/// The noise of an output.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Floor {
+    /// Standard deviation of the noise.
+    pub sd: f64,
+    /// Correlation from row to row.
+    pub correlation: f64,
+    /// Standard error of the correlation; 0 where it is not an estimate.
+    pub error: f64,
+    /// How the sensor rounds, where it does so coarsely; the noise is then what that leaves about the mean reading.
+    pub rounding: Option<Rounding>,
+    /// How the noise grows with the reading, where it does; `sd` is then the root mean square of all rows.
+    pub growth: Option<Growth>,
+}
+
+impl Floor {
+    /// White noise.
+    #[must_use]
+    pub fn white(sd: f64) -> Self {
+        Floor { sd, correlation: 0.0, error: 0.0, rounding: None, growth: None }
+    }
+
+    /// The mean reading of a value.
+    #[must_use]
+    pub fn reads(&self, value: f64) -> f64 {
+        self.rounding.map_or(value, |rounding| rounding.expected(value))
+    }
+
+    /// Standard deviation of what is new in a row.
+    #[must_use]
+    pub fn innovation(&self) -> f64 {
+        self.sd * (1.0 - self.correlation * self.correlation).sqrt()
+    }
+
+    /// Values of rows as they would be if the noise did not grow with the reading.
+    pub fn even(&self, measured: &[f64], values: &mut [f64]) {
+        if let Some(growth) = self.growth {
+            growth.even(measured, values);
+        }
+    }
+
+    /// Standard deviation of the noise at a reading.
+    #[must_use]
+    pub fn sd_at(&self, reading: f64) -> f64 {
+        self.sd * self.growth.map_or(1.0, |growth| growth.at(reading.abs()))
+    }
+
+    /// Whitened values of length one where the noise is as estimated. Rows that are not `used` give 0. What the last used row says of the next one falls with the rows between:
+    /// after n of them the correlation is its n-th power.
+    pub fn whiten(&self, values: &[f64], used: &[bool], into: &mut Vec<f64>) {
+        let innovation = self.innovation();
+        let mut last: Option<usize> = None;
+        for (row, value) in values.iter().enumerate() {
+            if !used[row] {
+                into.push(0.0);
+                continue;
+            }
+            into.push(match last {
+                None => value / self.sd,
+                Some(before) if before + 1 == row || self.correlation == 0.0 => {
+                    (value - self.correlation * values[before]) / innovation
+                }
+                Some(before) => {
+                    let correlation = self.correlation.powi(i32::try_from(row - before).unwrap_or(i32::MAX));
+                    (value - correlation * values[before]) / (self.sd * (1.0 - correlation * correlation).sqrt())
+                }
+            });
+            last = Some(row);
+        }
+    }
+
+    /// How much the logarithm of the power at a frequency moves with the correlation; `share` of the sample rate.
+    #[must_use]
+    pub fn slope(&self, share: f64) -> f64 {
+        let cos = (TAU * share).cos();
+        (2.0 * cos - 2.0 * self.correlation) / shape(self.correlation, cos)
+    }
+}
+
+/// The power of a first-order process falls with this; the cosine is that of the frequency.
+pub(super) fn shape(correlation: f64, cos: f64) -> f64 {
+    1.0 - 2.0 * correlation * cos + correlation * correlation
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_that_is_missing_costs_no_other_one() {
+        let floor = Floor { correlation: 0.6, ..Floor::white(2.0) };
+        let (values, used) = ([2.0, 9.0, 3.0, 1.0], [true, false, true, true]);
+        let mut white = Vec::new();
+        floor.whiten(&values, &used, &mut white);
+        // Two rows on the correlation is 0.36: (3 - 0.36 2)/(2 sqrt(1 - 0.36^2)); one row on (1 - 0.6 3)/(2 0.8).
+        let expected = [1.0, 0.0, 2.28 / (2.0 * (1.0_f64 - 0.1296).sqrt()), -0.5];
+        assert!(white.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{white:?}");
+    }
+}
