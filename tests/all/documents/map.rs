@@ -10,7 +10,7 @@ use crate::layers::LAWS;
 const MOST_WORDS: usize = 1500;
 
 /// Folders whose entries must all be named, each under a heading of its own.
-const COMPLETE: [&str; 10] = [
+const COMPLETE: [&str; 11] = [
     "rsm-core/src/",
     "rsm-macros/src/",
     "rsm-fit/src/",
