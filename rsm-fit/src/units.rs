@@ -5,7 +5,10 @@
 //! than 30 digits), so that a converted value is rounded once. Never converts between equal texts: those bits stay. Holds no
 //! table of factors; other people's spellings (`Nm`, `m/s²`, `mbar`) stand in `spellings.rs`.
 
+mod dimension;
 mod spellings;
+
+pub use dimension::{Dimension, dimension};
 
 use fend_core::{Context, CustomUnitAttribute};
 use num_traits::Zero;
