@@ -13,6 +13,7 @@ pub mod expression;
 pub mod flat;
 mod syntax;
 pub mod system;
+pub mod units;
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

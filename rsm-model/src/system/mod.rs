@@ -25,6 +25,7 @@ use rsm_core::source::Faults;
 
 use crate::expression::{Id, Replacement, Symbol};
 use crate::flat::{Basic, Flat, Role};
+use crate::units::{self, Checked};
 
 pub use alias::Alias;
 pub use program::{Program, SurfaceValue};
@@ -125,6 +126,7 @@ pub struct System {
     blocks: Vec<Block>,
     iterated: Vec<Iterated>,
     switches: Vec<Switch>,
+    units: Checked,
     memories: Vec<Memory>,
     events: Vec<Event>,
 }
@@ -147,10 +149,11 @@ impl System {
     /// ```
     ///
     /// # Errors
-    /// All faults of one pass: equations that are too many, unknowns that nothing gives, blocks that cannot be solved.
+    /// All faults of one pass: units that do not agree, equations that are too many, unknowns that nothing gives, blocks that cannot be solved.
     pub fn new(flat: &Flat) -> Result<System, Faults> {
+        let units = units::check(flat)?;
         let mut work = Work::new(flat.clone());
-        let system = work.compile();
+        let system = work.compile(units);
         work.faults.finish(system)
     }
 
@@ -244,6 +247,12 @@ impl System {
         &self.events
     }
 
+    /// How far units were checked.
+    #[must_use]
+    pub fn units(&self) -> Checked {
+        self.units
+    }
+
     /// The blocks in the order of solution.
     #[must_use]
     pub fn blocks(&self) -> &[Block] {
@@ -296,7 +305,7 @@ impl Known {
 }
 
 impl Work {
-    fn compile(&mut self) -> Option<System> {
+    fn compile(&mut self, units: Checked) -> Option<System> {
         self.settle_numbers();
         self.take_aliases();
         self.take_switches();
@@ -342,6 +351,7 @@ impl Work {
             blocks: solved.blocks,
             iterated,
             switches,
+            units,
             memories,
             events,
         })

@@ -85,8 +85,8 @@ impl Work {
         }
         let zero = self.flat.pool.number(0.0);
         let rest = Replacement::new(HashMap::from([(unknown, zero)])).of(&mut self.flat.pool, equation.residual);
-        let quotient = self.flat.pool.divide(rest, slope);
-        let value = self.flat.pool.negate(quotient);
+        let moved = self.flat.pool.negate(rest);
+        let value = self.flat.pool.divide(moved, slope);
         solved.blocks.push(self.note(equations, &[(0, unknown)], Method::Turned));
         solved.values.push((unknown, value));
     }
