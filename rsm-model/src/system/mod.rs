@@ -13,7 +13,9 @@
 mod alias;
 mod index;
 mod linear;
+mod lower;
 mod matching;
+mod print;
 mod program;
 mod solve;
 mod start;
@@ -28,6 +30,7 @@ use crate::flat::{Basic, Flat, Role};
 use crate::units::{self, Checked};
 
 pub use alias::Alias;
+pub use lower::SurfaceRows;
 pub use program::{Program, SurfaceValue};
 pub use start::Start;
 
@@ -123,6 +126,8 @@ pub struct System {
     unknowns: Vec<Symbol>,
     /// Every unknown in known symbols.
     values: HashMap<Symbol, Id>,
+    /// Every unknown as its block was solved for it.
+    solved: Vec<(Symbol, Id)>,
     blocks: Vec<Block>,
     iterated: Vec<Iterated>,
     switches: Vec<Switch>,
@@ -348,6 +353,7 @@ impl Work {
             states,
             unknowns,
             values,
+            solved: solved.values,
             blocks: solved.blocks,
             iterated,
             switches,

@@ -11,6 +11,7 @@ use rsm_core::source::Faults;
 use crate::expression::{Id, Replacement, Symbol};
 use crate::flat::Role;
 
+use super::alias::Alias;
 use super::matching::Matching;
 use super::solve::Solved;
 use super::work::{Residual, Work};
@@ -60,12 +61,16 @@ impl Work {
         }
         let mut wanted: Vec<(Residual, String, Option<Symbol>)> = Vec::new();
         let mut known = HashMap::new();
+        let mut replaced = Vec::new();
         for symbol in given {
+            let alias = self.aliases.get(symbol).copied().unwrap_or(Alias { of: *symbol, is_negative: false });
+            replaced.push(alias.of);
             // The variable is an unknown of the start; what is given is an argument under a symbol of its own.
             let place = self.flat.variable(*symbol).place.clone();
             let argument = self.flat.derived(Role::Before(*symbol));
-            let left = self.flat.pool.symbol(*symbol);
+            let left = self.flat.pool.symbol(alias.of);
             let right = self.flat.pool.symbol(argument);
+            let right = if alias.is_negative { self.flat.pool.negate(right) } else { right };
             known.insert(argument, *symbol);
             let name = format!("the given value of `{}`", self.flat.variable(*symbol).name);
             wanted.push((self.equation(left, right, place), name, None));
@@ -78,7 +83,7 @@ impl Work {
         for symbol in &unknowns {
             let variable = self.flat.variable(*symbol).clone();
             let is_state = system.states.contains(symbol) || self.is_held(*symbol);
-            if given.contains(symbol) || (!is_state && variable.fixed != Some(true)) {
+            if replaced.contains(symbol) || (!is_state && variable.fixed != Some(true)) {
                 continue;
             }
             let left = self.flat.pool.symbol(*symbol);

@@ -4,3 +4,4 @@ mod against_hand;
 mod faults;
 mod simulator;
 mod speed;
+mod tapes;
