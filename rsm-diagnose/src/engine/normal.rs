@@ -9,6 +9,18 @@ const RIDGE: f64 = 1e-9;
 /// The same where columns are known better than that, and priors tell equal ones apart: what rounding of sums over a million rows leaves.
 const FINE_RIDGE: f64 = 1e-13;
 
+/// A symmetric matrix, row by row, from its lower triangle: row, then column.
+pub(crate) fn symmetric(size: usize, entry: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+    let mut matrix = vec![0.0; size * size];
+    for i in 0..size {
+        for j in 0..=i {
+            let value = entry(i, j);
+            (matrix[i * size + j], matrix[j * size + i]) = (value, value);
+        }
+    }
+    matrix
+}
+
 /// A factorised symmetric matrix.
 #[derive(Debug, Clone)]
 pub(crate) struct Normal {
@@ -75,6 +87,13 @@ impl Normal {
         x.iter().zip(&self.scale).map(|(value, scale)| value / scale).collect()
     }
 
+    /// The solution, and the square that it takes of what the right-hand side asks.
+    pub(crate) fn gain(&self, right: &[f64]) -> (Vec<f64>, f64) {
+        let solved = self.solve(right);
+        let gain = solved.iter().zip(right).map(|(solved, right)| solved * right).sum();
+        (solved, gain)
+    }
+
     /// The i-th column of the inverse: covariances of an unknown with all of them.
     #[must_use]
     pub(crate) fn covariances(&self, i: usize) -> Vec<f64> {
@@ -91,11 +110,13 @@ mod tests {
     #[test]
     fn two_equations_by_hand() {
         // 4 x + 2 y = 10, 2 x + 3 y = 11: x = 1, y = 3. The inverse is [3 -2; -2 4]/8.
-        let normal = Normal::new(&[4.0, 2.0, 2.0, 3.0], 2, 0.0);
+        let normal = Normal::new(&symmetric(2, |i, j| [[4.0, f64::NAN], [2.0, 3.0]][i][j]), 2, 0.0);
         let x = normal.solve(&[10.0, 11.0]);
         // The ridge moves the ninth digit.
         assert!((x[0] - 1.0).abs() < 1e-7 && (x[1] - 3.0).abs() < 1e-7, "{x:?}");
         assert!((normal.covariances(0)[0] - 0.375).abs() < 1e-7);
+        // 1 * 10 + 3 * 11.
+        assert!((normal.gain(&[10.0, 11.0]).1 - 43.0).abs() < 1e-6);
     }
 
     #[test]

@@ -11,7 +11,7 @@ pub use super::prepared::Bridge;
 use super::prepared::Prepared;
 use super::whitened_residuals::{Column, WhitenedResiduals};
 use crate::engine::columns::dot;
-use crate::engine::normal::Normal;
+use crate::engine::normal::{Normal, symmetric};
 
 /// The longest gap that is bridged, in rows. An instant may be off by 1 % of a period, so over ten rows their number is still known to a tenth; and of an input that
 /// changes once in the gap its mean says when, of one that changes twice it does not.
@@ -231,13 +231,7 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
     }
     let n = traces.len();
     let products: Vec<Vec<f64>> = traces.iter().map(|(_, trace)| nuisance.products_of(trace)).collect();
-    let mut own = vec![0.0; n * n];
-    for i in 0..n {
-        for j in 0..=i {
-            let product = nuisance.between(traces[i].1.and(&traces[j].1), &products[i], &products[j], 0);
-            (own[i * n + j], own[j * n + i]) = (product, product);
-        }
-    }
+    let own = symmetric(n, |i, j| nuisance.between(traces[i].1.and(&traces[j].1), &products[i], &products[j], 0));
     let first = whitened.first(record);
     let mut cost = nuisance.left(residual).0;
     for _ in 0..TURNS {

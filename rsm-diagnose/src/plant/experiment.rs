@@ -10,7 +10,7 @@ use super::model::{Model, Place};
 use super::verdict::{Alias, Verdict};
 use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
-use crate::engine::normal::Normal;
+use crate::engine::normal::{Normal, symmetric};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -221,17 +221,10 @@ impl<'a> Trial<'a> {
         all.extend(columns.map(Some));
         let (known, n) = (adapts.free.len(), all.len());
         let present = adapts.matrix();
-        let mut matrix = vec![0.0; n * n];
-        for i in 0..n {
-            for j in 0..n {
-                let before = if i < known && j < known { present[i * known + j] } else { 0.0 };
-                let now = match (&all[i], &all[j]) {
-                    (Some(a), Some(b)) => a.and(b),
-                    _ => 0.0,
-                };
-                matrix[i * n + j] = before + now;
-            }
-        }
+        let matrix = symmetric(n, |i, j| {
+            let before = if i < known && j < known { present[i * known + j] } else { 0.0 };
+            before + all[i].as_ref().zip(all[j].as_ref()).map_or(0.0, |(a, b)| a.and(b))
+        });
         let pull: Vec<f64> = all.iter().map(|it| it.as_ref().map_or(0.0, |column| column.with(&difference))).collect();
         let solved = Normal::new(&matrix, n, 0.0).solve(&pull);
         Some((dot(&difference, &difference) - dot(&pull, &solved)).max(0.0))

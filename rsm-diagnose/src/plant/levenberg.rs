@@ -6,7 +6,7 @@
 use super::model::{Model, Place};
 use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
 use crate::engine::levenberg::{Amount, LEAST_DAMPING, Problem, Rules, descend};
-use crate::engine::normal::Normal;
+use crate::engine::normal::{Normal, symmetric};
 
 /// A step that promises less than this, in units of squared residuals whose noise is one, is not worth its simulations.
 const ENOUGH: f64 = 0.3;
@@ -95,12 +95,8 @@ pub fn cost(model: &Model, residual: &[f64]) -> f64 {
 
 pub(super) fn gram(model: &Model, free: &[usize], columns: &[Column]) -> Vec<f64> {
     let n = free.len();
-    let mut matrix = vec![0.0; n * n];
+    let mut matrix = symmetric(n, |i, j| columns[i].and(&columns[j]));
     for i in 0..n {
-        for j in 0..=i {
-            let product = columns[i].and(&columns[j]);
-            (matrix[i * n + j], matrix[j * n + i]) = (product, product);
-        }
         if let Some((_, sd)) = model.unknowns[free[i]].prior {
             matrix[i * n + i] += 1.0 / (sd * sd);
         }

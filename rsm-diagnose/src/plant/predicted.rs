@@ -227,8 +227,7 @@ fn gain(columns: &[Vec<f64>; 2], residual: &[f64]) -> (f64, usize) {
     if matrix[0] * matrix[3] - matrix[1] * matrix[1] <= 1e-6 * matrix[0] * matrix[3] {
         return (0.0, 0);
     }
-    let solved = Normal::new(&matrix, 2, 0.0).solve(&right);
-    (solved[0] * right[0] + solved[1] * right[1], 2)
+    (Normal::new(&matrix, 2, 0.0).gain(&right).1, 2)
 }
 
 #[cfg(test)]

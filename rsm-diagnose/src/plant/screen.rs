@@ -13,7 +13,7 @@ use super::position_traces::PositionTraces;
 use super::waves;
 use super::whitened_residuals::WhitenedResiduals;
 use crate::engine::columns::dot;
-use crate::engine::normal::Normal;
+use crate::engine::normal::{Normal, symmetric};
 use crate::engine::significance::point_of_largest;
 use rsm_fit::random::Random;
 use rsm_sim::effect::{Guess, Subject};
@@ -209,20 +209,13 @@ fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> 
 /// The same with those held that come back.
 fn beside(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]], back: Back) -> Option<(Vec<f64>, f64)> {
     let n = traces.len();
-    let mut matrix = vec![0.0; n * n];
-    for i in 0..n {
-        for j in 0..=i {
-            let plain = dot(traces[i], traces[j]);
-            let own = nuisance.between(plain, products[i], products[j], back);
-            if i == j && (own.is_nan() || own <= LEAST_OF_ITS_OWN * plain) {
-                return None;
-            }
-            (matrix[i * n + j], matrix[j * n + i]) = (own, own);
-        }
+    let matrix = symmetric(n, |i, j| nuisance.between(dot(traces[i], traces[j]), products[i], products[j], back));
+    let has_own = |i: usize| matrix[i * n + i] > LEAST_OF_ITS_OWN * dot(traces[i], traces[i]);
+    if !(0..n).all(has_own) {
+        return None;
     }
     let right: Vec<f64> = (0..n).map(|i| nuisance.with_residual(traces[i], products[i], back)).collect();
-    let share = Normal::new(&matrix, n, 0.0).solve(&right);
-    let gain: f64 = share.iter().zip(&right).map(|(share, right)| share * right).sum();
+    let (share, gain) = Normal::new(&matrix, n, 0.0).gain(&right);
     gain.is_finite().then(|| (share, gain + nuisance.gain_of(back)))
 }
 
@@ -316,28 +309,19 @@ pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Ve
 pub fn null(whitened: &WhitenedResiduals, fit: &Fit, screened: &[Screened], rounded: &[(usize, f64)], draws: usize) -> f64 {
     let nuisance = Nuisance::new(fit);
     let mut random = Random::new(1);
-    let parts: Vec<(&Vec<Vec<f64>>, Normal)> = screened
-        .iter()
-        .map(|it| {
-            let n = it.traces.len();
-            let mut matrix = vec![0.0; n * n];
-            for i in 0..n {
-                for j in 0..n {
-                    matrix[i * n + j] =
-                        nuisance.between(dot(&it.traces[i], &it.traces[j]), &it.products[i], &it.products[j], 0);
-                }
-            }
-            (&it.products, Normal::new(&matrix, n, 0.0))
-        })
-        .collect();
+    let normal = |it: &Screened| {
+        let between = |i: usize, j: usize| dot(&it.traces[i], &it.traces[j]);
+        let matrix = symmetric(it.traces.len(), |i, j| nuisance.between(between(i, j), &it.products[i], &it.products[j], 0));
+        Normal::new(&matrix, it.traces.len(), 0.0)
+    };
+    let normals: Vec<Normal> = screened.iter().map(normal).collect();
     let mut largest: Vec<f64> = Vec::new();
     for _ in 0..draws {
         let noise = drawn(whitened, fit, rounded, &mut random);
         let solved = nuisance.solved(&nuisance.products(&noise));
-        let gains = screened.iter().zip(&parts).map(|(it, (products, normal))| {
-            let right: Vec<f64> =
-                it.traces.iter().zip(*products).map(|(trace, products)| dot(trace, &noise) - dot(products, &solved)).collect();
-            normal.solve(&right).iter().zip(&right).map(|(share, right)| share * right).sum::<f64>()
+        let gains = screened.iter().zip(&normals).map(|(it, normal)| {
+            let each = it.traces.iter().zip(&it.products);
+            normal.gain(&each.map(|(trace, products)| dot(trace, &noise) - dot(products, &solved)).collect::<Vec<_>>()).1
         });
         largest.push(gains.fold(0.0, f64::max));
     }

@@ -8,7 +8,7 @@ use super::nuisance::{Back, Nuisance};
 use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::levenberg::{Amount, Problem, Rules, descend};
-use crate::engine::normal::Normal;
+use crate::engine::normal::{Normal, symmetric};
 use rsm_sim::plant_file::Entry;
 
 /// A step that gains less, in units of squared residuals whose noise is one, ends the search.
@@ -73,21 +73,14 @@ impl Problem for OwnNumbers<'_> {
     fn equations(&self, at: &Standing, columns: &Vec<Column>) -> Self::Equations {
         let (n, nuisance, back) = (columns.len(), self.nuisance, at.left.1);
         let products: Vec<Vec<f64>> = columns.iter().map(|column| nuisance.products(&column.values)).collect();
-        let mut matrix = vec![0.0; n * n];
-        for i in 0..n {
-            for j in 0..n {
-                matrix[i * n + j] = nuisance.between(columns[i].and(&columns[j]), &products[i], &products[j], back);
-            }
-        }
+        let matrix = symmetric(n, |i, j| nuisance.between(columns[i].and(&columns[j]), &products[i], &products[j], back));
         let left = nuisance.products(&at.residual);
         let asked = |i: usize| nuisance.between(dot(&columns[i].values, &at.residual), &products[i], &left, back);
         (matrix, (0..n).map(asked).collect())
     }
 
     fn step(&self, _: &Standing, (matrix, pull): &Self::Equations, damping: f64) -> (Vec<f64>, f64) {
-        let change = Normal::new(matrix, pull.len(), damping).solve(pull);
-        let promised = change.iter().zip(pull).map(|(change, pull)| change * pull).sum();
-        (change, promised)
+        Normal::new(matrix, pull.len(), damping).gain(pull)
     }
 
     fn moved(&self, at: &Standing, _: &Self::Equations, step: &[f64]) -> Option<Standing> {
