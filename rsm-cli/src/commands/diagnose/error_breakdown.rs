@@ -8,7 +8,7 @@ use rsm_diagnose::plant::{Cause, Diagnosis};
 use rsm_sim::kind::PlantKind;
 use serde_json::{Map, Value, json};
 
-use super::evidence;
+use super::{evidence, told};
 use crate::output::finite;
 
 /// The name of the model file beside diagnosis.json.
@@ -31,10 +31,9 @@ pub fn regions(kind: PlantKind, regions: &[Region]) -> Value {
 /// What speaks for and against a cause, and what to do about it.
 pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
     let it = evidence::of(kind, found, cause);
-    let rivals = cause.rivals.iter().map(|(name, behind)| json!({ "cause": name, "behind": finite(*behind) }));
     json!({
         "for": it.supports, "against": it.speaks_against, "check": cause.check, "gain": finite(cause.gain),
-        "rivals": rivals.collect::<Vec<Value>>(), "rivals_asked": cause.asked,
+        "rivals": told::rivals(&cause.rivals), "rivals_asked": cause.asked,
     })
 }
 

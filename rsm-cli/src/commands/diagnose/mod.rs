@@ -12,6 +12,7 @@ mod refit;
 mod report;
 mod surface;
 mod surface_report;
+mod told;
 mod words;
 
 use std::path::PathBuf;
@@ -23,7 +24,6 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader;
 use rsm_diagnose::plant::bridges::Bridged;
 use rsm_diagnose::plant::checks::Finding;
-use rsm_diagnose::plant::tested::Tested;
 use rsm_diagnose::plant::{self, Cause, Diagnosis, Options};
 use rsm_sim::effect::Subject;
 use rsm_sim::kind::PlantKind;
@@ -34,6 +34,7 @@ use serde_json::{Map, Value, json};
 
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
+use told::Told;
 
 #[derive(Args)]
 pub struct Arguments {
@@ -222,56 +223,40 @@ fn findings(list: &[Finding]) -> Vec<Value> {
 /// docs/book/src/reference/formats.md 4.3.
 pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     let cause_value = |cause: &Cause| {
-        let mut one = Map::new();
-        one.insert("kind".to_string(), json!(cause.kind));
-        let parameters: Map<String, Value> = cause
-            .parameters
-            .iter()
-            .map(|it| {
-                let number = output::finite;
-                let value =
-                    json!({ "value": number(it.value), "low": number(it.low), "high": number(it.high), "unit": it.unit });
-                (it.name.to_string(), value)
-            })
-            .collect();
-        one.insert("parameters".to_string(), Value::Object(parameters));
-        match cause.of {
-            Subject::Parameter => one.insert("parameter".to_string(), json!(cause.subject)),
-            Subject::Output => one.insert("output".to_string(), json!(cause.subject)),
-            Subject::None => None,
+        let details = match cause.of {
+            Subject::Parameter => vec![("parameter", json!(cause.subject))],
+            Subject::Output => vec![("output", json!(cause.subject))],
+            Subject::None => Vec::new(),
         };
-        one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
-        one.insert("confidence_of_any".to_string(), json!(output::finite(cause.confidence_of_any)));
-        one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
-        if let Some(record) = &cause.only_in {
-            one.insert("only_in".to_string(), json!([record]));
-        }
-        one.insert("evidence".to_string(), error_breakdown::evidence(kind, found, cause));
-        Value::Object(one)
+        let mut evidence: told::Keys = cause.only_in.iter().map(|record| ("only_in", json!([record]))).collect();
+        evidence.push(("evidence", error_breakdown::evidence(kind, found, cause)));
+        let numbers = cause.parameters.iter();
+        let told = Told {
+            kind: cause.kind,
+            place: Vec::new(),
+            numbers: numbers.map(|it| (it.name.to_string(), told::number(it.value, it.low, it.high, &it.unit))).collect(),
+            details,
+            confidence: cause.confidence,
+            confidence_of_any: cause.confidence_of_any,
+            indistinguishable_from: &cause.indistinguishable_from,
+            evidence,
+        };
+        told.value()
     };
     let causes: Vec<Value> = found.causes.iter().map(cause_value).collect();
     let helpers: Vec<Value> = found.helpers.iter().map(cause_value).collect();
     let refused: Vec<Value> = found.refused.iter().map(|it| json!({ "cause": it.cause, "why": it.why })).collect();
-    let by_output = |list: &[plant::validation::Error]| -> Value {
-        let each = list.iter().map(|it| {
-            let value = json!({ "rmse": output::finite(it.rmse), "noise_ratio": output::finite(it.noise_ratio) });
-            (kind.outputs()[it.output].name.to_string(), value)
-        });
-        Value::Object(each.collect::<Map<String, Value>>())
+    let by_output =
+        |it: &plant::validation::Error| (kind.outputs()[it.output].name.to_string(), told::error(it.rmse, it.noise_ratio));
+    let errors = |list: &[plant::validation::Error], test: Option<&[plant::validation::Error]>| {
+        told::errors(list.iter().map(by_output), test.map(|test| test.iter().map(by_output)))
     };
-    let errors = |list: &[plant::validation::Error]| -> Value { json!({ "validate": by_output(list) }) };
-    let with_test = |list: &[plant::validation::Error], test: fn(&Tested) -> &[plant::validation::Error]| -> Value {
-        let mut value = errors(list);
-        if let Some(tested) = &found.tested {
-            value["test"] = by_output(test(tested));
-        }
-        value
-    };
+    let tested = found.tested.as_ref();
     let steps: Vec<Value> = found
         .steps
         .iter()
         .map(|it| {
-            let mut step = errors(&it.errors);
+            let mut step = errors(&it.errors, None);
             step["causes"] = json!(it.causes);
             if let Some(error) = it.force_error {
                 step["force_error"] = json!(output::finite(error));
@@ -288,8 +273,8 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "refused": refused,
         "claims": claims(found),
         "practical": found.practical.map(|it| json!({ "gone": output::finite(it.gone), "left": output::finite(it.left) })),
-        "nominal": with_test(&found.nominal, |it| &it.nominal),
-        "extended": with_test(&found.extended, |it| &it.extended),
+        "nominal": errors(&found.nominal, tested.map(|it| it.nominal.as_slice())),
+        "extended": errors(&found.extended, tested.map(|it| it.extended.as_slice())),
         "judged_on": words::CHOSEN,
         "test": found.tested.as_ref().map(|it| json!({
             "records": it.files, "judged_on": words::tested_on(), "gain": output::finite(it.gain),

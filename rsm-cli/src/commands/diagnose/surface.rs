@@ -18,6 +18,7 @@ use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Tested};
 use serde_json::{Map, Value, json};
 
 use super::surface_report;
+use super::told::{self, Told};
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -137,20 +138,12 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
     all.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     let causes: Vec<Value> = all.iter().map(|(response, cause)| cause_value(&name(response), data, cause)).collect();
     let figures =
-        |errors: &Errors| json!({ "rmse": output::finite(errors.rmse), "noise_ratio": output::finite(errors.noise_ratio) });
-    let errors = |of: fn(&ResponseDiagnosis) -> &Errors| -> Value {
-        let each = found.responses.iter().map(|response| (name(response), figures(of(response))));
-        json!({ "validate": each.collect::<Map<String, Value>>() })
-    };
-    let with_test = |of: fn(&ResponseDiagnosis) -> &Errors, on_test: fn(&Tested) -> &Errors| -> Value {
-        let mut value = errors(of);
-        let each =
-            found.responses.iter().filter_map(|response| Some((name(response), figures(on_test(response.tested.as_ref()?)))));
-        let test: Map<String, Value> = each.collect();
-        if !test.is_empty() {
-            value["test"] = Value::Object(test);
-        }
-        value
+        |response: &ResponseDiagnosis, errors: &Errors| (name(response), told::error(errors.rmse, errors.noise_ratio));
+    let errors = |of: fn(&ResponseDiagnosis) -> &Errors, on_test: Option<fn(&Tested) -> &Errors>| {
+        let each = found.responses.iter().map(|response| figures(response, of(response)));
+        let tested = found.responses.iter().filter_map(|it| Some((it, it.tested.as_ref()?)));
+        let on_test = on_test.filter(|_| found.responses.iter().any(|it| it.tested.is_some()));
+        told::errors(each, on_test.map(|on_test| tested.map(move |(response, it)| figures(response, on_test(it)))))
     };
     let regions = |of: fn(&ResponseDiagnosis) -> &Vec<Region>| -> Vec<Value> {
         let each = found.responses.iter().flat_map(|response| {
@@ -165,9 +158,9 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
     json!({
         "verdict": found.verdict.name(),
         "causes": causes,
-        "nominal": with_test(|response| &response.nominal, |it| &it.nominal),
-        "extended": with_test(|response| &response.extended, |it| &it.extended),
-        "extended_file": errors(|response| &response.extended_file),
+        "nominal": errors(|response| &response.nominal, Some(|it| &it.nominal)),
+        "extended": errors(|response| &response.extended, Some(|it| &it.extended)),
+        "extended_file": errors(|response| &response.extended_file, None),
         "gain": output::finite(found.gain),
         "where": regions(|response| &response.regions),
         "left": regions(|response| &response.regions_left),
@@ -178,22 +171,11 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
 }
 
 fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
-    let mut one = Map::new();
-    one.insert("kind".to_string(), json!(cause.kind));
-    one.insert("response".to_string(), json!(response));
-    if let Some((key, subject)) = &cause.subject {
-        one.insert((*key).to_string(), json!(subject));
-    }
-    let parameters = cause.parameters.iter().map(|it| {
-        let number = output::finite;
-        let value = json!({ "value": number(it.value), "low": number(it.low), "high": number(it.high), "unit": it.unit });
-        (it.name.clone(), value)
-    });
-    one.insert("parameters".to_string(), Value::Object(parameters.collect()));
-    for (key, value) in &cause.details {
-        // Numbers and lists of them stay what they are.
-        one.insert((*key).to_string(), serde_json::from_str(value).unwrap_or_else(|_| json!(value)));
-    }
+    let mut place = vec![("response", json!(response))];
+    place.extend(cause.subject.as_ref().map(|(key, subject)| (*key, json!(subject))));
+    // Numbers and lists of them stay what they are.
+    let detail = |value: &String| serde_json::from_str(value).unwrap_or_else(|_| json!(value));
+    let mut details: told::Keys = cause.details.iter().map(|(key, value)| (*key, detail(value))).collect();
     if !cause.runs.is_empty() {
         let run = |it: &OutlyingRun| {
             let (file, line) = data.lines[it.place];
@@ -202,18 +184,26 @@ fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
                 "studentised_residual": output::finite(it.studentised), "p": it.p,
             })
         };
-        one.insert("runs".to_string(), cause.runs.iter().map(run).collect());
+        details.push(("runs", cause.runs.iter().map(run).collect()));
     }
-    one.insert("confidence".to_string(), json!(output::finite(cause.confidence)));
-    one.insert("confidence_of_any".to_string(), json!(output::finite(cause.confidence_of_any)));
-    one.insert("indistinguishable_from".to_string(), json!(cause.indistinguishable_from));
-    let rivals = cause.rivals.iter().map(|(label, behind)| json!({ "cause": label, "behind": output::finite(*behind) }));
-    one.insert(
-        "evidence".to_string(),
-        json!({ "likelihood_ratio": output::finite(cause.gain), "ln_p": output::finite(cause.ln_p), "rivals": rivals.collect::<Vec<Value>>() }),
-    );
-    one.insert("words".to_string(), json!(cause.sentence));
-    Value::Object(one)
+    let evidence = json!({
+        "likelihood_ratio": output::finite(cause.gain), "ln_p": output::finite(cause.ln_p), "rivals": told::rivals(&cause.rivals)
+    });
+    Told {
+        kind: cause.kind,
+        place,
+        numbers: cause
+            .parameters
+            .iter()
+            .map(|it| (it.name.clone(), told::number(it.value, it.low, it.high, &it.unit)))
+            .collect(),
+        details,
+        confidence: cause.confidence,
+        confidence_of_any: cause.confidence_of_any,
+        indistinguishable_from: &cause.indistinguishable_from,
+        evidence: vec![("evidence", evidence), ("words", json!(cause.sentence))],
+    }
+    .value()
 }
 
 fn response_value(data: &NewData, response: &ResponseDiagnosis) -> Value {

@@ -1,0 +1,99 @@
+//! The JSON of causes and errors, the same of a surface and of a plant (docs/book/src/reference/formats.md 4.3).
+//!
+//! In: what a diagnosis says of a cause, in its own types. Out: values, with the keys in one order. Never a figure that is not finite: null stands for it.
+
+use serde_json::{Map, Value, json};
+
+use crate::output::finite;
+
+/// Keys with their values.
+pub(super) type Keys = Vec<(&'static str, Value)>;
+
+/// A cause.
+pub(super) struct Told<'a> {
+    /// The kind.
+    pub(super) kind: &'a str,
+    /// Where a reader of JSON looks for it: the response of a surface, with its subject.
+    pub(super) place: Keys,
+    /// Its numbers by name.
+    pub(super) numbers: Vec<(String, Value)>,
+    /// What else there is to know of it.
+    pub(super) details: Keys,
+    /// The probability that it is right,
+    pub(super) confidence: f64,
+    /// and that it or one of its equals is.
+    pub(super) confidence_of_any: f64,
+    /// Its equals.
+    pub(super) indistinguishable_from: &'a [String],
+    /// What follows: where it holds, what speaks for it, words.
+    pub(super) evidence: Keys,
+}
+
+impl Told<'_> {
+    /// The cause as JSON.
+    pub(super) fn value(self) -> Value {
+        let mut one: Map<String, Value> = Map::new();
+        let mut tell = |keys: Keys| one.extend(keys.into_iter().map(|(key, value)| (key.to_string(), value)));
+        tell(vec![("kind", json!(self.kind))]);
+        tell(self.place);
+        tell(vec![("parameters", Value::Object(self.numbers.into_iter().collect()))]);
+        tell(self.details);
+        tell(vec![
+            ("confidence", json!(finite(self.confidence))),
+            ("confidence_of_any", json!(finite(self.confidence_of_any))),
+            ("indistinguishable_from", json!(self.indistinguishable_from)),
+        ]);
+        tell(self.evidence);
+        Value::Object(one)
+    }
+}
+
+/// An estimate with its interval.
+pub(super) fn number(value: f64, low: f64, high: f64, unit: &str) -> Value {
+    json!({ "value": finite(value), "low": finite(low), "high": finite(high), "unit": unit })
+}
+
+/// Rivals, with how far they are behind.
+pub(super) fn rivals(list: &[(String, f64)]) -> Value {
+    list.iter().map(|(label, behind)| json!({ "cause": label, "behind": finite(*behind) })).collect()
+}
+
+/// Errors of an output or a response.
+pub(super) fn error(rmse: f64, noise_ratio: f64) -> Value {
+    json!({ "rmse": finite(rmse), "noise_ratio": finite(noise_ratio) })
+}
+
+/// Errors by name, on the rows that judged and on test rows where there are any.
+pub(super) fn errors(
+    validate: impl Iterator<Item = (String, Value)>,
+    test: Option<impl Iterator<Item = (String, Value)>>,
+) -> Value {
+    let mut value = json!({ "validate": validate.collect::<Map<String, Value>>() });
+    if let Some(test) = test {
+        value["test"] = Value::Object(test.collect());
+    }
+    value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_has_its_keys_in_one_order_and_null_for_what_is_no_number() {
+        let told = Told {
+            kind: "sensor-bias",
+            place: vec![("output", json!("speed"))],
+            numbers: vec![("bias".to_string(), number(1.0, f64::NEG_INFINITY, 2.0, "rad/s"))],
+            details: Vec::new(),
+            confidence: 0.5,
+            confidence_of_any: f64::NAN,
+            indistinguishable_from: &[],
+            evidence: vec![("rivals", rivals(&[("sensor-gain".to_string(), 3.0)]))],
+        };
+        assert_eq!(
+            told.value().to_string(),
+            r#"{"kind":"sensor-bias","output":"speed","parameters":{"bias":{"value":1.0,"low":null,"high":2.0,"unit":"rad/s"}},"confidence":0.5,"confidence_of_any":null,"indistinguishable_from":[],"rivals":[{"cause":"sensor-gain","behind":3.0}]}"#
+        );
+    }
+}
