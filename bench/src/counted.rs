@@ -58,7 +58,8 @@ pub enum Code {
 pub fn subjects(unit: &Unit, variant: &str, name: impl Fn(&str) -> String, header: &str, source: &str) -> Vec<Subject> {
     let subject = |function: &rsm_core::emit::Function| {
         let (suffix, result) = match function.kind {
-            Kind::Surface | Kind::Step => ("", c_type(function.tape.precision)),
+            // No benchmark emits gradients: a subject has one result.
+            Kind::Surface | Kind::Step | Kind::Gradient => ("", c_type(function.tape.precision)),
             Kind::Support => ("_support", "int"),
         };
         Subject {

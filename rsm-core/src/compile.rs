@@ -7,8 +7,9 @@ use crate::check::Checked;
 use crate::emit::{self, Function, Kind, Unit};
 use crate::lower;
 use crate::model::{Input, Outside};
+use crate::names;
 use crate::number::{self, Precision};
-use crate::source::{Faults, Source};
+use crate::source::{Fault, Faults, Source};
 
 /// A model as a Rust module.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -36,6 +37,39 @@ pub struct RustModule {
 /// # Ok::<(), rsm_core::source::Faults>(())
 /// ```
 pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults> {
+    functions(checked, precisions, false)
+}
+
+/// The evaluators of a checked model as [`unit`] gives them, and after each surface the function of its gradient.
+///
+/// # Errors
+/// As [`unit`]; a surface whose gradient would have the name of another function.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{compile, number::Precision};
+///
+/// let unit = compile::unit_with_gradients(&checked, &[Precision::F64])?;
+/// assert_eq!(unit.functions[1].c_name("car"), "car_drag_gradient");
+/// assert_eq!(unit.functions[1].derivatives[0].range.high, 2.0); // N per m/s
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
+pub fn unit_with_gradients(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults> {
+    let model = checked.model();
+    let surfaces: Vec<&str> = model.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+    let compensators = model.compensators.iter().map(|compensator| compensator.name.as_str());
+    let functions_of: Vec<&str> = surfaces.iter().copied().chain(compensators).collect();
+    if let Some((surface, why)) = names::clash_of_gradients(&surfaces, &functions_of) {
+        let fault = Fault::whole_file(checked.file(), format!("surface `{surface}`: {why}"));
+        return Err(Faults::one(fault.help("rename one of them, or emit without gradients")));
+    }
+    functions(checked, precisions, true)
+}
+
+fn functions(checked: &Checked, precisions: &[Precision], gradients: bool) -> Result<Unit, Faults> {
     let model = checked.model();
     for index in 0..model.compensators.len() {
         certificate::compensator::require_stable(checked, index)?;
@@ -48,10 +82,18 @@ pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults>
                 kind,
                 unit: surface.unit.clone(),
                 inputs: checked.inputs_of(surface),
-                saturation: if kind == Kind::Surface { lower::saturation(checked, index, precision) } else { None },
+                saturation: if kind == Kind::Support { None } else { lower::saturation(checked, index, precision) },
+                derivatives: if kind == Kind::Gradient {
+                    certificate::gradient::derivatives(checked, index, precision)
+                } else {
+                    vec![]
+                },
                 tape,
             };
             functions.push(function(Kind::Surface, lower::surface(checked, index, precision)));
+            if gradients {
+                functions.push(function(Kind::Gradient, lower::gradient(checked, index, precision)));
+            }
             functions.extend(lower::support(checked, index, precision).map(|tape| function(Kind::Support, tape)));
         }
         functions.extend((0..model.compensators.len()).map(|index| step(checked, index, precision)));
@@ -71,6 +113,7 @@ fn step(checked: &Checked, index: usize, precision: Precision) -> Function {
         unit: format!("every {} s", number::decimal(compensator.sample_time)),
         inputs: std::iter::once(signal).chain(checked.schedule_of(compensator)).collect(),
         saturation: None,
+        derivatives: vec![],
         tape: lower::compensator(checked, index, precision),
     }
 }

@@ -14,7 +14,7 @@ use num_traits::Signed;
 
 use crate::elementary::{self, Computed, Function};
 use crate::interval::Interval;
-use crate::number::{Precision, exact, power_of_two};
+use crate::number::{Precision, Rational, exact, power_of_two};
 use crate::tape::{Extremum, Op, Reg, Tape};
 
 /// How many cells the box is cut into, at most. 4096 cells of 1000 operations take some 40 ms.
@@ -295,10 +295,11 @@ impl<'t> Analysis<'t> {
             }
             None => {
                 let Op::Less(left, right) = *self.tape.op(condition) else { return Known::NOTHING };
+                let is_certain = self.is_certain(left, right);
                 let (left, right) = (self.of(left), self.of(right));
                 let (a, b) = (self.of(then), self.of(otherwise));
-                // Exact operands: tape and ideal choose alike. Otherwise they may choose differently, and nothing is known.
-                if left.error > 0.0 || right.error > 0.0 {
+                // Where tape and ideal may choose differently nothing is known.
+                if !is_certain {
                     Known::NOTHING
                 } else if left.high < right.low {
                     a
@@ -309,6 +310,21 @@ impl<'t> Analysis<'t> {
                 }
             }
         }
+    }
+
+    /// Whether the tape and its ideal always compare alike. So they do where both operands are exact. So they do for an exact number beside a bound
+    /// that was rounded away from it: no number of the type lies between the bound and what it stands for. And the sign of a difference
+    /// of exact numbers is right however it is rounded.
+    fn is_certain(&self, left: Reg, right: Reg) -> bool {
+        let is_exact = |reg: Reg| self.of(reg).error == 0.0;
+        let is_zero = |reg: Reg| self.of(reg).magnitude() == 0.0 && is_exact(reg);
+        let is_next = |reg: Reg, round: fn(Precision, &Rational) -> f64| matches!(self.tape.op(reg), Op::Constant(constant) if round(self.tape.precision, &constant.exact) == constant.value);
+        let has_exact_sign = |reg: Reg| matches!(*self.tape.op(reg), Op::Subtract(a, b) if is_exact(a) && is_exact(b));
+        (is_exact(left) && is_exact(right))
+            || (is_exact(left) && is_next(right, Precision::round_up))
+            || (is_exact(right) && is_next(left, Precision::round_down))
+            || (has_exact_sign(left) && is_zero(right))
+            || (has_exact_sign(right) && is_zero(left))
     }
 
     /// Whether a register holds a constant that is exact or was rounded in the given direction.

@@ -50,6 +50,8 @@ impl<'t> Values<'t> {
                 Op::Exponent(a) => of(a).exponent(self.tape.precision),
                 Op::PowerOfTwo(a) => of(a).power_of_two(self.tape.precision).unwrap_or(ANYTHING),
                 Op::Add(a, b) => self.rounded(of(a).low + of(b).low, of(a).high + of(b).high),
+                // Of numbers, not of an infinity or a NaN.
+                Op::Subtract(a, b) if a == b && of(a).magnitude().is_finite() => Interval::point(0.0),
                 Op::Subtract(a, b) => self.rounded(of(a).low - of(b).high, of(a).high - of(b).low),
                 Op::Multiply(a, b) if a == b => self.square(of(a)),
                 Op::Multiply(a, b) => self.of_ends(of(a), of(b), |x, y| x * y),

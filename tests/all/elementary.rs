@@ -44,6 +44,7 @@ fn function(
         unit: "1".to_string(),
         inputs: names.iter().map(input).collect(),
         saturation: None,
+        derivatives: vec![],
         tape: tape.finish(name, names, result),
     }
 }

@@ -7,6 +7,7 @@ mod documents;
 mod effects;
 mod elementary;
 mod firmware;
+mod gradients;
 mod inlined;
 mod layers;
 mod library;

@@ -14,7 +14,7 @@ use crate::points::Number;
 pub trait Backend<T>: Send + Sync {
     /// What a report calls it.
     fn name(&self) -> &str;
-    /// The results of a function at rows of points.
+    /// The results of a function at rows of points; of a gradient a row of derivatives each.
     fn evaluate(&self, unit: &Unit, function: &Function, points: &[T]) -> Vec<T>;
 }
 
@@ -29,7 +29,12 @@ impl<T: Number> Backend<T> for Reference {
 
     fn evaluate(&self, _: &Unit, function: &Function, points: &[T]) -> Vec<T> {
         let mut interpreter = Interpreter::<T>::new(&function.tape);
-        points.chunks_exact(function.inputs.len()).map(|point| interpreter.step(point)).collect()
+        let mut results = vec![];
+        for point in points.chunks_exact(function.inputs.len()) {
+            interpreter.step(point);
+            results.extend(interpreter.results());
+        }
+        results
     }
 }
 
@@ -110,10 +115,10 @@ impl<T: Number> Backend<T> for Loaded {
     #[allow(unsafe_code)]
     fn evaluate(&self, unit: &Unit, function: &Function, points: &[T]) -> Vec<T> {
         let count = points.len() / function.inputs.len();
-        let mut results = vec![T::nearest(0.0); count];
+        let mut results = vec![T::nearest(0.0); count * function.tape.outputs.len()];
         let symbol = format!("batch_{}_{}", unit.model, function.rust_name());
         // SAFETY: the batch functions of [`crate::compilers`] have this type; they read `count` rows of the function's number of
-        // arguments and write `count` results.
+        // arguments and write `count` rows of results.
         unsafe {
             let batch: libloading::Symbol<'_, Batch<T>> =
                 self.library.get(symbol.as_bytes()).unwrap_or_else(|error| panic!("{symbol}: {error}"));

@@ -112,13 +112,17 @@ pub fn write_c<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
                 state = format!("{state_type} state; {}(&state); ", names::c_init(model, compensator, precision));
                 pass = "&state, ";
             }
+            let results = function.tape.outputs.len();
+            let call = format!("{}({pass}{}", function.c_name(model), arguments.join(", "));
+            let call = match function.kind {
+                Kind::Gradient => format!("{call}, y + i * {results});"),
+                _ => format!("y[i] = ({float}){call});"),
+            };
             writeln!(
                 batches,
                 "RSM_TESTS_EXPORT void batch_{model}_{name}(const {float} *x, {float} *y, size_t n);\n\
                  void batch_{model}_{name}(const {float} *x, {float} *y, size_t n)\n\
-                 {{\n    size_t i;\n    {state}for (i = 0; i < n; i++) {{ y[i] = ({float}){}({pass}{}); }}\n}}",
-                function.c_name(model),
-                arguments.join(", ")
+                 {{\n    size_t i;\n    {state}for (i = 0; i < n; i++) {{ {call} }}\n}}"
             )
             .expect("text");
         }
@@ -224,10 +228,14 @@ fn rust_batch(model: &str, function: &Function) -> String {
         state = format!("    let mut state = {model}::{init}();\n");
         pass = "&mut state, ";
     }
+    let place = match function.kind {
+        Kind::Gradient => format!("*y.cast::<[{float}; {}]>().add(i)", function.tape.outputs.len()),
+        _ => "*y.add(i)".to_string(),
+    };
     format!(
-        "/// # Safety\n/// `x` has `n` rows, `y` room for `n` results.\n#[unsafe(no_mangle)]\n\
+        "/// # Safety\n/// `x` has `n` rows, `y` room for `n` rows of results.\n#[unsafe(no_mangle)]\n\
          pub unsafe extern \"C\" fn batch_{model}_{name}(x: *const {float}, y: *mut {float}, n: usize) {{\n{state}    \
-             for i in 0..n {{ unsafe {{ *y.add(i) = {model}::{name}({pass}{}){conversion}; }} }}\n}}\n",
+             for i in 0..n {{ unsafe {{ {place} = {model}::{name}({pass}{}){conversion}; }} }}\n}}\n",
         arguments.join(", ")
     )
 }

@@ -21,6 +21,9 @@ pub struct Arguments {
     /// The precisions; all that can hold the model when not given
     #[arg(long, value_delimiter = ',')]
     precision: Vec<PrecisionName>,
+    /// Also the gradient of each surface: its derivatives by its inputs
+    #[arg(long)]
+    gradient: bool,
     /// The folder for the files
     #[arg(long)]
     out: PathBuf,
@@ -41,7 +44,8 @@ enum Language {
 pub fn run(arguments: &Arguments) -> Outcome {
     let asked = precisions(&arguments.precision);
     let checked = Checked::read(&model_source(&arguments.model)?)?;
-    let unit = compile::unit(&checked, &asked)?;
+    let unit =
+        if arguments.gradient { compile::unit_with_gradients(&checked, &asked)? } else { compile::unit(&checked, &asked)? };
     let model = &unit.model;
     let files: Vec<(PathBuf, String)> = match arguments.lang {
         Language::Rust => vec![(arguments.out.join(format!("{model}.rs")), emit::rust::emit(&unit))],

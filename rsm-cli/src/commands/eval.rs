@@ -29,6 +29,9 @@ pub struct Arguments {
     /// The compensator to run over a sequence: --data has the columns `input` and every input that it uses
     #[arg(long, conflicts_with_all = ["surface", "at"])]
     compensator: Option<String>,
+    /// The derivatives of the surface by its inputs, in the unit of the surface a unit of the input
+    #[arg(long, conflicts_with = "compensator")]
+    gradient: bool,
     /// A point, in the units of the model: a=1,b=2
     #[arg(long, required_unless_present_any = ["data", "compensator"], conflicts_with = "data", allow_hyphen_values = true)]
     at: Option<String>,
@@ -46,11 +49,11 @@ pub struct Arguments {
     json: bool,
 }
 
-/// One result: the value as the precision prints it, its f64 for JSON, its bits in hexadecimal.
+/// One row of results, one but for a gradient: the values as the precision prints them, their f64 for JSON, their bits in hexadecimal.
 struct Evaluated {
-    text: String,
-    value: f64,
-    bits: String,
+    texts: Vec<String>,
+    values: Vec<f64>,
+    bits: Vec<String>,
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
@@ -62,15 +65,22 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     let index = surface_index(&checked, arguments.surface.as_deref())?;
     let surface = &checked.model().surfaces[index];
-    let tape = lower::surface(&checked, index, precision);
     let (name, unit) = (&surface.name, &surface.unit);
-    let object = json!({ "surface": name, "unit": unit, "precision": precision.name() });
+    let mut object = json!({ "surface": name, "unit": unit, "precision": precision.name() });
+    let (tape, results) = if arguments.gradient {
+        object["gradient"] = json!(surface.inputs);
+        let inputs = checked.inputs_of(surface);
+        let each = inputs.iter().map(|input| with_unit(&format!("d_{name}_d_{}", input.name), &per(unit, &input.unit)));
+        (lower::gradient(&checked, index, precision), each.collect::<Vec<_>>().join(","))
+    } else {
+        (lower::surface(&checked, index, precision), with_unit(name, unit))
+    };
     match (&arguments.at, &arguments.data) {
         (Some(at), _) => print(arguments, None, &evaluate(&tape, &[point(at, surface, precision)?]), object),
         (None, Some(path)) => {
             let inputs = checked.inputs_of(surface);
             let points = table(path, None, &inputs)?;
-            let header = header(None, &inputs, &with_unit(name, unit));
+            let header = header(None, &inputs, &results);
             print(arguments, Some((&header, &points)), &evaluate(&tape, &points), object)
         }
         (None, None) => Err(Refusal::new("give a point with --at or a table with --data")),
@@ -101,6 +111,11 @@ fn header(signal: Option<&str>, inputs: &[Input], result: &str) -> String {
     signal.map(str::to_string).into_iter().chain(inputs).chain([result.to_string()]).collect::<Vec<_>>().join(",")
 }
 
+/// The unit of a derivative.
+fn per(unit: &str, input: &str) -> String {
+    format!("({unit})/({input})")
+}
+
 fn with_unit(name: &str, unit: &str) -> String {
     format!("{name}[{unit}]")
 }
@@ -113,18 +128,26 @@ fn print(
     mut object: serde_json::Value,
 ) -> Outcome {
     if arguments.json {
-        object["values"] = results.iter().map(|result| output::finite(result.value)).collect();
-        object["bits"] = results.iter().map(|result| result.bits.as_str()).collect();
+        let rows = |each: &dyn Fn(&Evaluated) -> Vec<serde_json::Value>| -> serde_json::Value {
+            // A number for a surface, a list for a gradient.
+            let row = |result| {
+                let mut values = each(result);
+                if arguments.gradient { values.into() } else { values.swap_remove(0) }
+            };
+            results.iter().map(row).collect()
+        };
+        object["values"] = rows(&|result| result.values.iter().map(|value| output::finite(*value).into()).collect());
+        object["bits"] = rows(&|result| result.bits.iter().map(|bits| bits.as_str().into()).collect());
         output::json(&object)?;
     } else {
         let lines: Vec<String> = match table {
             Some((header, points)) if !arguments.bits => {
                 let row = |(point, result): (&Vec<f64>, &Evaluated)| {
-                    point.iter().map(|value| format!("{value:?},")).chain([result.text.clone()]).collect::<String>()
+                    point.iter().map(|value| format!("{value:?},")).chain([result.texts.join(",")]).collect::<String>()
                 };
                 [header.to_string()].into_iter().chain(points.iter().zip(results).map(row)).collect()
             }
-            _ => results.iter().map(|it| if arguments.bits { it.bits.clone() } else { it.text.clone() }).collect(),
+            _ => results.iter().map(|it| if arguments.bits { it.bits.join(",") } else { it.texts.join(",") }).collect(),
         };
         output::line(&lines.join("\n"))?;
     }
@@ -192,8 +215,10 @@ fn evaluate(tape: &Tape, points: &[Vec<f64>]) -> Vec<Evaluated> {
         Precision::F64 => {
             let mut interpreter = Interpreter::<f64>::new(tape);
             let each = |point: &Vec<f64>| {
-                let value = interpreter.step(point);
-                Evaluated { text: format!("{value:?}"), value, bits: format!("{:016x}", value.to_bits()) }
+                interpreter.step(point);
+                let values: Vec<f64> = interpreter.results().collect();
+                let texts = values.iter().map(|value| format!("{value:?}")).collect();
+                Evaluated { texts, bits: values.iter().map(|value| format!("{:016x}", value.to_bits())).collect(), values }
             };
             points.iter().map(each).collect()
         }
@@ -201,8 +226,13 @@ fn evaluate(tape: &Tape, points: &[Vec<f64>]) -> Vec<Evaluated> {
             let mut interpreter = Interpreter::<f32>::new(tape);
             let each = |point: &Vec<f64>| {
                 let arguments: Vec<f32> = point.iter().map(|value| *value as f32).collect();
-                let value = interpreter.step(&arguments);
-                Evaluated { text: format!("{value:?}"), value: f64::from(value), bits: format!("{:08x}", value.to_bits()) }
+                interpreter.step(&arguments);
+                let values: Vec<f32> = interpreter.results().collect();
+                Evaluated {
+                    texts: values.iter().map(|value| format!("{value:?}")).collect(),
+                    bits: values.iter().map(|value| format!("{:08x}", value.to_bits())).collect(),
+                    values: values.into_iter().map(f64::from).collect(),
+                }
             };
             points.iter().map(each).collect()
         }

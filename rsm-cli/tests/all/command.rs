@@ -80,6 +80,54 @@ fn eval_prints_a_value_or_its_bits_a_line_a_point() {
 }
 
 #[test]
+fn eval_prints_gradients_with_the_bits_that_emitted_code_has() {
+    let here = folder();
+    // y = 5 + 30 x + 2 x z with x = (speed - 15)/15 and z = (load - 1)/1.
+    let model = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[inputs.load]\nunit = \"t\"\nrange = [0.0, 2.0]\n\
+                 [surfaces.drag]\nunit = \"N\"\ninputs = [\"speed\", \"load\"]\n\
+                 terms = [{ powers = [0, 0], coefficient = 5.0 }, { powers = [1, 0], coefficient = 30.0 }, { powers = [1, 1], coefficient = 2.0 }]\n";
+    std::fs::write(here.path().join("car.toml"), model).unwrap();
+    let point = ["eval", "car.toml", "--gradient", "--at", "speed=30,load=1.5"];
+    // (30 + 2 z)/15 and 2 x/1
+    let (by_speed, by_load) = (31.0 / 15.0, 2.0);
+    let printed = text(&rsm(&point, here.path()).stdout);
+    let values: Vec<f64> = printed.trim().split(',').map(|cell| cell.parse().unwrap()).collect();
+    assert!((values[0] - by_speed).abs() < 1e-14 && values[1] == by_load, "{printed}");
+    let bits = text(&rsm(&[&point[..], &["--bits"]].concat(), here.path()).stdout);
+    assert_eq!(bits, format!("{:016x},{:016x}\n", values[0].to_bits(), values[1].to_bits()));
+    let of_f32 = text(&rsm(&[&point[..], &["--bits", "--precision", "f32"]].concat(), here.path()).stdout);
+    assert!(of_f32.len() == 18 && of_f32.ends_with(&format!(",{:08x}\n", 2f32.to_bits())), "{of_f32}");
+    // Beyond the range of the speed the derivative by it is 0.
+    let outside = text(&rsm(&["eval", "car.toml", "--gradient", "--at", "speed=31,load=1.5"], here.path()).stdout);
+    assert_eq!(outside, "0.0,2.0\n");
+
+    let object = json(&rsm(&[&point[..], &["--json"]].concat(), here.path()));
+    assert_eq!(keys(&object), ["bits", "gradient", "precision", "surface", "unit", "values"]);
+    assert_eq!(object["gradient"], serde_json::json!(["speed", "load"]));
+    assert_eq!(object["values"], serde_json::json!([[values[0], 2.0]]));
+    assert_eq!(object["bits"][0][1], format!("{:016x}", 2f64.to_bits()));
+    std::fs::write(here.path().join("points.csv"), "speed,load\n30,1.5\n").unwrap();
+    let table = text(&rsm(&["eval", "car.toml", "--gradient", "--data", "points.csv"], here.path()).stdout);
+    let begin = "speed[m/s],load[t],d_drag_d_speed[(N)/(m/s)],d_drag_d_load[(N)/(t)]\n30.0,1.5,";
+    assert!(table.starts_with(begin) && table.ends_with(",2.0\n"), "{table}");
+
+    for (lang, file, wanted) in [
+        ("c", "car.h", "void car_drag_gradient(double speed, double load, double gradient[2]);"),
+        ("rust", "car.rs", "pub fn drag_gradient_f32(speed: f32, load: f32) -> [f32; 2] {"),
+    ] {
+        let emit = ["emit", "car.toml", "--lang", lang, "--out", "."];
+        assert_eq!(rsm(&emit, here.path()).status.code(), Some(0));
+        let without = std::fs::read_to_string(here.path().join(file)).unwrap();
+        assert_eq!(rsm(&[&emit[..], &["--gradient"]].concat(), here.path()).status.code(), Some(0));
+        let with = std::fs::read_to_string(here.path().join(file)).unwrap();
+        assert!(!without.contains("gradient") && with.contains(wanted), "{with}");
+        // The certificate: from 28/15 to 32/15, within some units in the last place.
+        assert!(with.contains("- derivative by `speed`: 1.866 to 2.134, within "), "{with}");
+        assert!(with.contains("- `speed` in `m/s`: 0.0 to 30.0; outside the derivative by it is 0"), "{with}");
+    }
+}
+
+#[test]
 fn eval_lets_nan_through_and_clamps_infinities() {
     let here = folder();
     let model = published("pmac.toml");

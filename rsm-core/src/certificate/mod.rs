@@ -4,6 +4,7 @@
 //! of |tape - true polynomial, saturated alike| over all arguments of that type in the box, with operations and depth of the tape. Compensators have theirs in `compensator.rs`.
 
 pub mod compensator;
+pub mod gradient;
 
 use crate::check::Checked;
 use crate::interval::Interval;

@@ -4,6 +4,7 @@
 //! with the tape's register numbers. A comparison has no line of its own: the choice that reads it takes its operands, because on
 //! most machines the two are one idiom (`c_idioms.rs`). The self-test is compiled when `RSM_SELF_TEST` is defined.
 
+use super::c_gradient;
 use super::c_idioms::{self, Needs};
 use super::{Function, Kind, Unit, compared, literal, live, points, terms_behind, unused_inputs};
 use crate::names;
@@ -147,7 +148,7 @@ fn in_precisions(unit: &Unit, text: &mut String, print: impl Fn(&Function) -> St
     text.extend(of_precision(unit, Precision::F32).map(&print));
 }
 
-fn c_type(precision: Precision) -> &'static str {
+pub(super) fn c_type(precision: Precision) -> &'static str {
     match precision {
         Precision::F64 => "double",
         Precision::F32 => "float",
@@ -155,7 +156,7 @@ fn c_type(precision: Precision) -> &'static str {
 }
 
 /// What the names of helpers end in.
-fn suffix(precision: Precision) -> &'static str {
+pub(super) fn suffix(precision: Precision) -> &'static str {
     match precision {
         Precision::F64 => "",
         Precision::F32 => "_f32",
@@ -167,10 +168,14 @@ fn signature(unit: &Unit, function: &Function) -> String {
     let result = match function.kind {
         Kind::Surface | Kind::Step => float,
         Kind::Support => "int",
+        Kind::Gradient => "void",
     };
     let mut arguments: Vec<String> = function.tape.inputs.iter().map(|name| format!("{float} {name}")).collect();
     if function.kind == Kind::Step {
         arguments.insert(0, format!("{} *{}", state_type(unit, function), names::STATE));
+    }
+    if function.kind == Kind::Gradient {
+        arguments.push(c_gradient::array(function));
     }
     format!("{result} {}({})", function.c_name(&unit.model), arguments.join(", "))
 }
@@ -317,6 +322,7 @@ fn define(unit: &Unit, function: &Function) -> String {
         text.push_str(&format!("    {}->{field} = {};\n", names::STATE, next.reg));
     }
     match function.kind {
+        Kind::Gradient => text.push_str(&c_gradient::end(function)),
         Kind::Surface | Kind::Step => text.push_str(&format!("    return {};\n}}\n", tape.output())),
         Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output())),
     }
@@ -377,6 +383,9 @@ fn self_test(unit: &Unit) -> String {
 }
 
 fn test_block(unit: &Unit, function: &Function) -> String {
+    if function.kind == Kind::Gradient {
+        return c_gradient::test_block(unit, function);
+    }
     let tape = &function.tape;
     let points = points::points(tape, &function.inputs);
     let float = c_type(tape.precision);
@@ -391,7 +400,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
     );
     for point in &points {
         let row: Vec<String> =
-            point.arguments.iter().chain([&point.result]).map(|bits| format!("0x{bits:0digits$x}{end}")).collect();
+            point.arguments.iter().chain(&point.results).map(|bits| format!("0x{bits:0digits$x}{end}")).collect();
         let note = if point.changes_under_fusing { " /* other bits if fused */" } else { "" };
         text.push_str(&format!("            {{ {} }},{note}\n", row.join(", ")));
     }
@@ -411,7 +420,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
         rest = format!("        {init}(&state);\n");
     }
     let judged = |value: &str| match function.kind {
-        Kind::Surface | Kind::Step => {
+        Kind::Surface | Kind::Step | Kind::Gradient => {
             format!("{}_rsm_differs{}({value}, points[k][{arity}])", unit.model, suffix(tape.precision))
         }
         // The tape's 1 or 0 as bits against the function's int.

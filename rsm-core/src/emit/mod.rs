@@ -5,12 +5,14 @@
 //! the numbers of the tape's listing. The one thing it chooses is the idiom by which a machine clamps and selects without a branch.
 
 pub mod c;
+mod c_gradient;
 mod c_idioms;
 mod points;
 pub mod rust;
 
 pub use crate::names::Kind;
 
+use crate::certificate::gradient::Derivative;
 use crate::lower::Saturation;
 use crate::model::{Input, Outside};
 use crate::names;
@@ -39,6 +41,8 @@ pub struct Function {
     pub inputs: Vec<Input>,
     /// What the result does at the bounds of `output_range`.
     pub saturation: Option<Saturation>,
+    /// What is certain about the derivatives, one an input; empty for what is no gradient.
+    pub derivatives: Vec<Derivative>,
     /// What is computed. A support test ends in exactly 1 or 0.
     pub tape: Tape,
 }
@@ -69,6 +73,12 @@ impl Function {
             Kind::Support => {
                 format!("Whether the data support `{}` here: 1 inside, 0 outside, in {}.", self.surface, precision.name())
             }
+            Kind::Gradient => format!(
+                "The derivatives of `{}` by its inputs, in {} a unit of the input, evaluated in {}.",
+                self.surface,
+                unit(&self.unit),
+                precision.name()
+            ),
             Kind::Step => format!("One step of the compensator `{}`, {}, in {}.", self.surface, self.unit, precision.name()),
         }];
         lines.push(String::new());
@@ -80,16 +90,27 @@ impl Function {
             let [low, high] = input.range.map(number::decimal);
             let outside = match (self.kind, input.outside) {
                 (Kind::Support, _) => "",
+                (Kind::Gradient, Outside::Clamp) => "; outside the derivative by it is 0",
                 (_, Outside::Clamp) => ", clamped outside",
                 (_, Outside::Extrapolate) => ", extrapolated outside",
             };
             lines.push(format!("- `{}` in {}: {low} to {high}{outside}", input.name, unit(&input.unit)));
         }
         lines.push(String::new());
-        lines.extend(self.saturation.map(|saturation| saturation.words()));
+        if self.kind != Kind::Gradient {
+            lines.extend(self.saturation.map(|saturation| saturation.words()));
+        }
         match self.kind {
             Kind::Surface => lines.push("NaN in gives NaN out.".to_string()),
             Kind::Support => {}
+            Kind::Gradient => {
+                lines.extend(self.derivatives.iter().map(certified));
+                if let Some(saturation) = self.saturation.filter(|saturation| saturation.below || saturation.above) {
+                    let words = saturation.words();
+                    lines.push(format!("{words} There all derivatives are 0; the distances above hold elsewhere."));
+                }
+                lines.push("NaN in gives NaN out.".to_string());
+            }
             Kind::Step => {
                 lines
                     .push("Where an argument is NaN or infinite the result is NaN, and the state stays as it was.".to_string());
@@ -99,6 +120,33 @@ impl Function {
         lines.push(format!("{} operations, {} deep, no branch.", self.tape.operation_count(), self.tape.depth()));
         lines
     }
+}
+
+/// The least number of four digits that is not below a value: what is printed of a bound is a bound as well.
+fn four_digits_above(value: f64) -> f64 {
+    let number = |text: &str| text.parse::<f64>().expect("a printed number is a number");
+    let text = format!("{value:.3e}");
+    let (nearest, (_, exponent)) = (number(&text), text.split_once('e').expect("it is printed with an exponent"));
+    // The next one is a thousandth of the power of ten away.
+    if nearest >= value { nearest } else { number(&format!("{:.3e}", nearest + 7e-4 * number(&format!("1e{exponent}")))) }
+}
+
+/// The certificate of one derivative in words, for arguments in the range of every input.
+fn certified(derivative: &Derivative) -> String {
+    let Derivative { input, range, error } = derivative;
+    let range = if range.low.is_finite() && range.high.is_finite() {
+        format!("{} to {}", number::decimal(-four_digits_above(-range.low)), number::decimal(four_digits_above(range.high)))
+    } else {
+        "of unknown range".to_string()
+    };
+    let error = if *error == 0.0 {
+        "exact".to_string()
+    } else if error.is_finite() {
+        format!("within {:.1e} of the exact derivative", four_digits_above(*error) * 1.06)
+    } else {
+        "no bound of the rounding error".to_string()
+    };
+    format!("- derivative by `{input}`: {range}, {error}")
 }
 
 /// A unit as it may stand in a comment of C and in the documentation of Rust: in backticks.

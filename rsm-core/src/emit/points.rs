@@ -16,12 +16,12 @@ const SENSITIVE: usize = 3;
 /// constant term outweighs the others by a factor of a thousand, one in a thousand.
 const CANDIDATES: usize = 3000;
 
-/// One point: the bits of the arguments, then of the result.
+/// One point: the bits of the arguments, then of the results.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Point {
     pub arguments: Vec<u64>,
-    pub result: u64,
-    /// The result has other bits when every product that feeds a sum is fused into it.
+    pub results: Vec<u64>,
+    /// A result has other bits when every product that feeds a sum is fused into it.
     pub changes_under_fusing: bool,
 }
 
@@ -66,9 +66,13 @@ fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
     let mut point = |natural: &[f64], is_wanted: &dyn Fn(bool, bool) -> bool| {
         let arguments: Vec<T> = natural.iter().map(|xi| T::of_f64(*xi)).collect();
         let states = interpreter.states().to_vec();
-        let result = interpreter.step(&arguments);
+        interpreter.step(&arguments);
+        let results: Vec<T> = interpreter.results().collect();
         // A compiler that sees two products in a sum may fuse either one: both ways must differ.
-        let changes = [false, true].iter().all(|left_first| !same(fused(tape, &states, &arguments, *left_first), result));
+        let changes = [false, true].iter().all(|left_first| {
+            let fused = fused(tape, &states, &arguments, *left_first);
+            fused.iter().zip(&results).any(|(fused, result)| !same(*fused, *result))
+        });
         let is_new = interpreter.flags().iter().zip(&seen).any(|(flag, seen)| !seen[usize::from(*flag)]);
         if !is_wanted(is_new, changes) {
             // Then no step was taken.
@@ -79,7 +83,8 @@ fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
             seen[usize::from(*flag)] = true;
         }
         let arguments = arguments.iter().map(|xi| xi.bits()).collect();
-        Some(Point { arguments, result: result.bits(), changes_under_fusing: changes })
+        let results = results.iter().map(|result| result.bits()).collect();
+        Some(Point { arguments, results, changes_under_fusing: changes })
     };
     let mut points: Vec<Point> = special(inputs).iter().filter_map(|natural| point(natural, &|_, _| true)).collect();
     let mut random = SplitMix(0x5eed);
@@ -118,7 +123,7 @@ fn same<T: Scalar>(a: T, b: T) -> bool {
 }
 
 /// What the tape gives when every product (negated or not) that feeds a sum or a difference is fused into it.
-fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool) -> T {
+fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool) -> Vec<T> {
     let mut values: Vec<T> = Vec::with_capacity(tape.ops.len());
     for op in &tape.ops {
         let r = |reg: Reg| values[reg.0 as usize];
@@ -162,7 +167,7 @@ fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool)
         };
         values.push(value);
     }
-    values[tape.output().0 as usize]
+    tape.outputs.iter().map(|output| values[output.reg.0 as usize]).collect()
 }
 
 /// Steele, Lea, Flood: "Fast splittable pseudorandom number generators" (2014), the finalizer of splitmix64.

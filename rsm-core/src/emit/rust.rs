@@ -80,6 +80,7 @@ fn print(function: &Function) -> String {
     let result = match function.kind {
         Kind::Surface | Kind::Step => float,
         Kind::Support => "i32",
+        Kind::Gradient => &format!("[{float}; {}]", tape.outputs.len()),
     };
     let mut arguments: Vec<String> = tape.inputs.iter().map(|name| format!("{name}: {float}")).collect();
     if function.kind == Kind::Step {
@@ -132,6 +133,10 @@ fn print(function: &Function) -> String {
     }
     let output = tape.output();
     match function.kind {
+        Kind::Gradient => {
+            let all: Vec<String> = tape.outputs.iter().map(|output| output.reg.to_string()).collect();
+            text.push_str(&format!("    [{}]\n", all.join(", ")));
+        }
         Kind::Surface | Kind::Step => text.push_str(&format!("    {output}\n")),
         // The tape ends in 1 or 0; a comparison converts it without the saturation of `as`.
         Kind::Support => text.push_str(&format!("    i32::from({output} > 0.5)\n")),

@@ -52,3 +52,21 @@ fn a_unit_cannot_end_the_comment() {
     assert!(rust.contains("// torque*speed: 3.75 * / int x; //U+000AU+00B0\n"), "{rust}");
     assert_eq!(plain("/*??/`\\"), "/ *? ?/''");
 }
+
+#[test]
+fn a_printed_bound_is_a_bound_of_four_digits() {
+    for (value, printed) in [
+        (0.35, 0.35),
+        (0.350_000_1, 0.3501),
+        (-0.349_999_9, -0.3499),
+        (1.0, 1.0),
+        (9.999_1, 10.0),
+        (-1.000_01, -1.0),
+        (12_345.0, 12_350.0),
+        (-12_345.0, -12_340.0),
+        (1.2341e-30, 1.235e-30),
+        (0.0, 0.0),
+    ] {
+        assert_eq!(super::four_digits_above(value), printed, "{value}");
+    }
+}

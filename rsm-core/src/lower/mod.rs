@@ -13,6 +13,7 @@
 //! A compensator's surfaces are lowered into its tape by the same code, its filter by `compensator.rs`.
 
 mod compensator;
+mod gradient;
 mod horner;
 mod nest;
 mod polynomial;
@@ -29,6 +30,8 @@ use crate::tape::{Op, Port, Reg, Tape, TapeBuilder};
 use variables::Variables;
 
 pub use compensator::{SIGNAL, compensator};
+pub use gradient::gradient;
+pub(crate) use gradient::gradient_before_saturation;
 pub use saturation::Saturation;
 
 /// The tape of a surface, by its index in the model.

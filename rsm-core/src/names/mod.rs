@@ -37,6 +37,8 @@ pub enum Kind {
     Support,
     /// One step of a compensator.
     Step,
+    /// The derivatives of the surface by its inputs.
+    Gradient,
 }
 
 /// The name of a function in Rust, within the module of the model.
@@ -46,6 +48,7 @@ pub fn rust_function(surface: &str, kind: Kind, precision: Precision) -> String 
         Kind::Surface => "",
         Kind::Support => "_support",
         Kind::Step => "_step",
+        Kind::Gradient => "_gradient",
     };
     format!("{surface}{kind}{}", suffix(precision))
 }
@@ -180,6 +183,26 @@ pub fn refuse_scheduled(name: &str) -> Option<String> {
         .then(|| "is the name of another argument of its step; choose another name".to_string())
 }
 
+/// What the array of derivatives is called among the arguments of a gradient in C: `gradient`, unless an input has that name.
+#[must_use]
+pub fn gradient_argument(inputs: &[String]) -> &'static str {
+    if inputs.iter().any(|input| input == "gradient") { "gradient_out" } else { "gradient" }
+}
+
+/// Why the gradients of the surfaces of one model cannot be emitted: a function would have the name of another one. `None`: they can.
+#[must_use]
+pub fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
+    for surface in surfaces {
+        for gradient in [format!("{surface}_gradient"), format!("{surface}_gradient_f32")] {
+            let all = |name: &str| SUFFIXES.iter().any(|suffix| format!("{name}{suffix}").eq_ignore_ascii_case(&gradient));
+            if let Some(other) = functions.iter().find(|other| all(other)) {
+                return Some((surface, format!("its gradient and `{other}` would both have a function `{gradient}`")));
+            }
+        }
+    }
+    None
+}
+
 /// What the state is called among the arguments of a step.
 pub const STATE: &str = "state";
 
@@ -260,6 +283,10 @@ mod tests {
     fn functions_are_named_alike_in_both_languages() {
         assert_eq!(rust_function("s", Kind::Support, Precision::F32), "s_support_f32");
         assert_eq!(c_function("m", "s", Kind::Support, Precision::F32), "m_s_support_f32");
+        assert_eq!(rust_function("s", Kind::Gradient, Precision::F32), "s_gradient_f32");
+        assert_eq!(c_function("m", "s", Kind::Gradient, Precision::F64), "m_s_gradient");
+        assert_eq!(gradient_argument(&["torque".to_string()]), "gradient");
+        assert_eq!(gradient_argument(&["torque".to_string(), "gradient".to_string()]), "gradient_out");
         assert_eq!(c_function("m", "s", Kind::Surface, Precision::F64), "m_s");
         assert_eq!(c_self_test("m"), "m_self_test");
     }

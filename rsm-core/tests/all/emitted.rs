@@ -16,9 +16,10 @@ fn models(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-fn unit(path: &Path, precisions: &[Precision]) -> Unit {
+fn unit(path: &Path, precisions: &[Precision], gradients: bool) -> Unit {
     let checked = Checked::read(&Source::read(path).unwrap()).unwrap_or_else(|faults| panic!("{faults}"));
-    compile::unit(&checked, precisions).unwrap_or_else(|faults| panic!("{faults}"))
+    let unit = if gradients { compile::unit_with_gradients } else { compile::unit };
+    unit(&checked, precisions).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
 /// The files of a unit: name and text.
@@ -41,12 +42,12 @@ fn every_option_is_printed_as_it_was() {
     for path in models {
         // Alone, a precision has helpers and refusals of its own: shown by the smallest case.
         let all: &[(&str, &[Precision])] = if path.ends_with("small.toml") {
-            &[("", &[]), ("-f64", &[Precision::F64]), ("-f32", &[Precision::F32])]
+            &[("", &[]), ("-f64", &[Precision::F64]), ("-f32", &[Precision::F32]), ("-gradient", &[])]
         } else {
             &[("", &[])]
         };
         for (suffix, precisions) in all {
-            for (extension, text) in texts(&unit(&path, precisions)) {
+            for (extension, text) in texts(&unit(&path, precisions, *suffix == "-gradient")) {
                 let stem = path.file_stem().unwrap().to_str().unwrap();
                 let expected = folder.join(format!("{stem}{suffix}.{extension}.txt"));
                 if std::env::var_os("RSM_BLESS").is_some() {
@@ -63,7 +64,7 @@ fn every_option_is_printed_as_it_was() {
 fn generated_models_are_printed_as_they_are_checked_in() {
     let generated = Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated");
     for path in models(&generated.join("coefficients")) {
-        let unit = unit(&path, &[]);
+        let unit = unit(&path, &[], false);
         for (extension, text) in texts(&unit) {
             let language = if extension == "rs" { "rust" } else { "c" };
             assert_same(&generated.join(language).join(format!("{}.{extension}", unit.model)), &text);

@@ -5,6 +5,7 @@ mod elementary;
 mod emitted;
 mod exact_products;
 mod family;
+mod gradient;
 mod lowering;
 mod operations;
 mod rejected;

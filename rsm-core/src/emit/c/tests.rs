@@ -19,6 +19,7 @@ fn unit(kind: Kind, precision: Precision, write: impl FnOnce(&mut TapeBuilder, [
         unit: "1".to_owned(),
         inputs: names.iter().map(input).collect(),
         saturation: None,
+        derivatives: vec![],
         tape: tape.finish("s", names.to_vec(), output),
     };
     Unit { model: "m".to_owned(), functions: vec![function] }

@@ -76,7 +76,7 @@ fn every_function_is_asked_its_middle_its_edges_what_lies_outside_and_special_va
     for (point, (asked, result)) in points.iter().zip(expected) {
         let bits = |values: &[f64]| -> Vec<u64> { values.iter().map(|value| value.to_bits()).collect() };
         assert_eq!(point.arguments, bits(&asked));
-        let found = f64::from_bits(point.result);
+        let found = f64::from_bits(point.results[0]);
         assert!(found.to_bits() == result.to_bits() || found.is_nan() && result.is_nan(), "{found} for {result} at {asked:?}");
     }
 }
@@ -96,7 +96,7 @@ fn a_comparison_goes_both_ways_where_random_points_of_the_box_show_it() {
         let output = tape.push(Op::Select { condition: is_inside, then: x, otherwise: zero });
         let tape = tape.finish("s", vec!["x".to_string()], output);
         let points = points(&tape, &[input([0.0, 1.0])]);
-        let inside = points[9..].iter().filter(|point| point.result != 0).count();
+        let inside = points[9..].iter().filter(|point| point.results[0] != 0).count();
         // One is enough: the others show nothing new.
         assert_eq!((inside, points.len()), (usize::from(found), 9 + usize::from(found)));
     }
@@ -122,7 +122,7 @@ fn the_points_of_a_step_are_a_sequence() {
     for point in &points {
         let x = arguments(point)[0];
         let expected = state + x * 0.3;
-        let found = f64::from_bits(point.result);
+        let found = f64::from_bits(point.results[0]);
         assert!(found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan(), "{found} for {expected} at {x}");
         assert_eq!(point.changes_under_fusing, expected.is_finite() && x.mul_add(0.3, state) != expected);
         if expected.is_finite() {
@@ -138,7 +138,7 @@ fn fused_of(at: [f64; 4], left_first: bool, write: impl FnOnce(&mut TapeBuilder,
     let inputs = [0, 1, 2, 3].map(|k| tape.push(Op::Input(Port(k))));
     let output = write(&mut tape, inputs);
     let names = ["a", "b", "c", "d"].map(str::to_owned).to_vec();
-    fused(&tape.finish_with_states("s", names, output, vec![output]), &[0.9], &at, left_first)
+    fused(&tape.finish_with_states("s", names, output, vec![output]), &[0.9], &at, left_first)[0]
 }
 
 /// Writes what an operation reads, and gives the operation.

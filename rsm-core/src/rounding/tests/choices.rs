@@ -108,3 +108,74 @@ fn a_choice_by_exact_numbers_is_charged_what_it_may_choose() {
         assert!(tightness(&odd, &[[-2.0, 2.0]], 50) > 0.999);
     }
 }
+
+/// A choice between 0 and x by a comparison: a clamp's derivative.
+fn choice(precision: Precision, arity: usize, compared: impl Fn(&mut TapeBuilder, &[Reg]) -> (Reg, Reg)) -> Tape {
+    write_tape(precision, arity, |builder, x| {
+        let (left, right) = compared(builder, x);
+        let zero = builder.constant(integer(0));
+        builder.select_less(left, right, zero, x[0])
+    })
+}
+
+#[test]
+fn a_choice_is_known_where_tape_and_ideal_compare_alike() {
+    let tenth = || integer(1) / integer(10);
+    for precision in Precision::ALL {
+        let (below, above) = (precision.round_down(&tenth()), precision.round_up(&tenth()));
+        // (the bound's value, whether it stands on the right, whether tape and ideal agree): no number lies between 1/10 and its neighbours.
+        for (value, is_right, agrees) in
+            [(above, true, true), (below, true, false), (below, false, true), (above, false, false)]
+        {
+            let tape = choice(precision, 1, |builder, x| {
+                let bound = builder.rounded_constant(value, tenth());
+                if is_right { (x[0], bound) } else { (bound, x[0]) }
+            });
+            let bound = error_bound(&tape, &[[0.0, 1.0]]);
+            assert_eq!(bound, if agrees { 0.0 } else { f64::INFINITY }, "{value} {is_right}");
+            // At the neighbour itself they differ indeed, or not.
+            let differs = seen_error(&tape, &[value]) != Some(integer(0));
+            assert_eq!(differs, !agrees, "{value} {is_right}");
+        }
+        // A bound farther away than the next number is another one.
+        let far = choice(precision, 1, |builder, x| (x[0], off(builder, 0.5, -0.25)));
+        assert_eq!(error_bound(&far, &[[0.0, 1.0]]), f64::INFINITY);
+    }
+}
+
+#[test]
+fn the_sign_of_a_difference_of_exact_numbers_is_certain() {
+    for precision in Precision::ALL {
+        let difference = |is_left: bool| {
+            choice(precision, 2, move |builder, x| {
+                let difference = builder.subtract(x[0], x[1]);
+                let zero = builder.constant(integer(0));
+                if is_left { (difference, zero) } else { (zero, difference) }
+            })
+        };
+        for is_left in [true, false] {
+            assert_eq!(error_bound(&difference(is_left), &[[0.1, 1.0], [0.1, 3.0]]), 0.0);
+        }
+        // Of a number that is off, and beside another number than 0, it is not.
+        let of_rounded = choice(precision, 2, |builder, x| {
+            let product = builder.multiply(x[0], x[1]);
+            let difference = builder.subtract(product, x[1]);
+            let zero = builder.constant(integer(0));
+            (difference, zero)
+        });
+        assert_eq!(error_bound(&of_rounded, &[[0.1, 1.0], [0.1, 3.0]]), f64::INFINITY);
+        let beside_one = choice(precision, 2, |builder, x| {
+            let difference = builder.subtract(x[0], x[1]);
+            let one = builder.constant(integer(-1));
+            (difference, one)
+        });
+        assert_eq!(error_bound(&beside_one, &[[0.1, 1.0], [0.1, 3.0]]), f64::INFINITY);
+        // Nor of a sum beside 0: 0.1 + x changes its sign where the ideal may not.
+        let of_sum = choice(precision, 2, |builder, x| {
+            let square = builder.multiply(x[0], x[1]);
+            let zero = builder.constant(integer(0));
+            (square, zero)
+        });
+        assert_eq!(error_bound(&of_sum, &[[-0.1, 1.0], [0.1, 3.0]]), f64::INFINITY);
+    }
+}

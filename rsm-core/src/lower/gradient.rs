@@ -1,0 +1,56 @@
+//! Lowers the gradient of a surface: its derivatives by its inputs, in the unit of the response a unit of the input.
+//!
+//! In: `Checked`. Out: a tape with one result an input, by the tangent of the surface's own tape. Beyond the range of an input that clamps the
+//! derivative by it is 0, and all are 0 where the result saturates at `output_range`. NaN in gives NaN out: y - y, which is 0 of a number,
+//! is added to every derivative.
+
+use crate::check::Checked;
+use crate::model::Surface;
+use crate::number::Precision;
+use crate::tangent::{self, Variable};
+use crate::tape::{Reg, Tape, TapeBuilder};
+
+/// The tape of a surface's gradient, by the surface's index in the model.
+///
+/// # Panics
+/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{lower, number::Precision, run::Interpreter};
+///
+/// let tape = lower::gradient(&checked, 0, Precision::F64);
+/// let mut drag = Interpreter::<f64>::new(&tape);
+/// assert_eq!(drag.eval(&[15.0]), 2.0); // N per m/s
+/// assert_eq!(drag.eval(&[31.0]), 0.0); // clamped
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
+#[must_use]
+pub fn gradient(checked: &Checked, index: usize, precision: Precision) -> Tape {
+    of(&super::surface(checked, index, precision), &checked.model().surfaces[index])
+}
+
+/// The gradient before `output_range`: what holds where the result does not saturate.
+pub(crate) fn gradient_before_saturation(checked: &Checked, index: usize, precision: Precision) -> Tape {
+    let surface = &checked.model().surfaces[index];
+    let inputs = checked.inputs_of(surface);
+    let mut tape = TapeBuilder::new(precision);
+    let arguments = super::arguments(&mut tape, inputs.len());
+    let output = super::unsaturated(&mut tape, surface, &inputs, arguments);
+    of(&tape.finish(&surface.name, surface.inputs.clone(), output), surface)
+}
+
+fn of(tape: &Tape, surface: &Surface) -> Tape {
+    let mut builder = TapeBuilder::sharing(tape.precision);
+    let inputs = super::arguments(&mut builder, surface.inputs.len());
+    let variables: Vec<Variable> = (0..inputs.len()).map(Variable::Input).collect();
+    let written = tangent::write(&mut builder, tape, &inputs, &[], &variables);
+    let value = written.values[0];
+    let nothing = builder.subtract(value, value);
+    let derivatives: Vec<Reg> = written.derivatives[0].iter().map(|derivative| builder.add(*derivative, nothing)).collect();
+    let outputs = surface.inputs.iter().cloned().zip(derivatives);
+    builder.finish_with_results(format!("{}_gradient", surface.name), surface.inputs.clone(), outputs, [] as [(String, Reg); 0])
+}
