@@ -1,13 +1,53 @@
-//! The limit of work of a diagnosis, counted in multiplications: the same data give the same answer on every machine.
+//! The limit of work of a diagnosis, a count and not seconds: the same data give the same answer on every machine.
 //!
-//! In: the work done so far. Out: whether to go on. Knows nothing of what the work is.
+//! In: the work done so far, multiplications or steps. Out: whether to go on. Knows nothing of what the work is.
 
 use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Work so far and where it ends, also of jobs side by side: copies count together.
+#[derive(Debug, Clone)]
+pub(crate) struct Count {
+    taken: Arc<AtomicU64>,
+    end: Arc<AtomicU64>,
+}
+
+impl Count {
+    /// So much work.
+    pub(crate) fn within(end: u64) -> Self {
+        Count { taken: Arc::default(), end: Arc::new(AtomicU64::new(end)) }
+    }
+
+    /// Counts.
+    pub(crate) fn takes(&self, work: u64) {
+        self.taken.fetch_add(work, Ordering::Relaxed);
+    }
+
+    /// The work so far.
+    pub(crate) fn taken(&self) -> u64 {
+        self.taken.load(Ordering::Relaxed)
+    }
+
+    /// Says how much work, from the beginning on, may be done.
+    pub(crate) fn ends_at(&self, end: u64) {
+        self.end.store(end, Ordering::Relaxed);
+    }
+
+    /// Whether that is used up. To be asked between jobs, never beside them: the answer is then the same for any number of threads.
+    pub(crate) fn is_spent(&self) -> bool {
+        self.taken() >= self.end.load(Ordering::Relaxed)
+    }
+
+    /// The share of it that is used up, at most one.
+    fn share(&self) -> f64 {
+        (self.taken() as f64 / self.end.load(Ordering::Relaxed) as f64).min(1.0)
+    }
+}
 
 /// Counts work against a limit.
 pub(crate) struct Work<'a> {
-    taken: Cell<usize>,
-    limit: usize,
+    count: Count,
     refused: Cell<bool>,
     told: Option<&'a dyn Fn(usize)>,
 }
@@ -15,7 +55,7 @@ pub(crate) struct Work<'a> {
 impl<'a> Work<'a> {
     /// So many multiplications, and no more begun.
     pub(crate) fn within(limit: usize) -> Self {
-        Work { taken: Cell::new(0), limit, refused: Cell::new(false), told: None }
+        Work { count: Count::within(limit as u64), refused: Cell::new(false), told: None }
     }
 
     /// The same, and somebody hears at every whole per cent of the limit.
@@ -32,7 +72,7 @@ impl<'a> Work<'a> {
     /// Counts.
     pub(crate) fn takes(&self, multiplications: usize) {
         let before = self.percent();
-        self.taken.set(self.taken.get().saturating_add(multiplications));
+        self.count.takes(multiplications as u64);
         if let Some(told) = self.told.filter(|_| self.percent() > before) {
             told(self.percent());
         }
@@ -40,7 +80,7 @@ impl<'a> Work<'a> {
 
     /// Whether there is work left; once it is asked for and is not there, the answer remembers.
     pub(crate) fn goes_on(&self) -> bool {
-        let goes_on = self.taken.get() < self.limit;
+        let goes_on = !self.count.is_spent();
         if !goes_on {
             self.refused.set(true);
         }
@@ -54,7 +94,7 @@ impl<'a> Work<'a> {
 
     /// How much of the limit is spent, at most 100.
     fn percent(&self) -> usize {
-        (100.0 * (self.taken.get() as f64 / self.limit as f64).min(1.0)) as usize
+        (100.0 * self.count.share()) as usize
     }
 }
 

@@ -3,14 +3,12 @@
 //! In: a model and prepared records. Out: residuals with variance one where they are noise, and their derivatives with respect to the unknowns.
 //! The bits do not depend on the number of threads: each simulation is one job with a place of its own.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use super::model::{Model, Place};
 use super::noise::Floor;
 pub use super::prepared::Prepared;
 use super::tails::Tails;
 use crate::engine::columns::dot;
+use crate::engine::work::Count;
 use rsm_sim::simulate::{Outputs, Simulator};
 use rsm_sim::threads::in_threads_with;
 
@@ -92,15 +90,13 @@ pub struct WhitenedResiduals {
 pub struct Pace {
     /// Sub-steps a row, on average over a record, beyond which a run is given up.
     pub most: usize,
-    /// Sub-steps of all runs of this value and of its copies.
-    taken: Arc<AtomicU64>,
-    /// Those after which multistart ends with the best that it has.
-    end: Arc<AtomicU64>,
+    /// Sub-steps of all runs of this value and of its copies, and those after which multistart ends with the best that it has.
+    count: Count,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Pace { most: MOST_STEPS_A_ROW, taken: Arc::default(), end: Arc::new(AtomicU64::new(u64::MAX)) }
+        Pace { most: MOST_STEPS_A_ROW, count: Count::within(u64::MAX) }
     }
 }
 
@@ -108,18 +104,18 @@ impl Pace {
     /// Sub-steps so far.
     #[must_use]
     pub fn taken(&self) -> u64 {
-        self.taken.load(Ordering::Relaxed)
+        self.count.taken()
     }
 
     /// Says how many sub-steps, from the beginning on, the work that follows may take. It holds for all copies.
     pub fn ends_at(&self, steps: u64) {
-        self.end.store(steps, Ordering::Relaxed);
+        self.count.ends_at(steps);
     }
 
     /// Whether that is used up. Asked between runs, never beside them: the answer is the same for any number of threads.
     #[must_use]
     pub fn is_spent(&self) -> bool {
-        self.taken() > self.end.load(Ordering::Relaxed)
+        self.count.is_spent()
     }
 
     /// For candidates beside a plant whose run over so many rows took so many sub-steps.
@@ -170,7 +166,7 @@ impl WhitenedResiduals {
         let file = model.for_record(record, &prepared.record);
         let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.pace.most);
         let done = simulator.run_into(&prepared.record, outputs);
-        self.pace.taken.fetch_add(simulator.taken() as u64, Ordering::Relaxed);
+        self.pace.count.takes(simulator.taken() as u64);
         done.ok()
     }
 
