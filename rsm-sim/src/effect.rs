@@ -6,7 +6,7 @@
 pub mod declared;
 
 use crate::kind::PlantKind;
-use crate::plant_file::Parameters;
+use crate::parameters::Parameters;
 
 pub use declared::{Argument, Declared, Plausible, Role, Step, Unit};
 
@@ -19,6 +19,15 @@ pub enum Subject {
     Parameter,
     /// `output`: an output of the plant.
     Output,
+}
+
+/// An effect that stands in a file.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// Which effect.
+    pub description: &'static Description,
+    /// With what.
+    pub arguments: Arguments,
 }
 
 /// The arguments of one effect as they stand in a file.

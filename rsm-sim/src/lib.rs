@@ -34,6 +34,8 @@ pub mod kind;
 
 pub mod schema;
 
+mod parameters;
+
 pub mod plant_file;
 
 pub mod record;

@@ -17,13 +17,13 @@ const CRATES: &[&str] =
 const DEBT: &[(&str, &[&str])] = &[
     ("rsm-core/src", &["check", "lower", "names"]),
     ("rsm-core/src", &["elementary", "interval", "run", "tape"]),
+    ("rsm-core/src/emit", &["c", "c_gradient"]),
     ("rsm-core/src/lower", &["horner", "nest", "powers", "scheme"]),
     (
         "rsm-diagnose/src/plant",
         &["claims", "compete", "error_breakdown", "everywhere", "experiment", "selection", "tested", "verdict", "veto"],
     ),
     ("rsm-model/src/system", &["alias", "work"]),
-    ("rsm-sim/src", &["effect", "effects", "plant_file"]),
 ];
 
 /// Names from the root of a crate on.

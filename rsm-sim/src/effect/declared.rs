@@ -3,7 +3,6 @@
 //! In: nothing. Out: the numbers of an effect with unit, bounds, plausible range and step; its role; the plainer effects that it holds. Never decides anything.
 
 use crate::kind::PlantKind;
-use crate::plant_file::Entry;
 use crate::schema::{self, Bound};
 
 use super::Arguments;
@@ -192,14 +191,6 @@ impl Part {
     #[must_use]
     pub const fn new(kind: &'static str, value: f64) -> Self {
         Part { kind, subject: None, value }
-    }
-
-    /// Its entry in a plant file; `None` where there is no such effect.
-    #[must_use]
-    pub fn entry(&self, plant: PlantKind) -> Option<Entry> {
-        let description = crate::effects::of(self.kind)?;
-        let numbers = description.arguments_on(plant).take(1).map(|it| (it.name, self.value)).collect();
-        Some(Entry { description, arguments: Arguments { plant, subject: self.subject.map(str::to_string), numbers } })
     }
 }
 

@@ -37,7 +37,9 @@ pub mod tyre_slip;
 pub mod voltage_limit;
 pub mod windage;
 
-use crate::effect::{Description, Role};
+use crate::effect::declared::Part;
+use crate::effect::{Arguments, Description, Entry, Role};
+use crate::kind::PlantKind;
 
 /// Every effect.
 pub const ALL: &[&Description] = &[
@@ -86,4 +88,14 @@ pub fn of(kind: &str) -> Option<&'static Description> {
 #[must_use]
 pub fn with(role: Role) -> Option<&'static Description> {
     ALL.iter().copied().find(|description| description.declared.role == role)
+}
+
+impl Part {
+    /// Its entry in a plant file; `None` where there is no such effect.
+    #[must_use]
+    pub fn entry(&self, plant: PlantKind) -> Option<Entry> {
+        let description = of(self.kind)?;
+        let numbers = description.arguments_on(plant).take(1).map(|it| (it.name, self.value)).collect();
+        Some(Entry { description, arguments: Arguments { plant, subject: self.subject.map(str::to_string), numbers } })
+    }
 }

@@ -11,7 +11,7 @@
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
-use crate::plant_file::Parameters;
+use crate::parameters::Parameters;
 use crate::schema::Bound;
 
 /// What a file and a report may know of it.

@@ -12,7 +12,7 @@
 use crate::effect::declared::STEEPEST_ROAD;
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
-use crate::plant_file::Parameters;
+use crate::parameters::Parameters;
 use crate::schema::Bound;
 
 /// What a file and a report may know of it.

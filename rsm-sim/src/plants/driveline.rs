@@ -7,7 +7,7 @@ use super::{Plant, Rates};
 use crate::effect::{Contact, FirstInstant, Joint, Motion, Scale, Twist, Vehicle};
 use crate::hooks::Hooks;
 use crate::kind::StartValues;
-use crate::plant_file::Parameters;
+use crate::parameters::Parameters;
 use crate::record::Record;
 
 /// Standard gravity, in m/s^2 (docs/book/src/reference/plants.md 2.2).

@@ -8,7 +8,7 @@ use super::{Plant, Rates};
 use crate::effect::{Currents, FirstInstant, Machine, Motion, Scale, Split, Windings};
 use crate::hooks::Hooks;
 use crate::kind::StartValues;
-use crate::plant_file::Parameters;
+use crate::parameters::Parameters;
 use crate::record::Record;
 
 /// The motor.

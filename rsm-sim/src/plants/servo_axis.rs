@@ -7,7 +7,7 @@ use super::{Plant, Rates};
 use crate::effect::{FirstInstant, Motion, Scale, Split};
 use crate::hooks::Hooks;
 use crate::kind::StartValues;
-use crate::plant_file::{Parameters, VelocityFrom};
+use crate::parameters::{Parameters, VelocityFrom};
 use crate::record::Record;
 
 /// The axis.

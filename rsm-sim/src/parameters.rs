@@ -1,0 +1,54 @@
+//! The nominal parameters of a plant, by the names of [`crate::schema`].
+
+use crate::kind::PlantKind;
+use crate::schema;
+
+/// Where the controller of an axis takes the velocity from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum VelocityFrom {
+    /// The state itself.
+    State,
+    /// The backward difference of the two-sample mean of the position.
+    Difference,
+}
+
+/// The nominal parameters of a plant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameters {
+    pub(crate) kind: PlantKind,
+    /// In the order of [`schema::parameters`].
+    pub(crate) values: Vec<Option<f64>>,
+    /// Gear ratios of a driveline, first gear first; 1 elsewhere.
+    pub gear_ratios: [f64; 5],
+    /// Of an axis.
+    pub velocity_from: VelocityFrom,
+}
+
+impl Parameters {
+    /// A parameter that may be left out; `gear_ratios[3]` is the ratio of third gear.
+    #[must_use]
+    pub fn optional(&self, name: &str) -> Option<f64> {
+        match schema::index(self.kind, name) {
+            Some(index) => self.values[index],
+            None => schema::gear(self.kind, name).map(|gear| self.gear_ratios[gear]),
+        }
+    }
+
+    /// A parameter that the plant requires.
+    ///
+    /// # Panics
+    /// When the plant has no such parameter: the names in the code and in the schema are ours.
+    #[must_use]
+    pub fn number(&self, name: &str) -> f64 {
+        self.optional(name).unwrap_or_else(|| panic!("the parameter `{name}` was checked when the file was read"))
+    }
+
+    /// Gives a parameter another value; a name that the plant does not have changes nothing.
+    pub fn set(&mut self, name: &str, value: f64) {
+        if let Some(index) = schema::index(self.kind, name) {
+            self.values[index] = Some(value);
+        } else if let Some(gear) = schema::gear(self.kind, name) {
+            self.gear_ratios[gear] = value;
+        }
+    }
+}
