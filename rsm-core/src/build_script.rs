@@ -14,7 +14,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::compile;
+use crate::compile::{self, RustModule};
 use crate::number::Precision;
 use crate::source::{Fault, Faults, Source};
 
@@ -28,6 +28,20 @@ pub fn compile(model_file: impl AsRef<Path>, precisions: &[Precision]) {
     println!("cargo::rerun-if-changed={}", model_file.display());
     let folder = std::env::var_os("OUT_DIR").expect("OUT_DIR is set by cargo: call this from build.rs");
     if let Err(faults) = compile_into(model_file, precisions, Path::new(&folder)) {
+        panic!("\n{faults}\n");
+    }
+}
+
+/// As [`compile`], and after each surface the function of its gradient.
+///
+/// # Panics
+/// As [`compile`].
+pub fn compile_with_gradients(model_file: impl AsRef<Path>, precisions: &[Precision]) {
+    let model_file = model_file.as_ref();
+    println!("cargo::rerun-if-changed={}", model_file.display());
+    let folder = std::env::var_os("OUT_DIR").expect("OUT_DIR is set by cargo: call this from build.rs");
+    let module = Source::read(model_file).and_then(|source| compile::rust_with_gradients(&source, precisions));
+    if let Err(faults) = module.and_then(|module| write_module(&module, Path::new(&folder))) {
         panic!("\n{faults}\n");
     }
 }
@@ -54,7 +68,10 @@ pub fn compile(model_file: impl AsRef<Path>, precisions: &[Precision]) {
 /// # Ok::<(), rsm_core::source::Faults>(())
 /// ```
 pub fn compile_into(model_file: &Path, precisions: &[Precision], folder: &Path) -> Result<PathBuf, Faults> {
-    let module = compile::rust(&Source::read(model_file)?, precisions)?;
+    write_module(&compile::rust(&Source::read(model_file)?, precisions)?, folder)
+}
+
+fn write_module(module: &RustModule, folder: &Path) -> Result<PathBuf, Faults> {
     let path = folder.join(format!("{}.rs", module.model));
     // An unchanged file keeps its time stamp, so cargo does not compile what depends on it again.
     if std::fs::read_to_string(&path).is_ok_and(|old| old == module.text) {
@@ -64,6 +81,6 @@ pub fn compile_into(model_file: &Path, precisions: &[Precision], folder: &Path) 
         Faults::one(Fault::whole_file(&path.display().to_string(), format!("cannot be written: {error}")))
     };
     let temporary = path.with_extension("rs.part");
-    std::fs::write(&temporary, module.text).and_then(|()| std::fs::rename(&temporary, &path)).map_err(failed)?;
+    std::fs::write(&temporary, &module.text).and_then(|()| std::fs::rename(&temporary, &path)).map_err(failed)?;
     Ok(path)
 }

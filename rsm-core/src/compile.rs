@@ -152,3 +152,24 @@ pub fn rust(source: &Source, precisions: &[Precision]) -> Result<RustModule, Fau
     let unit = unit(&Checked::read(source)?, precisions)?;
     Ok(RustModule { text: emit::rust::emit(&unit), model: unit.model })
 }
+
+/// A model file as a Rust module as [`rust`] gives it, and after each surface the function of its gradient.
+///
+/// # Errors
+/// Every fault of the file; a surface whose gradient would have the name of another function.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
+/// #     inputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 35.0 }, { powers = [1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A line from 5 N at rest to 65 N at 30 m/s.
+/// use rsm_core::{compile, source::Source};
+///
+/// let module = compile::rust_with_gradients(&Source::new("car.toml", text), &[])?;
+/// assert!(module.text.contains("pub fn drag_gradient(speed: f64) -> [f64; 1]"));
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
+pub fn rust_with_gradients(source: &Source, precisions: &[Precision]) -> Result<RustModule, Faults> {
+    let unit = unit_with_gradients(&Checked::read(source)?, precisions)?;
+    Ok(RustModule { text: emit::rust::emit(&unit), model: unit.model })
+}

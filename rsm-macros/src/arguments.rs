@@ -1,32 +1,41 @@
 //! The arguments of the macro.
 //!
-//! In: tokens. Out: the literal of the path, with its place, and the precisions. Never opens a file.
+//! In: tokens. Out: the literal of the path, with its place, the precisions, and whether gradients are wanted. Never opens a file.
 
 use rsm_core::number::Precision;
 use syn::parse::{Parse, ParseStream};
-use syn::{Ident, LitStr, Token};
+use syn::{Ident, LitBool, LitStr, Token};
 
-/// `"path"` or `"path", precision = "f64" | "f32" | "both"`.
+/// `"path"`, then `precision = "f64" | "f32" | "both"` and `gradient = true`, in any order, each at most once.
 pub(crate) struct Arguments {
     pub(crate) path: LitStr,
     /// Empty: every precision that can hold the model.
     pub(crate) precisions: Vec<Precision>,
+    /// Whether each surface is to have its gradient.
+    pub(crate) gradient: bool,
 }
 
 impl Parse for Arguments {
     fn parse(input: ParseStream<'_>) -> syn::Result<Self> {
         let path = input.parse()?;
-        let mut precisions = Vec::new();
-        if input.parse::<Option<Token![,]>>()?.is_some() && !input.is_empty() {
+        let (mut precisions, mut gradient) = (None, None);
+        while input.parse::<Option<Token![,]>>()?.is_some() && !input.is_empty() {
             let key: Ident = input.parse()?;
-            if key != "precision" {
-                return Err(syn::Error::new(key.span(), format!("found `{key}`, accepted is `precision = \"...\"`")));
+            let refuse = |what: &str| Err(syn::Error::new(key.span(), format!("found `{key}`, {what}")));
+            match key.to_string().as_str() {
+                "precision" if precisions.is_none() => {
+                    input.parse::<Token![=]>()?;
+                    precisions = Some(self::precisions(&input.parse()?)?);
+                }
+                "gradient" if gradient.is_none() => {
+                    input.parse::<Token![=]>()?;
+                    gradient = Some(input.parse::<LitBool>()?.value);
+                }
+                "precision" | "gradient" => return refuse("which is given twice"),
+                _ => return refuse("accepted are `precision = \"...\"` and `gradient = true`"),
             }
-            input.parse::<Token![=]>()?;
-            precisions = self::precisions(&input.parse()?)?;
-            input.parse::<Option<Token![,]>>()?;
         }
-        Ok(Arguments { path, precisions })
+        Ok(Arguments { path, precisions: precisions.unwrap_or_default(), gradient: gradient.unwrap_or_default() })
     }
 }
 

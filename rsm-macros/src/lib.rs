@@ -7,6 +7,7 @@
 //! ```text
 //! include_model!("models/pmac.toml");                       // every precision that can hold the model
 //! include_model!("models/pmac.toml", precision = "f32");    // or "f64", or "both": an error if it cannot hold the model
+//! include_model!("models/pmac.toml", gradient = true);      // also the derivatives of each surface by its inputs
 //!
 //! let angle = pmac::current_advance_f32(10.8, 400.0);
 //! ```
@@ -37,7 +38,8 @@ fn expand(arguments: &Arguments) -> syn::Result<TokenStream> {
     let path: PathBuf = Path::new(&package).join(&named);
     let source = Source::read(&path).and_then(|source| {
         // Messages name the file as the literal does.
-        compile::rust(&Source::new(named.clone(), source.text()), &arguments.precisions)
+        let compile = if arguments.gradient { compile::rust_with_gradients } else { compile::rust };
+        compile(&Source::new(named.clone(), source.text()), &arguments.precisions)
     });
     let RustModule { model, text } = source.map_err(|faults| refuse(message(&named, &faults)))?;
 

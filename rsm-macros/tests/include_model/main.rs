@@ -19,6 +19,22 @@ mod as_far_as_it_goes {
     rsm_macros::include_model!("tests/models/too_large.toml");
 }
 
+mod with_gradient {
+    rsm_macros::include_model!("tests/models/two_inputs.toml", gradient = true, precision = "f64");
+}
+
+#[test]
+fn gradients_come_where_they_are_wanted() {
+    // By differences in the middle of the box, where the surface is smooth: a step of 2^-10 leaves less than 10^-6 of its curvature.
+    let (torque, speed, step) = (1.25, 0.75, 2f64.powi(-10));
+    let value = with_gradient::two_inputs::angle;
+    let found = with_gradient::two_inputs::angle_gradient(torque, speed);
+    let by_torque = (value(torque + step, speed) - value(torque - step, speed)) / (2.0 * step);
+    let by_speed = (value(torque, speed + step) - value(torque, speed - step)) / (2.0 * step);
+    assert!((found[0] - by_torque).abs() < 1e-6 && (found[1] - by_speed).abs() < 1e-6, "{found:?} {by_torque} {by_speed}");
+    assert!(found[0] != 0.0 && found[1] != 0.0);
+}
+
 #[test]
 fn the_module_holds_the_evaluators_of_both_precisions() {
     // Torque 2 is x1 = 1, speed 0.5 is x2 = 0.5: 1.5 - 0.25 * 0.5.
