@@ -32,10 +32,10 @@ pub fn compile(model_file: impl AsRef<Path>, precisions: &[Precision]) {
     }
 }
 
-/// As [`compile`], and after each surface the function of its gradient.
+/// As [`compile()`], and after each surface the function of its gradient.
 ///
 /// # Panics
-/// As [`compile`].
+/// As [`compile()`].
 pub fn compile_with_gradients(model_file: impl AsRef<Path>, precisions: &[Precision]) {
     let model_file = model_file.as_ref();
     println!("cargo::rerun-if-changed={}", model_file.display());

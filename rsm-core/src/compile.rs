@@ -40,10 +40,10 @@ pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults>
     functions(checked, precisions, false)
 }
 
-/// The evaluators of a checked model as [`unit`] gives them, and after each surface the function of its gradient.
+/// The evaluators of a checked model as [`unit()`] gives them, and after each surface the function of its gradient.
 ///
 /// # Errors
-/// As [`unit`]; a surface whose gradient would have the name of another function.
+/// As [`unit()`]; a surface whose gradient would have the name of another function.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
