@@ -11,6 +11,7 @@
 
 pub mod expression;
 pub mod flat;
+pub mod shipped;
 mod syntax;
 pub mod system;
 pub mod units;

@@ -23,7 +23,6 @@ const DEBT: &[(&str, &[&str])] = &[
         "rsm-diagnose/src/plant",
         &["claims", "compete", "error_breakdown", "everywhere", "experiment", "selection", "tested", "verdict", "veto"],
     ),
-    ("rsm-model/src/system", &["alias", "work"]),
 ];
 
 /// Names from the root of a crate on.

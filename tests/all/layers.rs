@@ -79,6 +79,7 @@ pub(super) const LAWS: &[Law] = &[
             "rsm-core",
             "rsm-macros",
             "rsm-fit",
+            "rsm-model",
             "rsm-sim",
             "rsm-rigs",
             "host-loop",

@@ -16,6 +16,7 @@ mod manifests;
 mod measured;
 mod names;
 mod object_code;
+mod plants_as_texts;
 mod reference_step;
 mod refuses;
 mod stale;

@@ -326,6 +326,7 @@ impl Translator<'_> {
             "identity" => {
                 let [size] = self.arguments(name, arguments, span)?;
                 let n = self.size(size)?;
+                self.spend(n.saturating_mul(n), span)?;
                 let items = (0..n * n).map(|k| self.pool.number(if k % (n + 1) == 0 { 1.0 } else { 0.0 })).collect();
                 Some(Value { sizes: vec![n, n], items, basic: Basic::Integer })
             }
@@ -404,7 +405,10 @@ impl Translator<'_> {
         let count =
             sizes.iter().try_fold(1_usize, |count, size| count.checked_mul(*size).filter(|count| *count <= MOST_ELEMENTS));
         match count {
-            Some(count) => Some(Value { sizes, items: vec![item; count], basic }),
+            Some(count) => {
+                self.spend(count, span)?;
+                Some(Value { sizes, items: vec![item; count], basic })
+            }
             None => self.fault(span, format!("an array of sizes {sizes:?} has more than {MOST_ELEMENTS} elements"), ""),
         }
     }

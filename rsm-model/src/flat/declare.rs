@@ -38,6 +38,7 @@ pub(super) fn flat(text: &tree::Text, source: &Source, options: &Options, faults
         at_event: false,
         ends: Vec::new(),
         calls: 0,
+        written: 0,
     };
     translator.time();
     let mut all: Vec<(&Declaration, Resolved<'_>)> = Vec::new();
@@ -230,6 +231,9 @@ impl Translator<'_> {
             _ => Role::Unknown,
         };
         let mut symbols = Vec::new();
+        if self.spend(sizes.iter().product(), &declaration.span).is_none() {
+            return;
+        }
         for index in indices(&sizes) {
             let element = if sizes.is_empty() {
                 name.clone()

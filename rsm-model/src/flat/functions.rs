@@ -39,6 +39,7 @@ impl Translator<'_> {
         if self.calls >= DEEPEST {
             return self.fault(span, format!("`{}` calls itself, or {DEEPEST} calls stand in one another", function.name), "");
         }
+        self.spend(1, span)?;
         let of = |direction: Direction| function.declarations.iter().filter(move |item| item.direction == direction);
         let inputs: Vec<&tree::Declaration> = of(Direction::Input).collect();
         let mut outputs = of(Direction::Output);

@@ -48,10 +48,15 @@ pub(super) struct Translator<'t> {
     pub(super) ends: Vec<usize>,
     /// How many calls of functions stand in one another.
     pub(super) calls: usize,
+    /// Elements and rounds that were written out so far.
+    pub(super) written: usize,
 }
 
 /// No array has more elements: a size that was mistyped must not fill the memory.
-pub(super) const MOST_ELEMENTS: usize = 1_000_000;
+pub(super) const MOST_ELEMENTS: usize = 100_000;
+
+/// Elements of arrays and rounds of loops that a text may be written out to, in all.
+const MOST_WRITTEN: usize = 2_000_000;
 
 impl Translator<'_> {
     pub(super) fn fault<T>(&mut self, span: &Span, what: impl Into<String>, help: &str) -> Option<T> {
@@ -175,6 +180,20 @@ impl Translator<'_> {
         Some(value)
     }
 
+    /// Counts what is written out, and stops a text that would not end.
+    pub(super) fn spend(&mut self, count: usize, span: &Span) -> Option<()> {
+        let before = self.written;
+        self.written = before.saturating_add(count);
+        if self.written <= MOST_WRITTEN {
+            return Some(());
+        }
+        if before <= MOST_WRITTEN {
+            let what = format!("written out, arrays and loops have more than {MOST_WRITTEN} elements up to here");
+            let _: Option<()> = self.fault(span, what, "use smaller sizes");
+        }
+        None
+    }
+
     /// `body` for each value of an index.
     pub(super) fn each<T>(
         &mut self,
@@ -189,6 +208,7 @@ impl Translator<'_> {
         }
         let mut all = Vec::new();
         for item in values.items {
+            self.spend(1, &range.span)?;
             let scope =
                 Scope { values: HashMap::from([(index.to_string(), Value::scalar(item, values.basic))]), is_open: true };
             self.scopes.push(scope);
@@ -399,6 +419,7 @@ impl Translator<'_> {
             return self.fault(span, what, if is_sum { "a sum is of values of one shape" } else { "" });
         }
         let long = if a.is_scalar() { b } else { a };
+        self.spend(long.items.len(), span)?;
         let at = |value: &Value, k: usize| value.items[if value.is_scalar() { 0 } else { k }];
         let items = (0..long.items.len()).map(|k| self.pool.binary(operation, at(a, k), at(b, k))).collect();
         Some(Value { sizes: long.sizes.clone(), items, basic })
@@ -462,6 +483,7 @@ impl Translator<'_> {
         }
         let basic = self.common(a.basic, b.basic, span)?;
         let width = columns.unwrap_or(1);
+        self.spend(rows.unwrap_or(1).saturating_mul(width).saturating_mul(inner), span)?;
         let mut items = Vec::new();
         for row in 0..rows.unwrap_or(1) {
             for column in 0..width {

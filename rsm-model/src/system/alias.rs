@@ -7,16 +7,8 @@ use std::collections::HashMap;
 use crate::expression::{Binary, Id, Node, Replacement, Symbol, Unary};
 use crate::flat::{Basic, Role};
 
+use super::Alias;
 use super::work::Work;
-
-/// What an alias is: a symbol, and whether it is its negative.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Alias {
-    /// The variable that stays.
-    pub of: Symbol,
-    /// Whether the alias is its negative.
-    pub is_negative: bool,
-}
 
 /// The root of a symbol and the sign to it.
 fn root(parents: &HashMap<Symbol, Alias>, mut symbol: Symbol) -> Alias {

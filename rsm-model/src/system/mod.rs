@@ -29,7 +29,6 @@ use crate::expression::{Id, Replacement, Symbol};
 use crate::flat::{Basic, Flat, Role};
 use crate::units::{self, Checked};
 
-pub use alias::Alias;
 pub use lower::SurfaceRows;
 pub use program::{Program, SurfaceValue};
 pub use start::Start;
@@ -47,6 +46,15 @@ pub struct Switch {
     pub right: Id,
     /// The argument of the programs that has its value since the last event: 1 or 0.
     pub held: Symbol,
+}
+
+/// What an alias is: a symbol, and whether it is its negative.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Alias {
+    /// The variable that stays.
+    pub of: Symbol,
+    /// Whether the alias is its negative.
+    pub is_negative: bool,
 }
 
 /// How a block was solved.

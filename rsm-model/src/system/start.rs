@@ -11,11 +11,10 @@ use rsm_core::source::Faults;
 use crate::expression::{Id, Replacement, Symbol};
 use crate::flat::Role;
 
-use super::alias::Alias;
 use super::matching::Matching;
 use super::solve::Solved;
 use super::work::{Residual, Work};
-use super::{Iterated, System};
+use super::{Alias, Iterated, System};
 
 /// How a system starts.
 #[derive(Debug, Clone)]

@@ -5,11 +5,10 @@ use std::ops::Range;
 
 use rsm_core::source::Collector;
 
-use crate::expression::{Binary, Id, Node, Replacement, Symbol, Values};
+use crate::expression::{Binary, Id, Node, Replacement, Symbol, operate, operate_unary};
 use crate::flat::{Basic, Flat, Role};
 
-use super::Switch;
-use super::alias::Alias;
+use super::{Alias, Switch};
 
 /// An equation: its residual is zero.
 #[derive(Debug, Clone)]
@@ -34,6 +33,8 @@ pub(super) struct Work {
     pub(super) switches: Vec<Switch>,
     /// A point near the start at which choices are made.
     point: HashMap<Symbol, f64>,
+    /// Values there, and whether they are constant.
+    looked: HashMap<Id, (f64, bool)>,
 }
 
 impl Work {
@@ -49,6 +50,7 @@ impl Work {
             aliases: HashMap::new(),
             switches: Vec::new(),
             point: HashMap::new(),
+            looked: HashMap::new(),
         };
         work.equations = work.residuals(&work.flat.equations.clone());
         work.initial = work.residuals(&work.flat.initial_equations.clone());
@@ -252,23 +254,53 @@ impl Work {
         value
     }
 
+    /// The value of an expression at that point, and whether it is made of numbers and parameters alone. What was found once is remembered:
+    /// elimination asks for every entry again and again.
+    fn looked_at(&mut self, root: Id) -> (f64, bool) {
+        let mut open = vec![root];
+        while let Some(id) = open.last().copied() {
+            if self.looked.contains_key(&id) {
+                open.pop();
+                continue;
+            }
+            let before = open.len();
+            self.flat.pool.operands(id, |operand| {
+                if !self.looked.contains_key(&operand) {
+                    open.push(operand);
+                }
+            });
+            if open.len() > before {
+                continue;
+            }
+            open.pop();
+            let of = |operand: Id| self.looked[&operand];
+            let found = match self.flat.pool.node(id) {
+                Node::Number(bits) => (f64::from_bits(bits), true),
+                Node::Symbol(symbol) => {
+                    let is_constant = matches!(self.flat.variable(symbol).role, Role::Parameter | Role::Constant);
+                    (self.number_at(symbol), is_constant)
+                }
+                Node::Unary(operation, a) => (operate_unary(operation, of(a).0), of(a).1),
+                Node::Binary(operation, a, b) => (operate(operation, of(a).0, of(b).0), of(a).1 && of(b).1),
+                Node::If(condition, then, otherwise) => {
+                    let chosen = if of(condition).0 == 0.0 { otherwise } else { then };
+                    (of(chosen).0, of(condition).1 && of(then).1 && of(otherwise).1)
+                }
+                // What a surface computes stands in another file.
+                Node::Surface(..) => (f64::NAN, false),
+            };
+            self.looked.insert(id, found);
+        }
+        self.looked[&root]
+    }
+
     /// The value of an expression at that point.
     pub(super) fn at_point(&mut self, id: Id) -> f64 {
-        let symbols = self.flat.pool.symbols(id);
-        let values: Vec<(Symbol, f64)> = symbols.into_iter().map(|symbol| (symbol, self.number_at(symbol))).collect();
-        let mut evaluated = Values::new(&self.flat.pool);
-        for (symbol, value) in values {
-            evaluated.set(symbol, value);
-        }
-        evaluated.of(id)
+        self.looked_at(id).0
     }
 
     /// Whether an expression is made of numbers and parameters alone.
-    pub(super) fn is_constant(&self, id: Id) -> bool {
-        self.flat
-            .pool
-            .symbols(id)
-            .into_iter()
-            .all(|symbol| matches!(self.flat.variable(symbol).role, Role::Parameter | Role::Constant))
+    pub(super) fn is_constant(&mut self, id: Id) -> bool {
+        self.looked_at(id).1
     }
 }
