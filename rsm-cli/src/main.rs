@@ -30,6 +30,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 
+use commands::equations::{inspect, linearise};
 use commands::{check, completions, demo, design, diagnose, emit, eval, experiment, fit, import, man, simulate};
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
@@ -61,6 +62,10 @@ enum Command {
     Import(import::Arguments),
     /// Run a plant, with its effects, along a record
     Simulate(simulate::Arguments),
+    /// What the compiler understood of a plant's equations
+    Inspect(inspect::Arguments),
+    /// The linear model of a plant of equations at a point: matrices, poles, damping
+    Linearise(linearise::Arguments),
     /// What a plant's simulation gets wrong, and why: causes, extended plant, gain
     Diagnose(diagnose::Arguments),
     /// The whole chain on shipped data: fit, check, emit, compile, compare bits, run the motor loop
@@ -83,6 +88,8 @@ fn main() -> ExitCode {
         Command::Emit(arguments) => emit::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Linearise(arguments) => linearise::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments, Arguments::command()),

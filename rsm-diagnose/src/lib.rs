@@ -16,5 +16,5 @@
 mod engine;
 
 pub mod plant;
-mod probability;
+
 pub mod surface;

@@ -272,7 +272,7 @@ impl Columns<'_> {
 }
 
 /// The period of instants that must be uniform, and where they are not, if that is allowed; else the first bad row is a fault.
-fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Collector) -> (f64, Vec<usize>) {
+pub(crate) fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Collector) -> (f64, Vec<usize>) {
     if time.len() < 2 {
         let what = "a record needs two rows at least: one has no period";
         faults.push(Fault::at_line(&table.file, table.lines.first().copied().unwrap_or(0), 0, what));

@@ -35,7 +35,7 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "rsm-import", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
     // Texts to equations to programs: it knows neither records nor effects. Units come from rsm-fit.
     Law { package: "rsm-model", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
-    Law { package: "rsm-sim", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
+    Law { package: "rsm-sim", ours: &["rsm-core", "rsm-fit", "rsm-model"], aside: &[], outside: None },
     Law { package: "rsm-rigs", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
     // It knows plants, not rigs: a diagnosis may not know how a record was made.
     Law { package: "rsm-diagnose", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
@@ -48,6 +48,7 @@ pub(super) const LAWS: &[Law] = &[
             "rsm-macros",
             "rsm-fit",
             "rsm-import",
+            "rsm-model",
             "rsm-sim",
             "rsm-rigs",
             "rsm-diagnose",

@@ -6,6 +6,7 @@ pub mod demo;
 pub mod design;
 pub mod diagnose;
 pub mod emit;
+pub mod equations;
 pub mod eval;
 pub mod experiment;
 pub mod fit;

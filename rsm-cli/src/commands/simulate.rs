@@ -12,6 +12,7 @@ use rsm_sim::record::{self, Drive, Record};
 use rsm_sim::simulate::{Outputs, Simulator};
 use serde_json::{Map, Value, json};
 
+use super::equations;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -25,13 +26,37 @@ pub struct Arguments {
     /// The CSV that is written
     #[arg(long)]
     out: PathBuf,
+    /// Of a plant of equations: `explicit` (orders 5 and 4), `stiff` (orders 3 and 2, with the exact Jacobian) or `automatic`
+    #[arg(long, value_parser = ["automatic", "explicit", "stiff"])]
+    method: Option<String>,
+    /// Of a plant of equations: the error of a step, relative to the size of each state; 1e-8 unless said
+    #[arg(long)]
+    tolerance: Option<f64>,
+    /// Of a plant of equations: classical Runge-Kutta steps of this length, in s, a whole share of the record's period
+    #[arg(long, conflicts_with_all = ["method", "tolerance"])]
+    fixed_step: Option<f64>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let plant = PlantFile::read(&Source::read(&arguments.plant)?)?;
+    let source = Source::read(&arguments.plant)?;
+    let wish = equations::simulate::Wish {
+        method: arguments.method.as_deref(),
+        tolerance: arguments.tolerance,
+        fixed_step: arguments.fixed_step,
+    };
+    if equations::is_equations(&source) || arguments.plant.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
+        return equations::simulate::run(&arguments.plant, &arguments.record, &arguments.out, &wish, arguments.json);
+    }
+    if wish.is_some() {
+        return Err(Refusal::new(format!(
+            "{}: --method, --tolerance and --fixed-step are for plants of equations (`format = 2`); this plant is built in and has steps of its own",
+            arguments.plant.display()
+        )));
+    }
+    let plant = PlantFile::read(&source)?;
     let record = Record::read(&Source::read(&arguments.record)?, &plant)?;
     let mut simulator = Simulator::new(&plant, &record)?;
     let outputs =

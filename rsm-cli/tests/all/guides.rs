@@ -8,7 +8,7 @@ const DATA: &str = "torque[N*m],speed[rpm],angle[deg]\n0,6500,14.1\n0,7500,34.8\
                     5,7000,25.8\n0,7000,24.7\n10,7000,32.2\n";
 
 /// The languages of the blocks of each page, in order. Who adds a block adds its test, here or where the comment says.
-const PAGES: [(&str, &[&str]); 10] = [
+const PAGES: [(&str, &[&str]); 11] = [
     // Its commands test the project itself: `the_commands_for_a_new_effect_exist`.
     ("add-effect.md", &["sh"]),
     ("constrain.md", &["toml"]),
@@ -21,6 +21,7 @@ const PAGES: [(&str, &[&str]); 10] = [
     ("embed-rust.md", &["rust,ignore", "rust,ignore", "rust,ignore", "rust"]),
     ("fit.md", &["toml", "sh", "rust"]),
     ("import.md", &["sh"]),
+    ("own-plant.md", &["modelica", "toml", "sh", "sh"]),
 ];
 
 fn page(name: &str) -> Vec<Block> {
@@ -217,6 +218,27 @@ fn the_guide_to_imports_makes_one_record_of_two_files() {
     for column in ["speed[rad/s]", "i_q[A]", "v_q[V]", "load_torque[N*m]"] {
         assert!(header.contains(column), "{column} is not in {header}\n{text}");
     }
+}
+
+#[test]
+fn the_guide_to_plants_of_equations_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, place) in [("winch.mo", 0), ("winch.toml", 1)] {
+        std::fs::write(folder.path().join(name), block("own-plant.md", place)).unwrap();
+    }
+    let text = run(&block("own-plant.md", 2), folder.path());
+    assert!(text.contains("0.34") && text.contains("located in time"), "{text}");
+    // Both inertias against each other: sqrt(120 (1/0.02 + 1/0.34)) = 79.7 rad/s.
+    assert!(text.contains("79.7") && text.contains("damping ratio"), "{text}");
+    let linear = std::fs::read_to_string(folder.path().join("linear.csv")).unwrap();
+    assert!(
+        linear.starts_with("row,speed,drum_speed,twist,torque\n") && linear.contains("der(speed),-7.5,7.5,-6000.0,50.0"),
+        "{linear}"
+    );
+    run(&block("own-plant.md", 3), folder.path());
+    let simulated = std::fs::read_to_string(folder.path().join("simulated.csv")).unwrap();
+    assert!(simulated.starts_with("time[s],torque[N*m],speed[rad/s],drum_speed[rad/s]\n"), "{simulated}");
+    assert_eq!(simulated.lines().count(), 6);
 }
 
 #[test]

@@ -5,5 +5,6 @@
 pub(crate) mod columns;
 pub(crate) mod levenberg;
 pub(crate) mod normal;
+pub(crate) mod probability;
 pub(crate) mod significance;
 pub(crate) mod work;

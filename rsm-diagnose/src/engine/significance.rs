@@ -13,6 +13,32 @@ pub(crate) const ALARM: f64 = 0.01;
 /// Below this an incomplete beta or gamma function is near the smallest f64, and its leading term takes over.
 const SMALL: f64 = 1e-280;
 
+/// P(a, x), for every argument: 0 below 0, 1 at infinity and where nothing is free to differ. The library panics there.
+pub(crate) fn lower_gamma(a: f64, x: f64) -> f64 {
+    if x <= 0.0 {
+        0.0
+    } else if x == f64::INFINITY || a <= 0.0 {
+        1.0
+    } else if a == f64::INFINITY {
+        0.0
+    } else {
+        gamma_lr(a, x)
+    }
+}
+
+/// Q(a, x) = 1 - P(a, x), for every argument.
+fn upper_gamma(a: f64, x: f64) -> f64 {
+    if x <= 0.0 {
+        1.0
+    } else if x == f64::INFINITY || a <= 0.0 {
+        0.0
+    } else if a == f64::INFINITY {
+        1.0
+    } else {
+        gamma_ur(a, x)
+    }
+}
+
 /// ln I_x(a, b). Below [`SMALL`] the leading term x^a (1 - x)^b / (a B(a, b)) with the first step of its continued fraction (NIST DLMF 8.17.22): its relative error
 /// there is nothing beside a logarithm of hundreds.
 fn ln_beta_reg(a: f64, b: f64, x: f64) -> f64 {
@@ -46,9 +72,12 @@ pub(crate) fn ln_upper_chi_squared(value: f64, freedom: f64) -> f64 {
     if x <= 0.0 {
         return 0.0;
     }
-    let tail = gamma_ur(a, x);
+    let tail = upper_gamma(a, x);
     if tail > SMALL {
         return tail.ln().min(0.0);
+    }
+    if x == f64::INFINITY || a <= 0.0 {
+        return f64::NEG_INFINITY;
     }
     a * x.ln() - x - ln_gamma(a) - (x + 1.0 - a - (1.0 - a) / (x + 3.0 - a)).ln()
 }
@@ -90,10 +119,13 @@ pub(crate) fn deviate_of_chi_squared(value: f64, freedom: f64) -> f64 {
     let ln_p = ln_upper_chi_squared(value, freedom);
     if ln_p > -0.5 {
         // Near 1 the other tail has the digits.
-        return -quantile(gamma_lr(freedom / 2.0, value.max(0.0) / 2.0).max(SMALL));
+        return -quantile(lower_gamma(freedom / 2.0, value / 2.0).max(SMALL));
     }
     if ln_p > SMALL.ln() {
         return quantile(ln_p.exp());
+    }
+    if ln_p == f64::NEG_INFINITY {
+        return f64::INFINITY;
     }
     let z = (-2.0 * ln_p).sqrt();
     (-2.0 * ln_p - (std::f64::consts::TAU * z * z).ln()).sqrt()
@@ -153,7 +185,7 @@ pub(crate) fn ln_upper_of_moments(value: f64, mean: f64, variance: f64, third: f
         let shape = 4.0 / (skew * skew);
         // Mean `shape`, variance `shape`: the standardised gamma variable.
         let x = shape + z * shape.sqrt();
-        if x <= 0.0 { 1.0 } else { gamma_ur(shape, x) }
+        upper_gamma(shape, x)
     };
     tail.max(SMALL).ln()
 }
@@ -162,6 +194,20 @@ pub(crate) fn ln_upper_of_moments(value: f64, mean: f64, variance: f64, third: f
 mod tests {
     use super::*;
     use rsm_fit::random::Random;
+
+    #[test]
+    fn statistics_of_records_without_noise_have_a_probability_too() {
+        let (infinite, never) = (f64::INFINITY, f64::NEG_INFINITY);
+        assert_eq!([0.0, -1.0, infinite].map(|value| ln_upper_chi_squared(value, 4.0)), [0.0, 0.0, never]);
+        assert_eq!([ln_upper_chi_squared(2.0, 0.0), ln_upper_chi_squared(2.0, infinite)], [never, 0.0]);
+        assert_eq!(deviate_of_chi_squared(infinite, 4.0), infinite);
+        // No energy at all is as rare as a probability can be: beyond 35 standard deviations below.
+        assert!([0.0, -1.0].iter().all(|value| (-40.0..-35.0).contains(&deviate_of_chi_squared(*value, 4.0))));
+        assert_eq!(
+            [lower_gamma(2.0, infinite), lower_gamma(2.0, 0.0), lower_gamma(0.0, 1.0), lower_gamma(infinite, 1.0)],
+            [1.0, 0.0, 1.0, 0.0]
+        );
+    }
 
     #[test]
     fn tails_agree_with_closed_forms_also_where_a_probability_underflows() {

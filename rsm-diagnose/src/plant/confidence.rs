@@ -4,7 +4,7 @@
 //! can make a cause wrong: chance, a rival, a cause that is not in the catalogue, and a rival that was not asked. The records give the odds against the first two. The other two are rates, counted on
 //! hidden effects of seeds that the tables of `cargo xtask hidden-effects` do not use.
 
-use crate::probability::Probability;
+use crate::engine::probability::Probability;
 
 /// What the probability of a cause comes from.
 pub(super) struct Case<'a> {

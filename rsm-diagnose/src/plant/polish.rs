@@ -80,7 +80,7 @@ fn began(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, 
     if fit.model.at_start == AtStart::Steady {
         return None;
     }
-    let first = whitened.records.first()?.from_its_start();
+    let first = whitened.records.first()?.with_led_rows();
     let of_first = |place: &Place| matches!(place, Place::Start { record: 0, .. });
     let unknowns = fit.model.unknowns.iter().filter(|it| of_first(&it.place)).cloned().collect();
     let model = Model { starts: fit.model.starts[..1].to_vec(), unknowns, ..fit.model.clone() };

@@ -104,8 +104,7 @@ impl Prepared {
     }
 
     /// The same record, with the rows that were set aside to lead: what was left out for another reason stays out.
-    #[expect(clippy::wrong_self_convention, reason = "it begins from there")]
-    pub(super) fn from_its_start(&self) -> Self {
+    pub(super) fn with_led_rows(&self) -> Self {
         let mut whole = self.clone();
         for (used, led) in whole.used.iter_mut().zip(&self.led) {
             used[..led.len()].copy_from_slice(led);
@@ -151,17 +150,17 @@ mod tests {
         prepared.lead(3);
         let t = true;
         assert_eq!(prepared.used, [[!t, !t, !t, t, t, t, t, t]; 2]);
-        assert_eq!(prepared.from_its_start().used, [[t, !t, t, t, t, t, t, t], [t; 8]]);
+        assert_eq!(prepared.with_led_rows().used, [[t, !t, t, t, t, t, t, t], [t; 8]]);
         // Shorter records, and an output that is left out afterwards.
         let mut short = prepared.shortened(2);
-        assert_eq!(short.from_its_start().used, [[t, !t], [t, t]]);
+        assert_eq!(short.with_led_rows().used, [[t, !t], [t, t]]);
         short.leave_out(1);
-        assert_eq!(short.from_its_start().used, [[t, !t], [!t, !t]]);
+        assert_eq!(short.with_led_rows().used, [[t, !t], [!t, !t]]);
         let mut late = prepared.clone();
         late.keep(2..5);
-        assert_eq!(late.from_its_start().used, [[t; 3]; 2]);
+        assert_eq!(late.with_led_rows().used, [[t; 3]; 2]);
         let mut later = prepared;
         later.keep(4..6);
-        assert_eq!(later.from_its_start().used, [[t; 2]; 2]);
+        assert_eq!(later.with_led_rows().used, [[t; 2]; 2]);
     }
 }

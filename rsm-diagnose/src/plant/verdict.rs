@@ -34,7 +34,7 @@ use super::validation::{self, Error};
 use super::veto::Refusal;
 use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::{self, Left};
-use crate::probability::Probability;
+use crate::engine::probability::Probability;
 pub use crate::surface::Verdict;
 use own_noise::by_own_noise;
 pub(super) use own_noise::left_there;

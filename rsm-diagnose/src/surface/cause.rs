@@ -1,6 +1,6 @@
 //! A cause as it is reported: kind, numbers, words, rivals.
 
-use crate::probability::Probability;
+use crate::engine::probability::Probability;
 
 /// A number of a cause.
 #[derive(Debug, Clone, PartialEq)]

@@ -11,8 +11,8 @@ use super::narrative::Narrative;
 use super::null::Thresholds;
 use super::sample::Sample;
 use super::search::Search;
+use crate::engine::probability::Probability;
 use crate::engine::significance::f_of;
-use crate::probability::Probability;
 
 /// A rival that does worse by less than this is not ruled out: 2 ln 19, odds of 95 to 5. What is true is ahead of a rival by more only once in 20 times: the mean of a likelihood ratio under the
 /// truth is 1 (Markov's inequality).

@@ -4,7 +4,7 @@
 //! `cargo xtask hidden-effects surfaces` do not use.
 
 use super::Verdict;
-use crate::probability::Probability;
+use crate::engine::probability::Probability;
 
 /// How often a cause is right that has neither chance nor rivals against it, where the causes leave noise: hidden effects of seeds 641 to 648, 280 of 291.
 const EXPLAINED: f64 = 0.96;

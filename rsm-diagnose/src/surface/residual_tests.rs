@@ -9,7 +9,7 @@ use rsm_core::model::Evidence;
 use super::explained::Explained;
 use super::sample::Sample;
 use crate::engine::columns::{Basis, dot};
-use crate::engine::significance::{among, ln_upper_f, ln_upper_of_moments};
+use crate::engine::significance::{among, ln_upper_f, ln_upper_of_moments, lower_gamma};
 use rsm_fit::random::Random;
 
 /// A test for structure left.
@@ -170,7 +170,7 @@ fn outliers_together(sample: &Sample, found: &Explained) -> Option<Test> {
     let pairs = nearest(&coded, 4).iter().filter(|pair| is_pair(pair)).count();
     let mean = (count * (count - 1)) as f64 / rows as f64;
     // P(N >= pairs) of Poisson's distribution is the lower incomplete gamma function.
-    let ln_p = if pairs == 0 { 0.0 } else { statrs::function::gamma::gamma_lr(pairs as f64, mean).max(1e-300).ln() };
+    let ln_p = if pairs == 0 { 0.0 } else { lower_gamma(pairs as f64, mean).max(1e-300).ln() };
     Some(Test { what: "outlying runs beside each other in the inputs".to_string(), ln_p })
 }
 

@@ -25,7 +25,7 @@ use std::collections::{HashMap, HashSet};
 
 use rsm_core::source::Faults;
 
-use crate::expression::{Id, Replacement, Symbol};
+use crate::expression::{Derivative, Id, Replacement, Symbol};
 use crate::flat::{Basic, Flat, Role};
 use crate::units::{self, Checked};
 
@@ -293,6 +293,11 @@ impl System {
     /// A symbol that an expression needs and that is no argument.
     pub fn program(&self, arguments: &[Symbol], results: &[Id]) -> Result<Program, Symbol> {
         Program::new(&self.flat.pool, arguments, results)
+    }
+
+    /// The exact derivative of an expression in known symbols by one of them.
+    pub fn derivative(&mut self, of: Id, by: Symbol) -> Id {
+        Derivative::by(&mut self.flat.pool, by).of(&mut self.flat.pool, of)
     }
 
     /// The passes' view of the system, for its start.

@@ -2,6 +2,7 @@
 
 mod catalogue;
 mod cross_check;
+mod equations;
 mod rejected;
 mod shipped;
 mod step;

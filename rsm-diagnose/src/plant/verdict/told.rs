@@ -9,7 +9,7 @@ use super::super::posterior::Posterior;
 use super::super::selection::Believed;
 use super::super::whitened_residuals::WhitenedResiduals;
 use super::{Cause, Interval};
-use crate::probability::Probability;
+use crate::engine::probability::Probability;
 use rsm_sim::effect::{Arguments, Role, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;

@@ -1,0 +1,115 @@
+//! `rsm inspect`: what the compiler understood of a plant's equations.
+//!
+//! In: a plant of equations. Out: its signals, states, parameters, what each set of equations is solved for and how, conditions, time constants at the start.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use rsm_model::system::Method;
+use rsm_sim::equations::linearise;
+use serde_json::json;
+
+use super::{plant, point};
+use crate::outcome::{Answer, Outcome};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The plant file (format 2), or a text of equations (.mo)
+    plant: PathBuf,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+fn words(method: Method) -> &'static str {
+    match method {
+        Method::Given => "given",
+        Method::Turned => "solved for it",
+        Method::Linear => "linear equations, by elimination",
+        Method::Newton => "nonlinear equations, by Newton's method",
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let (file, mut machine) = plant(&arguments.plant)?;
+    // Without a start there are no time constants, and everything else is still true.
+    let start = point(&file, &mut machine, "");
+    let poles = match &start {
+        Ok(at) => linearise(&file, &machine, at)?.poles,
+        Err(_) => Vec::new(),
+    };
+    let system = machine.system();
+    let flat = system.flat();
+    let parameters: Vec<(String, String, Option<f64>, Option<f64>)> = system
+        .parameters()
+        .into_iter()
+        .map(|it| {
+            let variable = flat.variable(it);
+            let tolerance = file.tolerance.iter().find(|given| given.name == variable.name).map(|given| given.value);
+            (variable.name.clone(), variable.unit.clone().unwrap_or_default(), system.parameter_value(it), tolerance)
+        })
+        .collect();
+    let rates = system.rates();
+    let states = machine.states();
+    if arguments.json {
+        let names =
+            |list: &[(String, String)]| -> Vec<_> { list.iter().map(|it| json!({ "name": it.0, "unit": it.1 })).collect() };
+        let states: Vec<_> = states
+            .iter()
+            .zip(&rates)
+            .enumerate()
+            .map(|(k, (it, rate))| {
+                let value = start.as_ref().ok().map(|at| at.states[k]);
+                json!({ "name": it.0, "unit": it.1, "rate": system.text(*rate), "start": value })
+            })
+            .collect();
+        let blocks: Vec<_> = system
+            .blocks()
+            .iter()
+            .map(|it| {
+                let unknowns: Vec<&str> = it.unknowns.iter().map(|symbol| system.name(*symbol)).collect();
+                json!({ "unknowns": unknowns, "lines": it.lines, "method": words(it.method) })
+            })
+            .collect();
+        let switches: Vec<String> =
+            system.switches().iter().map(|it| format!("{} < {}", system.text(it.left), system.text(it.right))).collect();
+        let poles: Vec<_> =
+            poles.iter().map(|it| json!({ "real": it.real, "imaginary": it.imaginary, "damping": it.damping() })).collect();
+        let parameters: Vec<_> = parameters
+            .iter()
+            .map(|(name, unit, value, tolerance)| json!({ "name": name, "unit": unit, "value": value, "tolerance": tolerance }))
+            .collect();
+        output::json(&json!({
+            "plant": flat.name, "inputs": names(&machine.inputs()), "outputs": names(&machine.outputs()),
+            "states": states, "parameters": parameters, "equations": blocks, "conditions": switches, "poles": poles,
+        }))?;
+        return Ok(Answer::Positive);
+    }
+    // The listing ends its last line itself.
+    output::line(system.to_string().trim_end())?;
+    for (name, _, _, tolerance) in &parameters {
+        if let Some(tolerance) = tolerance {
+            output::line(&format!("{name} is known to {} %", 100.0 * tolerance))?;
+        }
+    }
+    match start {
+        Ok(_) => {
+            output::line("at the start:")?;
+            for pole in poles.iter().filter(|it| it.imaginary >= 0.0) {
+                let frequency = pole.frequency();
+                output::line(&match pole.damping() {
+                    None => "  an integrator".to_string(),
+                    Some(_) if pole.imaginary == 0.0 => format!(
+                        "  a time constant of {:.4e} s{}",
+                        1.0 / frequency,
+                        if pole.real > 0.0 { ", unstable" } else { "" }
+                    ),
+                    Some(damping) => format!("  an oscillation of {frequency:.4e} rad/s with a damping ratio of {damping:.4}"),
+                })?;
+            }
+        }
+        Err(refusal) => output::line(&format!("no start: {refusal}"))?,
+    }
+    Ok(Answer::Positive)
+}

@@ -1,0 +1,106 @@
+//! `rsm simulate` of a plant of equations.
+//!
+//! In: a plant, a record, how time moves on. Out: a CSV of time, inputs and outputs, whole or absent.
+
+use std::path::Path;
+
+use rsm_core::number::decimal;
+use rsm_core::source::Source;
+use rsm_sim::equations::signals::{Failed, spelled};
+use rsm_sim::equations::{Method, Setting, Signals};
+use serde_json::{Map, Value, json};
+
+use super::{of_start, plant};
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+/// How time moves on, as the command line says it.
+pub struct Wish<'a> {
+    pub method: Option<&'a str>,
+    pub tolerance: Option<f64>,
+    pub fixed_step: Option<f64>,
+}
+
+impl Wish<'_> {
+    /// Whether anything is wished.
+    pub fn is_some(&self) -> bool {
+        self.method.is_some() || self.tolerance.is_some() || self.fixed_step.is_some()
+    }
+
+    /// The setting for rows of a period.
+    fn setting(&self, period: f64) -> Result<Setting, Refusal> {
+        let mut setting = Setting::default();
+        if let Some(tolerance) = self.tolerance {
+            // Below some 1e-14 the error of a step is rounding, above 0.1 it is none.
+            if !(1e-14..=0.1).contains(&tolerance) {
+                return Err(Refusal::new(format!("--tolerance: found {tolerance}, expected 1e-14 to 0.1")));
+            }
+            setting.tolerance = tolerance;
+        }
+        setting.method = match (self.method, self.fixed_step) {
+            (_, Some(step)) => Method::Fixed { steps: steps(step, period)? },
+            (Some("explicit"), None) => Method::Explicit,
+            (Some("stiff"), None) => Method::Stiff,
+            _ => Method::Automatic,
+        };
+        Ok(setting)
+    }
+}
+
+/// How many steps of a length make a row.
+fn steps(step: f64, period: f64) -> Result<usize, Refusal> {
+    let steps = (period / step).round();
+    // Instants of a record are decimals; a step that is not a share of the period by more than that is another one.
+    let fits = step > 0.0 && (1.0..=1e6).contains(&steps) && (period / step - steps).abs() < 1e-6 * steps;
+    if fits {
+        Ok(steps as usize)
+    } else {
+        Err(Refusal::new(format!(
+            "--fixed-step: found {step} s, expected the period of the record, {period} s, or a whole share of it"
+        )))
+    }
+}
+
+/// Runs it.
+pub fn run(path: &Path, record: &Path, out: &Path, wish: &Wish<'_>, as_json: bool) -> Outcome {
+    let (file, mut machine) = plant(path)?;
+    let signals = Signals::read(&Source::read(record)?, &file, &machine)?;
+    let setting = wish.setting(signals.period)?;
+    let found = signals.simulate(&file, &mut machine, setting).map_err(|failed| match failed {
+        Failed::Start(faults) => of_start(&faults),
+        Failed::Run(stopped) => Refusal::new(format!("{}: {stopped}", record.display())),
+    })?;
+    let (inputs, outputs) = (machine.inputs(), machine.outputs());
+    let named =
+        |(name, unit): &(String, String)| if unit.is_empty() { name.clone() } else { format!("{name}[{}]", spelled(unit)) };
+    let header: Vec<String> = std::iter::once("time[s]".to_string()).chain(inputs.iter().chain(&outputs).map(named)).collect();
+    let mut text = header.join(",") + "\n";
+    for row in 0..signals.time.len() {
+        let cells = std::iter::once(signals.time[row]).chain(signals.inputs.iter().chain(&found).map(|it| it[row]));
+        let cells: Vec<String> = cells.map(decimal).collect();
+        text += &(cells.join(",") + "\n");
+    }
+    output::write_all(&[(out.to_path_buf(), text.as_bytes())])?;
+    let name = &machine.system().flat().name;
+    if as_json {
+        let range = |values: &[f64]| {
+            let (low, high) =
+                values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
+            json!([output::finite(low), output::finite(high)])
+        };
+        let each = outputs.iter().zip(&found);
+        let ranges: Map<String, Value> =
+            each.map(|((name, unit), values)| (name.clone(), json!({ "unit": unit, "range": range(values) }))).collect();
+        output::json(&json!({
+            "plant": name,
+            "rows": signals.time.len(),
+            "period": signals.period,
+            "effects": [],
+            "outputs": ranges,
+            "out": out.display().to_string(),
+        }))?;
+    } else {
+        tell!("{}: {} rows of {name}", out.display(), signals.time.len());
+    }
+    Ok(Answer::Positive)
+}

@@ -1,0 +1,89 @@
+//! The linear model of a plant at a point.
+//!
+//! In: a machine and a point. Out: the matrices of dx/dt = A x + B u, y = C x + D u for small changes about the point, and the poles. All derivatives are exact.
+
+use nalgebra::DMatrix;
+use rsm_core::source::Faults;
+use rsm_model::expression::{Id, Symbol};
+
+use super::file::EquationFile;
+use super::machine::{Machine, Point};
+
+/// A linear model, in the units of the text.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Linearised {
+    /// By row a state, by column a state.
+    pub a: Vec<Vec<f64>>,
+    /// By row a state, by column an input.
+    pub b: Vec<Vec<f64>>,
+    /// By row an output, by column a state.
+    pub c: Vec<Vec<f64>>,
+    /// By row an output, by column an input.
+    pub d: Vec<Vec<f64>>,
+    /// The poles, slowest first; of a pair the one with the positive imaginary part stands first. None where a derivative in A is not finite.
+    pub poles: Vec<Pole>,
+}
+
+/// An eigenvalue of A.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pole {
+    /// The real part in 1/s.
+    pub real: f64,
+    /// The imaginary part in rad/s.
+    pub imaginary: f64,
+}
+
+impl Pole {
+    /// The distance from 0 in rad/s: the natural frequency of a pair.
+    #[must_use]
+    pub fn frequency(&self) -> f64 {
+        self.real.hypot(self.imaginary)
+    }
+
+    /// The damping ratio: 1 of a real stable pole, 0 of an undamped pair, -1 of a real unstable pole. `None` of a pole at 0.
+    #[must_use]
+    pub fn damping(&self) -> Option<f64> {
+        let frequency = self.frequency();
+        (frequency > 0.0).then(|| -self.real / frequency)
+    }
+}
+
+/// The linear model of a plant at a point.
+///
+/// # Errors
+/// What the compiler finds only now: a derivative that needs what is not known.
+pub fn linearise(file: &EquationFile, machine: &Machine, point: &Point) -> Result<Linearised, Faults> {
+    let mut system = machine.system().clone();
+    let (states, inputs, outputs) = (system.states().to_vec(), system.inputs(), system.outputs());
+    let rates = system.rates();
+    let values: Vec<Id> = outputs.iter().map(|it| system.value(*it)).collect();
+    let mut matrix = |of: &[Id], by: &[Symbol]| -> Result<Vec<Vec<f64>>, Faults> {
+        let derivatives: Vec<Id> = of
+            .iter()
+            .flat_map(|row| by.iter().map(|column| (*row, *column)))
+            .map(|(row, column)| system.derivative(row, column))
+            .collect();
+        let found = machine.evaluated(file, &system, &derivatives, point)?;
+        Ok(if by.is_empty() { vec![Vec::new(); of.len()] } else { found.chunks(by.len()).map(<[f64]>::to_vec).collect() })
+    };
+    let (a, b) = (matrix(&rates, &states)?, matrix(&rates, &inputs)?);
+    let (c, d) = (matrix(&values, &states)?, matrix(&values, &inputs)?);
+    let poles = poles(&a);
+    Ok(Linearised { a, b, c, d, poles })
+}
+
+fn poles(a: &[Vec<f64>]) -> Vec<Pole> {
+    let n = a.len();
+    // An eigenvalue search on numbers that are not finite does not end.
+    if n == 0 || a.iter().flatten().any(|it| !it.is_finite()) {
+        return Vec::new();
+    }
+    let matrix = DMatrix::from_fn(n, n, |row, column| a[row][column]);
+    // Rounding moves an eigenvalue by some units in the last place of the matrix (G. H. Golub, C. F. Van Loan, "Matrix Computations", 7.5.6); what is no larger is 0.
+    let rounding = 16.0 * n as f64 * f64::EPSILON * matrix.norm();
+    let clean = |value: f64| if value.abs() <= rounding { 0.0 } else { value };
+    let mut poles: Vec<Pole> =
+        matrix.complex_eigenvalues().iter().map(|it| Pole { real: clean(it.re), imaginary: clean(it.im) }).collect();
+    poles.sort_by(|p, q| p.frequency().total_cmp(&q.frequency()).then(q.imaginary.total_cmp(&p.imaginary)));
+    poles
+}

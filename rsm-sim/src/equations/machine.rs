@@ -1,0 +1,437 @@
+//! A system of equations with its numbers, ready to be evaluated: rates, outputs, switches, events.
+//!
+//! In: an [`EquationFile`]. Out: [`Machine`], which computes everything at a [`Point`]. It never moves time on.
+
+use rsm_core::lower;
+use rsm_core::number::Precision;
+use rsm_core::run::Interpreter;
+use rsm_core::source::{Fault, Faults};
+use rsm_core::tangent::{self, Variable};
+use rsm_core::tape::{Reg, Tape, TapeBuilder};
+use rsm_model::expression::{Id, Symbol};
+use rsm_model::system::{Iterated, System};
+
+use super::file::{EquationFile, Given};
+
+/// Everything that changes while a plant runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// The time in s.
+    pub time: f64,
+    /// The states, in the order of the text.
+    pub states: Vec<f64>,
+    /// The inputs, in the order of the text.
+    pub inputs: Vec<f64>,
+    /// The value that each comparison has since the last event: 1 or 0.
+    pub(super) held: Vec<f64>,
+    /// What is kept from event to event.
+    pub(super) memories: Vec<f64>,
+    /// The last solution of nonlinear blocks.
+    pub(super) guesses: Vec<f64>,
+}
+
+/// What is computed at a point, beside rates.
+#[derive(Debug, Clone)]
+pub(super) struct Look {
+    pub outputs: Vec<f64>,
+    /// Solutions of nonlinear blocks, from the point's guesses.
+    pub solutions: Vec<f64>,
+}
+
+/// What happens at an event, by the program of events.
+pub(super) struct Happening {
+    pub memories: Vec<f64>,
+    pub branches: Vec<Branch>,
+}
+
+/// What a branch of a `when` would do.
+pub(super) struct Branch {
+    /// States that go on from another value, by place.
+    pub restarted: Vec<(usize, f64)>,
+    /// Its conditions: 1 where one is true.
+    pub conditions: Vec<f64>,
+}
+
+/// A system of equations with its numbers.
+#[derive(Debug)]
+pub struct Machine {
+    system: System,
+    parameters: Vec<f64>,
+    functions: Functions,
+    /// Rates, then `left - right` of each switch.
+    rates: Computed,
+    /// Outputs, then solutions of nonlinear blocks.
+    looks: Computed,
+    /// The derivative of each rate by each state, row by row, then by the time.
+    slopes: Computed,
+    events: Computed,
+    /// The first instant and the period of each `sample`, in s.
+    samples: Vec<(f64, f64)>,
+    outputs: Vec<Symbol>,
+    /// The places of states that a branch restarts.
+    restarted: Vec<Vec<usize>>,
+}
+
+/// Expressions of a system as a tape: the same bits wherever it runs.
+#[derive(Debug)]
+struct Computed {
+    /// `None` where there is nothing to compute.
+    tape: Option<Tape>,
+    arguments: usize,
+}
+
+impl Computed {
+    fn values(&self, arguments: &[f64]) -> Vec<f64> {
+        debug_assert_eq!(arguments.len(), self.arguments);
+        let Some(tape) = &self.tape else { return Vec::new() };
+        let mut results = vec![0.0; tape.outputs.len()];
+        Interpreter::<f64>::new(tape).eval_all(arguments, &mut results);
+        results
+    }
+}
+
+/// Surfaces that stand for functions, in the order of the text.
+#[derive(Debug)]
+struct Functions {
+    tapes: Vec<Tape>,
+}
+
+impl Functions {
+    fn of(file: &EquationFile) -> Self {
+        Functions { tapes: file.functions.iter().map(|it| lower::surface(&it.model, it.surface, Precision::F64)).collect() }
+    }
+
+    /// Writes a surface, derived by each argument so often.
+    fn write(&self, builder: &mut TapeBuilder, surface: u32, arguments: &[Reg], orders: &[u8]) -> Option<Reg> {
+        let mut tape = self.tapes.get(surface as usize)?.clone();
+        for (place, order) in orders.iter().enumerate() {
+            for _ in 0..*order {
+                tape = tangent::tangent(&tape, &[Variable::Input(place)]);
+                // The value stands first, its derivative second.
+                tape.outputs.remove(0);
+            }
+        }
+        tangent::write(builder, &tape, arguments, &[], &[]).values.first().copied()
+    }
+
+    fn compiled(&self, file: &EquationFile, system: &System, arguments: &[Symbol], results: &[Id]) -> Result<Computed, Faults> {
+        let named: Vec<(String, Id)> = results.iter().enumerate().map(|(k, id)| (format!("result {k}"), *id)).collect();
+        if named.is_empty() {
+            return Ok(Computed { tape: None, arguments: arguments.len() });
+        }
+        let tape = system
+            .tape("plant", arguments, &named, &mut |builder, surface, list, orders| self.write(builder, surface, list, orders))
+            .map_err(|what| Faults::one(Fault::whole_file(&file.file, what)))?;
+        Ok(Computed { tape: Some(tape), arguments: arguments.len() })
+    }
+}
+
+/// A nonlinear block whose iteration has not ended after so many turns has no solution nearby.
+const TURNS: usize = 100;
+
+/// An iteration has ended where its numbers move by no more than this share of themselves: rounding moves them by some 1e-16.
+const SETTLED: f64 = 1e-12;
+
+impl Machine {
+    /// A machine of a plant file.
+    ///
+    /// # Errors
+    /// What the compiler finds only now: a program that needs what is not known.
+    pub fn new(file: &EquationFile) -> Result<Machine, Faults> {
+        let mut system = file.system.clone();
+        let outputs = system.outputs();
+        let arguments = arguments(&system, false);
+        let states = system.states().to_vec();
+        let mut rates = system.rates();
+        let time = system.find("time");
+        let mut slopes = Vec::with_capacity(states.len() * (states.len() + 1));
+        for rate in rates.clone() {
+            slopes.extend(states.iter().map(|state| system.derivative(rate, *state)));
+        }
+        for rate in rates.clone() {
+            let slope = time.map(|time| system.derivative(rate, time));
+            slopes.extend(slope);
+        }
+        rates.extend(system.switches().to_vec().iter().flat_map(|it| [it.left, it.right]));
+        let mut looks: Vec<Id> = outputs.iter().map(|output| system.value(*output)).collect();
+        looks.extend(system.iterated().iter().map(|it| it.value));
+        let functions = Functions::of(file);
+        let program =
+            |system: &System, arguments: &[Symbol], results: &[Id]| functions.compiled(file, system, arguments, results);
+        let mut happens: Vec<Id> = system.memories().iter().map(|it| it.next).collect();
+        for event in system.events() {
+            happens.extend(event.restarted.iter().map(|it| it.1));
+            happens.extend(&event.conditions);
+        }
+        let events = program(&system, &self::arguments(&system, true), &happens)?;
+        let place = |state: &Symbol| states.iter().position(|it| it == state).unwrap_or(usize::MAX);
+        let restarted = system.events().iter().map(|it| it.restarted.iter().map(|(state, _)| place(state)).collect()).collect();
+        let parameters = system.parameters().iter().filter_map(|it| system.parameter_value(*it)).collect();
+        let mut machine = Machine {
+            rates: program(&system, &arguments, &rates)?,
+            looks: program(&system, &arguments, &looks)?,
+            slopes: program(&system, &arguments, &slopes)?,
+            events,
+            samples: Vec::new(),
+            functions,
+            outputs,
+            restarted,
+            parameters,
+            system,
+        };
+        let periods: Vec<Id> = machine.system.flat().samples.iter().flat_map(|it| [it.start, it.period]).collect();
+        let periods = machine.of_parameters(file, &periods)?;
+        machine.samples = periods.chunks(2).map(|pair| (pair[0], pair[1])).collect();
+        if let Some((_, period)) = machine.samples.iter().find(|(_, period)| *period <= 0.0 || !period.is_finite()) {
+            let what = format!("`sample`: found a period of {period} s, expected a positive one");
+            return Err(Faults::one(Fault::whole_file(&file.file, what)));
+        }
+        Ok(machine)
+    }
+
+    /// The system behind it.
+    #[must_use]
+    pub fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// Names and units of the inputs, in order. A unit that the text does not give is empty.
+    #[must_use]
+    pub fn inputs(&self) -> Vec<(String, String)> {
+        self.system.inputs().iter().map(|it| self.signal(*it)).collect()
+    }
+
+    /// Names and units of the outputs, in order.
+    #[must_use]
+    pub fn outputs(&self) -> Vec<(String, String)> {
+        self.outputs.iter().map(|it| self.signal(*it)).collect()
+    }
+
+    /// Names and units of the states, in order.
+    #[must_use]
+    pub fn states(&self) -> Vec<(String, String)> {
+        self.system.states().iter().map(|it| self.signal(*it)).collect()
+    }
+
+    fn signal(&self, symbol: Symbol) -> (String, String) {
+        let variable = self.system.flat().variable(symbol);
+        (variable.name.clone(), variable.unit.clone().unwrap_or_default())
+    }
+
+    /// The state that a name stands for: its own, or one that it is equal or opposite to.
+    fn state_of(&self, name: &str) -> Option<Symbol> {
+        let mut system = self.system.clone();
+        let symbol = system.find(name)?;
+        let value = system.value(symbol);
+        let [state] = system.flat().pool.symbols(value)[..] else { return None };
+        let (text, name) = (system.text(value), system.name(state));
+        (system.states().contains(&state) && text.trim_start_matches('-') == name).then_some(state)
+    }
+
+    /// Whether a variable is a state, or one under another name or with the other sign.
+    pub(super) fn is_state(&self, name: &str) -> bool {
+        self.state_of(name).is_some()
+    }
+
+    /// Whether two names stand for one state.
+    pub(super) fn is_same(&self, a: &str, b: &str) -> bool {
+        a == b || self.state_of(a).is_some_and(|state| self.state_of(b) == Some(state))
+    }
+
+    /// How large a state typically is, where the text says it.
+    pub(super) fn nominal(&self, state: usize) -> Option<f64> {
+        self.system.flat().variable(self.system.states()[state]).nominal.map(f64::abs).filter(|it| *it > 0.0)
+    }
+
+    pub(super) fn samples(&self) -> &[(f64, f64)] {
+        &self.samples
+    }
+
+    fn of_parameters(&self, file: &EquationFile, list: &[Id]) -> Result<Vec<f64>, Faults> {
+        Ok(self.functions.compiled(file, &self.system, &self.system.parameters(), list)?.values(&self.parameters))
+    }
+
+    fn values(&self, computed: &Computed, point: &Point, further: &[f64]) -> Vec<f64> {
+        let mut arguments = Vec::with_capacity(computed.arguments);
+        arguments.push(point.time);
+        for part in [&point.states, &point.inputs, &self.parameters, &point.held, &point.memories, &point.guesses] {
+            arguments.extend_from_slice(part);
+        }
+        arguments.extend_from_slice(further);
+        computed.values(&arguments)
+    }
+
+    /// Expressions of a system that was made from this machine's, at a point.
+    ///
+    /// # Errors
+    /// A symbol that nothing gives.
+    pub(super) fn evaluated(
+        &self,
+        file: &EquationFile,
+        system: &System,
+        list: &[Id],
+        point: &Point,
+    ) -> Result<Vec<f64>, Faults> {
+        Ok(self.values(&self.functions.compiled(file, system, &arguments(system, false), list)?, point, &[]))
+    }
+
+    /// The derivative of each state by time, in its unit over s.
+    #[must_use]
+    pub fn rates(&self, point: &Point) -> Vec<f64> {
+        let mut found = self.values(&self.rates, point, &[]);
+        found.truncate(point.states.len());
+        found
+    }
+
+    /// Rates, and how each comparison goes at the point itself.
+    pub(super) fn rates_and_truths(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
+        let mut rates = self.values(&self.rates, point, &[]);
+        let sides = rates.split_off(point.states.len());
+        (rates, sides.chunks(2).map(|pair| f64::from(u8::from(pair[0] < pair[1]))).collect())
+    }
+
+    /// The exact derivatives of the rates by the states, row by row, and by the time.
+    pub(super) fn slopes(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
+        let n = point.states.len();
+        let mut slopes = self.values(&self.slopes, point, &[]);
+        let by_time = slopes.split_off(n * n);
+        (slopes, if by_time.is_empty() { vec![0.0; n] } else { by_time })
+    }
+
+    pub(super) fn look(&self, point: &Point) -> Look {
+        let mut outputs = self.values(&self.looks, point, &[]);
+        let solutions = outputs.split_off(self.outputs.len());
+        Look { outputs, solutions }
+    }
+
+    /// The outputs at a point.
+    #[must_use]
+    pub fn outputs_at(&self, point: &Point) -> Vec<f64> {
+        self.look(point).outputs
+    }
+
+    /// Takes the solutions of nonlinear blocks as the next guesses, until they stand still; `false` where they do not.
+    pub(super) fn settle(&self, point: &mut Point) -> bool {
+        for _ in 0..TURNS {
+            if point.guesses.is_empty() {
+                return true;
+            }
+            let found = self.look(point).solutions;
+            let moves = !stand_still(&point.guesses, &found);
+            point.guesses = found;
+            if !moves {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// What the branches of `when` do, if some act and some instants of `sample` are due.
+    pub(super) fn happening(&self, point: &Point, acts: &[f64], due: &[f64]) -> Happening {
+        let found = self.values(&self.events, point, &[acts, due].concat());
+        let mut rest = found.into_iter();
+        let memories = rest.by_ref().take(point.memories.len()).collect();
+        let branches = self
+            .system
+            .events()
+            .iter()
+            .zip(&self.restarted)
+            .map(|(event, places)| {
+                let restarted = places.iter().copied().zip(rest.by_ref().take(places.len())).collect();
+                Branch { restarted, conditions: rest.by_ref().take(event.conditions.len()).collect() }
+            })
+            .collect();
+        Happening { memories, branches }
+    }
+
+    /// The point at which the plant starts: what is given, then the text's initial equations and starts. `inputs` are those of the first row.
+    ///
+    /// # Errors
+    /// What is demanded of the start is too much, contradicts itself, or leaves something open.
+    pub fn start(&mut self, file: &EquationFile, time: f64, inputs: &[f64], given: &[Given]) -> Result<Point, Faults> {
+        let symbols: Vec<Symbol> = given.iter().filter_map(|it| self.system.find(&it.name)).collect();
+        let start = self.system.start(&symbols)?;
+        let memories = self.system.memories().to_vec();
+        let mut point = Point {
+            time,
+            states: vec![0.0; self.system.states().len()],
+            inputs: inputs.to_vec(),
+            held: vec![0.0; self.system.switches().len()],
+            memories: vec![0.0; memories.len()],
+            guesses: Vec::new(),
+        };
+        for (k, memory) in memories.iter().enumerate() {
+            if let Some(start) = self.system.flat().variable(memory.variable).start {
+                point.memories[k] = self.of_parameters(file, &[start])?[0];
+            }
+        }
+        let begin = |list: &[Iterated]| -> Vec<Id> { list.iter().map(|it| it.start).collect() };
+        point.guesses = self.of_parameters(file, &begin(self.system.iterated()))?;
+        let mut guesses = self.of_parameters(file, &begin(&start.iterated))?;
+        let mut known: Vec<Symbol> = self.system.find("time").into_iter().collect();
+        known.extend(self.system.inputs());
+        known.extend(self.system.parameters());
+        known.extend(self.system.switches().iter().map(|it| it.held));
+        let before: Vec<usize> = (0..memories.len()).filter(|k| memories[*k].held != memories[*k].variable).collect();
+        known.extend(before.iter().map(|k| memories[*k].before));
+        known.extend(start.iterated.iter().map(|it| it.guess));
+        known.extend(&symbols);
+        let mut results: Vec<Id> = start.iterated.iter().map(|it| it.value).collect();
+        results.extend(start.values.iter().map(|it| it.1));
+        let program = self.functions.compiled(file, &self.system, &known, &results)?;
+        // Starts depend on comparisons and these on starts: a few turns settle both, or nothing does.
+        for _ in 0..TURNS {
+            let last = point.clone();
+            let mut arguments: Vec<f64> = self.system.find("time").map(|_| time).into_iter().collect();
+            for part in [&point.inputs, &self.parameters, &point.held] {
+                arguments.extend_from_slice(part);
+            }
+            arguments.extend(before.iter().map(|k| point.memories[*k]));
+            arguments.extend_from_slice(&guesses);
+            arguments.extend(given.iter().map(|it| it.value));
+            let found = program.values(&arguments);
+            let moves = !stand_still(&guesses, &found);
+            let count = guesses.len();
+            guesses.copy_from_slice(&found[..count]);
+            for ((symbol, _), value) in start.values.iter().zip(&found[count..]) {
+                if let Some(k) = self.system.states().iter().position(|it| it == symbol) {
+                    point.states[k] = *value;
+                }
+                if let Some(k) = memories.iter().position(|it| it.held == *symbol) {
+                    point.memories[k] = *value;
+                }
+            }
+            self.settle(&mut point);
+            point.held = self.rates_and_truths(&point).1;
+            if point == last && !moves {
+                return Ok(point);
+            }
+        }
+        let what = "the start has no solution near the starts of the text: its equations do not settle";
+        Err(Faults::one(
+            Fault::whole_file(&file.file, what).help("give nearer starts under [initial], or `start = ...` in the text"),
+        ))
+    }
+}
+
+/// Whether an iteration has ended: NaN moves.
+fn stand_still(old: &[f64], new: &[f64]) -> bool {
+    old.iter().zip(new).all(|(old, new)| (new - old).abs() <= SETTLED * (1.0 + new.abs()))
+}
+
+/// The arguments of all programs that run; those of events have some more.
+fn arguments(system: &System, at_events: bool) -> Vec<Symbol> {
+    let mut list: Vec<Symbol> = system.find("time").into_iter().collect();
+    list.extend(system.states());
+    list.extend(system.inputs());
+    list.extend(system.parameters());
+    list.extend(system.switches().iter().map(|it| it.held));
+    list.extend(system.memories().iter().map(|it| if at_events { it.before } else { it.held }));
+    list.extend(system.iterated().iter().map(|it| it.guess));
+    if at_events {
+        list.extend(system.events().iter().map(|it| it.acts));
+        let samples = (1..=system.flat().samples.len()).filter_map(|k| system.find(&format!("sample {k}")));
+        list.extend(samples);
+    }
+    list
+}

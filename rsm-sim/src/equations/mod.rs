@@ -1,0 +1,21 @@
+//! Plants of equations: a plant file of format 2 and its text, run along a record.
+//!
+//! ```text
+//! plant.toml (format 2) + plant.mo --file--> EquationFile --machine--> Machine --engine--> outputs at every row
+//!                                  record.csv --signals--> inputs, start --^
+//! ```
+//!
+//! Everything is computed by tapes, in double precision: the same bits on every machine. Inputs hold from row to row.
+
+pub mod engine;
+pub mod file;
+pub mod linear;
+pub mod machine;
+mod methods;
+pub mod signals;
+
+pub use engine::{Inputs, Method, Setting, Stopped, run};
+pub use file::EquationFile;
+pub use linear::{Linearised, linearise};
+pub use machine::{Machine, Point};
+pub use signals::Signals;
