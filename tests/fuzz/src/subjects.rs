@@ -17,6 +17,7 @@ use rsm_fit::plan::{DesignSpecification, Plan};
 use rsm_fit::spec::Specification;
 use rsm_fit::table::{Table, Wanted};
 use rsm_import::{File, Wishes};
+use rsm_sim::equations::{EquationFile, Inputs, Machine, Method, Setting, linearise, run};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
@@ -136,6 +137,11 @@ pub fn all(root: &Path) -> Vec<Subject> {
             feed: plan,
         },
         Subject { name: "plant", texts: files(root, &plants, "toml", "plant ="), feed: plant },
+        Subject {
+            name: "equations",
+            texts: files(root, &["rsm-model/models", "rsm-model/tests/models"], "mo", "model"),
+            feed: equations,
+        },
         Subject { name: "record", texts: files(root, &["rsm-sim/plants", "rsm-sim/tests/cases"], "csv", "time"), feed: record },
         Subject { name: "import", texts: LOGS.map(String::from).to_vec(), feed: import },
         Subject { name: "new data", texts: vec![DATA.to_string()], feed: new_data },
@@ -206,6 +212,23 @@ fn plant(ground: &Ground, text: &str, random: &mut Random) {
             simulate(&plant, record);
         }
     }
+}
+
+/// `rsm inspect`, `rsm linearise`, `rsm simulate` of a text of equations.
+fn equations(_: &Ground, text: &str, random: &mut Random) {
+    let Ok(file) = EquationFile::of_text(&Source::new("plant.mo", text)) else { return };
+    let _ = file.system.to_string();
+    if random.below(8) != 0 {
+        return;
+    }
+    let Ok(mut machine) = Machine::new(&file) else { return };
+    let inputs = vec![0.5; machine.inputs().len()];
+    let Ok(start) = machine.start(&file, 0.0, &inputs, &[]) else { return };
+    let _ = linearise(&file, &machine, &start);
+    let time = [0.0, 0.01, 0.02, 0.03];
+    let values: Vec<Vec<f64>> = inputs.iter().map(|it| vec![*it; time.len()]).collect();
+    let setting = Setting { method: Method::Fixed { steps: 2 }, ..Setting::default() };
+    let _ = run(&machine, start, Inputs { time: &time, values: &values }, setting);
 }
 
 /// `rsm simulate`, the record changed.
