@@ -36,6 +36,19 @@ impl Number {
     pub fn new(of: &str, value: impl Into<String>, from: impl Into<String>) -> Self {
         Number { of: of.to_string(), value: value.into(), from: from.into() }
     }
+
+    /// How probable the strongest cause is: by itself, or together with those which leave the same trace; `more` causes stand below.
+    pub fn confidence(label: &str, [own, of_any]: [f64; 2], equals: usize, more: usize) -> Self {
+        let below = if more == 0 { String::new() } else { format!("; {more} more below") };
+        match equals {
+            0 => Number::new("Confidence", format!("{own:.2}"), format!("that {label} is right{below}")),
+            _ => Number::new(
+                "Confidence",
+                format!("{of_any:.2}"),
+                format!("that {label} or one of {equals} with the same trace is right; {own:.2} for {label} itself{below}"),
+            ),
+        }
+    }
 }
 
 /// The verdict: a word or two of its state, and the sentences, which begin with a capital unless with a name of data (`-` or `_` in its first word).
@@ -59,4 +72,18 @@ pub fn numbers(list: &[Number]) -> String {
         )
     };
     format!("<dl class=\"numbers\">\n{}</dl>\n", list.iter().map(one).collect::<String>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_with_equals_shows_how_probable_they_are_together() {
+        let alone = Number::confidence("windage", [0.98, 0.98], 0, 1);
+        assert_eq!((alone.value.as_str(), alone.from.as_str()), ("0.98", "that windage is right; 1 more below"));
+        let shared = Number::confidence("input-gain", [0.35, 0.98], 2, 0);
+        assert_eq!(shared.value, "0.98");
+        assert_eq!(shared.from, "that input-gain or one of 2 with the same trace is right; 0.35 for input-gain itself");
+    }
 }

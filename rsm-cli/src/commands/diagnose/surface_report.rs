@@ -129,9 +129,9 @@ fn in_short(response: &ResponseDiagnosis) -> String {
         ));
         numbers.push(match response.causes.first() {
             Some(cause) => {
-                let more = response.causes.len() - 1;
-                let more = if more == 0 { String::new() } else { format!("; {more} more below") };
-                Number::new("Confidence", format!("{:.2}", cause.confidence), format!("that {} is right{more}", cause.label))
+                let probability = [cause.confidence, cause.confidence_of_any];
+                let (equals, more) = (cause.indistinguishable_from.len(), response.causes.len() - 1);
+                Number::confidence(&cause.label, probability, equals, more)
             }
             None => Number::new("Causes", "none", "that is known helps"),
         });

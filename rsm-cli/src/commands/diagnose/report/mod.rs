@@ -86,13 +86,9 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
         numbers.push(Number::new("Worst output", moved, format!("plant file, then with what was found, on {judging}")));
         match found.entries().next() {
             Some(cause) => {
-                let more = found.entries().count() - 1;
-                let more = if more == 0 { String::new() } else { format!("; {more} more below") };
-                numbers.push(Number::new(
-                    "Confidence",
-                    format!("{:.2}", cause.confidence),
-                    format!("that {} is right{more}", label(cause)),
-                ));
+                let probability = [cause.confidence, cause.confidence_of_any];
+                let (equals, more) = (cause.indistinguishable_from.len(), found.entries().count() - 1);
+                numbers.push(Number::confidence(&label(cause), probability, equals, more));
             }
             None => numbers.push(Number::new("Causes", "none", "of the catalogue helps")),
         }
