@@ -161,7 +161,8 @@ pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting
         point: start,
     };
     run.conditions = run.happening(&[], &[]).branches.into_iter().map(|it| it.conditions).collect();
-    let mut outputs = vec![Vec::with_capacity(inputs.time.len()); machine.outputs().len()];
+    let names = machine.outputs();
+    let mut outputs = vec![Vec::with_capacity(inputs.time.len()); names.len()];
     for row in 0..inputs.time.len() {
         run.row = row;
         if row > 0 {
@@ -170,9 +171,9 @@ pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting
         run.point.inputs = inputs.at(row);
         run.happen()?;
         let found = machine.look(&run.point).outputs;
-        for ((list, value), (name, _)) in outputs.iter_mut().zip(found).zip(machine.outputs()) {
+        for ((list, value), (name, _)) in outputs.iter_mut().zip(found).zip(&names) {
             if !value.is_finite() {
-                return Err(Stopped::NotFinite { row, name });
+                return Err(Stopped::NotFinite { row, name: name.clone() });
             }
             list.push(value);
         }

@@ -58,7 +58,7 @@ pub struct Machine {
     system: System,
     parameters: Vec<f64>,
     functions: Functions,
-    /// Rates, then `left - right` of each switch.
+    /// Rates, then both sides of each switch.
     rates: Computed,
     /// Outputs, then solutions of nonlinear blocks.
     looks: Computed,

@@ -8,7 +8,7 @@ pub mod simulate;
 
 use std::path::Path;
 
-use rsm_core::source::{Faults, Source};
+use rsm_core::source::Source;
 use rsm_sim::equations::file::Given;
 use rsm_sim::equations::{EquationFile, Machine, Point};
 
@@ -85,9 +85,4 @@ fn point(file: &EquationFile, machine: &mut Machine, at: &str) -> Result<Point, 
 /// A name with its unit.
 fn with_unit((name, unit): &(String, String)) -> String {
     if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
-}
-
-/// Faults as a refusal that says for which plant they are.
-fn of_start(faults: &Faults) -> Refusal {
-    Refusal::new(faults.to_string())
 }

@@ -10,7 +10,7 @@ use rsm_sim::equations::signals::{Failed, spelled};
 use rsm_sim::equations::{Method, Setting, Signals};
 use serde_json::{Map, Value, json};
 
-use super::{of_start, plant};
+use super::plant;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -67,7 +67,7 @@ pub fn run(path: &Path, record: &Path, out: &Path, wish: &Wish<'_>, as_json: boo
     let signals = Signals::read(&Source::read(record)?, &file, &machine)?;
     let setting = wish.setting(signals.period)?;
     let found = signals.simulate(&file, &mut machine, setting).map_err(|failed| match failed {
-        Failed::Start(faults) => of_start(&faults),
+        Failed::Start(faults) => faults.into(),
         Failed::Run(stopped) => Refusal::new(format!("{}: {stopped}", record.display())),
     })?;
     let (inputs, outputs) = (machine.inputs(), machine.outputs());
