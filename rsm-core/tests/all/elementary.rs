@@ -296,7 +296,7 @@ fn no_function_errs_by_more_than_one_unit_in_the_last_place() {
 
 /// `cargo test --release -p rsm-core --test all -- --ignored ten_million --nocapture`: 25 minutes on two busy cores.
 #[test]
-#[ignore = "10^7 points take 25 minutes in a release build"]
+#[ignore = "10^7 points take 25 minutes: cargo test --release -p rsm-core --test all -- --ignored ten_million --nocapture"]
 fn no_function_errs_by_more_than_one_unit_at_ten_million_points() {
     for function in Function::ALL {
         let (error, at) = worst(function, 700_000, 2026);
