@@ -345,7 +345,7 @@ impl Translator<'_> {
                 let value = self.spread(value, declared, &declaration.name, expression)?;
                 for (symbol, item) in declared.symbols.iter().zip(value.items) {
                     // A bound that depends on parameters is known by their values in the text; it limits nothing in the equations.
-                    let Some((number, _)) = super::translate::known(&self.pool, &self.variables, item) else {
+                    let Some((number, _)) = super::known::known(&self.pool, &self.variables, item) else {
                         return self.fault(&expression.span, format!("`{name}` is not a number that the text gives"), "");
                     };
                     let variable = &mut self.variables[symbol.0 as usize];

@@ -3,10 +3,14 @@
 //! In: the tree of a text. Out: [`Flat`]: scalar variables and scalar equations over one pool of expressions. It is what an effect may
 //! rewrite before the equations are sorted. Faults of names, types and shapes are told here, each with its place.
 
+mod arithmetic;
 mod builtins;
 mod declare;
 mod equations;
 mod functions;
+mod known;
+mod logic;
+mod names;
 mod translate;
 mod value;
 
@@ -254,7 +258,7 @@ impl Flat {
 
     /// The value of an expression of constants and parameters.
     pub(crate) fn known(&self, id: Id) -> Option<(f64, Vec<Symbol>)> {
-        translate::known(&self.pool, &self.variables, id)
+        known::known(&self.pool, &self.variables, id)
     }
 
     /// The symbol of a derived role, such as a derivative, made where it is not there yet.

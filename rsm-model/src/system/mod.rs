@@ -11,6 +11,8 @@
 //! Whoever integrates looks where `left - right` changes its sign, sets the switch there, and lets the clauses act.
 
 mod alias;
+mod compile;
+mod events;
 mod index;
 mod linear;
 mod lower;
@@ -21,20 +23,18 @@ mod solve;
 mod start;
 mod work;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use rsm_core::source::Faults;
 
-use crate::expression::{Derivative, Id, Replacement, Symbol};
-use crate::flat::{Basic, Flat, Role};
+use crate::expression::{Derivative, Id, Symbol};
+use crate::flat::{Flat, Role};
 use crate::units::{self, Checked};
 
 pub use lower::SurfaceRows;
 pub use program::{Program, SurfaceValue};
 pub use start::Start;
 
-use matching::Matching;
-use solve::Solved;
 use work::{Residual, Work};
 
 /// A comparison of values that change continuously: true while `left < right`.
@@ -307,241 +307,5 @@ impl System {
         work.initial.clone_from(&self.initial);
         work.aliases.clone_from(&self.aliases);
         work
-    }
-}
-
-/// Values that are replaced by those before them, one after another.
-struct Known {
-    replacement: Replacement,
-}
-
-impl Known {
-    fn of(&mut self, pool: &mut crate::expression::Pool, symbol: Symbol) -> Id {
-        let id = pool.symbol(symbol);
-        self.replacement.symbols.get(&symbol).copied().unwrap_or(id)
-    }
-}
-
-impl Work {
-    fn compile(&mut self, units: Checked) -> Option<System> {
-        self.settle_numbers();
-        self.take_aliases();
-        self.take_switches();
-        if self.has_fault {
-            return None;
-        }
-        self.check_counts();
-        if self.has_fault {
-            return None;
-        }
-        self.derive_equations();
-        if self.has_fault {
-            return None;
-        }
-        let dummies = self.dummies();
-        let (states, unknowns) = self.divide(&dummies);
-        let equations = self.equations.clone();
-        let matching = self.matched(&equations, &unknowns)?;
-        let solved = self.solve_blocks(&equations, &matching, &unknowns);
-        if self.has_fault {
-            return None;
-        }
-        let (known, iterated) = self.in_known_symbols(&solved);
-        let mut known = known.replacement;
-        let mut switches = self.switches.clone();
-        for switch in &mut switches {
-            switch.left = known.of(&mut self.flat.pool, switch.left);
-            switch.right = known.of(&mut self.flat.pool, switch.right);
-        }
-        for check in &mut self.flat.checks {
-            check.condition = known.of(&mut self.flat.pool, check.condition);
-        }
-        let values = known.symbols;
-        let (memories, events) = self.events(&states, &unknowns)?;
-        Some(System {
-            flat: self.flat.clone(),
-            equations: self.equations.clone(),
-            initial: self.initial.clone(),
-            aliases: self.aliases.clone(),
-            states,
-            unknowns,
-            values,
-            solved: solved.values,
-            blocks: solved.blocks,
-            iterated,
-            switches,
-            units,
-            memories,
-            events,
-        })
-    }
-
-    /// States, and what is found from the equations.
-    fn divide(&self, dummies: &HashSet<Symbol>) -> (Vec<Symbol>, Vec<Symbol>) {
-        let mut present: HashSet<Symbol> = HashSet::new();
-        for equation in &self.equations {
-            for symbol in self.unknowns_of(equation.residual) {
-                present.insert(symbol);
-                let mut inner = symbol;
-                while let Role::Derivative(of) = self.flat.variable(inner).role {
-                    present.insert(of);
-                    inner = of;
-                }
-            }
-        }
-        let mut all: Vec<Symbol> = present.iter().copied().collect();
-        all.sort_unstable();
-        let is_state = |symbol: &Symbol| {
-            self.derivative_of(*symbol)
-                .is_some_and(|derivative| present.contains(&derivative) && !dummies.contains(&derivative))
-        };
-        all.into_iter().partition(is_state)
-    }
-
-    fn matched(&mut self, equations: &[Residual], unknowns: &[Symbol]) -> Option<Matching> {
-        let number: HashMap<Symbol, usize> = unknowns.iter().enumerate().map(|(k, symbol)| (*symbol, k)).collect();
-        let incidence: Vec<Vec<usize>> = equations.iter().map(|equation| self.numbers_of(equation.residual, &number)).collect();
-        let mut matching = Matching::new(incidence, unknowns.len());
-        for (equation, residual) in equations.iter().enumerate() {
-            if let Err(searched) = matching.augment(equation, |_| true) {
-                let names: Vec<String> =
-                    searched.unknowns.iter().map(|k| format!("`{}`", self.flat.variable(unknowns[*k]).name)).collect();
-                let what = format!("this equation is one too many for {}", index::listed(&names));
-                self.fault(residual.place.clone(), what, "it follows from others, or contradicts them: take it out");
-            }
-        }
-        (!self.has_fault).then_some(matching)
-    }
-
-    /// Solved values with every solved symbol replaced, in the order of solution.
-    fn in_known_symbols(&mut self, solved: &Solved) -> (Known, Vec<Iterated>) {
-        let mut replacement = Replacement::default();
-        for (symbol, value) in &solved.values {
-            let value = replacement.of(&mut self.flat.pool, *value);
-            replacement.symbols.insert(*symbol, value);
-        }
-        let iterated = solved
-            .iterated
-            .iter()
-            .map(|it| Iterated {
-                value: replacement.of(&mut self.flat.pool, it.value),
-                residual: replacement.of(&mut self.flat.pool, it.residual),
-                ..*it
-            })
-            .collect();
-        (Known { replacement }, iterated)
-    }
-
-    /// What happens at events: the same equations, with what a `when` gives among the unknowns.
-    fn events(&mut self, states: &[Symbol], unknowns: &[Symbol]) -> Option<(Vec<Memory>, Vec<Event>)> {
-        self.replace_before_of_states(states);
-        let clauses = self.flat.clauses.clone();
-        let acts: Vec<Symbol> = (0..clauses.len()).map(|k| self.flat.derived(Role::Acts(k as u32))).collect();
-        let mut equations = self.equations.clone();
-        let held: Vec<Symbol> = self.held.iter().copied().collect();
-        for symbol in &held {
-            let before = self.flat.derived(Role::Before(*symbol));
-            let mut value = self.flat.pool.symbol(before);
-            let mut place = self.flat.variable(*symbol).place.clone();
-            for (clause, acts) in clauses.iter().zip(&acts).rev() {
-                let Some((_, given)) = clause.assigned.iter().find(|(target, _)| target == symbol) else { continue };
-                let acts = self.flat.pool.symbol(*acts);
-                value = self.flat.pool.choose(acts, *given, value);
-                place = clause.place.clone();
-            }
-            let left = self.flat.pool.symbol(*symbol);
-            let residual = self.flat.pool.subtract(left, value);
-            equations.push(Residual { residual, sides: (left, value), place, derived_from: None });
-        }
-        let befores: Vec<(Symbol, Symbol)> = self
-            .flat
-            .symbols()
-            .filter_map(|symbol| match self.flat.variable(symbol).role {
-                Role::Before(of) => Some((of, symbol)),
-                _ => None,
-            })
-            .collect();
-        if clauses.is_empty() && befores.is_empty() {
-            return Some((Vec::new(), Vec::new()));
-        }
-        let mut all = unknowns.to_vec();
-        all.extend(&held);
-        let matching = self.matched(&equations, &all)?;
-        let solved = self.solve_blocks(&equations, &matching, &all);
-        if self.has_fault {
-            return None;
-        }
-        let (mut known, _) = self.in_known_symbols(&solved);
-        let memories = befores
-            .into_iter()
-            .map(|(variable, before)| Memory {
-                variable,
-                held: if self.is_held(variable) { variable } else { before },
-                before,
-                next: known.of(&mut self.flat.pool, variable),
-            })
-            .collect();
-        let events = clauses
-            .iter()
-            .zip(acts)
-            .map(|(clause, acts)| Event {
-                conditions: clause.conditions.iter().map(|id| known.replacement.of(&mut self.flat.pool, *id)).collect(),
-                unless: clause.unless.clone(),
-                acts,
-                restarted: clause
-                    .restarted
-                    .iter()
-                    .map(|(state, value)| (*state, known.replacement.of(&mut self.flat.pool, *value)))
-                    .collect(),
-            })
-            .collect();
-        Some((memories, events))
-    }
-
-    /// Before an event a state is what it is until the event restarts it. Other continuous variables have no memory.
-    fn replace_before_of_states(&mut self, states: &[Symbol]) {
-        let mut replaced = HashMap::new();
-        for symbol in self.flat.symbols() {
-            let Role::Before(of) = self.flat.variable(symbol).role else { continue };
-            // A state under another name is that state.
-            let alias = self.aliases.get(&of).copied().unwrap_or(Alias { of, is_negative: false });
-            let variable = self.flat.variable(of).clone();
-            if variable.basic != Basic::Real || self.is_held(of) {
-                continue;
-            }
-            if states.contains(&alias.of) {
-                let value = self.flat.pool.symbol(alias.of);
-                let value = if alias.is_negative { self.flat.pool.negate(value) } else { value };
-                replaced.insert(symbol, value);
-            } else {
-                let what =
-                    format!("`pre({})`: it is neither a state nor a variable that a `when` gives a value", variable.name);
-                self.fault(
-                    variable.place,
-                    what,
-                    "write a discrete variable that takes its value in a `when`, and `pre` of that",
-                );
-            }
-        }
-        for clause in &self.flat.clauses.clone() {
-            for (target, _) in &clause.restarted {
-                let alias = self.aliases.get(target).copied();
-                let is_state = alias.map_or(states.contains(target), |alias| states.contains(&alias.of));
-                if !is_state {
-                    let variable = self.flat.variable(*target).clone();
-                    let what = format!("`reinit({}, ...)`: it is not a state", variable.name);
-                    self.fault(clause.place.clone(), what, "only a variable that is integrated can be restarted");
-                }
-            }
-        }
-        let aliases = self.aliases.clone();
-        for k in 0..self.flat.clauses.len() {
-            for (target, value) in std::mem::take(&mut self.flat.clauses[k].restarted) {
-                let alias = aliases.get(&target).copied().unwrap_or(Alias { of: target, is_negative: false });
-                let value = if alias.is_negative { self.flat.pool.negate(value) } else { value };
-                self.flat.clauses[k].restarted.push((alias.of, value));
-            }
-        }
-        self.replace(&mut Replacement::new(replaced));
     }
 }
