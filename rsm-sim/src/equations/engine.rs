@@ -230,8 +230,8 @@ impl Run<'_> {
             // What is left is taken in one step where a step nearly reaches: no crumbs.
             let h = if self.step >= 0.999 * rest { rest } else { self.step };
             let stepped = self.stepped(h, &first, &mut linear);
-            let scale = self.scale(&first, rest);
-            let size = stepped.as_ref().map_or(f64::INFINITY, |it| error(it, &scale, self.setting.tolerance));
+            let scale = |it: &Stepped| self.scale(&first, rest, it, h);
+            let size = stepped.as_ref().map_or(f64::INFINITY, |it| error(it, &scale(it), self.setting.tolerance));
             if size.is_nan() || size > 1.0 {
                 let shrunk = if size.is_finite() { (SAFETY * size.powf(-self.order())).max(SHORTEST) } else { SHORTEST };
                 self.step = h * shrunk;
@@ -302,10 +302,15 @@ impl Run<'_> {
         methods::stiff(self.machine, &self.point, h, linear)
     }
 
-    /// What an error of each state is compared with: the largest value so far, or what it changes by up to the next row.
-    fn scale(&self, rates: &[f64], rest: f64) -> Vec<f64> {
-        let each = self.largest.iter().zip(rates).zip(&self.point.states);
-        each.map(|((largest, rate), state)| largest.max(state.abs()).max((rate * rest).abs())).collect()
+    /// What an error of each state is compared with: the largest value so far, or what it changes by up to the next row, at its first rate or at the mean
+    /// rate of the step. A plant at rest that is pushed has positions of 0 with rates of 0: the mean rate alone is a measure of them.
+    fn scale(&self, rates: &[f64], rest: f64, stepped: &Stepped, h: f64) -> Vec<f64> {
+        let each = self.largest.iter().zip(rates).zip(self.point.states.iter().zip(&stepped.states));
+        each.map(|((largest, rate), (state, end))| {
+            let changes = (rate * rest).abs().max(((end - state) / h * rest).abs());
+            largest.max(state.abs()).max(changes)
+        })
+        .collect()
     }
 
     fn take(&mut self, point: Point) -> Result<(), Stopped> {

@@ -3,6 +3,7 @@
 mod catalogue;
 mod cross_check;
 mod equations;
+mod judged;
 mod rejected;
 mod shipped;
 mod step;
