@@ -2,6 +2,8 @@
 //!
 //! One model of functions that no surface has: every elementary function alone, and the two operations that exist for them, in both precisions.
 
+mod machines;
+
 use std::path::Path;
 
 use rsm_core::elementary::{self, Function as Elementary};

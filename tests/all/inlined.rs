@@ -408,7 +408,7 @@ fn program(folder: &Path) -> String {
 }
 
 /// Whether these programs are here; in CI they must be.
-fn is_there(programs: &[&str], packages: &str) -> bool {
+pub(super) fn is_there(programs: &[&str], packages: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let has = |program: &&str| std::env::split_paths(&path).any(|folder| folder.join(program).is_file());
     let all = programs.iter().all(has);

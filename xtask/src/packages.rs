@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A program or file whose presence tells that a package is installed, and the package.
-const NEEDED: [(&str, &str); 14] = [
+const NEEDED: [(&str, &str); 18] = [
     ("gcc", "gcc"),
     ("clang", "clang"),
     ("valgrind", "valgrind"),
@@ -23,6 +23,11 @@ const NEEDED: [(&str, &str); 14] = [
     ("qemu-aarch64", "qemu-user"),
     ("arm-linux-gnueabihf-gcc", "gcc-arm-linux-gnueabihf"),
     ("/usr/arm-linux-gnueabihf/include/stdio.h", "libc6-dev-armhf-cross"),
+    // Elementary functions on two machines more.
+    ("riscv64-linux-gnu-gcc", "gcc-riscv64-linux-gnu"),
+    ("/usr/riscv64-linux-gnu/include/stdio.h", "libc6-dev-riscv64-cross"),
+    ("s390x-linux-gnu-gcc", "gcc-s390x-linux-gnu"),
+    ("/usr/s390x-linux-gnu/include/stdio.h", "libc6-dev-s390x-cross"),
     // The pages of reports, opened and clicked through.
     ("chromium", "chromium"),
 ];
