@@ -53,8 +53,8 @@ initial equation
   engine_speed = gear_ratios[gear]*shaft_speed;
   engine_torque = commanded_torque;
   shaft_angle = 0.0;
-  clutch_stiffness*engine_angle = engine_torque - engine_friction;
-  driveshaft_stiffness*wheel_angle = -gear_ratios[gear]*final_drive_ratio*(engine_torque - engine_friction);
+  clutch_stiffness*clutch_twist = engine_torque - engine_friction;
+  driveshaft_stiffness*driveshaft_twist = gear_ratios[gear]*final_drive_ratio*(engine_torque - engine_friction);
 equation
   commanded_torque = throttle*(torque_0 + torque_1*engine_speed + torque_2*engine_speed^2);
   torque_lag*der(engine_torque) = commanded_torque - engine_torque;

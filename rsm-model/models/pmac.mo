@@ -16,13 +16,29 @@ model Pmac "surface permanent-magnet AC motor in the rotor frame"
   output Real i_q(unit = "A", start = 0.0) "current, quadrature axis";
   output Real speed(unit = "rad/s", start = 0.0) "of the rotor";
   Real angle(unit = "rad", start = 0.0) "of the rotor";
+  Real current_d(unit = "A", start = 0.0) "as it flows; i_d is what is read of it";
+  Real current_q(unit = "A", start = 0.0) "as it flows; i_q is what is read of it";
+  Real voltage_d(unit = "V") "as commanded";
+  Real voltage_q(unit = "V") "as commanded";
+  Real holding_d(unit = "V") "what the drive adds to hold i_d";
+  Real holding_q(unit = "V") "what the drive adds to hold i_d";
   Real electrical_speed(unit = "rad/s");
   Real torque(unit = "N.m") "of the currents";
 equation
+  i_d = current_d;
+  i_q = current_q;
+  voltage_d = if holds_i_d then 0.0 else v_d;
+  voltage_q = v_q;
+  if holds_i_d then
+    i_d = 0.0;
+  else
+    holding_d = 0.0;
+  end if;
+  holding_q = 0.0;
   electrical_speed = pole_pairs*speed;
-  phase_inductance*der(i_d) = if holds_i_d then 0.0 else v_d - phase_resistance*i_d + electrical_speed*phase_inductance*i_q;
-  phase_inductance*der(i_q) = v_q - phase_resistance*i_q - electrical_speed*(phase_inductance*i_d + flux_linkage);
-  torque = 1.5*pole_pairs*flux_linkage*i_q;
+  phase_inductance*der(current_d) = voltage_d + holding_d - phase_resistance*current_d + electrical_speed*phase_inductance*current_q;
+  phase_inductance*der(current_q) = voltage_q + holding_q - phase_resistance*current_q - electrical_speed*(phase_inductance*current_d + flux_linkage);
+  torque = 1.5*pole_pairs*flux_linkage*current_q;
   inertia*der(speed) = torque - viscous_friction*speed - load_torque;
   der(angle) = speed;
 end Pmac;

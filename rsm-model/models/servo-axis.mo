@@ -12,6 +12,7 @@ package ServoAxes
     input Real reference(unit = "m");
     output Real position(unit = "m", start = 0.0);
     output Real command(unit = "V", start = 0.0) "computed at the instants of the record and held";
+    Real acting_command(unit = "V");
     Real speed(unit = "m/s", start = 0.0);
     discrete Real position_now(unit = "m", start = 0.0);
     discrete Real position_before(unit = "m", start = 0.0);
@@ -22,7 +23,8 @@ package ServoAxes
     position_before = position;
     position_long_before = position;
   equation
-    mass*der(speed) = force_gain*command - viscous_friction*speed;
+    acting_command = command;
+    mass*der(speed) = force_gain*acting_command - viscous_friction*speed;
     der(position) = speed;
     when sample(0.0, record_period) then
       position_now = position;

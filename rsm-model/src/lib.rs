@@ -9,6 +9,7 @@
 // What is public is what a user of the library needs.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
+pub mod effects;
 pub mod expression;
 pub mod flat;
 pub mod shipped;

@@ -169,7 +169,7 @@ pub fn check(flat: &Flat) -> Result<Checked, Faults> {
 impl Checker<'_> {
     fn fault(&mut self, what: String) {
         let help = "check the equation, and the units of the variables in it; a variable without a unit is not checked";
-        self.faults.push(self.flat.source.fault(self.place.clone(), what).help(help));
+        self.faults.push(self.flat.fault(&self.place, what).help(help));
     }
 
     /// Whether both sides have units, which then agree.

@@ -74,6 +74,8 @@ pub(super) fn flat(text: &tree::Text, source: &Source, options: &Options, faults
         checks: written.checks,
         surfaces: translator.surfaces,
         names: translator.names,
+        declared: translator.declared,
+        fragments: Vec::new(),
     })
 }
 

@@ -7,6 +7,7 @@ mod arithmetic;
 mod builtins;
 mod declare;
 mod equations;
+mod fragment;
 mod functions;
 mod known;
 mod logic;
@@ -21,6 +22,8 @@ use rsm_core::source::{Collector, Faults, Source};
 
 use crate::expression::{Id, Pool, Symbol};
 use crate::syntax;
+
+pub(crate) use value::Value;
 
 /// The values that a variable can take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -203,6 +206,10 @@ pub struct Flat {
     pub surfaces: Vec<Surface>,
     /// Variables by name.
     pub(crate) names: HashMap<String, Symbol>,
+    /// Scalars and arrays by name.
+    declared: HashMap<String, translate::Declared>,
+    /// Further texts that equations come from: effects and sites.
+    fragments: Vec<fragment::Fragment>,
 }
 
 /// What a reader may be told beside the text.

@@ -61,9 +61,11 @@ impl Translator<'_> {
 
     /// What to say of a name that nobody declared.
     fn unknown(&self, name: &str) -> (String, String) {
+        let inner = self.scopes.iter().flat_map(|scope| scope.values.keys());
         let near = self
             .declared
             .keys()
+            .chain(inner)
             .filter(|known| known.eq_ignore_ascii_case(name) || distance(known, name) <= 1 + name.len() / 6)
             .min_by_key(|known| (distance(known, name), (*known).clone()));
         (format!("`{name}` is not declared"), near.map_or_else(String::new, |near| format!("there is `{near}`")))

@@ -6,14 +6,14 @@ use super::Basic;
 
 /// A scalar (no sizes) or an array, row by row.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Value {
-    pub(super) sizes: Vec<usize>,
-    pub(super) items: Vec<Id>,
-    pub(super) basic: Basic,
+pub(crate) struct Value {
+    pub(crate) sizes: Vec<usize>,
+    pub(crate) items: Vec<Id>,
+    pub(crate) basic: Basic,
 }
 
 impl Value {
-    pub(super) fn scalar(item: Id, basic: Basic) -> Self {
+    pub(crate) fn scalar(item: Id, basic: Basic) -> Self {
         Value { sizes: Vec::new(), items: vec![item], basic }
     }
 
@@ -22,12 +22,12 @@ impl Value {
     }
 
     /// The scalar of a value that is one.
-    pub(super) fn item(&self) -> Option<Id> {
+    pub(crate) fn item(&self) -> Option<Id> {
         if self.is_scalar() { self.items.first().copied() } else { None }
     }
 
     /// The sizes in words, for messages.
-    pub(super) fn shape(&self) -> String {
+    pub(crate) fn shape(&self) -> String {
         shape(&self.sizes)
     }
 }

@@ -27,6 +27,43 @@ pub(crate) struct Expression {
     pub(crate) span: Span,
 }
 
+impl Expression {
+    /// The first parts of all names in it.
+    pub(crate) fn names(&self, names: &mut Vec<String>) {
+        let each = |list: &[Expression], names: &mut Vec<String>| list.iter().for_each(|it| it.names(names));
+        match &self.kind {
+            Kind::Number(..) | Kind::Boolean(_) | Kind::Text(_) | Kind::End => {}
+            Kind::Name(parts) => {
+                names.extend(parts.first().map(|it| it.name.clone()));
+                for subscript in parts.iter().flat_map(|it| &it.subscripts) {
+                    if let Subscript::At(at) = subscript {
+                        at.names(names);
+                    }
+                }
+            }
+            Kind::Call(_, list, named) => {
+                each(list, names);
+                named.iter().for_each(|it| it.1.names(names));
+            }
+            Kind::Sum(terms) => terms.iter().for_each(|it| it.1.names(names)),
+            Kind::Product(factors) => factors.iter().for_each(|it| it.1.names(names)),
+            Kind::Power(base, exponent, _) => [base, exponent].into_iter().for_each(|it| it.names(names)),
+            Kind::Relation(_, left, right) => [left, right].into_iter().for_each(|it| it.names(names)),
+            Kind::And(list) | Kind::Or(list) | Kind::Array(list) => each(list, names),
+            Kind::Not(inner) => inner.names(names),
+            Kind::If(branches, otherwise) => {
+                branches.iter().for_each(|(condition, value)| [condition, value].into_iter().for_each(|it| it.names(names)));
+                otherwise.names(names);
+            }
+            Kind::Comprehension(body, _, range) => [body, range].into_iter().for_each(|it| it.names(names)),
+            Kind::Matrix(rows) => rows.iter().for_each(|row| each(row, names)),
+            Kind::Range(first, step, last) => {
+                [Some(first), step.as_ref(), Some(last)].into_iter().flatten().for_each(|it| it.names(names));
+            }
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Compare {
     Less,

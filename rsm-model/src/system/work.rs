@@ -71,7 +71,7 @@ impl Work {
 
     pub(super) fn fault(&mut self, place: Range<usize>, what: impl Into<String>, help: &str) {
         self.has_fault = true;
-        let fault = self.flat.source.fault(place, what);
+        let fault = self.flat.fault(&place, what);
         self.faults.push(if help.is_empty() { fault } else { fault.help(help) });
     }
 
@@ -87,7 +87,7 @@ impl Work {
 
     /// The line of a place.
     pub(super) fn line(&self, place: &Range<usize>) -> usize {
-        self.flat.source.position(place.start).0
+        self.flat.line(place)
     }
 
     /// Replaces symbols everywhere.

@@ -1,0 +1,22 @@
+//! Effects: what a plant may miss, as files, and the rewriting of a plant's equations by them.
+//!
+//! ```text
+//! effects/*.toml --file--> Effect      [sites] --site--> Site
+//!         Flat + sites + placed effects --rewrite--> Extended (Flat, delays)
+//! ```
+//!
+//! In: the equations of a plant, its sites, effects with the numbers that they have there. Out: equations again. No effect and no plant is known here by its name.
+
+mod file;
+mod rewrite;
+mod shipped;
+mod site;
+mod terms;
+
+pub use file::{Effect, Number, Words};
+pub use rewrite::{Delay, Extended, LateReading, Placed, extend};
+pub use shipped::{Catalogue, sites_of};
+pub use site::{Site, SiteKind};
+
+#[cfg(test)]
+mod tests;

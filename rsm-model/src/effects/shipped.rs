@@ -1,0 +1,84 @@
+//! The catalogue: effects that come with the project, and a user's own.
+
+use rsm_core::source::{Collector, Fault, Faults, Source};
+use rsm_core::toml_reader::{TableReader, parse};
+
+use super::file::Effect;
+use super::site::Site;
+
+/// Files of effects and sites that are part of the project, by name.
+mod files {
+    include!(concat!(env!("OUT_DIR"), "/files.rs"));
+}
+
+/// Effects by kind.
+#[derive(Debug, Clone)]
+pub struct Catalogue {
+    effects: Vec<Effect>,
+}
+
+impl Catalogue {
+    /// The effects that come with the project, in the order of their kinds.
+    ///
+    /// # Panics
+    /// Never: a test reads every file.
+    #[must_use]
+    pub fn shipped() -> Catalogue {
+        let read = |(name, text): &(&str, &str)| {
+            Effect::read(&Source::new(format!("rsm:effects/{name}"), *text)).unwrap_or_else(|faults| panic!("{faults}"))
+        };
+        Catalogue { effects: files::EFFECTS.iter().map(read).collect() }
+    }
+
+    /// Adds a user's effects. They have the same rights; a kind that is there already is refused.
+    ///
+    /// # Errors
+    /// All faults of all files.
+    pub fn add(&mut self, sources: &[Source]) -> Result<(), Faults> {
+        let mut faults = Collector::new();
+        for source in sources {
+            match Effect::read(source) {
+                Ok(effect) => match self.find(&effect.kind) {
+                    Some(other) => {
+                        let what = format!("the kind `{}` is in {} already", effect.kind, other.source.name());
+                        faults.push(Fault::whole_file(source.name(), what));
+                    }
+                    None => self.effects.push(effect),
+                },
+                Err(found) => found.list().iter().for_each(|it| faults.push(it.clone())),
+            }
+        }
+        faults.finish(Some(()))
+    }
+
+    /// The effect of a kind.
+    #[must_use]
+    pub fn find(&self, kind: &str) -> Option<&Effect> {
+        self.effects.iter().find(|it| it.kind == kind)
+    }
+
+    /// All effects.
+    #[must_use]
+    pub fn effects(&self) -> &[Effect] {
+        &self.effects
+    }
+}
+
+/// The sites of a model that comes with the project.
+///
+/// # Panics
+/// Never: a test reads every file.
+#[must_use]
+pub fn sites_of(model: &str) -> Vec<Site> {
+    let Some((name, text)) = files::SITES.iter().find(|(name, _)| *name == model) else { return Vec::new() };
+    let source = Source::new(format!("rsm:sites/{name}"), *text);
+    let mut faults = Collector::new();
+    let sites = parse(&source, &mut faults).map_or_else(Vec::new, |document| {
+        let mut top = TableReader::document(&source, &document);
+        top.optional("sites").map_or_else(Vec::new, |value| Site::read_all(&source, value, &mut faults))
+    });
+    if let Err(faults) = faults.finish(Some(())) {
+        panic!("{faults}");
+    }
+    sites
+}

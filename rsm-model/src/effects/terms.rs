@@ -1,0 +1,138 @@
+//! Where in the equations a role stands: the equation that gives a variable, the balance of a derivative.
+//!
+//! In: flat equations, a symbol. Out: the place of the equation, with what multiplies the derivative. Never changes an equation.
+
+use std::collections::HashSet;
+
+use crate::expression::{Derivative, Id, Node, Symbol, Unary};
+use crate::flat::{Flat, Role};
+
+/// The balance of a derivative.
+pub(super) struct Balance {
+    /// Which equation.
+    pub equation: usize,
+    /// What multiplies the derivative in `left - right`, over the site's inertia or capacity; `None` where that is 1.
+    pub share: Option<Id>,
+}
+
+/// The symbol that an expression is, if it is one.
+pub(super) fn symbol_of(flat: &Flat, id: Id) -> Option<Symbol> {
+    match flat.pool.node(id) {
+        Node::Symbol(symbol) => Some(symbol),
+        _ => None,
+    }
+}
+
+/// The one equation that has the symbol alone on a side, and not on the other.
+pub(super) fn definition(flat: &Flat, symbol: Symbol) -> Option<usize> {
+    let gives = |it: &crate::flat::Equation| {
+        let alone = |side: Id, other: Id| symbol_of(flat, side) == Some(symbol) && !flat.pool.symbols(other).contains(&symbol);
+        it.pairs.is_empty() && (alone(it.left, it.right) || alone(it.right, it.left))
+    };
+    let mut found = flat.equations.iter().enumerate().filter(|(_, it)| gives(it)).map(|(k, _)| k);
+    let first = found.next()?;
+    found.next().is_none().then_some(first)
+}
+
+/// The other side of the equation that gives a symbol.
+pub(super) fn law(flat: &Flat, symbol: Symbol) -> Option<Id> {
+    let equation = &flat.equations[definition(flat, symbol)?];
+    Some(if symbol_of(flat, equation.left) == Some(symbol) { equation.right } else { equation.left })
+}
+
+/// A bound on how far the numbers of an inertia and of what multiplies a derivative may differ: sums of the same terms in another order.
+const SAME: f64 = 1e-9;
+
+/// The balance that holds the derivative of `rate_of` with a site's inertia or capacity (1 where it has none).
+///
+/// # Errors
+/// In words, what is missing.
+pub(super) fn balance(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>) -> Result<Balance, String> {
+    balance_through(flat, rate_of, inertia, DEEPEST)
+}
+
+/// A speed follows from a state through so many equations at most.
+const DEEPEST: usize = 8;
+
+fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>, depth: usize) -> Result<Balance, String> {
+    let name = flat.variable(rate_of).name.clone();
+    let Some(derivative) = flat.find(&format!("der({name})")) else {
+        return followed(flat, rate_of, inertia, depth);
+    };
+    let holds: Vec<usize> = (0..flat.equations.len()).filter(|k| symbols(flat, *k).contains(&derivative)).collect();
+    if holds.is_empty() {
+        return followed(flat, rate_of, inertia, depth);
+    }
+    let one = flat.pool.number(1.0);
+    let unit = inertia.unwrap_or(one);
+    let wanted = flat.known(unit).map(|it| it.0.abs());
+    let mut exact = Vec::new();
+    let mut possible = Vec::new();
+    for k in holds {
+        let (left, right) = (flat.equations[k].left, flat.equations[k].right);
+        let residual = flat.pool.subtract(left, right);
+        let factor = Derivative::by(&mut flat.pool, derivative).of(&mut flat.pool, residual);
+        let found = flat.known(factor).map(|it| it.0.abs());
+        let is_same = factor == unit || matches!((found, wanted), (Some(a), Some(b)) if (a - b).abs() <= SAME * b);
+        if is_same {
+            exact.push((k, factor));
+        } else {
+            let own: HashSet<Symbol> = symbols(flat, k).into_iter().collect();
+            let of_inertia = flat.pool.symbols(unit);
+            // An output that says what the derivative is gives itself and is no balance.
+            let gives_other = [left, right].into_iter().any(|side| {
+                symbol_of(flat, side).is_some_and(|it| it != derivative && flat.variable(it).role == Role::Unknown)
+            });
+            if !gives_other && (of_inertia.is_empty() || of_inertia.iter().any(|it| own.contains(it))) {
+                possible.push((k, factor));
+            }
+        }
+    }
+    let list = if exact.is_empty() { possible } else { exact };
+    match list[..] {
+        [(equation, factor)] => {
+            let share = if factor == unit {
+                None
+            } else if flat.pool.node(factor) == Node::Unary(Unary::Negate, unit) {
+                Some(flat.pool.number(-1.0))
+            } else {
+                Some(flat.pool.divide(factor, unit))
+            };
+            Ok(Balance { equation, share })
+        }
+        [] => Err(format!(
+            "no equation holds `der({name})` together with `{}`: expected the inertia, mass or capacity of that balance",
+            flat.text(unit)
+        )),
+        _ => {
+            let lines: Vec<String> = list.iter().map(|it| flat.line(&flat.equations[it.0].place.clone()).to_string()).collect();
+            Err(format!("several equations hold `der({name})`: those of lines {}", lines.join(", ")))
+        }
+    }
+}
+
+fn symbols(flat: &Flat, equation: usize) -> Vec<Symbol> {
+    let it = &flat.equations[equation];
+    let mut list = flat.pool.symbols(it.left);
+    list.extend(flat.pool.symbols(it.right));
+    list
+}
+
+/// The balance behind a speed that is no state but follows from one, as `road_speed = radius*wheel_speed`. What acts on it acts on the state through the same factor.
+fn followed(flat: &mut Flat, symbol: Symbol, inertia: Option<Id>, depth: usize) -> Result<Balance, String> {
+    let name = flat.variable(symbol).name.clone();
+    let none = || format!("no equation holds `der({name})`, and `{name}` follows from no single state");
+    let value = law(flat, symbol).filter(|_| depth > 0).ok_or_else(none)?;
+    let unknown: Vec<Symbol> =
+        flat.pool.symbols(value).into_iter().filter(|it| flat.variable(*it).role == Role::Unknown).collect();
+    let [inner] = unknown[..] else { return Err(none()) };
+    let factor = Derivative::by(&mut flat.pool, inner).of(&mut flat.pool, value);
+    // m dv/dt = F and v = k w: what multiplies dw/dt in its own balance is m k^2.
+    let inner_inertia = inertia.map(|it| {
+        let square = flat.pool.multiply(factor, factor);
+        flat.pool.multiply(it, square)
+    });
+    let balance = balance_through(flat, inner, inner_inertia, depth - 1)?;
+    let share = balance.share.unwrap_or_else(|| flat.pool.number(1.0));
+    Ok(Balance { share: Some(flat.pool.multiply(share, factor)), ..balance })
+}

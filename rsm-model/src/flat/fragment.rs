@@ -1,0 +1,123 @@
+//! Expressions of other texts in the names of a flat system: sites of a plant file, effects.
+//!
+//! In: an expression with the file that it stands in. Out: its value in the pool, or faults with that file's lines. A place behind the end of the model's text is one of a further text.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use rsm_core::source::{Collector, Fault, Faults, Source};
+
+use crate::syntax::tree::Expression;
+
+use super::translate::Translator;
+use super::value::Value;
+use super::{Flat, Role, Variable};
+use crate::expression::{Id, Symbol};
+
+/// A further text.
+#[derive(Debug, Clone)]
+pub(super) struct Fragment {
+    /// Places from here on are its own.
+    base: usize,
+    source: Source,
+}
+
+impl Flat {
+    /// Takes a further text in. Its places are counted from the answer.
+    pub(crate) fn add_fragment(&mut self, source: &Source) -> usize {
+        let known = self.fragments.iter().find(|it| it.source.name() == source.name() && it.source.text() == source.text());
+        if let Some(known) = known {
+            return known.base;
+        }
+        let end = |source: &Source, base: usize| base + source.text().len() + 1;
+        let base = self.fragments.last().map_or_else(|| end(&self.source, 0), |it| end(&it.source, it.base));
+        self.fragments.push(Fragment { base, source: source.clone() });
+        base
+    }
+
+    fn source_of(&self, offset: usize) -> (&Source, usize) {
+        match self.fragments.iter().rfind(|it| it.base <= offset) {
+            Some(fragment) => (&fragment.source, fragment.base),
+            None => (&self.source, 0),
+        }
+    }
+
+    /// A fault at a place of the model's text, or of a further one.
+    pub(crate) fn fault(&self, place: &Range<usize>, what: impl Into<String>) -> Fault {
+        let (source, base) = self.source_of(place.start);
+        source.fault(place.start - base..place.end.max(place.start) - base, what)
+    }
+
+    /// The line of a place in its text.
+    pub(crate) fn line(&self, place: &Range<usize>) -> usize {
+        let (source, base) = self.source_of(place.start);
+        source.position(place.start - base).0
+    }
+
+    /// The value of an expression of another text. It knows `names` alone, or, without them, every name of the model.
+    ///
+    /// # Errors
+    /// All faults in it.
+    pub(crate) fn expression(
+        &mut self,
+        source: &Source,
+        expression: &Expression,
+        names: Option<&HashMap<String, Value>>,
+    ) -> Result<Value, Faults> {
+        let mut faults = Collector::new();
+        let all = std::mem::take(&mut self.declared);
+        let mut translator = Translator {
+            source,
+            faults: &mut faults,
+            told: 0,
+            pool: std::mem::take(&mut self.pool),
+            variables: std::mem::take(&mut self.variables),
+            names: std::mem::take(&mut self.names),
+            declared: if names.is_some() { HashMap::new() } else { all.clone() },
+            functions: HashMap::new(),
+            surfaces: std::mem::take(&mut self.surfaces),
+            samples: std::mem::take(&mut self.samples),
+            scopes: Vec::new(),
+            without_events: false,
+            at_event: false,
+            ends: Vec::new(),
+            calls: 0,
+            written: 0,
+        };
+        if let Some(names) = names {
+            translator.scopes.push(super::translate::Scope { values: names.clone(), is_open: true });
+        }
+        let value = translator.value(expression);
+        self.pool = translator.pool;
+        self.variables = translator.variables;
+        self.names = translator.names;
+        self.surfaces = translator.surfaces;
+        self.samples = translator.samples;
+        self.declared = all;
+        faults.finish(value)
+    }
+
+    /// Declares a further variable. A name that is taken gets a number.
+    pub(crate) fn declare(&mut self, name: &str, role: Role, place: Range<usize>) -> Symbol {
+        let mut free = name.to_string();
+        let mut count = 1;
+        while self.names.contains_key(&free) {
+            count += 1;
+            free = format!("{name} {count}");
+        }
+        let symbol = Symbol(self.variables.len() as u32);
+        self.variables.push(Variable::new(free.clone(), role, super::Basic::Real, place));
+        self.names.insert(free, symbol);
+        symbol
+    }
+
+    /// The scalars of a declared name, with the sizes of an array.
+    pub(crate) fn value_of(&mut self, name: &str) -> Option<Value> {
+        if let Some(declared) = self.declared.get(name).cloned() {
+            let items: Vec<Id> = declared.symbols.iter().map(|symbol| self.pool.symbol(*symbol)).collect();
+            return Some(Value { sizes: declared.sizes, items, basic: super::Basic::Real });
+        }
+        let symbol = self.find(name)?;
+        Some(Value::scalar(self.pool.symbol(symbol), super::Basic::Real))
+    }
+}
