@@ -8,12 +8,14 @@
 //! In: the equations of a plant, its sites, effects with the numbers that they have there. Out: equations again. No effect and no plant is known here by its name.
 
 mod file;
+mod guesses;
 mod rewrite;
 mod shipped;
 mod site;
 mod terms;
 
 pub use file::{Effect, Number, Words};
+pub use guesses::{SCALES, Start};
 pub use rewrite::{Delay, Extended, LateReading, Placed, extend};
 pub use shipped::{Catalogue, sites_of};
 pub use site::{Site, SiteKind};

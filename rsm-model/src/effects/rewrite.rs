@@ -71,6 +71,7 @@ pub struct Extended {
 struct Bound {
     name: String,
     kind: SiteKind,
+    usual_for: Vec<String>,
     roles: Vec<(String, Value)>,
 }
 
@@ -198,7 +199,7 @@ impl Rewriter {
             }
         }
         faults.finish(Some(()))?;
-        let bound = Bound { name: site.name.clone(), kind: site.kind, roles };
+        let bound = Bound { name: site.name.clone(), kind: site.kind, usual_for: site.usual_for.clone(), roles };
         self.check(site, &bound)?;
         Ok(bound)
     }
@@ -288,6 +289,11 @@ impl Rewriter {
             let signals = self.signals(effect);
             fit.extend(signals.iter().filter_map(|name| self.implied(effect, name)));
         }
+        if fit.len() > 1
+            && let Some(usual) = fit.iter().find(|it| it.usual_for.contains(&effect.kind))
+        {
+            return Ok(usual.clone());
+        }
         match fit.len() {
             1 => Ok(fit.remove(0)),
             0 => refuse(
@@ -333,7 +339,7 @@ impl Rewriter {
         };
         let kind = if fits(kind) { kind } else { *effect.sites.iter().find(|kind| fits(**kind))? };
         let value = self.flat.value_of(name)?;
-        Some(Bound { name: name.to_string(), kind, roles: vec![("signal".to_string(), value)] })
+        Some(Bound { name: name.to_string(), kind, usual_for: Vec::new(), roles: vec![("signal".to_string(), value)] })
     }
 
     fn place(&mut self, number: usize, placed: &Placed<'_>) -> Result<(), Faults> {
@@ -502,7 +508,7 @@ impl Rewriter {
             }
             Change::Replace(role, law) => {
                 let value = self.flat.expression(&effect.source, law, Some(names))?;
-                self.replace(context, role, value, law).map_err(refuse)
+                self.replace(context, role, &value, law).map_err(refuse)
             }
             Change::Inside(role, laws) => {
                 let mut replaced = HashMap::new();
@@ -529,7 +535,7 @@ impl Rewriter {
             }
             Change::Reading(role, law) => {
                 let value = self.flat.expression(&effect.source, law, Some(names))?;
-                self.reading(site, role, value, base, law).map_err(refuse)
+                self.reading(site, role, &value, base, law).map_err(refuse)
             }
             Change::Start(role, law) => {
                 let new = self.scalar(effect, law, names)?;
@@ -625,7 +631,7 @@ impl Rewriter {
         symbol
     }
 
-    fn replace(&mut self, context: &Context<'_>, role: &str, law: Value, written: &Expression) -> Result<(), String> {
+    fn replace(&mut self, context: &Context<'_>, role: &str, law: &Value, written: &Expression) -> Result<(), String> {
         let Context { site, base, apart, .. } = *context;
         if site.kind == SiteKind::Output {
             return self.reading(site, role, law, base, written);
@@ -682,7 +688,7 @@ impl Rewriter {
     }
 
     /// Changes what outputs say: the truth gets a name of its own, and everything but the outputs goes on with it.
-    fn reading(&mut self, site: &Bound, role: &str, law: Value, base: usize, written: &Expression) -> Result<(), String> {
+    fn reading(&mut self, site: &Bound, role: &str, law: &Value, base: usize, written: &Expression) -> Result<(), String> {
         let items = site.role(role).map(|it| it.items.clone()).ok_or_else(|| site.no_variable(role))?;
         if items.len() != law.items.len() {
             return Err(format!("the law of `{role}` gives {}, expected as many as it has", law.shape()));

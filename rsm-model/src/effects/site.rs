@@ -150,6 +150,8 @@ pub struct Site {
     pub name: String,
     /// What it is.
     pub kind: SiteKind,
+    /// Kinds of effects that stand here where a plant file does not say where.
+    pub(crate) usual_for: Vec<String>,
     /// The roles that the file names: expressions, several for a vector.
     pub(crate) roles: Vec<(String, Vec<Expression>, bool)>,
     /// The text that the roles stand in.
@@ -168,6 +170,10 @@ impl Site {
     fn read<'a>(source: &'a Source, name: &str, place: Range<usize>, value: Toml<'a>, faults: &mut Collector) -> Option<Site> {
         let mut table = TableReader::of(source, value, format!("[sites.{name}]"), faults)?;
         let kind = table.choice("kind", &SiteKind::NAMES, faults)?;
+        let usual_for = match table.optional("usual_for") {
+            Some(value) => table.texts("`usual_for`", value, faults)?.into_iter().map(|it| it.0).collect(),
+            None => Vec::new(),
+        };
         let mut roles = Vec::new();
         for (role, otherwise) in kind.roles() {
             let value = if *otherwise == Otherwise::Required { table.required(role, faults) } else { table.optional(role) };
@@ -181,7 +187,7 @@ impl Site {
             roles.extend(read.map(|list| ((*role).to_string(), list, is_vector)));
         }
         table.finish(faults);
-        Some(Site { name: name.to_string(), kind, roles, source: source.clone(), place })
+        Some(Site { name: name.to_string(), kind, usual_for, roles, source: source.clone(), place })
     }
 }
 

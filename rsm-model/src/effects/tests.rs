@@ -70,3 +70,20 @@ fn every_shipped_effect_stands_somewhere_on_a_shipped_plant_or_is_for_plants_tha
     // Tanks and heat capacities are on none of the three.
     assert_eq!(nowhere, ["leak", "overflow", "radiation"]);
 }
+
+#[test]
+fn every_guess_of_every_effect_has_a_value() {
+    for effect in Catalogue::shipped().effects() {
+        for kind in &effect.sites {
+            let roles = kind.roles().iter().map(|it| (it.0, 0.5));
+            let scales: Vec<(&str, f64)> = super::SCALES.iter().map(|it| (*it, 1.5)).chain(roles).collect();
+            let starts = effect.starts(*kind, &scales).unwrap_or_else(|faults| panic!("{}: {faults}", effect.kind));
+            for start in starts {
+                for (name, value) in &start.numbers {
+                    let number = effect.numbers_on(*kind).find(|it| it.name == *name).unwrap();
+                    assert_eq!(number.refuses(*value), None, "{}: {name} = {value}", effect.kind);
+                }
+            }
+        }
+    }
+}

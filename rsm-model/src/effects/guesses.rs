@@ -1,0 +1,105 @@
+//! Where a search for the numbers of an effect begins.
+//!
+//! In: an effect, scales of the records and of the site. Out: lists of its numbers, and the values with which it changes nothing. Never looks at a record.
+
+use std::collections::HashMap;
+
+use rsm_core::source::{Faults, Source};
+
+use super::file::Effect;
+use super::site::SiteKind;
+use crate::flat::{Basic, Flat, Options, Value};
+use crate::syntax::tree::Expression;
+
+/// Scales that guesses may name beside the roles of the site: effort that the inputs can cause at the site; typical speed, largest position or level or twist; largest value and spread
+/// of the reading, its step and its noise; largest input; heat that flows; sample period and length of the longest record in s; a resonance as a share of the sample rate.
+pub const SCALES: [&str; 12] = [
+    "effort_scale",
+    "speed_scale",
+    "position_scale",
+    "reading_scale",
+    "reading_spread",
+    "reading_step",
+    "reading_noise",
+    "input_scale",
+    "loss_scale",
+    "record_period",
+    "record_length",
+    "share",
+];
+
+/// Numbers of an effect at which a search begins.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// Each number by its name. Numbers that are left out have their defaults.
+    pub numbers: Vec<(String, f64)>,
+    /// The number that scales the effect, by its place, and its value without effect.
+    pub neutral: Option<(usize, f64)>,
+    /// The place of the number that is a phase.
+    pub phase: Option<usize>,
+}
+
+impl Effect {
+    /// Where a search for its numbers begins on a kind of site: every combination of the guesses of its file. `scales` gives [`SCALES`] and the roles of the site.
+    ///
+    /// ```
+    /// use rsm_model::effects::{Catalogue, SiteKind};
+    ///
+    /// let catalogue = Catalogue::shipped();
+    /// let friction = catalogue.find("coulomb-friction").expect("a shipped effect");
+    /// let starts = friction.starts(SiteKind::Rotation, &[("effort_scale", 10.0)])?;
+    /// let torques: Vec<f64> = starts.iter().map(|it| it.numbers[0].1).collect();
+    /// assert_eq!(torques, [0.2, 2.0]);
+    /// assert_eq!(starts[0].neutral, Some((0, 0.0)));
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
+    ///
+    /// # Errors
+    /// A guess that names what is not given, or that has no finite value.
+    pub fn starts(&self, kind: SiteKind, scales: &[(&str, f64)]) -> Result<Vec<Start>, Faults> {
+        let mut scratch = Flat::read(&Source::new("", "model Scales\nend Scales;\n"), &Options::default())?;
+        let given: HashMap<String, f64> = scales.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
+        let mut open = vec![(Vec::new(), given)];
+        for number in self.numbers_on(kind).filter(|it| it.default.is_none()) {
+            let mut longer = Vec::new();
+            for (numbers, known) in open {
+                for guess in &number.guesses {
+                    let value = self.number(&mut scratch, guess, &known)?;
+                    let value = if number.is_whole { value.round() } else { value };
+                    let (mut numbers, mut known): (Vec<(String, f64)>, _) = (Vec::clone(&numbers), known.clone());
+                    numbers.push((number.name.clone(), value));
+                    known.insert(number.name.clone(), value);
+                    longer.push((numbers, known));
+                }
+            }
+            open = longer;
+        }
+        let mut starts = Vec::new();
+        for (numbers, known) in open {
+            let own: Vec<_> = self.numbers_on(kind).filter(|it| it.default.is_none()).collect();
+            let neutral = match own.iter().enumerate().find_map(|(k, it)| it.neutral.as_ref().map(|it| (k, it))) {
+                Some((k, law)) => {
+                    let mut before: HashMap<String, f64> =
+                        scales.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
+                    known.iter().for_each(|(name, value)| {
+                        before.entry(name.clone()).or_insert(*value);
+                    });
+                    Some((k, self.number(&mut scratch, law, &before)?))
+                }
+                None => None,
+            };
+            starts.push(Start { numbers, neutral, phase: own.iter().position(|it| it.is_phase) });
+        }
+        Ok(starts)
+    }
+
+    fn number(&self, scratch: &mut Flat, law: &Expression, known: &HashMap<String, f64>) -> Result<f64, Faults> {
+        let mut names = HashMap::new();
+        for (name, value) in known {
+            names.insert(name.clone(), Value::scalar(scratch.pool.number(*value), Basic::Real));
+        }
+        let value = scratch.expression(&self.source, law, Some(&names))?;
+        let found = value.item().and_then(|it| scratch.known(it)).map(|it| it.0).filter(|it| it.is_finite());
+        found.ok_or_else(|| Faults::one(self.source.fault(law.span.clone(), "this guess has no finite value")))
+    }
+}
