@@ -32,7 +32,7 @@ pub struct Arguments {
     /// Of a plant of equations: the error of a step, relative to the size of each state; 1e-8 unless said
     #[arg(long)]
     tolerance: Option<f64>,
-    /// Of a plant of equations: classical Runge-Kutta steps of this length, in s, a whole share of the record's period
+    /// Of a plant of equations: classical Runge-Kutta steps of this length, in s; the record's period must be a whole multiple of it
     #[arg(long, conflicts_with_all = ["method", "tolerance"])]
     fixed_step: Option<f64>,
     /// One JSON object on standard output

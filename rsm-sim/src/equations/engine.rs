@@ -5,6 +5,7 @@
 
 use std::fmt;
 
+use super::fixed;
 use super::machine::{Happening, Machine, Point};
 use super::methods::{self, Linear, Stepped};
 
@@ -17,10 +18,10 @@ pub enum Method {
     Explicit,
     /// Stiff, orders 3 and 2, with the exact Jacobian.
     Stiff,
-    /// The classical Runge-Kutta method with so many equal steps a row. Its error is not estimated, and comparisons change at the ends of steps only.
+    /// The classical Runge-Kutta method with steps of one length, a whole share of the time between two rows. Its error is not estimated, and nothing is located in time.
     Fixed {
-        /// Steps from one row to the next.
-        steps: usize,
+        /// The length of a step in s.
+        step: f64,
     },
 }
 
@@ -64,6 +65,8 @@ pub enum Stopped {
         /// The row.
         row: usize,
     },
+    /// The fixed step does not suit the rows or the text: a sentence.
+    Step(String),
 }
 
 impl fmt::Display for Stopped {
@@ -83,6 +86,7 @@ impl fmt::Display for Stopped {
             Stopped::NoSolution { row } => {
                 write!(f, "row {}: a set of nonlinear equations has no solution near its last one", row + 1)
             }
+            Stopped::Step(what) => write!(f, "{what}"),
         }
     }
 }
@@ -117,7 +121,7 @@ pub struct Inputs<'a> {
 }
 
 impl Inputs<'_> {
-    fn at(&self, row: usize) -> Vec<f64> {
+    pub(super) fn at(&self, row: usize) -> Vec<f64> {
         self.values.iter().map(|it| it[row]).collect()
     }
 }
@@ -147,6 +151,9 @@ struct Run<'m> {
 /// # Panics
 /// When an input has fewer rows than the time.
 pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting) -> Result<Vec<Vec<f64>>, Stopped> {
+    if let Method::Fixed { step } = setting.method {
+        return fixed::run(machine, &start, inputs, step);
+    }
     let n = start.states.len();
     let period = inputs.time.windows(2).next().map_or(1.0, |pair| pair[1] - pair[0]);
     let mut run = Run {
@@ -187,7 +194,7 @@ impl Run<'_> {
         let (mut steps, mut events) = (0, 0);
         while self.point.time < end {
             let (due, next) = self.next_sample(end);
-            let is_event = self.advance(next, end, &mut steps)?;
+            let is_event = self.advance(next, &mut steps)?;
             let is_due = due && self.point.time >= next;
             if is_event || is_due {
                 events += 1;
@@ -211,10 +218,7 @@ impl Run<'_> {
     }
 
     /// Goes on to an instant, or to the first event before it, which it tells.
-    fn advance(&mut self, next: f64, end: f64, steps: &mut usize) -> Result<bool, Stopped> {
-        if let Method::Fixed { steps: count } = self.setting.method {
-            return self.fixed(next, end, count);
-        }
+    fn advance(&mut self, next: f64, steps: &mut usize) -> Result<bool, Stopped> {
         let begin = *steps;
         let mut linear: Option<Linear> = None;
         let (mut first, _) = self.machine.rates_and_truths(&self.point);
@@ -257,31 +261,6 @@ impl Run<'_> {
             // A step that was cut to end at a row leaves the suggestion as it was, or raises it.
             self.step = if h < self.step { self.step.max(h * grown) } else { h * grown };
             (first, linear) = (rates, None);
-        }
-        Ok(false)
-    }
-
-    /// Equal steps of a row, as far as an instant.
-    fn fixed(&mut self, next: f64, end: f64, count: usize) -> Result<bool, Stopped> {
-        let whole = end - self.point.time;
-        let h = whole / count as f64;
-        let from = self.point.time;
-        for k in 1..=count {
-            let reached = if k == count { end } else { from + k as f64 * h };
-            let reached = reached.min(next);
-            let stepped = methods::classical(self.machine, &self.point, reached - self.point.time);
-            let mut behind = Point { time: reached, states: stepped.states, ..self.point.clone() };
-            if !self.machine.settle(&mut behind) {
-                return Err(Stopped::NoSolution { row: self.row });
-            }
-            self.take(behind)?;
-            let (_, truths) = self.machine.rates_and_truths(&self.point);
-            if truths != self.point.held {
-                self.happen()?;
-            }
-            if reached >= next {
-                break;
-            }
         }
         Ok(false)
     }

@@ -114,15 +114,21 @@ impl Functions {
         tangent::write(builder, &tape, arguments, &[], &[]).values.first().copied()
     }
 
-    fn compiled(&self, file: &EquationFile, system: &System, arguments: &[Symbol], results: &[Id]) -> Result<Computed, Faults> {
+    /// Expressions as a tape; `None` where there is nothing to compute.
+    fn tape(&self, system: &System, arguments: &[Symbol], results: &[Id]) -> Result<Option<Tape>, String> {
         let named: Vec<(String, Id)> = results.iter().enumerate().map(|(k, id)| (format!("result {k}"), *id)).collect();
         if named.is_empty() {
-            return Ok(Computed { tape: None, arguments: arguments.len() });
+            return Ok(None);
         }
-        let tape = system
-            .tape("plant", arguments, &named, &mut |builder, surface, list, orders| self.write(builder, surface, list, orders))
-            .map_err(|what| Faults::one(Fault::whole_file(&file.file, what)))?;
-        Ok(Computed { tape: Some(tape), arguments: arguments.len() })
+        let write = &mut |builder: &mut TapeBuilder, surface: u32, list: &[Reg], orders: &[u8]| {
+            self.write(builder, surface, list, orders)
+        };
+        system.tape("plant", arguments, &named, write).map(Some)
+    }
+
+    fn compiled(&self, file: &EquationFile, system: &System, arguments: &[Symbol], results: &[Id]) -> Result<Computed, Faults> {
+        let tape = self.tape(system, arguments, results).map_err(|what| Faults::one(Fault::whole_file(&file.file, what)))?;
+        Ok(Computed { tape, arguments: arguments.len() })
     }
 }
 
@@ -245,6 +251,21 @@ impl Machine {
 
     pub(super) fn samples(&self) -> &[(f64, f64)] {
         &self.samples
+    }
+
+    /// The values of the parameters, in the order of the system.
+    pub(super) fn parameters(&self) -> &[f64] {
+        &self.parameters
+    }
+
+    /// The places of states that each branch of a `when` restarts.
+    pub(super) fn restarted(&self) -> &[Vec<usize>] {
+        &self.restarted
+    }
+
+    /// Some of the expressions that the machine was made of, as a tape of their own; `None` of none.
+    pub(super) fn tape(&self, system: &System, arguments: &[Symbol], results: &[Id]) -> Option<Tape> {
+        self.functions.tape(system, arguments, results).expect("the machine has it on a tape already")
     }
 
     fn of_parameters(&self, file: &EquationFile, list: &[Id]) -> Result<Vec<f64>, Faults> {
@@ -420,7 +441,7 @@ fn stand_still(old: &[f64], new: &[f64]) -> bool {
 }
 
 /// The arguments of all programs that run; those of events have some more.
-fn arguments(system: &System, at_events: bool) -> Vec<Symbol> {
+pub(super) fn arguments(system: &System, at_events: bool) -> Vec<Symbol> {
     let mut list: Vec<Symbol> = system.find("time").into_iter().collect();
     list.extend(system.states());
     list.extend(system.inputs());

@@ -1,6 +1,6 @@
 //! One step of an integrator.
 //!
-//! In: a machine at a point, a step. Out: the states behind it, and an estimate of their error where the method has one. Never judges the error, never looks for events.
+//! In: a machine at a point, a step. Out: the states behind it, and an estimate of their error. Never judges the error, never looks for events.
 
 use nalgebra::{DMatrix, DVector, Dyn, LU};
 
@@ -9,7 +9,7 @@ use super::machine::{Machine, Point};
 /// States behind a step.
 pub(super) struct Stepped {
     pub states: Vec<f64>,
-    /// Of each state, what a method of one order less gives otherwise; empty where the method has none.
+    /// Of each state, what a method of one order less gives otherwise.
     pub error: Vec<f64>,
 }
 
@@ -22,16 +22,6 @@ fn along(point: &Point, h: f64, share: f64, terms: &[(f64, &[f64])]) -> Point {
         *state += h * sum;
     }
     moved
-}
-
-/// The classical method of Runge and Kutta, order 4 (W. Kutta, 1901).
-pub(super) fn classical(machine: &Machine, point: &Point, h: f64) -> Stepped {
-    let k1 = machine.rates(point);
-    let k2 = machine.rates(&along(point, h, 0.5, &[(0.5, &k1)]));
-    let k3 = machine.rates(&along(point, h, 0.5, &[(0.5, &k2)]));
-    let k4 = machine.rates(&along(point, h, 1.0, &[(1.0, &k3)]));
-    let behind = |k: usize| point.states[k] + h / 6.0 * (k1[k] + 2.0 * k2[k] + 2.0 * k3[k] + k4[k]);
-    Stepped { states: (0..point.states.len()).map(behind).collect(), error: Vec::new() }
 }
 
 /// The pair of orders 5 and 4 of J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta formulae", 1980, table 2. `first` are the rates at the point.

@@ -9,13 +9,16 @@
 
 pub mod engine;
 pub mod file;
+pub mod fixed;
 pub mod linear;
 pub mod machine;
 mod methods;
 pub mod signals;
+pub mod step;
 
 pub use engine::{Inputs, Method, Setting, Stopped, run};
 pub use file::EquationFile;
 pub use linear::{Linearised, linearise};
 pub use machine::{Machine, Point};
 pub use signals::Signals;
+pub use step::Step;

@@ -3,6 +3,7 @@
 mod catalogue;
 mod cross_check;
 mod equations;
+mod fixed_steps;
 mod judged;
 mod rejected;
 mod shipped;

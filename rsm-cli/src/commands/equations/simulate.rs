@@ -7,7 +7,7 @@ use std::path::Path;
 use rsm_core::number::decimal;
 use rsm_core::source::Source;
 use rsm_sim::equations::signals::{Failed, spelled};
-use rsm_sim::equations::{Method, Setting, Signals};
+use rsm_sim::equations::{Method, Setting, Signals, Stopped, fixed};
 use serde_json::{Map, Value, json};
 
 use super::plant;
@@ -38,26 +38,17 @@ impl Wish<'_> {
             setting.tolerance = tolerance;
         }
         setting.method = match (self.method, self.fixed_step) {
-            (_, Some(step)) => Method::Fixed { steps: steps(step, period)? },
+            (_, Some(step)) if fixed::steps(step, period).is_some() => Method::Fixed { step },
+            (_, Some(step)) => {
+                return Err(Refusal::new(format!(
+                    "--fixed-step: found {step} s, expected the period of the record, {period} s, or a whole share of it"
+                )));
+            }
             (Some("explicit"), None) => Method::Explicit,
             (Some("stiff"), None) => Method::Stiff,
             _ => Method::Automatic,
         };
         Ok(setting)
-    }
-}
-
-/// How many steps of a length make a row.
-fn steps(step: f64, period: f64) -> Result<usize, Refusal> {
-    let steps = (period / step).round();
-    // Instants of a record are decimals; a step that is not a share of the period by more than that is another one.
-    let fits = step > 0.0 && (1.0..=1e6).contains(&steps) && (period / step - steps).abs() < 1e-6 * steps;
-    if fits {
-        Ok(steps as usize)
-    } else {
-        Err(Refusal::new(format!(
-            "--fixed-step: found {step} s, expected the period of the record, {period} s, or a whole share of it"
-        )))
     }
 }
 
@@ -68,6 +59,7 @@ pub fn run(path: &Path, record: &Path, out: &Path, wish: &Wish<'_>, as_json: boo
     let setting = wish.setting(signals.period)?;
     let found = signals.simulate(&file, &mut machine, setting).map_err(|failed| match failed {
         Failed::Start(faults) => faults.into(),
+        Failed::Run(Stopped::Step(what)) => Refusal::new(format!("--fixed-step: {what}")),
         Failed::Run(stopped) => Refusal::new(format!("{}: {stopped}", record.display())),
     })?;
     let (inputs, outputs) = (machine.inputs(), machine.outputs());
