@@ -113,6 +113,8 @@ pub struct Effect {
     pub generalises: Option<String>,
     /// Whether it acts on what others of its kind of site have made.
     pub is_outermost: bool,
+    /// Whether a reading tells the truth that it was made of. One that is rounded or clipped does not: it is taken for the truth then.
+    pub reads_back: bool,
     pub(crate) helpers: Vec<Helper>,
     pub(crate) states: Vec<State>,
     pub(crate) changes: Vec<Change>,
@@ -147,6 +149,7 @@ impl Effect {
         let sites = sites(&mut top, &mut faults);
         let reference = top.text("source", &mut faults);
         let generalises = top.optional_text("generalises", &mut faults);
+        let reads_back = top.optional("reads_back").and_then(|it| it.get_ref().as_bool()).unwrap_or(true);
         let is_outermost = top.optional("outermost").and_then(|it| it.get_ref().as_bool()).unwrap_or(false);
         let numbers = entries(&mut top, "numbers", &mut faults)
             .into_iter()
@@ -177,6 +180,7 @@ impl Effect {
             words,
             generalises,
             is_outermost,
+            reads_back,
             helpers,
             states,
             changes,

@@ -62,6 +62,8 @@ pub struct Extended {
     pub delays: Vec<Delay>,
     /// Outputs that are read late.
     pub late_readings: Vec<LateReading>,
+    /// Outputs whose first reading is that of another variable: what is read of that cannot be turned back.
+    pub read_of: Vec<(Symbol, Symbol)>,
     /// Of each placed effect: where it stands, and its numbers with the parameters that hold them.
     pub placed: Vec<(String, Vec<(String, Symbol)>)>,
 }
@@ -92,6 +94,7 @@ struct Rewriter {
     sites: Vec<Bound>,
     delays: Vec<Delay>,
     late_readings: Vec<LateReading>,
+    read_of: Vec<(Symbol, Symbol)>,
     placed: Vec<(String, Vec<(String, Symbol)>)>,
 }
 
@@ -121,6 +124,7 @@ pub fn extend(flat: &Flat, sites: &[Site], placed: &[Placed<'_>]) -> Result<Exte
         sites: Vec::new(),
         delays: Vec::new(),
         late_readings: Vec::new(),
+        read_of: Vec::new(),
         placed: vec![(String::new(), Vec::new()); placed.len()],
     };
     let mut faults = Collector::new();
@@ -139,8 +143,8 @@ pub fn extend(flat: &Flat, sites: &[Site], placed: &[Placed<'_>]) -> Result<Exte
             found.list().iter().for_each(|it| faults.push(it.clone()));
         }
     }
-    let Rewriter { flat, delays, late_readings, placed, .. } = rewriter;
-    faults.finish(Some(Extended { flat, delays, late_readings, placed }))
+    let Rewriter { flat, delays, late_readings, read_of, placed, .. } = rewriter;
+    faults.finish(Some(Extended { flat, delays, late_readings, read_of, placed }))
 }
 
 /// From the record inwards, and out again.
@@ -535,7 +539,7 @@ impl Rewriter {
             }
             Change::Reading(role, law) => {
                 let value = self.flat.expression(&effect.source, law, Some(names))?;
-                self.reading(site, role, &value, base, law).map_err(refuse)
+                self.reading(context, role, &value, law).map_err(refuse)
             }
             Change::Start(role, law) => {
                 let new = self.scalar(effect, law, names)?;
@@ -634,7 +638,7 @@ impl Rewriter {
     fn replace(&mut self, context: &Context<'_>, role: &str, law: &Value, written: &Expression) -> Result<(), String> {
         let Context { site, base, apart, .. } = *context;
         if site.kind == SiteKind::Output {
-            return self.reading(site, role, law, base, written);
+            return self.reading(context, role, law, written);
         }
         let old = site.role(role).cloned().ok_or_else(|| site.no_variable(role))?;
         if old.items.len() != law.items.len() {
@@ -688,7 +692,8 @@ impl Rewriter {
     }
 
     /// Changes what outputs say: the truth gets a name of its own, and everything but the outputs goes on with it.
-    fn reading(&mut self, site: &Bound, role: &str, law: &Value, base: usize, written: &Expression) -> Result<(), String> {
+    fn reading(&mut self, context: &Context<'_>, role: &str, law: &Value, written: &Expression) -> Result<(), String> {
+        let Context { placed, site, base, .. } = *context;
         let items = site.role(role).map(|it| it.items.clone()).ok_or_else(|| site.no_variable(role))?;
         if items.len() != law.items.len() {
             return Err(format!("the law of `{role}` gives {}, expected as many as it has", law.shape()));
@@ -700,6 +705,9 @@ impl Rewriter {
             if self.flat.variable(symbol).is_output {
                 let truth = self.sibling(symbol, "true");
                 self.hand_over(symbol, truth, &mut replaced);
+                if !placed.effect.reads_back {
+                    self.read_of.push((symbol, truth));
+                }
                 given.push((*item, *law));
                 continue;
             }

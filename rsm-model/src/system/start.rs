@@ -1,8 +1,8 @@
 //! The start: what is known of it, in the order in which it counts.
 //!
-//! The equations hold at the start as well. To them come, in this order, values that are given from outside (the first row of a record), the text's
-//! initial equations, starts that are fixed, and then, where something is still free, the other starts of states. A value that no room is left for is a
-//! fault where the text demands it.
+//! The equations hold at the start as well. To them come, in this order: values that are given from outside; the text's initial equations that tie several
+//! unknowns together; what was recorded of outputs, as far as there is room; initial equations that give one unknown a value; starts that are fixed; and then,
+//! where something is still free, the other starts of states. A value that no room is left for is a fault where it is given or where the text demands it.
 
 use std::collections::HashMap;
 
@@ -25,19 +25,41 @@ pub struct Start {
     pub iterated: Vec<Iterated>,
     /// Starts of the text that count, by the variable.
     pub used: Vec<Symbol>,
+    /// Recorded variables that count.
+    pub recorded: Vec<Symbol>,
     /// Starts that the text fixes although the rest determines them: these are zero where they agree.
     pub redundant: Vec<(Symbol, Id)>,
 }
 
+/// What is demanded of the start.
+struct Demand {
+    equation: Residual,
+    name: String,
+    of: Of,
+}
+
+/// Who demands it.
+#[derive(Clone, Copy)]
+enum Of {
+    /// The text, or whoever gives a value: a fault where there is no room.
+    Text,
+    /// An initial equation that gives one unknown a value: a record counts more.
+    Value,
+    /// A record.
+    Recorded(Symbol),
+    /// The start of a variable.
+    Start(Symbol),
+}
+
 impl System {
-    /// How the system starts when some of its variables are known: outputs in the first row of a record. They are arguments of the result, under their
-    /// own symbols.
+    /// How the system starts when some of its variables are known: given ones, which all count, and recorded ones, which count in their order as long as
+    /// something is open. They are arguments of the result, under their own symbols.
     ///
     /// # Errors
     /// What the text and the given values demand is too much, contradicts itself, or leaves something open.
-    pub fn start(&mut self, given: &[Symbol]) -> Result<Start, Faults> {
+    pub fn start(&mut self, given: &[Symbol], recorded: &[Symbol]) -> Result<Start, Faults> {
         let mut work = self.again();
-        let start = work.start(self, given);
+        let start = work.start(self, given, recorded);
         let faults = std::mem::take(&mut work.faults);
         // What was made on the way stays: expressions of the start are in the pool of the system.
         self.flat = work.flat;
@@ -46,7 +68,7 @@ impl System {
 }
 
 impl Work {
-    fn start(&mut self, system: &System, given: &[Symbol]) -> Option<Start> {
+    fn start(&mut self, system: &System, given: &[Symbol], recorded: &[Symbol]) -> Option<Start> {
         let mut unknowns: Vec<Symbol> = system.unknowns.clone();
         unknowns.extend(&system.states);
         unknowns.extend(&self.held);
@@ -58,12 +80,11 @@ impl Work {
             // Complete for fixed states, so complete here.
             let _ = matching.augment(equation, |_| true);
         }
-        let mut wanted: Vec<(Residual, String, Option<Symbol>)> = Vec::new();
+        let mut wanted: Vec<Demand> = Vec::new();
         let mut known = HashMap::new();
         let mut replaced = Vec::new();
-        for symbol in given {
+        for (symbol, is_recorded) in given.iter().map(|it| (it, false)).chain(recorded.iter().map(|it| (it, true))) {
             let alias = self.aliases.get(symbol).copied().unwrap_or(Alias { of: *symbol, is_negative: false });
-            replaced.push(alias.of);
             // The variable is an unknown of the start; what is given is an argument under a symbol of its own.
             let place = self.flat.variable(*symbol).place.clone();
             let argument = self.flat.derived(Role::Before(*symbol));
@@ -72,11 +93,25 @@ impl Work {
             let right = if alias.is_negative { self.flat.pool.negate(right) } else { right };
             known.insert(argument, *symbol);
             let name = format!("the given value of `{}`", self.flat.variable(*symbol).name);
-            wanted.push((self.equation(left, right, place), name, None));
+            let equation = self.equation(left, right, place);
+            if is_recorded {
+                wanted.push(Demand { equation, name, of: Of::Recorded(*symbol) });
+            } else {
+                replaced.push(alias.of);
+                wanted.push(Demand { equation, name, of: Of::Text });
+            }
         }
+        let mut tied = given.len();
         for equation in self.initial.clone() {
             let line = self.line(&equation.place);
-            wanted.push((equation, format!("the initial equation of line {line}"), None));
+            let name = format!("the initial equation of line {line}");
+            // `x = 2` is a start like another: what a record says of x counts more.
+            if self.numbers_of(equation.residual, &number).len() > 1 {
+                wanted.insert(tied, Demand { equation, name, of: Of::Text });
+                tied += 1;
+            } else {
+                wanted.push(Demand { equation, name, of: if recorded.is_empty() { Of::Text } else { Of::Value } });
+            }
         }
         let mut optional = Vec::new();
         for symbol in &unknowns {
@@ -88,32 +123,32 @@ impl Work {
             let left = self.flat.pool.symbol(*symbol);
             let right = variable.start.unwrap_or_else(|| self.flat.pool.number(0.0));
             let equation = self.equation(left, right, variable.place.clone());
-            let entry = (equation, format!("the start of `{}`", variable.name), Some(*symbol));
+            let entry = Demand { equation, name: format!("the start of `{}`", variable.name), of: Of::Start(*symbol) };
             if variable.fixed == Some(true) { wanted.push(entry) } else { optional.push(entry) }
         }
-        let (mut used, mut redundant) = (Vec::new(), Vec::new());
-        for (equation, name, of) in wanted {
+        let (mut used, mut redundant, mut taken) = (Vec::new(), Vec::new(), Vec::new());
+        for Demand { equation, name, of } in wanted {
             let added = matching.add(self.numbers_of(equation.residual, &number));
             let place = equation.place.clone();
             equations.push(equation);
-            if matching.augment(added, |_| true).is_ok() {
-                used.extend(of);
-            } else if let Some(of) = of {
+            match (matching.augment(added, |_| true).is_ok(), of) {
+                (true, Of::Start(of)) => used.push(of),
+                (true, Of::Recorded(of)) => taken.push(of),
                 // A flattened text fixes the starts of both ends of a shaft: the second is looked at when the first are solved.
-                redundant.push((of, equations[added].residual));
-            } else {
-                self.fault(
+                (false, Of::Start(of)) => redundant.push((of, equations[added].residual)),
+                (true, Of::Text | Of::Value) | (false, Of::Recorded(_) | Of::Value) => {}
+                (false, Of::Text) => self.fault(
                     place,
                     format!("{name} is one demand too many: the rest determines the start already"),
                     "leave it out, or write `fixed = false` at a start that is only a guess",
-                );
+                ),
             }
         }
-        for (equation, _, of) in optional {
+        for Demand { equation, of, .. } in optional {
             let added = matching.add(self.numbers_of(equation.residual, &number));
             equations.push(equation);
-            if matching.augment(added, |_| true).is_ok() {
-                used.extend(of);
+            if let (true, Of::Start(of)) = (matching.augment(added, |_| true).is_ok(), of) {
+                used.push(of);
             }
         }
         for (k, symbol) in unknowns.iter().enumerate() {
@@ -130,7 +165,8 @@ impl Work {
         if self.has_fault {
             return None;
         }
-        let start = self.start_from(system, &solved, &known, (used, redundant));
+        let mut start = self.start_from(system, &solved, &known, (used, redundant));
+        start.recorded = taken;
         self.check_redundant(&start);
         Some(start)
     }
@@ -175,7 +211,7 @@ impl Work {
                 (symbol, of(self, residual))
             })
             .collect();
-        Start { values, iterated, used, redundant }
+        Start { values, iterated, used, recorded: Vec::new(), redundant }
     }
 
     /// Tells starts that contradict the rest, where that can be known from the text.

@@ -8,7 +8,7 @@ fn told(declarations: &str, equations: &str) -> String {
     let text = format!("model M\n{declarations}\nequation\n{equations}\nend M;\n");
     let flat = Flat::read(&Source::new("m.mo", text), &Options::default()).unwrap_or_else(|faults| panic!("{faults}"));
     match System::new(&flat) {
-        Ok(mut system) => system.start(&[]).map(|_| ()).unwrap_err().to_string(),
+        Ok(mut system) => system.start(&[], &[]).map(|_| ()).unwrap_err().to_string(),
         Err(faults) => faults.to_string(),
     }
 }

@@ -95,7 +95,7 @@ impl Simulator {
             results.extend(&event.conditions);
         }
         let events = system.program(&at_events, &results).unwrap_or_else(|symbol| panic!("{}", system.name(symbol)));
-        let start = system.start(&[]).unwrap_or_else(|faults| panic!("{faults}"));
+        let start = system.start(&[], &[]).unwrap_or_else(|faults| panic!("{faults}"));
         let parameters: Vec<f64> = system.parameters().iter().map(|p| system.parameter_value(*p).unwrap()).collect();
         let periods: Vec<Id> = system.flat().samples.iter().flat_map(|sample| [sample.start, sample.period]).collect();
         let periods = system.program(&system.parameters(), &periods).unwrap().values(&parameters, &no_surface);

@@ -79,16 +79,16 @@ fn the_listing_says_what_was_understood() {
 fn a_given_output_takes_the_place_of_its_start() {
     let mut system = system("two-inertias");
     let speed = system.find("speed").unwrap();
-    let start = system.start(&[speed]).unwrap();
+    let start = system.start(&[speed], &[]).unwrap();
     // The output is another name of the speed of the load, whose own start is fixed: the given value counts.
     let load = start.values.iter().find(|(symbol, _)| system.name(*symbol) == "load.w").unwrap();
     assert_eq!(system.text(load.1), "speed");
     let twist = system.find("shaft.twist").unwrap();
     // Both angles are fixed: whether they agree with the given twist is known when it is.
-    assert_eq!(system.start(&[twist]).unwrap().redundant.len(), 1);
+    assert_eq!(system.start(&[twist], &[]).unwrap().redundant.len(), 1);
     let mut axis = crate::simulator::system("axis");
     let position = axis.find("position").unwrap();
-    let start = axis.start(&[position]).unwrap();
+    let start = axis.start(&[position], &[]).unwrap();
     let of = |name: &str| start.values.iter().find(|(symbol, _)| axis.name(*symbol) == name).map(|(_, id)| axis.text(*id));
     assert_eq!((of("position"), of("speed")), (Some("position".to_string()), Some("0".to_string())));
 }
