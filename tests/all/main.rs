@@ -5,6 +5,7 @@ mod book;
 mod cycles;
 mod documents;
 mod effects;
+mod effects_as_files;
 mod elementary;
 mod firmware;
 mod gradients;

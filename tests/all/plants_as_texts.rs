@@ -97,7 +97,7 @@ fn system(name: &str, file: &PlantFile, more: &[(&str, f64)]) -> System {
 fn the_motor() {
     let file = plant_file("pmac");
     let hooks = Hooks::new(&file, Pmac::STATES);
-    let states = [("i_d", 50.0), ("i_q", 50.0), ("speed", 700.0), ("angle", 3.0)];
+    let states = [("current_d", 50.0), ("current_q", 50.0), ("speed", 700.0), ("angle", 3.0)];
     let inputs = [("v_d", 100.0), ("v_q", 100.0), ("load_torque", 20.0)];
     let mut text = system("pmac", &file, &[]);
     compare(&Pmac::new(&file.parameters, &hooks, false), &hooks, &mut text, &states, &inputs, &["i_d", "i_q", "speed"]);
@@ -128,7 +128,7 @@ fn the_driveline_starts_from_its_road_speed_alone() {
     let file = plant_file("driveline");
     let mut text = system("driveline", &file, &[("gear", 2.0)]);
     let road_speed = text.find("road_speed").unwrap();
-    let start = text.start(&[road_speed]).unwrap_or_else(|faults| panic!("{faults}"));
+    let start = text.start(&[road_speed], &[]).unwrap_or_else(|faults| panic!("{faults}"));
     assert!(start.iterated.is_empty() && start.redundant.is_empty());
     let mut arguments = vec![road_speed, text.find("throttle").unwrap()];
     arguments.extend(text.parameters());

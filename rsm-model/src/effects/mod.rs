@@ -17,7 +17,7 @@ mod terms;
 pub use file::{Effect, Number, Words};
 pub use guesses::{SCALES, Start};
 pub use rewrite::{Delay, Extended, LateReading, Placed, extend};
-pub use shipped::{Catalogue, sites_of};
+pub use shipped::{Catalogue, shipped_file, sites_of};
 pub use site::{Site, SiteKind};
 
 #[cfg(test)]

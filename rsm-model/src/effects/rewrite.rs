@@ -91,6 +91,8 @@ struct Context<'c> {
 
 struct Rewriter {
     flat: Flat,
+    /// The equations, and those of the start, from which on they are the own ones of the effect that is placed: they speak of roles as they were before.
+    own: (usize, usize),
     sites: Vec<Bound>,
     delays: Vec<Delay>,
     late_readings: Vec<LateReading>,
@@ -121,6 +123,7 @@ struct Rewriter {
 pub fn extend(flat: &Flat, sites: &[Site], placed: &[Placed<'_>]) -> Result<Extended, Faults> {
     let mut rewriter = Rewriter {
         flat: flat.clone(),
+        own: (0, 0),
         sites: Vec::new(),
         delays: Vec::new(),
         late_readings: Vec::new(),
@@ -355,6 +358,7 @@ impl Rewriter {
         }
         let label = format!("{}({})", effect.kind, site.name);
         let base = self.flat.add_fragment(&effect.source);
+        self.own = (self.flat.equations.len(), self.flat.initial_equations.len());
         let mut names: HashMap<String, Value> = site.roles.iter().cloned().collect();
         if let Some(time) = self.flat.value_of("time") {
             names.insert("time".to_string(), time);
@@ -801,7 +805,9 @@ impl Rewriter {
         let mut replacement = Replacement::new(replaced.clone());
         let flat = &mut self.flat;
         let pool = &mut flat.pool;
-        for equation in flat.equations.iter_mut().chain(&mut flat.initial_equations) {
+        let (first, first_initial) = if moves { (usize::MAX, usize::MAX) } else { self.own };
+        let (equations, initial) = (&mut flat.equations, &mut flat.initial_equations);
+        for equation in equations.iter_mut().take(first).chain(initial.iter_mut().take(first_initial)) {
             equation.left = replacement.of(pool, equation.left);
             equation.right = replacement.of(pool, equation.right);
             for (left, right) in &mut equation.pairs {

@@ -1,5 +1,7 @@
 //! The catalogue: effects that come with the project, and a user's own.
 
+use std::sync::OnceLock;
+
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_core::toml_reader::{TableReader, parse};
 
@@ -24,10 +26,11 @@ impl Catalogue {
     /// Never: a test reads every file.
     #[must_use]
     pub fn shipped() -> Catalogue {
+        static READ: OnceLock<Vec<Effect>> = OnceLock::new();
         let read = |(name, text): &(&str, &str)| {
             Effect::read(&Source::new(format!("rsm:effects/{name}"), *text)).unwrap_or_else(|faults| panic!("{faults}"))
         };
-        Catalogue { effects: files::EFFECTS.iter().map(read).collect() }
+        Catalogue { effects: READ.get_or_init(|| files::EFFECTS.iter().map(read).collect()).clone() }
     }
 
     /// Adds a user's effects. They have the same rights; a kind that is there already is refused.
@@ -64,14 +67,20 @@ impl Catalogue {
     }
 }
 
+/// The file with the sites of a model that comes with the project, and with what a record decides of it.
+#[must_use]
+pub fn shipped_file(model: &str) -> Option<Source> {
+    let (name, text) = files::SITES.iter().find(|(name, _)| *name == model)?;
+    Some(Source::new(format!("rsm:sites/{name}"), *text))
+}
+
 /// The sites of a model that comes with the project.
 ///
 /// # Panics
 /// Never: a test reads every file.
 #[must_use]
 pub fn sites_of(model: &str) -> Vec<Site> {
-    let Some((name, text)) = files::SITES.iter().find(|(name, _)| *name == model) else { return Vec::new() };
-    let source = Source::new(format!("rsm:sites/{name}"), *text);
+    let Some(source) = shipped_file(model) else { return Vec::new() };
     let mut faults = Collector::new();
     let sites = parse(&source, &mut faults).map_or_else(Vec::new, |document| {
         let mut top = TableReader::document(&source, &document);

@@ -23,15 +23,26 @@ pub(super) fn symbol_of(flat: &Flat, id: Id) -> Option<Symbol> {
     }
 }
 
-/// The one equation that has the symbol alone on a side, and not on the other.
+/// The equation that gives a symbol: it has the symbol alone on a side, and not on the other. One that only says that two symbols are equal gives it only where no other does; of several the
+/// one with the symbol on the left. `None` where none does, or it is not clear which.
 pub(super) fn definition(flat: &Flat, symbol: Symbol) -> Option<usize> {
-    let gives = |it: &crate::flat::Equation| {
+    let rank = |it: &crate::flat::Equation| {
         let alone = |side: Id, other: Id| symbol_of(flat, side) == Some(symbol) && !flat.pool.symbols(other).contains(&symbol);
-        it.pairs.is_empty() && (alone(it.left, it.right) || alone(it.right, it.left))
+        let is_alias = symbol_of(flat, it.left).is_some() && symbol_of(flat, it.right).is_some();
+        match (it.pairs.is_empty(), alone(it.left, it.right), alone(it.right, it.left)) {
+            (true, true, _) => Some((is_alias, false)),
+            (true, _, true) => Some((is_alias, true)),
+            _ => None,
+        }
     };
-    let mut found = flat.equations.iter().enumerate().filter(|(_, it)| gives(it)).map(|(k, _)| k);
-    let first = found.next()?;
-    found.next().is_none().then_some(first)
+    let mut found: Vec<((bool, bool), usize)> =
+        flat.equations.iter().enumerate().filter_map(|(k, it)| rank(it).map(|rank| (rank, k))).collect();
+    found.sort_unstable();
+    match found[..] {
+        [] => None,
+        [(_, first)] => Some(first),
+        [(best, first), (next, _), ..] => (best != next).then_some(first),
+    }
 }
 
 /// The other side of the equation that gives a symbol.
@@ -83,7 +94,8 @@ fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>, depth:
             let gives_other = [left, right].into_iter().any(|side| {
                 symbol_of(flat, side).is_some_and(|it| it != derivative && flat.variable(it).role == Role::Unknown)
             });
-            if !gives_other && (of_inertia.is_empty() || of_inertia.iter().any(|it| own.contains(it))) {
+            let is_number = |it: &Symbol| matches!(flat.variable(*it).role, Role::Parameter | Role::Constant);
+            if !gives_other && (of_inertia.is_empty() || of_inertia.iter().any(|it| is_number(it) && own.contains(it))) {
                 possible.push((k, factor));
             }
         }

@@ -87,3 +87,112 @@ fn every_guess_of_every_effect_has_a_value() {
         }
     }
 }
+
+/// An effect with its place and its numbers.
+type Wanted<'w> = (&'w str, Option<&'w str>, &'w [(&'w str, f64)]);
+
+/// The rate of a state after effects, as text.
+fn rate(text: &str, sites: &str, effects: &[Wanted<'_>], state: &str) -> String {
+    let flat = Flat::read(&Source::new("m.mo", text), &Options::default()).unwrap();
+    let file = Source::new("plant.toml", sites);
+    let mut faults = rsm_core::source::Collector::new();
+    let document = rsm_core::toml_reader::parse(&file, &mut faults).unwrap();
+    let mut top = rsm_core::toml_reader::TableReader::document(&file, &document);
+    let sites = top.optional("sites").map_or_else(Vec::new, |it| super::Site::read_all(&file, it, &mut faults));
+    faults.finish(Some(())).unwrap();
+    let catalogue = Catalogue::shipped();
+    let placed: Vec<Placed<'_>> = effects
+        .iter()
+        .map(|(kind, at, numbers)| Placed {
+            effect: catalogue.find(kind).unwrap(),
+            at: at.map(str::to_string),
+            numbers: numbers.iter().map(|(name, value)| ((*name).to_string(), *value)).collect(),
+            source: file.clone(),
+            place: 0..0,
+        })
+        .collect();
+    let extended = extend(&flat, &sites, &placed).unwrap_or_else(|faults| panic!("{faults}"));
+    let system = System::new(&extended.flat).unwrap_or_else(|faults| panic!("{faults}"));
+    let place = system.states().iter().position(|it| system.name(*it) == state).unwrap();
+    system.text(system.rates()[place])
+}
+
+#[test]
+fn a_balance_takes_an_effort_in_whatever_form_it_is_written() {
+    let text = |law: &str| {
+        format!(
+            "model M\n  parameter Real m = 2;\n  input Real u;\n  output Real v;\n  Real x;\nequation\n  {law};\n  der(x) = v;\nend M;\n"
+        )
+    };
+    let site = "[sites.body]\nkind = \"translation\"\nposition = \"x\"\nspeed = \"v\"\ninertia = \"m\"\n";
+    let load: [Wanted<'_>; 1] = [("constant-load", None, &[("force", 3.0)])];
+    let force = "constant-load(body).force";
+    for (law, wanted) in [
+        ("m*der(v) = u", format!("(u - {force})/m")),
+        ("u = m*der(v)", format!("-({force} - u)/m")),
+        ("der(v) = u/m", format!("u/m - 1/m*{force}")),
+        ("0 = u - m*der(v)", format!("(u - {force})/m")),
+    ] {
+        let found = rate(&text(law), site, &load, "v");
+        let same = |text: &str| text.replace(['(', ')', ' '], "");
+        assert_eq!(same(&found), same(&wanted), "{law}");
+    }
+}
+
+#[test]
+fn effects_on_an_input_act_in_the_order_of_the_file() {
+    let text = "model M\n  input Real u;\n  output Real y;\nequation\n  der(y) = u;\nend M;\n";
+    let gain: Wanted<'_> = ("input-gain", Some("u"), &[("gain", 2.0)]);
+    let bias: Wanted<'_> = ("input-bias", Some("u"), &[("bias", 1.0)]);
+    assert_eq!(rate(text, "", &[gain, bias], "y"), "input-gain(u).gain*u + input-bias(u).bias");
+    assert_eq!(rate(text, "", &[bias, gain], "y"), "input-gain(u).gain*(u + input-bias(u).bias)");
+}
+
+#[test]
+fn a_loop_does_not_see_what_a_sensor_makes_of_its_output() {
+    // The law of motion goes on with the truth; only what is read changes.
+    let text = "model M\n  input Real u;\n  output Real y;\nequation\n  der(y) = u - y;\nend M;\n";
+    let found = rate(text, "", &[("sensor-gain", Some("y"), &[("gain", 2.0)])], "y (true)");
+    assert_eq!(found, "u - y (true)");
+}
+
+#[test]
+fn what_cannot_stand_somewhere_says_why() {
+    let text = "model M\n  parameter Real m = 2;\n  input Real u;\n  output Real v;\n  Real x;\nequation\n  m*der(v) = u;\n  der(x) = 2*v;\nend M;\n";
+    let flat = Flat::read(&Source::new("m.mo", text), &Options::default()).unwrap();
+    let told = |sites: &str, kind: &str, at: Option<&str>, numbers: &[(&str, f64)]| {
+        let file = Source::new("plant.toml", sites);
+        let mut faults = rsm_core::source::Collector::new();
+        let document = rsm_core::toml_reader::parse(&file, &mut faults).unwrap();
+        let mut top = rsm_core::toml_reader::TableReader::document(&file, &document);
+        let sites = top.optional("sites").map_or_else(Vec::new, |it| super::Site::read_all(&file, it, &mut faults));
+        if let Err(faults) = faults.finish(Some(())) {
+            return faults.to_string();
+        }
+        let catalogue = Catalogue::shipped();
+        let placed = Placed {
+            effect: catalogue.find(kind).unwrap(),
+            at: at.map(str::to_string),
+            numbers: numbers.iter().map(|(name, value)| ((*name).to_string(), *value)).collect(),
+            source: file.clone(),
+            place: 0..0,
+        };
+        extend(&flat, &sites, &[placed]).unwrap_err().to_string()
+    };
+    let body = |more: &str| format!("[sites.body]\nkind = \"translation\"\n{more}");
+    let friction: Wanted<'_> = ("coulomb-friction", None, &[("force", 1.0)]);
+    for (sites, (kind, at, numbers), wanted) in [
+        (body("position = \"x\"\nspeed = \"v\"\n"), friction, "plant.toml:1:1: [sites.body]: `inertia` is missing"),
+        (body("position = \"x\"\nspeed = \"w\"\ninertia = \"m\"\n"), friction, "plant.toml:4:10: `w` is not declared"),
+        (body("position = \"x\"\nspeed = \"v\"\ninertia = \"m\"\n"), friction, "`v` is not the derivative of `x`"),
+        (body("position = \"x\"\nspeed = \"v\"\ninertia = \"u\"\n"), friction, "no equation holds `der(v)` together with `u`"),
+        (String::new(), friction, "it needs a rotation or translation"),
+        (String::new(), ("input-gain", Some("w"), &[("gain", 1.0)]), "it can stand at `u`"),
+        (String::new(), ("input-gain", Some("u"), &[("gian", 1.0)]), "its numbers there are `gain`"),
+        (String::new(), ("input-gain", Some("u"), &[]), "`gain` is missing"),
+        (String::new(), ("sensor-lag", Some("v"), &[("time_constant", 0.0)]), "found 0, expected a number above 0"),
+    ] {
+        let found = told(&sites, kind, at, numbers);
+        assert!(found.contains(wanted), "{found}\nwanted {wanted}");
+    }
+}

@@ -55,10 +55,11 @@ pub(super) fn flat(text: &tree::Text, source: &Source, options: &Options, faults
     for (declaration, resolved) in &all {
         let _: Option<()> = translator.attributes(declaration, resolved);
     }
+    // Before the equations: a condition of parameters may choose among them.
+    translator.override_parameters(options);
     translator.write_out(&model.equations, false, &mut written);
     let mut initial = Written::default();
     translator.write_out(&model.initial_equations, true, &mut initial);
-    translator.override_parameters(options);
     translator.require_values();
     written.checks.append(&mut initial.checks);
     Some(Flat {

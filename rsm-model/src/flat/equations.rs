@@ -124,7 +124,14 @@ impl Translator<'_> {
         let bodies: Option<Vec<Vec<Equation>>> = bodies.into_iter().collect();
         let (conditions, mut bodies) = (conditions?, bodies?);
         let count = bodies[0].len();
-        if bodies.iter().any(|body| body.len() != count) {
+        // A condition of Boolean parameters alone says which equations the plant has: other states, perhaps.
+        let is_choice = conditions.iter().all(|condition| {
+            let symbols = self.pool.symbols(*condition);
+            let of = |symbol: &Symbol| &self.variables[symbol.0 as usize];
+            symbols.iter().all(|it| of(it).role == Role::Parameter && of(it).basic == Basic::Boolean)
+                && super::known::known(&self.pool, &self.variables, *condition).is_some()
+        });
+        if is_choice || bodies.iter().any(|body| body.len() != count) {
             // Branches of different lengths: one of them is the system, once and for all.
             let mut chosen = bodies.len() - 1;
             for (k, condition) in conditions.iter().enumerate() {

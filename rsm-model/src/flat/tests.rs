@@ -75,10 +75,7 @@ fn if_equations_have_as_many_equations_as_a_branch() {
         "if x > 1 then x = 2; y = 3; else y = 4; x = time; end if; if on then v = 0; else i = 0; end if; if on then v = i; end if;",
     )
     .unwrap();
-    assert_eq!(
-        lines(&flat),
-        ["y = if 1 < x then 3 else 4", "x = if 1 < x then 2 else time", "if on then v else i = 0", "v = i",]
-    );
+    assert_eq!(lines(&flat), ["y = if 1 < x then 3 else 4", "x = if 1 < x then 2 else time", "v = 0", "v = i",]);
     assert!(flat.variable(flat.find("on").unwrap()).is_structural);
 }
 
@@ -172,4 +169,18 @@ fn endless_calls_and_sizes_are_faults() {
     assert!(told.contains("the size is 1000000000"), "{told}");
     let told = model("parameter Integer a = b; parameter Integer b = a; Real x[a];", "").unwrap_err();
     assert!(told.contains("known while the text is read"), "{told}");
+}
+
+#[test]
+fn a_parameter_from_outside_chooses_the_equations() {
+    let text = "model M\n  parameter Boolean holds = false;\n  output Real x;\n  Real y;\nequation\n  if holds then\n    x = 0.0;\n  else\n    y = 1.0;\n  \
+                end if;\n  der(x) = y;\nend M;\n";
+    let lines = |holds: f64| {
+        let options = Options { model: None, parameters: vec![("holds".to_string(), holds)] };
+        let flat = Flat::read(&Source::new("m.mo", text), &options).unwrap();
+        let sides = |it: &Equation| format!("{} = {}", flat.text(it.left), flat.text(it.right));
+        flat.equations.iter().map(sides).collect::<Vec<_>>()
+    };
+    assert_eq!(lines(0.0), ["y = 1", "der(x) = y"]);
+    assert_eq!(lines(1.0), ["x = 0", "der(x) = y"]);
 }

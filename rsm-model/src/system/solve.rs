@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use crate::expression::{Derivative, Id, Replacement, Symbol};
+use crate::expression::{Binary, Derivative, Id, Node, Replacement, Symbol, Unary};
 use crate::flat::{Basic, Role};
 
 use super::index::listed;
@@ -74,7 +74,8 @@ impl Work {
             return;
         }
         let slope = Derivative::by(&mut self.flat.pool, unknown).of(&mut self.flat.pool, equation.residual);
-        let depends = self.flat.pool.symbols(slope).binary_search(&unknown).is_ok();
+        let depends =
+            self.flat.pool.symbols(slope).binary_search(&unknown).is_ok() || self.jumps(equation.residual, &[unknown]);
         if self.flat.pool.is_number(slope, 0.0) {
             self.singular(equations, &[(0, unknown)]);
             return;
@@ -114,7 +115,8 @@ impl Work {
         let is_linear = jacobian
             .iter()
             .flatten()
-            .all(|entry| self.flat.pool.symbols(*entry).iter().all(|symbol| !unknowns.contains(symbol)));
+            .all(|entry| self.flat.pool.symbols(*entry).iter().all(|symbol| !unknowns.contains(symbol)))
+            && !block.iter().any(|(equation, _)| self.jumps(equations[*equation].residual, &unknowns));
         if !is_linear {
             self.newton(equations, block, &jacobian, solved);
             return;
@@ -135,6 +137,17 @@ impl Work {
             }
             None => self.singular(equations, block),
         }
+    }
+
+    /// Whether an expression holds a part that is constant between jumps, as a sign, of some symbols: its derivative says nothing of it.
+    fn jumps(&self, id: Id, symbols: &[Symbol]) -> bool {
+        let pool = &self.flat.pool;
+        let depends = |id: Id| pool.symbols(id).iter().any(|it| symbols.contains(it));
+        pool.reachable(&[id]).into_iter().any(|id| match pool.node(id) {
+            Node::Unary(Unary::Sign | Unary::Floor | Unary::Not, a) => depends(a),
+            Node::Binary(Binary::Less | Binary::LessNow | Binary::And | Binary::Or, a, b) => depends(a) || depends(b),
+            _ => false,
+        })
     }
 
     fn newton(&mut self, equations: &[Residual], block: &[(usize, Symbol)], jacobian: &[Vec<Id>], solved: &mut Solved) {
@@ -182,5 +195,23 @@ fn type_word(basic: Basic) -> &'static str {
         Basic::Real => "Real",
         Basic::Integer => "Integer",
         Basic::Boolean => "Boolean",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rsm_core::source::Source;
+
+    use super::super::{Method, System};
+    use crate::flat::{Flat, Options};
+
+    #[test]
+    fn an_equation_that_jumps_in_its_unknown_is_not_linear_in_it() {
+        for law in ["y + sign(y) = 3*u", "y + floor(y) = u", "y + (if noEvent(y > 0) then 1 else 0) = u"] {
+            let text = format!("model M\n  input Real u;\n  output Real y;\nequation\n  {law};\nend M;\n");
+            let flat = Flat::read(&Source::new("m.mo", text), &Options::default()).unwrap();
+            let system = System::new(&flat).unwrap_or_else(|faults| panic!("{law}: {faults}"));
+            assert_eq!(system.blocks()[0].method, Method::Newton, "{law}");
+        }
     }
 }

@@ -6,6 +6,7 @@
 use std::fmt;
 
 use super::fixed;
+use super::late::Late;
 use super::machine::{Happening, Machine, Point};
 use super::methods::{self, Linear, Stepped};
 
@@ -141,6 +142,7 @@ struct Run<'m> {
     step: f64,
     is_stiff: bool,
     row: usize,
+    late: Late<'m>,
 }
 
 /// Runs a machine from its start along inputs. By output: its value at every row.
@@ -152,6 +154,10 @@ struct Run<'m> {
 /// When an input has fewer rows than the time.
 pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting) -> Result<Vec<Vec<f64>>, Stopped> {
     if let Method::Fixed { step } = setting.method {
+        if !machine.followers().is_empty() || !machine.late_readings().is_empty() {
+            let what = "an effect delays a signal, and fixed steps know no delays: leave --fixed-step out";
+            return Err(Stopped::Step(what.to_string()));
+        }
         return fixed::run(machine, &start, inputs, step);
     }
     let n = start.states.len();
@@ -166,6 +172,7 @@ pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting
         is_stiff: setting.method == Method::Stiff,
         row: 0,
         point: start,
+        late: Late::new(machine, inputs.time, period),
     };
     run.conditions = run.happening(&[], &[]).branches.into_iter().map(|it| it.conditions).collect();
     let names = machine.outputs();
@@ -175,9 +182,12 @@ pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting
         if row > 0 {
             run.reach(inputs.time[row])?;
         }
-        run.point.inputs = inputs.at(row);
-        run.happen()?;
+        let values = inputs.at(row);
+        run.point.inputs[..values.len()].copy_from_slice(&values);
+        run.late.exchange(&mut run.point);
+        run.happen_and_send()?;
         let found = machine.look(&run.point).outputs;
+        run.late.read(run.point.time, &found);
         for ((list, value), (name, _)) in outputs.iter_mut().zip(found).zip(&names) {
             if !value.is_finite() {
                 return Err(Stopped::NotFinite { row, name: name.clone() });
@@ -185,6 +195,7 @@ pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting
             list.push(value);
         }
     }
+    run.late.finish(&mut outputs);
     Ok(outputs)
 }
 
@@ -194,7 +205,19 @@ impl Run<'_> {
         let (mut steps, mut events) = (0, 0);
         while self.point.time < end {
             let (due, next) = self.next_sample(end);
-            let is_event = self.advance(next, &mut steps)?;
+            let coming = self.late.next(self.point.time, next);
+            let is_event = self.advance(coming.unwrap_or(next), &mut steps)?;
+            if coming.is_some_and(|it| self.point.time >= it) {
+                let changed = self.late.exchange(&mut self.point);
+                if self.late.is_read(self.point.time) {
+                    let found = self.machine.look(&self.point).outputs;
+                    self.late.read(self.point.time, &found);
+                }
+                if changed {
+                    self.happen_and_send()?;
+                }
+                continue;
+            }
             let is_due = due && self.point.time >= next;
             if is_event || is_due {
                 events += 1;
@@ -202,11 +225,17 @@ impl Run<'_> {
                     return Err(Stopped::TooManyEvents { row: self.row });
                 }
                 if self.point.time < end || is_event {
-                    self.happen()?;
+                    self.happen_and_send()?;
                 }
             }
         }
         Ok(())
+    }
+
+    /// Lets happen what is due, and sends on what it changed.
+    fn happen_and_send(&mut self) -> Result<(), Stopped> {
+        self.happen()?;
+        if self.late.exchange(&mut self.point) { self.happen() } else { Ok(()) }
     }
 
     /// The next instant of a `sample` up to an end, or the end.

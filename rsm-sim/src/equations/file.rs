@@ -18,14 +18,22 @@
 //! [functions]                   # functions that the text declares without an algorithm
 //! engine_map = { model = "engine.toml", surface = "torque" }
 //! ```
+//!
+//! Sites, effects and what a record decides: [`super::extended`].
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use rsm_core::check::Checked;
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, parse};
-use rsm_model::flat::{Basic, Flat, Options};
+use rsm_fit::table::{Table, Wanted};
+use rsm_model::effects::{Catalogue, Delay, LateReading, Site, extend, sites_of};
+use rsm_model::expression::Symbol;
+use rsm_model::flat::{Basic, Flat, Options, Role};
 use rsm_model::system::System;
+
+use super::extended::{self, Decided, Entry, Rules};
 
 /// A number that a plant file gives a name of the text.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +71,7 @@ pub struct Function {
 pub struct EquationFile {
     /// The plant file, as messages speak of it.
     pub file: String,
-    /// The equations, with the parameters of this file.
+    /// The equations, with the parameters of this file and its effects.
     pub system: System,
     /// `[parameters]`.
     pub parameters: Vec<Given>,
@@ -77,6 +85,32 @@ pub struct EquationFile {
     pub columns: Vec<Column>,
     /// `[functions]`, in the order in which the text calls them.
     pub functions: Vec<Function>,
+    /// `[sites]`: those of the file, and those that come with a shipped text.
+    pub sites: Vec<Site>,
+    /// `[[effects]]`.
+    pub effects: Vec<Entry>,
+    /// `[record]`.
+    pub rules: Rules,
+    /// Signals that effects delay.
+    pub(super) delays: Vec<Delay>,
+    /// Outputs that effects read late.
+    pub(super) late_readings: Vec<LateReading>,
+    /// Outputs whose first reading counts as that of another variable.
+    pub(super) read_of: Vec<(Symbol, Symbol)>,
+    /// Where each effect stands, and the parameters that hold its numbers.
+    pub(super) placed: Vec<(String, Vec<(String, Symbol)>)>,
+    /// What the record decided.
+    pub(super) decided: Decided,
+    origin: Origin,
+}
+
+/// What a file is built of again when a record decides a parameter, or an effect is added.
+#[derive(Debug, Clone)]
+struct Origin {
+    source: Source,
+    text: Source,
+    model: Option<String>,
+    catalogue: Arc<Catalogue>,
 }
 
 /// The format of a plant file, where it can be read: 1 names one of the plants that are built in, 2 names a text of equations.
@@ -88,7 +122,7 @@ pub fn format(source: &Source) -> Option<i64> {
 }
 
 /// A name with the place where it stands.
-struct Entry {
+struct Named {
     given: Given,
     place: Range<usize>,
 }
@@ -99,6 +133,18 @@ impl EquationFile {
     /// # Errors
     /// Every fault of the plant file; those of the text, of a surface.
     pub fn read(source: &Source, open: &dyn Fn(&str) -> Result<Source, Faults>) -> Result<EquationFile, Faults> {
+        Self::read_with(source, open, &Arc::new(Catalogue::shipped()))
+    }
+
+    /// The same with another catalogue of effects: the shipped one with a user's own in it.
+    ///
+    /// # Errors
+    /// Those of [`EquationFile::read`].
+    pub fn read_with(
+        source: &Source,
+        open: &dyn Fn(&str) -> Result<Source, Faults>,
+        catalogue: &Arc<Catalogue>,
+    ) -> Result<EquationFile, Faults> {
         let mut faults = Collector::new();
         let Some(document) = parse(source, &mut faults) else { return faults.finish(None) };
         let mut top = TableReader::document(source, &document);
@@ -112,15 +158,12 @@ impl EquationFile {
         let initial = numbers(&mut top, "initial", true, &mut faults);
         let columns = columns(&mut top, &mut faults);
         let functions = functions(&mut top, &mut faults);
-        for (key, what) in [
-            ("sites", "effects on a plant of equations are not simulated yet"),
-            ("effects", "effects on a plant of equations are not simulated yet"),
-            ("record", "parameters that a record sets are not read yet"),
-        ] {
-            if let Some(value) = top.optional(key) {
-                faults.push(source.fault(value.span(), format!("`{key}`: {what}")).help("take it out of the file"));
-            }
-        }
+        let own_sites = match top.optional("sites") {
+            Some(value) => Site::read_all(source, value, &mut faults),
+            None => Vec::new(),
+        };
+        let effects = extended::effects(&mut top, &mut faults);
+        let rules = extended::rules(&mut top, &mut faults);
         top.finish(&mut faults);
         let Some(model) = faults.finish(Some(model))? else { unreachable!("a missing model is a fault") };
         let (file, name) = model.split_once('#').map_or((model.as_str(), None), |(file, name)| (file, Some(name.to_string())));
@@ -138,15 +181,18 @@ impl EquationFile {
         let known = |wanted: &dyn Fn(&rsm_model::flat::Variable) -> bool| -> Vec<String> {
             plain.symbols().map(|it| plain.variable(it)).filter(|it| wanted(it)).map(|it| it.name.clone()).collect()
         };
-        let is_parameter = |it: &rsm_model::flat::Variable| it.role == rsm_model::flat::Role::Parameter;
+        let is_parameter = |it: &rsm_model::flat::Variable| it.role == Role::Parameter;
         let names = known(&is_parameter);
         check(source, "parameters", &parameters, &names, "parameter", &mut faults);
         check(source, "tolerance", &tolerance, &names, "parameter", &mut faults);
         let outputs = known(&|it| it.is_output);
         check(source, "noise", &noise, &outputs, "output", &mut faults);
-        let free = known(&|it| it.role == rsm_model::flat::Role::Unknown && it.basic == Basic::Real);
+        for rule in &rules.parameters {
+            unknown(source, "record", &rule.parameter, &rule.place, &names, "parameter", &mut faults);
+        }
+        let free = known(&|it| it.role == Role::Unknown && it.basic == Basic::Real);
         check(source, "initial", &initial, &free, "variable", &mut faults);
-        let signals = known(&|it| it.is_output || it.role == rsm_model::flat::Role::Input);
+        let signals = known(&|it| it.is_output || it.role == Role::Input);
         for (column, place) in &columns {
             unknown(source, "columns", &column.signal, place, &signals, "input or output", &mut faults);
         }
@@ -168,20 +214,121 @@ impl EquationFile {
             .filter_map(|surface| functions.iter().find(|it| it.name == surface.name).map(|it| (surface, it)))
             .map(|(surface, it)| it.read(surface, source, open))
             .collect::<Result<Vec<Function>, Faults>>()?;
-        let plain = |list: Vec<Entry>| -> Vec<Given> { list.into_iter().map(|it| it.given).collect() };
-        let parameters = plain(parameters);
-        let options = Options { model: name, parameters: parameters.iter().map(|it| (it.name.clone(), it.value)).collect() };
-        let system = System::new(&Flat::read(&text, &options)?)?;
-        Ok(EquationFile {
+        let plain_numbers = |list: Vec<Named>| -> Vec<Given> { list.into_iter().map(|it| it.given).collect() };
+        let is_shipped = file.starts_with("rsm:");
+        let mut sites = if is_shipped { sites_of(&plain.name) } else { Vec::new() };
+        sites.retain(|it| !own_sites.iter().any(|own| own.name == it.name));
+        sites.extend(own_sites);
+        let mut rules = rules;
+        if is_shipped {
+            let shipped = shipped_rules(&plain.name);
+            rules.parameters.extend(
+                shipped
+                    .parameters
+                    .into_iter()
+                    .filter(|it| !rules.parameters.iter().any(|own| own.parameter == it.parameter))
+                    .collect::<Vec<_>>(),
+            );
+            if rules.start.is_empty() {
+                rules.start = shipped.start;
+            }
+        }
+        let parts = EquationFile {
             file: source.name().to_string(),
-            system,
-            parameters,
-            tolerance: plain(tolerance),
-            noise: plain(noise),
-            initial: plain(initial),
+            system: System::new(&Flat::read(&Source::new("", "model None\nend None;\n"), &Options::default())?)?,
+            parameters: plain_numbers(parameters),
+            tolerance: plain_numbers(tolerance),
+            noise: plain_numbers(noise),
+            initial: plain_numbers(initial),
             columns: columns.into_iter().map(|it| it.0).collect(),
             functions,
-        })
+            sites,
+            effects,
+            rules,
+            delays: Vec::new(),
+            late_readings: Vec::new(),
+            read_of: Vec::new(),
+            placed: Vec::new(),
+            decided: Decided::default(),
+            origin: Origin { source: source.clone(), text, model: name, catalogue: catalogue.clone() },
+        };
+        parts.built()
+    }
+
+    /// The file with its equations made again: of the text, its parameters, what a record decided, and the effects.
+    fn built(mut self) -> Result<EquationFile, Faults> {
+        let mut parameters: Vec<(String, f64)> = self.parameters.iter().map(|it| (it.name.clone(), it.value)).collect();
+        for (name, value) in &self.decided.parameters {
+            parameters.retain(|it| it.0 != *name);
+            parameters.push((name.clone(), *value));
+        }
+        let Origin { source, text, model, catalogue } = &self.origin;
+        let flat = Flat::read(text, &Options { model: model.clone(), parameters })?;
+        if self.effects.is_empty() && self.sites.is_empty() {
+            self.system = System::new(&flat)?;
+            return Ok(self);
+        }
+        let placed = extended::placed(source, &self.effects, catalogue)?;
+        let extended = extend(&flat, &self.sites, &placed)?;
+        self.system = System::new(&extended.flat)?;
+        self.delays = extended.delays;
+        self.late_readings = extended.late_readings;
+        self.read_of = extended.read_of;
+        self.placed = extended.placed;
+        Ok(self)
+    }
+
+    /// The file with further effects behind its own.
+    ///
+    /// # Errors
+    /// An effect that cannot stand where it is placed.
+    pub fn with_effects(&self, more: &[Entry]) -> Result<EquationFile, Faults> {
+        let mut file = self.clone();
+        file.effects.extend_from_slice(more);
+        file.built()
+    }
+
+    /// The file as a record decides it: parameters that its columns give or that their absence says, and its sample period where the text has a parameter `record_period`.
+    ///
+    /// # Errors
+    /// A column that is not constant; a record that is none.
+    pub fn of_record(&self, record: &Source) -> Result<EquationFile, Faults> {
+        self.of_table(&|wanted| Table::read(record, wanted))
+    }
+
+    /// The same of columns in memory.
+    ///
+    /// # Errors
+    /// Those of [`EquationFile::of_record`].
+    pub fn of_columns(&self, columns: &[(&str, &[f64])]) -> Result<EquationFile, Faults> {
+        self.of_table(&|wanted| Table::in_memory("record in memory", columns, wanted))
+    }
+
+    fn of_table(&self, open: &dyn Fn(&Wanted) -> Result<Table, Faults>) -> Result<EquationFile, Faults> {
+        let mut decided = self.rules.decided(open, &|it| self.column(it).0.to_string())?;
+        let is_given = self.parameters.iter().any(|it| it.name == PERIOD);
+        let flat = self.system.flat();
+        let asks = flat.find(PERIOD).is_some_and(|it| flat.variable(it).role == Role::Parameter);
+        if asks && !is_given {
+            let name = self.column("time").0.to_string();
+            let table = open(&Wanted { numbers: vec![name.clone()], ..Wanted::default() })?;
+            let time = table.column(&name).map(|it| it.values.as_slice()).unwrap_or_default();
+            if let [first, .., last] = time {
+                decided.parameters.push((PERIOD.to_string(), (last - first) / (time.len() - 1) as f64));
+            }
+        }
+        if decided == self.decided {
+            return Ok(self.clone());
+        }
+        let mut file = self.clone();
+        file.decided = decided;
+        file.built()
+    }
+
+    /// Where each effect stands.
+    #[must_use]
+    pub fn places(&self) -> Vec<&str> {
+        self.placed.iter().map(|it| it.0.as_str()).collect()
     }
 
     /// A text alone: its own numbers, no tolerances, no noise.
@@ -190,6 +337,8 @@ impl EquationFile {
     /// Those of the text; a function without an algorithm, which only a plant file can name a surface for.
     pub fn of_text(text: &Source) -> Result<EquationFile, Faults> {
         let system = System::new(&Flat::read(text, &Options::default())?)?;
+        let origin =
+            Origin { source: text.clone(), text: text.clone(), model: None, catalogue: Arc::new(Catalogue::shipped()) };
         if let Some(surface) = system.flat().surfaces.first() {
             let what = format!("the function `{}` has no algorithm", surface.name);
             let help = "write a plant file (`format = 2`) that names a response surface for it under [functions]";
@@ -204,6 +353,15 @@ impl EquationFile {
             initial: Vec::new(),
             columns: Vec::new(),
             functions: Vec::new(),
+            sites: Vec::new(),
+            effects: Vec::new(),
+            rules: Rules::default(),
+            delays: Vec::new(),
+            late_readings: Vec::new(),
+            read_of: Vec::new(),
+            placed: Vec::new(),
+            decided: Decided::default(),
+            origin,
         })
     }
 
@@ -217,8 +375,20 @@ impl EquationFile {
     }
 }
 
+/// The parameter that a record sets to its sample period, where the text has it.
+const PERIOD: &str = "record_period";
+
+/// What a record decides of a text that comes with the project.
+fn shipped_rules(model: &str) -> Rules {
+    let Some(source) = rsm_model::effects::shipped_file(model) else { return Rules::default() };
+    let mut faults = Collector::new();
+    let rules = parse(&source, &mut faults)
+        .map(|document| extended::rules(&mut TableReader::document(&source, &document), &mut faults));
+    rules.unwrap_or_default()
+}
+
 /// A table of numbers by names of the text. Negative ones only where they may be.
-fn numbers(top: &mut TableReader<'_>, key: &'static str, any: bool, faults: &mut Collector) -> Vec<Entry> {
+fn numbers(top: &mut TableReader<'_>, key: &'static str, any: bool, faults: &mut Collector) -> Vec<Named> {
     let source = top.source();
     let Some(value) = top.optional(key) else { return Vec::new() };
     let Some(table) = TableReader::of(source, value, format!("[{key}]"), faults) else { return Vec::new() };
@@ -234,7 +404,7 @@ fn numbers(top: &mut TableReader<'_>, key: &'static str, any: bool, faults: &mut
                     table.fault(value.span(), format!("`{name}`: found {number}, expected a number that is not negative")),
                 );
             }
-            Some(value) => list.push(Entry { given: Given { name: name.to_string(), value }, place }),
+            Some(value) => list.push(Named { given: Given { name: name.to_string(), value }, place }),
             None => {}
         }
     }
@@ -262,14 +432,14 @@ fn columns(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<(Column, Ra
 }
 
 /// A function as the file names it.
-struct Named {
+struct NamedFunction {
     name: String,
     place: Range<usize>,
     model: String,
     surface: String,
 }
 
-fn functions(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<Named> {
+fn functions(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<NamedFunction> {
     let source = top.source();
     let Some(value) = top.optional("functions") else { return Vec::new() };
     let Some(table) = TableReader::of(source, value, "[functions]", faults) else { return Vec::new() };
@@ -279,13 +449,13 @@ fn functions(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<Named> {
         let (model, surface) = (inner.text("model", faults), inner.text("surface", faults));
         inner.finish(faults);
         if let Some((model, surface)) = model.zip(surface) {
-            list.push(Named { name: name.to_string(), place, model, surface });
+            list.push(NamedFunction { name: name.to_string(), place, model, surface });
         }
     }
     list
 }
 
-impl Named {
+impl NamedFunction {
     /// The surface that it names, if it takes as many arguments as the text gives.
     fn read(
         &self,
@@ -309,7 +479,7 @@ impl Named {
     }
 }
 
-fn check(source: &Source, table: &str, list: &[Entry], known: &[String], what: &str, faults: &mut Collector) {
+fn check(source: &Source, table: &str, list: &[Named], known: &[String], what: &str, faults: &mut Collector) {
     for it in list {
         unknown(source, table, &it.given.name, &it.place, known, what, faults);
     }

@@ -68,6 +68,12 @@ pub struct Machine {
     /// The first instant and the period of each `sample`, in s.
     samples: Vec<(f64, f64)>,
     outputs: Vec<Symbol>,
+    /// Inputs that follow other signals; they stand behind those of a record.
+    followers: Vec<Follower>,
+    /// Outputs that are read late, by place, and by how much in s.
+    late_readings: Vec<(usize, f64)>,
+    /// Outputs whose first reading says something of the start, and the variable of which it says it; the surest first.
+    starting: Vec<(usize, String)>,
     /// The places of states that a branch restarts.
     restarted: Vec<Vec<usize>>,
 }
@@ -88,6 +94,25 @@ impl Computed {
         Interpreter::<f64>::new(tape).eval_all(arguments, &mut results);
         results
     }
+}
+
+/// The signal that a late input follows.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Followed {
+    /// Another input, by place.
+    Input(usize),
+    /// What is kept from event to event, by place.
+    Memory(usize),
+}
+
+/// An input that follows a signal.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Follower {
+    /// Its place among all inputs.
+    pub input: usize,
+    pub of: Followed,
+    /// By how much it is late, in s.
+    pub delay: f64,
 }
 
 /// Surfaces that stand for functions, in the order of the text.
@@ -181,6 +206,9 @@ impl Machine {
             samples: Vec::new(),
             functions,
             outputs,
+            followers: Vec::new(),
+            late_readings: Vec::new(),
+            starting: Vec::new(),
             restarted,
             parameters,
             system,
@@ -192,7 +220,49 @@ impl Machine {
             let what = format!("`sample`: found a period of {period} s, expected a positive one");
             return Err(Faults::one(Fault::whole_file(&file.file, what)));
         }
+        machine.take_delays(file)?;
+        machine.starting = starting(file, &mut machine.system, &machine.outputs);
         Ok(machine)
+    }
+
+    /// Delays by effects, with their numbers.
+    fn take_delays(&mut self, file: &EquationFile) -> Result<(), Faults> {
+        let inputs = self.system.inputs();
+        let of = |symbol: Symbol| inputs.iter().position(|it| *it == symbol);
+        for delay in &file.delays {
+            let seconds = self.of_parameters(file, &[delay.delay])?[0];
+            let memory = self.system.memories().iter().position(|it| it.variable == delay.of);
+            let followed = of(delay.of).map(Followed::Input).or(memory.map(Followed::Memory));
+            if let Some((input, followed)) = of(delay.late).zip(followed) {
+                self.followers.push(Follower { input, of: followed, delay: seconds });
+            }
+        }
+        for late in &file.late_readings {
+            let seconds = self.of_parameters(file, &[late.delay])?[0];
+            if let Some(place) = self.outputs.iter().position(|it| *it == late.output) {
+                match self.late_readings.iter_mut().find(|it| it.0 == place) {
+                    Some(known) => known.1 += seconds,
+                    None => self.late_readings.push((place, seconds)),
+                }
+            }
+        }
+        self.late_readings.retain(|it| it.1 > 0.0);
+        Ok(())
+    }
+
+    /// Inputs that follow other signals.
+    pub(super) fn followers(&self) -> &[Follower] {
+        &self.followers
+    }
+
+    /// Outputs that are read late, and by how much in s.
+    pub(super) fn late_readings(&self) -> &[(usize, f64)] {
+        &self.late_readings
+    }
+
+    /// Outputs whose first reading says something of the start, and of which variable; the surest first.
+    pub(super) fn starting(&self) -> &[(usize, String)] {
+        &self.starting
     }
 
     /// The system behind it.
@@ -201,10 +271,12 @@ impl Machine {
         &self.system
     }
 
-    /// Names and units of the inputs, in order. A unit that the text does not give is empty.
+    /// Names and units of the inputs that a record gives, in order. A unit that the text does not give is empty.
     #[must_use]
     pub fn inputs(&self) -> Vec<(String, String)> {
-        self.system.inputs().iter().map(|it| self.signal(*it)).collect()
+        let follows = |place: usize| self.followers.iter().any(|it| it.input == place);
+        let own = self.system.inputs().into_iter().enumerate().filter(|(place, _)| !follows(*place)).map(|it| it.1);
+        own.map(|it| self.signal(it)).collect()
     }
 
     /// Names and units of the outputs, in order.
@@ -232,11 +304,6 @@ impl Machine {
         let [state] = system.flat().pool.symbols(value)[..] else { return None };
         let (text, name) = (system.text(value), system.name(state));
         (system.states().contains(&state) && text.trim_start_matches('-') == name).then_some(state)
-    }
-
-    /// Whether a variable is a state, or one under another name or with the other sign.
-    pub(super) fn is_state(&self, name: &str) -> bool {
-        self.state_of(name).is_some()
     }
 
     /// Whether two names stand for one state.
@@ -370,13 +437,32 @@ impl Machine {
     /// # Errors
     /// What is demanded of the start is too much, contradicts itself, or leaves something open.
     pub fn start(&mut self, file: &EquationFile, time: f64, inputs: &[f64], given: &[Given]) -> Result<Point, Faults> {
-        let symbols: Vec<Symbol> = given.iter().filter_map(|it| self.system.find(&it.name)).collect();
-        let start = self.system.start(&symbols)?;
+        self.start_along(file, time, inputs, given, &[])
+    }
+
+    /// The same with what was recorded of variables in the first row: it counts in its order, as long as something is open.
+    ///
+    /// # Errors
+    /// Those of [`Machine::start`].
+    pub fn start_along(
+        &mut self,
+        file: &EquationFile,
+        time: f64,
+        inputs: &[f64],
+        given: &[Given],
+        recorded: &[Given],
+    ) -> Result<Point, Faults> {
+        let find = |list: &[Given]| -> Vec<Symbol> { list.iter().filter_map(|it| self.system.find(&it.name)).collect() };
+        let (mut symbols, further) = (find(given), find(recorded));
+        let start = self.system.start(&symbols, &further)?;
+        symbols.extend(further);
+        let given = [given, recorded].concat();
+        let inputs = self.with_followers(inputs);
         let memories = self.system.memories().to_vec();
         let mut point = Point {
             time,
             states: vec![0.0; self.system.states().len()],
-            inputs: inputs.to_vec(),
+            inputs,
             held: vec![0.0; self.system.switches().len()],
             memories: vec![0.0; memories.len()],
             guesses: Vec::new(),
@@ -433,6 +519,42 @@ impl Machine {
             Fault::whole_file(&file.file, what).help("give nearer starts under [initial], or `start = ...` in the text"),
         ))
     }
+}
+
+impl Machine {
+    /// The inputs of a first row with those that follow them: before a record a signal had its first value.
+    pub(super) fn with_followers(&self, inputs: &[f64]) -> Vec<f64> {
+        let mut inputs = inputs.to_vec();
+        for follower in &self.followers {
+            let value = match follower.of {
+                Followed::Input(place) => inputs.get(place).copied().unwrap_or(0.0),
+                // A controller says its first value in the first row, behind the start.
+                Followed::Memory(_) => 0.0,
+            };
+            inputs.push(value);
+        }
+        inputs
+    }
+}
+
+/// Outputs whose first reading says something of the start: those that follow from states alone. First those that are a state, then those of few.
+fn starting(file: &EquationFile, system: &mut System, outputs: &[Symbol]) -> Vec<(usize, String)> {
+    let mut list = Vec::new();
+    for (place, output) in outputs.iter().enumerate() {
+        let shown = file.read_of.iter().find(|it| it.0 == *output).map_or(*output, |it| it.1);
+        let value = system.value(shown);
+        let symbols = system.flat().pool.symbols(value);
+        let states = symbols.iter().filter(|it| system.states().contains(it)).count();
+        let held = symbols.iter().filter(|it| system.memories().iter().any(|memory| memory.variable == **it)).count();
+        let is_input = |it: &Symbol| system.flat().variable(*it).role == rsm_model::flat::Role::Input;
+        let is_allowed = file.rules.start.is_empty() || file.rules.start.iter().any(|it| *it == system.name(*output));
+        if states + held > 0 && !symbols.iter().any(is_input) && is_allowed {
+            let is_state = symbols.len() == 1;
+            list.push((!is_state, states + held, place, system.name(shown).to_string()));
+        }
+    }
+    list.sort();
+    list.into_iter().map(|it| (it.2, it.3)).collect()
 }
 
 /// Whether an iteration has ended: NaN moves.

@@ -8,8 +8,11 @@
 //! Everything is computed by tapes, in double precision: the same bits on every machine. Inputs hold from row to row.
 
 pub mod engine;
+pub mod extended;
 pub mod file;
+mod first_format;
 pub mod fixed;
+mod late;
 pub mod linear;
 pub mod machine;
 mod methods;
@@ -17,6 +20,7 @@ pub mod signals;
 pub mod step;
 
 pub use engine::{Inputs, Method, Setting, Stopped, run};
+pub use extended::Entry;
 pub use file::EquationFile;
 pub use linear::{Linearised, linearise};
 pub use machine::{Machine, Point};

@@ -81,7 +81,7 @@ impl Signals {
         let mut faults = Collector::new();
         let missing: Vec<String> = std::iter::once("time")
             .chain(inputs.iter().map(|it| it.0.as_str()))
-            .filter(|it| !has(it))
+            .filter(|it| !has(it) && !file.decided.absent.iter().any(|name| name == it))
             .map(|it| format!("`{}`", file.column(it).0))
             .collect();
         if !missing.is_empty() {
@@ -91,7 +91,8 @@ impl Signals {
             return Err(Faults::one(Fault::at_line(&header.file, header.header_line, 0, what).help(help)));
         }
         let present: Vec<&(String, String)> = outputs.iter().filter(|it| has(&it.0)).collect();
-        let all = std::iter::once("time").chain(inputs.iter().chain(present).map(|it| it.0.as_str()));
+        let given = inputs.iter().filter(|it| has(&it.0));
+        let all = std::iter::once("time").chain(given.chain(present).map(|it| it.0.as_str()));
         let numbers = all.map(|it| file.column(it).0.to_string()).collect();
         let table = open(&Wanted { numbers, ..Wanted::default() })?;
         let mut take = |signal: &str, unit: &str| {
@@ -101,23 +102,32 @@ impl Signals {
             })
         };
         let time = take("time", "s");
-        let values: Vec<Vec<f64>> = inputs.iter().map(|(name, unit)| take(name, unit)).collect();
+        // An input that a record may leave out is 0 then.
+        let values: Vec<Vec<f64>> =
+            inputs.iter().map(|(name, unit)| if has(name) { take(name, unit) } else { vec![0.0; time.len()] }).collect();
         let measured = outputs.iter().map(|(name, unit)| has(name).then(|| take(name, unit))).collect();
         let (period, _) = record::uniform(&time, &table, false, &mut faults);
         faults.finish(Some(Signals { file: table.file.clone(), time, period, inputs: values, measured }))
     }
 
-    /// What is known of the start: `[initial]`, and the first reading of each output that is a state of the plant.
+    /// What is known of the start: what `[initial]` gives beside outputs; then, for each output that follows from states, the surest first, what `[initial]` gives, or its first reading.
     #[must_use]
-    pub fn start(&self, file: &EquationFile, machine: &Machine) -> Vec<Given> {
-        let mut given = file.initial.clone();
-        for ((name, _), measured) in machine.outputs().iter().zip(&self.measured) {
-            let Some(first) = measured.as_ref().and_then(|it| it.first()) else { continue };
-            if machine.is_state(name) && !given.iter().any(|it| machine.is_same(&it.name, name)) {
-                given.push(Given { name: name.clone(), value: *first });
+    pub fn start(&self, file: &EquationFile, machine: &Machine) -> (Vec<Given>, Vec<Given>) {
+        let outputs = machine.outputs();
+        let mut given: Vec<Given> = file.initial.clone();
+        let mut recorded: Vec<Given> = Vec::new();
+        for (output, name) in machine.starting() {
+            let own = file.initial.iter().find(|it| it.name == outputs[*output].0).map(|it| it.value);
+            let first = self.measured.get(*output).and_then(Option::as_ref).and_then(|it| it.first().copied());
+            given.retain(|it| it.name != outputs[*output].0);
+            let Some(value) = own.or(first) else { continue };
+            if !file.initial.iter().any(|it| it.name == *name || (own.is_none() && machine.is_same(&it.name, name))) {
+                recorded.push(Given { name: name.clone(), value });
+            } else if own.is_some() {
+                given.push(Given { name: name.clone(), value });
             }
         }
-        given
+        (given, recorded)
     }
 
     /// Runs a plant along the record. By output, in the order of the text: its value at every row.
@@ -145,7 +155,8 @@ impl Signals {
     pub fn simulate(&self, file: &EquationFile, machine: &mut Machine, setting: Setting) -> Result<Vec<Vec<f64>>, Failed> {
         let inputs = Inputs { time: &self.time, values: &self.inputs };
         let first: Vec<f64> = self.inputs.iter().map(|it| it[0]).collect();
-        let start = machine.start(file, self.time[0], &first, &self.start(file, machine)).map_err(Failed::Start)?;
+        let (given, recorded) = self.start(file, machine);
+        let start = machine.start_along(file, self.time[0], &first, &given, &recorded).map_err(Failed::Start)?;
         engine::run(machine, start, inputs, setting).map_err(Failed::Run)
     }
 }

@@ -183,7 +183,12 @@ fn the_start_comes_from_the_file_the_record_and_the_text() {
     let time = [0.0, 0.1];
     let of = |columns: &[(&str, &[f64])]| {
         let signals = Signals::in_memory(&file, &machine, columns).unwrap();
-        signals.start(&file, &machine).into_iter().map(|it| (it.name, it.value)).collect::<Vec<_>>()
+        {
+            let (a, b) = signals.start(&file, &machine);
+            a.into_iter().chain(b)
+        }
+        .map(|it| (it.name, it.value))
+        .collect::<Vec<_>>()
     };
     let found = of(&[("time", &time), ("force", &[0.0; 2]), ("position", &[0.5, 0.6]), ("speed", &[0.1, 0.1])]);
     assert_eq!(found, [("speed".to_string(), -0.2), ("position".to_string(), 0.5)]);
@@ -297,7 +302,8 @@ fn faults_of_a_plant_file_name_their_place_and_what_the_text_has() {
             "[functions]\nmap = { model = \"m.toml\", surface = \"s\" }\n",
             "[functions]: the text has no function without an algorithm `map`",
         ),
-        ("[[effects]]\nkind = \"backlash\"\n", "effects on a plant of equations are not simulated yet"),
+        ("[[effects]]\nkind = \"backlash\"\n", "it needs a joint or translation"),
+        ("[[effects]]\nkind = \"backslash\"\n", "no effect is called `backslash`"),
         ("parts = 1\n", "`parts`"),
     ] {
         assert!(told(plant).contains(words), "{plant}\n{}", told(plant));

@@ -1,0 +1,228 @@
+//! Effects, sites and what a record decides, in a plant file of format 2.
+//!
+//! ```toml
+//! [sites.carriage]              # where an effect can stand
+//! kind = "translation"
+//! position = "position"
+//! speed = "speed"
+//! inertia = "mass"
+//! [[effects]]
+//! kind = "coulomb-friction"
+//! at = "carriage"               # left out where only one fits
+//! parameters = { force = 20.0 }
+//! [record]
+//! gear = "gear"                 # a parameter that a column gives; the column is constant in a record
+//! holds_i_d = "without v_d, i_d"   # a Boolean one: whether these columns are absent. Absent inputs are 0
+//! start = ["road_speed"]        # the outputs whose first readings give the start, in place of all that can
+//! ```
+//!
+//! In: tables of the file. Out: [`Entry`]s, sites, [`Rule`]s. Never touches an equation.
+
+use std::ops::Range;
+
+use rsm_core::source::{Collector, Fault, Faults, Source};
+use rsm_core::toml_reader::{TableReader, Value};
+use rsm_fit::table::{Table, Wanted};
+use rsm_model::effects::{Catalogue, Placed};
+
+use super::file::Given;
+
+/// An effect as a plant file places it.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// Its kind.
+    pub kind: String,
+    /// Where it stands; `None` where only one site fits.
+    pub at: Option<String>,
+    /// Its numbers.
+    pub numbers: Vec<Given>,
+    /// Where the file says so.
+    pub(super) place: Range<usize>,
+}
+
+impl Entry {
+    /// An effect that no file holds.
+    #[must_use]
+    pub fn new(kind: &str, at: Option<&str>, numbers: &[(&str, f64)]) -> Entry {
+        let numbers = numbers.iter().map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect();
+        Entry { kind: kind.to_string(), at: at.map(str::to_string), numbers, place: 0..0 }
+    }
+}
+
+/// What decides a parameter of each record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Decides {
+    /// A column, constant in a record.
+    Column(String),
+    /// Whether these columns are absent.
+    Without(Vec<String>),
+}
+
+/// A parameter that a record decides.
+#[derive(Debug, Clone)]
+pub struct Rule {
+    /// The parameter.
+    pub parameter: String,
+    /// What decides it.
+    pub by: Decides,
+    pub(super) place: Range<usize>,
+}
+
+/// `[record]`.
+#[derive(Debug, Clone, Default)]
+pub struct Rules {
+    /// Parameters that a record decides.
+    pub parameters: Vec<Rule>,
+    /// Outputs whose first readings give the start; empty for all that can.
+    pub start: Vec<String>,
+}
+
+/// Reads `[[effects]]`.
+pub(super) fn effects(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<Entry> {
+    let source = top.source();
+    let Some(value) = top.optional("effects") else { return Vec::new() };
+    let Some(items) = top.array("`effects`", value, faults) else { return Vec::new() };
+    items.into_iter().filter_map(|item| entry(source, item, faults)).collect()
+}
+
+fn entry(source: &Source, value: Value<'_>, faults: &mut Collector) -> Option<Entry> {
+    let mut table = TableReader::of(source, value, "[[effects]]", faults)?;
+    let place = table.key_span("kind");
+    let (kind, at) = (table.text("kind", faults), table.optional_text("at", faults));
+    let mut numbers = Vec::new();
+    if let Some(value) = table.optional("parameters")
+        && let Some(inner) = TableReader::of(source, value, "[[effects]]: `parameters`", faults)
+    {
+        for (name, _, value) in inner.entries() {
+            let value = inner.number(&format!("`{name}`"), value, faults);
+            numbers.extend(value.map(|value| Given { name: name.to_string(), value }));
+        }
+    }
+    table.finish(faults);
+    Some(Entry { kind: kind?, at, numbers, place })
+}
+
+/// Reads `[record]`.
+pub(super) fn rules(top: &mut TableReader<'_>, faults: &mut Collector) -> Rules {
+    let source = top.source();
+    let mut rules = Rules::default();
+    let Some(value) = top.optional("record") else { return rules };
+    let Some(mut table) = TableReader::of(source, value, "[record]", faults) else { return rules };
+    if let Some(value) = table.optional("start") {
+        rules.start = match value.get_ref().as_str() {
+            Some(one) => vec![one.to_string()],
+            None => table.texts("`start`", value, faults).unwrap_or_default().into_iter().map(|it| it.0).collect(),
+        };
+    }
+    for (name, place, value) in table.entries().filter(|it| it.0 != "start") {
+        let Some(text) = value.get_ref().as_str() else {
+            faults
+                .push(source.fault(value.span(), format!("[record]: `{name}`: expected a column, or \"without COLUMN, ...\"")));
+            continue;
+        };
+        let by = match text.strip_prefix("without ") {
+            Some(list) => Decides::Without(list.split(',').map(|it| it.trim().to_string()).collect()),
+            None => Decides::Column(text.trim().to_string()),
+        };
+        rules.parameters.push(Rule { parameter: name.to_string(), by, place });
+    }
+    rules
+}
+
+/// The effects of a file, found in a catalogue.
+///
+/// # Errors
+/// Kinds that are not in it.
+pub(super) fn placed<'c>(source: &Source, entries: &[Entry], catalogue: &'c Catalogue) -> Result<Vec<Placed<'c>>, Faults> {
+    let mut faults = Collector::new();
+    let mut list = Vec::new();
+    for entry in entries {
+        let Some(effect) = catalogue.find(&entry.kind) else {
+            let near = near(&entry.kind, catalogue);
+            let fault = source.fault(entry.place.clone(), format!("[[effects]]: no effect is called `{}`", entry.kind));
+            faults.push(fault.help(format!("near it are {near}; `rsm effects` lists all of them")));
+            continue;
+        };
+        list.push(Placed {
+            effect,
+            at: entry.at.clone(),
+            numbers: entry.numbers.iter().map(|it| (it.name.clone(), it.value)).collect(),
+            source: source.clone(),
+            place: entry.place.clone(),
+        });
+    }
+    faults.finish(Some(list))
+}
+
+/// How many names a message lists.
+const LISTED: usize = 5;
+
+/// Names that share most of their pairs of letters with a wrong one.
+fn near(kind: &str, catalogue: &Catalogue) -> String {
+    let pairs = |text: &str| -> Vec<(char, char)> { text.chars().zip(text.chars().skip(1)).collect() };
+    let own = pairs(kind);
+    let mut names: Vec<(usize, &str)> = catalogue
+        .effects()
+        .iter()
+        .map(|it| (pairs(&it.kind).iter().filter(|pair| own.contains(pair)).count(), it.kind.as_str()))
+        .collect();
+    names.sort_by(|a, b| b.cmp(a));
+    let names: Vec<String> = names.into_iter().take(LISTED).map(|it| format!("`{}`", it.1)).collect();
+    names.join(", ")
+}
+
+/// What a record decides: values of parameters, and inputs that it does not have.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Decided {
+    pub parameters: Vec<(String, f64)>,
+    pub absent: Vec<String>,
+}
+
+impl Rules {
+    /// What a record says, by `open` for its columns under the names that `column` gives.
+    ///
+    /// # Errors
+    /// A column that is missing or not constant; some but not all of the columns that may be absent.
+    pub(super) fn decided(
+        &self,
+        open: &dyn Fn(&Wanted) -> Result<Table, Faults>,
+        column: &dyn Fn(&str) -> String,
+    ) -> Result<Decided, Faults> {
+        let mut decided = Decided::default();
+        if self.parameters.is_empty() {
+            return Ok(decided);
+        }
+        let header = open(&Wanted::default())?;
+        let has = |name: &str| header.column(&column(name)).is_some();
+        let mut faults = Collector::new();
+        for rule in &self.parameters {
+            match &rule.by {
+                Decides::Column(name) if has(name) => {
+                    let name = column(name);
+                    let table = open(&Wanted { numbers: vec![name.clone()], ..Wanted::default() })?;
+                    let values = table.column(&name).map(|it| it.values.clone()).unwrap_or_default();
+                    let Some(first) = values.first().copied() else { continue };
+                    if let Some(row) = values.iter().position(|it| *it != first) {
+                        let what =
+                            format!("column `{name}` is {first} in the first row and {} in row {}", values[row], row + 1);
+                        let help = format!(
+                            "it sets the parameter `{}`, which is one number a record: cut the record there",
+                            rule.parameter
+                        );
+                        faults.push(Fault::at_line(&table.file, table.header_line + 1 + row, 0, what).help(help));
+                    }
+                    decided.parameters.push((rule.parameter.clone(), first));
+                }
+                Decides::Column(_) => {}
+                Decides::Without(names) => {
+                    let missing: Vec<&String> = names.iter().filter(|it| !has(it)).collect();
+                    if missing.len() == names.len() {
+                        decided.absent.extend(names.iter().cloned());
+                    }
+                    decided.parameters.push((rule.parameter.clone(), f64::from(u8::from(missing.len() == names.len()))));
+                }
+            }
+        }
+        faults.finish(Some(decided))
+    }
+}

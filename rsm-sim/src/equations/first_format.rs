@@ -1,0 +1,86 @@
+//! Plant files of format 1 as plants of equations.
+//!
+//! In: a [`PlantFile`]. Out: an [`EquationFile`] on the text that comes with the project. Names are the same in both; an effect on an output or a parameter stands there.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use rsm_core::number::decimal;
+use rsm_core::source::{Faults, Source};
+use rsm_model::effects::Catalogue;
+
+use super::file::EquationFile;
+use crate::kind::PlantKind;
+use crate::parameters::VelocityFrom;
+use crate::plant_file::PlantFile;
+use crate::schema;
+
+impl EquationFile {
+    /// A plant file of format 1 on its equations; of an axis with its loop closed or open.
+    ///
+    /// ```
+    /// use rsm_core::source::Source;
+    /// use rsm_sim::{equations::EquationFile, plant_file::PlantFile};
+    ///
+    /// let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 0.5\ncommand_limit = 10\n\
+    ///             [[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 3 }\n";
+    /// let file = EquationFile::of_first_format(&PlantFile::read(&Source::new("axis.toml", text))?, false)?;
+    /// assert_eq!(file.places(), ["carriage"]);
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
+    ///
+    /// # Errors
+    /// A start that the text does not have: offsets of a car's start.
+    pub fn of_first_format(plant: &PlantFile, closed: bool) -> Result<EquationFile, Faults> {
+        let source = Source::new("plant.toml", text(plant, closed));
+        let open = |name: &str| Ok::<_, Faults>(Source::new(name, ""));
+        EquationFile::read_with(&source, &open, &Arc::new(Catalogue::shipped()))
+    }
+}
+
+fn text(plant: &PlantFile, closed: bool) -> String {
+    let model = match plant.kind {
+        PlantKind::ServoAxis if closed => "servo-axis#ServoAxisClosedLoop",
+        PlantKind::ServoAxis => "servo-axis#ServoAxis",
+        kind => kind.name(),
+    };
+    let mut text = format!("format = 2\nmodel = \"rsm:{model}\"\n\n[parameters]\n");
+    for nominal in schema::parameters(plant.kind) {
+        let is_of_loop = matches!(nominal.name, "position_gain" | "velocity_gain");
+        if let Some(value) = plant.parameters.optional(nominal.name).filter(|_| closed || !is_of_loop) {
+            let _ = writeln!(text, "{} = {}", nominal.name, decimal(value));
+        }
+    }
+    if plant.kind == PlantKind::Driveline {
+        for (k, ratio) in plant.parameters.gear_ratios.iter().enumerate() {
+            let _ = writeln!(text, "\"gear_ratios[{}]\" = {}", k + 1, decimal(*ratio));
+        }
+    }
+    if closed && plant.parameters.velocity_from == VelocityFrom::Difference {
+        text.push_str("velocity_from_difference = true\n");
+    }
+    for (name, list) in [("tolerance", &plant.tolerance), ("noise", &plant.noise), ("initial", &plant.initial)] {
+        let _ = write!(text, "\n[{name}]\n");
+        // A car of format 1 starts from its road speed alone.
+        let counts = |key: &str| {
+            name != "initial" || plant.kind != PlantKind::Driveline || !matches!(key, "engine_speed" | "acceleration")
+        };
+        for (key, value) in list.iter().filter(|it| counts(it.0)) {
+            let _ = writeln!(text, "{key} = {}", decimal(*value));
+        }
+    }
+    text.push_str("\n[columns]\n");
+    for it in &plant.columns {
+        let unit = it.unit.as_ref().map_or(String::new(), |unit| format!(", unit = {unit:?}"));
+        let _ = writeln!(text, "{} = {{ name = {:?}{unit} }}", it.signal, it.column);
+    }
+    for entry in plant.acting() {
+        let _ = write!(text, "\n[[effects]]\nkind = \"{}\"\n", entry.description.kind);
+        if let Some(at) = &entry.arguments.subject {
+            let _ = writeln!(text, "at = {at:?}");
+        }
+        let numbers = entry.arguments.numbers.iter().map(|(name, value)| format!("{name} = {}", decimal(*value)));
+        let _ = writeln!(text, "parameters = {{ {} }}", numbers.collect::<Vec<_>>().join(", "));
+    }
+    text
+}

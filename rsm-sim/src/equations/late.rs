@@ -1,0 +1,102 @@
+//! Signals that come late: inputs that follow others, outputs that are read later than they were true.
+//!
+//! In: what happens along a run. Out: the instants at which something comes, and what. Never moves time on.
+
+use std::collections::VecDeque;
+
+use super::machine::{Followed, Machine, Point};
+
+/// Two instants are one when they are so near, in periods of the record: decimals of periods and delays do not meet exactly.
+const SAME: f64 = 1e-9;
+
+/// What comes to a follower.
+#[derive(Default)]
+struct Coming {
+    /// Values with the instants at which they arrive.
+    queue: VecDeque<(f64, f64)>,
+    /// The value that was sent last.
+    last: Option<f64>,
+}
+
+/// What is on its way in a run.
+pub(super) struct Late<'m> {
+    machine: &'m Machine,
+    /// By follower.
+    coming: Vec<Coming>,
+    /// By output that is read late: the row whose reading is taken next, and what was taken.
+    readings: Vec<(usize, Vec<f64>)>,
+    time: &'m [f64],
+    near: f64,
+}
+
+impl<'m> Late<'m> {
+    pub(super) fn new(machine: &'m Machine, time: &'m [f64], period: f64) -> Self {
+        let coming = machine.followers().iter().map(|_| Coming::default()).collect();
+        let readings = machine.late_readings().iter().map(|_| (0, Vec::with_capacity(time.len()))).collect();
+        Late { machine, coming, readings, time, near: SAME * period }
+    }
+
+    /// Sends what signals say now, and puts what has come in its place. Says whether an input changed.
+    pub(super) fn exchange(&mut self, point: &mut Point) -> bool {
+        let mut changed = false;
+        for (follower, Coming { queue, last }) in self.machine.followers().iter().zip(&mut self.coming) {
+            let now = match follower.of {
+                Followed::Input(place) => point.inputs[place],
+                Followed::Memory(place) => point.memories[place],
+            };
+            if last.is_none() {
+                // Before the record a signal had its first value.
+                changed |= point.inputs[follower.input] != now;
+                point.inputs[follower.input] = now;
+            } else if *last != Some(now) {
+                queue.push_back((point.time + follower.delay, now));
+            }
+            *last = Some(now);
+            while queue.front().is_some_and(|it| it.0 <= point.time + self.near) {
+                if let Some((_, value)) = queue.pop_front() {
+                    changed |= point.inputs[follower.input] != value;
+                    point.inputs[follower.input] = value;
+                }
+            }
+        }
+        changed
+    }
+
+    /// The next instant before an end at which something comes or is read.
+    pub(super) fn next(&self, now: f64, end: f64) -> Option<f64> {
+        let coming = self.coming.iter().filter_map(|it| it.queue.front()).map(|it| it.0);
+        let reads = self
+            .readings
+            .iter()
+            .zip(self.machine.late_readings())
+            .filter_map(|((row, _), (_, delay))| self.time.get(*row).map(|time| time - delay));
+        let next = coming.chain(reads).filter(|it| *it > now + self.near).fold(f64::INFINITY, f64::min);
+        (next < end - self.near).then_some(next)
+    }
+
+    /// Takes the readings that are due at a point. `outputs` are those of the point.
+    pub(super) fn read(&mut self, time: f64, outputs: &[f64]) {
+        for ((row, taken), (output, delay)) in self.readings.iter_mut().zip(self.machine.late_readings()) {
+            // Before the record an output read its first value.
+            while self.time.get(*row).is_some_and(|it| it - delay <= time + self.near) {
+                taken.push(outputs[*output]);
+                *row += 1;
+            }
+        }
+    }
+
+    /// Whether a reading is due between rows.
+    pub(super) fn is_read(&self, time: f64) -> bool {
+        let due = |((row, _), (_, delay)): (&(usize, Vec<f64>), &(usize, f64))| {
+            self.time.get(*row).is_some_and(|it| it - delay <= time + self.near)
+        };
+        self.readings.iter().zip(self.machine.late_readings()).any(due)
+    }
+
+    /// Puts late readings in the place of those on time.
+    pub(super) fn finish(self, outputs: &mut [Vec<f64>]) {
+        for ((_, taken), (output, _)) in self.readings.into_iter().zip(self.machine.late_readings()) {
+            outputs[*output] = taken;
+        }
+    }
+}

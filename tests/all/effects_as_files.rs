@@ -1,0 +1,61 @@
+//! Every effect of the catalogue as a file, on the plants of equations, against plants that share no code with the project.
+//!
+//! The judge is that of `effects.rs`: `hidden-effects`, written from docs/book/src/reference/plants.md alone.
+
+use hidden_effects::verification::{self, Check};
+use rsm_core::source::Source;
+use rsm_sim::equations::{EquationFile, Machine, Setting, Signals};
+use rsm_sim::plant_file::PlantFile;
+
+/// Any: nothing was chosen by it.
+const SEED: u64 = 20;
+
+/// What the engine of equations makes of a plant file of format 1 along the record of a check, or what it says instead.
+fn simulated(check: &Check, plant: &str) -> Result<Vec<Vec<f64>>, String> {
+    let plant = PlantFile::read(&Source::new("plant.toml", plant)).map_err(|faults| faults.to_string())?;
+    let record = Source::new("record.csv", check.csv());
+    let closed = check.csv().lines().find(|it| !it.starts_with('#')).is_some_and(|it| it.contains("reference"));
+    let file = EquationFile::of_first_format(&plant, closed).map_err(|faults| faults.to_string())?;
+    let file = file.of_record(&record).map_err(|faults| faults.to_string())?;
+    let mut machine = Machine::new(&file).map_err(|faults| faults.to_string())?;
+    let signals = Signals::read(&record, &file, &machine).map_err(|faults| faults.to_string())?;
+    let found = signals.simulate(&file, &mut machine, Setting { tolerance: 1e-9, ..Setting::default() });
+    let found = found.map_err(|failed| format!("{failed:?}"))?;
+    let outputs = machine.outputs();
+    let of = |name: &str| outputs.iter().position(|it| it.0 == name).map(|k| found[k].clone());
+    check.kind.outputs().iter().map(|(name, _)| of(name).ok_or_else(|| format!("no output {name}"))).collect()
+}
+
+#[test]
+fn effects_as_files_follow_the_same_text() {
+    let mut apart = vec![];
+    for check in verification::checks(SEED, true) {
+        match simulated(&check, &check.plant_file) {
+            Ok(found) => {
+                let (distance, output, row) = check.distance(&found);
+                let (name, allowed, visible) = (&check.name, check.allowed(), check.visible);
+                if distance > allowed || distance.is_nan() {
+                    apart.push(format!(
+                        "{name}: {output} at row {row} is {distance:.3} of the noise apart, {allowed} is allowed (the effect itself moves {visible:.1})"
+                    ));
+                }
+            }
+            Err(what) => apart.push(format!("{}: {what}", check.name)),
+        }
+    }
+    assert!(apart.is_empty(), "{}", apart.join("\n"));
+}
+
+#[test]
+fn an_effect_that_is_left_out_stands_apart_from_its_record() {
+    // The same records against the plant without the effect: what shows must be refused, or the test above cannot fail.
+    let mut seen = 0;
+    for check in verification::checks(SEED, true).iter().filter(|check| check.visible > 3.0 && check.is_structural()) {
+        let nominal = check.plant_file.split("\n[[effects]]").next().expect("a text has a first part");
+        let found = simulated(check, nominal).unwrap_or_else(|what| panic!("{}: {what}", check.name));
+        assert!(check.distance(&found).0 > check.allowed(), "{}", check.name);
+        seen += 1;
+    }
+    // As many as in `effects.rs`: the records are the same.
+    assert!(seen >= 25, "only {seen} effects show in the short records");
+}
