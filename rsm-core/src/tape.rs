@@ -6,6 +6,7 @@
 //! writes when all operations are done, so that a step sees what the step before left.
 
 mod builder;
+mod fold;
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! `rsm emit`: evaluators as source text.
+//! `rsm emit`: evaluators, or a step of a plant, as source text.
 
 use std::path::PathBuf;
 
@@ -7,13 +7,13 @@ use rsm_core::check::Checked;
 use rsm_core::{compile, emit};
 use serde_json::json;
 
-use super::{PrecisionName, model_source, precisions, tell_left_out};
-use crate::outcome::{Answer, Outcome};
+use super::{PrecisionName, equations, model_source, precisions, tell_left_out};
+use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The model file; - is standard input
+    /// The model file, - is standard input; or a plant of equations: a plant file of format 2, or a text (.mo)
     model: PathBuf,
     /// The language
     #[arg(long)]
@@ -24,6 +24,18 @@ pub struct Arguments {
     /// Also the gradient of each surface: its derivatives by its inputs
     #[arg(long)]
     gradient: bool,
+    /// Of a plant: the length of a step in s. The emitted step has the bits of `rsm simulate --fixed-step`
+    #[arg(long, conflicts_with_all = ["precision", "gradient"])]
+    step: Option<f64>,
+    /// Of a plant: where it starts, `speed=3,command=2`. An input that is not named is 0, a state has its start
+    #[arg(long, requires = "step", allow_hyphen_values = true)]
+    at: Option<String>,
+    /// Of a plant: a record whose first row gives the start, as for `rsm simulate`
+    #[arg(long, requires = "step", conflicts_with = "at")]
+    record: Option<PathBuf>,
+    /// Of a plant: the name of the module, and what C names begin with; else the name of the model in its text
+    #[arg(long, requires = "step")]
+    name: Option<String>,
     /// The folder for the files
     #[arg(long)]
     out: PathBuf,
@@ -43,7 +55,35 @@ enum Language {
 
 pub fn run(arguments: &Arguments) -> Outcome {
     let asked = precisions(&arguments.precision);
-    let checked = Checked::read(&model_source(&arguments.model)?)?;
+    let source = model_source(&arguments.model)?;
+    let is_text = arguments.model.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo"));
+    let shown = arguments.model.display();
+    match (is_text || equations::is_equations(&source), arguments.step) {
+        (false, None) => {}
+        (true, Some(step)) => {
+            let wish = equations::emit::Wish {
+                step,
+                in_c: arguments.lang == Language::C,
+                name: arguments.name.as_deref(),
+                at: arguments.at.as_deref(),
+                record: arguments.record.as_deref(),
+                out: &arguments.out,
+                as_json: arguments.json,
+            };
+            return equations::emit::run(&arguments.model, &wish);
+        }
+        (true, None) => {
+            return Err(Refusal::new(format!(
+                "{shown}: this is a plant of equations: give the length of its step in s, such as --step 1e-4"
+            )));
+        }
+        (false, Some(_)) => {
+            return Err(Refusal::new(format!(
+                "{shown}: --step is for plants of equations (`format = 2`, or a text .mo), and this is a model file or a plant that is built in"
+            )));
+        }
+    }
+    let checked = Checked::read(&source)?;
     let unit =
         if arguments.gradient { compile::unit_with_gradients(&checked, &asked)? } else { compile::unit(&checked, &asked)? };
     let model = &unit.model;

@@ -6,10 +6,11 @@
 
 use super::c_gradient;
 use super::c_idioms::{self, Needs};
+use super::c_reads::{Reads, has_exact_reciprocal};
 use super::{Function, Kind, Unit, compared, literal, live, points, terms_behind, unused_inputs};
 use crate::names;
 use crate::number::Precision;
-use crate::tape::{Extremum, Op, Reg, Tape};
+use crate::tape::{Extremum, Op, Tape};
 
 /// The two files of a model `m`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -103,7 +104,7 @@ fn header(unit: &Unit) -> String {
 fn source(unit: &Unit) -> String {
     let model = &unit.model;
     let file = format!("{model}.c");
-    let needs = |precision: Precision| needs(of_precision(unit, precision));
+    let needs = |precision: Precision| needs(of_precision(unit, precision).map(|function| &function.tape));
     let has = |precision: Precision| of_precision(unit, precision).next().is_some();
     let (f64_needs, f32_needs) = (needs(Precision::F64), needs(Precision::F32));
     let mut text = format!(
@@ -212,50 +213,16 @@ fn define_init(unit: &Unit, function: &Function) -> String {
     format!("\n{}\n{{\n{}}}\n", init_signature(unit, function), fields.collect::<String>())
 }
 
-/// Whether a sum or a difference reads the register, itself or through a sign.
-fn feeds_sum(tape: &Tape, reg: Reg) -> bool {
-    tape.iter().any(|(reader, op)| match *op {
-        Op::Add(a, b) | Op::Subtract(a, b) => a == reg || b == reg,
-        // There is a sum in it.
-        Op::PowerOfTwo(a) => a == reg,
-        // The magnitude of a square is the square itself to a compiler.
-        Op::Negate(a) | Op::Absolute(a) => a == reg && feeds_sum(tape, reader),
-        _ => false,
-    })
-}
-
-/// Whether the register is a result, itself or through a sign: then the caller may add to it.
-fn is_result(tape: &Tape, reg: Reg) -> bool {
-    let is_passed =
-        |(reader, op): (Reg, &Op)| matches!(*op, Op::Negate(a) | Op::Absolute(a) if a == reg) && is_result(tape, reader);
-    tape.results().any(|result| result == reg) || tape.iter().any(is_passed)
-}
-
-/// Whether a product must be kept from what reads it: only a sum can be fused with it.
-fn is_kept(tape: &Tape, product: Reg) -> bool {
-    feeds_sum(tape, product) || is_result(tape, product)
-}
-
-/// Whether a divisor is a constant power of two, well inside the exponents of both precisions: to multiply by its reciprocal is the same, and quicker.
-fn has_exact_reciprocal(tape: &Tape, divisor: Reg) -> bool {
-    // From 2^-100 to 2^100; the exponents of f32 end at 2^-126 and 2^127.
-    const LIMIT: f64 = (1_u128 << 100) as f64;
-    let Op::Constant(ref constant) = *tape.op(divisor) else { return false };
-    let magnitude = constant.value.abs();
-    let mantissa = magnitude.to_bits() & ((1 << (f64::MANTISSA_DIGITS - 1)) - 1);
-    mantissa == 0 && (1.0 / LIMIT..=LIMIT).contains(&magnitude)
-}
-
-fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
+pub(super) fn needs<'u>(tapes: impl Iterator<Item = &'u Tape>) -> Needs {
     let mut needs = Needs::default();
-    for function in functions {
-        let tape = &function.tape;
-        let live = live(tape);
+    for tape in tapes {
+        let (live, reads) = (live(tape), Reads::of(tape));
         for (reg, op) in tape.iter().filter(|(reg, _)| live[reg.0 as usize]) {
             match op {
-                Op::Multiply(..) => needs.keep |= is_kept(tape, reg),
+                Op::Multiply(..) => needs.keep |= reads.is_kept(reg),
                 Op::Add(a, b) => needs.keep |= a == b,
-                Op::Input(_) => needs.keep |= feeds_sum(tape, reg),
+                Op::Input(_) => needs.keep |= reads.feeds_sum(reg),
+                Op::State(_) => needs.keep |= reads.is_kept_state(reg),
                 Op::Negate(_) => needs.hide = true,
                 Op::Divide(_, b) => needs.hide |= !has_exact_reciprocal(tape, *b),
                 Op::Subtract(a, b) => needs.hide |= a == b,
@@ -276,10 +243,26 @@ fn needs<'u>(functions: impl Iterator<Item = &'u Function>) -> Needs {
 
 fn define(unit: &Unit, function: &Function) -> String {
     let tape = &function.tape;
-    let (float, suffix) = (c_type(tape.precision), suffix(tape.precision));
-    let helper = |name: &str| format!("{}_rsm_{name}{suffix}", unit.model);
     let mut text = if function.kind == Kind::Step { define_init(unit, function) } else { String::new() };
     text.push_str(&format!("\n{}\n{{\n{}", signature(unit, function), c_idioms::IN_ORDER));
+    text.push_str(&body(&unit.model, tape, &function.states()));
+    for (field, next) in function.states().iter().zip(&tape.states) {
+        text.push_str(&format!("    {}->{field} = {};\n", names::STATE, next.reg));
+    }
+    match function.kind {
+        Kind::Gradient => text.push_str(&c_gradient::end(function)),
+        Kind::Surface | Kind::Step => text.push_str(&format!("    return {};\n}}\n", tape.output())),
+        Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output())),
+    }
+    text
+}
+
+/// The lines of a tape: a constant of its own for every register, up to where results and states are written. `fields` are the names of the states.
+pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
+    let (float, suffix) = (c_type(tape.precision), suffix(tape.precision));
+    let helper = |name: &str| format!("{model}_rsm_{name}{suffix}");
+    let reads = Reads::of(tape);
+    let mut text = String::new();
     let live = live(tape);
     for input in unused_inputs(tape, &live) {
         text.push_str(&format!("    (void){input};\n"));
@@ -288,10 +271,12 @@ fn define(unit: &Unit, function: &Function) -> String {
         let value = match *op {
             Op::Less(..) => continue,
             Op::Constant(ref constant) => c_literal(constant.value, tape.precision),
-            Op::Input(port) if feeds_sum(tape, reg) => format!("{}({})", helper("keep"), tape.inputs[port.0 as usize]),
+            Op::Input(port) if reads.feeds_sum(reg) => format!("{}({})", helper("keep"), tape.inputs[port.0 as usize]),
             Op::Input(port) => tape.inputs[port.0 as usize].clone(),
-            // Only a select wrote it: there is no product that could be fused.
-            Op::State(state) => format!("{}->s{}", names::STATE, state.0),
+            Op::State(state) => {
+                let field = format!("{}->{}", names::STATE, fields[state.0 as usize]);
+                if reads.is_kept_state(reg) { format!("{}({field})", helper("keep")) } else { field }
+            }
             Op::Negate(a) => format!("-{}({a})", helper("hide")),
             Op::Absolute(a) => format!("{}({a})", helper("absolute")),
             Op::Exponent(a) => format!("{}({a})", helper("exponent")),
@@ -302,7 +287,7 @@ fn define(unit: &Unit, function: &Function) -> String {
             // Zero, but for a NaN or an infinity.
             Op::Subtract(a, b) if a == b => format!("{a} - {}({b})", helper("hide")),
             Op::Subtract(a, b) => format!("{a} - {b}"),
-            Op::Multiply(a, b) if is_kept(tape, reg) => format!("{}({a} * {b})", helper("keep")),
+            Op::Multiply(a, b) if reads.is_kept(reg) => format!("{}({a} * {b})", helper("keep")),
             Op::Multiply(a, b) => format!("{a} * {b}"),
             Op::Divide(a, b) if has_exact_reciprocal(tape, b) => format!("{a} / {b}"),
             Op::Divide(a, b) => format!("{a} / {}({b})", helper("hide")),
@@ -317,14 +302,6 @@ fn define(unit: &Unit, function: &Function) -> String {
         };
         let note = terms_behind(tape, reg).map_or(String::new(), |terms| format!(" /* {terms} */"));
         text.push_str(&format!("    const {float} {reg} = {value};{note}\n"));
-    }
-    for (field, next) in function.states().iter().zip(&tape.states) {
-        text.push_str(&format!("    {}->{field} = {};\n", names::STATE, next.reg));
-    }
-    match function.kind {
-        Kind::Gradient => text.push_str(&c_gradient::end(function)),
-        Kind::Surface | Kind::Step => text.push_str(&format!("    return {};\n}}\n", tape.output())),
-        Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output())),
     }
     text
 }

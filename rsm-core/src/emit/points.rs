@@ -171,11 +171,11 @@ fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool)
 }
 
 /// Steele, Lea, Flood: "Fast splittable pseudorandom number generators" (2014), the finalizer of splitmix64.
-struct SplitMix(u64);
+pub(super) struct SplitMix(pub(super) u64);
 
 impl SplitMix {
     /// In [0, 1), 53 bits.
-    fn next_share(&mut self) -> f64 {
+    pub(super) fn next_share(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

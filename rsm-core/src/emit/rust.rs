@@ -12,14 +12,14 @@
 use super::{Function, Kind, Unit, compared, literal, live, terms_behind, unused_inputs};
 use crate::names;
 use crate::number::Precision;
-use crate::tape::{Extremum, Op};
+use crate::tape::{Extremum, Op, Tape};
 
 /// Widest line of the emitted file, as rustfmt breaks it by default.
-const WIDTH: usize = 100;
+pub(super) const WIDTH: usize = 100;
 
 /// A user of the module may call some of the functions only, and names are the model's, not ours. Coefficients may look like well-known
 /// constants and stand in full length.
-const ALLOW: &str = "#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]\n";
+pub(super) const ALLOW: &str = "#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]\n";
 
 /// The text of the module.
 ///
@@ -46,8 +46,15 @@ pub fn emit(unit: &Unit) -> String {
     );
     let functions: String = unit.functions.iter().map(|function| format!("\n{}", print(function))).collect();
     text.push_str(&functions);
+    text.push_str(&helpers(&functions, &Precision::ALL));
+    text
+}
+
+/// The helpers that a text calls.
+pub(super) fn helpers(functions: &str, precisions: &[Precision]) -> String {
+    let mut text = String::new();
     // Helpers that nobody calls are left out: which do, the text says.
-    for precision in Precision::ALL {
+    for precision in precisions {
         for (name, helper) in [
             ("at_least", AT_LEAST),
             ("at_most", AT_MOST),
@@ -57,7 +64,7 @@ pub fn emit(unit: &Unit) -> String {
         ] {
             let name = format!("rsm_{name}_{}", precision.name());
             if functions.contains(&format!("{name}(")) {
-                text.push_str(&fill(helper, precision));
+                text.push_str(&fill(helper, *precision));
             }
         }
     }
@@ -98,6 +105,28 @@ fn print(function: &Function) -> String {
         }
         text.push_str(&format!(") -> {result} {{\n"));
     }
+    text.push_str(&body(tape, &function.states()));
+    for (field, next) in function.states().iter().zip(&tape.states) {
+        text.push_str(&format!("    {}.{field} = {};\n", names::STATE, next.reg));
+    }
+    let output = tape.output();
+    match function.kind {
+        Kind::Gradient => {
+            let all: Vec<String> = tape.outputs.iter().map(|output| output.reg.to_string()).collect();
+            text.push_str(&format!("    [{}]\n", all.join(", ")));
+        }
+        Kind::Surface | Kind::Step => text.push_str(&format!("    {output}\n")),
+        // The tape ends in 1 or 0; a comparison converts it without the saturation of `as`.
+        Kind::Support => text.push_str(&format!("    i32::from({output} > 0.5)\n")),
+    }
+    text.push_str("}\n");
+    text
+}
+
+/// The lines of a tape, up to where results and states are written. `fields` are the names of the states.
+pub(super) fn body(tape: &Tape, fields: &[String]) -> String {
+    let float = tape.precision.name();
+    let mut text = String::new();
     let live = live(tape);
     for input in unused_inputs(tape, &live) {
         text.push_str(&format!("    let _ = {input};\n"));
@@ -107,7 +136,7 @@ fn print(function: &Function) -> String {
             Op::Less(..) => continue,
             Op::Constant(ref constant) => literal(constant.value, tape.precision),
             Op::Input(port) => tape.inputs[port.0 as usize].clone(),
-            Op::State(state) => format!("{}.s{}", names::STATE, state.0),
+            Op::State(state) => format!("{}.{}", names::STATE, fields[state.0 as usize]),
             Op::Negate(a) => format!("-{a}"),
             Op::Absolute(a) => format!("{a}.abs()"),
             Op::Exponent(a) => format!("rsm_exponent_{float}({a})"),
@@ -128,20 +157,6 @@ fn print(function: &Function) -> String {
         let note = terms_behind(tape, reg).map_or(String::new(), |terms| format!(" // {terms}"));
         text.push_str(&format!("    let {reg}: {float} = {value};{note}\n"));
     }
-    for (field, next) in function.states().iter().zip(&tape.states) {
-        text.push_str(&format!("    {}.{field} = {};\n", names::STATE, next.reg));
-    }
-    let output = tape.output();
-    match function.kind {
-        Kind::Gradient => {
-            let all: Vec<String> = tape.outputs.iter().map(|output| output.reg.to_string()).collect();
-            text.push_str(&format!("    [{}]\n", all.join(", ")));
-        }
-        Kind::Surface | Kind::Step => text.push_str(&format!("    {output}\n")),
-        // The tape ends in 1 or 0; a comparison converts it without the saturation of `as`.
-        Kind::Support => text.push_str(&format!("    i32::from({output} > 0.5)\n")),
-    }
-    text.push_str("}\n");
     text
 }
 

@@ -3,6 +3,7 @@
 //! In: the names of a model file. Out: the names of functions in C and in Rust, or the reason why a name cannot be emitted, as a clause
 //! that follows the quoted name ("`while` is a keyword of ..."). The checker adds the place. Never changes a name to make it fit.
 
+pub mod plant;
 mod reserved;
 
 use crate::number::Precision;
@@ -205,6 +206,9 @@ pub fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Op
 
 /// What the state is called among the arguments of a step.
 pub const STATE: &str = "state";
+
+/// What the outputs are called among the arguments of a plant's step in C.
+pub const OUTPUTS: &str = "outputs";
 
 fn not_an_identifier(name: &str) -> Option<String> {
     if name.is_empty() {

@@ -159,7 +159,7 @@ impl TapeBuilder {
     }
 
     /// A surface may stand on a tape more than once.
-    fn add_note(&mut self, place: Reg, note: Note) {
+    pub(super) fn add_note(&mut self, place: Reg, note: Note) {
         let entry = (place, note);
         if !self.notes.contains(&entry) {
             self.notes.push(entry);

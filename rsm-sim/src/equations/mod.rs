@@ -7,6 +7,7 @@
 //!
 //! Everything is computed by tapes, in double precision: the same bits on every machine. Inputs hold from row to row.
 
+pub mod code;
 pub mod engine;
 pub mod extended;
 pub mod file;

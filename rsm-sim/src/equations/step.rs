@@ -16,7 +16,7 @@
 //! the clock goes on and the rest of the state stays.
 
 use rsm_core::number::{Precision, Rational, exact, integer};
-use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
+use rsm_core::tape::{Note, Op, Reg, Tape, TapeBuilder};
 use rsm_model::expression::{Id, Symbol};
 use rsm_model::system::System;
 
@@ -159,7 +159,14 @@ impl<'m> Writer<'m> {
         let (direct, circular) = ordered(&switches, first);
         let mut tape = TapeBuilder::sharing(Precision::F64);
         let inputs = (0..system.inputs().len()).map(|k| tape.input(k as u32)).collect();
-        let parameters = machine.parameters().iter().map(|it| tape.constant(exact(*it))).collect();
+        let parameters = system.parameters().into_iter().zip(machine.parameters()).map(|(symbol, value)| {
+            let variable = system.flat().variable(symbol);
+            let constant = tape.constant(exact(*value));
+            let unit = variable.unit.clone().unwrap_or_default();
+            tape.note(&exact(*value), Note { term: variable.name.clone(), coefficient: *value, unit });
+            constant
+        });
+        let parameters = parameters.collect();
         Writer { machine, length, tape, inputs, parameters, rates, outputs, solutions, events, switches, direct, circular }
     }
 
@@ -224,7 +231,7 @@ impl<'m> Writer<'m> {
             results.push((String::new(), zero));
         }
         let states = next.into_iter().enumerate().map(|(k, reg)| (format!("s{k}"), reg));
-        let tape = self.tape.finish_with_results("step", names(self.machine.inputs()), results, states);
+        let tape = self.tape.finish_with_results("step", names(self.machine.inputs()), results, states).folded();
         Step { tape, kept, length: self.length }
     }
 

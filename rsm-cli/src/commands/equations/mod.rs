@@ -1,7 +1,8 @@
-//! Plants of equations (plant files of format 2, or a text alone): `rsm inspect`, `rsm linearise`, and their part of `rsm simulate`.
+//! Plants of equations (plant files of format 2, or a text alone): `rsm inspect`, `rsm linearise`, and their part of `rsm simulate` and `rsm emit`.
 //!
 //! In: a plant file or a text. Out: what each subcommand prints or writes. No mathematics.
 
+pub mod emit;
 pub mod inspect;
 pub mod linearise;
 pub mod simulate;

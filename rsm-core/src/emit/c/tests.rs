@@ -3,7 +3,7 @@
 use super::*;
 use crate::model::{Input, Outside};
 use crate::number::exact;
-use crate::tape::{Constant, Port, TapeBuilder};
+use crate::tape::{Constant, Port, Reg, TapeBuilder};
 
 /// A unit of one function of three inputs.
 fn unit(kind: Kind, precision: Precision, write: impl FnOnce(&mut TapeBuilder, [Reg; 3]) -> Reg) -> Unit {
@@ -310,7 +310,7 @@ fn a_register_is_a_result_if_it_is_one_of_several() {
         (quotient, &[opposite, quotient], true),
         (quotient, &[quotient], false),
     ] {
-        assert_eq!(is_result(&finished(output, next), product), expected, "{output:?} {next:?}");
+        assert_eq!(Reads::of(&finished(output, next)).is_result[product.0 as usize], expected, "{output:?} {next:?}");
     }
 }
 

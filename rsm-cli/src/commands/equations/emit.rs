@@ -1,0 +1,81 @@
+//! `rsm emit` of a plant of equations: a step of constant length as source text.
+//!
+//! In: a plant, the length of a step, where it starts. Out: a header and a source file in C, or a module in Rust, whole or absent.
+
+use std::path::{Path, PathBuf};
+
+use rsm_core::source::Source;
+use rsm_sim::equations::{Signals, code, linearise};
+use serde_json::json;
+
+use super::{plant, point};
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+/// What the command line says of a plant.
+pub struct Wish<'a> {
+    pub step: f64,
+    pub in_c: bool,
+    pub name: Option<&'a str>,
+    pub at: Option<&'a str>,
+    pub record: Option<&'a Path>,
+    pub out: &'a Path,
+    pub as_json: bool,
+}
+
+pub fn run(path: &Path, wish: &Wish<'_>) -> Outcome {
+    let (file, mut machine) = plant(path)?;
+    let (start, words) = match wish.record {
+        None => {
+            let at = wish.at.unwrap_or_default();
+            let words = if at.is_empty() { "all inputs 0".to_string() } else { format!("at {at}") };
+            (point(&file, &mut machine, at)?, words)
+        }
+        Some(record) => {
+            let signals = Signals::read(&Source::read(record)?, &file, &machine)?;
+            let inputs: Vec<f64> = signals.inputs.iter().map(|it| it[0]).collect();
+            let given = signals.start(&file, &machine);
+            (machine.start(&file, signals.time[0], &inputs, &given)?, format!("with the first row of {}", shown(record)))
+        }
+    };
+    let linear = linearise(&file, &machine, &start)?;
+    let from = code::Start { point: &start, words, linear: &linear };
+    let plant = code::plant(&machine, wish.step, &from, wish.name, &shown(path))
+        .map_err(|what| Refusal::new(format!("{}: --step: {what}", path.display())))?;
+    let file = |ending: &str| wish.out.join(format!("{}.{ending}", plant.model));
+    let files: Vec<(PathBuf, String)> = if wish.in_c {
+        let text = plant.c();
+        vec![(file("h"), text.header), (file("c"), text.source)]
+    } else {
+        vec![(file("rs"), plant.rust())]
+    };
+    output::write_all(&files)?;
+    if wish.as_json {
+        let names: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();
+        let states: Vec<_> = plant
+            .tape
+            .states
+            .iter()
+            .zip(&plant.states)
+            .map(|(it, (signal, start))| json!({ "name": it.name, "unit": signal.unit, "start": start }))
+            .collect();
+        output::json(&json!({
+            "model": plant.model,
+            "files": names,
+            "functions": plant.functions(wish.in_c),
+            "step": plant.length,
+            "operations": plant.tape.operation_count(),
+            "states": states,
+        }))?;
+    } else {
+        for (path, _) in &files {
+            output::line(&path.display().to_string())?;
+        }
+    }
+    Ok(Answer::Positive)
+}
+
+/// The name of a file without its folder: emitted text is the same wherever it was made.
+fn shown(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+}

@@ -1,0 +1,65 @@
+//! What in a tape must be kept from a compiler of C: products that it could fuse into sums, and quotients that it may take for products.
+
+use crate::tape::{Op, Reg, Tape};
+
+/// How registers are read, found in one pass from the end of a tape.
+pub(super) struct Reads {
+    feeds_sum: Vec<bool>,
+    pub(super) is_result: Vec<bool>,
+    /// States that something else than a choice wrote.
+    is_computed: Vec<bool>,
+}
+
+impl Reads {
+    pub(super) fn of(tape: &Tape) -> Reads {
+        let size = tape.ops.len();
+        let mut reads = Reads { feeds_sum: vec![false; size], is_result: vec![false; size], is_computed: vec![false; size] };
+        tape.results().for_each(|reg| reads.is_result[reg.0 as usize] = true);
+        for (k, op) in tape.ops.iter().enumerate().rev() {
+            match *op {
+                Op::Add(a, b) | Op::Subtract(a, b) => {
+                    reads.feeds_sum[a.0 as usize] = true;
+                    reads.feeds_sum[b.0 as usize] = true;
+                }
+                // There is a sum in it.
+                Op::PowerOfTwo(a) => reads.feeds_sum[a.0 as usize] = true,
+                // The magnitude of a square is the square itself to a compiler.
+                Op::Negate(a) | Op::Absolute(a) => {
+                    reads.feeds_sum[a.0 as usize] |= reads.feeds_sum[k];
+                    reads.is_result[a.0 as usize] |= reads.is_result[k];
+                }
+                Op::State(state) => {
+                    let next = tape.op(tape.states[state.0 as usize].reg);
+                    reads.is_computed[k] = !matches!(next, Op::Select { .. });
+                }
+                _ => {}
+            }
+        }
+        reads
+    }
+
+    /// Whether a sum or a difference reads the register, itself or through a sign.
+    pub(super) fn feeds_sum(&self, reg: Reg) -> bool {
+        self.feeds_sum[reg.0 as usize]
+    }
+
+    /// Whether a product must be kept from what reads it: only a sum can be fused with it. The caller may add to a result.
+    pub(super) fn is_kept(&self, product: Reg) -> bool {
+        self.feeds_sum(product) || self.is_result[product.0 as usize]
+    }
+
+    /// The same of a state: where a choice wrote it there is no product that could be fused.
+    pub(super) fn is_kept_state(&self, state: Reg) -> bool {
+        self.feeds_sum(state) && self.is_computed[state.0 as usize]
+    }
+}
+
+/// Whether a divisor is a constant power of two, well inside the exponents of both precisions: to multiply by its reciprocal is the same, and quicker.
+pub(super) fn has_exact_reciprocal(tape: &Tape, divisor: Reg) -> bool {
+    // From 2^-100 to 2^100; the exponents of f32 end at 2^-126 and 2^127.
+    const LIMIT: f64 = (1_u128 << 100) as f64;
+    let Op::Constant(ref constant) = *tape.op(divisor) else { return false };
+    let magnitude = constant.value.abs();
+    let mantissa = magnitude.to_bits() & ((1 << (f64::MANTISSA_DIGITS - 1)) - 1);
+    mantissa == 0 && (1.0 / LIMIT..=LIMIT).contains(&magnitude)
+}

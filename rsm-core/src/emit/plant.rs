@@ -1,0 +1,140 @@
+//! A plant as code: one step of constant length, its state and the start.
+//!
+//! In: a tape whose arguments are the inputs, whose results are the outputs, and whose states are all that the plant keeps. Out: a header and a source
+//! file in C, or one module in Rust, with a type of the state, a type of the outputs, `init` and `step`. Nothing about arithmetic is decided here.
+
+use super::{c::CFiles, c_plant, plain, rust_plant};
+use crate::number::decimal;
+use crate::run::Interpreter;
+use crate::tape::Tape;
+
+/// A plant of which everything is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plant {
+    /// Prefix of every C name, module name in Rust.
+    pub model: String,
+    /// What the plant is, as its text says it, and where it was read from.
+    pub about: String,
+    /// The length of the step in s.
+    pub length: f64,
+    /// The step, in f64. Inputs, outputs and states have names that both languages take.
+    pub tape: Tape,
+    /// What the inputs are, in order.
+    pub inputs: Vec<Signal>,
+    /// What the outputs are, in order.
+    pub outputs: Vec<Signal>,
+    /// What the states are, in order, and their start.
+    pub states: Vec<(Signal, f64)>,
+    /// Numbers that are folded into the step: name, value and unit.
+    pub parameters: Vec<(String, f64, String)>,
+    /// What the start was computed for, in words.
+    pub start: String,
+}
+
+/// What a reader of emitted code wants to know about a number.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Signal {
+    /// Its unit as the text writes it; empty where there is none.
+    pub unit: String,
+    /// What it is.
+    pub words: String,
+    /// Of an input: from where to where a self-test takes its values.
+    pub range: [f64; 2],
+}
+
+impl Signal {
+    /// Unit and words, as a comment has them.
+    pub(super) fn comment(&self) -> String {
+        let parts: Vec<String> =
+            [&self.unit, &self.words].into_iter().filter(|it| !it.is_empty()).map(|it| plain(it)).collect();
+        parts.join(", ")
+    }
+}
+
+impl Plant {
+    /// The C of the plant.
+    #[must_use]
+    pub fn c(&self) -> CFiles {
+        c_plant::emit(self)
+    }
+
+    /// The Rust of the plant.
+    #[must_use]
+    pub fn rust(&self) -> String {
+        rust_plant::emit(self)
+    }
+
+    /// The names of the functions: in C with the prefix of the model.
+    #[must_use]
+    pub fn functions(&self, in_c: bool) -> Vec<String> {
+        let prefix = if in_c { format!("{}_", self.model) } else { String::new() };
+        ["init", "step"].map(|name| format!("{prefix}{name}")).to_vec()
+    }
+
+    /// The names of the states.
+    pub(super) fn fields(&self) -> Vec<String> {
+        self.tape.states.iter().map(|it| it.name.clone()).collect()
+    }
+
+    /// What a caller must know of the step, a line each.
+    pub(super) fn rules(&self) -> Vec<String> {
+        let mut lines = vec![
+            format!("One step of {} s.", decimal(self.length)),
+            String::new(),
+            "The inputs hold for the step. What is due at its beginning happens (`when`, `sample`); the outputs are those of this".to_string(),
+            "instant; then the state goes on by the classical method of Runge and Kutta. Comparisons count as they are at each of its".to_string(),
+            "four points. The bits are those of `rsm simulate --fixed-step`.".to_string(),
+            String::new(),
+        ];
+        if !self.tape.inputs.is_empty() {
+            lines.push("Where an input is NaN or infinite the state stays as it was; a clock goes on. The outputs of that call mean nothing.".to_string());
+        }
+        lines.push(
+            "A state that is no longer finite stays so: the plant has diverged, and only `init` brings it back.".to_string(),
+        );
+        lines.push(format!("{} operations, {} deep, no branch.", self.tape.operation_count(), self.tape.depth()));
+        lines
+    }
+
+    /// The parameters, a line each.
+    pub(super) fn numbers(&self) -> Vec<String> {
+        let each = |(name, value, unit): &(String, f64, String)| {
+            let unit = if unit.is_empty() || unit == "1" { String::new() } else { format!(" {}", plain(unit)) };
+            format!("- {}: {}{unit}", plain(name), decimal(*value))
+        };
+        self.parameters.iter().map(each).collect()
+    }
+
+    /// Steps from the start: of each the bits of inputs and outputs; then the bits of the states behind the last one.
+    pub(super) fn sequence(&self) -> (Vec<Vec<u64>>, Vec<u64>) {
+        let mut interpreter = Interpreter::<f64>::new(&self.tape);
+        let start: Vec<f64> = self.states.iter().map(|it| it.1).collect();
+        interpreter.set_states(&start);
+        let mut random = super::points::SplitMix(0x5eed);
+        let steps: Vec<Vec<u64>> = (0..SELF_TEST_STEPS)
+            .map(|k| {
+                let mut inputs: Vec<f64> = self
+                    .inputs
+                    .iter()
+                    .map(|it| {
+                        let share = random.next_share();
+                        it.range[0] * (1.0 - share) + it.range[1] * share
+                    })
+                    .collect();
+                // A bad sample in between.
+                if k == SELF_TEST_STEPS / 2
+                    && let Some(first) = inputs.first_mut()
+                {
+                    *first = f64::NAN;
+                }
+                interpreter.step(&inputs);
+                let outputs: Vec<f64> = interpreter.results().take(self.outputs.len()).collect();
+                inputs.iter().chain(&outputs).map(|it| it.to_bits()).collect()
+            })
+            .collect();
+        (steps, interpreter.states().iter().map(|it| it.to_bits()).collect())
+    }
+}
+
+/// How many steps a self-test takes.
+pub(super) const SELF_TEST_STEPS: usize = 24;
