@@ -17,6 +17,7 @@ mod manifests;
 mod measured;
 mod names;
 mod object_code;
+mod plants_as_code;
 mod plants_as_texts;
 mod reference_step;
 mod refuses;

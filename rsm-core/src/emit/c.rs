@@ -224,7 +224,8 @@ pub(super) fn needs<'u>(tapes: impl Iterator<Item = &'u Tape>) -> Needs {
                 Op::Input(_) => needs.keep |= reads.feeds_sum(reg),
                 Op::State(_) => needs.keep |= reads.is_kept_state(reg),
                 Op::Negate(_) => needs.hide = true,
-                Op::Divide(_, b) => needs.hide |= !has_exact_reciprocal(tape, *b),
+                Op::Divide(_, b) if has_exact_reciprocal(tape, *b) => needs.keep |= reads.is_kept(reg),
+                Op::Divide(..) => needs.hide = true,
                 Op::Subtract(a, b) => needs.hide |= a == b,
                 Op::Absolute(_) => needs.absolute = true,
                 Op::Exponent(_) => needs.exponent = true,
@@ -289,6 +290,8 @@ pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) if reads.is_kept(reg) => format!("{}({a} * {b})", helper("keep")),
             Op::Multiply(a, b) => format!("{a} * {b}"),
+            // A product to a compiler, whose rounding of a subnormal number a fused operation would leave out.
+            Op::Divide(a, b) if has_exact_reciprocal(tape, b) && reads.is_kept(reg) => format!("{}({a} / {b})", helper("keep")),
             Op::Divide(a, b) if has_exact_reciprocal(tape, b) => format!("{a} / {b}"),
             Op::Divide(a, b) => format!("{a} / {}({b})", helper("hide")),
             Op::Select { condition, then, otherwise } => match tape.extremum(reg) {

@@ -8,7 +8,9 @@ use crate::names;
 use crate::number::{Precision, decimal};
 use crate::tape::Named;
 
-pub(super) fn emit(plant: &Plant) -> CFiles {
+/// The two files of a plant.
+#[must_use]
+pub fn emit(plant: &Plant) -> CFiles {
     CFiles { header: header(plant), source: source(plant) }
 }
 

@@ -7,12 +7,12 @@
 pub mod c;
 mod c_gradient;
 mod c_idioms;
-mod c_plant;
+pub mod c_plant;
 mod c_reads;
 pub mod plant;
 mod points;
 pub mod rust;
-mod rust_plant;
+pub mod rust_plant;
 
 pub use crate::names::Kind;
 

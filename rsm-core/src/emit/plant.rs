@@ -3,7 +3,7 @@
 //! In: a tape whose arguments are the inputs, whose results are the outputs, and whose states are all that the plant keeps. Out: a header and a source
 //! file in C, or one module in Rust, with a type of the state, a type of the outputs, `init` and `step`. Nothing about arithmetic is decided here.
 
-use super::{c::CFiles, c_plant, plain, rust_plant};
+use super::plain;
 use crate::number::decimal;
 use crate::run::Interpreter;
 use crate::tape::Tape;
@@ -52,18 +52,6 @@ impl Signal {
 }
 
 impl Plant {
-    /// The C of the plant.
-    #[must_use]
-    pub fn c(&self) -> CFiles {
-        c_plant::emit(self)
-    }
-
-    /// The Rust of the plant.
-    #[must_use]
-    pub fn rust(&self) -> String {
-        rust_plant::emit(self)
-    }
-
     /// The names of the functions: in C with the prefix of the model.
     #[must_use]
     pub fn functions(&self, in_c: bool) -> Vec<String> {

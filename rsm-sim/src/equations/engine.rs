@@ -3,12 +3,11 @@
 //! In: a machine at its start, the inputs at every row. Out: the outputs at every row. Inputs hold from row to row. A step is as long as its estimated error allows; where a comparison changes inside a step, the instant
 //! is located and the step ends there, and what the text wants to happen then happens. The same machine and inputs give the same bits.
 
-use std::fmt;
-
 use super::fixed;
 use super::late::Late;
 use super::machine::{Happening, Machine, Point};
 use super::methods::{self, Linear, Stepped};
+use super::rows::{Inputs, MOST_EVENTS, MOST_STEPS, Stopped};
 
 /// How time moves on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,63 +40,6 @@ impl Default for Setting {
     }
 }
 
-/// Why a run ended before its last row: a numerical outcome.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Stopped {
-    /// A number is no longer finite behind this row (from 0).
-    NotFinite {
-        /// The row.
-        row: usize,
-        /// The state or output.
-        name: String,
-    },
-    /// A row needs more steps than are reasonable.
-    TooManySteps {
-        /// The row.
-        row: usize,
-    },
-    /// A row has more events than are reasonable: conditions switch to and fro.
-    TooManyEvents {
-        /// The row.
-        row: usize,
-    },
-    /// A nonlinear block has no solution near its last one.
-    NoSolution {
-        /// The row.
-        row: usize,
-    },
-    /// The fixed step does not suit the rows or the text: a sentence.
-    Step(String),
-}
-
-impl fmt::Display for Stopped {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Stopped::NotFinite { row, name } => {
-                write!(f, "row {}: `{name}` is no longer finite: the plant is unstable, or a start is missing", row + 1)
-            }
-            Stopped::TooManySteps { row } => write!(
-                f,
-                "row {}: more than {MOST_STEPS} steps to the next row: shorten the rows, or allow a larger error",
-                row + 1
-            ),
-            Stopped::TooManyEvents { row } => {
-                write!(f, "row {}: more than {MOST_EVENTS} events to the next row: a condition switches to and fro", row + 1)
-            }
-            Stopped::NoSolution { row } => {
-                write!(f, "row {}: a set of nonlinear equations has no solution near its last one", row + 1)
-            }
-            Stopped::Step(what) => write!(f, "{what}"),
-        }
-    }
-}
-
-/// Steps from one row to the next, at most. A stiff method that needs more follows something a million times faster than the record shows.
-const MOST_STEPS: usize = 200_000;
-
-/// Events from one row to the next, at most.
-const MOST_EVENTS: usize = 10_000;
-
 /// An explicit method that takes more steps a row than this for its stability or its error is dearer than a stiff one, whose steps cost some five explicit ones.
 const STIFF: usize = 100;
 
@@ -111,21 +53,6 @@ const TURNS: usize = 100;
 const SHORTEST: f64 = 0.2;
 const LONGEST: f64 = 5.0;
 const SAFETY: f64 = 0.9;
-
-/// Inputs on a grid of rows.
-#[derive(Debug, Clone, Copy)]
-pub struct Inputs<'a> {
-    /// The instant of each row in s.
-    pub time: &'a [f64],
-    /// By input, in the order of the machine: its value at every row.
-    pub values: &'a [Vec<f64>],
-}
-
-impl Inputs<'_> {
-    pub(super) fn at(&self, row: usize) -> Vec<f64> {
-        self.values.iter().map(|it| it[row]).collect()
-    }
-}
 
 /// A run.
 struct Run<'m> {
@@ -154,10 +81,6 @@ struct Run<'m> {
 /// When an input has fewer rows than the time.
 pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting) -> Result<Vec<Vec<f64>>, Stopped> {
     if let Method::Fixed { step } = setting.method {
-        if !machine.followers().is_empty() || !machine.late_readings().is_empty() {
-            let what = "an effect delays a signal, and fixed steps know no delays: leave --fixed-step out";
-            return Err(Stopped::Step(what.to_string()));
-        }
         return fixed::run(machine, &start, inputs, step);
     }
     let n = start.states.len();

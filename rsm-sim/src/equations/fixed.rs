@@ -5,8 +5,8 @@
 
 use rsm_core::run::Interpreter;
 
-use super::engine::{Inputs, Stopped};
 use super::machine::{Machine, Point};
+use super::rows::{Inputs, Stopped};
 use super::step::{Kept, Step};
 
 /// Steps from one row to the next, at most.

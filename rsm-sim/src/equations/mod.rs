@@ -17,13 +17,15 @@ mod late;
 pub mod linear;
 pub mod machine;
 mod methods;
+pub mod rows;
 pub mod signals;
 pub mod step;
 
-pub use engine::{Inputs, Method, Setting, Stopped, run};
+pub use engine::{Method, Setting, run};
 pub use extended::Entry;
 pub use file::EquationFile;
 pub use linear::{Linearised, linearise};
 pub use machine::{Machine, Point};
+pub use rows::{Inputs, Stopped};
 pub use signals::Signals;
 pub use step::Step;

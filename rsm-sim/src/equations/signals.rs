@@ -5,9 +5,10 @@
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_fit::table::{Table, Wanted};
 
-use super::engine::{self, Inputs, Setting, Stopped};
+use super::engine::{self, Setting};
 use super::file::{EquationFile, Given};
 use super::machine::Machine;
+use super::rows::{Inputs, Stopped};
 use crate::record;
 
 /// A record of a plant of equations.

@@ -61,10 +61,13 @@ impl Step {
     /// The step of a machine.
     ///
     /// # Errors
-    /// A sentence: the length is no positive number, or two instants of a `sample` may fall into one step.
+    /// A sentence: the length is no positive number, two instants of a `sample` may fall into one step, or an effect delays a signal.
     pub fn new(machine: &Machine, length: f64) -> Result<Step, String> {
         if !(length > 0.0 && length.is_finite()) {
             return Err(format!("found a step of {length} s, expected a positive length"));
+        }
+        if !machine.followers().is_empty() || !machine.late_readings().is_empty() {
+            return Err("an effect delays a signal, and fixed steps know no delays".to_string());
         }
         // A period that is the step but for the rounding of decimals is the step.
         if let Some((_, period)) = machine.samples().iter().find(|(_, period)| *period < length * (1.0 - 1e-9)) {

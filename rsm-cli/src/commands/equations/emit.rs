@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use rsm_core::emit::{c_plant, rust_plant};
 use rsm_core::source::Source;
 use rsm_sim::equations::{Signals, code, linearise};
 use serde_json::json;
@@ -34,8 +35,11 @@ pub fn run(path: &Path, wish: &Wish<'_>) -> Outcome {
         Some(record) => {
             let signals = Signals::read(&Source::read(record)?, &file, &machine)?;
             let inputs: Vec<f64> = signals.inputs.iter().map(|it| it[0]).collect();
-            let given = signals.start(&file, &machine);
-            (machine.start(&file, signals.time[0], &inputs, &given)?, format!("with the first row of {}", shown(record)))
+            let (given, recorded) = signals.start(&file, &machine);
+            (
+                machine.start_along(&file, signals.time[0], &inputs, &given, &recorded)?,
+                format!("with the first row of {}", shown(record)),
+            )
         }
     };
     let linear = linearise(&file, &machine, &start)?;
@@ -44,10 +48,10 @@ pub fn run(path: &Path, wish: &Wish<'_>) -> Outcome {
         .map_err(|what| Refusal::new(format!("{}: --step: {what}", path.display())))?;
     let file = |ending: &str| wish.out.join(format!("{}.{ending}", plant.model));
     let files: Vec<(PathBuf, String)> = if wish.in_c {
-        let text = plant.c();
+        let text = c_plant::emit(&plant);
         vec![(file("h"), text.header), (file("c"), text.source)]
     } else {
-        vec![(file("rs"), plant.rust())]
+        vec![(file("rs"), rust_plant::emit(&plant))]
     };
     output::write_all(&files)?;
     if wish.as_json {
