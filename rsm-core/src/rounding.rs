@@ -12,7 +12,7 @@ use std::cmp::Ordering;
 
 use num_traits::Signed;
 
-use crate::elementary::{self, Computed, Function};
+use crate::elementary::{self, Computed};
 use crate::interval::Interval;
 use crate::number::{Precision, Rational, exact, power_of_two};
 use crate::tape::{Extremum, Op, Reg, Tape};
@@ -184,7 +184,7 @@ impl<'t> Analysis<'t> {
         }
     }
 
-    /// An elementary function: the slope carries the errors of its arguments, and the rows err by at most one unit in the last place. The ideal is
+    /// An elementary function: the slope carries the errors of its arguments, and the rows err by what is proved of them. The ideal is
     /// the function itself.
     fn computed(&self, row: &Computed) -> Known {
         let arguments: Vec<Known> = row.arguments.iter().map(|argument| self.of(*argument)).collect();
@@ -199,7 +199,7 @@ impl<'t> Analysis<'t> {
         if !range.magnitude().is_finite() || !elementary::range::over(row.function, &wide).magnitude().is_finite() {
             return Known::NOTHING;
         }
-        let unit = if row.function == Function::Floor { 0.0 } else { 2.0 * self.half_ulp(range.magnitude()) };
+        let unit = product_up(2.0 * self.half_ulp(range.magnitude()), row.function.error_in_units());
         let slopes = elementary::range::slopes(row.function, &wide);
         let propagated = arguments.iter().zip(slopes).map(|(a, slope)| product_up(slope, a.error));
         Known { low: range.low - unit, high: range.high + unit, error: propagated.fold(unit, sum_up) }

@@ -65,13 +65,19 @@ fn half(tape: &mut TapeBuilder, z: Reg) -> Reg {
     tape.multiply(z, half)
 }
 
-/// The remainder of k by 4, sin r and cos r.
-fn both(tape: &mut TapeBuilder, x: Reg) -> (Reg, Reg, Reg) {
-    let (quadrant, r) = reduced(tape, x);
+/// sin r and cos r.
+pub(super) fn of_remainder(tape: &mut TapeBuilder, r: Pair) -> (Reg, Reg) {
     let z = tape.multiply(r.high, r.high);
     let half_z = half(tape, z);
     let (sine, cosine) = (sine(tape, r, z, half_z), cosine(tape, r, z, half_z));
-    (quadrant, tape.add(sine.high, sine.low), tape.add(cosine.high, cosine.low))
+    (tape.add(sine.high, sine.low), tape.add(cosine.high, cosine.low))
+}
+
+/// The remainder of k by 4, sin r and cos r.
+fn both(tape: &mut TapeBuilder, x: Reg) -> (Reg, Reg, Reg) {
+    let (quadrant, r) = reduced(tape, x);
+    let (sine, cosine) = of_remainder(tape, r);
+    (quadrant, sine, cosine)
 }
 
 /// `odd` where the remainder is 1 or -1, else `even`.
@@ -116,8 +122,8 @@ pub(super) fn cos(tape: &mut TapeBuilder, x: Reg) -> Reg {
     within_the_limit(tape, x, result)
 }
 
-pub(super) fn tan(tape: &mut TapeBuilder, x: Reg) -> Reg {
-    let (quadrant, r) = reduced(tape, x);
+/// tan r, or -1/tan r where k is odd.
+pub(super) fn tangent(tape: &mut TapeBuilder, quadrant: Reg, r: Pair) -> Reg {
     let square = product(tape, r.high, r.high);
     let half_z = half(tape, square.high);
     let sine = sine(tape, r, square.high, half_z);
@@ -131,6 +137,11 @@ pub(super) fn tan(tape: &mut TapeBuilder, x: Reg) -> Reg {
     let numerator = Pair { high: choose(cosine.high, sine.high), low: choose(cosine.low, sine.low) };
     let denominator = Pair { high: choose(negated[0], cosine.high), low: choose(negated[1], cosine.low) };
     let result = quotient(tape, numerator, denominator);
-    let result = tape.add(result.high, result.low);
+    tape.add(result.high, result.low)
+}
+
+pub(super) fn tan(tape: &mut TapeBuilder, x: Reg) -> Reg {
+    let (quadrant, r) = reduced(tape, x);
+    let result = tangent(tape, quadrant, r);
     within_the_limit(tape, x, result)
 }

@@ -145,3 +145,69 @@ pub(super) fn parts(value: &Rational, bits: u32, count: usize) -> Vec<f64> {
     }
     parts
 }
+
+/// (name, what it is, polynomial)
+pub(super) fn polynomials() -> Vec<(&'static str, &'static str, Derived)> {
+    let sign = |i: u32| integer(if i.is_multiple_of(2) { 1 } else { -1 });
+    let whole = |n: u32| integer(i64::from(n));
+    vec![
+        (
+            "EXP",
+            "exp r = 1 + r + r^2 EXP(r), |r| <= 0.3466",
+            economised(|i| integer(1) / factorial(i + 2), [-0.3466, 0.3466], 0.5, 11),
+        ),
+        (
+            "LOG",
+            "log m = 2 atanh s = 2 s + s z LOG(z), z = s^2 <= 0.02945",
+            economised(|i| integer(2) / whole(2 * i + 3), [0.0, 0.02945], 0.5, 7),
+        ),
+        (
+            "SIN",
+            "sin r = r + r z SIN(z), z = r^2 <= 0.617",
+            economised(|i| -sign(i) / factorial(2 * i + 3), [0.0, 0.617], 0.5, 7),
+        ),
+        (
+            "COS",
+            "cos r = 1 - z/2 + z^2 COS(z), z = r^2 <= 0.617",
+            economised(|i| sign(i) / factorial(2 * i + 4), [0.0, 0.617], 0.5, 6),
+        ),
+        (
+            "SINH",
+            "sinh r = r + r z SINH(z), z = r^2 <= 0.1202",
+            economised(|i| integer(1) / factorial(2 * i + 3), [0.0, 0.1202], 0.5, 6),
+        ),
+        (
+            "COSH",
+            "cosh r = 1 + z/2 + z^2 COSH(z), z = r^2 <= 0.1202",
+            economised(|i| integer(1) / factorial(2 * i + 4), [0.0, 0.1202], 0.5, 5),
+        ),
+        (
+            "ATAN",
+            "atan t = t + t z ATAN(z), z = t^2 <= 0.1112",
+            economised(|i| -sign(i) / whole(2 * i + 3), [0.0, 0.1112], 0.5, 11),
+        ),
+        (
+            "ASIN",
+            "asin s = s + s z ASIN(z), z = s^2 <= 0.25",
+            economised(
+                |i| {
+                    let n = i + 1;
+                    factorial(2 * n) / (integer(4).pow(n as i32) * factorial(n) * factorial(n) * whole(2 * n + 1))
+                },
+                [0.0, 0.25],
+                0.5,
+                14,
+            ),
+        ),
+    ]
+}
+
+/// How far a polynomial is from its function at most, over the interval for which it was made.
+pub(super) fn polynomial_bound(name: &str) -> f64 {
+    static BOUNDS: std::sync::OnceLock<Vec<(&str, f64)>> = std::sync::OnceLock::new();
+    let bounds = BOUNDS.get_or_init(|| {
+        let all = polynomials().into_iter();
+        all.map(|(name, _, derived)| (name, Precision::F64.round_up(&derived.bound))).collect()
+    });
+    bounds.iter().find(|(other, _)| *other == name).expect("a polynomial of `coefficients.rs`").1
+}

@@ -1,21 +1,21 @@
 //! Elementary functions as rows of operations of a tape: no call, no branch, the same bits everywhere.
 //!
-//! In: a builder and the registers of the arguments. Out: the register of the result, which differs from the true value by at most 1 unit in the last
-//! place over the stated range. NaN in gives NaN out. Range reduction and polynomial are written with the operations of the tape; two of them,
+//! In: a builder and the registers of the arguments. Out: the register of the result, which differs from the true value by at most so many units
+//! in the last place over the stated range; [`Function::error_in_units`] has the same numbers, and `proof/` proves them. NaN in gives NaN out. Range reduction and polynomial are written with the operations of the tape; two of them,
 //! `Exponent` and `PowerOfTwo`, exist for this. Only tapes in f64 hold these functions: f32 would need its own reductions and proofs.
 //!
-//! | function | range | beyond |
-//! |---|---|---|
-//! | `sqrt` | 0 to the largest number, infinity | NaN below 0 |
-//! | `exp` | all numbers; from 709.78 on infinity, below -745.13 zero | |
-//! | `log`, `log10` | above 0, subnormal numbers too; -infinity at 0 | NaN below 0 |
-//! | `sin`, `cos`, `tan` | magnitudes up to 800,000 | NaN |
-//! | `asin`, `acos` | -1 to 1 | NaN |
-//! | `atan` | all numbers, infinities too | |
-//! | `atan2` | all finite pairs; 0 at (0, 0) | NaN where both are infinite |
-//! | `sinh`, `cosh` | all numbers; infinity from 710.48 on | |
-//! | `tanh` | all numbers | |
-//! | `floor` | all numbers, exactly | |
+//! | function | error, proved | range | beyond |
+//! |---|---|---|---|
+//! | `sqrt` | 0.501 | 0 to the largest number, infinity | NaN below 0 |
+//! | `exp` | 0.84 | all numbers; from 709.78 on infinity, below -745.13 zero | |
+//! | `log`, `log10` | 1.03, 0.93 | above 0, subnormal numbers too; -infinity at 0 | NaN below 0 |
+//! | `sin`, `cos`, `tan` | 0.85, 0.85, 1.2 | magnitudes up to 800,000 | NaN |
+//! | `asin`, `acos` | 1.19, 1.02 | -1 to 1 | NaN |
+//! | `atan` | 1 | all numbers, infinities too | |
+//! | `atan2` | 0.76 | all finite pairs; 0 at (0, 0) | NaN where both are infinite |
+//! | `sinh`, `cosh` | 0.97 | all numbers; infinity from 710.48 on | |
+//! | `tanh` | 1.44 | all numbers | |
+//! | `floor` | 0 | all numbers | |
 //!
 //! The sign of a zero is not kept by odd functions: `atan(-0.0)` is +0.0. `sqrt` may be off by more than half a unit and is no IEEE square root.
 //!
@@ -33,6 +33,8 @@ mod exponential;
 mod inverse;
 mod logarithm;
 mod pair;
+#[cfg(test)]
+mod proof;
 pub(crate) mod range;
 mod whole;
 
@@ -115,6 +117,33 @@ impl Function {
     #[must_use]
     pub fn arity(self) -> usize {
         if self == Function::Atan2 { 2 } else { 1 }
+    }
+
+    /// How far a result is from the true value at most over the [`range`](Self::range), in units in the last place of the true value. It is proved, not measured: a test
+    /// bounds every rounding, cell by cell over all arguments. What was measured at 10^7 points is less than 1 for every function.
+    ///
+    /// ```
+    /// use rsm_core::elementary::Function;
+    ///
+    /// assert!(Function::Atan.error_in_units() <= 1.0 && Function::Tan.error_in_units() <= 1.2); // rad, of angles up to 800,000 rad
+    /// ```
+    #[must_use]
+    pub fn error_in_units(self) -> f64 {
+        match self {
+            Function::Sqrt => 0.501,
+            Function::Exp => 0.84,
+            Function::Log => 1.03,
+            Function::Log10 => 0.93,
+            Function::Sin | Function::Cos => 0.85,
+            Function::Tan => 1.2,
+            Function::Asin => 1.19,
+            Function::Acos => 1.02,
+            Function::Atan => 1.0,
+            Function::Atan2 => 0.76,
+            Function::Sinh | Function::Cosh => 0.97,
+            Function::Tanh => 1.44,
+            Function::Floor => 0.0,
+        }
     }
 
     /// The arguments for which the promised error holds and the result is a finite number; of `Atan2` the same for both.

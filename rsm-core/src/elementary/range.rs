@@ -1,7 +1,7 @@
 //! Ranges and slopes of the elementary functions over intervals, for the bounds of rounding errors.
 //!
 //! In: a function and intervals of its arguments. Out: an enclosure of the true function, and bounds of its partial derivatives. The ends are computed by
-//! the function's own rows, which err by at most one unit in the last place, and moved outward by more than that.
+//! the function's own rows, whose error is proved, and moved outward by more than that.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -24,7 +24,7 @@ pub(crate) fn value(function: Function, arguments: &[f64]) -> f64 {
 }
 
 /// A tape of the function alone.
-fn alone(function: Function) -> Tape {
+pub(super) fn alone(function: Function) -> Tape {
     let mut tape = TapeBuilder::sharing(Precision::F64);
     let names = ["x", "y"][..function.arity()].iter().map(|name| (*name).to_string()).collect();
     let arguments: Vec<_> = (0..function.arity() as u32).map(|port| tape.input(port)).collect();
@@ -32,7 +32,7 @@ fn alone(function: Function) -> Tape {
     tape.finish(function.name(), names, result)
 }
 
-/// Moved outward by two units in the last place: one that the rows may err, and one in which this is rounded.
+/// Moved outward by two numbers: the rows err by less than one and a half units in the last place.
 fn outward(low: f64, high: f64) -> Interval {
     if low.is_nan() || high.is_nan() {
         return ANYTHING;

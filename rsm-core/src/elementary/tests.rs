@@ -1,63 +1,7 @@
 use std::fmt::Write as _;
 
-use super::derive::{Derived, atan_of_half, economised, factorial, half_pi, log_of_ten, log_of_two, parts};
+use super::derive::{atan_of_half, half_pi, log_of_ten, log_of_two, parts, polynomials};
 use crate::number::{Precision, Rational, decimal, integer};
-
-/// (name, what it is, polynomial)
-fn polynomials() -> Vec<(&'static str, &'static str, Derived)> {
-    let sign = |i: u32| integer(if i.is_multiple_of(2) { 1 } else { -1 });
-    let whole = |n: u32| integer(i64::from(n));
-    vec![
-        (
-            "EXP",
-            "exp r = 1 + r + r^2 EXP(r), |r| <= 0.3466",
-            economised(|i| integer(1) / factorial(i + 2), [-0.3466, 0.3466], 0.5, 11),
-        ),
-        (
-            "LOG",
-            "log m = 2 atanh s = 2 s + s z LOG(z), z = s^2 <= 0.02945",
-            economised(|i| integer(2) / whole(2 * i + 3), [0.0, 0.02945], 0.5, 7),
-        ),
-        (
-            "SIN",
-            "sin r = r + r z SIN(z), z = r^2 <= 0.617",
-            economised(|i| -sign(i) / factorial(2 * i + 3), [0.0, 0.617], 0.5, 7),
-        ),
-        (
-            "COS",
-            "cos r = 1 - z/2 + z^2 COS(z), z = r^2 <= 0.617",
-            economised(|i| sign(i) / factorial(2 * i + 4), [0.0, 0.617], 0.5, 6),
-        ),
-        (
-            "SINH",
-            "sinh r = r + r z SINH(z), z = r^2 <= 0.1202",
-            economised(|i| integer(1) / factorial(2 * i + 3), [0.0, 0.1202], 0.5, 6),
-        ),
-        (
-            "COSH",
-            "cosh r = 1 + z/2 + z^2 COSH(z), z = r^2 <= 0.1202",
-            economised(|i| integer(1) / factorial(2 * i + 4), [0.0, 0.1202], 0.5, 5),
-        ),
-        (
-            "ATAN",
-            "atan t = t + t z ATAN(z), z = t^2 <= 0.1112",
-            economised(|i| -sign(i) / whole(2 * i + 3), [0.0, 0.1112], 0.5, 11),
-        ),
-        (
-            "ASIN",
-            "asin s = s + s z ASIN(z), z = s^2 <= 0.25",
-            economised(
-                |i| {
-                    let n = i + 1;
-                    factorial(2 * n) / (integer(4).pow(n as i32) * factorial(n) * factorial(n) * whole(2 * n + 1))
-                },
-                [0.0, 0.25],
-                0.5,
-                14,
-            ),
-        ),
-    ]
-}
 
 fn text() -> String {
     let mut text = String::from(
