@@ -9,6 +9,8 @@ use std::process::{Command, Stdio};
 
 use rsm_core::check::Checked;
 use rsm_core::compile;
+use rsm_core::emit::c_plant;
+use rsm_core::emit::plant::Plant;
 use rsm_core::source::Source;
 use rsm_tests::cases;
 use rsm_tests::compilers::{self, Compiler};
@@ -61,18 +63,32 @@ pub fn emulated() -> bool {
 pub struct Build {
     folder: PathBuf,
     compiler: Compiler,
+    /// Further objects that programs are linked with.
+    plants: Vec<String>,
 }
 
 impl Build {
     /// Compiles every source.
     pub fn new(line: &str, name: &str) -> Build {
-        let build = Build { folder: folder(&format!("firmware-{name}")), compiler: Compiler::new(line) };
+        let build = Build { folder: folder(&format!("firmware-{name}")), compiler: Compiler::new(line), plants: vec![] };
         for object in OBJECTS {
             let own = firmware().join(format!("{object}.c"));
             let source = if own.exists() { own } else { build.folder.join(format!("{object}.c")) };
             build.compile(&source, object);
         }
         build
+    }
+
+    /// Adds plants as code.
+    pub fn with_plants(mut self, plants: &[&Plant]) -> Build {
+        for plant in plants {
+            let (files, name) = (c_plant::emit(plant), plant.model.clone());
+            compilers::write(&self.folder, &format!("{name}.h"), &files.header);
+            compilers::write(&self.folder, &format!("{name}.c"), &files.source);
+            self.compile(&self.folder.join(format!("{name}.c")), &name);
+            self.plants.push(name);
+        }
+        self
     }
 
     fn compile(&self, source: &Path, object: &str) {
@@ -83,7 +99,9 @@ impl Build {
 
     fn link(&self, program: &str, extra: &[&str]) {
         self.compile(&firmware().join("programs").join(format!("{program}.c")), program);
-        let mut objects: Vec<String> = OBJECTS.iter().chain(&[program]).map(|object| format!("{object}.o")).collect();
+        let plants = self.plants.iter().map(String::as_str);
+        let mut objects: Vec<String> =
+            OBJECTS.into_iter().chain(plants).chain([program]).map(|object| format!("{object}.o")).collect();
         objects.extend(["-o".to_string(), program.to_string()]);
         let arguments: Vec<&str> = extra.iter().copied().chain(objects.iter().map(String::as_str)).collect();
         self.compiler.must(&arguments, &self.folder);

@@ -3,6 +3,7 @@
 mod builds;
 mod faults;
 mod readme;
+mod rig;
 mod sequence;
 
 use std::collections::BTreeMap;
