@@ -30,7 +30,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 
-use commands::equations::{inspect, linearise};
+use commands::equations::{effects, inspect, linearise};
 use commands::{check, completions, demo, design, diagnose, emit, eval, experiment, fit, import, man, simulate};
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
@@ -64,6 +64,8 @@ enum Command {
     Simulate(simulate::Arguments),
     /// What the compiler understood of a plant's equations
     Inspect(inspect::Arguments),
+    /// The catalogue of effects, and what can stand where on a plant
+    Effects(effects::Arguments),
     /// The linear model of a plant of equations at a point: matrices, poles, damping
     Linearise(linearise::Arguments),
     /// What a plant's simulation gets wrong, and why: causes, extended plant, gain
@@ -89,6 +91,7 @@ fn main() -> ExitCode {
         Command::Import(arguments) => import::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Effects(arguments) => effects::run(&arguments),
         Command::Linearise(arguments) => linearise::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),

@@ -35,6 +35,9 @@ pub struct Arguments {
     /// Of a plant of equations: classical Runge-Kutta steps of this length, in s; the record's period must be a whole multiple of it
     #[arg(long, conflicts_with_all = ["method", "tolerance"])]
     fixed_step: Option<f64>,
+    /// Of a plant of equations: a folder of further effects, a file each
+    #[arg(long, value_name = "DIR")]
+    effects: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -46,13 +49,14 @@ pub fn run(arguments: &Arguments) -> Outcome {
         method: arguments.method.as_deref(),
         tolerance: arguments.tolerance,
         fixed_step: arguments.fixed_step,
+        effects: arguments.effects.as_deref(),
     };
     if equations::is_equations(&source) || arguments.plant.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
         return equations::simulate::run(&arguments.plant, &arguments.record, &arguments.out, &wish, arguments.json);
     }
     if wish.is_some() {
         return Err(Refusal::new(format!(
-            "{}: --method, --tolerance and --fixed-step are for plants of equations (`format = 2`); this plant is built in and has steps of its own",
+            "{}: --method, --tolerance, --fixed-step and --effects are for plants of equations (`format = 2`); this plant is built in and has steps of its own",
             arguments.plant.display()
         )));
     }

@@ -21,7 +21,7 @@ const PAGES: [(&str, &[&str]); 11] = [
     ("embed-rust.md", &["rust,ignore", "rust,ignore", "rust,ignore", "rust"]),
     ("fit.md", &["toml", "sh", "rust"]),
     ("import.md", &["sh"]),
-    ("own-plant.md", &["modelica", "toml", "sh", "sh"]),
+    ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh"]),
 ];
 
 fn page(name: &str) -> Vec<Block> {
@@ -239,6 +239,15 @@ fn the_guide_to_plants_of_equations_runs() {
     let simulated = std::fs::read_to_string(folder.path().join("simulated.csv")).unwrap();
     assert!(simulated.starts_with("time[s],torque[N*m],speed[rad/s],drum_speed[rad/s]\n"), "{simulated}");
     assert_eq!(simulated.lines().count(), 6);
+    let plant = block("own-plant.md", 1) + "\n" + &block("own-plant.md", 4);
+    std::fs::write(folder.path().join("winch.toml"), plant).unwrap();
+    std::fs::create_dir(folder.path().join("effects")).unwrap();
+    std::fs::write(folder.path().join("effects/felt-brake.toml"), block("own-plant.md", 5)).unwrap();
+    let text = run(&block("own-plant.md", 6), folder.path());
+    assert!(text.contains("drum (rotation)") && text.contains("felt-brake"), "{text}");
+    let braked = std::fs::read_to_string(folder.path().join("braked.csv")).unwrap();
+    let last = |text: &str| text.lines().last().unwrap().rsplit(',').next().unwrap().parse::<f64>().unwrap();
+    assert!(last(&braked) < last(&simulated), "{braked}{simulated}");
 }
 
 #[test]

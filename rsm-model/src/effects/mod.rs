@@ -9,6 +9,7 @@
 
 mod file;
 mod guesses;
+mod propose;
 mod rewrite;
 mod shipped;
 mod site;
@@ -16,6 +17,7 @@ mod terms;
 
 pub use file::{Effect, Number, Words};
 pub use guesses::{SCALES, Start};
+pub use propose::{Proposal, Room, propose, rooms};
 pub use rewrite::{Delay, Extended, LateReading, Placed, extend};
 pub use shipped::{Catalogue, shipped_file, sites_of};
 pub use site::{Site, SiteKind};

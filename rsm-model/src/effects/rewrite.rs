@@ -115,23 +115,8 @@ struct Rewriter {
 /// # Errors
 /// A site that the equations do not bear out; an effect that cannot stand where it is placed; a number that is missing, unknown or out of its bounds.
 pub fn extend(flat: &Flat, sites: &[Site], placed: &[Placed<'_>]) -> Result<Extended, Faults> {
-    let mut rewriter = Rewriter {
-        flat: flat.clone(),
-        own: (0, 0),
-        sites: Vec::new(),
-        delays: Vec::new(),
-        late_readings: Vec::new(),
-        read_of: Vec::new(),
-        placed: vec![(String::new(), Vec::new()); placed.len()],
-    };
-    let mut faults = Collector::new();
-    for site in sites {
-        match rewriter.bind(site) {
-            Ok(bound) => rewriter.sites.push(bound),
-            Err(found) => found.list().iter().for_each(|it| faults.push(it.clone())),
-        }
-    }
-    faults.finish(Some(()))?;
+    let mut rewriter = Rewriter::new(flat, placed.len());
+    rewriter.bind_all(sites)?;
     let mut faults = Collector::new();
     let mut order: Vec<usize> = (0..placed.len()).collect();
     order.sort_by_key(|k| level(placed[*k].effect));
@@ -142,6 +127,48 @@ pub fn extend(flat: &Flat, sites: &[Site], placed: &[Placed<'_>]) -> Result<Exte
     }
     let Rewriter { flat, delays, late_readings, read_of, placed, .. } = rewriter;
     faults.finish(Some(Extended { flat, delays, late_readings, read_of, placed }))
+}
+
+/// Sites of a plant, bound to its equations: for whoever asks what can stand where.
+pub(super) struct Standing {
+    rewriter: Rewriter,
+}
+
+/// What one place offers.
+pub(super) struct Offer {
+    bound: Bound,
+}
+
+impl Offer {
+    /// Whether an effect finds its roles here.
+    pub(super) fn stands(&self, effect: &Effect) -> bool {
+        self.bound.missing(effect).is_none()
+    }
+}
+
+impl Standing {
+    pub(super) fn new(flat: &Flat, sites: &[Site]) -> Result<Standing, Faults> {
+        let mut rewriter = Rewriter::new(flat, 0);
+        rewriter.bind_all(sites)?;
+        Ok(Standing { rewriter })
+    }
+
+    /// Declared sites, inputs and outputs.
+    pub(super) fn places(self) -> Vec<(String, SiteKind, Offer)> {
+        let mut list: Vec<(String, SiteKind, Offer)> =
+            self.rewriter.sites.iter().map(|it| (it.name.clone(), it.kind, Offer { bound: it.clone() })).collect();
+        let flat = &self.rewriter.flat;
+        for symbol in flat.symbols() {
+            let variable = flat.variable(symbol);
+            let kind = match variable.role {
+                Role::Input => SiteKind::Input,
+                _ if variable.is_output => SiteKind::Output,
+                _ => continue,
+            };
+            list.push((variable.name.clone(), kind, Offer { bound: Bound::signal(&variable.name, kind) }));
+        }
+        list
+    }
 }
 
 /// From the record inwards, and out again.
@@ -169,6 +196,18 @@ fn level(effect: &Effect) -> usize {
 }
 
 impl Rewriter {
+    fn new(flat: &Flat, placed: usize) -> Rewriter {
+        Rewriter {
+            flat: flat.clone(),
+            own: (0, 0),
+            sites: Vec::new(),
+            delays: Vec::new(),
+            late_readings: Vec::new(),
+            read_of: Vec::new(),
+            placed: vec![(String::new(), Vec::new()); placed],
+        }
+    }
+
     fn place(&mut self, number: usize, placed: &Placed<'_>) -> Result<(), Faults> {
         let site = self.site(placed)?;
         let effect = placed.effect;

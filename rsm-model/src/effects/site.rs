@@ -61,7 +61,7 @@ pub(crate) enum Otherwise {
 type RoleOf = (&'static str, Otherwise);
 
 const BODY: &[RoleOf] = &[
-    ("position", Otherwise::Required),
+    ("position", Otherwise::Absent),
     ("speed", Otherwise::Required),
     ("inertia", Otherwise::Required),
     ("load", Otherwise::Number(0.0)),

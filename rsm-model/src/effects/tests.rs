@@ -196,3 +196,76 @@ fn what_cannot_stand_somewhere_says_why() {
         assert!(found.contains(wanted), "{found}\nwanted {wanted}");
     }
 }
+
+#[test]
+fn what_the_shipped_sites_say_is_proposed_from_units_and_form() {
+    let names = |plant: &str| -> Vec<String> {
+        let list = super::propose(&flat(plant), &[]);
+        list.iter()
+            .map(|it| format!("{} {}", it.kind.name(), it.roles.iter().map(|it| it.1.as_str()).collect::<Vec<_>>().join(" ")))
+            .collect()
+    };
+    assert_eq!(names("servo-axis#ServoAxis"), ["translation position speed mass"]);
+    assert_eq!(
+        names("driveline"),
+        [
+            "rotation engine_angle engine_speed engine_inertia",
+            "rotation shaft_angle shaft_speed transmission_inertia + final_drive_inertia/(final_drive_ratio*final_drive_ratio)",
+            "rotation wheel_angle wheel_speed wheel_inertia + mass*(wheel_radius*wheel_radius)",
+            "joint clutch_twist clutch_rate clutch_torque",
+            "joint driveshaft_twist driveshaft_rate driveshaft_torque",
+        ]
+    );
+    assert_eq!(
+        names("pmac"),
+        [
+            "winding current_d phase_resistance phase_inductance",
+            "winding current_q phase_resistance phase_inductance",
+            "rotation angle speed inertia",
+        ]
+    );
+}
+
+#[test]
+fn a_proposal_can_be_pasted_and_says_no_more_once_it_is() {
+    for plant in ["servo-axis#ServoAxis", "driveline", "pmac"] {
+        let flat = flat(plant);
+        let text: String = super::propose(&flat, &[]).iter().map(super::Proposal::toml).collect::<Vec<_>>().join("\n");
+        let file = Source::new("plant.toml", text);
+        let mut faults = rsm_core::source::Collector::new();
+        let document = rsm_core::toml_reader::parse(&file, &mut faults).unwrap();
+        let mut top = rsm_core::toml_reader::TableReader::document(&file, &document);
+        let sites = super::Site::read_all(&file, top.optional("sites").unwrap(), &mut faults);
+        faults.finish(Some(())).unwrap();
+        extend(&flat, &sites, &[]).unwrap_or_else(|faults| panic!("{faults}"));
+        assert_eq!(super::propose(&flat, &sites), []);
+    }
+}
+
+#[test]
+fn rooms_say_which_effects_a_site_has_the_roles_for() {
+    let flat = flat("servo-axis#ServoAxis");
+    let rooms = super::rooms(&flat, &sites_of("ServoAxis"), &Catalogue::shipped()).unwrap();
+    let at = |name: &str| &rooms.iter().find(|it| it.at == name).unwrap().effects;
+    assert!(at("carriage").contains(&"coulomb-friction".to_string()) && !at("carriage").contains(&"windage".to_string()));
+    assert!(at("position").contains(&"sensor-lag".to_string()) && at("command").contains(&"input-delay".to_string()));
+}
+
+#[test]
+fn an_effect_of_a_user_is_one_of_the_catalogue_and_its_faults_are_told_at_once() {
+    let text = |kind: &str| {
+        format!(
+            "format = 1\nkind = \"{kind}\"\nsites = [\"input\"]\nsource = \"ours\"\n[changes.replace]\nsignal = \"2*signal\"\n[words]\nsentence = \"x\"\ncheck = \"y\"\n"
+        )
+    };
+    let mut catalogue = Catalogue::shipped();
+    catalogue.add(&[Source::new("twice.toml", text("twice"))]).unwrap();
+    assert!(catalogue.find("twice").is_some());
+    let again = catalogue.add(&[Source::new("again.toml", text("twice"))]).unwrap_err().to_string();
+    assert!(again.contains("again.toml: the kind `twice` is in twice.toml already"), "{again}");
+    let wrong = "format = 1\nkind = \"w\"\nsites = [\"inputs\"]\nsource = \"ours\"\n[numbers]\na = { unit = \"1\", mim = 0 }\n[changes]\neffort = \"2*(a\"\n[words]\nsentence = \"x\"\n";
+    let told = super::Effect::read(&Source::new("w.toml", wrong)).unwrap_err().to_string();
+    for words in ["w.toml:3:10", "which is no kind of site", "unknown key `mim`", "w.toml:8:15", "`check` is missing"] {
+        assert!(told.contains(words), "{words}\n{told}");
+    }
+}

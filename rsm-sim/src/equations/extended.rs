@@ -25,7 +25,14 @@ use rsm_core::toml_reader::{TableReader, Value};
 use rsm_fit::table::{Table, Wanted};
 use rsm_model::effects::{Catalogue, Placed};
 
-use super::file::Given;
+/// A number that a plant file gives a name of the text.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Given {
+    /// The name in the text.
+    pub name: String,
+    /// The value, in the unit of the text.
+    pub value: f64,
+}
 
 /// An effect as a plant file places it.
 #[derive(Debug, Clone)]

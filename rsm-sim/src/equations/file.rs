@@ -28,21 +28,13 @@ use rsm_core::check::Checked;
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, parse};
 use rsm_fit::table::{Table, Wanted};
-use rsm_model::effects::{Catalogue, Delay, LateReading, Site, extend, sites_of};
+use rsm_model::effects::{Catalogue, Delay, LateReading, Proposal, Room, Site, extend, propose, rooms, sites_of};
 use rsm_model::expression::Symbol;
 use rsm_model::flat::{Basic, Flat, Options, Role};
 use rsm_model::system::System;
 
+pub use super::extended::Given;
 use super::extended::{self, Decided, Entry, Rules};
-
-/// A number that a plant file gives a name of the text.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Given {
-    /// The name in the text.
-    pub name: String,
-    /// The value, in the unit of the text.
-    pub value: f64,
-}
 
 /// A signal that a record holds under another name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -101,6 +93,8 @@ pub struct EquationFile {
     pub(super) placed: Vec<(String, Vec<(String, Symbol)>)>,
     /// What the record decided.
     pub(super) decided: Decided,
+    /// The equations without effects.
+    plain: Flat,
     origin: Origin,
 }
 
@@ -250,6 +244,7 @@ impl EquationFile {
             read_of: Vec::new(),
             placed: Vec::new(),
             decided: Decided::default(),
+            plain,
             origin: Origin { source: source.clone(), text, model: name, catalogue: catalogue.clone() },
         };
         parts.built()
@@ -264,6 +259,7 @@ impl EquationFile {
         }
         let Origin { source, text, model, catalogue } = &self.origin;
         let flat = Flat::read(text, &Options { model: model.clone(), parameters })?;
+        self.plain = flat.clone();
         if self.effects.is_empty() && self.sites.is_empty() {
             self.system = System::new(&flat)?;
             return Ok(self);
@@ -325,6 +321,20 @@ impl EquationFile {
         file.built()
     }
 
+    /// Sites that units and the form of equations suggest, beside those of the file.
+    #[must_use]
+    pub fn proposals(&self) -> Vec<Proposal> {
+        propose(&self.plain, &self.sites)
+    }
+
+    /// Which effects of the catalogue can stand where.
+    ///
+    /// # Errors
+    /// Sites that the equations do not bear out.
+    pub fn rooms(&self) -> Result<Vec<Room>, Faults> {
+        rooms(&self.plain, &self.sites, &self.origin.catalogue)
+    }
+
     /// Where each effect stands.
     #[must_use]
     pub fn places(&self) -> Vec<&str> {
@@ -336,7 +346,8 @@ impl EquationFile {
     /// # Errors
     /// Those of the text; a function without an algorithm, which only a plant file can name a surface for.
     pub fn of_text(text: &Source) -> Result<EquationFile, Faults> {
-        let system = System::new(&Flat::read(text, &Options::default())?)?;
+        let flat = Flat::read(text, &Options::default())?;
+        let system = System::new(&flat)?;
         let origin =
             Origin { source: text.clone(), text: text.clone(), model: None, catalogue: Arc::new(Catalogue::shipped()) };
         if let Some(surface) = system.flat().surfaces.first() {
@@ -361,6 +372,7 @@ impl EquationFile {
             read_of: Vec::new(),
             placed: Vec::new(),
             decided: Decided::default(),
+            plain: flat,
             origin,
         })
     }

@@ -7,7 +7,7 @@ use rsm_core::source::Faults;
 use rsm_model::expression::{Id, Symbol};
 
 use super::file::EquationFile;
-use super::machine::{Machine, Point};
+use super::machine::{Followed, Machine, Point};
 
 /// A linear model, in the units of the text.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,8 +66,17 @@ pub fn linearise(file: &EquationFile, machine: &Machine, point: &Point) -> Resul
         let found = machine.evaluated(file, &system, &derivatives, point)?;
         Ok(if by.is_empty() { vec![Vec::new(); of.len()] } else { found.chunks(by.len()).map(<[f64]>::to_vec).collect() })
     };
-    let (a, b) = (matrix(&rates, &states)?, matrix(&rates, &inputs)?);
-    let (c, d) = (matrix(&values, &states)?, matrix(&values, &inputs)?);
+    let (a, mut b) = (matrix(&rates, &states)?, matrix(&rates, &inputs)?);
+    let (c, mut d) = (matrix(&values, &states)?, matrix(&values, &inputs)?);
+    // A delay is none in a model at rest: what follows an input late acts with it. Followers stand behind the inputs of a record, the last first taken.
+    for follower in machine.followers().iter().rev() {
+        for row in b.iter_mut().chain(&mut d) {
+            let late = row.remove(follower.input);
+            if let Followed::Input(place) = follower.of {
+                row[place] += late;
+            }
+        }
+    }
     let poles = poles(&a);
     Ok(Linearised { a, b, c, d, poles })
 }

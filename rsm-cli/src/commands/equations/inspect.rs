@@ -1,6 +1,7 @@
 //! `rsm inspect`: what the compiler understood of a plant's equations.
 //!
-//! In: a plant of equations. Out: its signals, states, parameters, what each set of equations is solved for and how, conditions, time constants at the start.
+//! In: a plant of equations. Out: its signals, states, parameters, what each set of equations is solved for and how, conditions, time constants at the start,
+//! where effects can stand, and sites that units and equations suggest.
 
 use std::path::PathBuf;
 
@@ -17,6 +18,9 @@ use crate::output;
 pub struct Arguments {
     /// The plant file (format 2), or a text of equations (.mo)
     plant: PathBuf,
+    /// A folder of further effects, a file each
+    #[arg(long, value_name = "DIR")]
+    effects: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -32,13 +36,14 @@ fn words(method: Method) -> &'static str {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let (file, mut machine) = plant(&arguments.plant)?;
+    let (file, mut machine) = plant(&arguments.plant, arguments.effects.as_deref())?;
     // Without a start there are no time constants, and everything else is still true.
     let start = point(&file, &mut machine, "");
     let poles = match &start {
         Ok(at) => linearise(&file, &machine, at)?.poles,
         Err(_) => Vec::new(),
     };
+    let (rooms, proposals) = (file.rooms()?, file.proposals());
     let system = machine.system();
     let flat = system.flat();
     let parameters: Vec<(String, String, Option<f64>, Option<f64>)> = system
@@ -80,9 +85,15 @@ pub fn run(arguments: &Arguments) -> Outcome {
             .iter()
             .map(|(name, unit, value, tolerance)| json!({ "name": name, "unit": unit, "value": value, "tolerance": tolerance }))
             .collect();
+        let declared = file.sites.iter().map(|it| json!({ "name": it.name, "kind": it.kind.name(), "declared": true }));
+        let proposed =
+            proposals.iter().map(|it| json!({ "name": it.name, "kind": it.kind.name(), "declared": false, "toml": it.toml() }));
+        let sites: Vec<_> = declared.chain(proposed).collect();
+        let room: Vec<_> = rooms.iter().map(|it| json!({ "at": it.at, "site": it.kind.name(), "kinds": it.effects })).collect();
         output::json(&json!({
             "plant": flat.name, "inputs": names(&machine.inputs()), "outputs": names(&machine.outputs()),
             "states": states, "parameters": parameters, "equations": blocks, "conditions": switches, "poles": poles,
+            "sites": sites, "effects": room,
         }))?;
         return Ok(Answer::Positive);
     }
@@ -110,6 +121,16 @@ pub fn run(arguments: &Arguments) -> Outcome {
             }
         }
         Err(refusal) => output::line(&format!("no start: {refusal}"))?,
+    }
+    output::line("where effects can stand:")?;
+    for room in &rooms {
+        output::line(&format!("  {} ({}): {}", room.at, room.kind.name(), room.effects.join(", ")))?;
+    }
+    if !proposals.is_empty() {
+        output::line("sites that units and equations suggest, for the plant file:")?;
+        for proposal in &proposals {
+            output::line(&format!("\n{}", proposal.toml().trim_end()))?;
+        }
     }
     Ok(Answer::Positive)
 }

@@ -23,6 +23,9 @@ pub struct Arguments {
     /// The CSV of the matrices: a row for each derivative and each output, a column for each state and each input
     #[arg(long)]
     out: Option<PathBuf>,
+    /// A folder of further effects, a file each
+    #[arg(long, value_name = "DIR")]
+    effects: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -34,7 +37,7 @@ fn finite(matrix: &[Vec<f64>]) -> Vec<Vec<Option<f64>>> {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let (file, mut machine) = plant(&arguments.plant)?;
+    let (file, mut machine) = plant(&arguments.plant, arguments.effects.as_deref())?;
     let at = point(&file, &mut machine, &arguments.at)?;
     let found = linearise(&file, &machine, &at)?;
     let (states, inputs, outputs) = (machine.states(), machine.inputs(), machine.outputs());

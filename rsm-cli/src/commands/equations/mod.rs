@@ -2,28 +2,60 @@
 //!
 //! In: a plant file or a text. Out: what each subcommand prints or writes. No mathematics.
 
+pub mod effects;
 pub mod emit;
 pub mod inspect;
 pub mod linearise;
 pub mod simulate;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use rsm_core::source::Source;
+use rsm_core::source::{Fault, Faults, Source};
+use rsm_model::effects::Catalogue;
 use rsm_sim::equations::file::Given;
 use rsm_sim::equations::{EquationFile, Machine, Point};
+use rsm_sim::plant_file::PlantFile;
 
 use crate::outcome::Refusal;
 
-/// A plant of equations, by its plant file or by its text (`.mo`) alone.
-pub fn plant(path: &Path) -> Result<(EquationFile, Machine), Refusal> {
+/// The effects that come with the project, and those of a folder.
+pub fn catalogue(folder: Option<&Path>) -> Result<Arc<Catalogue>, Refusal> {
+    let mut catalogue = Catalogue::shipped();
+    if let Some(folder) = folder {
+        let refuse = |what: String| Faults::one(Fault::whole_file(&folder.display().to_string(), what));
+        let entries = std::fs::read_dir(folder).map_err(|error| refuse(format!("cannot be read: {error}")))?;
+        let mut files: Vec<PathBuf> = entries.filter_map(Result::ok).map(|it| it.path()).collect();
+        files.retain(|it| it.extension().is_some_and(|it| it.eq_ignore_ascii_case("toml")));
+        files.sort();
+        if files.is_empty() {
+            return Err(refuse("the folder has no file of an effect (*.toml)".to_string()).into());
+        }
+        let sources: Vec<Source> = files.iter().map(|it| Source::read(it)).collect::<Result<_, _>>()?;
+        catalogue.add(&sources)?;
+    }
+    Ok(Arc::new(catalogue))
+}
+
+/// The file of a plant of equations, by its plant file or by its text (`.mo`) alone.
+pub fn file(path: &Path, effects: Option<&Path>) -> Result<EquationFile, Refusal> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let open = |name: &str| Source::read(&folder.join(name));
-    let file = if path.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
-        EquationFile::of_text(&Source::read(path)?)?
-    } else {
-        EquationFile::read(&Source::read(path)?, &open)?
-    };
+    let source = Source::read(path)?;
+    if path.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
+        return Ok(EquationFile::of_text(&source)?);
+    }
+    if rsm_sim::equations::file::format(&source) == Some(1) {
+        let plant = PlantFile::read(&source)?;
+        let closed = plant.parameters.optional("position_gain").is_some();
+        return Ok(EquationFile::of_first_format(&plant, closed)?);
+    }
+    Ok(EquationFile::read_with(&source, &open, &catalogue(effects)?)?)
+}
+
+/// A plant of equations, ready to be evaluated.
+pub fn plant(path: &Path, effects: Option<&Path>) -> Result<(EquationFile, Machine), Refusal> {
+    let file = file(path, effects)?;
     let machine = Machine::new(&file)?;
     Ok((file, machine))
 }

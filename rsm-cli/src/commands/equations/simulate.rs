@@ -7,10 +7,10 @@ use std::path::Path;
 use rsm_core::number::decimal;
 use rsm_core::source::Source;
 use rsm_sim::equations::signals::{Failed, spelled};
-use rsm_sim::equations::{Method, Setting, Signals, Stopped, fixed};
+use rsm_sim::equations::{Machine, Method, Setting, Signals, Stopped, fixed};
 use serde_json::{Map, Value, json};
 
-use super::plant;
+use super::file;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -19,12 +19,14 @@ pub struct Wish<'a> {
     pub method: Option<&'a str>,
     pub tolerance: Option<f64>,
     pub fixed_step: Option<f64>,
+    /// A folder of further effects.
+    pub effects: Option<&'a Path>,
 }
 
 impl Wish<'_> {
     /// Whether anything is wished.
     pub fn is_some(&self) -> bool {
-        self.method.is_some() || self.tolerance.is_some() || self.fixed_step.is_some()
+        self.method.is_some() || self.tolerance.is_some() || self.fixed_step.is_some() || self.effects.is_some()
     }
 
     /// The setting for rows of a period.
@@ -54,8 +56,10 @@ impl Wish<'_> {
 
 /// Runs it.
 pub fn run(path: &Path, record: &Path, out: &Path, wish: &Wish<'_>, as_json: bool) -> Outcome {
-    let (file, mut machine) = plant(path)?;
-    let signals = Signals::read(&Source::read(record)?, &file, &machine)?;
+    let table = Source::read(record)?;
+    let file = file(path, wish.effects)?.of_record(&table)?;
+    let mut machine = Machine::new(&file)?;
+    let signals = Signals::read(&table, &file, &machine)?;
     let setting = wish.setting(signals.period)?;
     let found = signals.simulate(&file, &mut machine, setting).map_err(|failed| match failed {
         Failed::Start(faults) => faults.into(),
@@ -87,7 +91,7 @@ pub fn run(path: &Path, record: &Path, out: &Path, wish: &Wish<'_>, as_json: boo
             "plant": name,
             "rows": signals.time.len(),
             "period": signals.period,
-            "effects": [],
+            "effects": file.effects.iter().map(|it| it.kind.as_str()).collect::<Vec<_>>(),
             "outputs": ranges,
             "out": out.display().to_string(),
         }))?;

@@ -22,6 +22,12 @@ pub(super) struct Bound {
 }
 
 impl Bound {
+    /// An input or an output as a site of its own, for whoever asks only what its kind offers.
+    pub(super) fn signal(name: &str, kind: SiteKind) -> Bound {
+        let nothing = Value { sizes: Vec::new(), items: Vec::new(), basic: crate::flat::Basic::Real };
+        Bound { name: name.to_string(), kind, usual_for: Vec::new(), roles: vec![("signal".to_string(), nothing)] }
+    }
+
     pub(super) fn role(&self, role: &str) -> Option<&Value> {
         self.roles.iter().find(|it| it.0 == role).map(|it| &it.1)
     }
@@ -55,6 +61,18 @@ impl Bound {
 }
 
 impl Rewriter {
+    /// Binds all sites; tells every fault of each.
+    pub(super) fn bind_all(&mut self, sites: &[Site]) -> Result<(), Faults> {
+        let mut faults = Collector::new();
+        for site in sites {
+            match self.bind(site) {
+                Ok(bound) => self.sites.push(bound),
+                Err(found) => found.list().iter().for_each(|it| faults.push(it.clone())),
+            }
+        }
+        faults.finish(Some(()))
+    }
+
     pub(super) fn bind(&mut self, site: &Site) -> Result<Bound, Faults> {
         let mut faults = Collector::new();
         let mut roles = Vec::new();
