@@ -30,6 +30,9 @@ pub struct Arguments {
     /// Of a plant: where it starts, `speed=3,command=2`. An input that is not named is 0, a state has its start
     #[arg(long, requires = "step", allow_hyphen_values = true)]
     at: Option<String>,
+    /// Of a plant: a folder of further effects, a file each
+    #[arg(long, requires = "step", value_name = "DIR")]
+    effects: Option<PathBuf>,
     /// Of a plant: a record whose first row gives the start, as for `rsm simulate`
     #[arg(long, requires = "step", conflicts_with = "at")]
     record: Option<PathBuf>,
@@ -63,6 +66,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         (true, Some(step)) => {
             let wish = equations::emit::Wish {
                 step,
+                effects: arguments.effects.as_deref(),
                 in_c: arguments.lang == Language::C,
                 name: arguments.name.as_deref(),
                 at: arguments.at.as_deref(),

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use rsm_core::emit::{c_plant, rust_plant};
 use rsm_core::source::Source;
-use rsm_sim::equations::{Signals, code, linearise};
+use rsm_sim::equations::{Machine, Signals, code, linearise};
 use serde_json::json;
 
-use super::{plant, point};
+use super::point;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -20,25 +20,35 @@ pub struct Wish<'a> {
     pub name: Option<&'a str>,
     pub at: Option<&'a str>,
     pub record: Option<&'a Path>,
+    /// A folder of further effects.
+    pub effects: Option<&'a Path>,
     pub out: &'a Path,
     pub as_json: bool,
 }
 
 pub fn run(path: &Path, wish: &Wish<'_>) -> Outcome {
-    let (file, mut machine) = plant(path)?;
-    let (start, words) = match wish.record {
+    let mut file = super::file(path, wish.effects)?;
+    let record = match wish.record {
+        Some(record) => Some(Source::read(record)?),
+        None => None,
+    };
+    if let Some(record) = &record {
+        file = file.of_record(record)?;
+    }
+    let mut machine = Machine::new(&file)?;
+    let (start, words) = match &record {
         None => {
             let at = wish.at.unwrap_or_default();
             let words = if at.is_empty() { "all inputs 0".to_string() } else { format!("at {at}") };
             (point(&file, &mut machine, at)?, words)
         }
         Some(record) => {
-            let signals = Signals::read(&Source::read(record)?, &file, &machine)?;
+            let signals = Signals::read(record, &file, &machine)?;
             let inputs: Vec<f64> = signals.inputs.iter().map(|it| it[0]).collect();
             let (given, recorded) = signals.start(&file, &machine);
             (
                 machine.start_along(&file, signals.time[0], &inputs, &given, &recorded)?,
-                format!("with the first row of {}", shown(record)),
+                format!("with the first row of {}", wish.record.map_or_else(String::new, shown)),
             )
         }
     };
