@@ -287,6 +287,23 @@ impl System {
         self.values.get(&symbol).copied().unwrap_or_else(|| self.flat.pool.symbol(symbol))
     }
 
+    /// The state that a variable is: the state itself, or one that it is equal or opposite to.
+    #[must_use]
+    pub fn state_of(&self, symbol: Symbol) -> Option<Symbol> {
+        let mut of = symbol;
+        while let Some(alias) = self.aliases.get(&of) {
+            of = alias.of;
+        }
+        let state = match self.values.get(&of) {
+            None => of,
+            Some(value) => {
+                let [state] = self.flat.pool.symbols(*value)[..] else { return None };
+                (self.text(*value).trim_start_matches('-') == self.name(state)).then_some(state)?
+            }
+        };
+        self.states.contains(&state).then_some(state)
+    }
+
     /// The program that computes some expressions from some arguments.
     ///
     /// # Errors

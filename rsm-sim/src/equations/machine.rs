@@ -298,12 +298,7 @@ impl Machine {
 
     /// The state that a name stands for: its own, or one that it is equal or opposite to.
     fn state_of(&self, name: &str) -> Option<Symbol> {
-        let mut system = self.system.clone();
-        let symbol = system.find(name)?;
-        let value = system.value(symbol);
-        let [state] = system.flat().pool.symbols(value)[..] else { return None };
-        let (text, name) = (system.text(value), system.name(state));
-        (system.states().contains(&state) && text.trim_start_matches('-') == name).then_some(state)
+        self.system.state_of(self.system.find(name)?)
     }
 
     /// Whether two names stand for one state.

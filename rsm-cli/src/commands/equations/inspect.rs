@@ -10,7 +10,7 @@ use rsm_model::system::Method;
 use rsm_sim::equations::linearise;
 use serde_json::json;
 
-use super::{plant, point};
+use super::{plant, point, pole_lines, poles_json};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
 
@@ -79,8 +79,6 @@ pub fn run(arguments: &Arguments) -> Outcome {
             .collect();
         let switches: Vec<String> =
             system.switches().iter().map(|it| format!("{} < {}", system.text(it.left), system.text(it.right))).collect();
-        let poles: Vec<_> =
-            poles.iter().map(|it| json!({ "real": it.real, "imaginary": it.imaginary, "damping": it.damping() })).collect();
         let parameters: Vec<_> = parameters
             .iter()
             .map(|(name, unit, value, tolerance)| json!({ "name": name, "unit": unit, "value": value, "tolerance": tolerance }))
@@ -92,7 +90,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let room: Vec<_> = rooms.iter().map(|it| json!({ "at": it.at, "site": it.kind.name(), "kinds": it.effects })).collect();
         output::json(&json!({
             "plant": flat.name, "inputs": names(&machine.inputs()), "outputs": names(&machine.outputs()),
-            "states": states, "parameters": parameters, "equations": blocks, "conditions": switches, "poles": poles,
+            "states": states, "parameters": parameters, "equations": blocks, "conditions": switches, "poles": poles_json(&poles),
             "sites": sites, "effects": room,
         }))?;
         return Ok(Answer::Positive);
@@ -107,17 +105,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
     match start {
         Ok(_) => {
             output::line("at the start:")?;
-            for pole in poles.iter().filter(|it| it.imaginary >= 0.0) {
-                let frequency = pole.frequency();
-                output::line(&match pole.damping() {
-                    None => "  an integrator".to_string(),
-                    Some(_) if pole.imaginary == 0.0 => format!(
-                        "  a time constant of {:.4e} s{}",
-                        1.0 / frequency,
-                        if pole.real > 0.0 { ", unstable" } else { "" }
-                    ),
-                    Some(damping) => format!("  an oscillation of {frequency:.4e} rad/s with a damping ratio of {damping:.4}"),
-                })?;
+            for line in pole_lines(&poles) {
+                output::line(&format!("  {line}"))?;
             }
         }
         Err(refusal) => output::line(&format!("no start: {refusal}"))?,

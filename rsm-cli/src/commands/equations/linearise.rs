@@ -9,7 +9,7 @@ use rsm_core::number::decimal;
 use rsm_sim::equations::{Linearised, linearise};
 use serde_json::json;
 
-use super::{plant, point, with_unit};
+use super::{plant, point, pole_lines, poles_json, with_unit};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
 
@@ -50,11 +50,6 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if arguments.json {
         let names =
             |list: &[(String, String)]| -> Vec<_> { list.iter().map(|it| json!({ "name": it.0, "unit": it.1 })).collect() };
-        let poles: Vec<_> = found
-            .poles
-            .iter()
-            .map(|it| json!({ "real": it.real, "imaginary": it.imaginary, "frequency": it.frequency(), "damping": it.damping() }))
-            .collect();
         let values: Vec<_> =
             states.iter().zip(&at.states).map(|(it, value)| json!({ "state": it.0, "value": value })).collect();
         output::json(&json!({
@@ -62,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             "states": names(&states), "inputs": names(&inputs), "outputs": names(&outputs),
             "at": values,
             "a": finite(&found.a), "b": finite(&found.b), "c": finite(&found.c), "d": finite(&found.d),
-            "poles": poles,
+            "poles": poles_json(&found.poles),
         }))?;
         return Ok(Answer::Positive);
     }
@@ -72,21 +67,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if [&found.a, &found.b, &found.c, &found.d].iter().any(|it| it.iter().flatten().any(|it| !it.is_finite())) {
         tell!("a derivative is not finite at this point (a square root at 0, a division by 0): choose another with --at");
     }
-    // Of a pair the second says nothing new.
-    for pole in found.poles.iter().filter(|it| it.imaginary >= 0.0) {
-        match (pole.imaginary == 0.0, pole.damping()) {
-            (_, None) => tell!("pole at 0: an integrator"),
-            (true, _) if pole.real < 0.0 => tell!("pole {:.6}/s: time constant {:.6} s", pole.real, -1.0 / pole.real),
-            (true, _) => tell!("pole {:.6}/s: unstable, doubles in {:.6} s", pole.real, std::f64::consts::LN_2 / pole.real),
-            (false, Some(damping)) => tell!(
-                "poles {:.6} +- {:.6}i: {:.6} rad/s ({:.6} Hz), damping ratio {damping:.6}{}",
-                pole.real,
-                pole.imaginary,
-                pole.frequency(),
-                pole.frequency() / std::f64::consts::TAU,
-                if damping < 0.0 { ", unstable" } else { "" }
-            ),
-        }
+    for line in pole_lines(&found.poles) {
+        tell!("{line}");
     }
     if let Some(out) = &arguments.out {
         tell!("{}: {} states, {} inputs, {} outputs", out.display(), states.len(), inputs.len(), outputs.len());

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use rsm_core::source::{Fault, Faults, Source};
 use rsm_model::effects::Catalogue;
 use rsm_sim::equations::file::Given;
+use rsm_sim::equations::linear::Pole;
 use rsm_sim::equations::{EquationFile, Machine, Point};
 use rsm_sim::plant_file::PlantFile;
 
@@ -118,4 +119,28 @@ fn point(file: &EquationFile, machine: &mut Machine, at: &str) -> Result<Point, 
 /// A name with its unit.
 fn with_unit((name, unit): &(String, String)) -> String {
     if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
+}
+
+/// Poles as JSON has them.
+fn poles_json(poles: &[Pole]) -> Vec<serde_json::Value> {
+    let one = |it: &Pole| serde_json::json!({ "real": it.real, "imaginary": it.imaginary, "frequency": it.frequency(), "damping": it.damping() });
+    poles.iter().map(one).collect()
+}
+
+/// Poles in words, a line each. Of a pair the second says nothing new.
+fn pole_lines(poles: &[Pole]) -> Vec<String> {
+    let one = |pole: &Pole| match (pole.imaginary == 0.0, pole.damping()) {
+        (_, None) => "pole at 0: an integrator".to_string(),
+        (true, _) if pole.real < 0.0 => format!("pole {:.6}/s: time constant {:.6} s", pole.real, -1.0 / pole.real),
+        (true, _) => format!("pole {:.6}/s: unstable, doubles in {:.6} s", pole.real, std::f64::consts::LN_2 / pole.real),
+        (false, Some(damping)) => format!(
+            "poles {:.6} +- {:.6}i: {:.6} rad/s ({:.6} Hz), damping ratio {damping:.6}{}",
+            pole.real,
+            pole.imaginary,
+            pole.frequency(),
+            pole.frequency() / std::f64::consts::TAU,
+            if damping < 0.0 { ", unstable" } else { "" }
+        ),
+    };
+    poles.iter().filter(|it| it.imaginary >= 0.0).map(one).collect()
 }
