@@ -11,6 +11,7 @@
 
 pub mod budget;
 pub mod counted;
+pub mod engines;
 pub mod horner;
 pub mod simulation;
 pub mod surfaces;

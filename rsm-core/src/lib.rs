@@ -58,6 +58,8 @@ pub mod number;
 pub mod tape;
 
 pub mod elementary;
+pub mod held;
+pub mod series;
 pub mod tangent;
 
 pub mod bernstein;

@@ -226,7 +226,8 @@ impl Op {
     }
 
     /// The same operation on other registers.
-    fn with_operands(&self, place: impl Fn(Reg) -> Reg) -> Op {
+    #[must_use]
+    pub fn with_operands(&self, place: impl Fn(Reg) -> Reg) -> Op {
         match *self {
             Op::Constant(_) | Op::Input(_) | Op::State(_) => self.clone(),
             Op::Negate(a) => Op::Negate(place(a)),

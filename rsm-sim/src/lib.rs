@@ -48,6 +48,8 @@ pub mod hooks;
 
 pub mod plants;
 
+pub mod code;
+
 pub mod equations;
 
 mod integrate;

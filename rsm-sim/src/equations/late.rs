@@ -4,7 +4,7 @@
 
 use std::collections::VecDeque;
 
-use super::machine::{Followed, Machine, Point};
+use super::machine::{Followed, Machine};
 
 /// Two instants are one when they are so near, in periods of the record: decimals of periods and delays do not meet exactly.
 const SAME: f64 = 1e-9;
@@ -36,26 +36,26 @@ impl<'m> Late<'m> {
         Late { machine, coming, readings, time, near: SAME * period }
     }
 
-    /// Sends what signals say now, and puts what has come in its place. Says whether an input changed.
-    pub(super) fn exchange(&mut self, point: &mut Point) -> bool {
+    /// Sends what signals say at an instant, and puts what has come in its place. Says whether an input changed.
+    pub(super) fn exchange(&mut self, time: f64, inputs: &mut [[f64; 1]], memories: &[[f64; 1]]) -> bool {
         let mut changed = false;
         for (follower, Coming { queue, last }) in self.machine.followers().iter().zip(&mut self.coming) {
             let now = match follower.of {
-                Followed::Input(place) => point.inputs[place],
-                Followed::Memory(place) => point.memories[place],
+                Followed::Input(place) => inputs[place][0],
+                Followed::Memory(place) => memories[place][0],
             };
             if last.is_none() {
                 // Before the record a signal had its first value.
-                changed |= point.inputs[follower.input] != now;
-                point.inputs[follower.input] = now;
+                changed |= inputs[follower.input] != [now];
+                inputs[follower.input] = [now];
             } else if *last != Some(now) {
-                queue.push_back((point.time + follower.delay, now));
+                queue.push_back((time + follower.delay, now));
             }
             *last = Some(now);
-            while queue.front().is_some_and(|it| it.0 <= point.time + self.near) {
+            while queue.front().is_some_and(|it| it.0 <= time + self.near) {
                 if let Some((_, value)) = queue.pop_front() {
-                    changed |= point.inputs[follower.input] != value;
-                    point.inputs[follower.input] = value;
+                    changed |= inputs[follower.input] != [value];
+                    inputs[follower.input] = [value];
                 }
             }
         }
@@ -74,12 +74,12 @@ impl<'m> Late<'m> {
         (next < end - self.near).then_some(next)
     }
 
-    /// Takes the readings that are due at a point. `outputs` are those of the point.
-    pub(super) fn read(&mut self, time: f64, outputs: &[f64]) {
+    /// Takes the readings that are due at an instant, with the outputs there.
+    pub(super) fn read(&mut self, time: f64, outputs: &[[f64; 1]]) {
         for ((row, taken), (output, delay)) in self.readings.iter_mut().zip(self.machine.late_readings()) {
             // Before the record an output read its first value.
             while self.time.get(*row).is_some_and(|it| it - delay <= time + self.near) {
-                taken.push(outputs[*output]);
+                taken.push(outputs[*output][0]);
                 *row += 1;
             }
         }

@@ -38,18 +38,33 @@ pub(super) struct Look {
     pub solutions: Vec<f64>,
 }
 
-/// What happens at an event, by the program of events.
-pub(super) struct Happening {
-    pub memories: Vec<f64>,
-    pub branches: Vec<Branch>,
+/// How many there are of each group of arguments.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Counts {
+    /// 1 where the system has a time.
+    pub time: usize,
+    pub states: usize,
+    pub inputs: usize,
+    pub parameters: usize,
+    pub held: usize,
+    pub memories: usize,
+    pub guesses: usize,
+    pub acts: usize,
+    pub due: usize,
+    pub outputs: usize,
 }
 
-/// What a branch of a `when` would do.
-pub(super) struct Branch {
-    /// States that go on from another value, by place.
-    pub restarted: Vec<(usize, f64)>,
-    /// Its conditions: 1 where one is true.
-    pub conditions: Vec<f64>,
+/// The tapes of a machine, for code of their own.
+pub(super) struct Tapes {
+    pub counts: Counts,
+    pub rates: Tape,
+    /// Both sides of each switch.
+    pub sides: Option<Tape>,
+    /// Outputs, then solutions of nonlinear blocks.
+    pub looks: Option<Tape>,
+    pub events: Option<Tape>,
+    /// The derivative of each rate by each state, row by row, then by the time.
+    pub slopes: Option<Tape>,
 }
 
 /// A system of equations with its numbers.
@@ -265,6 +280,38 @@ impl Machine {
         &self.starting
     }
 
+    /// Everything as tapes.
+    pub(super) fn tapes(&self) -> Tapes {
+        let system = &self.system;
+        let counts = Counts {
+            time: usize::from(system.find("time").is_some()),
+            states: system.states().len(),
+            inputs: system.inputs().len(),
+            parameters: self.parameters.len(),
+            held: system.switches().len(),
+            memories: system.memories().len(),
+            guesses: system.iterated().len(),
+            acts: system.events().len(),
+            due: system.flat().samples.len(),
+            outputs: self.outputs.len(),
+        };
+        let part = |from: usize, to: usize| {
+            let mut tape = self.rates.tape.clone()?;
+            tape.outputs = tape.outputs[from..to].to_vec();
+            (from < to).then_some(tape)
+        };
+        let rates = part(0, counts.states).unwrap_or_else(nothing);
+        let sides = part(counts.states, counts.states + 2 * counts.held);
+        Tapes {
+            counts,
+            rates,
+            sides,
+            looks: self.looks.tape.clone(),
+            events: self.events.tape.clone(),
+            slopes: self.slopes.tape.clone(),
+        }
+    }
+
     /// The system behind it.
     #[must_use]
     pub fn system(&self) -> &System {
@@ -313,6 +360,11 @@ impl Machine {
 
     pub(super) fn samples(&self) -> &[(f64, f64)] {
         &self.samples
+    }
+
+    /// Whether a nonlinear block is iterated.
+    pub(super) fn has_blocks(&self) -> bool {
+        !self.system.iterated().is_empty()
     }
 
     /// The values of the parameters, in the order of the system.
@@ -373,14 +425,6 @@ impl Machine {
         (rates, sides.chunks(2).map(|pair| f64::from(u8::from(pair[0] < pair[1]))).collect())
     }
 
-    /// The exact derivatives of the rates by the states, row by row, and by the time.
-    pub(super) fn slopes(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
-        let n = point.states.len();
-        let mut slopes = self.values(&self.slopes, point, &[]);
-        let by_time = slopes.split_off(n * n);
-        (slopes, if by_time.is_empty() { vec![0.0; n] } else { by_time })
-    }
-
     pub(super) fn look(&self, point: &Point) -> Look {
         let mut outputs = self.values(&self.looks, point, &[]);
         let solutions = outputs.split_off(self.outputs.len());
@@ -409,22 +453,12 @@ impl Machine {
         false
     }
 
-    /// What the branches of `when` do, if some act and some instants of `sample` are due.
-    pub(super) fn happening(&self, point: &Point, acts: &[f64], due: &[f64]) -> Happening {
-        let found = self.values(&self.events, point, &[acts, due].concat());
-        let mut rest = found.into_iter();
-        let memories = rest.by_ref().take(point.memories.len()).collect();
-        let branches = self
-            .system
-            .events()
-            .iter()
-            .zip(&self.restarted)
-            .map(|(event, places)| {
-                let restarted = places.iter().copied().zip(rest.by_ref().take(places.len())).collect();
-                Branch { restarted, conditions: rest.by_ref().take(event.conditions.len()).collect() }
-            })
-            .collect();
-        Happening { memories, branches }
+    /// The conditions of the branches of `when`, while none acts and no instant of `sample` is due: 1 where one is true.
+    pub(super) fn conditions(&self, point: &Point) -> Vec<Vec<f64>> {
+        let none = vec![0.0; self.system.events().len() + self.samples.len()];
+        let mut rest = self.values(&self.events, point, &none).into_iter().skip(point.memories.len());
+        let branches = self.system.events().iter().zip(&self.restarted);
+        branches.map(|(event, places)| rest.by_ref().skip(places.len()).take(event.conditions.len()).collect()).collect()
     }
 
     /// The point at which the plant starts: what is given, then the text's initial equations and starts. `inputs` are those of the first row.
@@ -552,9 +586,23 @@ fn starting(file: &EquationFile, system: &mut System, outputs: &[Symbol]) -> Vec
     list.into_iter().map(|it| (it.2, it.3)).collect()
 }
 
+/// The rates of a plant without states.
+fn nothing() -> Tape {
+    let mut builder = TapeBuilder::sharing(Precision::F64);
+    let zero = builder.constant(rsm_core::number::integer(0));
+    let mut tape = builder.finish("nothing", Vec::new(), zero);
+    tape.outputs.clear();
+    tape
+}
+
 /// Whether an iteration has ended: NaN moves.
 fn stand_still(old: &[f64], new: &[f64]) -> bool {
-    old.iter().zip(new).all(|(old, new)| (new - old).abs() <= SETTLED * (1.0 + new.abs()))
+    old.iter().zip(new).all(|(old, new)| stands_still(*old, *new))
+}
+
+/// The same of one number.
+pub(super) fn stands_still(old: f64, new: f64) -> bool {
+    (new - old).abs() <= SETTLED * (1.0 + new.abs())
 }
 
 /// The arguments of all programs that run; those of events have some more.

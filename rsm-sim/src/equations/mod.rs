@@ -9,23 +9,32 @@
 
 pub mod code;
 pub mod engine;
+mod events;
 pub mod extended;
 pub mod file;
 mod first_format;
 pub mod fixed;
+pub mod lanes;
 mod late;
 pub mod linear;
 pub mod machine;
 mod methods;
+mod plain;
+mod programs;
+mod reach;
 pub mod rows;
+mod series;
 pub mod signals;
 pub mod step;
+mod walk;
 
 pub use engine::{Method, Setting, run};
 pub use extended::Entry;
 pub use file::EquationFile;
+pub use lanes::Lanes;
 pub use linear::{Linearised, linearise};
 pub use machine::{Machine, Point};
 pub use rows::{Inputs, Stopped};
 pub use signals::Signals;
 pub use step::Step;
+pub use walk::Lane;

@@ -79,14 +79,13 @@ impl Step {
     /// The states of the tape at the start of a plant.
     #[must_use]
     pub fn start(&self, machine: &Machine, point: &Point) -> Vec<f64> {
-        let none = (vec![0.0; machine.system().events().len()], vec![0.0; machine.samples().len()]);
-        let happening = machine.happening(point, &none.0, &none.1);
+        let conditions = machine.conditions(point);
         let value = |kept: &Kept| match *kept {
             Kept::State(k) => point.states[k],
             Kept::Memory(k) => point.memories[k],
             Kept::Solution(k) => point.guesses[k],
             Kept::Held(k) => point.held[k],
-            Kept::Condition(event, k) => happening.branches[event].conditions[k],
+            Kept::Condition(event, k) => conditions[event][k],
             Kept::Samples(k) => instants_before(machine.samples()[k], point.time),
             Kept::Steps => 0.0,
             Kept::Start => point.time,

@@ -5,6 +5,7 @@ mod cross_check;
 mod equations;
 mod fixed_steps;
 mod judged;
+mod lanes;
 mod rejected;
 mod shipped;
 mod step;

@@ -1,0 +1,319 @@
+//! Machine code for x86-64 with AVX2.
+//!
+//! In: operations with their slots. Out: a function of the slots' address, in memory of its own. One operation of the tape becomes one instruction of IEEE 754 double
+//! precision (`Exponent` four, `PowerOfTwo` two), so the bits are those of the interpreter. Encodings: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, sections 2.3 and 4.
+//! The function calls nothing, branches nowhere, and touches the slots and its own constants only.
+#![allow(unsafe_code)] // Machine code is called through a pointer: nothing safe does that.
+
+use std::collections::HashMap;
+
+use memmap2::{Mmap, MmapMut};
+use rsm_core::tape::{Op, Reg};
+
+use super::interpreted::Interpreted;
+use super::registers::{Memory, Move, Registers};
+use super::{Slot, WIDE};
+
+/// 2^52: the last bit of a number from here to 2^53 is worth 1.
+const WHOLE: f64 = 4_503_599_627_370_496.0;
+/// The bias of exponents.
+const BIAS: f64 = 1023.0;
+
+/// What is called: the addresses of the slots, of the constants, and of the places for values that no register holds.
+type Function = extern "sysv64" fn(*mut f64, *const f64, *mut f64);
+
+/// A function in executable memory.
+#[derive(Debug)]
+pub(super) struct Native {
+    /// Holds the code as long as it can be called.
+    _memory: Mmap,
+    function: Function,
+    constants: Vec<f64>,
+    slots: usize,
+    spills: usize,
+    lanes: usize,
+}
+
+/// The base registers of addresses: the arguments of a call.
+const SLOTS: u8 = 7;
+const CONSTANTS: u8 = 6;
+const SPILLS: u8 = 2;
+
+#[derive(Clone, Copy)]
+enum Operand {
+    Register(u8),
+    Memory(Memory),
+}
+
+/// The instructions, each by its opcode; packed forms have the prefix 66, scalar ones F2.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Instruction {
+    Add = 0x58,
+    Multiply = 0x59,
+    Subtract = 0x5c,
+    Divide = 0x5e,
+    And = 0x54,
+    Xor = 0x57,
+    Or = 0xeb,
+}
+
+struct Assembler {
+    code: Vec<u8>,
+    wide: bool,
+    constants: Vec<u64>,
+    places: HashMap<u64, u32>,
+}
+
+impl Assembler {
+    fn constant(&mut self, bits: u64) -> Memory {
+        let next = self.constants.len() as u32;
+        let place = *self.places.entry(bits).or_insert(next);
+        if place == next {
+            self.constants.push(bits);
+        }
+        Memory::Constant(place)
+    }
+
+    /// A VEX prefix of three bytes, the opcode, and its operands. `map`: 1 for 0F, 3 for 0F3A. `prefix`: 1 for 66, 3 for F2.
+    fn vex(&mut self, map: u8, prefix: u8, opcode: u8, reg: u8, vvvv: u8, rm: Operand) {
+        let base = match rm {
+            Operand::Register(register) => register,
+            Operand::Memory(_) => 0,
+        };
+        let length = u8::from(self.wide);
+        self.code.push(0xc4);
+        self.code.push((((reg >> 3) ^ 1) << 7) | (1 << 6) | (((base >> 3) ^ 1) << 5) | map);
+        self.code.push(((vvvv ^ 15) << 3) | (length << 2) | prefix);
+        self.code.push(opcode);
+        match rm {
+            Operand::Register(register) => self.code.push(0xc0 | ((reg & 7) << 3) | (register & 7)),
+            Operand::Memory(memory) => {
+                let size = if self.wide { 8 * WIDE as u32 } else { 8 };
+                let (base, place) = match memory {
+                    Memory::Slot(slot) => (SLOTS, slot),
+                    Memory::Constant(place) => (CONSTANTS, place),
+                    Memory::Spilled(place) => (SPILLS, place),
+                };
+                self.code.push(0x80 | ((reg & 7) << 3) | base);
+                self.code.extend((place * size).to_le_bytes());
+            }
+        }
+    }
+
+    fn load(&mut self, register: u8, memory: Memory) {
+        let prefix = if self.wide { 1 } else { 3 };
+        self.vex(1, prefix, 0x10, register, 0, Operand::Memory(memory));
+    }
+
+    fn store(&mut self, register: u8, memory: Memory) {
+        let prefix = if self.wide { 1 } else { 3 };
+        self.vex(1, prefix, 0x11, register, 0, Operand::Memory(memory));
+    }
+
+    fn arithmetic(&mut self, instruction: Instruction, to: u8, a: u8, b: Operand) {
+        let bitwise = matches!(instruction, Instruction::And | Instruction::Xor | Instruction::Or);
+        let prefix = if self.wide || bitwise { 1 } else { 3 };
+        self.vex(1, prefix, instruction as u8, to, a, b);
+    }
+
+    /// Shifts each number's bits: to the left (`/6`) or to the right (`/2`).
+    fn shift(&mut self, left: bool, to: u8, from: u8, by: u8) {
+        self.vex(1, 1, 0x73, if left { 6 } else { 2 }, to, Operand::Register(from));
+        self.code.push(by);
+    }
+}
+
+/// One operation's work on the tape.
+struct Compiler<'a> {
+    source: &'a Interpreted,
+    assembler: Assembler,
+    registers: Registers,
+    /// Slots that a register of the tape goes to.
+    results: HashMap<u32, Vec<Slot>>,
+}
+
+impl Native {
+    /// The code; `None` where the machine has no AVX2, or gives no executable memory.
+    pub(super) fn new(source: &Interpreted, lanes: usize) -> Option<Native> {
+        if !std::arch::is_x86_feature_detected!("avx2") {
+            return None;
+        }
+        let mut readers = vec![Vec::new(); source.ops.len()];
+        for (k, op) in source.ops.iter().enumerate() {
+            for operand in op.operands() {
+                readers[operand.0 as usize].push(k as u32);
+            }
+        }
+        let mut results: HashMap<u32, Vec<Slot>> = HashMap::new();
+        for (reg, slot) in &source.results {
+            results.entry(reg.0).or_default().push(*slot);
+        }
+        let assembler = Assembler { code: Vec::new(), wide: lanes == WIDE, constants: Vec::new(), places: HashMap::new() };
+        let mut compiler = Compiler { source, assembler, registers: Registers::new(readers), results };
+        for (k, op) in source.ops.iter().enumerate() {
+            compiler.registers.begin();
+            compiler.operation(k as u32, op);
+        }
+        let Compiler { mut assembler, registers, .. } = compiler;
+        if assembler.wide {
+            assembler.code.extend([0xc5, 0xf8, 0x77]); // vzeroupper
+        }
+        assembler.code.push(0xc3); // ret
+        let mut memory = MmapMut::map_anon(assembler.code.len()).ok()?;
+        memory.copy_from_slice(&assembler.code);
+        let memory = memory.make_exec().ok()?;
+        // SAFETY: the memory holds a whole function of this signature and calling convention, and lives as long as the pointer: both are in one value.
+        let function = unsafe { std::mem::transmute::<*const u8, Function>(memory.as_ptr()) };
+        let constants = assembler.constants.iter().flat_map(|bits| std::iter::repeat_n(f64::from_bits(*bits), lanes));
+        // Bitwise instructions read two numbers, of which the first counts.
+        let constants = constants.chain([0.0]).collect();
+        let (slots, spills) = (source.slots(), registers.spills());
+        Some(Native { _memory: memory, function, constants, slots, spills, lanes })
+    }
+
+    #[inline]
+    pub(super) fn run<const L: usize>(&self, slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
+        assert!(L == self.lanes && slots.len() >= self.slots, "the array is of another shape than the code");
+        if spare.len() < self.spills {
+            spare.resize(self.spills, [0.0; L]);
+        }
+        // Why no bounds are checked inside: the code touches the slots below `self.slots` and the places below `self.spills`, each of `L` numbers, and its constants.
+        (self.function)(slots.as_mut_ptr().cast(), self.constants.as_ptr(), spare.as_mut_ptr().cast());
+    }
+}
+
+impl Compiler<'_> {
+    fn operation(&mut self, k: u32, op: &Op) {
+        match *op {
+            Op::Constant(ref constant) => {
+                let memory = self.assembler.constant(constant.value.to_bits());
+                self.registers.stands(k, memory);
+                self.copied(k);
+            }
+            Op::Input(port) => {
+                self.registers.stands(k, Memory::Slot(self.source.arguments[port.0 as usize]));
+                self.copied(k);
+            }
+            Op::State(_) => unreachable!("a tape without states"),
+            Op::Negate(a) => self.with_bits(k, a, Instruction::Xor, 1 << 63),
+            Op::Absolute(a) => self.with_bits(k, a, Instruction::And, !(1 << 63)),
+            Op::Exponent(a) => {
+                // The exponent as the low bits of a number from 2^52 on; what stands above them is taken away with the bias.
+                let (to, from) = self.unary(k, a);
+                self.assembler.shift(true, to, from, 1);
+                self.assembler.shift(false, to, to, 53);
+                let or = self.assembler.constant(WHOLE.to_bits());
+                self.assembler.arithmetic(Instruction::Or, to, to, Operand::Memory(or));
+                let bias = self.assembler.constant((WHOLE + BIAS).to_bits());
+                self.assembler.arithmetic(Instruction::Subtract, to, to, Operand::Memory(bias));
+                self.finish(k, to);
+            }
+            Op::PowerOfTwo(a) => {
+                let (to, from) = self.unary(k, a);
+                let biased = self.assembler.constant((1.5 * WHOLE + BIAS).to_bits());
+                self.assembler.arithmetic(Instruction::Add, to, from, Operand::Memory(biased));
+                self.assembler.shift(true, to, to, 52);
+                self.finish(k, to);
+            }
+            Op::Add(a, b) => self.binary(k, a, b, Instruction::Add),
+            Op::Subtract(a, b) => self.binary(k, a, b, Instruction::Subtract),
+            Op::Multiply(a, b) => self.binary(k, a, b, Instruction::Multiply),
+            Op::Divide(a, b) => self.binary(k, a, b, Instruction::Divide),
+            Op::Less(a, b) => {
+                let (to, a, b) = self.operands(k, a, b);
+                let prefix = if self.assembler.wide { 1 } else { 3 };
+                self.assembler.vex(1, prefix, 0xc2, to, a, b);
+                self.assembler.code.push(0x11); // less, ordered, quiet
+                self.finish(k, to);
+            }
+            Op::Select { condition, then, otherwise } => {
+                let keep = [condition.0, then.0, otherwise.0];
+                let mask = self.registers.load(condition.0, &keep);
+                let otherwise_in = self.registers.load(otherwise.0, &keep);
+                let then_in = self.registers.load(then.0, &keep);
+                self.moves();
+                keep.iter().for_each(|value| self.registers.read(*value, k));
+                let to = self.registers.take(k, &keep);
+                self.moves();
+                self.assembler.vex(3, 1, 0x4b, to, otherwise_in, Operand::Register(then_in));
+                self.assembler.code.push(mask << 4);
+                self.finish(k, to);
+            }
+        }
+    }
+
+    fn moves(&mut self) {
+        for step in std::mem::take(&mut self.registers.moves) {
+            match step {
+                Move::Store(register, place) => self.assembler.store(register, Memory::Spilled(place)),
+                Move::Load(register, memory) => self.assembler.load(register, memory),
+            }
+        }
+    }
+
+    /// The register of a new value and that of its operand.
+    fn unary(&mut self, k: u32, a: Reg) -> (u8, u8) {
+        let from = self.registers.load(a.0, &[a.0]);
+        self.moves();
+        self.registers.read(a.0, k);
+        let to = self.registers.take(k, &[a.0]);
+        self.moves();
+        (to, from)
+    }
+
+    fn with_bits(&mut self, k: u32, a: Reg, instruction: Instruction, bits: u64) {
+        let (to, from) = self.unary(k, a);
+        let memory = self.assembler.constant(bits);
+        self.assembler.arithmetic(instruction, to, from, Operand::Memory(memory));
+        self.finish(k, to);
+    }
+
+    /// The register of a new value, that of its first operand, and its second operand.
+    fn operands(&mut self, k: u32, a: Reg, b: Reg) -> (u8, u8, Operand) {
+        let keep = [a.0, b.0];
+        let first = self.registers.load(a.0, &keep);
+        let second = match (self.registers.register(b.0), self.registers.memory(b.0)) {
+            (None, Some(memory)) => Operand::Memory(memory),
+            _ => Operand::Register(self.registers.load(b.0, &keep)),
+        };
+        self.moves();
+        keep.iter().for_each(|value| self.registers.read(*value, k));
+        let to = self.registers.take(k, &keep);
+        self.moves();
+        (to, first, second)
+    }
+
+    fn binary(&mut self, k: u32, a: Reg, b: Reg, instruction: Instruction) {
+        // Which of two NaNs goes on may change with the order; no other bit does.
+        let commutes = matches!(instruction, Instruction::Add | Instruction::Multiply);
+        let swaps = commutes && self.registers.register(a.0).is_none() && self.registers.register(b.0).is_some();
+        let (a, b) = if swaps { (b, a) } else { (a, b) };
+        let (to, a, b) = self.operands(k, a, b);
+        self.assembler.arithmetic(instruction, to, a, b);
+        self.finish(k, to);
+    }
+
+    /// Stores a result, and forgets a value that nobody reads.
+    fn finish(&mut self, k: u32, register: u8) {
+        if let Some(slots) = self.results.get(&k) {
+            for slot in slots.clone() {
+                self.assembler.store(register, Memory::Slot(slot));
+                self.registers.stands(k, Memory::Slot(slot));
+            }
+        }
+        if !self.registers.is_read(k) {
+            self.registers.read(k, k);
+        }
+    }
+
+    /// A constant or an argument that is a result.
+    fn copied(&mut self, k: u32) {
+        let Some(slots) = self.results.get(&k).cloned() else { return };
+        let register = self.registers.load(k, &[k]);
+        self.moves();
+        slots.iter().for_each(|slot| self.assembler.store(register, Memory::Slot(*slot)));
+        if !self.registers.is_read(k) {
+            self.registers.read(k, k);
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! Which values of a straight line of operations stand in registers.
+//!
+//! In: for each value the operations that read it. Out: places, asked for one operation at a time. Where registers run out, the value that is read last goes to memory (L. A. Belady, "A study of
+//! replacement algorithms", 1966).
+
+use super::Slot;
+
+/// Registers of the machine.
+const COUNT: usize = 16;
+
+/// A number in memory: among the slots, among the constants, or among values that no register holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Memory {
+    Slot(Slot),
+    Constant(u32),
+    Spilled(u32),
+}
+
+/// What must be done before a value can be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Move {
+    Store(u8, u32),
+    Load(u8, Memory),
+}
+
+#[derive(Debug, Clone, Default)]
+struct Value {
+    register: Option<u8>,
+    memory: Option<Memory>,
+    /// Operations that read it, the next one last.
+    readers: Vec<u32>,
+}
+
+/// The places of all values.
+pub(super) struct Registers {
+    values: Vec<Value>,
+    held: [Option<u32>; COUNT],
+    /// Places for what does not fit: how many there are, those that are free, those that the present operation still reads.
+    spills: u32,
+    spare: Vec<u32>,
+    left: Vec<u32>,
+    pub moves: Vec<Move>,
+}
+
+impl Registers {
+    /// `readers`: by value, the operations that read it, in order.
+    pub(super) fn new(readers: Vec<Vec<u32>>) -> Self {
+        let values = readers.into_iter().map(|mut readers| {
+            readers.reverse();
+            Value { readers, ..Value::default() }
+        });
+        Registers {
+            values: values.collect(),
+            held: [None; COUNT],
+            spills: 0,
+            spare: Vec::new(),
+            left: Vec::new(),
+            moves: Vec::new(),
+        }
+    }
+
+    /// Places that were needed for what does not fit.
+    pub(super) fn spills(&self) -> usize {
+        self.spills as usize
+    }
+
+    /// Before each operation.
+    pub(super) fn begin(&mut self) {
+        self.spare.append(&mut self.left);
+    }
+
+    /// Says where a value stands in memory.
+    pub(super) fn stands(&mut self, value: u32, memory: Memory) {
+        self.values[value as usize].memory = Some(memory);
+    }
+
+    pub(super) fn register(&self, value: u32) -> Option<u8> {
+        self.values[value as usize].register
+    }
+
+    pub(super) fn memory(&self, value: u32) -> Option<Memory> {
+        self.values[value as usize].memory
+    }
+
+    pub(super) fn is_read(&self, value: u32) -> bool {
+        !self.values[value as usize].readers.is_empty()
+    }
+
+    /// The value in a register, which is none of those that are kept.
+    pub(super) fn load(&mut self, value: u32, keep: &[u32]) -> u8 {
+        if let Some(register) = self.values[value as usize].register {
+            return register;
+        }
+        let memory = self.values[value as usize].memory.expect("a value is in a register or in memory");
+        let register = self.free(keep);
+        self.moves.push(Move::Load(register, memory));
+        self.put(value, register);
+        register
+    }
+
+    /// Says that an operation has read a value once.
+    pub(super) fn read(&mut self, value: u32, operation: u32) {
+        let found = &mut self.values[value as usize];
+        while found.readers.last().is_some_and(|next| *next <= operation) {
+            found.readers.pop();
+        }
+        if found.readers.is_empty() {
+            if let Some(register) = found.register.take() {
+                self.held[register as usize] = None;
+            }
+            if let Some(Memory::Spilled(place)) = found.memory
+                && !self.left.contains(&place)
+            {
+                self.left.push(place);
+            }
+        }
+    }
+
+    /// A register for a new value.
+    pub(super) fn take(&mut self, value: u32, keep: &[u32]) -> u8 {
+        let register = self.free(keep);
+        self.put(value, register);
+        register
+    }
+
+    /// A register that holds nothing, for a moment.
+    fn free(&mut self, keep: &[u32]) -> u8 {
+        if let Some(free) = self.held.iter().position(Option::is_none) {
+            return free as u8;
+        }
+        let next = |value: u32| self.values[value as usize].readers.last().copied().unwrap_or(u32::MAX);
+        let is_kept = |value: &u32| keep.contains(value);
+        // Among those that are read equally late the first: the choice is the same in every run.
+        let (register, value) = (0..COUNT)
+            .filter_map(|register| self.held[register].map(|value| (register, value)))
+            .filter(|(_, value)| !is_kept(value))
+            .max_by_key(|(register, value)| (next(*value), std::cmp::Reverse(*register)))
+            .expect("an operation has three operands at most");
+        if self.values[value as usize].memory.is_none() {
+            let place = self.spare.pop().unwrap_or_else(|| {
+                self.spills += 1;
+                self.spills - 1
+            });
+            self.moves.push(Move::Store(register as u8, place));
+            self.values[value as usize].memory = Some(Memory::Spilled(place));
+        }
+        self.values[value as usize].register = None;
+        self.held[register] = None;
+        register as u8
+    }
+
+    fn put(&mut self, value: u32, register: u8) {
+        self.held[register as usize] = Some(value);
+        self.values[value as usize].register = Some(register);
+    }
+}

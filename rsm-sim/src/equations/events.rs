@@ -1,0 +1,221 @@
+//! What happens at an instant: comparisons that change, samples that are due, branches of `when` that act.
+//!
+//! In: a walk at an instant. Out: the walk behind everything that happens there, turn by turn, until nothing changes any more. All lanes of a group turn together: for a lane in which nothing changes, a further
+//! turn does nothing.
+
+use super::machine::Machine;
+use super::rows::Stopped;
+use super::walk::Walk;
+
+/// Turns of what happens at one instant until it stands still.
+const TURNS: usize = 100;
+
+/// The state of events of each lane.
+pub(super) struct Events<const L: usize> {
+    /// Conditions of all branches, as they were last.
+    conditions: Vec<[f64; L]>,
+    /// Of each `sample` how many instants are past.
+    pub past: Vec<u64>,
+    branches: Vec<Branch>,
+    memories: usize,
+    acts: Vec<[f64; L]>,
+    due: Vec<f64>,
+}
+
+/// A branch of a `when`, and where its results stand behind the first result of the program.
+struct Branch {
+    /// States that it restarts, each with the place of its value.
+    restarted: Vec<(usize, usize)>,
+    /// Its conditions.
+    conditions: std::ops::Range<usize>,
+    /// The first of its conditions among all.
+    first: usize,
+    /// It does not act together with these.
+    unless: Vec<usize>,
+}
+
+impl<const L: usize> Events<L> {
+    pub(super) fn new(machine: &Machine) -> Self {
+        let system = machine.system();
+        let memories = system.memories().len();
+        let (mut next, mut first) = (memories, 0);
+        let mut branches = Vec::new();
+        for (event, places) in system.events().iter().zip(machine.restarted()) {
+            let restarted = places.iter().enumerate().map(|(k, state)| (*state, next + k)).collect();
+            next += places.len();
+            let conditions = next..next + event.conditions.len();
+            next = conditions.end;
+            branches.push(Branch { restarted, first, unless: event.unless.clone(), conditions: conditions.clone() });
+            first += conditions.len();
+        }
+        let past = vec![0; machine.samples().len()];
+        let due = vec![0.0; past.len()];
+        Events { conditions: vec![[0.0; L]; first], past, memories, acts: vec![[0.0; L]; branches.len()], due, branches }
+    }
+
+    pub(super) fn copy_from<const M: usize>(&mut self, other: &Events<M>, lane: usize) {
+        for (to, from) in self.conditions.iter_mut().zip(&other.conditions) {
+            *to = [from[lane]; L];
+        }
+        self.past.clone_from(&other.past);
+    }
+
+    pub(super) fn follow(&mut self, place: usize, lane: usize) {
+        self.conditions.iter_mut().for_each(|it| it[place] = it[lane]);
+    }
+
+    pub(super) fn copy_to<const M: usize>(&self, other: &mut Events<M>, lane: usize) {
+        for (from, to) in self.conditions.iter().zip(&mut other.conditions) {
+            to[lane] = from[0];
+        }
+    }
+}
+
+impl<const L: usize> Walk<'_, L> {
+    /// Whether anything can happen at an instant.
+    pub(super) fn has_events(&self) -> bool {
+        let counts = self.programs.counts;
+        counts.held + counts.memories + counts.acts + counts.due > 0
+    }
+
+    /// The conditions before anything has happened.
+    pub(super) fn first_conditions(&mut self) {
+        self.events.past.fill(0);
+        self.events.acts.fill([0.0; L]);
+        self.events.due.fill(0.0);
+        if let Some(results) = self.what_happens() {
+            for branch in &self.events.branches {
+                for (k, place) in branch.conditions.clone().enumerate() {
+                    self.events.conditions[branch.first + k] = self.slots[results + place];
+                }
+            }
+        }
+    }
+
+    /// The program of events for what acts and what is due; gives the slot of its first result.
+    fn what_happens(&mut self) -> Option<usize> {
+        let (acts, due) = (self.layout().acts as usize, self.layout().due as usize);
+        let events = self.programs.events.as_ref()?;
+        self.slots[acts..acts + self.events.acts.len()].copy_from_slice(&self.events.acts);
+        for (slot, due) in self.slots[due..].iter_mut().zip(&self.events.due) {
+            *slot = [*due; L];
+        }
+        events.code.run(&mut self.slots, &mut self.spare);
+        Some(events.results as usize)
+    }
+
+    /// The next instant of a `sample` up to an end, or the end; whether it is one.
+    pub(super) fn next_sample(&self, now: f64, end: f64) -> (bool, f64) {
+        let instants =
+            self.machine.samples().iter().zip(&self.events.past).map(|((first, period), past)| first + *past as f64 * period);
+        let next = instants.filter(|it| *it > now).fold(f64::INFINITY, f64::min);
+        if next <= end { (true, next) } else { (false, end) }
+    }
+
+    /// How each comparison goes at the point itself, lane by lane; whether one differs from what is held.
+    pub(super) fn sides_differ(&mut self) -> [bool; L] {
+        let Some(sides) = &self.programs.sides else { return [false; L] };
+        sides.code.run(&mut self.slots, &mut self.spare);
+        let (begin, held) = (sides.results as usize, self.layout().held as usize);
+        let mut differ = [false; L];
+        for k in 0..self.programs.counts.held {
+            let (left, right, held) = (self.slots[begin + 2 * k], self.slots[begin + 2 * k + 1], self.slots[held + k]);
+            for lane in 0..L {
+                differ[lane] |= (left[lane] < right[lane]) != (held[lane] != 0.0);
+            }
+        }
+        differ
+    }
+
+    /// Holds every comparison as it goes now. Answers which lanes that changes.
+    fn hold(&mut self) -> [bool; L] {
+        let differ = self.sides_differ();
+        if let (Some(sides), true) = (&self.programs.sides, differ.contains(&true)) {
+            let (begin, held) = (sides.results as usize, self.layout().held as usize);
+            for k in 0..self.programs.counts.held {
+                let (left, right) = (self.slots[begin + 2 * k], self.slots[begin + 2 * k + 1]);
+                self.slots[held + k] = std::array::from_fn(|lane| f64::from(u8::from(left[lane] < right[lane])));
+            }
+            self.refresh();
+        }
+        differ
+    }
+
+    /// What happens at this instant in all lanes, which stand at the same one.
+    pub(super) fn happen(&mut self, now: f64) -> Result<(), Stopped> {
+        if !self.settle() {
+            return Err(Stopped::NoSolution { row: self.row });
+        }
+        if !self.has_events() {
+            return Ok(());
+        }
+        let mut is_due = false;
+        for (k, (first, period)) in self.machine.samples().iter().enumerate() {
+            // Instants of rows and of samples are sums and products of decimals, and meet to a few units in the last place.
+            let due = first + self.events.past[k] as f64 * period <= now + 8.0 * f64::EPSILON * now.abs();
+            self.events.past[k] += u64::from(due);
+            self.events.due[k] = f64::from(u8::from(due));
+            is_due |= due;
+        }
+        for _ in 0..TURNS {
+            let mut changed = self.hold().contains(&true);
+            changed |= self.turn();
+            self.events.due.fill(0.0);
+            if !self.settle() {
+                return Err(Stopped::NoSolution { row: self.row });
+            }
+            // Behind an instant of a sample, conditions are taken once more without it: the next one rises again.
+            if !changed && !is_due {
+                return Ok(());
+            }
+            is_due = false;
+        }
+        Err(Stopped::TooManyEvents { row: self.row })
+    }
+
+    /// One turn of the branches. Answers whether a state or a memory has changed.
+    fn turn(&mut self) -> bool {
+        self.events.acts.fill([0.0; L]);
+        let Some(results) = self.what_happens() else { return false };
+        let Events { conditions, branches, acts, .. } = &mut self.events;
+        let mut any = false;
+        for (place, branch) in branches.iter().enumerate() {
+            let mut rises = [false; L];
+            for (k, at) in branch.conditions.clone().enumerate() {
+                let (now, before) = (self.slots[results + at], conditions[branch.first + k]);
+                for lane in 0..L {
+                    rises[lane] |= now[lane] != 0.0 && before[lane] == 0.0;
+                }
+                conditions[branch.first + k] = now;
+            }
+            for lane in 0..L {
+                let is_free = branch.unless.iter().all(|other| acts[*other][lane] == 0.0);
+                acts[place][lane] = f64::from(u8::from(rises[lane] && is_free));
+                any |= rises[lane] && is_free;
+            }
+        }
+        if any {
+            self.what_happens();
+        }
+        let (states, memories) = (self.layout().states as usize, self.layout().memories as usize);
+        let mut changed = false;
+        for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {
+            for (state, place) in &branch.restarted {
+                for lane in (0..L).filter(|lane| acts[*lane] != 0.0) {
+                    self.slots[states + state][lane] = self.slots[results + place][lane];
+                    changed = true;
+                }
+            }
+        }
+        let mut remembered = false;
+        for k in 0..self.events.memories {
+            let next = self.slots[results + k];
+            remembered |= next != self.slots[memories + k];
+            self.slots[memories + k] = next;
+        }
+        if remembered {
+            self.refresh();
+        }
+        changed | remembered
+    }
+}

@@ -1,0 +1,174 @@
+//! Many runs of a machine over one record at once.
+//!
+//! In: a machine; lanes, each with parameters and a start of its own; the inputs at every row. Out: by lane, the outputs at every row, or why it ended. The bits of a lane do not depend on the others.
+
+use super::engine::{Method, Setting};
+use super::fixed;
+use super::late::Late;
+use super::machine::Machine;
+use super::rows::{Inputs, Stopped};
+use super::walk::{Lane, Walk};
+use crate::code::{WIDE, Way};
+
+/// A machine as code: compiled once, for any number of runs.
+pub struct Lanes<'m> {
+    machine: &'m Machine,
+    way: Way,
+    alone: Option<Walk<'m, 1>>,
+    group: Option<Walk<'m, WIDE>>,
+}
+
+/// Outputs by place in the order of the text: the value at every row.
+pub type Outputs = Vec<Vec<f64>>;
+
+impl<'m> Lanes<'m> {
+    /// The code of a machine.
+    #[must_use]
+    pub fn new(machine: &'m Machine) -> Self {
+        Lanes { machine, way: Way::Fastest, alone: None, group: None }
+    }
+
+    /// The same by the interpreter of tapes, which gives the same bits: what machine code is compared with.
+    #[must_use]
+    pub fn interpreted(machine: &'m Machine) -> Self {
+        Lanes { way: Way::Interpreted, ..Lanes::new(machine) }
+    }
+
+    /// Runs lanes along inputs.
+    ///
+    /// # Panics
+    /// When an input has fewer rows than the time.
+    pub fn run(&mut self, lanes: &[Lane], inputs: Inputs<'_>, setting: Setting) -> Vec<Result<Outputs, Stopped>> {
+        if let Method::Fixed { step } = setting.method {
+            let one = |lane: &Lane| {
+                if lane.parameters != self.machine.parameters() {
+                    return Err(Stopped::Step(
+                        "fixed steps have the parameters of the machine: make a machine of each lane".to_string(),
+                    ));
+                }
+                fixed::run(self.machine, &lane.start, inputs, step)
+            };
+            return lanes.iter().map(one).collect();
+        }
+        let mut all = Vec::with_capacity(lanes.len());
+        // A nonlinear block is iterated for each lane alone, and a delayed signal comes to each lane alone.
+        let width = if self.machine.has_blocks() || self.has_late() { 1 } else { WIDE };
+        for group in lanes.chunks(width) {
+            let together = (group.len() > 1).then(|| self.together(group, inputs, setting)).flatten();
+            match together {
+                Some(outputs) => all.extend(outputs.into_iter().map(Ok)),
+                None => all.extend(group.iter().map(|lane| self.alone(lane, inputs, setting))),
+            }
+        }
+        all
+    }
+
+    fn has_late(&self) -> bool {
+        !self.machine.followers().is_empty() || !self.machine.late_readings().is_empty()
+    }
+
+    fn alone(&mut self, lane: &Lane, inputs: Inputs<'_>, setting: Setting) -> Result<Outputs, Stopped> {
+        let has_late = self.has_late();
+        let walk = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
+        walk.begin([lane], setting, period(inputs));
+        let mut outputs = [room(self.machine, inputs)];
+        let can_be_plain = walk.can_be_plain() && !has_late;
+        let mut late = Late::new(self.machine, inputs.time, period(inputs));
+        for (row, end) in inputs.time.iter().enumerate() {
+            walk.row = row;
+            if row > 0 && !(can_be_plain && walk.plain(inputs.time[row - 1], *end)) {
+                walk.reach(*end, &mut late)?;
+            }
+            walk.set_inputs(inputs.values, row);
+            if has_late {
+                walk.exchange(&mut late);
+            }
+            walk.happen_and_send(*end, &mut late)?;
+            read(walk, row, &mut outputs)?;
+            if has_late {
+                late.read(*end, walk.look());
+            }
+        }
+        let [mut outputs] = outputs;
+        late.finish(&mut outputs);
+        Ok(outputs)
+    }
+
+    /// Lanes side by side. `None` where one of them ends early: then each is run alone, and says why.
+    fn together(&mut self, lanes: &[Lane], inputs: Inputs<'_>, setting: Setting) -> Option<Vec<Outputs>> {
+        let machine = self.machine;
+        let mut walk = self.group.take().unwrap_or_else(|| Walk::new(machine, self.way));
+        // Places that are left over follow the last lane.
+        walk.begin(std::array::from_fn(|place| &lanes[place.min(lanes.len() - 1)]), setting, period(inputs));
+        let mut outputs: [Outputs; WIDE] = std::array::from_fn(|_| room(machine, inputs));
+        let done = self.along(&mut walk, lanes.len(), inputs, setting, &mut outputs);
+        self.group = Some(walk);
+        done.ok()?;
+        Some(outputs.into_iter().take(lanes.len()).collect())
+    }
+
+    fn along(
+        &mut self,
+        walk: &mut Walk<'m, WIDE>,
+        count: usize,
+        inputs: Inputs<'_>,
+        setting: Setting,
+        outputs: &mut [Outputs; WIDE],
+    ) -> Result<(), Stopped> {
+        let can_be_plain = walk.can_be_plain();
+        for (row, end) in inputs.time.iter().enumerate() {
+            walk.row = row;
+            if row > 0 && !(can_be_plain && walk.plain(inputs.time[row - 1], *end)) {
+                let now = inputs.time[row - 1];
+                let is_free = walk.next_sample(now, *end).1 == *end;
+                let right = if is_free { walk.together(now, *end) } else { [false; WIDE] };
+                for lane in (0..count).filter(|lane| !right[*lane]) {
+                    let alone = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
+                    alone.adopt(setting);
+                    alone.copy_from(walk, lane);
+                    alone.reach(*end, &mut Late::new(self.machine, inputs.time, 0.0))?;
+                    alone.copy_to(walk, lane);
+                }
+                if let (false, Some(alone)) = (is_free, &self.alone) {
+                    // Every lane has gone over the same instants of samples.
+                    walk.events.past.clone_from(&alone.events.past);
+                }
+                for lane in count..WIDE {
+                    walk.follow(lane, count - 1);
+                }
+            }
+            walk.set_inputs(inputs.values, row);
+            walk.happen(*end)?;
+            read(walk, row, outputs)?;
+        }
+        Ok(())
+    }
+}
+
+/// Room for the outputs of a lane.
+fn room(machine: &Machine, inputs: Inputs<'_>) -> Outputs {
+    vec![Vec::with_capacity(inputs.time.len()); machine.outputs().len()]
+}
+
+/// The time between the first two rows.
+fn period(inputs: Inputs<'_>) -> f64 {
+    inputs.time.windows(2).next().map_or(1.0, |pair| pair[1] - pair[0])
+}
+
+/// The outputs of all lanes at a row.
+fn read<const L: usize>(walk: &mut Walk<'_, L>, row: usize, outputs: &mut [Outputs; L]) -> Result<(), Stopped> {
+    let found = walk.look();
+    let mut place = None;
+    for (k, values) in found.iter().enumerate() {
+        for (lane, value) in values.iter().enumerate() {
+            if !value.is_finite() {
+                place = Some(k);
+            }
+            outputs[lane][k].push(*value);
+        }
+    }
+    match place {
+        None => Ok(()),
+        Some(k) => Err(Stopped::NotFinite { row, name: walk.machine.outputs()[k].0.clone() }),
+    }
+}

@@ -1,0 +1,60 @@
+//! Rows in which nothing but a step can happen.
+//!
+//! In: a walk of a plant without events and blocks whose rates are polynomials, at a row. Out: the walk at the next one, where the first part of the series reaches it in every lane. This is what a
+//! general row does, without what it cannot need: the bits are the same.
+
+use super::walk::Walk;
+
+impl<const L: usize> Walk<'_, L> {
+    /// Whether rows of this plant can be plain.
+    pub(super) fn can_be_plain(&self) -> bool {
+        let counts = self.programs.counts;
+        self.programs.is_polynomial && !self.has_events() && counts.guesses == 0 && counts.states > 0
+    }
+
+    /// One step to the end of a row. `false` where a lane needs more, and all stand where they were.
+    #[inline]
+    pub(super) fn plain(&mut self, now: f64, end: f64) -> bool {
+        let rest = end - now;
+        if (0..L).any(|lane| self.is_stiff[lane] || self.suggestion[lane] < 0.999 * rest) {
+            return false;
+        }
+        let layout = self.programs.layout;
+        self.slots[layout.step as usize] = [rest; L];
+        let Some((code, order)) = self.programs.first_part() else { return false };
+        code.run(&mut self.slots, &mut self.spare);
+        let (last, before) = self.thresholds.of(order);
+        let count = self.programs.counts.states;
+        let terms = &self.programs.terms;
+        let at = |slot: u32| slot as usize..slot as usize + count;
+        let list = |slot: u32| &self.slots[at(slot)];
+        let (states, ends) = (list(layout.states), list(self.programs.end()));
+        let (first, one, other) = (list(terms[0]), list(terms[order - 1]), list(terms[order - 2]));
+        let mut fits = [true; L];
+        for k in 0..count {
+            let (x, end, largest, first, one, other) = (&states[k], &ends[k], &self.largest[k], &first[k], &one[k], &other[k]);
+            for lane in 0..L {
+                let moved = (end[lane] - x[lane]).abs().max(first[lane].abs());
+                let scale = largest[lane].max(x[lane].abs()).max(moved);
+                fits[lane] &= one[lane].abs() <= last * scale && other[lane].abs() <= before * scale && end[lane].is_finite();
+            }
+        }
+        if fits != [true; L] {
+            return false;
+        }
+        let (from, to) = (self.programs.end() as usize, layout.states as usize);
+        for k in 0..count {
+            let end = self.slots[from + k];
+            self.slots[to + k] = end;
+            let largest = &mut self.largest[k];
+            for lane in 0..L {
+                largest[lane] = largest[lane].max(end[lane].abs());
+            }
+        }
+        self.slots[layout.time as usize] = [end; L];
+        for suggestion in &mut self.suggestion {
+            *suggestion = suggestion.max(2.0 * rest);
+        }
+        true
+    }
+}

@@ -1,0 +1,270 @@
+//! The programs of a machine as code over one array of slots.
+//!
+//! In: a [`Machine`], the number of lanes. Out: [`Programs`]: what depends on parameters alone, run once; what depends on inputs and on what is held, run when these change; the series of the states,
+//! part by part as they are asked for; switches, outputs, events. Never judges a step.
+
+use rsm_core::held::{self, Divided};
+use rsm_core::series::{Argument, Series};
+use rsm_core::tape::{Op, Tape};
+
+use super::machine::{Counts, Machine, Tapes};
+use crate::code::{Code, Slot, Way};
+
+/// What is held within a row is computed apart where it saves so many operations: a call costs about as many.
+const WORTH: usize = 12;
+
+/// Orders of the first part of the series, and of each further one.
+const FIRST: usize = 3;
+const FURTHER: usize = 2;
+
+/// Where everything stands: the first slot of each group.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Layout {
+    pub step: Slot,
+    pub time: Slot,
+    pub states: Slot,
+    pub inputs: Slot,
+    pub held: Slot,
+    pub memories: Slot,
+    pub guesses: Slot,
+    pub acts: Slot,
+    pub due: Slot,
+    pub parameters: Slot,
+    end: Slot,
+}
+
+impl Layout {
+    fn new(tapes: &Tapes) -> Layout {
+        let mut next = 0;
+        let mut take = |count: usize| {
+            let begin = next;
+            next += count as Slot;
+            begin
+        };
+        let count = tapes.counts;
+        let (step, time) = (take(1), take(1));
+        let (states, inputs, held, memories) = (take(count.states), take(count.inputs), take(count.held), take(count.memories));
+        let (guesses, acts, due) = (take(count.guesses), take(count.acts), take(count.due));
+        let parameters = take(count.parameters);
+        Layout { step, time, states, inputs, held, memories, guesses, acts, due, parameters, end: take(0) }
+    }
+
+    /// The slots of the arguments of every program: those of events have some more.
+    fn arguments(&self, tapes: &Tapes, at_events: bool) -> Vec<Slot> {
+        self.arguments_of(tapes.counts, at_events)
+    }
+
+    fn arguments_of(&self, count: Counts, at_events: bool) -> Vec<Slot> {
+        let mut list = Vec::new();
+        let mut group = |begin: Slot, count: usize| list.extend(begin..begin + count as Slot);
+        group(self.time, count.time);
+        group(self.states, count.states);
+        group(self.inputs, count.inputs);
+        group(self.parameters, count.parameters);
+        group(self.held, count.held);
+        group(self.memories, count.memories);
+        group(self.guesses, count.guesses);
+        if at_events {
+            group(self.acts, count.acts);
+            group(self.due, count.due);
+        }
+        list
+    }
+}
+
+/// A program and the slot of its first result; the others follow.
+#[derive(Debug)]
+pub(super) struct Program {
+    pub code: Code,
+    pub results: Slot,
+}
+
+/// Some orders of the series.
+#[derive(Debug)]
+pub(super) struct Orders {
+    pub code: Code,
+    /// The highest order.
+    pub order: usize,
+}
+
+/// Everything that runs.
+#[derive(Debug)]
+pub(super) struct Programs {
+    pub layout: Layout,
+    pub counts: Counts,
+    /// Run once, when parameters are set.
+    pub once: Vec<Code>,
+    /// Run when inputs, held comparisons or memories change.
+    pub row: Vec<Code>,
+    pub rates: Program,
+    pub looks: Option<Program>,
+    pub sides: Option<Program>,
+    pub events: Option<Program>,
+    /// Rates are sums and products of the states alone: their series tell everything.
+    pub is_polynomial: bool,
+    /// The Jacobian: its tape, its first slot, its code, made when it is asked for.
+    slopes: (Option<Tape>, Slot, Option<Code>),
+    slope_arguments: Vec<Slot>,
+    series: Series,
+    parts: Vec<Orders>,
+    /// By order from 1 on, the slot of the first state's term.
+    pub terms: Vec<Slot>,
+    /// Slots before the series.
+    pub common: usize,
+    slots: usize,
+    lanes: usize,
+    way: Way,
+}
+
+struct Building {
+    layout: Layout,
+    next: Slot,
+    once: Vec<Code>,
+    row: Vec<Code>,
+    lanes: usize,
+    way: Way,
+}
+
+impl Building {
+    /// Leaves of a tape what depends on states and time, the rest to `once` and `row`. Gives the tape and the slots of its arguments.
+    fn reduced(&mut self, tape: &Tape, arguments: &[Slot], tapes: &Tapes) -> (Tape, Vec<Slot>) {
+        let parameters = self.layout.parameters..self.layout.parameters + tapes.counts.parameters as Slot;
+        let held = self.layout.inputs..self.layout.guesses;
+        let is_parameter: Vec<bool> = arguments.iter().map(|slot| parameters.contains(slot)).collect();
+        let (tape, arguments) = self.divided(&held::turned(tape, &is_parameter), arguments, &is_parameter, 1, true);
+        let is_held: Vec<bool> = arguments.iter().map(|slot| held.contains(slot) || *slot >= self.layout.parameters).collect();
+        self.divided(&tape, &arguments, &is_held, WORTH, false)
+    }
+
+    fn divided(&mut self, tape: &Tape, arguments: &[Slot], is_held: &[bool], worth: usize, once: bool) -> (Tape, Vec<Slot>) {
+        let Divided { held, rest } = held::divided(tape, is_held);
+        let Some(held) = held.filter(|it| operations(it) >= worth) else { return (tape.clone(), arguments.to_vec()) };
+        let results: Vec<Slot> = (0..held.outputs.len() as Slot).map(|k| self.next + k).collect();
+        self.next += results.len() as Slot;
+        let code = (held, arguments.to_vec(), results.clone());
+        let all = arguments.iter().chain(&results).copied().collect();
+        let code = Code::new(&code.0, &code.1, &code.2, self.lanes, self.way);
+        let list = if once { &mut self.once } else { &mut self.row };
+        list.push(code);
+        (rest, all)
+    }
+
+    fn program(&mut self, tape: Option<&Tape>, at_events: bool, tapes: &Tapes) -> Option<Program> {
+        let tape = tape?;
+        let arguments = self.layout.arguments(tapes, at_events);
+        let (tape, arguments) = self.reduced(tape, &arguments, tapes);
+        let begin = self.next;
+        self.next += tape.outputs.len() as Slot;
+        let results: Vec<Slot> = (begin..self.next).collect();
+        Some(Program { code: Code::new(&tape, &arguments, &results, self.lanes, self.way), results: begin })
+    }
+}
+
+/// Operations that results need.
+fn operations(tape: &Tape) -> usize {
+    tape.operation_count()
+}
+
+impl Programs {
+    pub(super) fn new(machine: &Machine, lanes: usize, way: Way) -> Programs {
+        let tapes = machine.tapes();
+        let layout = Layout::new(&tapes);
+        let mut building = Building { layout, next: layout.end, once: Vec::new(), row: Vec::new(), lanes, way };
+        let sides = building.program(tapes.sides.as_ref(), false, &tapes);
+        let looks = building.program(tapes.looks.as_ref(), false, &tapes);
+        let events = building.program(tapes.events.as_ref(), true, &tapes);
+        let arguments = if tapes.rates.inputs.is_empty() { Vec::new() } else { layout.arguments(&tapes, false) };
+        let (rates, arguments) = match tapes.counts.states {
+            0 => (tapes.rates.clone(), arguments),
+            _ => building.reduced(&tapes.rates, &arguments, &tapes),
+        };
+        let begin = building.next;
+        building.next += tapes.counts.states as Slot;
+        let results: Vec<Slot> = (begin..building.next).collect();
+        let code = Code::new(&rates, &arguments, &results, lanes, way);
+        let kinds: Vec<Argument> = arguments
+            .iter()
+            .map(|slot| {
+                if *slot == layout.time {
+                    Argument::Time(*slot)
+                } else if (layout.states..layout.inputs).contains(slot) {
+                    Argument::State(*slot, (*slot - layout.states) as usize)
+                } else {
+                    Argument::Held(*slot)
+                }
+            })
+            .collect();
+        let slopes = building.next;
+        building.next += tapes.slopes.as_ref().map_or(0, |tape| tape.outputs.len() as Slot);
+        let series = Series::new(&rates, &kinds, layout.step, building.next);
+        Programs {
+            layout,
+            counts: tapes.counts,
+            rates: Program { code, results: begin },
+            looks,
+            sides,
+            events,
+            is_polynomial: is_polynomial(&rates, &kinds.iter().map(|it| matches!(it, Argument::Held(_))).collect::<Vec<_>>()),
+            slopes: (tapes.slopes, slopes, None),
+            slope_arguments: layout.arguments_of(tapes.counts, false),
+            series,
+            parts: Vec::new(),
+            terms: Vec::new(),
+            common: building.next as usize,
+            slots: building.next as usize,
+            once: building.once,
+            row: building.row,
+            lanes,
+            way,
+        }
+    }
+
+    /// Slots that an array needs.
+    pub(super) fn slots(&self) -> usize {
+        self.slots
+    }
+
+    /// The slot of the first state behind the whole step.
+    pub(super) fn end(&self) -> Slot {
+        self.series.end()
+    }
+
+    /// The Jacobian: where its results stand, and how many there are.
+    pub(super) fn slopes(&mut self) -> Option<(&Code, std::ops::Range<usize>)> {
+        let (tape, begin, code) = &mut self.slopes;
+        let tape = tape.as_ref()?;
+        let results: Vec<Slot> = (*begin..*begin + tape.outputs.len() as Slot).collect();
+        let range = *begin as usize..*begin as usize + results.len();
+        let arguments = &self.slope_arguments;
+        Some((code.get_or_insert_with(|| Code::new(tape, arguments, &results, self.lanes, self.way)), range))
+    }
+
+    /// The first part of the series, once it is written, and its order.
+    #[inline]
+    pub(super) fn first_part(&self) -> Option<(&Code, usize)> {
+        self.parts.first().map(|part| (&part.code, part.order))
+    }
+
+    /// A part of the series, written when it is asked for the first time.
+    pub(super) fn part(&mut self, place: usize) -> &Orders {
+        while self.parts.len() <= place {
+            let orders = if self.parts.is_empty() { FIRST } else { FURTHER };
+            let part = self.series.part(orders);
+            let code = Code::new(&part.tape, &part.arguments, &part.results, self.lanes, self.way);
+            self.slots = self.slots.max(self.series.free() as usize);
+            self.terms = part.terms;
+            self.parts.push(Orders { code, order: part.order });
+        }
+        &self.parts[place]
+    }
+}
+
+/// Whether rates are sums and products of states: what is held may be combined, and chosen by, in any way.
+fn is_polynomial(tape: &Tape, is_held: &[bool]) -> bool {
+    let held = held::of_held(tape, is_held);
+    tape.iter().all(|(reg, op)| match op {
+        Op::Input(_) | Op::Negate(_) | Op::Add(..) | Op::Subtract(..) | Op::Multiply(..) => true,
+        Op::Select { condition, .. } => held[condition.0 as usize],
+        _ => held[reg.0 as usize],
+    })
+}

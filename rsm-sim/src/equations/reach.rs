@@ -1,0 +1,424 @@
+//! From row to row.
+//!
+//! In: a walk at an instant, the next one. Out: the walk there. A lane alone goes on over everything that happens before: its steps are as long as their error allows, a step ends where a comparison changes, and what the
+//! text wants then happens. A group tries the whole row in one step; [`Walk::together`] says for which lanes that was right.
+
+use super::engine::Method;
+use super::late::Late;
+use super::methods::{self, Linear, Stepped};
+use super::rows::{MOST_EVENTS, MOST_STEPS, Stopped};
+use super::series::Tried;
+use super::walk::Walk;
+
+/// Steps of the series in one row above which a plant counts as stiff.
+const STIFF: usize = 24;
+
+/// Places at which a step is looked at for changes of comparisons.
+const LOOKS: usize = 8;
+
+/// Halvings that place an event, until the instants are neighbours.
+const HALVINGS: usize = 60;
+
+/// A step grows or shrinks by these at most, and is a little shorter than its error suggests (E. Hairer, S. P. Norsett, G. Wanner, "Solving Ordinary Differential Equations I", II.4).
+const SHORTEST: f64 = 0.2;
+const LONGEST: f64 = 5.0;
+const SAFETY: f64 = 0.9;
+
+/// A step of the series that was as long as it may be suggests one that is longer by this: its terms cost no more, and say whether it may.
+const TRY: f64 = 1.5;
+
+/// How the last step was taken: where it ends and what lies inside is computed again for a share of it.
+enum Way {
+    Series(Tried),
+    Pair,
+    Stiff,
+}
+
+impl<const L: usize> Walk<'_, L> {
+    /// Tries one step to the end of a row for all lanes. Those for which it was not right stand where they were.
+    pub(super) fn together(&mut self, now: f64, end: f64) -> [bool; L] {
+        let rest = end - now;
+        let asked: [bool; L] = std::array::from_fn(|lane| !self.is_stiff[lane] && self.suggestion[lane] >= 0.999 * rest);
+        if !asked.contains(&true) {
+            return asked;
+        }
+        self.remember();
+        let tried = self.series([rest; L], asked);
+        let whole: [bool; L] = std::array::from_fn(|lane| tried[lane].is_some_and(|it| it.share == 1.0));
+        self.stand_behind([end; L], whole);
+        let agree = self.slopes_agree([rest; L], &tried);
+        let differ = self.sides_differ();
+        let mut right: [bool; L] = std::array::from_fn(|lane| whole[lane] && agree[lane] && !differ[lane]);
+        if self.programs.counts.held > 0 && right.contains(&true) {
+            let found = self.changes_inside(&mut |walk, share| {
+                for lane in (0..L).filter(|lane| right[*lane]) {
+                    walk.put_on_series(lane, tried[lane], share, now + share * rest);
+                }
+            });
+            (0..L).for_each(|lane| right[lane] &= found[lane].is_none());
+            self.stand_behind([end; L], right);
+        }
+        for lane in (0..L).filter(|lane| whole[*lane] && !right[*lane]) {
+            self.stand_before(lane, now);
+        }
+        for lane in (0..L).filter(|lane| right[*lane]) {
+            self.suggestion[lane] = self.suggestion[lane].max(2.0 * rest);
+        }
+        self.grow(right);
+        right
+    }
+
+    /// Where a comparison changes inside a step: a share before, and one behind it. `place` puts the walk at a share. Looked at at the end and at [`LOOKS`] places, and where a comparison
+    /// comes nearest to its border between three of them, by the parabola through these.
+    fn changes_inside(&mut self, place: &mut dyn FnMut(&mut Self, f64)) -> [Option<(f64, f64)>; L] {
+        let mut found = [None; L];
+        let count = self.programs.counts.held;
+        let mut distances: Vec<[f64; L]> = Vec::with_capacity((LOOKS + 1) * count);
+        for look in 0..=LOOKS {
+            let share = look as f64 / LOOKS as f64;
+            place(self, share);
+            let differ = self.sides_differ();
+            for lane in (0..L).filter(|lane| look > 0 && differ[*lane]) {
+                found[lane] = found[lane].or(Some((share - 1.0 / LOOKS as f64, share)));
+            }
+            let begin = self.programs.sides.as_ref().map_or(0, |it| it.results as usize);
+            for sides in self.slots[begin..begin + 2 * count].chunks_exact(2) {
+                distances.push(std::array::from_fn(|lane| (sides[0][lane] - sides[1][lane]).abs()));
+            }
+        }
+        for look in 1..LOOKS {
+            for k in 0..count {
+                let at = |look: usize, lane: usize| distances[look * count + k][lane];
+                for (lane, found) in found.iter_mut().enumerate().filter(|it| it.1.is_none()) {
+                    let (a, b, c) = (at(look - 1, lane), at(look, lane), at(look + 1, lane));
+                    if b <= a && b <= c && a + c > 2.0 * b {
+                        let share = (look as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)) / LOOKS as f64;
+                        place(self, share);
+                        if self.sides_differ()[lane] {
+                            *found = Some(((look - 1) as f64 / LOOKS as f64, share));
+                        }
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    fn put_on_series(&mut self, lane: usize, tried: Option<Tried>, share: f64, time: f64) {
+        let Some(tried) = tried else { return };
+        let layout = self.programs.layout;
+        for k in 0..self.programs.counts.states {
+            self.slots[layout.states as usize + k][lane] = self.on_series(k, lane, tried.order, share);
+        }
+        self.slots[layout.time as usize][lane] = time;
+    }
+
+    fn stand_behind(&mut self, time: [f64; L], lanes: [bool; L]) {
+        let layout = self.programs.layout;
+        let states = layout.states as usize;
+        if lanes == [true; L] {
+            self.slots[states..states + self.programs.counts.states].copy_from_slice(&self.behind);
+            self.slots[layout.time as usize] = time;
+            return;
+        }
+        for lane in (0..L).filter(|lane| lanes[*lane]) {
+            for k in 0..self.programs.counts.states {
+                self.slots[states + k][lane] = self.behind[k][lane];
+            }
+            self.slots[layout.time as usize][lane] = time[lane];
+        }
+    }
+
+    fn stand_before(&mut self, lane: usize, time: f64) {
+        let layout = self.programs.layout;
+        for k in 0..self.programs.counts.states {
+            self.slots[layout.states as usize + k][lane] = self.before[k][lane];
+        }
+        self.slots[layout.time as usize][lane] = time;
+    }
+
+    /// The largest values, with those that stand there now.
+    fn grow(&mut self, lanes: [bool; L]) {
+        let states = self.programs.layout.states as usize;
+        for (largest, state) in self.largest.iter_mut().zip(&self.slots[states..]) {
+            for lane in 0..L {
+                if lanes[lane] {
+                    largest[lane] = largest[lane].max(state[lane].abs());
+                }
+            }
+        }
+    }
+}
+
+impl Walk<'_, 1> {
+    /// Goes on to an instant, over everything that happens before it.
+    pub(super) fn reach(&mut self, end: f64, late: &mut Late<'_>) -> Result<(), Stopped> {
+        let (mut steps, mut events) = (0, 0);
+        while self.time(0) < end {
+            let (due, next) = self.next_sample(self.time(0), end);
+            let coming = late.next(self.time(0), next);
+            let is_event = self.advance(coming.unwrap_or(next), &mut steps)?;
+            let now = self.time(0);
+            if coming.is_some_and(|it| now >= it) {
+                let changed = self.exchange(late);
+                if late.is_read(now) {
+                    late.read(now, self.look());
+                }
+                if changed {
+                    self.happen_and_send(now, late)?;
+                }
+                continue;
+            }
+            let is_due = due && now >= next;
+            if is_event || is_due {
+                events += 1;
+                if events > MOST_EVENTS {
+                    return Err(Stopped::TooManyEvents { row: self.row });
+                }
+                if now < end || is_event {
+                    self.happen_and_send(now, late)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends what signals say now, and puts what has come in its place. Says whether an input changed.
+    pub(super) fn exchange(&mut self, late: &mut Late<'_>) -> bool {
+        let (time, layout) = (self.time(0), self.programs.layout);
+        let (before, memories) = self.slots.split_at_mut(layout.memories as usize);
+        let changed = late.exchange(time, &mut before[layout.inputs as usize..], memories);
+        if changed {
+            self.refresh();
+        }
+        changed
+    }
+
+    /// Lets happen what is due, and sends on what it changed.
+    pub(super) fn happen_and_send(&mut self, now: f64, late: &mut Late<'_>) -> Result<(), Stopped> {
+        self.happen(now)?;
+        if self.exchange(late) { self.happen(now) } else { Ok(()) }
+    }
+
+    /// Goes on to an instant, or to the first event before it, which it tells.
+    fn advance(&mut self, next: f64, steps: &mut usize) -> Result<bool, Stopped> {
+        let begin = *steps;
+        self.linear = None;
+        while self.time(0) < next {
+            *steps += 1;
+            if *steps > MOST_STEPS {
+                return Err(Stopped::TooManySteps { row: self.row });
+            }
+            if self.setting.method == Method::Automatic && *steps - begin > STIFF {
+                self.is_stiff = [true];
+            }
+            let now = self.time(0);
+            let rest = next - now;
+            // What is left is taken in one step where a step nearly reaches: no crumbs.
+            let h = if self.suggestion[0] >= 0.999 * rest { rest } else { self.suggestion[0] };
+            self.remember();
+            let (taken, way, suggestion) = match self.step(h, rest)? {
+                Some(found) => found,
+                None => {
+                    if now + self.suggestion[0] <= now {
+                        return Err(Stopped::TooManySteps { row: self.row });
+                    }
+                    continue;
+                }
+            };
+            let reached = if taken == rest { next } else { now + taken };
+            self.stand_behind([reached], [true]);
+            if !self.settle() {
+                return Err(Stopped::NoSolution { row: self.row });
+            }
+            if let Way::Series(tried) = way
+                && self.slopes_agree([h], &[Some(tried)]) == [false]
+            {
+                self.stand_before(0, now);
+                self.settle();
+                self.suggestion = [0.5 * taken];
+                if now + self.suggestion[0] <= now {
+                    return Err(Stopped::TooManySteps { row: self.row });
+                }
+                continue;
+            }
+            if self.programs.counts.held > 0 {
+                let [found] = self.changes_inside(&mut |walk, share| {
+                    walk.inside(&way, (now, h), taken, share);
+                });
+                if let Some(bracket) = found {
+                    // A step that ends at an event says nothing of the next one's length.
+                    self.locate(&way, (now, h), taken, bracket)?;
+                    self.grow([true]);
+                    return self.not_finite(0).map_or(Ok(true), Err);
+                }
+                self.stand_behind([reached], [true]);
+                if !self.settle() {
+                    return Err(Stopped::NoSolution { row: self.row });
+                }
+            }
+            if let Some(stopped) = self.not_finite(0) {
+                return Err(stopped);
+            }
+            self.grow([true]);
+            // A step that was cut to end at a row leaves the suggestion as it was, or raises it.
+            self.suggestion = [if taken == rest { self.suggestion[0].max(suggestion) } else { suggestion }];
+            self.linear = None;
+        }
+        Ok(false)
+    }
+
+    /// One step from where the walk stands, or none yet: then the suggestion is shorter. Its length, how it was taken, what it suggests.
+    fn step(&mut self, h: f64, rest: f64) -> Result<Option<(f64, Way, f64)>, Stopped> {
+        if self.is_stiff[0] && self.has_linear() {
+            let stepped = self.stiff(h);
+            let Some(stepped) = stepped else {
+                self.suggestion = [SHORTEST * h];
+                return Ok(None);
+            };
+            return Ok(self.judged(&stepped, h, rest, Way::Stiff, cube_root_of_inverse));
+        }
+        let [tried] = self.series([h], [true]);
+        let Some(tried) = tried else {
+            // A root of 0 has no series; the pair goes over it.
+            let stepped = self.pair(h);
+            return Ok(self.judged(&stepped, h, rest, Way::Pair, fifth_root_of_inverse));
+        };
+        if tried.share < 1.0 {
+            let taken = tried.share * h;
+            return Ok(Some((taken, Way::Series(tried), TRY * taken)));
+        }
+        Ok(Some((h, Way::Series(tried), 2.0 * h)))
+    }
+
+    /// A step of a pair of methods, where its error allows it. `change`: how much longer a step may be whose error is so many times what is allowed.
+    fn judged(&mut self, stepped: &Stepped, h: f64, rest: f64, way: Way, change: fn(f64) -> f64) -> Option<(f64, Way, f64)> {
+        let size = self.error(stepped, h, rest);
+        let change = if size == 0.0 {
+            LONGEST
+        } else if size.is_finite() {
+            SAFETY * change(size)
+        } else {
+            SHORTEST
+        };
+        if size.is_nan() || size > 1.0 {
+            self.suggestion = [h * change.max(SHORTEST)];
+            return None;
+        }
+        self.behind.iter_mut().zip(&stepped.states).for_each(|(to, from)| *to = [*from]);
+        Some((h, way, h * change.clamp(SHORTEST, LONGEST)))
+    }
+
+    fn pair(&mut self, h: f64) -> Stepped {
+        let time = self.time(0);
+        let from: Vec<f64> = self.before.iter().map(|it| it[0]).collect();
+        let stepped = methods::explicit(&mut |share, states| self.rates_at(time + share * h, states), &from, h);
+        self.stand_before(0, time);
+        stepped
+    }
+
+    /// The rates at an instant and at states.
+    fn rates_at(&mut self, time: f64, states: &[f64]) -> Vec<f64> {
+        let layout = self.programs.layout;
+        let (begin, count) = (layout.states as usize, states.len());
+        self.slots[begin..begin + count].iter_mut().zip(states).for_each(|(slot, state)| *slot = [*state]);
+        self.slots[layout.time as usize] = [time];
+        self.programs.rates.code.run(&mut self.slots, &mut self.spare);
+        let results = self.programs.rates.results as usize;
+        self.slots[results..results + count].iter().map(|it| it[0]).collect()
+    }
+
+    /// Whether the Jacobian at this point is made of numbers: a square root of 0 has none. The series serves there.
+    fn has_linear(&mut self) -> bool {
+        if self.linear.is_none() {
+            self.linear = Some(self.linear());
+        }
+        self.setting.method == Method::Stiff || self.linear.as_ref().is_some_and(Linear::is_finite)
+    }
+
+    fn stiff(&mut self, h: f64) -> Option<Stepped> {
+        let linear = self.linear.take().unwrap_or_else(|| self.linear());
+        let time = self.time(0);
+        let from: Vec<f64> = self.before.iter().map(|it| it[0]).collect();
+        let stepped = methods::stiff(&mut |share, states| self.rates_at(time + share * h, states), &from, h, &linear);
+        self.linear = Some(linear);
+        self.stand_before(0, time);
+        stepped
+    }
+
+    /// The error of a step as a multiple of what is allowed, the worst state's.
+    fn error(&self, stepped: &Stepped, h: f64, rest: f64) -> f64 {
+        let mut worst = 0.0_f64;
+        for (k, (end, error)) in stepped.states.iter().zip(&stepped.error).enumerate() {
+            if !end.is_finite() || !error.is_finite() {
+                return f64::INFINITY;
+            }
+            let (begin, largest) = (self.before[k][0], self.largest[k][0]);
+            let scale = largest.max(begin.abs()).max(((end - begin) / h * rest).abs());
+            // A state that is 0, stays 0 and has an error of 0 is right.
+            if *error != 0.0 {
+                worst = worst.max(error.abs() / (self.setting.tolerance * scale));
+            }
+        }
+        worst
+    }
+
+    /// The walk at a share of the step that was taken last; whether a comparison has changed there. `None` where the step has no solution.
+    fn inside(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, share: f64) -> Option<bool> {
+        let time = now + share * taken;
+        match way {
+            Way::Series(tried) => self.put_on_series(0, Some(*tried), tried.share * share, time),
+            // Steps of no length have no matrix.
+            Way::Stiff | Way::Pair if share == 0.0 => self.stand_before(0, now),
+            Way::Stiff | Way::Pair => {
+                self.stand_before(0, now);
+                let length = share * taken.min(h);
+                let stepped = if matches!(way, Way::Pair) { self.pair(length) } else { self.stiff(length)? };
+                let (states, count) = (self.programs.layout.states as usize, self.programs.counts.states);
+                self.slots[states..states + count].iter_mut().zip(&stepped.states).for_each(|(to, from)| *to = [*from]);
+                self.slots[self.programs.layout.time as usize] = [time];
+            }
+        }
+        self.settle();
+        Some(self.sides_differ() == [true])
+    }
+
+    /// Ends a step where the first comparison changes in it: between two shares.
+    fn locate(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, bracket: (f64, f64)) -> Result<(), Stopped> {
+        let (mut before, mut after) = bracket;
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (before + after);
+            let instant = now + middle * taken;
+            if middle <= before || middle >= after || instant <= now + before * taken || instant >= now + after * taken {
+                break;
+            }
+            match self.inside(way, (now, h), taken, middle) {
+                Some(true) => after = middle,
+                Some(false) => before = middle,
+                None => break,
+            }
+        }
+        self.inside(way, (now, h), taken, after).map(|_| ()).ok_or(Stopped::TooManySteps { row: self.row })
+    }
+}
+
+/// 1 over a root, as far as a step may grow; the same bits on every machine.
+fn root_of_inverse(size: f64, degree: usize) -> f64 {
+    let wanted = 1.0 / size;
+    let (mut low, mut high) = (0.0_f64, LONGEST / SAFETY);
+    for _ in 0..20 {
+        let middle = 0.5 * (low + high);
+        if (0..degree).fold(1.0, |product, _| product * middle) < wanted { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// Of the stiff pair, whose lower order is 2.
+fn cube_root_of_inverse(size: f64) -> f64 {
+    root_of_inverse(size, 3)
+}
+
+/// Of the explicit pair, whose lower order is 4.
+fn fifth_root_of_inverse(size: f64) -> f64 {
+    root_of_inverse(size, 5)
+}

@@ -1,0 +1,242 @@
+//! Steps by the series of the solution.
+//!
+//! In: a walk at an instant, a length. Out: the states behind it, where the last terms of the series say that it was not too long. Terms fall like powers; where the last two fall below a power of the tolerance, the term
+//! behind them is below the tolerance (A. Jorba, M. Zou, "A software package for the numerical integration of ODEs by means of high-order Taylor methods", 2005, section 3). More orders are computed until they do, or a step is
+//! shortened. Rates that are no polynomials are also compared at the end with the slope of the series: a kink inside the step shows there.
+
+use super::walk::Walk;
+
+/// Orders at most, odd as the parts are. Where a block is solved by three steps of Newton's method from its last solution, the series is that of the solution up to order 2^3 - 1.
+const MOST: usize = 25;
+const MOST_BY_NEWTON: usize = 7;
+
+/// The slope of the series and the rates at its end may differ by this times the order times the tolerance: one term more of the series differs by the order times the tolerance.
+const SLOPE: f64 = 4.0;
+
+/// Rounds at most in which the length of a step and the size of its states agree: one shortens by a tenth root of the tolerance.
+const ROUNDS: usize = 16;
+
+/// What the terms are compared with.
+pub(super) struct Thresholds {
+    tolerance: f64,
+    /// By order: of its term, of the one before.
+    list: Vec<(f64, f64)>,
+    /// The highest order.
+    most: usize,
+}
+
+impl Thresholds {
+    /// Of the last term of an order, and of the one before.
+    #[inline]
+    pub(super) fn of(&self, order: usize) -> (f64, f64) {
+        self.list[order]
+    }
+
+    /// `by_newton`: the rates hold blocks that are solved by Newton's method.
+    pub(super) fn new(tolerance: f64, by_newton: bool) -> Self {
+        let list = (0..=MOST).map(|k| (power(tolerance, k, k + 1), power(tolerance, k.saturating_sub(1), k + 1))).collect();
+        // The least work a time is near the order 1 - log(tolerance)/2 (Jorba and Zou, section 3.1); here odd, as the parts are.
+        let (mut best, mut left) = (7, tolerance);
+        while left < 1e-4 && best + 2 <= MOST {
+            left *= 55.0; // e^4: two orders more
+            best += 2;
+        }
+        Thresholds { tolerance, list, most: if by_newton { best.min(MOST_BY_NEWTON) } else { best } }
+    }
+}
+
+/// A number to the power a/b, the same bits on every machine: by halving between 0 and 1, or by its inverse.
+fn power(number: f64, a: usize, b: usize) -> f64 {
+    let raised = |value: f64, times: usize| (0..times).fold(1.0, |product, _| product * value);
+    let (mut low, mut high) = (0.0_f64, 1.0_f64.max(number));
+    let wanted = raised(number, a);
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if raised(middle, b) < wanted { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// A root, to three digits: how long a step may be needs no more.
+fn root(number: f64, degree: usize) -> f64 {
+    if !(number > 0.0 && number.is_finite()) {
+        return 0.0;
+    }
+    let (mut low, mut high) = (0.0_f64, 1.0_f64);
+    for _ in 0..12 {
+        let middle = 0.5 * (low + high);
+        let raised = (0..degree).fold(1.0, |product, _| product * middle);
+        if raised < number { low = middle } else { high = middle }
+    }
+    low
+}
+
+/// A step of a lane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Tried {
+    /// The highest order in use.
+    pub order: usize,
+    /// The share of the step that the terms allow, at most 1.
+    pub share: f64,
+}
+
+impl<const L: usize> Walk<'_, L> {
+    /// The series of all lanes over their steps. What an error is compared with is the largest value of the state so far, or what it changes by in the step. The states at the end of what is allowed stand in `behind`. `None` where a number is none. Lanes that are not `asked` for are not waited for.
+    pub(super) fn series(&mut self, steps: [f64; L], asked: [bool; L]) -> [Option<Tried>; L] {
+        let layout = self.programs.layout;
+        self.slots[layout.step as usize] = steps;
+        let count = self.programs.counts.states;
+        if count == 0 {
+            return asked.map(|asked| asked.then_some(Tried { order: 1, share: 1.0 }));
+        }
+        let states = layout.states as usize;
+        let mut tried: [Option<Tried>; L] = [None; L];
+        let mut open = asked;
+        for place in 0.. {
+            self.programs.part(place);
+            if self.slots.len() < self.programs.slots() {
+                self.slots.resize(self.programs.slots(), [0.0; L]);
+            }
+            let part = self.programs.part(place);
+            part.code.run(&mut self.slots, &mut self.spare);
+            let order = part.order;
+            let (last, before) = self.thresholds.list[order];
+            let terms = &self.programs.terms;
+            let (first_term, last_term, term_before) =
+                (terms[0] as usize, terms[order - 1] as usize, terms[order - 2] as usize);
+            let end = self.programs.end() as usize;
+            let mut fits = open;
+            for k in 0..count {
+                let (x, largest, first) = (self.slots[states + k], self.largest[k], self.slots[first_term + k]);
+                let (end, one, other) = (self.slots[end + k], self.slots[last_term + k], self.slots[term_before + k]);
+                for lane in 0..L {
+                    let moved = (end[lane] - x[lane]).abs().max(first[lane].abs());
+                    let scale = largest[lane].max(x[lane].abs()).max(moved);
+                    fits[lane] &=
+                        one[lane].abs() <= last * scale && other[lane].abs() <= before * scale && end[lane].is_finite();
+                }
+            }
+            for lane in (0..L).filter(|lane| fits[*lane]) {
+                tried[lane] = Some(Tried { order, share: 1.0 });
+                open[lane] = false;
+            }
+            if fits == [true; L] {
+                self.behind.copy_from_slice(&self.slots[end..end + count]);
+            } else if fits.contains(&true) {
+                for k in 0..count {
+                    for lane in (0..L).filter(|lane| fits[*lane]) {
+                        self.behind[k][lane] = self.slots[end + k][lane];
+                    }
+                }
+            }
+            if !open.contains(&true) || order + 2 > self.thresholds.most {
+                break;
+            }
+        }
+        for lane in (0..L).filter(|lane| open[*lane]) {
+            tried[lane] = self.shortened(lane);
+        }
+        tried
+    }
+
+    /// The share of a step that all terms allow, and the states there.
+    fn shortened(&mut self, lane: usize) -> Option<Tried> {
+        let order = self.thresholds.most;
+        let (last, before) = self.thresholds.list[order];
+        let states = self.programs.layout.states as usize;
+        let mut share = 1.0_f64;
+        // What a state changes by is taken from the terms at the share that was found: terms that are too large count less and less.
+        for _ in 0..ROUNDS {
+            let powers: Vec<f64> = std::iter::successors(Some(share), |power| Some(power * share)).take(order).collect();
+            let at = share;
+            for k in 0..self.programs.counts.states {
+                let term =
+                    |order: usize| self.slots[self.programs.terms[order - 1] as usize + k][lane].abs() * powers[order - 1];
+                let x = self.slots[states + k][lane];
+                let moved = (1..=order).map(term).fold(0.0, f64::max);
+                let scale = self.largest[k][lane].max(x.abs()).max(moved);
+                for (found, limit, degree) in [(term(order), last, order), (term(order - 1), before, order - 1)] {
+                    if !found.is_finite() {
+                        return None;
+                    }
+                    if found > limit * scale {
+                        share = share.min(at * root(limit * scale / found, degree));
+                    }
+                }
+            }
+            if share == at {
+                break;
+            }
+        }
+        if share <= 0.0 {
+            return None;
+        }
+        let tried = Tried { order, share: 0.9 * share };
+        for k in 0..self.programs.counts.states {
+            self.behind[k][lane] = self.on_series(k, lane, tried.order, tried.share);
+        }
+        Some(tried)
+    }
+
+    /// A state at a share of the step.
+    pub(super) fn on_series(&self, state: usize, lane: usize, order: usize, share: f64) -> f64 {
+        let term = |k: usize| self.slots[self.programs.terms[k - 1] as usize + state][lane];
+        let moved = (1..=order).rev().fold(0.0, |sum, k| (sum + term(k)) * share);
+        self.begun(state, lane) + moved
+    }
+
+    /// A state at the start of the step, before or after the states were moved on.
+    fn begun(&self, state: usize, lane: usize) -> f64 {
+        self.before[state][lane]
+    }
+
+    /// Keeps the states at the start of the step.
+    pub(super) fn remember(&mut self) {
+        let states = self.programs.layout.states as usize;
+        self.before.copy_from_slice(&self.slots[states..states + self.programs.counts.states]);
+    }
+
+    /// Whether the rates at the end, where the states stand now, are the slope of the series.
+    pub(super) fn slopes_agree(&mut self, steps: [f64; L], tried: &[Option<Tried>; L]) -> [bool; L] {
+        if self.programs.is_polynomial {
+            return [true; L];
+        }
+        self.programs.rates.code.run(&mut self.slots, &mut self.spare);
+        let rates = self.programs.rates.results as usize;
+        let states = self.programs.layout.states as usize;
+        let mut agree = [true; L];
+        for lane in 0..L {
+            let Some(tried) = tried[lane] else { continue };
+            for k in 0..self.programs.counts.states {
+                let term = |order: usize| self.slots[self.programs.terms[order - 1] as usize + k][lane];
+                let mut slope = 0.0;
+                for order in (1..=tried.order).rev() {
+                    slope = slope * tried.share + order as f64 * term(order);
+                }
+                let (end, begin) = (self.slots[states + k][lane], self.before[k][lane]);
+                let scale = self.largest[k][lane].max(begin.abs()).max((end - begin).abs()).max(term(1).abs());
+                let off = (steps[lane] * self.slots[rates + k][lane] - slope).abs() * tried.share;
+                let allowed = SLOPE * (tried.order + 1) as f64 * self.thresholds.tolerance * scale;
+                agree[lane] &= off <= allowed;
+            }
+        }
+        agree
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_and_roots_are_those_of_the_library_to_their_digits() {
+        for (a, b) in [(0, 1), (1, 2), (6, 7), (23, 25)] {
+            let expected = 1e-8_f64.powf(a as f64 / b as f64);
+            assert!((power(1e-8, a, b) / expected - 1.0).abs() < 1e-12, "{a}/{b}");
+        }
+        assert!((root(0.5, 7) - 0.5_f64.powf(1.0 / 7.0)).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,225 @@
+//! Lanes on their way along a record.
+//!
+//! In: the programs of a machine, and for each lane its parameters and its start. Out: states, row by row, of every lane. Lanes share nothing but the instants of the rows: each has its own steps, switches and events, and its
+//! bits are those that it has alone. All lanes try a row together, in one pass over the series; a lane that needs more than one step, or in which a comparison changes, goes on alone.
+
+use super::engine::{Method, Setting};
+use super::events::Events;
+use super::machine::{Machine, Point};
+use super::methods::Linear;
+use super::programs::{Layout, Programs};
+use super::rows::Stopped;
+use super::series::Thresholds;
+use crate::code::Way;
+
+/// Turns of a nonlinear block until it stands still.
+const TURNS: usize = 100;
+
+/// A group of lanes.
+pub(super) struct Walk<'m, const L: usize> {
+    pub machine: &'m Machine,
+    pub programs: Programs,
+    pub slots: Vec<[f64; L]>,
+    pub spare: Vec<[f64; L]>,
+    pub setting: Setting,
+    pub thresholds: Thresholds,
+    /// By state: the largest value so far.
+    pub largest: Vec<[f64; L]>,
+    /// The states at the start of the step, and behind it.
+    pub before: Vec<[f64; L]>,
+    pub behind: Vec<[f64; L]>,
+    pub events: Events<L>,
+    /// The step that the last one suggests.
+    pub suggestion: [f64; L],
+    pub is_stiff: [bool; L],
+    pub linear: Option<Linear>,
+    pub row: usize,
+}
+
+/// One lane's parameters and start.
+#[derive(Debug, Clone)]
+pub struct Lane {
+    /// The values of the parameters, in the order of the system.
+    pub(super) parameters: Vec<f64>,
+    pub(super) start: Point,
+}
+
+impl Lane {
+    /// A lane with the parameters of a machine.
+    #[must_use]
+    pub fn new(machine: &Machine, start: Point) -> Lane {
+        Lane { parameters: machine.parameters().to_vec(), start }
+    }
+}
+
+impl<'m, const L: usize> Walk<'m, L> {
+    pub(super) fn new(machine: &'m Machine, way: Way) -> Self {
+        let programs = Programs::new(machine, L, way);
+        let states = programs.counts.states;
+        Walk {
+            slots: vec![[0.0; L]; programs.slots()],
+            spare: Vec::new(),
+            setting: Setting::default(),
+            thresholds: Thresholds::new(Setting::default().tolerance, programs.counts.guesses > 0),
+            largest: vec![[0.0; L]; states],
+            before: vec![[0.0; L]; states],
+            behind: vec![[0.0; L]; states],
+            events: Events::new(machine),
+            suggestion: [0.0; L],
+            is_stiff: [false; L],
+            linear: None,
+            row: 0,
+            machine,
+            programs,
+        }
+    }
+
+    pub(super) fn layout(&self) -> Layout {
+        self.programs.layout
+    }
+
+    /// Before a run: lanes at their starts.
+    pub(super) fn begin(&mut self, lanes: [&Lane; L], setting: Setting, period: f64) {
+        self.adopt(setting);
+        let layout = self.layout();
+        for (lane, from) in lanes.into_iter().enumerate() {
+            let start = &from.start;
+            let mut put = |begin: u32, values: &[f64]| {
+                for (slot, value) in self.slots[begin as usize..].iter_mut().zip(values) {
+                    slot[lane] = *value;
+                }
+            };
+            put(layout.time, &[start.time]);
+            put(layout.states, &start.states);
+            put(layout.inputs, &start.inputs);
+            put(layout.held, &start.held);
+            put(layout.memories, &start.memories);
+            put(layout.guesses, &start.guesses);
+            put(layout.parameters, &from.parameters);
+            for (state, largest) in self.largest.iter_mut().enumerate() {
+                largest[lane] = self.machine.nominal(state).unwrap_or(0.0);
+            }
+        }
+        self.suggestion = [period; L];
+        self.is_stiff = [setting.method == Method::Stiff; L];
+        for code in &self.programs.once {
+            code.run(&mut self.slots, &mut self.spare);
+        }
+        self.refresh();
+        self.first_conditions();
+    }
+
+    /// What depends on inputs, held comparisons and memories, after these have changed.
+    pub(super) fn refresh(&mut self) {
+        for code in &self.programs.row {
+            code.run(&mut self.slots, &mut self.spare);
+        }
+    }
+
+    pub(super) fn time(&self, lane: usize) -> f64 {
+        self.slots[self.programs.layout.time as usize][lane]
+    }
+
+    pub(super) fn set_inputs(&mut self, values: &[Vec<f64>], row: usize) {
+        let begin = self.layout().inputs as usize;
+        for (slot, values) in self.slots[begin..].iter_mut().zip(values) {
+            *slot = [values[row]; L];
+        }
+        self.refresh();
+    }
+
+    /// The slots of the outputs, computed here and now.
+    pub(super) fn look(&mut self) -> &[[f64; L]] {
+        let Some(looks) = &self.programs.looks else { return &[] };
+        looks.code.run(&mut self.slots, &mut self.spare);
+        &self.slots[looks.results as usize..looks.results as usize + self.programs.counts.outputs]
+    }
+
+    /// Takes the solutions of nonlinear blocks as the next guesses, until they stand still; `false` where one does not.
+    pub(super) fn settle(&mut self) -> bool {
+        let count = self.programs.counts.guesses;
+        if count == 0 {
+            return true;
+        }
+        let guesses = self.layout().guesses as usize;
+        let Some(solutions) = self.programs.looks.as_ref().map(|it| it.results as usize + self.programs.counts.outputs) else {
+            return true;
+        };
+        for _ in 0..TURNS {
+            self.look();
+            let mut moves = false;
+            for k in 0..count {
+                let (old, new) = (self.slots[guesses + k], self.slots[solutions + k]);
+                moves |= (0..L).any(|lane| !super::machine::stands_still(old[lane], new[lane]));
+                self.slots[guesses + k] = new;
+            }
+            if !moves {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The Jacobian of the first lane where it stands.
+    pub(super) fn linear(&mut self) -> Linear {
+        let states = self.programs.counts.states;
+        let Some((code, range)) = self.programs.slopes() else { return Linear::new(0, &[]) };
+        code.run(&mut self.slots, &mut self.spare);
+        let slopes: Vec<f64> = self.slots[range].iter().map(|it| it[0]).collect();
+        Linear::new(states, &slopes)
+    }
+
+    /// Takes another setting, where it goes on for a lane of a group.
+    pub(super) fn adopt(&mut self, setting: Setting) {
+        if setting.tolerance != self.setting.tolerance {
+            self.thresholds = Thresholds::new(setting.tolerance, self.programs.counts.guesses > 0);
+        }
+        self.setting = setting;
+    }
+
+    /// A place that is left over does what a lane does.
+    pub(super) fn follow(&mut self, place: usize, lane: usize) {
+        let common = self.programs.common;
+        let lists = [&mut self.slots[..common], &mut self.largest[..]];
+        lists.into_iter().flatten().for_each(|it| it[place] = it[lane]);
+        self.events.follow(place, lane);
+        self.suggestion[place] = self.suggestion[lane];
+        self.is_stiff[place] = self.is_stiff[lane];
+    }
+
+    /// Takes the place of a lane of a wider group.
+    pub(super) fn copy_from<const M: usize>(&mut self, other: &Walk<'m, M>, lane: usize) {
+        for (to, from) in self.slots.iter_mut().zip(&other.slots[..other.programs.common]) {
+            *to = [from[lane]; L];
+        }
+        for (to, from) in self.largest.iter_mut().zip(&other.largest) {
+            *to = [from[lane]; L];
+        }
+        self.events.copy_from(&other.events, lane);
+        self.suggestion = [other.suggestion[lane]; L];
+        self.is_stiff = [other.is_stiff[lane]; L];
+        self.linear = None;
+        self.row = other.row;
+    }
+
+    /// Gives the first lane back to a wider group.
+    pub(super) fn copy_to<const M: usize>(&self, other: &mut Walk<'m, M>, lane: usize) {
+        let common = other.programs.common;
+        for (from, to) in self.slots.iter().zip(&mut other.slots[..common]) {
+            to[lane] = from[0];
+        }
+        for (from, to) in self.largest.iter().zip(&mut other.largest) {
+            to[lane] = from[0];
+        }
+        self.events.copy_to(&mut other.events, lane);
+        other.suggestion[lane] = self.suggestion[0];
+        other.is_stiff[lane] = self.is_stiff[0];
+    }
+
+    /// Whether a state of a lane is no longer finite: the row and its name.
+    pub(super) fn not_finite(&self, lane: usize) -> Option<Stopped> {
+        let begin = self.layout().states as usize;
+        let place = (0..self.programs.counts.states).find(|k| !self.slots[begin + k][lane].is_finite())?;
+        Some(Stopped::NotFinite { row: self.row, name: self.machine.states()[place].0.clone() })
+    }
+}

@@ -1,0 +1,123 @@
+//! Many lanes: the bits of a lane are its own, whatever runs beside it and however it is run.
+
+use rsm_core::source::{Faults, Source};
+use rsm_sim::equations::{EquationFile, Inputs, Lane, Lanes, Machine, Method, Setting, run};
+
+/// A ball that bounces under a drag that is no polynomial, on a table that a controller moves ten times a second.
+const BALL: &str = "model Ball\n  parameter Real loss = 0.8;\n  parameter Real drag = 0.02;\n  input Real wind;\n  output Real height(start = 1.0);\n  Real speed(start = 0.0);\n  \
+    discrete output Real seen(start = 0.0);\nequation\n  der(height) = speed;\n  der(speed) = -9.81 - drag*(speed - wind)*sqrt((speed - wind)^2 + 0.01);\n  \
+    when height < 0 then\n    reinit(speed, -loss*pre(speed));\n  end when;\n  when sample(0.0, 0.1) then\n    seen = height;\n  end when;\nend Ball;\n";
+
+/// A motor that turns: polynomial rates, without events.
+const MOTOR: &str = "model Motor\n  parameter Real inertia = 0.01;\n  input Real v;\n  Real d, q;\n  output Real speed;\nequation\n  9e-4*der(d) = -0.08*d + 4*speed*9e-4*q;\n  \
+    9e-4*der(q) = v - 0.08*q - 4*speed*(9e-4*d + 0.06);\n  inertia*der(speed) = 0.36*q - 1e-3*speed;\nend Motor;\n";
+
+/// A spring so stiff that the series gives up.
+const STIFF: &str = "model Stiff\n  parameter Real rate = 3e4;\n  input Real u;\n  output Real slow, fast;\nequation\n  der(slow) = fast - slow*slow;\n  der(fast) = rate*(u + cos(slow) - fast);\nend Stiff;\n";
+
+fn machine(text: &str, numbers: &str) -> (EquationFile, Machine) {
+    let open = |name: &str| Ok::<_, Faults>(Source::new(name, text));
+    let plant = format!("format = 2\nmodel = \"m.mo\"\n[parameters]\n{numbers}");
+    let file = EquationFile::read(&Source::new("m.toml", plant), &open).unwrap_or_else(|faults| panic!("{faults}"));
+    let machine = Machine::new(&file).unwrap_or_else(|faults| panic!("{faults}"));
+    (file, machine)
+}
+
+fn bits(outputs: &[Vec<f64>]) -> Vec<u64> {
+    outputs.iter().flatten().map(|it| it.to_bits()).collect()
+}
+
+/// Lanes with parameters and starts of their own; each a run of its own machine gives the same bits, in any order and company, by the interpreter too.
+fn check(text: &str, parameter: &str, values: [f64; 9], period: f64) {
+    let time: Vec<f64> = (0..60).map(|k| f64::from(k) * period).collect();
+    let inputs = vec![(0..60).map(|k| f64::from(k % 7) - 2.0).collect::<Vec<f64>>()];
+    let inputs = Inputs { time: &time, values: &inputs };
+    let (_, shared) = machine(text, "");
+    let mut lanes = Vec::new();
+    let mut alone = Vec::new();
+    let setting = Setting { method: Method::Automatic, tolerance: 1e-9 };
+    for value in values {
+        let (file, mut own) = machine(text, &format!("{parameter} = {value:?}\n"));
+        let start = own.start(&file, 0.0, &[inputs.values[0][0]], &[]).unwrap_or_else(|faults| panic!("{faults}"));
+        lanes.push(Lane::new(&own, start.clone()));
+        let found = run(&own, start, inputs, setting).unwrap_or_else(|stopped| panic!("{stopped}"));
+        alone.push(bits(&found));
+    }
+    assert!(alone.windows(2).all(|pair| pair[0] != pair[1]), "lanes differ");
+    let compare = |order: &[usize], code: &mut Lanes<'_>| {
+        let list: Vec<Lane> = order.iter().map(|k| lanes[*k].clone()).collect();
+        for (found, k) in code.run(&list, inputs, setting).into_iter().zip(order) {
+            assert!(bits(&found.unwrap_or_else(|stopped| panic!("{stopped}"))) == alone[*k], "lane {k} of {order:?}");
+        }
+    };
+    let mut code = Lanes::new(&shared);
+    for order in [&[0][..], &[0, 1], &[2, 1, 0], &[0, 1, 2, 3, 4, 5, 6, 7], &[8, 7, 6, 5, 4, 3, 2, 1, 0]] {
+        compare(order, &mut code);
+    }
+    let mut interpreted = Lanes::interpreted(&shared);
+    compare(&[3, 4, 5, 6, 7], &mut interpreted);
+    compare(&[1], &mut interpreted);
+    std::thread::scope(|scope| {
+        for order in [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0]] {
+            scope.spawn(move || compare(&order, &mut Lanes::new(&shared_of(text))));
+        }
+    });
+}
+
+fn shared_of(text: &str) -> Machine {
+    machine(text, "").1
+}
+
+#[test]
+fn lanes_with_events_have_the_bits_that_they_have_alone() {
+    check(BALL, "loss", [0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5], 0.03);
+}
+
+#[test]
+fn lanes_of_a_motor_have_the_bits_that_they_have_alone() {
+    check(MOTOR, "inertia", [0.01, 0.011, 0.012, 0.02, 0.005, 0.013, 0.014, 0.015, 1e-4], 2e-4);
+}
+
+#[test]
+fn lanes_of_which_some_are_stiff_have_the_bits_that_they_have_alone() {
+    check(STIFF, "rate", [3e4, 1.0, 3e5, 10.0, 3e3, 100.0, 2e4, 30.0, 1e6], 0.05);
+}
+
+#[test]
+fn a_lane_that_ends_early_says_why_and_the_others_go_on() {
+    let text = "model Grows\n  parameter Real k = 1;\n  output Real x(start = 1.0);\nequation\n  der(x) = k*x*x;\nend Grows;\n";
+    let (file, mut own) = machine(text, "");
+    let time: Vec<f64> = (0..20).map(|k| f64::from(k) * 0.1).collect();
+    let inputs = Inputs { time: &time, values: &[] };
+    let start = own.start(&file, 0.0, &[], &[]).unwrap_or_else(|faults| panic!("{faults}"));
+    let (_, slow) = machine(text, "k = 0.25\n");
+    let lanes = [Lane::new(&slow, start.clone()), Lane::new(&own, start.clone()), Lane::new(&slow, start)];
+    let found = Lanes::new(&own).run(&lanes, inputs, Setting { method: Method::Explicit, tolerance: 1e-8 });
+    // x = 1/(1 - k t): of k = 1 there is none at 1 s.
+    assert!(found[1].is_err() && found[0].is_ok() && found[2].is_ok());
+    let last = found[0].as_ref().unwrap_or_else(|stopped| panic!("{stopped}"))[0][19];
+    assert!((last - 1.0 / (1.0 - 0.25 * 1.9)).abs() < 1e-7, "{last}");
+}
+
+#[test]
+fn a_sample_that_changes_nothing_does_not_hide_the_next() {
+    let text = "model Held\n  input Real u;\n  discrete output Real y(start = 0.0);\nequation\n  when sample(0.0, 0.1) then\n    y = u;\n  end when;\nend Held;\n";
+    let (file, mut own) = machine(text, "");
+    let start = own.start(&file, 0.0, &[0.0], &[]).unwrap_or_else(|faults| panic!("{faults}"));
+    let (time, u): (Vec<f64>, Vec<f64>) = ([0.0, 0.1, 0.2, 0.3, 0.4].to_vec(), [0.0, 0.0, 5.0, 5.0, 7.0].to_vec());
+    let found = run(&own, start, Inputs { time: &time, values: std::slice::from_ref(&u) }, Setting::default());
+    assert_eq!(found.unwrap_or_else(|stopped| panic!("{stopped}")), [u]);
+}
+
+#[test]
+fn a_kink_inside_a_step_is_not_stepped_over() {
+    // |x| without an event: x = -1 + t up to 1 s, and y grows by t after it as before it by (1 - t)^2/2.
+    let text = "model Kink\n  output Real x(start = -1.0);\n  output Real y(start = 0.0);\nequation\n  der(x) = 1;\n  der(y) = noEvent(abs(x));\nend Kink;\n";
+    let (file, mut own) = machine(text, "");
+    let start = own.start(&file, 0.0, &[], &[]).unwrap_or_else(|faults| panic!("{faults}"));
+    let time = [0.0, 1.7];
+    let found = run(&own, start, Inputs { time: &time, values: &[] }, Setting { tolerance: 1e-9, ..Setting::default() });
+    let y = found.unwrap_or_else(|stopped| panic!("{stopped}"))[1][1];
+    // The slope is checked at the end of a step to some ten times the tolerance, on either side of the kink.
+    assert!((y - (0.5 + 0.5 * 0.49)).abs() < 1e-7, "{y}");
+}
