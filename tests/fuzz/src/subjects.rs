@@ -3,12 +3,13 @@
 //! Costly work is done for one text in so many, so that a million inputs take minutes.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rsm_core::certificate;
 use rsm_core::check::Checked;
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
-use rsm_core::source::Source;
+use rsm_core::source::{Faults, Source};
 use rsm_core::{compile, emit, lower};
 use rsm_diagnose::surface::data::NewData;
 use rsm_diagnose::surface::diagnose;
@@ -17,7 +18,8 @@ use rsm_fit::plan::{DesignSpecification, Plan};
 use rsm_fit::spec::Specification;
 use rsm_fit::table::{Table, Wanted};
 use rsm_import::{File, Wishes};
-use rsm_sim::equations::{EquationFile, Inputs, Machine, Method, Setting, linearise, run};
+use rsm_model::effects::{Catalogue, Effect};
+use rsm_sim::equations::{Entry, EquationFile, Inputs, Machine, Method, Setting, Signals, linearise, run};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
@@ -101,6 +103,42 @@ fn files(root: &Path, folders: &[&str], ending: &str, word: &str) -> Vec<String>
     found
 }
 
+const EXTENDED: &str = r#"format = 2
+model = "rsm:servo-axis#ServoAxis"
+[initial]
+speed = 0.1
+[sites.carriage]
+kind = "translation"
+position = "position"
+speed = "speed"
+inertia = "mass"
+[[effects]]
+kind = "backlash"
+at = "carriage"
+parameters = { gap = 0.001, mass_ratio = 0.4, stiffness = 10000.0, damping = 20.0 }
+[[effects]]
+kind = "sensor-delay"
+at = "position"
+parameters = { delay = 0.015 }
+[[effects]]
+kind = "input-delay"
+parameters = { delay = 0.004 }
+"#;
+
+const EXTENDED_CAR: &str = r#"format = 2
+model = "rsm:driveline"
+[[effects]]
+kind = "tyre-slip"
+parameters = { slip_stiffness = 200000.0 }
+[[effects]]
+kind = "clutch-slip"
+at = "clutch"
+parameters = { capacity = 150.0 }
+[record]
+gear = "gear"
+start = ["road_speed"]
+"#;
+
 /// All subjects.
 #[must_use]
 pub fn all(root: &Path) -> Vec<Subject> {
@@ -142,6 +180,8 @@ pub fn all(root: &Path) -> Vec<Subject> {
             texts: files(root, &["rsm-model/models", "rsm-model/tests/models"], "mo", "model"),
             feed: equations,
         },
+        Subject { name: "effect", texts: files(root, &["rsm-model/effects"], "toml", "[changes]"), feed: effect },
+        Subject { name: "extended plant", texts: vec![EXTENDED.to_string(), EXTENDED_CAR.to_string()], feed: extended },
         Subject { name: "record", texts: files(root, &["rsm-sim/plants", "rsm-sim/tests/cases"], "csv", "time"), feed: record },
         Subject { name: "import", texts: LOGS.map(String::from).to_vec(), feed: import },
         Subject { name: "new data", texts: vec![DATA.to_string()], feed: new_data },
@@ -227,8 +267,50 @@ fn equations(_: &Ground, text: &str, random: &mut Random) {
     let _ = linearise(&file, &machine, &start);
     let time = [0.0, 0.01, 0.02, 0.03];
     let values: Vec<Vec<f64>> = inputs.iter().map(|it| vec![*it; time.len()]).collect();
-    let setting = Setting { method: Method::Fixed { steps: 2 }, ..Setting::default() };
+    let setting = Setting { method: Method::Fixed { step: 0.005 }, ..Setting::default() };
     let _ = run(&machine, start, Inputs { time: &time, values: &values }, setting);
+}
+
+/// `rsm effects --effects`: a file of an effect, changed, wherever it can stand.
+fn effect(_: &Ground, text: &str, random: &mut Random) {
+    let Ok(effect) = Effect::read(&Source::new("effect.toml", text)) else { return };
+    let plants = ["rsm:pmac", "rsm:driveline", "rsm:servo-axis#ServoAxis", "rsm:servo-axis#ServoAxisClosedLoop"];
+    let plant = format!("format = 2\nmodel = \"{}\"\n", plants[random.below(plants.len())]);
+    let mut catalogue = Catalogue::shipped();
+    let kind = "of the fuzzer".to_string();
+    let renamed = text.replacen(&format!("\"{}\"", effect.kind), &format!("\"{kind}\""), 1);
+    if catalogue.add(&[Source::new("effect.toml", renamed)]).is_err() {
+        return;
+    }
+    let open = |name: &str| Ok::<_, Faults>(Source::new(name, ""));
+    let Ok(file) = EquationFile::read_with(&Source::new("plant.toml", plant), &open, &Arc::new(catalogue)) else { return };
+    for room in file.rooms().unwrap_or_default() {
+        for site in effect.sites.iter().filter(|it| **it == room.kind) {
+            let numbers: Vec<(&str, f64)> = effect.numbers_on(*site).map(|it| (it.name.as_str(), 0.5)).collect();
+            let _ = file.with_effects(&[Entry::new(&kind, Some(&room.at), &numbers)]);
+        }
+    }
+}
+
+/// `rsm inspect`, `rsm simulate` of a plant file of format 2 with sites and effects.
+fn extended(_: &Ground, text: &str, random: &mut Random) {
+    let open = |name: &str| Ok::<_, Faults>(Source::new(name, ""));
+    let Ok(file) = EquationFile::read(&Source::new("plant.toml", text), &open) else { return };
+    let _ = (file.rooms(), file.proposals());
+    let time: Vec<f64> = (0..5).map(|k| 0.01 * f64::from(k)).collect();
+    let some = [0.5; 5];
+    let gear = [2.0; 5];
+    let names = ["throttle", "command", "reference", "v_q", "load_torque"];
+    let mut columns: Vec<(&str, &[f64])> = vec![("time", &time), ("gear", &gear)];
+    columns.extend(names.iter().map(|it| (*it, &some[..])));
+    let Ok(file) = file.of_columns(&columns) else { return };
+    if random.below(4) != 0 {
+        return;
+    }
+    let Ok(mut machine) = Machine::new(&file) else { return };
+    let Ok(signals) = Signals::in_memory(&file, &machine, &columns) else { return };
+    let setting = Setting { tolerance: 1e-4, ..Setting::default() };
+    let _ = signals.simulate(&file, &mut machine, setting);
 }
 
 /// `rsm simulate`, the record changed.
