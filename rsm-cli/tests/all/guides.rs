@@ -21,7 +21,7 @@ const PAGES: [(&str, &[&str]); 11] = [
     ("embed-rust.md", &["rust,ignore", "rust,ignore", "rust,ignore", "rust"]),
     ("fit.md", &["toml", "sh", "rust"]),
     ("import.md", &["sh"]),
-    ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh"]),
+    ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
 ];
 
 fn page(name: &str) -> Vec<Block> {
@@ -248,6 +248,44 @@ fn the_guide_to_plants_of_equations_runs() {
     let braked = std::fs::read_to_string(folder.path().join("braked.csv")).unwrap();
     let last = |text: &str| text.lines().last().unwrap().rsplit(',').next().unwrap().parse::<f64>().unwrap();
     assert!(last(&braked) < last(&simulated), "{braked}{simulated}");
+    run(&block("own-plant.md", 7), folder.path());
+    std::fs::write(folder.path().join("rig.c"), block("own-plant.md", 8)).unwrap();
+    let printed = run(&block("own-plant.md", 9), folder.path());
+    // At rest the controller's torque is the load with both brakes: 0.8 (10 - speed) = 1.5 + 0.8 + 0.3 speed/sqrt(speed^2 + 4).
+    assert_eq!(printed, "6.765 rad/s\n");
+    // With -O0 and fused operations it is the same program.
+    let bits = "cc -std=gnu99 -O0 -DRSM_SELF_TEST -c winch.c -o winch.o\nprintf 'int winch_self_test(void); int main(void) { return winch_self_test(); }' > self.c\n\
+                cc self.c winch.o -o self\n./self";
+    run(bits, folder.path());
+    let refused = |arguments: &[&str]| {
+        let output = crate::command::rsm(arguments, folder.path());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let said = refused(&["emit", "winch.toml", "--step", "0.1", "--lang", "c", "--effects", "effects", "--out", "long"]);
+    // The oscillation of the shaft, 79.7 rad/s as above, with the load's damping of the drum below its creep.
+    assert!(
+        said.contains("0.1 s is too long for the fastest rate at the start, 79.") && said.contains("holds it up to"),
+        "{said}"
+    );
+    assert!(!folder.path().join("long").exists(), "nothing is written");
+    let said = refused(&["emit", "winch.toml", "--lang", "c", "--out", "long"]);
+    assert!(said.contains("give the length of its step"), "{said}");
+    let said = refused(&[
+        "emit",
+        "winch.toml",
+        "--step",
+        "1e-3",
+        "--name",
+        "while",
+        "--lang",
+        "c",
+        "--effects",
+        "effects",
+        "--out",
+        "long",
+    ]);
+    assert!(said.contains("the name `while` is a keyword"), "{said}");
 }
 
 #[test]

@@ -33,10 +33,11 @@ pub fn plant(machine: &Machine, length: f64, start: &Start<'_>, model: Option<&s
     let step = Step::new(machine, length)?;
     if let Some((pole, longest)) = too_fast(&start.linear.poles, length) {
         return Err(format!(
-            "{} s is too long for the fastest rate at the start, {:.4e} 1/s ({}): the method of Runge and Kutta holds it up to {longest:.3e} s",
+            "{} s is too long for the fastest rate at the start, {} 1/s ({}): the method of Runge and Kutta holds it up to {} s",
             decimal(length),
-            pole.frequency(),
-            described(&pole)
+            short(pole.frequency()),
+            described(&pole),
+            short(longest)
         ));
     }
     let system = machine.system();
@@ -160,8 +161,13 @@ fn growth(x: f64, y: f64) -> f64 {
 fn described(pole: &Pole) -> String {
     match pole.damping() {
         Some(damping) if pole.imaginary != 0.0 => format!("an oscillation with a damping ratio of {damping:.3}"),
-        _ => format!("a time constant of {:.3e} s", 1.0 / pole.frequency()),
+        _ => format!("a time constant of {} s", short(1.0 / pole.frequency())),
     }
+}
+
+/// Four digits.
+fn short(value: f64) -> String {
+    decimal(format!("{value:.3e}").parse().unwrap_or(value))
 }
 
 #[cfg(test)]
