@@ -5,7 +5,7 @@
 //! most machines the two are one idiom (`c_idioms.rs`). The self-test is compiled when `RSM_SELF_TEST` is defined.
 
 use super::c_gradient;
-use super::c_idioms::{self, Needs};
+use super::c_idioms::{self, Needs, c_type, suffix};
 use super::c_reads::{Reads, has_exact_reciprocal};
 use super::{Function, Kind, Unit, compared, literal, live, points, terms_behind, unused_inputs};
 use crate::names;
@@ -147,21 +147,6 @@ fn in_precisions(unit: &Unit, text: &mut String, print: impl Fn(&Function) -> St
     let of_f64: String = of_precision(unit, Precision::F64).map(&print).collect();
     text.push_str(&guarded(&of_f64));
     text.extend(of_precision(unit, Precision::F32).map(&print));
-}
-
-pub(super) fn c_type(precision: Precision) -> &'static str {
-    match precision {
-        Precision::F64 => "double",
-        Precision::F32 => "float",
-    }
-}
-
-/// What the names of helpers end in.
-pub(super) fn suffix(precision: Precision) -> &'static str {
-    match precision {
-        Precision::F64 => "",
-        Precision::F32 => "_f32",
-    }
 }
 
 fn signature(unit: &Unit, function: &Function) -> String {

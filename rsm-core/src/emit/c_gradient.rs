@@ -1,6 +1,6 @@
 //! What is different in C about a function with several results: an array as the last argument, and its block of the self-test.
 
-use super::c::{c_type, suffix};
+use super::c_idioms::{c_type, suffix};
 use super::{Function, Unit, points};
 use crate::names;
 use crate::number::Precision;

@@ -15,6 +15,22 @@
 
 use crate::number::Precision;
 
+/// The scalar type in C.
+pub(super) fn c_type(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F64 => "double",
+        Precision::F32 => "float",
+    }
+}
+
+/// What the names of helpers end in.
+pub(super) fn suffix(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F64 => "",
+        Precision::F32 => "_f32",
+    }
+}
+
 /// Which helpers a precision needs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Needs {

@@ -34,11 +34,9 @@
 
 use crate::check::Checked;
 use crate::model::Scheduled;
+use crate::names::SIGNAL;
 use crate::number::{Precision, Rational, exact, integer};
 use crate::tape::{Op, Reg, State, Tape, TapeBuilder};
-
-/// What the signal is called among the arguments; the checker keeps it free.
-pub const SIGNAL: &str = "input";
 
 /// The tape of a compensator's step, by its index in the model.
 ///

@@ -29,7 +29,8 @@ use crate::tape::{Op, Port, Reg, Tape, TapeBuilder};
 
 use variables::Variables;
 
-pub use compensator::{SIGNAL, compensator};
+pub use crate::names::SIGNAL;
+pub use compensator::compensator;
 pub use gradient::gradient;
 pub(crate) use gradient::gradient_before_saturation;
 pub use saturation::Saturation;

@@ -179,9 +179,7 @@ pub fn clash_of_states(earlier: &str, later: &str) -> Option<String> {
 /// Why an input that a compensator uses cannot have this name: an argument of the step has it. `None`: it can.
 #[must_use]
 pub fn refuse_scheduled(name: &str) -> Option<String> {
-    [crate::lower::SIGNAL, STATE]
-        .contains(&name)
-        .then(|| "is the name of another argument of its step; choose another name".to_string())
+    [SIGNAL, STATE].contains(&name).then(|| "is the name of another argument of its step; choose another name".to_string())
 }
 
 /// What the array of derivatives is called among the arguments of a gradient in C: `gradient`, unless an input has that name.
@@ -203,6 +201,9 @@ pub fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Op
     }
     None
 }
+
+/// What the signal is called among the arguments; the checker keeps it free.
+pub const SIGNAL: &str = "input";
 
 /// What the state is called among the arguments of a step.
 pub const STATE: &str = "state";
