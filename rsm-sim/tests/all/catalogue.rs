@@ -65,9 +65,23 @@ fn every_kind_has_a_file_and_a_place_in_the_list() {
 #[test]
 fn the_reference_has_a_row_for_every_kind_in_this_order() {
     let page = std::fs::read_to_string(path("../docs/book/src/reference/plants.md")).unwrap();
-    let section = page.split_once("## 3. The catalogue of effects").unwrap().1;
+    let section = page.split_once("## 3. The catalogue of effects").unwrap().1.split_once("\n## 4.").unwrap().0;
     let rows: Vec<&str> = section.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next()).collect();
     assert_eq!(rows, KINDS);
+}
+
+#[test]
+fn the_reference_names_every_effect_that_is_a_file() {
+    // Section 3 has those of the built-in plants, the last table those beside them; a row may name two.
+    let page = std::fs::read_to_string(path("../docs/book/src/reference/plants.md")).unwrap();
+    let more = page.rsplit_once("These are in the catalogue beside those of section 3").unwrap().1;
+    let first_cells = more.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
+    let mut named: BTreeSet<String> =
+        first_cells.flat_map(|cell| cell.split('`').skip(1).step_by(2).map(String::from)).collect();
+    named.extend(KINDS.iter().map(|it| (*it).to_string()));
+    let catalogue = rsm_model::effects::Catalogue::shipped();
+    let files: BTreeSet<String> = catalogue.effects().iter().map(|it| it.kind.clone()).collect();
+    assert_eq!(named, files);
 }
 
 #[test]
