@@ -131,10 +131,35 @@ impl std::fmt::Display for Refused {
 
 impl std::error::Error for Refused {}
 
-/// Diagnoses a plant, without test records.
+/// Diagnoses a plant: training records give the numbers of causes, training and validation records together choose the causes. [`diagnose_and_test`] takes test records as well.
 ///
 /// # Errors
 /// [`Refused`], when there is nothing to compare.
+///
+/// ```
+/// use rsm_core::source::Source;
+/// use rsm_diagnose::plant::{Options, diagnose};
+/// use rsm_sim::{plant_file::PlantFile, record::Record, simulate::Simulator};
+///
+/// let axis = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 95.0\nforce_gain = 35.0\nviscous_friction = 200.0\n\
+///             command_limit = 10.0\n[noise]\nposition = 1e-6\n";
+/// let nominal = PlantFile::read(&Source::new("axis.toml", axis))?;
+/// let machine = format!("{axis}[[effects]]\nkind = \"coulomb-friction\"\nparameters = {{ force = 20.0 }}\n");
+/// let machine = PlantFile::read(&Source::new("machine.toml", machine))?;
+///
+/// // Two seconds of the machine, to and fro.
+/// let time: Vec<f64> = (0..1000).map(|k| f64::from(k) * 0.002).collect(); // s
+/// let command: Vec<f64> = time.iter().map(|t| 3.0 * (4.0 * t).sin() + 2.0 * (11.0 * t).sin()).collect(); // V
+/// let still = vec![0.0; 1000]; // m; the first reading is the start
+/// let record = Record::in_memory(&machine, &[("time", &time), ("command", &command), ("position", &still)])?;
+/// let measured = Simulator::new(&machine, &record)?.run(&record)?;
+/// let position = measured.of("position").unwrap();
+///
+/// let record = Record::in_memory(&nominal, &[("time", &time), ("command", &command), ("position", position)])?;
+/// let found = diagnose(&nominal, &[record], &[], &Options { threads: 1, progress: &|_| {} })?;
+/// assert_eq!(found.causes[0].kind, "coulomb-friction");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn diagnose(
     file: &PlantFile,
     training: &[Record],
@@ -144,7 +169,8 @@ pub fn diagnose(
     diagnose_and_test(file, training, validation, &[], options)
 }
 
-/// Diagnoses a plant; its effects, if it has any, are claims that the records judge too. Training records give the numbers, training and validation records together choose the causes, and test records, which nothing else sees, say at the end what the extension gains.
+/// Diagnoses a plant. Effects in its file are claims: the records judge them too. Training records give the numbers of causes. Training and validation records together choose the
+/// causes. Test records choose nothing: they say at the end what the extended plant gains.
 ///
 /// # Errors
 /// [`Refused`], when there is nothing to compare.
