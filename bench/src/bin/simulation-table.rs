@@ -1,8 +1,10 @@
 //! One table of what simulations and diagnoses cost, measured in one run.
 //!
 //! In: nothing; with `--quick` no diagnoses. Out: rows a second of each plant, nominal and with an effect, their ratio, how many times faster than the plant itself that is; the
-//! seconds of a diagnosis of three records of 8000 rows, and how many runs along all three records would take as long. Judges nothing: times are of one machine.
+//! seconds of a diagnosis of three records of 8000 rows, and how many runs along all three records would take as long. Then the same plants as texts of equations: rows a second at an error that is at most that of the plant
+//! in Rust, one lane and eight, against Rust and against one lane; the time from text to first row. Judges nothing: times are of one machine.
 
+use rsm_bench::engines::{LANES, Text, comparable};
 use rsm_bench::simulation::{ROWS, SUBJECTS, diagnosed, rows_per_second};
 
 fn main() {
@@ -34,4 +36,29 @@ fn main() {
         let runs = seconds * threads as f64 * nominal / (3 * ROWS) as f64;
         println!("{line} {seconds:>11.2} {runs:>9.0}  {} {} ({})", found.verdict.name(), causes.join(", "), subject.effect);
     }
+    texts();
+}
+
+/// The same plants as texts, against the plants in Rust.
+fn texts() {
+    println!(
+        "\nplants as texts, without effect; errors against the text at a tolerance of 1e-13, as a share of an output's size\n\n{:<11}| {:>9} {:>9} {:>9} {:>12} {:>8} | {:>12} {:>8} | {:>10}",
+        "", "error", "in Rust", "tolerance", "rows/s", "to Rust", "eight lanes", "to one", "first row"
+    );
+    for subject in SUBJECTS {
+        let record = subject.record(1);
+        let text = Text::of(&subject, &record);
+        let (tolerance, own, rust) = comparable(&text, &subject, &record);
+        let old = rows_per_second(&subject.nominal(), &record);
+        let one = text.rows_per_second(1, tolerance);
+        let eight = text.rows_per_second(LANES, tolerance);
+        println!(
+            "{:<11}| {own:>9.0e} {rust:>9.0e} {tolerance:>9.0e} {one:>12.0} {:>8.2} | {eight:>12.0} {:>8.2} | {:>7.1} ms",
+            subject.plant,
+            one / old,
+            eight / one,
+            1e3 * text.first_row()
+        );
+    }
+    println!("\nSKIPPED: SciPy LSODA and diffsol are not measured here yet");
 }

@@ -5,7 +5,7 @@
 use super::engine::{Method, Setting};
 use super::fixed;
 use super::late::Late;
-use super::machine::Machine;
+use super::machine::{Machine, Point};
 use super::rows::{Inputs, Stopped};
 use super::walk::{Lane, Walk};
 use crate::code::{WIDE, Way};
@@ -143,6 +143,18 @@ impl<'m> Lanes<'m> {
         }
         Ok(())
     }
+}
+
+/// Runs a machine from its start along inputs. By output: its value at every row.
+///
+/// # Errors
+/// Why a row could not be reached.
+///
+/// # Panics
+/// When an input has fewer rows than the time.
+pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting) -> Result<Vec<Vec<f64>>, Stopped> {
+    let lane = Lane::new(machine, start);
+    Lanes::new(machine).run(&[lane], inputs, setting).remove(0)
 }
 
 /// Room for the outputs of a lane.

@@ -1,12 +1,13 @@
 //! Plants of equations: a plant file of format 2 and its text, run along a record.
 //!
 //! ```text
-//! plant.toml (format 2) + plant.mo --file--> EquationFile --machine--> Machine --engine--> outputs at every row
+//! plant.toml (format 2) + plant.mo --file--> EquationFile --machine--> Machine --lanes--> outputs at every row
 //!                                  record.csv --signals--> inputs, start --^
 //! ```
 //!
 //! Everything is computed by tapes, in double precision: the same bits on every machine. Inputs hold from row to row.
 
+mod branches;
 pub mod code;
 pub mod engine;
 mod events;
@@ -26,12 +27,13 @@ pub mod rows;
 mod series;
 pub mod signals;
 pub mod step;
+mod thresholds;
 mod walk;
 
-pub use engine::{Method, Setting, run};
+pub use engine::{Method, Setting};
 pub use extended::Entry;
 pub use file::EquationFile;
-pub use lanes::Lanes;
+pub use lanes::{Lanes, run};
 pub use linear::{Linearised, linearise};
 pub use machine::{Machine, Point};
 pub use rows::{Inputs, Stopped};

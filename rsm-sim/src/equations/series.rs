@@ -4,75 +4,14 @@
 //! behind them is below the tolerance (A. Jorba, M. Zou, "A software package for the numerical integration of ODEs by means of high-order Taylor methods", 2005, section 3). More orders are computed until they do, or a step is
 //! shortened. Rates that are no polynomials are also compared at the end with the slope of the series: a kink inside the step shows there.
 
+use super::thresholds::root;
 use super::walk::Walk;
-
-/// Orders at most, odd as the parts are. Where a block is solved by three steps of Newton's method from its last solution, the series is that of the solution up to order 2^3 - 1.
-const MOST: usize = 25;
-const MOST_BY_NEWTON: usize = 7;
 
 /// The slope of the series and the rates at its end may differ by this times the order times the tolerance: one term more of the series differs by the order times the tolerance.
 const SLOPE: f64 = 4.0;
 
 /// Rounds at most in which the length of a step and the size of its states agree: one shortens by a tenth root of the tolerance.
 const ROUNDS: usize = 16;
-
-/// What the terms are compared with.
-pub(super) struct Thresholds {
-    tolerance: f64,
-    /// By order: of its term, of the one before.
-    list: Vec<(f64, f64)>,
-    /// The highest order.
-    most: usize,
-}
-
-impl Thresholds {
-    /// Of the last term of an order, and of the one before.
-    #[inline]
-    pub(super) fn of(&self, order: usize) -> (f64, f64) {
-        self.list[order]
-    }
-
-    /// `by_newton`: the rates hold blocks that are solved by Newton's method.
-    pub(super) fn new(tolerance: f64, by_newton: bool) -> Self {
-        let list = (0..=MOST).map(|k| (power(tolerance, k, k + 1), power(tolerance, k.saturating_sub(1), k + 1))).collect();
-        // The least work a time is near the order 1 - log(tolerance)/2 (Jorba and Zou, section 3.1); here odd, as the parts are.
-        let (mut best, mut left) = (7, tolerance);
-        while left < 1e-4 && best + 2 <= MOST {
-            left *= 55.0; // e^4: two orders more
-            best += 2;
-        }
-        Thresholds { tolerance, list, most: if by_newton { best.min(MOST_BY_NEWTON) } else { best } }
-    }
-}
-
-/// A number to the power a/b, the same bits on every machine: by halving between 0 and 1, or by its inverse.
-fn power(number: f64, a: usize, b: usize) -> f64 {
-    let raised = |value: f64, times: usize| (0..times).fold(1.0, |product, _| product * value);
-    let (mut low, mut high) = (0.0_f64, 1.0_f64.max(number));
-    let wanted = raised(number, a);
-    for _ in 0..200 {
-        let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
-            break;
-        }
-        if raised(middle, b) < wanted { low = middle } else { high = middle }
-    }
-    high
-}
-
-/// A root, to three digits: how long a step may be needs no more.
-fn root(number: f64, degree: usize) -> f64 {
-    if !(number > 0.0 && number.is_finite()) {
-        return 0.0;
-    }
-    let (mut low, mut high) = (0.0_f64, 1.0_f64);
-    for _ in 0..12 {
-        let middle = 0.5 * (low + high);
-        let raised = (0..degree).fold(1.0, |product, _| product * middle);
-        if raised < number { low = middle } else { high = middle }
-    }
-    low
-}
 
 /// A step of a lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,7 +42,7 @@ impl<const L: usize> Walk<'_, L> {
             let part = self.programs.part(place);
             part.code.run(&mut self.slots, &mut self.spare);
             let order = part.order;
-            let (last, before) = self.thresholds.list[order];
+            let (last, before) = self.thresholds.of(order);
             let terms = &self.programs.terms;
             let (first_term, last_term, term_before) =
                 (terms[0] as usize, terms[order - 1] as usize, terms[order - 2] as usize);
@@ -132,7 +71,7 @@ impl<const L: usize> Walk<'_, L> {
                     }
                 }
             }
-            if !open.contains(&true) || order + 2 > self.thresholds.most {
+            if !open.contains(&true) || order + 2 > self.thresholds.most() {
                 break;
             }
         }
@@ -144,8 +83,8 @@ impl<const L: usize> Walk<'_, L> {
 
     /// The share of a step that all terms allow, and the states there.
     fn shortened(&mut self, lane: usize) -> Option<Tried> {
-        let order = self.thresholds.most;
-        let (last, before) = self.thresholds.list[order];
+        let order = self.thresholds.most();
+        let (last, before) = self.thresholds.of(order);
         let states = self.programs.layout.states as usize;
         let mut share = 1.0_f64;
         // What a state changes by is taken from the terms at the share that was found: terms that are too large count less and less.
@@ -219,24 +158,10 @@ impl<const L: usize> Walk<'_, L> {
                 let (end, begin) = (self.slots[states + k][lane], self.before[k][lane]);
                 let scale = self.largest[k][lane].max(begin.abs()).max((end - begin).abs()).max(term(1).abs());
                 let off = (steps[lane] * self.slots[rates + k][lane] - slope).abs() * tried.share;
-                let allowed = SLOPE * (tried.order + 1) as f64 * self.thresholds.tolerance * scale;
+                let allowed = SLOPE * (tried.order + 1) as f64 * self.thresholds.tolerance() * scale;
                 agree[lane] &= off <= allowed;
             }
         }
         agree
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn powers_and_roots_are_those_of_the_library_to_their_digits() {
-        for (a, b) in [(0, 1), (1, 2), (6, 7), (23, 25)] {
-            let expected = 1e-8_f64.powf(a as f64 / b as f64);
-            assert!((power(1e-8, a, b) / expected - 1.0).abs() < 1e-12, "{a}/{b}");
-        }
-        assert!((root(0.5, 7) - 0.5_f64.powf(1.0 / 7.0)).abs() < 1e-3);
     }
 }

@@ -5,8 +5,9 @@
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_fit::table::{Table, Wanted};
 
-use super::engine::{self, Setting};
+use super::engine::Setting;
 use super::file::{EquationFile, Given};
+use super::lanes;
 use super::machine::Machine;
 use super::rows::{Inputs, Stopped};
 use crate::record;
@@ -158,7 +159,7 @@ impl Signals {
         let first: Vec<f64> = self.inputs.iter().map(|it| it[0]).collect();
         let (given, recorded) = self.start(file, machine);
         let start = machine.start_along(file, self.time[0], &first, &given, &recorded).map_err(Failed::Start)?;
-        engine::run(machine, start, inputs, setting).map_err(Failed::Run)
+        lanes::run(machine, start, inputs, setting).map_err(Failed::Run)
     }
 }
 

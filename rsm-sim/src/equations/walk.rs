@@ -3,13 +3,13 @@
 //! In: the programs of a machine, and for each lane its parameters and its start. Out: states, row by row, of every lane. Lanes share nothing but the instants of the rows: each has its own steps, switches and events, and its
 //! bits are those that it has alone. All lanes try a row together, in one pass over the series; a lane that needs more than one step, or in which a comparison changes, goes on alone.
 
+use super::branches::Events;
 use super::engine::{Method, Setting};
-use super::events::Events;
 use super::machine::{Machine, Point};
 use super::methods::Linear;
 use super::programs::{Layout, Programs};
 use super::rows::Stopped;
-use super::series::Thresholds;
+use super::thresholds::Thresholds;
 use crate::code::Way;
 
 /// Turns of a nonlinear block until it stands still.
