@@ -9,6 +9,7 @@ package ServoAxes
     parameter Real velocity_gain(unit = "V.s/m", min = 0.0) = 243.45;
     parameter Boolean velocity_from_difference = false "backward difference of the mean of two samples, in place of the state";
     parameter Real record_period(unit = "s", min = 0.0) = 0.001 "the sample period of the record";
+    parameter Real record_start(unit = "s") = 0.0 "the first instant of the record";
     input Real reference(unit = "m");
     output Real position(unit = "m", start = 0.0);
     output Real command(unit = "V", start = 0.0) "computed at the instants of the record and held";
@@ -26,7 +27,7 @@ package ServoAxes
     acting_command = command;
     mass*der(speed) = force_gain*acting_command - viscous_friction*speed;
     der(position) = speed;
-    when sample(0.0, record_period) then
+    when sample(record_start, record_period) then
       position_now = position;
       position_before = pre(position_now);
       position_long_before = pre(position_before);

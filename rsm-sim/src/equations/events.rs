@@ -5,6 +5,7 @@
 
 use super::branches::Events;
 use super::rows::Stopped;
+use super::sampling;
 use super::walk::Walk;
 
 /// Turns of what happens at one instant until it stands still.
@@ -19,7 +20,10 @@ impl<const L: usize> Walk<'_, L> {
 
     /// The conditions before anything has happened.
     pub(super) fn first_conditions(&mut self) {
-        self.events.past.fill(0);
+        let time = self.time(0);
+        for (past, sample) in self.events.past.iter_mut().zip(self.machine.samples()) {
+            *past = sampling::instants_before(*sample, time) as u64;
+        }
         self.events.acts.fill([0.0; L]);
         self.events.due.fill(0.0);
         if let Some(results) = self.what_happens() {

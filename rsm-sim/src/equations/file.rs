@@ -284,7 +284,7 @@ impl EquationFile {
         file.built()
     }
 
-    /// The file as a record decides it: parameters that its columns give or that their absence says, and its sample period where the text has a parameter `record_period`.
+    /// The file as a record decides it: parameters that its columns give or that their absence says, and its sample period and first instant where the text has parameters `record_period` and `record_start`.
     ///
     /// # Errors
     /// A column that is not constant; a record that is none.
@@ -302,15 +302,23 @@ impl EquationFile {
 
     fn of_table(&self, open: &dyn Fn(&Wanted) -> Result<Table, Faults>) -> Result<EquationFile, Faults> {
         let mut decided = self.rules.decided(open, &|it| self.column(it).0.to_string())?;
-        let is_given = self.parameters.iter().any(|it| it.name == PERIOD);
         let flat = self.system.flat();
-        let asks = flat.find(PERIOD).is_some_and(|it| flat.variable(it).role == Role::Parameter);
-        if asks && !is_given {
+        let asks = |name: &str| {
+            let is_given = self.parameters.iter().any(|it| it.name == name);
+            !is_given && flat.find(name).is_some_and(|it| flat.variable(it).role == Role::Parameter)
+        };
+        if asks(PERIOD) || asks(BEGIN) {
             let name = self.column("time").0.to_string();
             let table = open(&Wanted { numbers: vec![name.clone()], ..Wanted::default() })?;
-            let time = table.column(&name).map(|it| it.values.as_slice()).unwrap_or_default();
-            if let [first, .., last] = time {
-                decided.parameters.push((PERIOD.to_string(), (last - first) / (time.len() - 1) as f64));
+            let time = match table.column(&name) {
+                Some(column) if column.unit.is_some() => table.values_in(&name, Some("s")).map_err(Faults::one)?.0,
+                Some(column) => column.values.clone(),
+                None => Vec::new(),
+            };
+            if let [first, .., last] = time[..] {
+                let period = (last - first) / (time.len() - 1) as f64;
+                let both = [(PERIOD, period), (BEGIN, first)].into_iter().filter(|it| asks(it.0));
+                decided.parameters.extend(both.map(|(name, value)| (name.to_string(), value)));
             }
         }
         if decided == self.decided {
@@ -387,8 +395,9 @@ impl EquationFile {
     }
 }
 
-/// The parameter that a record sets to its sample period, where the text has it.
+/// The parameters that a record sets to its sample period and to its first instant, where the text has them.
 const PERIOD: &str = "record_period";
+const BEGIN: &str = "record_start";
 
 /// What a record decides of a text that comes with the project.
 fn shipped_rules(model: &str) -> Rules {

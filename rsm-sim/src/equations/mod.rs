@@ -24,6 +24,7 @@ mod plain;
 mod programs;
 mod reach;
 pub mod rows;
+mod sampling;
 mod series;
 pub mod signals;
 pub mod step;

@@ -21,6 +21,7 @@ use rsm_model::expression::{Id, Symbol};
 use rsm_model::system::System;
 
 use super::machine::{Machine, Point, arguments};
+use super::sampling::{self, SAME};
 
 /// How often what happens at an instant is looked at.
 const ROUNDS: usize = 2;
@@ -86,28 +87,12 @@ impl Step {
             Kept::Solution(k) => point.guesses[k],
             Kept::Held(k) => point.held[k],
             Kept::Condition(event, k) => conditions[event][k],
-            Kept::Samples(k) => instants_before(machine.samples()[k], point.time),
+            Kept::Samples(k) => sampling::instants_before(machine.samples()[k], point.time),
             Kept::Steps => 0.0,
             Kept::Start => point.time,
         };
         self.kept.iter().map(value).collect()
     }
-}
-
-/// How far two instants that are the same may be apart: sums and products of decimals meet to a few units in the last place.
-const SAME: f64 = 8.0 * f64::EPSILON;
-
-/// How many instants of a `sample` lie before a time.
-fn instants_before((first, period): (f64, f64), time: f64) -> f64 {
-    let is_past = |count: f64| first + count * period < time - SAME * time.abs();
-    let mut count = ((time - first) / period).floor().max(0.0);
-    while count > 0.0 && !is_past(count - 1.0) {
-        count -= 1.0;
-    }
-    while is_past(count) {
-        count += 1.0;
-    }
-    count
 }
 
 /// The values of all arguments of the programs, as registers.

@@ -157,6 +157,44 @@ fn a_sampled_controller_holds_its_output_between_instants() {
 }
 
 #[test]
+fn a_record_that_begins_late_has_the_instants_of_its_controller() {
+    // Each instant adds 1; rows of 4 ms beside instants of 10 ms. The first row stands on an instant, or between two.
+    let text = "model Counter\n  input Real u;\n  discrete output Real count(start = 0.0);\nequation\n  when sample(0.0, 0.01) then\n    count = pre(count) + u;\n  end when;\nend Counter;\n";
+    let (file, mut machine) = machine("", text);
+    for (begin, first) in [(5.0, 500), (5.003, 501), (-0.02, 0)] {
+        let time: Vec<f64> = (0..30).map(|k| begin + 0.004 * f64::from(k)).collect();
+        let ones = [1.0; 30];
+        let signals = Signals::in_memory(&file, &machine, &[("time", &time), ("u", &ones)]).unwrap();
+        let found = signals.simulate(&file, &mut machine, by(Method::Explicit, 1e-8)).unwrap();
+        for (row, time) in time.iter().enumerate() {
+            let instants = (first..first + 40).filter(|k| f64::from(*k) * 0.01 <= time + 1e-12).count() as f64;
+            assert_eq!(found[0][row], instants, "begin {begin}, row {row}");
+        }
+    }
+}
+
+#[test]
+fn the_loop_of_the_shipped_axis_is_computed_at_the_rows_of_a_record_that_begins_late() {
+    let text = Source::new("axis.toml", "format = 2\nmodel = \"rsm:servo-axis#ServoAxisClosedLoop\"\n");
+    let open = |name: &str| Ok::<_, Faults>(Source::new(name, ""));
+    let file = EquationFile::read(&text, &open).unwrap_or_else(|faults| panic!("{faults}"));
+    let along = |begin: f64| {
+        let time: Vec<f64> = (0..40).map(|k| begin + 0.002 * f64::from(k)).collect();
+        let reference: Vec<f64> = (0..40).map(|k| 1e-3 * f64::from(k)).collect();
+        let columns: [(&str, &[f64]); 2] = [("time", &time), ("reference", &reference)];
+        let file = file.of_columns(&columns).unwrap();
+        let mut machine = Machine::new(&file).unwrap();
+        let signals = Signals::in_memory(&file, &machine, &columns).unwrap();
+        signals.simulate(&file, &mut machine, by(Method::Explicit, 1e-10)).unwrap()
+    };
+    let (now, late) = (along(0.0), along(3.00037));
+    for (a, b) in now.iter().flatten().zip(late.iter().flatten()) {
+        // The clock's last digits: 4e-16 of 3 s, times some 100/s.
+        assert!((a - b).abs() <= 1e-9 * a.abs().max(1e-3), "{a} {b}");
+    }
+}
+
+#[test]
 fn a_stiff_plant_is_followed_in_reasonable_steps() {
     // H. H. Robertson, 1966; the solution at t = 0.4, 4 and 40 of E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", IV.10, and of LSODE's manual.
     let text = "model Robertson\n  output Real a(start = 1.0);\n  output Real b(start = 0.0, nominal = 1e-5);\n  output Real c(start = 0.0);\nequation\n  \
