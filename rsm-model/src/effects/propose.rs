@@ -130,9 +130,17 @@ fn body(flat: &mut Flat, derivatives: &[(Symbol, Symbol)], derivative: Symbol, s
     // The balance: the derivative times numbers of the plant, and more than one signal beside it.
     let found = (0..flat.equations.len()).find_map(|k| {
         let (left, right) = (flat.equations[k].left, flat.equations[k].right);
-        let is_sum = [left, right].into_iter().all(|side| terms::symbol_of(flat, side).is_none_or(|it| it == derivative));
+        // A variable that only says what the derivative is has no balance: an acceleration.
+        let says = |side| {
+            terms::symbol_of(flat, side).is_some_and(|it| {
+                let variable = flat.variable(it);
+                let is_rate = matches!(unit(flat, it), "m/s2" | "rad/s2" | "K/s" | "A/s" | "m/s" | "rad/s");
+                it != derivative && variable.role == Role::Unknown && (variable.is_output || is_rate)
+            })
+        };
+        let is_balance = ![left, right].into_iter().any(says);
         let residual = flat.pool.subtract(left, right);
-        if !flat.pool.symbols(residual).contains(&derivative) || !is_sum {
+        if !flat.pool.symbols(residual).contains(&derivative) || !is_balance {
             return None;
         }
         let factor = Derivative::by(&mut flat.pool, derivative).of(&mut flat.pool, residual);
