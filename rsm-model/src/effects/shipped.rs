@@ -1,6 +1,6 @@
 //! The catalogue: effects that come with the project, and a user's own.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_core::toml_reader::{TableReader, parse};
@@ -16,7 +16,8 @@ mod files {
 /// Effects by kind.
 #[derive(Debug, Clone)]
 pub struct Catalogue {
-    effects: Vec<Effect>,
+    /// Shared: a plant file is read often, and rarely adds one.
+    effects: Arc<Vec<Effect>>,
 }
 
 impl Catalogue {
@@ -26,11 +27,11 @@ impl Catalogue {
     /// Never: a test reads every file.
     #[must_use]
     pub fn shipped() -> Catalogue {
-        static READ: OnceLock<Vec<Effect>> = OnceLock::new();
+        static READ: OnceLock<Arc<Vec<Effect>>> = OnceLock::new();
         let read = |(name, text): &(&str, &str)| {
             Effect::read(&Source::new(format!("rsm:effects/{name}"), *text)).unwrap_or_else(|faults| panic!("{faults}"))
         };
-        Catalogue { effects: READ.get_or_init(|| files::EFFECTS.iter().map(read).collect()).clone() }
+        Catalogue { effects: READ.get_or_init(|| Arc::new(files::EFFECTS.iter().map(read).collect())).clone() }
     }
 
     /// Adds a user's effects. They have the same rights; a kind that is there already is refused.
@@ -46,7 +47,7 @@ impl Catalogue {
                         let what = format!("the kind `{}` is in {} already", effect.kind, other.source.name());
                         faults.push(Fault::whole_file(source.name(), what));
                     }
-                    None => self.effects.push(effect),
+                    None => Arc::make_mut(&mut self.effects).push(effect),
                 },
                 Err(found) => found.list().iter().for_each(|it| faults.push(it.clone())),
             }

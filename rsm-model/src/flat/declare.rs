@@ -1,10 +1,8 @@
 //! Declarations: tree to scalar variables, and the order in which a text is written out.
 
-use std::collections::HashMap;
-
 use rsm_core::source::{Collector, Fault, Source};
 
-use crate::expression::{Id, Pool, Symbol};
+use crate::expression::{Id, Symbol};
 use crate::syntax::tree::{
     self, Attribute, AttributeValue, Declaration, Direction, Kind, Modification, Subscript, Variability,
 };
@@ -22,24 +20,8 @@ const ATTRIBUTES: &str = "`unit`, `start`, `fixed`, `min`, `max`, `nominal`, `st
 /// The flat system of a text.
 pub(super) fn flat(text: &tree::Text, source: &Source, options: &Options, faults: &mut Collector) -> Option<Flat> {
     let model = chosen(text, source, options, faults)?;
-    let mut translator = Translator {
-        source,
-        faults,
-        told: 0,
-        pool: Pool::default(),
-        variables: Vec::new(),
-        names: HashMap::new(),
-        declared: HashMap::new(),
-        functions: text.functions.iter().map(|function| (function.name.as_str(), function)).collect(),
-        surfaces: Vec::new(),
-        samples: Vec::new(),
-        scopes: Vec::new(),
-        without_events: false,
-        at_event: false,
-        ends: Vec::new(),
-        calls: 0,
-        written: 0,
-    };
+    let mut translator = Translator::new(source, faults);
+    translator.functions = text.functions.iter().map(|function| (function.name.as_str(), function)).collect();
     translator.time();
     let mut all: Vec<(&Declaration, Resolved<'_>)> = Vec::new();
     for declaration in text.constants.iter().chain(&model.declarations) {

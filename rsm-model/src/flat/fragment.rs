@@ -65,25 +65,15 @@ impl Flat {
         names: Option<&HashMap<String, Value>>,
     ) -> Result<Value, Faults> {
         let mut faults = Collector::new();
-        let all = std::mem::take(&mut self.declared);
-        let mut translator = Translator {
-            source,
-            faults: &mut faults,
-            told: 0,
-            pool: std::mem::take(&mut self.pool),
-            variables: std::mem::take(&mut self.variables),
-            names: std::mem::take(&mut self.names),
-            declared: if names.is_some() { HashMap::new() } else { all.clone() },
-            functions: HashMap::new(),
-            surfaces: std::mem::take(&mut self.surfaces),
-            samples: std::mem::take(&mut self.samples),
-            scopes: Vec::new(),
-            without_events: false,
-            at_event: false,
-            ends: Vec::new(),
-            calls: 0,
-            written: 0,
-        };
+        let mut translator = Translator::new(source, &mut faults);
+        translator.pool = std::mem::take(&mut self.pool);
+        translator.variables = std::mem::take(&mut self.variables);
+        translator.names = std::mem::take(&mut self.names);
+        translator.surfaces = std::mem::take(&mut self.surfaces);
+        translator.samples = std::mem::take(&mut self.samples);
+        if names.is_none() {
+            translator.declared = self.declared.clone();
+        }
         if let Some(names) = names {
             translator.scopes.push(super::translate::Scope { values: names.clone(), is_open: true });
         }
@@ -93,7 +83,6 @@ impl Flat {
         self.names = translator.names;
         self.surfaces = translator.surfaces;
         self.samples = translator.samples;
-        self.declared = all;
         faults.finish(value)
     }
 

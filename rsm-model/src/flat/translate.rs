@@ -59,6 +59,30 @@ pub(super) const MOST_ELEMENTS: usize = 100_000;
 /// Elements of arrays and rounds of loops that a text may be written out to, in all.
 const MOST_WRITTEN: usize = 2_000_000;
 
+impl<'t> Translator<'t> {
+    /// A translation of a text in which nothing is declared yet.
+    pub(super) fn new(source: &'t Source, faults: &'t mut Collector) -> Self {
+        Translator {
+            source,
+            faults,
+            told: 0,
+            pool: Pool::default(),
+            variables: Vec::new(),
+            names: HashMap::new(),
+            declared: HashMap::new(),
+            functions: HashMap::new(),
+            surfaces: Vec::new(),
+            samples: Vec::new(),
+            scopes: Vec::new(),
+            without_events: false,
+            at_event: false,
+            ends: Vec::new(),
+            calls: 0,
+            written: 0,
+        }
+    }
+}
+
 impl Translator<'_> {
     pub(super) fn fault<T>(&mut self, span: &Span, what: impl Into<String>, help: &str) -> Option<T> {
         self.told += 1;

@@ -8,7 +8,7 @@ use clap::Args;
 use rsm_model::effects::{Effect, SiteKind};
 use serde_json::json;
 
-use super::{catalogue, file};
+use super::{catalogue, file, room_lines, rooms_json};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
 
@@ -55,15 +55,13 @@ pub fn run(arguments: &Arguments) -> Outcome {
                 })
             })
             .collect();
-        let room = rooms.map(|list| {
-            list.iter().map(|it| json!({ "at": it.at, "site": it.kind.name(), "kinds": it.effects })).collect::<Vec<_>>()
-        });
+        let room = rooms.as_deref().map(rooms_json);
         output::json(&json!({ "effects": effects, "places": room }))?;
         return Ok(Answer::Positive);
     }
     if let Some(rooms) = rooms {
-        for room in &rooms {
-            output::line(&format!("{} ({}): {}", room.at, room.kind.name(), room.effects.join(", ")))?;
+        for line in room_lines(&rooms) {
+            output::line(&line)?;
         }
         return Ok(Answer::Positive);
     }

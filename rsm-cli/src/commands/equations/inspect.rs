@@ -10,7 +10,7 @@ use rsm_model::system::Method;
 use rsm_sim::equations::linearise;
 use serde_json::json;
 
-use super::{plant, point, pole_lines, poles_json};
+use super::{plant, point, pole_lines, poles_json, room_lines, rooms_json};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
 
@@ -87,11 +87,10 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let proposed =
             proposals.iter().map(|it| json!({ "name": it.name, "kind": it.kind.name(), "declared": false, "toml": it.toml() }));
         let sites: Vec<_> = declared.chain(proposed).collect();
-        let room: Vec<_> = rooms.iter().map(|it| json!({ "at": it.at, "site": it.kind.name(), "kinds": it.effects })).collect();
         output::json(&json!({
             "plant": flat.name, "inputs": names(&machine.inputs()), "outputs": names(&machine.outputs()),
             "states": states, "parameters": parameters, "equations": blocks, "conditions": switches, "poles": poles_json(&poles),
-            "sites": sites, "effects": room,
+            "sites": sites, "effects": rooms_json(&rooms),
         }))?;
         return Ok(Answer::Positive);
     }
@@ -112,8 +111,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
         Err(refusal) => output::line(&format!("no start: {refusal}"))?,
     }
     output::line("where effects can stand:")?;
-    for room in &rooms {
-        output::line(&format!("  {} ({}): {}", room.at, room.kind.name(), room.effects.join(", ")))?;
+    for line in room_lines(&rooms) {
+        output::line(&format!("  {line}"))?;
     }
     if !proposals.is_empty() {
         output::line("sites that units and equations suggest, for the plant file:")?;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rsm_core::source::{Fault, Faults, Source};
-use rsm_model::effects::Catalogue;
+use rsm_model::effects::{Catalogue, Room};
 use rsm_sim::equations::file::Given;
 use rsm_sim::equations::linear::Pole;
 use rsm_sim::equations::{EquationFile, Machine, Point};
@@ -119,6 +119,16 @@ fn point(file: &EquationFile, machine: &mut Machine, at: &str) -> Result<Point, 
 /// A name with its unit.
 fn with_unit((name, unit): &(String, String)) -> String {
     if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
+}
+
+/// What can stand where, as JSON has it.
+fn rooms_json(rooms: &[Room]) -> Vec<serde_json::Value> {
+    rooms.iter().map(|it| serde_json::json!({ "at": it.at, "site": it.kind.name(), "kinds": it.effects })).collect()
+}
+
+/// What can stand where, a line for each place.
+fn room_lines(rooms: &[Room]) -> impl Iterator<Item = String> {
+    rooms.iter().map(|it| format!("{} ({}): {}", it.at, it.kind.name(), it.effects.join(", ")))
 }
 
 /// Poles as JSON has them.
