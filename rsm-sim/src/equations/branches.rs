@@ -6,6 +6,8 @@ use super::machine::Machine;
 pub(super) struct Events<const L: usize> {
     /// Conditions of all branches, as they were last.
     pub conditions: Vec<[f64; L]>,
+    /// The first instant and the period of each `sample`, in s: those of all lanes.
+    pub samples: Vec<(f64, f64)>,
     /// Of each `sample` how many instants are past.
     pub past: Vec<u64>,
     pub branches: Vec<Branch>,
@@ -40,15 +42,25 @@ impl<const L: usize> Events<L> {
             branches.push(Branch { restarted, first, unless: event.unless.clone(), conditions: conditions.clone() });
             first += conditions.len();
         }
-        let past = vec![0; machine.samples().len()];
+        let samples = machine.samples().to_vec();
+        let past = vec![0; samples.len()];
         let due = vec![0.0; past.len()];
-        Events { conditions: vec![[0.0; L]; first], past, memories, acts: vec![[0.0; L]; branches.len()], due, branches }
+        Events {
+            conditions: vec![[0.0; L]; first],
+            samples,
+            past,
+            memories,
+            acts: vec![[0.0; L]; branches.len()],
+            due,
+            branches,
+        }
     }
 
     pub(super) fn copy_from<const M: usize>(&mut self, other: &Events<M>, lane: usize) {
         for (to, from) in self.conditions.iter_mut().zip(&other.conditions) {
             *to = [from[lane]; L];
         }
+        self.samples.clone_from(&other.samples);
         self.past.clone_from(&other.past);
     }
 

@@ -67,7 +67,7 @@ pub fn plant(machine: &Machine, length: f64, start: &Start<'_>, model: Option<&s
     let parameters = system
         .parameters()
         .into_iter()
-        .zip(machine.parameters())
+        .zip(machine.values_of_parameters())
         .map(|(it, value)| {
             let variable = system.flat().variable(it);
             (variable.name.clone(), *value, variable.unit.clone().unwrap_or_default())

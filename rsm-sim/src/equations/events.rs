@@ -21,7 +21,7 @@ impl<const L: usize> Walk<'_, L> {
     /// The conditions before anything has happened.
     pub(super) fn first_conditions(&mut self) {
         let time = self.time(0);
-        for (past, sample) in self.events.past.iter_mut().zip(self.machine.samples()) {
+        for (past, sample) in self.events.past.iter_mut().zip(&self.events.samples) {
             *past = sampling::instants_before(*sample, time) as u64;
         }
         self.events.acts.fill([0.0; L]);
@@ -50,7 +50,7 @@ impl<const L: usize> Walk<'_, L> {
     /// The next instant of a `sample` up to an end, or the end; whether it is one.
     pub(super) fn next_sample(&self, now: f64, end: f64) -> (bool, f64) {
         let instants =
-            self.machine.samples().iter().zip(&self.events.past).map(|((first, period), past)| first + *past as f64 * period);
+            self.events.samples.iter().zip(&self.events.past).map(|((first, period), past)| first + *past as f64 * period);
         let next = instants.filter(|it| *it > now).fold(f64::INFINITY, f64::min);
         if next <= end { (true, next) } else { (false, end) }
     }
@@ -93,7 +93,7 @@ impl<const L: usize> Walk<'_, L> {
             return Ok(());
         }
         let mut is_due = false;
-        for (k, (first, period)) in self.machine.samples().iter().enumerate() {
+        for (k, (first, period)) in self.events.samples.iter().enumerate() {
             // Instants of rows and of samples are sums and products of decimals, and meet to a few units in the last place.
             let due = first + self.events.past[k] as f64 * period <= now + 8.0 * f64::EPSILON * now.abs();
             self.events.past[k] += u64::from(due);

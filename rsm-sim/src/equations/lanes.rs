@@ -41,7 +41,7 @@ impl<'m> Lanes<'m> {
     pub fn run(&mut self, lanes: &[Lane], inputs: Inputs<'_>, setting: Setting) -> Vec<Result<Outputs, Stopped>> {
         if let Method::Fixed { step } = setting.method {
             let one = |lane: &Lane| {
-                if lane.parameters != self.machine.parameters() {
+                if lane.numbers.parameters != self.machine.values_of_parameters() {
                     return Err(Stopped::Step(
                         "fixed steps have the parameters of the machine: make a machine of each lane".to_string(),
                     ));
@@ -52,8 +52,9 @@ impl<'m> Lanes<'m> {
         }
         let mut all = Vec::with_capacity(lanes.len());
         // A nonlinear block is iterated for each lane alone, and a delayed signal comes to each lane alone.
-        let width = if self.machine.has_blocks() || self.has_late() { 1 } else { WIDE };
-        for group in lanes.chunks(width) {
+        let width = if self.machine.has_blocks() || lanes.iter().any(has_late) { 1 } else { WIDE };
+        // Lanes that run side by side share the instants of samples.
+        for group in lanes.chunk_by(|a, b| a.numbers.samples == b.numbers.samples).flat_map(|it| it.chunks(width)) {
             let together = (group.len() > 1).then(|| self.together(group, inputs, setting)).flatten();
             match together {
                 Some(outputs) => all.extend(outputs.into_iter().map(Ok)),
@@ -63,17 +64,13 @@ impl<'m> Lanes<'m> {
         all
     }
 
-    fn has_late(&self) -> bool {
-        !self.machine.followers().is_empty() || !self.machine.late_readings().is_empty()
-    }
-
     fn alone(&mut self, lane: &Lane, inputs: Inputs<'_>, setting: Setting) -> Result<Outputs, Stopped> {
-        let has_late = self.has_late();
+        let has_late = has_late(lane);
         let walk = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
         walk.begin([lane], setting, period(inputs));
         let mut outputs = [room(self.machine, inputs)];
         let can_be_plain = walk.can_be_plain() && !has_late;
-        let mut late = Late::new(self.machine, inputs.time, period(inputs));
+        let mut late = Late::new(&lane.numbers, inputs.time, period(inputs));
         for (row, end) in inputs.time.iter().enumerate() {
             walk.row = row;
             if row > 0 && !(can_be_plain && walk.plain(inputs.time[row - 1], *end)) {
@@ -101,7 +98,7 @@ impl<'m> Lanes<'m> {
         // Places that are left over follow the last lane.
         walk.begin(std::array::from_fn(|place| &lanes[place.min(lanes.len() - 1)]), setting, period(inputs));
         let mut outputs: [Outputs; WIDE] = std::array::from_fn(|_| room(machine, inputs));
-        let done = self.along(&mut walk, lanes.len(), inputs, setting, &mut outputs);
+        let done = self.along(&mut walk, lanes, inputs, setting, &mut outputs);
         self.group = Some(walk);
         done.ok()?;
         Some(outputs.into_iter().take(lanes.len()).collect())
@@ -110,12 +107,13 @@ impl<'m> Lanes<'m> {
     fn along(
         &mut self,
         walk: &mut Walk<'m, WIDE>,
-        count: usize,
+        lanes: &[Lane],
         inputs: Inputs<'_>,
         setting: Setting,
         outputs: &mut [Outputs; WIDE],
     ) -> Result<(), Stopped> {
         let can_be_plain = walk.can_be_plain();
+        let count = lanes.len();
         for (row, end) in inputs.time.iter().enumerate() {
             walk.row = row;
             if row > 0 && !(can_be_plain && walk.plain(inputs.time[row - 1], *end)) {
@@ -126,7 +124,7 @@ impl<'m> Lanes<'m> {
                     let alone = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
                     alone.adopt(setting);
                     alone.copy_from(walk, lane);
-                    alone.reach(*end, &mut Late::new(self.machine, inputs.time, 0.0))?;
+                    alone.reach(*end, &mut Late::new(&lanes[lane].numbers, inputs.time, 0.0))?;
                     alone.copy_to(walk, lane);
                 }
                 if let (false, Some(alone)) = (is_free, &self.alone) {
@@ -155,6 +153,11 @@ impl<'m> Lanes<'m> {
 pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting) -> Result<Vec<Vec<f64>>, Stopped> {
     let lane = Lane::new(machine, start);
     Lanes::new(machine).run(&[lane], inputs, setting).remove(0)
+}
+
+/// Whether signals of a lane come late.
+fn has_late(lane: &Lane) -> bool {
+    !lane.numbers.followers.is_empty() || !lane.numbers.late_readings.is_empty()
 }
 
 /// Room for the outputs of a lane.

@@ -4,7 +4,7 @@
 
 use std::collections::VecDeque;
 
-use super::machine::{Followed, Machine};
+use super::numbers::{Followed, Numbers};
 
 /// Two instants are one when they are so near, in periods of the record: decimals of periods and delays do not meet exactly.
 const SAME: f64 = 1e-9;
@@ -20,7 +20,7 @@ struct Coming {
 
 /// What is on its way in a run.
 pub(super) struct Late<'m> {
-    machine: &'m Machine,
+    numbers: &'m Numbers,
     /// By follower.
     coming: Vec<Coming>,
     /// By output that is read late: the row whose reading is taken next, and what was taken.
@@ -30,16 +30,16 @@ pub(super) struct Late<'m> {
 }
 
 impl<'m> Late<'m> {
-    pub(super) fn new(machine: &'m Machine, time: &'m [f64], period: f64) -> Self {
-        let coming = machine.followers().iter().map(|_| Coming::default()).collect();
-        let readings = machine.late_readings().iter().map(|_| (0, Vec::with_capacity(time.len()))).collect();
-        Late { machine, coming, readings, time, near: SAME * period }
+    pub(super) fn new(numbers: &'m Numbers, time: &'m [f64], period: f64) -> Self {
+        let coming = numbers.followers.iter().map(|_| Coming::default()).collect();
+        let readings = numbers.late_readings.iter().map(|_| (0, Vec::with_capacity(time.len()))).collect();
+        Late { numbers, coming, readings, time, near: SAME * period }
     }
 
     /// Sends what signals say at an instant, and puts what has come in its place. Says whether an input changed.
     pub(super) fn exchange(&mut self, time: f64, inputs: &mut [[f64; 1]], memories: &[[f64; 1]]) -> bool {
         let mut changed = false;
-        for (follower, Coming { queue, last }) in self.machine.followers().iter().zip(&mut self.coming) {
+        for (follower, Coming { queue, last }) in self.numbers.followers.iter().zip(&mut self.coming) {
             let now = match follower.of {
                 Followed::Input(place) => inputs[place][0],
                 Followed::Memory(place) => memories[place][0],
@@ -68,7 +68,7 @@ impl<'m> Late<'m> {
         let reads = self
             .readings
             .iter()
-            .zip(self.machine.late_readings())
+            .zip(&self.numbers.late_readings)
             .filter_map(|((row, _), (_, delay))| self.time.get(*row).map(|time| time - delay));
         let next = coming.chain(reads).filter(|it| *it > now + self.near).fold(f64::INFINITY, f64::min);
         (next < end - self.near).then_some(next)
@@ -76,7 +76,7 @@ impl<'m> Late<'m> {
 
     /// Takes the readings that are due at an instant, with the outputs there.
     pub(super) fn read(&mut self, time: f64, outputs: &[[f64; 1]]) {
-        for ((row, taken), (output, delay)) in self.readings.iter_mut().zip(self.machine.late_readings()) {
+        for ((row, taken), (output, delay)) in self.readings.iter_mut().zip(&self.numbers.late_readings) {
             // Before the record an output read its first value.
             while self.time.get(*row).is_some_and(|it| it - delay <= time + self.near) {
                 taken.push(outputs[*output][0]);
@@ -90,12 +90,12 @@ impl<'m> Late<'m> {
         let due = |((row, _), (_, delay)): (&(usize, Vec<f64>), &(usize, f64))| {
             self.time.get(*row).is_some_and(|it| it - delay <= time + self.near)
         };
-        self.readings.iter().zip(self.machine.late_readings()).any(due)
+        self.readings.iter().zip(&self.numbers.late_readings).any(due)
     }
 
     /// Puts late readings in the place of those on time.
     pub(super) fn finish(self, outputs: &mut [Vec<f64>]) {
-        for ((_, taken), (output, _)) in self.readings.into_iter().zip(self.machine.late_readings()) {
+        for ((_, taken), (output, _)) in self.readings.into_iter().zip(&self.numbers.late_readings) {
             outputs[*output] = taken;
         }
     }

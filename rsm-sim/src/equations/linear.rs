@@ -7,7 +7,8 @@ use rsm_core::source::Faults;
 use rsm_model::expression::{Id, Symbol};
 
 use super::file::EquationFile;
-use super::machine::{Followed, Machine, Point};
+use super::machine::{Machine, Point};
+use super::numbers::Followed;
 
 /// A linear model, in the units of the text.
 #[derive(Debug, Clone, PartialEq)]

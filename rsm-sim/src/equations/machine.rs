@@ -2,16 +2,15 @@
 //!
 //! In: an [`EquationFile`]. Out: [`Machine`], which computes everything at a [`Point`]. It never moves time on.
 
-use rsm_core::lower;
 use rsm_core::number::Precision;
-use rsm_core::run::Interpreter;
 use rsm_core::source::{Fault, Faults};
-use rsm_core::tangent::{self, Variable};
-use rsm_core::tape::{Reg, Tape, TapeBuilder};
+use rsm_core::tape::{Tape, TapeBuilder};
 use rsm_model::expression::{Id, Symbol};
-use rsm_model::system::{Iterated, System};
+use rsm_model::system::{Start, System};
 
+use super::computed::{Computed, Functions};
 use super::file::{EquationFile, Given};
+use super::numbers::{self, Followed, Follower, Following, Numbers};
 
 /// Everything that changes while a plant runs.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,10 +67,11 @@ pub(super) struct Tapes {
 }
 
 /// A system of equations with its numbers.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Machine {
     system: System,
-    parameters: Vec<f64>,
+    numbers: Numbers,
+    following: Following,
     functions: Functions,
     /// Rates, then both sides of each switch.
     rates: Computed,
@@ -80,100 +80,15 @@ pub struct Machine {
     /// The derivative of each rate by each state, row by row, then by the time.
     slopes: Computed,
     events: Computed,
-    /// The first instant and the period of each `sample`, in s.
-    samples: Vec<(f64, f64)>,
     outputs: Vec<Symbol>,
-    /// Inputs that follow other signals; they stand behind those of a record.
-    followers: Vec<Follower>,
-    /// Outputs that are read late, by place, and by how much in s.
-    late_readings: Vec<(usize, f64)>,
     /// Outputs whose first reading says something of the start, and the variable of which it says it; the surest first.
     starting: Vec<(usize, String)>,
     /// The places of states that a branch restarts.
     restarted: Vec<Vec<usize>>,
 }
 
-/// Expressions of a system as a tape: the same bits wherever it runs.
-#[derive(Debug)]
-struct Computed {
-    /// `None` where there is nothing to compute.
-    tape: Option<Tape>,
-    arguments: usize,
-}
-
-impl Computed {
-    fn values(&self, arguments: &[f64]) -> Vec<f64> {
-        debug_assert_eq!(arguments.len(), self.arguments);
-        let Some(tape) = &self.tape else { return Vec::new() };
-        let mut results = vec![0.0; tape.outputs.len()];
-        Interpreter::<f64>::new(tape).eval_all(arguments, &mut results);
-        results
-    }
-}
-
-/// The signal that a late input follows.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Followed {
-    /// Another input, by place.
-    Input(usize),
-    /// What is kept from event to event, by place.
-    Memory(usize),
-}
-
-/// An input that follows a signal.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Follower {
-    /// Its place among all inputs.
-    pub input: usize,
-    pub of: Followed,
-    /// By how much it is late, in s.
-    pub delay: f64,
-}
-
-/// Surfaces that stand for functions, in the order of the text.
-#[derive(Debug)]
-struct Functions {
-    tapes: Vec<Tape>,
-}
-
-impl Functions {
-    fn of(file: &EquationFile) -> Self {
-        Functions { tapes: file.functions.iter().map(|it| lower::surface(&it.model, it.surface, Precision::F64)).collect() }
-    }
-
-    /// Writes a surface, derived by each argument so often.
-    fn write(&self, builder: &mut TapeBuilder, surface: u32, arguments: &[Reg], orders: &[u8]) -> Option<Reg> {
-        let mut tape = self.tapes.get(surface as usize)?.clone();
-        for (place, order) in orders.iter().enumerate() {
-            for _ in 0..*order {
-                tape = tangent::tangent(&tape, &[Variable::Input(place)]);
-                // The value stands first, its derivative second.
-                tape.outputs.remove(0);
-            }
-        }
-        tangent::write(builder, &tape, arguments, &[], &[]).values.first().copied()
-    }
-
-    /// Expressions as a tape; `None` where there is nothing to compute.
-    fn tape(&self, system: &System, arguments: &[Symbol], results: &[Id]) -> Result<Option<Tape>, String> {
-        let named: Vec<(String, Id)> = results.iter().enumerate().map(|(k, id)| (format!("result {k}"), *id)).collect();
-        if named.is_empty() {
-            return Ok(None);
-        }
-        let write = &mut |builder: &mut TapeBuilder, surface: u32, list: &[Reg], orders: &[u8]| {
-            self.write(builder, surface, list, orders)
-        };
-        system.tape("plant", arguments, &named, write).map(Some)
-    }
-
-    fn compiled(&self, file: &EquationFile, system: &System, arguments: &[Symbol], results: &[Id]) -> Result<Computed, Faults> {
-        let tape = self.tape(system, arguments, results).map_err(|what| Faults::one(Fault::whole_file(&file.file, what)))?;
-        Ok(Computed { tape, arguments: arguments.len() })
-    }
-}
-
 /// A nonlinear block whose iteration has not ended after so many turns has no solution nearby.
-const TURNS: usize = 100;
+pub(super) const TURNS: usize = 100;
 
 /// An iteration has ended where its numbers move by no more than this share of themselves: rounding moves them by some 1e-16.
 const SETTLED: f64 = 1e-12;
@@ -213,66 +128,79 @@ impl Machine {
         let place = |state: &Symbol| states.iter().position(|it| it == state).unwrap_or(usize::MAX);
         let restarted = system.events().iter().map(|it| it.restarted.iter().map(|(state, _)| place(state)).collect()).collect();
         let parameters = system.parameters().iter().filter_map(|it| system.parameter_value(*it)).collect();
-        let mut machine = Machine {
+        let following = Following::new(file, &system, &functions)?;
+        let numbers = following.numbers(parameters).map_err(|what| Faults::one(Fault::whole_file(&file.file, what)))?;
+        let starting = starting(file, &mut system, &outputs);
+        Ok(Machine {
             rates: program(&system, &arguments, &rates)?,
             looks: program(&system, &arguments, &looks)?,
             slopes: program(&system, &arguments, &slopes)?,
             events,
-            samples: Vec::new(),
             functions,
             outputs,
-            followers: Vec::new(),
-            late_readings: Vec::new(),
-            starting: Vec::new(),
+            starting,
             restarted,
-            parameters,
+            numbers,
+            following,
             system,
-        };
-        let periods: Vec<Id> = machine.system.flat().samples.iter().flat_map(|it| [it.start, it.period]).collect();
-        let periods = machine.of_parameters(file, &periods)?;
-        machine.samples = periods.chunks(2).map(|pair| (pair[0], pair[1])).collect();
-        if let Some((_, period)) = machine.samples.iter().find(|(_, period)| *period <= 0.0 || !period.is_finite()) {
-            let what = format!("`sample`: found a period of {period} s, expected a positive one");
-            return Err(Faults::one(Fault::whole_file(&file.file, what)));
-        }
-        machine.take_delays(file)?;
-        machine.starting = starting(file, &mut machine.system, &machine.outputs);
-        Ok(machine)
+        })
     }
 
-    /// Delays by effects, with their numbers.
-    fn take_delays(&mut self, file: &EquationFile) -> Result<(), Faults> {
-        let inputs = self.system.inputs();
-        let of = |symbol: Symbol| inputs.iter().position(|it| *it == symbol);
-        for delay in &file.delays {
-            let seconds = self.of_parameters(file, &[delay.delay])?[0];
-            let memory = self.system.memories().iter().position(|it| it.variable == delay.of);
-            let followed = of(delay.of).map(Followed::Input).or(memory.map(Followed::Memory));
-            if let Some((input, followed)) = of(delay.late).zip(followed) {
-                self.followers.push(Follower { input, of: followed, delay: seconds });
-            }
-        }
-        for late in &file.late_readings {
-            let seconds = self.of_parameters(file, &[late.delay])?[0];
-            if let Some(place) = self.outputs.iter().position(|it| *it == late.output) {
-                match self.late_readings.iter_mut().find(|it| it.0 == place) {
-                    Some(known) => known.1 += seconds,
-                    None => self.late_readings.push((place, seconds)),
-                }
-            }
-        }
-        self.late_readings.retain(|it| it.1 > 0.0);
+    /// Names, units and values of the parameters that can be set, in order. The number of an effect is called `kind(site).number`.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<(String, String, f64)> {
+        let signals = self.system.parameters().into_iter().map(|it| self.signal(it));
+        signals.zip(&self.numbers.parameters).map(|((name, unit), value)| (name, unit, *value)).collect()
+    }
+
+    /// Sets a parameter, in the unit of the text. Parameters, instants of samples and delays that follow from it follow; a start is computed again by [`Machine::start_along`] or from [`Machine::starts`].
+    /// Nothing is compiled: `Lanes` of a copy of this machine run a `Lane` of it as they are.
+    ///
+    /// ```
+    /// use rsm_core::source::{Faults, Source};
+    /// use rsm_sim::equations::{EquationFile, Inputs, Lane, Lanes, Machine, Setting};
+    ///
+    /// let text = "model Cart\n  parameter Real mass = 2;\n  parameter Real drag = 0.5*mass;\n  output Real speed(start = mass);\nequation\n  mass*der(speed) = -drag*speed;\nend Cart;\n";
+    /// let file = EquationFile::of_text(&Source::new("cart.mo", text))?;
+    /// let mut machine = Machine::new(&file)?;
+    /// let compiled = machine.clone();
+    /// let starts = machine.starts(&file, &[], &[])?;
+    /// let mut code = Lanes::new(&compiled);
+    ///
+    /// machine.set("mass", 4.0)?;
+    /// let lane = Lane::new(&machine, starts.at(&machine, 0.0, &[], &[])?);
+    /// let inputs = Inputs { time: &[0.0, 1.0], values: &[] };
+    /// let outputs = code.run(&[lane], inputs, Setting::default()).remove(0).unwrap();
+    /// assert!((outputs[0][1] - 4.0 * (-0.5_f64).exp()).abs() < 1e-6);
+    /// # Ok::<(), Faults>(())
+    /// ```
+    ///
+    /// # Errors
+    /// No parameter of this name; one that shapes the equations or follows from others; a value that it cannot have. Nothing is set then.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), Faults> {
+        let place = numbers::place_of(&self.system, name, value)?;
+        let mut parameters = self.numbers.parameters.clone();
+        parameters[place] = value;
+        let found = self.following.numbers(parameters);
+        self.numbers = found.map_err(|what| {
+            Faults::one(Fault::whole_file(&self.system.flat().name, format!("with `{name}` = {value}: {what}")))
+        })?;
         Ok(())
+    }
+
+    /// All numbers of a run.
+    pub(super) fn numbers(&self) -> &Numbers {
+        &self.numbers
     }
 
     /// Inputs that follow other signals.
     pub(super) fn followers(&self) -> &[Follower] {
-        &self.followers
+        &self.numbers.followers
     }
 
     /// Outputs that are read late, and by how much in s.
     pub(super) fn late_readings(&self) -> &[(usize, f64)] {
-        &self.late_readings
+        &self.numbers.late_readings
     }
 
     /// Outputs whose first reading says something of the start, and of which variable; the surest first.
@@ -287,7 +215,7 @@ impl Machine {
             time: usize::from(system.find("time").is_some()),
             states: system.states().len(),
             inputs: system.inputs().len(),
-            parameters: self.parameters.len(),
+            parameters: self.numbers.parameters.len(),
             held: system.switches().len(),
             memories: system.memories().len(),
             guesses: system.iterated().len(),
@@ -321,7 +249,7 @@ impl Machine {
     /// Names and units of the inputs that a record gives, in order. A unit that the text does not give is empty.
     #[must_use]
     pub fn inputs(&self) -> Vec<(String, String)> {
-        let follows = |place: usize| self.followers.iter().any(|it| it.input == place);
+        let follows = |place: usize| self.numbers.followers.iter().any(|it| it.input == place);
         let own = self.system.inputs().into_iter().enumerate().filter(|(place, _)| !follows(*place)).map(|it| it.1);
         own.map(|it| self.signal(it)).collect()
     }
@@ -359,7 +287,7 @@ impl Machine {
     }
 
     pub(super) fn samples(&self) -> &[(f64, f64)] {
-        &self.samples
+        &self.numbers.samples
     }
 
     /// Whether a nonlinear block is iterated.
@@ -368,8 +296,8 @@ impl Machine {
     }
 
     /// The values of the parameters, in the order of the system.
-    pub(super) fn parameters(&self) -> &[f64] {
-        &self.parameters
+    pub(super) fn values_of_parameters(&self) -> &[f64] {
+        &self.numbers.parameters
     }
 
     /// The places of states that each branch of a `when` restarts.
@@ -382,14 +310,20 @@ impl Machine {
         self.functions.tape(system, arguments, results).expect("the machine has it on a tape already")
     }
 
-    fn of_parameters(&self, file: &EquationFile, list: &[Id]) -> Result<Vec<f64>, Faults> {
-        Ok(self.functions.compiled(file, &self.system, &self.system.parameters(), list)?.values(&self.parameters))
+    /// The start as the system solves it.
+    pub(super) fn solved_start(&mut self, given: &[Symbol], recorded: &[Symbol]) -> Result<Start, Faults> {
+        self.system.start(given, recorded)
+    }
+
+    /// Expressions of this machine's system as a program.
+    pub(super) fn compiled(&self, file: &EquationFile, arguments: &[Symbol], results: &[Id]) -> Result<Computed, Faults> {
+        self.functions.compiled(file, &self.system, arguments, results)
     }
 
     fn values(&self, computed: &Computed, point: &Point, further: &[f64]) -> Vec<f64> {
         let mut arguments = Vec::with_capacity(computed.arguments);
         arguments.push(point.time);
-        for part in [&point.states, &point.inputs, &self.parameters, &point.held, &point.memories, &point.guesses] {
+        for part in [&point.states, &point.inputs, &self.numbers.parameters, &point.held, &point.memories, &point.guesses] {
             arguments.extend_from_slice(part);
         }
         arguments.extend_from_slice(further);
@@ -455,7 +389,7 @@ impl Machine {
 
     /// The conditions of the branches of `when`, while none acts and no instant of `sample` is due: 1 where one is true.
     pub(super) fn conditions(&self, point: &Point) -> Vec<Vec<f64>> {
-        let none = vec![0.0; self.system.events().len() + self.samples.len()];
+        let none = vec![0.0; self.system.events().len() + self.numbers.samples.len()];
         let mut rest = self.values(&self.events, point, &none).into_iter().skip(point.memories.len());
         let branches = self.system.events().iter().zip(&self.restarted);
         branches.map(|(event, places)| rest.by_ref().skip(places.len()).take(event.conditions.len()).collect()).collect()
@@ -481,80 +415,16 @@ impl Machine {
         given: &[Given],
         recorded: &[Given],
     ) -> Result<Point, Faults> {
-        let find = |list: &[Given]| -> Vec<Symbol> { list.iter().filter_map(|it| self.system.find(&it.name)).collect() };
-        let (mut symbols, further) = (find(given), find(recorded));
-        let start = self.system.start(&symbols, &further)?;
-        symbols.extend(further);
-        let given = [given, recorded].concat();
-        let inputs = self.with_followers(inputs);
-        let memories = self.system.memories().to_vec();
-        let mut point = Point {
-            time,
-            states: vec![0.0; self.system.states().len()],
-            inputs,
-            held: vec![0.0; self.system.switches().len()],
-            memories: vec![0.0; memories.len()],
-            guesses: Vec::new(),
-        };
-        for (k, memory) in memories.iter().enumerate() {
-            if let Some(start) = self.system.flat().variable(memory.variable).start {
-                point.memories[k] = self.of_parameters(file, &[start])?[0];
-            }
-        }
-        let begin = |list: &[Iterated]| -> Vec<Id> { list.iter().map(|it| it.start).collect() };
-        point.guesses = self.of_parameters(file, &begin(self.system.iterated()))?;
-        let mut guesses = self.of_parameters(file, &begin(&start.iterated))?;
-        let mut known: Vec<Symbol> = self.system.find("time").into_iter().collect();
-        known.extend(self.system.inputs());
-        known.extend(self.system.parameters());
-        known.extend(self.system.switches().iter().map(|it| it.held));
-        let before: Vec<usize> = (0..memories.len()).filter(|k| memories[*k].held != memories[*k].variable).collect();
-        known.extend(before.iter().map(|k| memories[*k].before));
-        known.extend(start.iterated.iter().map(|it| it.guess));
-        known.extend(&symbols);
-        let mut results: Vec<Id> = start.iterated.iter().map(|it| it.value).collect();
-        results.extend(start.values.iter().map(|it| it.1));
-        let program = self.functions.compiled(file, &self.system, &known, &results)?;
-        // Starts depend on comparisons and these on starts: a few turns settle both, or nothing does.
-        for _ in 0..TURNS {
-            let last = point.clone();
-            let mut arguments: Vec<f64> = self.system.find("time").map(|_| time).into_iter().collect();
-            for part in [&point.inputs, &self.parameters, &point.held] {
-                arguments.extend_from_slice(part);
-            }
-            arguments.extend(before.iter().map(|k| point.memories[*k]));
-            arguments.extend_from_slice(&guesses);
-            arguments.extend(given.iter().map(|it| it.value));
-            let found = program.values(&arguments);
-            let moves = !stand_still(&guesses, &found);
-            let count = guesses.len();
-            guesses.copy_from_slice(&found[..count]);
-            for ((symbol, _), value) in start.values.iter().zip(&found[count..]) {
-                if let Some(k) = self.system.states().iter().position(|it| it == symbol) {
-                    point.states[k] = *value;
-                }
-                if let Some(k) = memories.iter().position(|it| it.held == *symbol) {
-                    point.memories[k] = *value;
-                }
-            }
-            self.settle(&mut point);
-            point.held = self.rates_and_truths(&point).1;
-            if point == last && !moves {
-                return Ok(point);
-            }
-        }
-        let what = "the start has no solution near the starts of the text: its equations do not settle";
-        Err(Faults::one(
-            Fault::whole_file(&file.file, what).help("give nearer starts under [initial], or `start = ...` in the text"),
-        ))
+        let names = |list: &[Given]| -> Vec<String> { list.iter().map(|it| it.name.clone()).collect() };
+        let starts = self.starts(file, &names(given), &names(recorded))?;
+        let values: Vec<f64> = given.iter().chain(recorded).map(|it| it.value).collect();
+        starts.at(self, time, inputs, &values)
     }
-}
 
-impl Machine {
     /// The inputs of a first row with those that follow them: before a record a signal had its first value.
     pub(super) fn with_followers(&self, inputs: &[f64]) -> Vec<f64> {
         let mut inputs = inputs.to_vec();
-        for follower in &self.followers {
+        for follower in &self.numbers.followers {
             let value = match follower.of {
                 Followed::Input(place) => inputs.get(place).copied().unwrap_or(0.0),
                 // A controller says its first value in the first row, behind the start.
@@ -596,7 +466,7 @@ fn nothing() -> Tape {
 }
 
 /// Whether an iteration has ended: NaN moves.
-fn stand_still(old: &[f64], new: &[f64]) -> bool {
+pub(super) fn stand_still(old: &[f64], new: &[f64]) -> bool {
     old.iter().zip(new).all(|(old, new)| stands_still(*old, *new))
 }
 

@@ -146,7 +146,7 @@ impl<'m> Writer<'m> {
         let (direct, circular) = ordered(&switches, first);
         let mut tape = TapeBuilder::sharing(Precision::F64);
         let inputs = (0..system.inputs().len()).map(|k| tape.input(k as u32)).collect();
-        let parameters = system.parameters().into_iter().zip(machine.parameters()).map(|(symbol, value)| {
+        let parameters = system.parameters().into_iter().zip(machine.values_of_parameters()).map(|(symbol, value)| {
             let variable = system.flat().variable(symbol);
             let constant = tape.constant(exact(*value));
             let unit = variable.unit.clone().unwrap_or_default();

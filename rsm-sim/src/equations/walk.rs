@@ -7,6 +7,7 @@ use super::branches::Events;
 use super::engine::{Method, Setting};
 use super::machine::{Machine, Point};
 use super::methods::Linear;
+use super::numbers::Numbers;
 use super::programs::{Layout, Programs};
 use super::rows::Stopped;
 use super::thresholds::Thresholds;
@@ -36,11 +37,10 @@ pub(super) struct Walk<'m, const L: usize> {
     pub row: usize,
 }
 
-/// One lane's parameters and start.
+/// One lane's parameters, with what follows from them, and its start.
 #[derive(Debug, Clone)]
 pub struct Lane {
-    /// The values of the parameters, in the order of the system.
-    pub(super) parameters: Vec<f64>,
+    pub(super) numbers: Numbers,
     pub(super) start: Point,
 }
 
@@ -48,7 +48,7 @@ impl Lane {
     /// A lane with the parameters of a machine.
     #[must_use]
     pub fn new(machine: &Machine, start: Point) -> Lane {
-        Lane { parameters: machine.parameters().to_vec(), start }
+        Lane { numbers: machine.numbers().clone(), start }
     }
 }
 
@@ -82,7 +82,7 @@ impl<'m, const L: usize> Walk<'m, L> {
     pub(super) fn begin(&mut self, lanes: [&Lane; L], setting: Setting, period: f64) {
         self.adopt(setting);
         let layout = self.layout();
-        for (lane, from) in lanes.into_iter().enumerate() {
+        for (lane, from) in lanes.iter().enumerate() {
             let start = &from.start;
             let mut put = |begin: u32, values: &[f64]| {
                 for (slot, value) in self.slots[begin as usize..].iter_mut().zip(values) {
@@ -95,11 +95,12 @@ impl<'m, const L: usize> Walk<'m, L> {
             put(layout.held, &start.held);
             put(layout.memories, &start.memories);
             put(layout.guesses, &start.guesses);
-            put(layout.parameters, &from.parameters);
+            put(layout.parameters, &from.numbers.parameters);
             for (state, largest) in self.largest.iter_mut().enumerate() {
                 largest[lane] = self.machine.nominal(state).unwrap_or(0.0);
             }
         }
+        self.events.samples.clone_from(&lanes[0].numbers.samples);
         self.suggestion = [period; L];
         self.is_stiff = [setting.method == Method::Stiff; L];
         for code in &self.programs.once {

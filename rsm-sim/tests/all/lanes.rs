@@ -121,3 +121,88 @@ fn a_kink_inside_a_step_is_not_stepped_over() {
     // The slope is checked at the end of a step to some ten times the tolerance, on either side of the kink.
     assert!((y - (0.5 + 0.5 * 0.49)).abs() < 1e-7, "{y}");
 }
+
+/// One machine whose parameters are set gives what a machine gives whose text has them.
+fn check_set(file: &EquationFile, sets: &[(&str, f64)], expected: &EquationFile, inputs: Inputs<'_>) {
+    let first: Vec<f64> = inputs.values.iter().map(|it| it[0]).collect();
+    let mut wanted = Machine::new(expected).unwrap_or_else(|faults| panic!("{faults}"));
+    let start = wanted.start(expected, inputs.time[0], &first, &[]).unwrap_or_else(|faults| panic!("{faults}"));
+    let wanted = run(&wanted, start, inputs, Setting::default()).unwrap_or_else(|stopped| panic!("{stopped}"));
+
+    let mut machine = Machine::new(file).unwrap_or_else(|faults| panic!("{faults}"));
+    let compiled = machine.clone();
+    let mut code = Lanes::new(&compiled);
+    let starts = machine.starts(file, &[], &[]).unwrap_or_else(|faults| panic!("{faults}"));
+    let own = Lane::new(&machine, starts.at(&machine, inputs.time[0], &first, &[]).unwrap_or_else(|faults| panic!("{faults}")));
+    for (name, value) in sets {
+        machine.set(name, *value).unwrap_or_else(|faults| panic!("{faults}"));
+    }
+    let start = starts.at(&machine, inputs.time[0], &first, &[]).unwrap_or_else(|faults| panic!("{faults}"));
+    let found = code.run(&[own, Lane::new(&machine, start)], inputs, Setting::default());
+    let [own, set] = &found[..] else { unreachable!("two lanes") };
+    let set = set.as_ref().unwrap_or_else(|stopped| panic!("{stopped}"));
+    assert_eq!(bits(set), bits(&wanted), "{sets:?}");
+    assert_ne!(bits(own.as_ref().unwrap_or_else(|stopped| panic!("{stopped}"))), bits(set), "{sets:?}");
+}
+
+#[test]
+fn what_follows_from_a_parameter_that_is_set_follows() {
+    // A rate, a start, another parameter and the period of a controller follow from the inertia.
+    let text = "model Wheel\n  parameter Real inertia = 2;\n  parameter Real friction = 0.3*inertia;\n  parameter Real period = 0.05*inertia;\n  input Real u;\n  \
+                output Real speed(start = 5*inertia, fixed = true);\n  discrete output Real seen(start = inertia);\nequation\n  inertia*der(speed) = u - friction*speed^2;\n  \
+                when sample(0.0, period) then\n    seen = speed;\n  end when;\nend Wheel;\n";
+    let time: Vec<f64> = (0..40).map(|k| f64::from(k) * 0.03).collect();
+    let values = vec![vec![0.5; 40]];
+    let inputs = Inputs { time: &time, values: &values };
+    check_set(&machine(text, "").0, &[("inertia", 3.0)], &machine(text, "inertia = 3.0\n").0, inputs);
+}
+
+#[test]
+fn numbers_of_effects_are_set_without_compiling_again() {
+    let text = "model Cart\n  parameter Real mass(unit = \"kg\") = 2;\n  input Real force(unit = \"N\");\n  Real speed(unit = \"m/s\");\n  output Real position(unit = \"m\");\nequation\n  \
+                mass*der(speed) = force;\n  der(position) = speed;\nend Cart;\n";
+    let open = |name: &str| Ok::<_, Faults>(Source::new(name, text));
+    let with = |gain: f64, delay: f64, late: f64| {
+        let plant = format!(
+            "format = 2\nmodel = \"m.mo\"\n[[effects]]\nkind = \"input-gain\"\nat = \"force\"\nparameters = {{ gain = {gain:?} }}\n\
+             [[effects]]\nkind = \"input-delay\"\nat = \"force\"\nparameters = {{ delay = {delay:?} }}\n\
+             [[effects]]\nkind = \"sensor-delay\"\nat = \"position\"\nparameters = {{ delay = {late:?} }}\n"
+        );
+        EquationFile::read(&Source::new("m.toml", plant), &open).unwrap_or_else(|faults| panic!("{faults}"))
+    };
+    let time: Vec<f64> = (0..40).map(|k| f64::from(k) * 0.03).collect();
+    let values = vec![(0..40).map(|k| f64::from(k % 5) - 1.5).collect()];
+    let file = with(1.1, 0.04, 0.05);
+    let names: Vec<&str> = [(0, "gain"), (1, "delay"), (2, "delay")]
+        .into_iter()
+        .map(|(effect, number)| file.parameter_of(effect, number).unwrap_or_else(|| panic!("{number}")))
+        .collect();
+    // A sensor's delay of 0 is none: the lanes differ in whether anything comes late.
+    for (gain, delay, late) in [(0.7, 0.04, 0.05), (1.1, 0.1, 0.05), (1.1, 0.04, 0.0), (0.9, 0.02, 0.2)] {
+        let sets = [(names[0], gain), (names[1], delay), (names[2], late)];
+        check_set(&file, &sets, &with(gain, delay, late), Inputs { time: &time, values: &values });
+    }
+}
+
+#[test]
+fn what_cannot_be_set_is_refused_and_nothing_changes() {
+    let text = "model Parts\n  parameter Integer n = 2;\n  parameter Boolean on = true;\n  parameter Real k = 1;\n  parameter Real twice = 2*k;\n  parameter Real gains[3] = {1, 2, 3};\n  \
+                output Real x(start = 1.0);\nequation\n  der(x) = -gains[n]*x*(if on then twice else k);\nend Parts;\n";
+    let (_, mut machine) = machine(text, "");
+    let before = machine.parameters();
+    assert_eq!(before.iter().find(|it| it.0 == "k").map(|it| it.2), Some(1.0));
+    for (name, value, expected) in [
+        ("n", 3.0, "shapes the equations"),
+        ("twice", 3.0, "follows from other parameters"),
+        ("x", 3.0, "no parameter is called `x`"),
+        ("k", f64::NAN, "expected a finite number"),
+        ("on", 0.5, "expected 0 or 1"),
+    ] {
+        let fault = machine.set(name, value).unwrap_err().to_string();
+        assert!(fault.contains(expected), "{fault}");
+    }
+    assert_eq!(machine.parameters(), before);
+    machine.set("on", 0.0).unwrap_or_else(|faults| panic!("{faults}"));
+    machine.set("gains[2]", 7.0).unwrap_or_else(|faults| panic!("{faults}"));
+    assert_eq!(machine.parameters().iter().find(|it| it.0 == "gains[2]").map(|it| it.2), Some(7.0));
+}

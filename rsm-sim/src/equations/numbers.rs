@@ -1,0 +1,149 @@
+//! The numbers of a plant: its parameters, and what follows from them before a run begins.
+//!
+//! In: parameters by name. Out: [`Numbers`]: their values, the instants of each `sample`, the delays of signals. Nothing is compiled when one of them changes. Never looks at a state.
+
+use rsm_core::source::{Fault, Faults};
+use rsm_model::expression::{Id, Symbol};
+use rsm_model::flat::{Basic, Role};
+use rsm_model::system::System;
+
+use super::computed::{Computed, Functions};
+use super::file::EquationFile;
+
+/// The signal that a late input follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Followed {
+    /// Another input, by place.
+    Input(usize),
+    /// What is kept from event to event, by place.
+    Memory(usize),
+}
+
+/// An input that follows a signal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Follower {
+    /// Its place among all inputs.
+    pub input: usize,
+    pub of: Followed,
+    /// By how much it is late, in s.
+    pub delay: f64,
+}
+
+/// The numbers of one run.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Numbers {
+    /// The values of the parameters, in the order of the system.
+    pub parameters: Vec<f64>,
+    /// The first instant and the period of each `sample`, in s.
+    pub samples: Vec<(f64, f64)>,
+    /// Inputs that follow other signals; they stand behind those of a record.
+    pub followers: Vec<Follower>,
+    /// Outputs that are read late, by place, and by how much in s.
+    pub late_readings: Vec<(usize, f64)>,
+}
+
+/// What follows from parameters, as a program.
+#[derive(Debug, Clone)]
+pub(super) struct Following {
+    /// The start and the period of each `sample`, then the delay of each follower, then that of each late reading.
+    program: Computed,
+    samples: usize,
+    followers: Vec<(usize, Followed)>,
+    /// By late reading: the output.
+    late: Vec<usize>,
+}
+
+impl Following {
+    pub(super) fn new(file: &EquationFile, system: &System, functions: &Functions) -> Result<Following, Faults> {
+        let mut list: Vec<Id> = system.flat().samples.iter().flat_map(|it| [it.start, it.period]).collect();
+        let inputs = system.inputs();
+        let input = |symbol: Symbol| inputs.iter().position(|it| *it == symbol);
+        let mut followers = Vec::new();
+        for delay in &file.delays {
+            let memory = system.memories().iter().position(|it| it.variable == delay.of);
+            let followed = input(delay.of).map(Followed::Input).or(memory.map(Followed::Memory));
+            if let Some(found) = input(delay.late).zip(followed) {
+                followers.push(found);
+                list.push(delay.delay);
+            }
+        }
+        let outputs = system.outputs();
+        let mut late = Vec::new();
+        for reading in &file.late_readings {
+            if let Some(place) = outputs.iter().position(|it| *it == reading.output) {
+                late.push(place);
+                list.push(reading.delay);
+            }
+        }
+        let program = functions.compiled(file, system, &system.parameters(), &list)?;
+        Ok(Following { program, samples: system.flat().samples.len(), followers, late })
+    }
+
+    /// The numbers that parameters give.
+    ///
+    /// # Errors
+    /// A sentence: the period of a `sample` is not positive.
+    pub(super) fn numbers(&self, parameters: Vec<f64>) -> Result<Numbers, String> {
+        let found = self.program.values(&parameters);
+        let (samples, delays) = found.split_at(2 * self.samples);
+        let samples: Vec<(f64, f64)> = samples.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect();
+        if let Some((_, period)) = samples.iter().find(|(_, period)| *period <= 0.0 || !period.is_finite()) {
+            return Err(format!("`sample`: found a period of {period} s, expected a positive one"));
+        }
+        let (follow, read) = delays.split_at(self.followers.len());
+        let followers =
+            self.followers.iter().zip(follow).map(|((input, of), delay)| Follower { input: *input, of: *of, delay: *delay });
+        let mut late_readings: Vec<(usize, f64)> = Vec::new();
+        for (output, delay) in self.late.iter().zip(read) {
+            match late_readings.iter_mut().find(|it| it.0 == *output) {
+                Some(known) => known.1 += delay,
+                None => late_readings.push((*output, *delay)),
+            }
+        }
+        late_readings.retain(|it| it.1 > 0.0);
+        Ok(Numbers { followers: followers.collect(), samples, late_readings, parameters })
+    }
+}
+
+impl EquationFile {
+    /// The parameter that holds a number of an effect, under which `Machine::set` finds it. `effect` is the place among those of the file, those of `with_effects` behind them. `None` where the file leaves
+    /// the number to its default, which is no parameter.
+    #[must_use]
+    pub fn parameter_of(&self, effect: usize, number: &str) -> Option<&str> {
+        let (_, symbol) = self.placed.get(effect)?.1.iter().find(|it| it.0 == number)?;
+        Some(self.system.name(*symbol))
+    }
+}
+
+/// Why a parameter cannot be set to a value; its place among those that can.
+pub(super) fn place_of(system: &System, name: &str, value: f64) -> Result<usize, Faults> {
+    let list = system.parameters();
+    let fault = |what: String, help: String| Faults::one(Fault::whole_file(&system.flat().name, what).help(help));
+    let Some(symbol) = system.find(name).filter(|it| system.flat().variable(*it).role == Role::Parameter) else {
+        let names: Vec<String> = list.iter().map(|it| format!("`{}`", system.name(*it))).collect();
+        return Err(fault(format!("no parameter is called `{name}`"), format!("the parameters are {}", names.join(", "))));
+    };
+    let variable = system.flat().variable(symbol);
+    let Some(place) = list.iter().position(|it| *it == symbol) else {
+        let why = if variable.is_structural { "shapes the equations" } else { "follows from other parameters" };
+        let help = "set it under [parameters] of the plant file, and make the machine again";
+        return Err(fault(format!("`{name}` {why}: it cannot be set in a machine"), help.to_string()));
+    };
+    let fits = match variable.basic {
+        Basic::Real => value.is_finite(),
+        Basic::Integer => value.is_finite() && value.fract() == 0.0,
+        Basic::Boolean => value == 0.0 || value == 1.0,
+    };
+    if !fits {
+        let kind = match variable.basic {
+            Basic::Real => "a finite number",
+            Basic::Integer => "a whole number",
+            Basic::Boolean => "0 or 1",
+        };
+        return Err(fault(
+            format!("`{name}`: found {value}, expected {kind}"),
+            "the value is in the unit of the text".to_string(),
+        ));
+    }
+    Ok(place)
+}

@@ -1,0 +1,141 @@
+//! Where a plant starts, as a program: compiled once for the names of what is known, computed for any parameters and readings.
+//!
+//! In: a machine, names of what is given and of what is recorded. Out: [`Starts`], which gives a [`Point`]. Never moves time on.
+
+use rsm_core::source::{Fault, Faults};
+use rsm_model::expression::{Id, Symbol};
+use rsm_model::system::Iterated;
+
+use super::computed::Computed;
+use super::file::EquationFile;
+use super::machine::{Machine, Point, TURNS, stand_still};
+
+/// The start of a machine from what is known of it.
+#[derive(Debug, Clone)]
+pub struct Starts {
+    file: String,
+    /// From parameters: the starts of memories where the text gives them, of iterated blocks, of what is iterated at the start.
+    first: Computed,
+    /// By value of `first`: the memory that it is the start of.
+    memories: Vec<usize>,
+    blocks: usize,
+    /// From what is known: solutions of what is iterated, then states and memories.
+    program: Computed,
+    /// Memories whose value before the start is an argument.
+    before: Vec<usize>,
+    iterated: usize,
+    /// By further result: the state, or else the memory.
+    places: Vec<(Option<usize>, Option<usize>)>,
+    known: usize,
+}
+
+impl Machine {
+    /// The program of the start when variables of these names are known: `given` ones all count, `recorded` ones in their order, as long as something is open.
+    ///
+    /// # Errors
+    /// What is demanded of the start is too much, contradicts itself, or leaves something open.
+    pub fn starts(&mut self, file: &EquationFile, given: &[String], recorded: &[String]) -> Result<Starts, Faults> {
+        let find = |list: &[String]| -> Vec<Option<Symbol>> { list.iter().map(|it| self.system().find(it)).collect() };
+        let all = [find(given), find(recorded)].concat();
+        if let Some(name) = given.iter().chain(recorded).zip(&all).find(|it| it.1.is_none()).map(|it| it.0) {
+            return Err(Faults::one(Fault::whole_file(&file.file, format!("the start: no variable is called `{name}`"))));
+        }
+        let symbols: Vec<Symbol> = all.into_iter().flatten().collect();
+        let (own, further) = symbols.split_at(given.len());
+        let start = self.solved_start(own, further)?;
+        let system = self.system();
+        let memories = system.memories();
+        let begins: Vec<(usize, Id)> = memories
+            .iter()
+            .enumerate()
+            .filter_map(|(k, memory)| Some((k, system.flat().variable(memory.variable).start?)))
+            .collect();
+        let begin = |list: &[Iterated]| -> Vec<Id> { list.iter().map(|it| it.start).collect() };
+        let first: Vec<Id> =
+            begins.iter().map(|it| it.1).chain(begin(system.iterated())).chain(begin(&start.iterated)).collect();
+        let mut known: Vec<Symbol> = system.find("time").into_iter().collect();
+        known.extend(system.inputs());
+        known.extend(system.parameters());
+        known.extend(system.switches().iter().map(|it| it.held));
+        let before: Vec<usize> = (0..memories.len()).filter(|k| memories[*k].held != memories[*k].variable).collect();
+        known.extend(before.iter().map(|k| memories[*k].before));
+        known.extend(start.iterated.iter().map(|it| it.guess));
+        known.extend(&symbols);
+        let mut results: Vec<Id> = start.iterated.iter().map(|it| it.value).collect();
+        results.extend(start.values.iter().map(|it| it.1));
+        let places = start.values.iter().map(|(symbol, _)| {
+            (system.states().iter().position(|it| it == symbol), memories.iter().position(|it| it.held == *symbol))
+        });
+        Ok(Starts {
+            file: file.file.clone(),
+            first: self.compiled(file, &system.parameters(), &first)?,
+            memories: begins.into_iter().map(|it| it.0).collect(),
+            blocks: system.iterated().len(),
+            program: self.compiled(file, &known, &results)?,
+            before,
+            iterated: start.iterated.len(),
+            places: places.collect(),
+            known: symbols.len(),
+        })
+    }
+}
+
+impl Starts {
+    /// The point at which a machine with its parameters starts. `inputs` are those of the first row, `values` those of what is given and then of what is recorded, in the order of the names.
+    ///
+    /// # Errors
+    /// The equations of the start do not settle.
+    ///
+    /// # Panics
+    /// When there are other numbers of values or inputs than names and inputs.
+    pub fn at(&self, machine: &Machine, time: f64, inputs: &[f64], values: &[f64]) -> Result<Point, Faults> {
+        assert_eq!(values.len(), self.known, "one value for each name");
+        let system = machine.system();
+        let memories = system.memories().len();
+        let parameters = machine.values_of_parameters();
+        let first = self.first.values(parameters);
+        let (begins, rest) = first.split_at(self.memories.len());
+        let (blocks, guesses) = rest.split_at(self.blocks);
+        let mut point = Point {
+            time,
+            states: vec![0.0; system.states().len()],
+            inputs: machine.with_followers(inputs),
+            held: vec![0.0; system.switches().len()],
+            memories: vec![0.0; memories],
+            guesses: blocks.to_vec(),
+        };
+        self.memories.iter().zip(begins).for_each(|(k, value)| point.memories[*k] = *value);
+        let mut guesses = guesses.to_vec();
+        // Starts depend on comparisons and these on starts: a few turns settle both, or nothing does.
+        for _ in 0..TURNS {
+            let last = point.clone();
+            let mut arguments: Vec<f64> = system.find("time").map(|_| time).into_iter().collect();
+            for part in [&point.inputs[..], parameters, &point.held] {
+                arguments.extend_from_slice(part);
+            }
+            arguments.extend(self.before.iter().map(|k| point.memories[*k]));
+            arguments.extend_from_slice(&guesses);
+            arguments.extend_from_slice(values);
+            let found = self.program.values(&arguments);
+            let moves = !stand_still(&guesses, &found);
+            guesses.copy_from_slice(&found[..self.iterated]);
+            for ((state, memory), value) in self.places.iter().zip(&found[self.iterated..]) {
+                if let Some(k) = state {
+                    point.states[*k] = *value;
+                }
+                if let Some(k) = memory {
+                    point.memories[*k] = *value;
+                }
+            }
+            machine.settle(&mut point);
+            point.held = machine.rates_and_truths(&point).1;
+            if point == last && !moves {
+                return Ok(point);
+            }
+        }
+        let what = "the start has no solution near the starts of the text: its equations do not settle";
+        Err(Faults::one(
+            Fault::whole_file(&self.file, what).help("give nearer starts under [initial], or `start = ...` in the text"),
+        ))
+    }
+}
