@@ -23,5 +23,6 @@ pub mod plant;
 pub mod random;
 pub mod reliability;
 pub mod surfaces;
+pub mod systems;
 pub mod untidy;
 pub mod verification;

@@ -5,6 +5,7 @@
 
 mod report;
 mod surface_table;
+mod system_table;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -19,15 +20,17 @@ use report::{Line, Report};
 const USAGE: &str = "\
 usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond] [--case NAME] [--quick]
                               [--rows N] [--colour CORRELATION] [--stated FACTOR]
-                              [--lost N] [--growing SHARE] [--tails FREEDOM] [--outliers SHARE] [--without OUTPUT,...] [--late ROWS]
+                              [--lost N] [--growing SHARE] [--tails FREEDOM] [--outliers SHARE] [--without OUTPUT,...] [--late ROWS] [--plants new]
            makes cases, runs `rsm diagnose` on each, compares with the truth
            --case: a case, or all whose names begin so (`servo-axis-*`); --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all
            --lost: one row in N is lost, in gaps of 1 to 3; --growing: noise grows by so many times itself up to the largest reading; --tails: it is Student's t;
            --outliers: such a share of the readings has 20 times the noise;
+           --plants new: the plants of examples/plants, families singles, pairs, nulls, outside, in place of those that are built in; `make` and `verify` too
            --without: no record holds these outputs; --late: so many rows of each beginning are missing, so that records begin in motion
        hidden-effects make   --out DIR [the same]      makes the cases only
        hidden-effects verify --rsm PROGRAM --out DIR [--seed N] [--quick]
            compares `rsm simulate` with the plants of this package, an effect a line
+       hidden-effects examples --out DIR      writes the records of the examples: DIR is examples/plants
        hidden-effects coverage --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [the same]
            how often intervals of 95 % hold the truth: parameters are off as their tolerances say; of every seed the nulls, the symmetries and a tenth of the singles
        hidden-effects surfaces --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept] [--case NAME] [--quick]
@@ -40,10 +43,13 @@ struct Words {
     seed: u64,
     seeds: u64,
     choice: Choice,
+    /// The plants of examples/plants, in place of those that are built in.
+    new_plants: bool,
 }
 
 fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Words, String> {
     let (mut rsm, mut out, mut seed, mut seeds, mut choice) = (None, None, 1, 1, Choice::default());
+    let mut new_plants = false;
     while let Some(word) = words.next() {
         let mut value = || words.next().ok_or(format!("{word} wants a value"));
         match word.as_str() {
@@ -60,6 +66,10 @@ fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Wor
             }
             "--case" => choice.name = Some(value()?),
             "--quick" => choice.quick = true,
+            "--plants" => match value()?.as_str() {
+                "new" => new_plants = true,
+                other => return Err(format!("--plants: found {other}, expected new")),
+            },
             "--rows" => choice.rows = Some(value()?.parse().map_err(|error| format!("--rows: {error}"))?),
             "--colour" => choice.colour = Some(value()?.parse().map_err(|error| format!("--colour: {error}"))?),
             "--lost" => choice.untidy.lost = Some(value()?.parse().map_err(|error| format!("--lost: {error}"))?),
@@ -75,16 +85,21 @@ fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Wor
     if needs_rsm && rsm.is_none() {
         return Err(format!("--rsm is missing\n{USAGE}"));
     }
-    Ok(Words { rsm: rsm.unwrap_or_default(), out: out.ok_or("--out is missing")?, seed, seeds, choice })
+    Ok(Words { rsm: rsm.unwrap_or_default(), out: out.ok_or("--out is missing")?, seed, seeds, choice, new_plants })
 }
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
     let result = match arguments.next().as_deref() {
-        Some("judge") => words(arguments, true).and_then(|words| judge_all(&words)),
-        Some("make") => words(arguments, false).and_then(|words| make(&words)),
+        Some("judge") => words(arguments, true)
+            .and_then(|words| if words.new_plants { system_table::judge_all(&words) } else { judge_all(&words) }),
+        Some("make") => {
+            words(arguments, false).and_then(|words| if words.new_plants { system_table::make(&words) } else { make(&words) })
+        }
+        Some("examples") => words(arguments, false).and_then(|words| system_table::examples(&words)),
         Some("coverage") => words(arguments, true).and_then(|words| coverage(&words)),
-        Some("verify") => words(arguments, true).and_then(|words| verify(&words)),
+        Some("verify") => words(arguments, true)
+            .and_then(|words| if words.new_plants { system_table::verify(&words) } else { verify(&words) }),
         Some("surfaces") => surface_table::run(arguments),
         _ => Err(USAGE.to_string()),
     };

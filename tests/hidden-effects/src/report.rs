@@ -27,16 +27,15 @@ pub(crate) struct Line {
 impl Line {
     /// A case without an answer yet: wrong.
     pub(crate) fn new(case: &Case, seconds: f64) -> Self {
+        // What is not explained gains nothing.
+        let gain_share = (!case.causes.is_empty()).then_some(0.0);
+        Line { gain_share, ..Line::of(case.family, &case.name, case.signal_to_noise, seconds) }
+    }
+
+    /// The same of a case of which no gain is measured.
+    pub(crate) fn of(family: Family, name: &str, signal_to_noise: f64, seconds: f64) -> Self {
         let judgement = Judgement { right: false, answer: String::new(), errors: vec![], covered: 0, named: vec![] };
-        Line {
-            family: case.family,
-            name: case.name.clone(),
-            signal_to_noise: case.signal_to_noise,
-            seconds,
-            judgement,
-            // What is not explained gains nothing.
-            gain_share: (!case.causes.is_empty()).then_some(0.0),
-        }
+        Line { family, name: name.to_string(), signal_to_noise, seconds, judgement, gain_share: None }
     }
 }
 

@@ -1,0 +1,241 @@
+//! Is an answer about a plant of `examples/plants/` right?
+//!
+//! In: a case and the JSON of `rsm diagnose` (docs/book/src/reference/formats.md 4.3). Out: right or wrong with the reason, and errors of numbers. A cause is expected by its kind and the
+//! place where it stands. Another set of causes is right too if it leaves the same trace: it is simulated and refitted, no list says so.
+
+use serde_json::Value;
+
+use super::cases::Case;
+use super::refit::{Trace, refit};
+use super::{Cause, System, draw};
+use crate::case::Family;
+use crate::judge::{Judgement, covers};
+use crate::reliability::Named;
+
+/// Two explanations are one when their traces differ by less than this, in units of noise: root mean square over all records at the output where they differ most.
+///
+/// A fifth of the noise is what a sensor's data sheet does not promise either; a cause that shows at 1 to 30 times the noise is not lost in it.
+pub const SAME: f64 = 0.2;
+
+/// The longest list of equals that still says something.
+const EQUALS: usize = 4;
+
+/// A cause of an answer: with its numbers, its equals, and all that is said of it.
+struct Found<'j> {
+    cause: Cause,
+    equals: Vec<&'j str>,
+    said: &'j Value,
+}
+
+/// The place that an answer names, by any of the keys that a cause has; where it names none, the only one of this plant where the kind can stand.
+fn place(system: &System, said: &Value, kind: &str) -> String {
+    let named = ["at", "site", "output", "parameter", "input"].iter().find_map(|key| said[*key].as_str());
+    let mut possible = draw::everywhere(system).into_iter().filter(|it| it.0 == kind).map(|it| it.1);
+    let only = match (possible.next(), possible.next()) {
+        (Some(one), None) => one,
+        _ => "?",
+    };
+    named.unwrap_or(only).to_string()
+}
+
+fn found<'j>(system: &System, answer: &'j Value) -> Vec<Found<'j>> {
+    let one = |said: &'j Value| {
+        let kind = said["kind"].as_str().unwrap_or("?");
+        let numbers = said["parameters"].as_object().or(said["numbers"].as_object());
+        let numbers = numbers.into_iter().flatten();
+        let value = |(name, it): (&String, &Value)| Some((name.clone(), it["value"].as_f64().or(it.as_f64())?));
+        let equals = ["indistinguishable_from", "equals"].iter().find_map(|key| said[*key].as_array());
+        Found {
+            cause: Cause {
+                kind: kind.to_string(),
+                at: place(system, said, kind),
+                numbers: numbers.filter_map(value).collect(),
+            },
+            equals: equals.into_iter().flatten().filter_map(|it| it.as_str().or(it["name"].as_str())).collect(),
+            said,
+        }
+    };
+    answer["causes"].as_array().into_iter().flatten().map(one).collect()
+}
+
+/// Whether a list of equals names a cause, by kind and place, or by its kind where that has one place only.
+fn names(system: &System, equals: &[&str], cause: &Cause) -> bool {
+    let places = draw::everywhere(system).iter().filter(|it| it.0 == cause.kind).count();
+    let full = cause.name();
+    equals.iter().any(|it| *it == full || places == 1 && *it == cause.kind)
+}
+
+/// One law under two names.
+fn is_one(one: &Cause, other: &Cause) -> bool {
+    let kind = |it: &Cause| if it.kind == "windage" { "quadratic-drag".to_string() } else { it.kind.clone() };
+    kind(one) == kind(other) && one.at == other.at
+}
+
+/// Whether the answer names each true cause, or an equal of it that it lists, and nothing else.
+fn is_named(case: &Case, found: &[Found<'_>]) -> bool {
+    let system = case.truth.system;
+    let mut open: Vec<&Found<'_>> = found.iter().collect();
+    for cause in &case.truth.causes {
+        let by_name = open.iter().position(|it| is_one(&it.cause, cause));
+        let by_equal = || open.iter().position(|it| it.equals.len() <= EQUALS && names(system, &it.equals, cause));
+        let Some(place) = by_name.or_else(by_equal) else { return false };
+        open.remove(place);
+    }
+    open.is_empty()
+}
+
+/// Whether the causes of an answer leave the trace of the truth, as well as they can: no more causes than the truth has, refitted along its records.
+fn is_same_trace(case: &Case, found: &[Found<'_>]) -> Option<f64> {
+    if found.is_empty() || found.len() > case.truth.causes.len() {
+        return None;
+    }
+    let system = case.truth.system;
+    let everywhere = draw::everywhere(system);
+    let stands = |it: &Found<'_>| everywhere.iter().any(|(kind, at)| *kind == it.cause.kind && *at == it.cause.at);
+    if !found.iter().all(stands) {
+        return None;
+    }
+    let causes: Vec<Cause> = found.iter().map(|it| it.cause.clone()).collect();
+    let traces: Vec<Trace> = case.train.iter().map(|it| it.exact.clone()).collect();
+    let misfit = refit(&case.file, &causes, &traces, &case.noise, 0.5 * SAME).misfit;
+    (misfit < SAME).then_some(misfit)
+}
+
+fn list(found: &[Found<'_>]) -> String {
+    found.iter().map(|it| it.cause.name()).collect::<Vec<_>>().join(", ")
+}
+
+/// Judges an answer.
+pub fn judge(case: &Case, answer: &Value) -> Judgement {
+    let verdict = answer["verdict"].as_str().unwrap_or("no verdict");
+    let found = found(case.truth.system, answer);
+    let mut words = if found.is_empty() { verdict.to_string() } else { format!("{verdict}: {}", list(&found)) };
+    let mut is_equal = false;
+    let right = match case.family {
+        Family::Nulls => verdict == "no-discrepancy" && found.is_empty(),
+        Family::Outside => verdict == "unexplained",
+        _ if verdict != "explained" => false,
+        _ if is_named(case, &found) => true,
+        _ => {
+            let misfit = is_same_trace(case, &found);
+            is_equal = misfit.is_some();
+            misfit.iter().for_each(|misfit| words.push_str(&format!(" (the same trace to {misfit:.2} of the noise)")));
+            is_equal
+        }
+    };
+    if !right {
+        let truth: Vec<String> = case.truth.causes.iter().chain(&case.truth.outside).map(Cause::name).collect();
+        if !truth.is_empty() {
+            words.push_str(&format!(" (hidden: {})", truth.join(", ")));
+        }
+    }
+    let (mut errors, mut covered) = (vec![], 0);
+    for cause in &case.truth.causes {
+        let Some(it) = found.iter().find(|it| is_one(&it.cause, cause)) else { continue };
+        for (number, truth) in &cause.numbers {
+            let name = format!("{}.{number}", cause.name());
+            let Some(value) = it.cause.get(number) else {
+                errors.push((name, f64::INFINITY));
+                continue;
+            };
+            // A phase and a rest are measured against a turn and against the distance that they shift: they have no scale of their own.
+            let error = match number.as_str() {
+                "phase" => {
+                    let turn = (value - truth + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+                    turn.abs() / std::f64::consts::PI
+                }
+                _ => (value - truth).abs() / scale(case, cause, number, *truth),
+            };
+            errors.push((name, error));
+            let given = if it.said["parameters"].is_object() { &it.said["parameters"] } else { &it.said["numbers"] };
+            covered += usize::from(covers(number, *truth, &given[number]));
+        }
+    }
+    let named = found.iter().map(|it| {
+        let by_name = case.truth.causes.iter().any(|cause| is_one(&it.cause, cause)) || is_equal;
+        let by_equal = case.truth.causes.iter().any(|cause| names(case.truth.system, &it.equals, cause));
+        Named::of(it.said, by_name, by_name || by_equal)
+    });
+    Judgement { right, answer: words, errors, covered, named: named.collect() }
+}
+
+/// What an error of a number is compared with: the number, or for a position or a temperature the range of its site; for a gain or an exponent what it differs from 1.
+fn scale(case: &Case, cause: &Cause, number: &str, truth: f64) -> f64 {
+    match (number, case.truth.system.site(&cause.at)) {
+        ("rest" | "ambient" | "level_limit", Some(site)) => site.speed.max(site.position.min(10.0)),
+        _ => truth.abs().max(f64::MIN_POSITIVE),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cases::{Choice, cases};
+    use super::*;
+    use serde_json::json;
+
+    fn case(name: &str) -> Case {
+        let choice = Choice { name: Some(name.to_string()), rows: Some(800), ..Choice::default() };
+        cases(1, choice, |_| {}).next().expect("a case of this name")
+    }
+
+    fn number(value: f64) -> Value {
+        json!({ "value": value, "low": 0.9 * value, "high": 1.1 * value })
+    }
+
+    #[test]
+    fn a_cause_is_right_at_its_own_place_only() {
+        let case = case("gear-motor-coulomb-friction");
+        let torque = case.truth.causes[0].numbers[0].1;
+        let right = |verdict: &str, causes: Value| judge(&case, &json!({ "verdict": verdict, "causes": causes })).right;
+        let cause = |at: &str| json!([{ "kind": "coulomb-friction", "at": at, "parameters": { "torque": number(torque) } }]);
+        assert!(
+            right("explained", cause("shaft"))
+                && !right("unexplained", cause("shaft"))
+                && !right("explained", cause("armature"))
+        );
+        // The only place where it can stand, and the site's own key.
+        assert!(right("explained", json!([{ "kind": "coulomb-friction", "parameters": { "torque": number(torque) } }])));
+        assert!(right(
+            "explained",
+            json!([{ "kind": "coulomb-friction", "site": "shaft", "parameters": { "torque": number(torque) } }])
+        ));
+        assert!(right("explained", json!([{ "kind": "load-drift", "at": "shaft", "equals": ["coulomb-friction:shaft"] }])));
+        // Another law, simulated and refitted, leaves another trace.
+        assert!(!right(
+            "explained",
+            json!([{ "kind": "constant-load", "at": "shaft", "parameters": { "torque": number(torque) } }])
+        ));
+        assert!(!right("explained", json!([])));
+    }
+
+    #[test]
+    fn what_leaves_the_same_trace_is_right() {
+        let case = case("gear-motor-constant-load");
+        let torque = case.truth.causes[0].numbers[0].1;
+        let offset = json!([{ "kind": "input-bias", "at": "load", "parameters": { "bias": number(1.2*torque) } }]);
+        let judgement = judge(&case, &json!({ "verdict": "explained", "causes": offset }));
+        assert!(judgement.right && judgement.answer.contains("the same trace"), "{}", judgement.answer);
+        assert!(judgement.named[0].right && judgement.errors.is_empty());
+    }
+
+    #[test]
+    fn nothing_and_a_force_of_no_file_have_verdicts_of_their_own() {
+        let answer = |verdict: &str, causes: Value| json!({ "verdict": verdict, "causes": causes });
+        let nothing = case("heated-block-null-0");
+        assert!(judge(&nothing, &answer("no-discrepancy", json!([]))).right);
+        assert!(!judge(&nothing, &answer("explained", json!([{ "kind": "leak", "at": "block" }]))).right);
+        assert!(!judge(&nothing, &json!({})).right);
+        let gusts = case("road-vehicle-outside-gusts");
+        assert!(judge(&gusts, &answer("unexplained", json!([]))).right);
+        assert!(!judge(&gusts, &answer("no-discrepancy", json!([]))).right);
+    }
+
+    #[test]
+    fn errors_are_relative_and_intervals_are_counted() {
+        let case = case("gear-motor-coulomb-friction");
+        let torque = case.truth.causes[0].numbers[0].1;
+        let causes = json!([{ "kind": "coulomb-friction", "at": "shaft", "parameters": { "torque": number(1.02*torque) } }]);
+        let judgement = judge(&case, &json!({ "verdict": "explained", "causes": causes }));
+        assert!((judgement.errors[0].1 - 0.02).abs() < 1e-9 && judgement.covered == 1, "{judgement:?}");
+    }
+}
