@@ -5,7 +5,7 @@
 
 pub mod declared;
 
-use crate::kind::PlantKind;
+use crate::kind::{OUTPUTS, PlantKind};
 use crate::parameters::Parameters;
 
 pub use declared::{Argument, Declared, Plausible, Role, Step, Unit};
@@ -19,6 +19,8 @@ pub enum Subject {
     Parameter,
     /// `output`: an output of the plant.
     Output,
+    /// `at`: a site or an input of a plant of equations.
+    Site,
 }
 
 /// An effect that stands in a file.
@@ -75,6 +77,43 @@ impl Arguments {
     }
 }
 
+/// Where a search for the numbers of an effect may begin, by the scales of the records.
+pub enum Guesses {
+    /// As code says.
+    Code(fn(&Survey) -> Vec<Guess>),
+    /// As the file of the effect says at one place of a plant.
+    File(Box<FromFile>),
+}
+
+/// Guesses by the scales of the records.
+pub type FromFile = dyn Fn(&Survey) -> Vec<Guess> + Send + Sync;
+
+impl Guesses {
+    /// Where it may begin.
+    #[must_use]
+    pub fn of(&self, survey: &Survey) -> Vec<Guess> {
+        match self {
+            Guesses::Code(code) => code(survey),
+            Guesses::File(file) => file(survey),
+        }
+    }
+}
+
+impl std::fmt::Debug for Guesses {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Guesses")
+    }
+}
+
+/// The sizes of the quantities of a place at which effects can stand, by their names: roles of a site, and the scales that files of effects name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scales {
+    /// The place.
+    pub at: String,
+    /// Each size by its name.
+    pub sizes: Vec<(String, f64)>,
+}
+
 /// What a file, a report and a test may know of an effect.
 #[derive(Debug)]
 pub struct Description {
@@ -82,8 +121,10 @@ pub struct Description {
     pub kind: &'static str,
     /// The plants on which it can stand.
     pub plants: &'static [PlantKind],
-    /// Whether it names a parameter or an output.
+    /// Whether it names a parameter, an output or a site.
     pub subject: Subject,
+    /// The only place where it stands, of an effect of a plant of equations; `None` where any name of its kind will do.
+    pub at: Option<&'static str>,
     /// Its numbers.
     pub arguments: &'static [Argument],
     /// What the report says; `{name}` stands for an argument with its unit.
@@ -93,7 +134,7 @@ pub struct Description {
     /// Makes the effect.
     pub build: fn(&Arguments) -> Box<dyn Effect>,
     /// Where a search for its numbers may begin.
-    pub guesses: fn(&Survey) -> Vec<Guess>,
+    pub guesses: Guesses,
     /// What else a search wants to know.
     pub declared: Declared,
 }
@@ -116,21 +157,23 @@ pub struct Survey {
     /// Typical speed of the first body.
     pub speed: f64,
     /// Largest output that is read in these records, for each output of the plant.
-    pub largest: [f64; 3],
+    pub largest: [f64; OUTPUTS],
     /// Spread (standard deviation about the mean) of each output.
-    pub spread: [f64; 3],
+    pub spread: [f64; OUTPUTS],
     /// Noise of each output.
-    pub noise: [f64; 3],
+    pub noise: [f64; OUTPUTS],
     /// Waves of force over the position in what is left, the strongest first; of an axis.
     pub waves: Vec<Wave>,
     /// The smallest step between readings of each output, where they are multiples of one.
-    pub quantum: [Option<f64>; 3],
+    pub quantum: [Option<f64>; OUTPUTS],
     /// The gears in which records run, first gear first; all false elsewhere.
     pub gears: [bool; 5],
     /// The named output, of an effect on one.
     pub output: usize,
     /// The nominal value of the named parameter, of an effect on one.
     pub nominal: f64,
+    /// Sizes at the places of a plant of equations; empty elsewhere.
+    pub scales: Vec<Scales>,
 }
 
 /// A force amplitude sin(2 pi q/pitch + phase) over the position of an axis.

@@ -2,7 +2,12 @@
 //!
 //! In: nothing. Out: names and units of inputs and outputs, the same for files, records and simulation. Never holds a value.
 
-/// A plant of section 2 of docs/book/src/reference/plants.md.
+use std::any::Any;
+
+use crate::quantity::Nominal;
+pub use crate::quantity::Signal;
+
+/// A plant of section 2 of docs/book/src/reference/plants.md, or one of equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlantKind {
     /// Surface permanent-magnet motor in the rotor frame.
@@ -11,19 +16,70 @@ pub enum PlantKind {
     Driveline,
     /// A driven linear axis.
     ServoAxis,
+    /// A plant of equations.
+    Equations(&'static Described),
+}
+
+/// What files, records and reports know of a plant of equations. It lives as long as the program: a program reads few plants, and every part of it speaks of them.
+pub struct Described {
+    /// The name of its model.
+    pub name: &'static str,
+    /// The inputs, in the order of the text.
+    pub inputs: Vec<Signal>,
+    /// The outputs, in the order of the text.
+    pub outputs: Vec<Signal>,
+    /// What can say where a record starts, in the places of a [`StartValues`]: outputs that follow from states.
+    pub starts: Vec<Signal>,
+    /// The numbers that may be set.
+    pub parameters: Vec<Nominal>,
+    /// Parameters that a record decides.
+    pub decisions: Vec<Decision>,
+    /// The values of the parameters in the plant file, in their order.
+    pub values: Vec<f64>,
+    /// The text of the plant file that it was read from.
+    pub text: String,
+    /// The files that the plant file names, with their texts.
+    pub files: Vec<(String, String)>,
+    /// The equations, for the module that runs them.
+    pub equations: Box<dyn Any + Send + Sync>,
+}
+
+/// A parameter that a record decides.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Decision {
+    /// The parameter.
+    pub parameter: &'static str,
+    /// The column that is constant in a record and gives it, with its name in the plant; `None` where the absence of columns decides.
+    pub column: Option<&'static str>,
+    /// The parameter is 1 where all of these are absent, else 0. Absent inputs are 0.
+    pub without: Vec<&'static str>,
+}
+
+impl PartialEq for Described {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self, other)
+    }
+}
+
+impl Eq for Described {}
+
+impl std::fmt::Debug for Described {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Described({})", self.name)
+    }
+}
+
+/// Outputs that a diagnosis compares, at most.
+pub const OUTPUTS: usize = 12;
+
+/// A value for each output: those of the first ones, and one for all further.
+#[must_use]
+pub fn by_output<T: Copy>(first: &[T], further: T) -> [T; OUTPUTS] {
+    std::array::from_fn(|output| first.get(output).copied().unwrap_or(further))
 }
 
 /// A start of a simulation: a value for each of [`PlantKind::starts`], 0 beyond them.
-pub type StartValues = [f64; 6];
-
-/// A named quantity with its unit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Signal {
-    /// Its name in a record.
-    pub name: &'static str,
-    /// Its unit inside the code.
-    pub unit: &'static str,
-}
+pub type StartValues = [f64; OUTPUTS];
 
 const fn signal(name: &'static str, unit: &'static str) -> Signal {
     Signal { name, unit }
@@ -41,6 +97,7 @@ impl PlantKind {
             PlantKind::Pmac => "pmac",
             PlantKind::Driveline => "driveline",
             PlantKind::ServoAxis => "servo-axis",
+            PlantKind::Equations(it) => it.name,
         }
     }
 
@@ -54,6 +111,7 @@ impl PlantKind {
             PlantKind::Pmac => PMAC,
             PlantKind::Driveline => DRIVELINE,
             PlantKind::ServoAxis => AXIS,
+            PlantKind::Equations(it) => &it.inputs,
         }
     }
 
@@ -68,6 +126,7 @@ impl PlantKind {
             PlantKind::Pmac => PMAC,
             PlantKind::Driveline => DRIVELINE,
             PlantKind::ServoAxis => AXIS,
+            PlantKind::Equations(it) => &it.outputs,
         }
     }
 
@@ -88,6 +147,7 @@ impl PlantKind {
             PlantKind::ServoAxis => AXIS,
             PlantKind::Driveline => DRIVELINE,
             PlantKind::Pmac => self.outputs(),
+            PlantKind::Equations(it) => &it.starts,
         }
     }
 
@@ -108,6 +168,11 @@ impl PlantKind {
         }
         if self == PlantKind::Pmac {
             columns.push(signal("angle", "rad"));
+        }
+        if let PlantKind::Equations(it) = self {
+            // A column that decides a parameter is a number without a unit.
+            let decides = it.decisions.iter().filter_map(|it| it.column).map(|name| Signal { name, unit: "" });
+            columns.extend(decides.filter(|it| !it.name.is_empty()));
         }
         columns
     }

@@ -30,6 +30,8 @@
 // What is public is what a user of the library needs.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
+pub mod quantity;
+
 pub mod kind;
 
 pub mod schema;
@@ -53,6 +55,8 @@ pub mod code;
 pub mod equations;
 
 mod integrate;
+
+pub mod equation_plant;
 
 pub mod simulate;
 

@@ -7,7 +7,7 @@ use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_fit::table::{Table, Wanted};
 
-use crate::kind::{PlantKind, Signal};
+use crate::kind::{Described, PlantKind, Signal};
 use crate::plant_file::PlantFile;
 
 /// Jitter beyond this share of the period is a fault (docs/book/src/reference/plants.md 1.2).
@@ -22,6 +22,8 @@ pub enum Drive {
     HoldsDirectCurrent,
     /// The controller of the axis, from the reference.
     Closed,
+    /// The inputs of a plant of equations, which are all in the record.
+    Inputs,
 }
 
 /// A uniformly sampled record.
@@ -43,6 +45,8 @@ pub struct Record {
     pub angle: Option<f64>,
     /// The outputs that it holds, in the order of the plant.
     pub measured: Vec<Option<Vec<f64>>>,
+    /// Parameters of a plant of equations that the record decides.
+    pub settings: Vec<(&'static str, f64)>,
     /// Rows (from 0) before which time is missing or goes back: none in a record that [`Record::read`] accepts.
     pub breaks: Vec<usize>,
 }
@@ -127,11 +131,21 @@ impl Record {
         let time = take("time").unwrap_or_default();
         let (period, breaks) = uniform(&time, &table, gaps, &mut faults);
         let gear = take("gear").map_or(1, |gears| constant_gear(&gears, &table, &mut faults));
+        let settings = match plant.kind {
+            PlantKind::Equations(kind) => columns.settings(kind, &take, &mut faults),
+            _ => Vec::new(),
+        };
+        // An input that a record of a plant of equations may leave out is 0 then.
+        let left_out = if drive == Drive::Inputs { vec![0.0; time.len()] } else { Vec::new() };
         let record = Record {
+            settings,
             file: table.file.clone(),
             drive,
             period,
-            inputs: inputs(plant.kind, drive).iter().map(|signal| take(signal.name).unwrap_or_default()).collect(),
+            inputs: inputs(plant.kind, drive)
+                .iter()
+                .map(|signal| take(signal.name).unwrap_or_else(|| left_out.clone()))
+                .collect(),
             gear,
             angle: take("angle").and_then(|angles| angles.first().copied()),
             measured: plant.kind.outputs().iter().map(|signal| take(signal.name)).collect(),
@@ -164,6 +178,7 @@ impl Record {
             period: self.period,
             inputs: self.inputs.iter().map(cut).collect(),
             gear: self.gear,
+            settings: self.settings.clone(),
             angle: self.angle.filter(|_| rows.start == 0),
             measured: self.measured.iter().map(|values| values.as_ref().map(cut)).collect(),
             breaks: self
@@ -184,6 +199,7 @@ pub fn inputs(kind: PlantKind, drive: Drive) -> &'static [Signal] {
         (PlantKind::Driveline, _) => &kind.inputs()[..1],
         (PlantKind::ServoAxis, Drive::Closed) => &kind.inputs()[1..],
         (PlantKind::ServoAxis, _) => &kind.inputs()[..1],
+        (PlantKind::Equations(it), _) => &it.inputs,
     }
 }
 
@@ -199,6 +215,42 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
+    /// Inputs of a plant of equations that a record may leave out, where it leaves them all out.
+    fn absent(&self, plant: &Described) -> Vec<&'static str> {
+        let lists = plant.decisions.iter().map(|it| &it.without);
+        lists.filter(|list| list.iter().all(|name| !self.has(name))).flatten().copied().collect()
+    }
+
+    /// What the record decides of the parameters of a plant of equations.
+    fn settings(
+        &self,
+        plant: &Described,
+        take: &dyn Fn(&str) -> Option<Vec<f64>>,
+        faults: &mut Collector,
+    ) -> Vec<(&'static str, f64)> {
+        let mut settings = Vec::new();
+        for decision in &plant.decisions {
+            let Some(column) = decision.column else {
+                let is_absent = decision.without.iter().all(|name| !self.has(name));
+                settings.push((decision.parameter, f64::from(u8::from(is_absent))));
+                continue;
+            };
+            let Some(values) = take(column) else { continue };
+            let Some(first) = values.first().copied() else { continue };
+            if let Some(row) = values.iter().position(|it| *it != first) {
+                let name = self.name(column);
+                let what = format!("`{name}`: found {} in row {}, it began with {first}", values[row], row + 1);
+                let help = format!(
+                    "it sets the parameter `{}`, which is one number a record: cut the record there",
+                    decision.parameter
+                );
+                faults.push(Fault::at_line(&self.header.file, self.header.header_line + 1 + row, 0, what).help(help));
+            }
+            settings.push((decision.parameter, first));
+        }
+        settings
+    }
+
     /// The name of a signal in this record.
     fn name<'n>(&'n self, signal: &'n str) -> &'n str {
         name_of(self.plant, signal)
@@ -231,6 +283,11 @@ impl Columns<'_> {
                 needed.push(if closed { "reference" } else { "command" });
                 if closed { Drive::Closed } else { Drive::Open }
             }
+            PlantKind::Equations(plant) => {
+                let absent = self.absent(plant);
+                needed.extend(plant.inputs.iter().map(|it| it.name).filter(|it| !absent.contains(it)));
+                Drive::Inputs
+            }
         };
         for signal in needed {
             if !self.has(signal) {
@@ -254,7 +311,12 @@ impl Columns<'_> {
         let renamed = self.plant.columns.iter().find(|renamed| renamed.signal == signal.name);
         let in_header = table.column(name).and_then(|column| column.unit.as_deref());
         let stated = renamed.and_then(|renamed| renamed.unit.as_deref());
+        let takes_any = matches!(self.plant.kind, PlantKind::Equations(_));
         match (in_header, stated) {
+            // Where a text or a record of a plant of equations has no unit, the numbers are taken as they are.
+            (in_header, stated) if takes_any && (signal.unit.is_empty() || in_header.or(stated).is_none()) => {
+                Ok(table.column(name).map(|it| it.values.clone()).unwrap_or_default())
+            }
             (Some(_), _) => Ok(table.values_in(name, Some(signal.unit))?.0),
             (None, Some(stated)) => {
                 let conversion = rsm_fit::units::Conversion::between(stated, signal.unit)

@@ -7,6 +7,7 @@ use std::fmt;
 
 use rsm_core::source::{Fault, Faults};
 
+use crate::equation_plant;
 use crate::hooks::Hooks;
 use crate::integrate::{self, MOST_STEPS, Span, System, Work};
 use crate::kind::{PlantKind, Signal, StartValues};
@@ -92,7 +93,16 @@ enum Equations {
 }
 
 /// A plant with its effects, ready for one record; it can run many times.
-pub struct Simulator {
+pub struct Simulator(Way);
+
+/// By which engine it runs.
+enum Way {
+    Own(Box<Own>),
+    Equations(Box<equation_plant::Run>),
+}
+
+/// One of the plants that are code.
+struct Own {
     equations: Equations,
     kind: PlantKind,
     hooks: Hooks,
@@ -108,66 +118,46 @@ impl Simulator {
     /// The plant of a file for a record.
     ///
     /// # Errors
-    /// A fault when the start is neither in the record nor in `[initial]`.
+    /// A fault when the start is neither in the record nor in `[initial]`; of a plant of equations, when the effects cannot stand there or the start has no solution.
     pub fn new(file: &PlantFile, record: &Record) -> Result<Simulator, Faults> {
-        let parameters = file.effective_parameters();
-        let holds = record.drive == Drive::HoldsDirectCurrent;
-        let (hooks, equations) = match file.kind {
-            PlantKind::Pmac => {
-                let hooks = Hooks::new(file, Pmac::STATES);
-                let plant = Pmac::new(&parameters, &hooks, holds);
-                (hooks, Equations::Pmac(plant))
-            }
-            PlantKind::Driveline => {
-                let plant = Driveline::new(&parameters, record.gear);
-                (Hooks::new(file, Driveline::STATES), Equations::Driveline(plant))
-            }
-            PlantKind::ServoAxis => {
-                let hooks = Hooks::new(file, ServoAxis::STATES);
-                let plant = ServoAxis::new(&parameters, &hooks);
-                (hooks, Equations::ServoAxis(plant))
-            }
-        };
-        let mut start = StartValues::default();
-        for &place in starting(record, file.kind) {
-            let Some(reading) = start_of(file, record, place) else {
-                let name = file.kind.starts()[place].name;
-                let what = format!("nothing says where `{name}` starts");
-                let help = format!("give the column `{name}` in the record, or a value under [initial] of the plant file");
-                return Err(Faults::one(Fault::whole_file(&record.file, what).help(help)));
-            };
-            start[place] = match file.kind.output(file.kind.starts()[place].name) {
-                Some(output) => hooks.truth(output, reading, record.time[0]),
-                None => reading,
-            };
-        }
-        let work = Work::new(hooks.states());
-        Ok(Simulator { equations, kind: file.kind, hooks, start, refinement: 1, allowed: usize::MAX, taken: 0, work })
+        Ok(Simulator(match file.kind {
+            PlantKind::Equations(kind) => Way::Equations(Box::new(equation_plant::Run::new(kind, file, record)?)),
+            _ => Way::Own(Box::new(Own::new(file, record)?)),
+        }))
     }
 
-    /// Divides every sub-step by a whole number: how far the outputs then move shows what the step leaves.
+    /// Divides every sub-step by a whole number: how far the outputs then move shows what the step leaves. A plant of equations has an error of its own choice, and stays as it is.
     #[must_use]
     pub fn refined(mut self, factor: usize) -> Self {
-        self.refinement = factor.max(1);
+        if let Way::Own(own) = &mut self.0 {
+            own.refinement = factor.max(1);
+        }
         self
     }
 
     /// Gives a run up that takes more than so many sub-steps a row, on average over its record.
     #[must_use]
     pub fn at_most(mut self, steps_a_row: usize) -> Self {
-        self.allowed = steps_a_row;
+        if let Way::Own(own) = &mut self.0 {
+            own.allowed = steps_a_row;
+        }
         self
     }
 
     /// Sub-steps of the last run, also of one that was given up.
     #[must_use]
     pub fn taken(&self) -> usize {
-        self.taken
+        match &self.0 {
+            Way::Own(own) => own.taken,
+            Way::Equations(run) => run.taken(),
+        }
     }
 
-    /// The start as the diagnosis may vary it: true outputs, and what no column holds.
+    /// The start as the diagnosis may vary it: true outputs, and what no column holds. A plant of equations takes its start from its file.
     pub fn set_start(&mut self, start: StartValues) {
-        self.start = start;
+        if let Way::Own(own) = &mut self.0 {
+            own.start = start;
+        }
     }
 
     /// Runs along the record.
@@ -185,7 +175,15 @@ impl Simulator {
     /// # Errors
     /// [`Stopped`], when the numbers leave no way on.
     pub fn run_into(&mut self, record: &Record, outputs: &mut Outputs) -> Result<(), Stopped> {
-        self.run_with(record, None, outputs)
+        match &mut self.0 {
+            Way::Own(own) => own.run_with(record, None, outputs),
+            Way::Equations(run) => {
+                outputs.signals.clear();
+                outputs.signals.extend_from_slice(run.outputs());
+                outputs.values = run.along(record).map_err(|why| of_equations(&why))?;
+                Ok(())
+            }
+        }
     }
 
     /// Runs with a controller in the loop: at every row it reads the outputs and says the first input, which is held to the next row; the
@@ -203,8 +201,59 @@ impl Simulator {
         controller: &mut Controller<'_>,
         outputs: &mut Outputs,
     ) -> Result<(), Stopped> {
-        assert!(self.kind == PlantKind::Driveline, "only the driveline takes a controller row by row");
-        self.run_with(record, Some(controller), outputs)
+        match &mut self.0 {
+            Way::Own(own) if own.kind == PlantKind::Driveline => own.run_with(record, Some(controller), outputs),
+            _ => panic!("only the driveline takes a controller row by row"),
+        }
+    }
+}
+
+/// Why a plant of equations stopped.
+fn of_equations(stopped: &crate::equations::Stopped) -> Stopped {
+    use crate::equations::Stopped as Why;
+    match stopped {
+        Why::NotFinite { row, .. } | Why::NoSolution { row } => Stopped::NotFinite { row: *row },
+        Why::TooManySteps { row } | Why::TooManyEvents { row } => Stopped::TooLong { row: *row },
+        Why::Step(_) => Stopped::TooLong { row: 0 },
+    }
+}
+
+impl Own {
+    fn new(file: &PlantFile, record: &Record) -> Result<Own, Faults> {
+        let parameters = file.effective_parameters();
+        let holds = record.drive == Drive::HoldsDirectCurrent;
+        let (hooks, equations) = match file.kind {
+            PlantKind::Pmac => {
+                let hooks = Hooks::new(file, Pmac::STATES);
+                let plant = Pmac::new(&parameters, &hooks, holds);
+                (hooks, Equations::Pmac(plant))
+            }
+            PlantKind::Driveline => {
+                let plant = Driveline::new(&parameters, record.gear);
+                (Hooks::new(file, Driveline::STATES), Equations::Driveline(plant))
+            }
+            PlantKind::ServoAxis => {
+                let hooks = Hooks::new(file, ServoAxis::STATES);
+                let plant = ServoAxis::new(&parameters, &hooks);
+                (hooks, Equations::ServoAxis(plant))
+            }
+            PlantKind::Equations(_) => unreachable!("a plant of equations has a run of its own"),
+        };
+        let mut start = StartValues::default();
+        for place in starting(record, file.kind) {
+            let Some(reading) = start_of(file, record, place) else {
+                let name = file.kind.starts()[place].name;
+                let what = format!("nothing says where `{name}` starts");
+                let help = format!("give the column `{name}` in the record, or a value under [initial] of the plant file");
+                return Err(Faults::one(Fault::whole_file(&record.file, what).help(help)));
+            };
+            start[place] = match file.kind.output(file.kind.starts()[place].name) {
+                Some(output) => hooks.truth(output, reading, record.time[0]),
+                None => reading,
+            };
+        }
+        let work = Work::new(hooks.states());
+        Ok(Own { equations, kind: file.kind, hooks, start, refinement: 1, allowed: usize::MAX, taken: 0, work })
     }
 
     fn run_with(
@@ -250,12 +299,13 @@ impl Simulator {
 
 /// The places of [`PlantKind::starts`] that decide where a record starts (docs/book/src/reference/plants.md, section 2).
 #[must_use]
-pub fn starting(record: &Record, kind: PlantKind) -> &'static [usize] {
+pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
     match kind {
-        PlantKind::Pmac if record.drive == Drive::HoldsDirectCurrent => &[1, 2],
-        PlantKind::Pmac => &[0, 1, 2],
-        PlantKind::Driveline => &[1, 3, 4, 5],
-        PlantKind::ServoAxis => &[0, 1],
+        PlantKind::Pmac if record.drive == Drive::HoldsDirectCurrent => vec![1, 2],
+        PlantKind::Pmac => vec![0, 1, 2],
+        PlantKind::Driveline => vec![1, 3, 4, 5],
+        PlantKind::ServoAxis => vec![0, 1],
+        PlantKind::Equations(kind) => equation_plant::starting(kind, record),
     }
 }
 
@@ -468,6 +518,7 @@ impl Run<'_, '_, '_> {
                 let commands = if self.record.drive == Drive::Closed { &self.commands } else { &inputs[0] };
                 [self.hooks.input(commands[earlier]), commands[row], 0.0]
             }
+            PlantKind::Equations(_) => unreachable!("a plant of equations has a run of its own"),
         }
     }
 }

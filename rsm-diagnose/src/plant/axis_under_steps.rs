@@ -3,6 +3,7 @@
 //! In: tolerances, an effect, noise. Out: whitened records, the nominal and the true plant, and a search with the inputs that a test gives it. Used by tests alone.
 
 use rsm_core::source::Source;
+use rsm_sim::kind::OUTPUTS;
 
 use super::hypotheses::Hypothesis;
 use super::model::Model;
@@ -43,8 +44,8 @@ pub(super) fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (
     let mut random = Random::new(5);
     let mut noise = || if noisy { NOISE * random.normal() } else { 0.0 };
     record.measured[0] = Some(simulated.of("position").unwrap().iter().map(|value| value + noise()).collect());
-    let model = Model::nominal(nominal, &[&record], [NOISE; 3]);
-    (WhitenedResiduals::new(vec![Prepared::new(record, 2)], [Floor::white(NOISE); 3], 1), model)
+    let model = Model::nominal(nominal, &[&record], [NOISE; OUTPUTS]);
+    (WhitenedResiduals::new(vec![Prepared::new(record, 2)], [Floor::white(NOISE); OUTPUTS], 1), model)
 }
 
 /// A search with work without end, that tells nobody.

@@ -12,6 +12,7 @@ use super::prepared::Prepared;
 use super::whitened_residuals::{Column, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
+use rsm_sim::kind::OUTPUTS;
 
 /// The longest gap that is bridged, in rows. An instant may be off by 1 % of a period, so over ten rows their number is still known to a tenth; and of an input that
 /// changes once in the gap its mean says when, of one that changes twice it does not.
@@ -101,7 +102,7 @@ pub fn fill(prepared: &mut Prepared) {
         if *count == 0 {
             breaks.push(start);
         } else {
-            prepared.bridges.push(Bridge { rows: start..start + count, offsets: [0.0; 3] });
+            prepared.bridges.push(Bridge { rows: start..start + count, offsets: [0.0; OUTPUTS] });
         }
         inserted += count;
     }
@@ -368,10 +369,10 @@ mod tests {
         whole.record.measured[0] = Some(read.clone());
         let mut prepared = without(400, &[100, 200], |k| (command(k), read[k]));
         fill(&mut prepared);
-        let floors = [Floor::white(noise); 3];
+        let floors = [Floor::white(noise); OUTPUTS];
         let mut whitened = WhitenedResiduals::new(vec![prepared], floors, 1);
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
-        let model = Model::nominal(&file, &records, [noise; 3]);
+        let model = Model::nominal(&file, &records, [noise; OUTPUTS]);
         let before = levenberg::fit(&whitened, model, 8).unwrap();
         let (records, after) = corrected(&whitened, &before).unwrap();
         whitened.records = records;

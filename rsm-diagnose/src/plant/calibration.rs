@@ -8,6 +8,7 @@ use super::model::{self, AtStart, Model};
 use super::noise::Floor;
 use super::rounding::Rounding;
 use super::whitened_residuals::{self, WhitenedResiduals};
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -16,7 +17,7 @@ pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: A
     let records: Vec<Record> = whitened.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
-    let mut nominal = Model::beginning(&bare, at_start, &records, [1.0; 3]);
+    let mut nominal = Model::beginning(&bare, at_start, &records, [1.0; OUTPUTS]);
     nominal.file.effects = file.effects.clone();
     let simulated = whitened.run(&nominal)?;
     whitened.floors = estimate(whitened, &simulated, file);
@@ -88,12 +89,17 @@ fn mirrored(nominal: &Model, found: &Model) -> Model {
 }
 
 /// The noise of each output from what a fit leaves.
-pub fn floors(whitened: &WhitenedResiduals, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
+pub fn floors(whitened: &WhitenedResiduals, fit: &Fit, file: &PlantFile) -> [Floor; OUTPUTS] {
     estimate(whitened, &fit.simulated, file)
 }
 
 /// Floors where outputs (place, step) are rounded: what rounding leaves about the mean reading, where that can be told; else its whole error as white noise, at least.
-pub fn with_rounding(whitened: &WhitenedResiduals, fit: &Fit, mut floors: [Floor; 3], rounded: &[(usize, f64)]) -> [Floor; 3] {
+pub fn with_rounding(
+    whitened: &WhitenedResiduals,
+    fit: &Fit,
+    mut floors: [Floor; OUTPUTS],
+    rounded: &[(usize, f64)],
+) -> [Floor; OUTPUTS] {
     for &(output, step) in rounded {
         let mut lists: Vec<(&[f64], &[f64], &[bool])> = Vec::new();
         for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
@@ -128,7 +134,7 @@ pub fn with_rounding(whitened: &WhitenedResiduals, fit: &Fit, mut floors: [Floor
 }
 
 /// The noise of each output from what a simulation leaves; where records are too short for a spectrum, what the file says, or a thousandth of the largest reading.
-fn estimate(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated], file: &PlantFile) -> [Floor; 3] {
+fn estimate(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated], file: &PlantFile) -> [Floor; OUTPUTS] {
     let mut floors = whitened.floors;
     for ((output, floor), shown) in floors.iter_mut().enumerate().zip(shown(whitened, simulated)) {
         let name = file.kind.outputs().get(output).map_or("", |signal| signal.name);
@@ -156,8 +162,8 @@ impl Shown {
 }
 
 /// The noise of each output as records show it when a simulation is taken from them.
-pub fn shown(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated]) -> [Shown; 3] {
-    let mut all = [Shown::default(); 3];
+pub fn shown(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated]) -> [Shown; OUTPUTS] {
+    let mut all = [Shown::default(); OUTPUTS];
     for (output, shown) in all.iter_mut().enumerate() {
         let mut residuals: Vec<(&[f64], Vec<f64>, &[bool])> = Vec::new();
         for (prepared, simulated) in whitened.records.iter().zip(simulated) {

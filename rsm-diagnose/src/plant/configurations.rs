@@ -9,6 +9,7 @@ use super::noise::Floor;
 use super::posterior::Posterior;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use super::{validation, verdict, whiteness};
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::record::Record;
 
 /// Steps of a calibration.
@@ -43,7 +44,7 @@ pub fn apart(
     whitened: &WhitenedResiduals,
     unseen: &WhitenedResiduals,
     nominal: &Model,
-    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; 3],
+    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; OUTPUTS],
 ) -> Option<Apart> {
     let (trained, judged) = (whitened.records.len(), unseen.records.len());
     if trained + judged <= LEAST_OTHERS {
@@ -77,7 +78,7 @@ fn is_apart(
     (mut whitened, mut unseen): (WhitenedResiduals, WhitenedResiduals),
     record: &Prepared,
     nominal: &Model,
-    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; 3],
+    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; OUTPUTS],
 ) -> Option<Apart> {
     let mut fit = levenberg::fit(&whitened, on_records(nominal, &whitened), STEPS)?;
     whitened.floors = floors(&whitened, &fit);

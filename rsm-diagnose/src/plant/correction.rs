@@ -241,6 +241,10 @@ fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static st
             simulated(0);
             list.extend([("speed", "m/s"), ("direction", "1"), ("command", "V")]);
         }
+        PlantKind::Equations(plant) => {
+            (0..signals.len()).for_each(&mut simulated);
+            list.extend(plant.inputs.iter().map(|it| (it.name, it.unit)));
+        }
     }
     list
 }
@@ -272,6 +276,11 @@ fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec
             list.push(speed.clone());
             list.push(direction(&speed));
             list.push(command.unwrap_or_else(zero));
+            list
+        }
+        PlantKind::Equations(plant) => {
+            let mut list: Vec<Vec<f64>> = (0..plant.outputs.len()).filter_map(of).collect();
+            list.extend(record.inputs.iter().cloned());
             list
         }
     }

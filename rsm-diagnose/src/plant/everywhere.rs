@@ -3,6 +3,7 @@
 //! In: whole records, the plant at the end of a search. Out: the error in each window of rows. Each window has a start of its own, so the memory needed is that of one window. A window is judged as a
 //! holdout record is: against its own noise, with the numbers of the plant free within their uncertainty. Never changes or names a cause.
 
+use rsm_sim::kind::OUTPUTS;
 use std::fmt;
 
 use super::checks;
@@ -111,7 +112,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
         lost: Vec::new(),
         excess: 0.0,
     };
-    let mut sums = [[Octave::default(); OCTAVES]; 3];
+    let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
     let begun = whitened.pace.taken();
     // One of each record in turn.
     while by_record.iter().any(|it| it.len() > 0) && whitened.pace.taken() - begun < MOST_STEPS {
@@ -156,7 +157,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
 }
 
 /// What is beyond noise in the octaves of all windows together, over the noise's energy.
-fn together(whitened: &WhitenedResiduals, sums: &[[Octave; OCTAVES]; 3]) -> f64 {
+fn together(whitened: &WhitenedResiduals, sums: &[[Octave; OCTAVES]; OUTPUTS]) -> f64 {
     let all = sums.iter().enumerate().flat_map(|(output, list)| list.iter().enumerate().map(move |(k, it)| (output, k, it)));
     let bands: Vec<_> = all.filter(|(_, _, octave)| octave.lines > 0.0).collect();
     let point = whiteness::point(bands.len(), 1);
@@ -174,6 +175,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::by_output;
     use rsm_sim::simulate::Simulator;
 
     /// What all rows say of a car whose throttle reads so much less than it is from two thirds of its record on; the answer was found on its first 4000 rows.
@@ -186,7 +188,7 @@ mod tests {
         }
         let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
-        let sds = [0.5, 0.02, 0.05];
+        let sds = by_output(&[0.5, 0.02, 0.05], 1.0);
         let mut random = Random::new(4);
         for (k, name) in ["engine_speed", "road_speed", "acceleration"].iter().enumerate() {
             record.measured[k] =

@@ -312,6 +312,9 @@ fn operating(kind: PlantKind, record: &Record, outputs: &[usize], simulated: &Si
                 let span = (after - before).max(1) as f64 * record.period;
                 [at(position, row), (at(position, after) - at(position, before)) / span]
             }
+            PlantKind::Equations(_) => {
+                [at(simulated.first().map(Vec::as_slice), row), record.inputs.first().map_or(0.0, |it| it[row])]
+            }
         })
         .collect()
 }

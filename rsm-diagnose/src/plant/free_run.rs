@@ -6,6 +6,7 @@ use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model, Place};
 use super::noise::Floor;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -15,7 +16,7 @@ const STEPS: usize = 40;
 /// A plant along records, all numbers of its effects, all parameters with a tolerance and all starts being unknown. `noise` is that of each output, in its unit: it weighs one against
 /// the other. `None` where it cannot be simulated.
 #[must_use]
-pub fn fitted(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: usize) -> Option<Fit> {
+pub fn fitted(file: &PlantFile, records: &[&Record], noise: [f64; OUTPUTS], threads: usize) -> Option<Fit> {
     let whitened = whitened(file, records, noise, threads);
     let nominal = Model::nominal(file, records, noise);
     let model = nominal.with_effects(&nominal, file.effects.clone());
@@ -25,7 +26,7 @@ pub fn fitted(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: u
 /// The same plant along one other record: only its start and the named numbers of effects are unknown, and only the first rows decide them. What a machine is like today (warm oil, a belt
 /// that has slackened) shows there; the rows behind them judge.
 #[must_use]
-pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], noise: [f64; 3]) -> Option<Model> {
+pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], noise: [f64; OUTPUTS]) -> Option<Model> {
     let whole = [record];
     let mut model = found.model.clone();
     let own = |place: &Place| matches!(place, Place::Effect { number, .. } if numbers.contains(number));
@@ -41,7 +42,7 @@ pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], nois
 /// Root mean square error of each measured output over some rows, in its unit. `None` where the model cannot be simulated.
 #[must_use]
 pub fn errors(model: &Model, record: &Record, rows: std::ops::Range<usize>) -> Option<Vec<f64>> {
-    let whitened = whitened(&model.file, &[record], [1.0; 3], 1);
+    let whitened = whitened(&model.file, &[record], [1.0; OUTPUTS], 1);
     let simulated = whitened.run(model)?.pop()?;
     let prepared = &whitened.records[0];
     let each = simulated.iter().enumerate().map(|(k, values)| {
@@ -69,7 +70,7 @@ pub struct Followed {
 pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option<Followed> {
     /// The smallest step of its encoder, in m; with one output only the priors feel it.
     const ENCODER: f64 = 5e-8;
-    let (noise, rows) = ([ENCODER; 3], test.rows());
+    let (noise, rows) = ([ENCODER; OUTPUTS], test.rows());
     let position = |model: &Model, record: &Record, rows| errors(model, record, rows).map(|errors| errors[0]);
     let mut found = fitted(file, &[training], noise, 1)?;
     let trained = found.model.clone();
@@ -87,7 +88,7 @@ pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option
     Some(Followed { errors, trained, today })
 }
 
-fn whitened(file: &PlantFile, records: &[&Record], noise: [f64; 3], threads: usize) -> WhitenedResiduals {
+fn whitened(file: &PlantFile, records: &[&Record], noise: [f64; OUTPUTS], threads: usize) -> WhitenedResiduals {
     let outputs = file.kind.outputs().len();
     let prepared = records.iter().map(|record| Prepared::new((*record).clone(), outputs)).collect();
     WhitenedResiduals::new(prepared, noise.map(Floor::white), threads)
@@ -106,12 +107,12 @@ mod tests {
             whitened.records.remove(0).record
         };
         let (one, other) = (record(0.8), record(1.0));
-        let found = fitted(&file(0.5), &[&one], [1e-5; 3], 1).unwrap();
+        let found = fitted(&file(0.5), &[&one], [1e-5; OUTPUTS], 1).unwrap();
         let force = |model: &Model| model.file.effects[0].arguments.number("force");
         assert!((force(&found.model) - 0.8).abs() < 1e-4, "{}", force(&found.model));
         assert!(errors(&found.model, &one, 0..600).unwrap()[0] < 1e-6);
-        let unchanged = adapted(&found, &other, 200, &[], [1e-5; 3]).unwrap();
-        let changed = adapted(&found, &other, 200, &["force"], [1e-5; 3]).unwrap();
+        let unchanged = adapted(&found, &other, 200, &[], [1e-5; OUTPUTS]).unwrap();
+        let changed = adapted(&found, &other, 200, &["force"], [1e-5; OUTPUTS]).unwrap();
         assert!((force(&changed) - 1.0).abs() < 1e-3 && force(&unchanged) == force(&found.model), "{}", force(&changed));
         let [plain, better] = [&unchanged, &changed].map(|model| errors(model, &other, 200..600).unwrap()[0]);
         assert!(better < 0.01 * plain, "{better} {plain}");

@@ -209,6 +209,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::by_output;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
     use rsm_sim::simulate::Simulator;
@@ -226,7 +227,7 @@ mod tests {
         let file = |text: String| PlantFile::read(&Source::new("car.toml", text)).unwrap();
         let (nominal, truth) = (file(nominal), file(truth));
         let mut random = Random::new(6);
-        let sds = [0.5, 0.02, 0.05];
+        let sds = by_output(&[0.5, 0.02, 0.05], 1.0);
         let records = [(400, 0.9), (550, 0.85)].map(|(push, pedal)| {
             let mut csv = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
             for k in 0..1500 {
@@ -278,8 +279,8 @@ mod tests {
     fn a_beginning_ends_where_the_error_is_as_large_as_twice_the_noise() {
         let (whitened, file) = slipping(140.0);
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
-        let mut model = Model::nominal(&file, &records, [0.5, 0.02, 0.05]);
-        model.starts = vec![[0.0, 8.0, 0.0, 0.0, 0.0, 0.0]; 2];
+        let mut model = Model::nominal(&file, &records, by_output(&[0.5, 0.02, 0.05], 1.0));
+        model.starts = vec![by_output(&[0.0, 8.0], 0.0); 2];
         let ends = reach(&whitened, &model).unwrap();
         // The first push beyond the capacity is at 2 s in both records.
         assert!(ends.iter().all(|end| (200..260).contains(end)), "{ends:?}");

@@ -5,10 +5,10 @@
 
 use super::model::{Model, Place, Unknown};
 use rsm_sim::effect::{Argument, Arguments, Description, Guess, Role, Step, Subject, Survey};
-use rsm_sim::effects;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 use rsm_sim::schema::{self, Bound};
+use rsm_sim::{effects, equation_plant};
 
 /// A cause that may be behind what is left.
 #[derive(Debug, Clone)]
@@ -40,9 +40,9 @@ const KNOWN: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
 #[must_use]
 pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesis> {
     let mut list = Vec::new();
-    for description in effects::ALL.iter().copied().filter(|it| it.plants.contains(&kind)) {
+    for description in equation_plant::effects_on(kind) {
         let mut add = |subject: Option<&'static str>, survey: &Survey| {
-            let guesses = (description.guesses)(survey);
+            let guesses = description.guesses.of(survey);
             let finite = |guess: &Guess| {
                 let mut arguments = description.arguments_on(kind);
                 guess.values.iter().all(|value| {
@@ -57,18 +57,26 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
         };
         match description.subject {
             Subject::None => add(None, survey),
+            Subject::Site => add(description.at, survey),
             Subject::Parameter => {
                 for nominal in schema::named(kind) {
                     let Some(value) = survey.parameters.optional(nominal.name) else { continue };
                     // The ratio of a gear in which no record runs leaves no trace.
                     let runs = schema::gear(kind, nominal.name).is_none_or(|gear| survey.gears[gear]);
-                    if runs && !KNOWN.contains(&nominal.name) {
+                    // A number of an equation that is whole is known by counting too.
+                    let is_counted = matches!(kind, PlantKind::Equations(_)) && nominal.bound == Bound::Count;
+                    if runs
+                        && !is_counted
+                        && description.at.is_none_or(|at| at == nominal.name)
+                        && !KNOWN.contains(&nominal.name)
+                    {
                         add(Some(nominal.name), &Survey { nominal: value, ..survey.clone() });
                     }
                 }
             }
             Subject::Output => {
-                for &output in outputs {
+                let stands = |output: &&usize| description.at.is_none_or(|at| at == kind.outputs()[**output].name);
+                for &output in outputs.iter().filter(stands) {
                     add(Some(kind.outputs()[output].name), &Survey { output, ..survey.clone() });
                 }
             }

@@ -4,6 +4,7 @@
 
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::{PlantKind, StartValues};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::plants::driveline::{self, FIRST_OFFSET};
@@ -170,13 +171,13 @@ pub struct Model {
 impl Model {
     /// The nominal plant: parameters with a tolerance and all starts are unknown.
     #[must_use]
-    pub fn nominal(file: &PlantFile, records: &[&Record], sds: [f64; 3]) -> Self {
+    pub fn nominal(file: &PlantFile, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
         Model::beginning(file, AtStart::of(file.kind, records.iter().copied()), records, sds)
     }
 
     /// The same, where it is known how records begin.
     #[must_use]
-    pub fn beginning(file: &PlantFile, at_start: AtStart, records: &[&Record], sds: [f64; 3]) -> Self {
+    pub fn beginning(file: &PlantFile, at_start: AtStart, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
         let mut unknowns = Vec::new();
         for (name, tolerance) in &file.tolerance {
             let (Some(value), true) = (file.parameters.optional(name), *tolerance > 0.0) else { continue };
@@ -199,12 +200,12 @@ impl Model {
     }
 
     /// Replaces the records: their starts are the readings of their first rows, and unknown.
-    pub fn take_starts(&mut self, records: &[&Record], sds: [f64; 3]) {
+    pub fn take_starts(&mut self, records: &[&Record], sds: [f64; OUTPUTS]) {
         self.unknowns.retain(|unknown| !matches!(unknown.place, Place::Start { .. }));
         self.starts.clear();
         for (k, record) in records.iter().enumerate() {
             let mut start = StartValues::default();
-            for &place in starting(record, self.file.kind) {
+            for place in starting(record, self.file.kind) {
                 start[place] = start_of(&self.file, record, place).unwrap_or(0.0);
                 let Some((value, scale, prior)) = self.begins(record, place, start[place], sds) else { continue };
                 start[place] = value;
@@ -223,7 +224,7 @@ impl Model {
 
     /// Where a search of a start begins, what counts as a step of it, and what is known of it; `None` where it is known. An output begins near its first reading, which is one among all others.
     /// What no column holds is known where records begin steadily: an unknown that nothing holds would take up what a missing cause does to the whole record.
-    fn begins(&self, record: &Record, place: usize, at: f64, sds: [f64; 3]) -> Option<(f64, f64, Prior)> {
+    fn begins(&self, record: &Record, place: usize, at: f64, sds: [f64; OUTPUTS]) -> Option<(f64, f64, Prior)> {
         if let Some(output) = self.file.kind.output(self.file.kind.starts()[place].name) {
             return Some((at, sds[output], None));
         }

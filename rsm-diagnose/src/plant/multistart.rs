@@ -263,6 +263,7 @@ mod tests {
     use super::super::noise::Floor;
     use super::*;
     use rsm_core::source::Source;
+    use rsm_sim::kind::by_output;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
     use rsm_sim::simulate::Simulator;
@@ -296,13 +297,13 @@ mod tests {
             let noisy = simulated.of(name).unwrap().iter().map(|value| value + NOISE[k] * random.normal());
             record.measured[k] = Some(noisy.collect());
         }
-        let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
+        let floors = by_output(&NOISE, 1.0).map(Floor::white);
         (WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], floors, 2), record)
     }
 
     fn started(numbers: [f64; 4], record: &Record) -> Model {
         let nominal = PlantFile { effects: vec![], ..axis(numbers) };
-        let model = Model::nominal(&nominal, &[record], [NOISE[0], NOISE[1], 1.0]);
+        let model = Model::nominal(&nominal, &[record], by_output(&NOISE, 1.0));
         model.plus(&model, axis(numbers).effects[0].clone())
     }
 

@@ -199,6 +199,7 @@ mod tests {
     use super::super::{axis_under_steps, levenberg};
     use super::*;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::OUTPUTS;
 
     const TOLERANCES: &str = "mass = 0.02\nviscous_friction = 0.02";
 
@@ -223,7 +224,7 @@ mod tests {
         for value in whitened.records[0].record.measured[0].as_mut().unwrap() {
             *value += NOISE * random.normal();
         }
-        whitened.floors = [Floor::white(NOISE); 3];
+        whitened.floors = [Floor::white(NOISE); OUTPUTS];
         let fit = levenberg::fit(&whitened, nominal.with_effects(&nominal, truth.effects.clone()), 8).unwrap();
         let true_value = |place| match place {
             Place::Nominal("mass") => Some(mass),

@@ -124,6 +124,7 @@ pub(super) fn ways(whitened: &WhitenedResiduals, model: &Model, simulated: &[Sim
             let at: Option<Vec<Vec<f64>>> = (0..whitened.records.len()).map(&output(0)).collect();
             list.extend(at.and_then(|at| travel(whitened, at)));
         }
+        PlantKind::Equations(_) => {}
     }
     list
 }
@@ -359,6 +360,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::OUTPUTS;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
 
@@ -379,7 +381,7 @@ mod tests {
             csv += &format!("{time},0,0,0,{}\n", speed + amplitude * (order * angle).sin() + 0.3 * random.normal());
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
-        let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); 3], 1);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); OUTPUTS], 1);
         assert_eq!(whitened.records[0].outputs, [2]);
         let model = Model {
             file,

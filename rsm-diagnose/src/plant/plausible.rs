@@ -77,6 +77,14 @@ fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option
         Plausible::Speed => below(3.0 * survey.speed),
         Plausible::EffortPerSpeedSquared => about(effort / (survey.speed * survey.speed)),
         Plausible::Input => about(survey.input),
+        Plausible::TimesTheGuess(times) => {
+            let place = entry.arguments.numbers.iter().position(|(number, _)| *number == name)?;
+            let output = output().unwrap_or(survey.output);
+            let guesses = entry.description.guesses.of(&Survey { output, ..survey.clone() });
+            let sizes = guesses.iter().filter_map(|it| it.values.get(place)).filter(|it| it.is_finite());
+            let largest = sizes.fold(0.0_f64, |most, value| most.max(value.abs()));
+            (largest > 0.0).then_some((-times * largest, times * largest))
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! In: the fit of a search. Out: the same causes, fitted with the noise floors of their own residual. Never adds or removes a cause.
 
+use rsm_sim::kind::OUTPUTS;
 use std::f64::consts::{PI, TAU};
 
 use super::levenberg::{self, Fit};
@@ -20,7 +21,11 @@ const TURNS: usize = 2;
 
 /// Fits again with the noise that is left, and leaves its floors in the whitening.
 #[must_use]
-pub fn polish(whitened: &mut WhitenedResiduals, mut fit: Fit, floors: impl Fn(&WhitenedResiduals, &Fit) -> [Floor; 3]) -> Fit {
+pub fn polish(
+    whitened: &mut WhitenedResiduals,
+    mut fit: Fit,
+    floors: impl Fn(&WhitenedResiduals, &Fit) -> [Floor; OUTPUTS],
+) -> Fit {
     fit.model = plain(fit.model);
     for _ in 0..TURNS {
         let found = floors(whitened, &fit);
@@ -61,7 +66,7 @@ pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, 
         starts = fit.model.starts[0];
         in_motion = places.iter().filter(|it| is_hidden(it)).any(|place| moves(&whitened, &fit, *place));
     }
-    for &place in places {
+    for place in places {
         let name = file.kind.starts()[place].name;
         let wanted = match file.kind.output(name) {
             Some(output) => whitened.records.iter().all(|it| it.record.measured[output].is_none()),

@@ -238,6 +238,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::OUTPUTS;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
 
@@ -261,7 +262,7 @@ mod tests {
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let floor = Floor { correlation: told, ..Floor::white(SD) };
-        let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [floor; 3], 1);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [floor; OUTPUTS], 1);
         let model = Model {
             file,
             starts: vec![rsm_sim::kind::StartValues::default()],

@@ -2,6 +2,7 @@
 //!
 //! In: records. Out: parts of them, the outputs that are compared, the rows that count. Never decides which rows do.
 
+use rsm_sim::kind::OUTPUTS;
 use std::ops::Range;
 
 use rsm_sim::record::{Drive, Record};
@@ -31,7 +32,7 @@ pub struct Bridge {
     /// The rows that stand for those that are missing.
     pub rows: Range<usize>,
     /// By how much each input is moved from the line between the rows beside the gap.
-    pub offsets: [f64; 3],
+    pub offsets: [f64; OUTPUTS],
 }
 
 /// A record with the rows that count.

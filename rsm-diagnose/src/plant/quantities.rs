@@ -134,6 +134,18 @@ pub fn quantities(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simu
             list.extend(each("command", "V", by_size, &command));
             list.extend(each("direction of command", "", Division::Sign("pushing backward", "pushing forward"), &command));
         }
+        PlantKind::Equations(plant) => {
+            for (k, signal) in plant.outputs.iter().enumerate() {
+                list.extend(each(signal.name, signal.unit, Division::Value, &output(k)));
+                let rate = |prepared: &Prepared, it: &Simulated| {
+                    of_output(prepared, it, k).map(|values| speed_of(values, prepared.record.period))
+                };
+                list.extend(each(signal.name, "", Division::Sign("falling", "rising"), &rate));
+            }
+            for (k, signal) in plant.inputs.iter().enumerate() {
+                list.extend(each(signal.name, signal.unit, Division::Value, &input(k)));
+            }
+        }
     }
     list.extend(each("time", "s", Division::Value, &|prepared: &Prepared, _: &Simulated| {
         let first = prepared.record.time.first().copied().unwrap_or(0.0);

@@ -13,6 +13,7 @@ use super::taming::{self, Recorded};
 use super::whitened_residuals::WhitenedResiduals;
 use super::{Options, Refused, alignment, bridges, regions, survey, under_way, validation};
 use rsm_sim::effect::Survey;
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -69,7 +70,7 @@ impl Ready {
         let prepare = |records: &[Record]| checks::prepared(records.iter().flat_map(|record| share.pieces(record, file)), file);
         let ((trained, mut findings), (judging, more)) = (prepare(training), prepare(validation));
         findings.extend(more);
-        let white = [Floor::white(1.0); 3];
+        let white = [Floor::white(1.0); OUTPUTS];
         let mut whitened = WhitenedResiduals::new(trained, white, options.threads);
         let mut unseen = WhitenedResiduals::new(judging, white, options.threads);
         if whitened.records.iter().all(|it| it.outputs.is_empty()) {
@@ -142,7 +143,7 @@ impl Ready {
 
     /// The noise of each output from what a fit to the training records leaves.
     #[must_use]
-    pub fn floors(&self, fit: &Fit, file: &PlantFile) -> [Floor; 3] {
+    pub fn floors(&self, fit: &Fit, file: &PlantFile) -> [Floor; OUTPUTS] {
         with_rounding(&self.whitened, fit, floors(&self.whitened, fit, file), &self.rounded)
     }
 

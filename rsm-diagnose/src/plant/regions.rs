@@ -6,6 +6,7 @@
 use super::noise::Floor;
 use super::quantities::{Classes, Quantity};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use rsm_sim::kind::OUTPUTS;
 
 /// A region with its share.
 #[derive(Debug, Clone, PartialEq)]
@@ -151,8 +152,8 @@ impl Slice {
 
 /// The error of each output beyond noise, and of all.
 #[must_use]
-pub fn totals(slices: &[Slice], side: Side) -> ([f64; 3], f64) {
-    let mut each = [0.0; 3];
+pub fn totals(slices: &[Slice], side: Side) -> ([f64; OUTPUTS], f64) {
+    let mut each = [0.0; OUTPUTS];
     for slice in slices.iter().filter(|slice| slice.quantity == "output") {
         each[slice.output] = slice.excess(side);
     }

@@ -4,6 +4,7 @@
 //! its state only in part, so the rows until the plant has forgotten that state do not count. For a plant that does not forget, only the beginnings are used. Says how many rows are
 //! left out; `everywhere` checks the answer on them afterwards. Never drops a record.
 
+use rsm_sim::kind::OUTPUTS;
 use std::fmt;
 use std::ops::Range;
 
@@ -105,7 +106,7 @@ impl Share {
     /// Cuts records further, where the plant is so fast that one run along them takes too many steps.
     pub fn cut(&mut self, whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) {
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
-        let model = Model::nominal(file, &records, [1.0; 3]);
+        let model = Model::nominal(file, &records, [1.0; OUTPUTS]);
         let before = whitened.pace.taken();
         // What cannot be simulated is told by whoever needs the run.
         let _ = whitened.run(&model);
@@ -177,7 +178,7 @@ mod tests {
         let mut share = Share::of_rows(&training, &[]);
         let pieces = share.pieces(&training[0], file).into_iter();
         let prepared = pieces.map(|it| Prepared { from: it.from, ..Prepared::new(it.record, 2) }).collect();
-        let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); 3], 1);
+        let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); OUTPUTS], 1);
         let mut unseen = whitened.on(Vec::new());
         share.cut(&mut whitened, &mut unseen, file);
         (whitened.records.iter().map(|it| it.record.rows()).sum(), share.not_seen())

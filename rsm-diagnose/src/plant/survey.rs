@@ -6,9 +6,11 @@ use super::levenberg::Fit;
 use super::waves;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::Survey;
+use rsm_sim::equation_plant;
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Parameters;
-use rsm_sim::record::Drive;
+use rsm_sim::record::{Drive, Record};
 
 /// Samples on either side for a derivative: the noise of a second difference falls with the square.
 const WIDTH: usize = 5;
@@ -18,9 +20,9 @@ const WIDTH: usize = 5;
 pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
     let kind = fit.model.file.kind;
     let parameters = fit.model.file.parameters.clone();
-    let mut largest = [0.0_f64; 3];
-    let mut spread = [0.0; 3];
-    let mut quantum = [None; 3];
+    let mut largest = [0.0_f64; OUTPUTS];
+    let mut spread = [0.0; OUTPUTS];
+    let mut quantum = [None; OUTPUTS];
     let mut input = 0.0_f64;
     let mut effort = 0.0_f64;
     let mut speed = 0.0_f64;
@@ -48,7 +50,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         let record = &prepared.record;
         let lengths = (0..record.rows()).map(|row| match kind {
             PlantKind::Pmac => record.inputs[0].get(row).copied().unwrap_or(0.0).hypot(record.inputs[1][row]),
-            _ => record.inputs[0][row].abs(),
+            _ => record.inputs.first().map_or(0.0, |it| it[row].abs()),
         });
         input = lengths.fold(input, f64::max);
     }
@@ -94,9 +96,13 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
                 input = commands.iter().fold(input, |most, value| most.max(value.abs()));
             }
         }
+        // Its sizes are those of its places.
+        PlantKind::Equations(_) => {}
     }
+    let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
+    let scales = equation_plant::scales(&fit.model.file, &records).unwrap_or_default();
     // An output that rests at zero, or nothing at all, still has a scale: its noise.
-    for output in 0..3 {
+    for output in 0..kind.outputs().len() {
         largest[output] = largest[output].max(whitened.floors[output].sd);
         spread[output] = spread[output].max(whitened.floors[output].sd);
     }
@@ -115,6 +121,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         gears,
         output: 0,
         nominal: 0.0,
+        scales,
         parameters,
     }
 }

@@ -10,11 +10,17 @@ use super::prepared::Prepared;
 use super::tails::{Left, Tails, evened};
 use super::validation;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
 
 /// The laws of all outputs, from what a simulation leaves of the records.
-fn laws(whitened: &WhitenedResiduals, simulated: &[Simulated], kind: PlantKind, findings: &[Finding]) -> [Option<Tails>; 3] {
-    let mut laws = [None; 3];
+fn laws(
+    whitened: &WhitenedResiduals,
+    simulated: &[Simulated],
+    kind: PlantKind,
+    findings: &[Finding],
+) -> [Option<Tails>; OUTPUTS] {
+    let mut laws = [None; OUTPUTS];
     for (output, law) in laws.iter_mut().enumerate() {
         let floor = &whitened.floors[output];
         let mut even: Vec<(&Prepared, usize, Vec<f64>)> = Vec::new();
@@ -116,6 +122,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::by_output;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
     use rsm_sim::simulate::Simulator;
@@ -131,7 +138,7 @@ mod tests {
         let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
         let mut random = Random::new(9);
-        let sds = [1e-6, 1e-3, 1.0];
+        let sds = by_output(&[1e-6, 1e-3, 1.0], 1.0);
         for (k, name) in ["position", "command"].iter().enumerate() {
             let mut noise = || if random.uniform() < 0.02 { 20.0 } else { 1.0 } * sds[k] * random.normal();
             record.measured[k] = Some(simulated.of(name).unwrap().iter().map(|value| value + noise()).collect());

@@ -85,6 +85,7 @@ mod tests {
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::OUTPUTS;
 
     /// Positions of 400 rows at a kilohertz that begin at a speed, m/s, read with 1 um of noise.
     fn axis(file: &PlantFile, speed: f64, seed: u64) -> Prepared {
@@ -108,11 +109,11 @@ mod tests {
             .collect();
         let file = PlantFile::read(&Source::new("axis.toml", open)).unwrap();
         let records = speeds.iter().zip(5..).map(|(speed, seed)| axis(&file, *speed, seed)).collect();
-        let mut whitened = WhitenedResiduals::new(records, [Floor::white(1e-6); 3], 1);
-        let mut unseen = WhitenedResiduals::new(vec![axis(&file, 0.0, 4)], [Floor::white(1e-6); 3], 1);
+        let mut whitened = WhitenedResiduals::new(records, [Floor::white(1e-6); OUTPUTS], 1);
+        let mut unseen = WhitenedResiduals::new(vec![axis(&file, 0.0, 4)], [Floor::white(1e-6); OUTPUTS], 1);
         let at_start = of_axis(&mut whitened, &mut unseen, &file);
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
-        let model = Model::beginning(&file, at_start, &records, [1e-6; 3]);
+        let model = Model::beginning(&file, at_start, &records, [1e-6; OUTPUTS]);
         let is_speed = |place: &model::Place| matches!(place, model::Place::Start { place: 1, .. });
         let unknown = model.unknowns.iter().filter(|it| is_speed(&it.place)).count();
         let judging = whitened.records.iter().chain(&unseen.records).map(|it| it.used[0].iter().filter(|used| **used).count());

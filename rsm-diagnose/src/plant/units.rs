@@ -17,6 +17,7 @@ use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::significance::median;
 use rsm_sim::effect::Role;
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
@@ -244,7 +245,7 @@ fn beside(given: &[Prepared], it: &Candidate) -> Vec<Prepared> {
 
 /// What simulates them; residuals in shares of each output's spread.
 fn whitened(prepared: Vec<Prepared>, file: &PlantFile, threads: usize) -> WhitenedResiduals {
-    let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); 3], threads);
+    let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); OUTPUTS], threads);
     for output in 0..file.kind.outputs().len() {
         let lists =
             whitened.records.iter().filter_map(|it| it.outputs.iter().position(|k| *k == output).map(|k| it.measured(k)));
@@ -264,7 +265,7 @@ fn model(whitened: &WhitenedResiduals, file: &PlantFile) -> Model {
 /// The squared error over the squared spread, mean over the outputs, each no more than `WRONG`; without a simulation all are wrong.
 fn error(whitened: &WhitenedResiduals, residual: Option<&[f64]>) -> f64 {
     let Some(residual) = residual else { return WRONG };
-    let (mut sums, mut first) = ([(0.0, 0.0); 3], 0);
+    let (mut sums, mut first) = ([(0.0, 0.0); OUTPUTS], 0);
     for prepared in &whitened.records {
         for (k, output) in prepared.outputs.iter().enumerate() {
             let rows = prepared.record.rows();

@@ -5,6 +5,7 @@
 use super::levenberg;
 use super::model::{Model, Place};
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::record::Record;
 
 /// Steps for the starts: a linear problem but for large errors.
@@ -109,7 +110,7 @@ pub fn errors(whitened: &WhitenedResiduals, fit: &levenberg::Fit) -> Vec<Error> 
 /// Errors of simulations of all records, by output.
 #[must_use]
 pub fn errors_of(whitened: &WhitenedResiduals, simulated: &[Simulated]) -> Vec<Error> {
-    let mut sums = [(0.0, 0usize); 3];
+    let mut sums = [(0.0, 0usize); OUTPUTS];
     for (prepared, simulated) in whitened.records.iter().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
             for ((measured, value), used) in prepared.measured(k).iter().zip(values).zip(&prepared.used[k]) {
@@ -136,6 +137,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::by_output;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::simulate::Simulator;
 
@@ -150,7 +152,7 @@ mod tests {
         }
         let mut record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let simulated = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
-        let sds = [0.1, 0.02, 0.05];
+        let sds = by_output(&[0.1, 0.02, 0.05], 1.0);
         let mut random = Random::new(4);
         for (k, name) in ["engine_speed", "road_speed", "acceleration"].iter().enumerate() {
             let noisy = simulated.of(name).unwrap().iter().map(|value| value + sds[k] * random.normal());

@@ -359,6 +359,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::kind::by_output;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
     use rsm_sim::simulate::Simulator;
@@ -396,9 +397,9 @@ mod tests {
             let noisy = simulated.of(name).unwrap().iter().map(|value| value + NOISE[k] * random.normal());
             record.measured[k] = Some(noisy.collect());
         }
-        let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
+        let floors = by_output(&NOISE, 1.0).map(Floor::white);
         let whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], floors, 1);
-        let nominal = Model::nominal(&file, &[&record], [NOISE[0], NOISE[1], 1.0]);
+        let nominal = Model::nominal(&file, &[&record], by_output(&NOISE, 1.0));
         let fit = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
         (whitened, nominal, fit)
     }

@@ -9,6 +9,7 @@ pub use super::prepared::Prepared;
 use super::tails::Tails;
 use crate::engine::columns::dot;
 use crate::engine::work::Count;
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::simulate::{Outputs, Simulator};
 use rsm_sim::threads::in_threads_with;
 
@@ -76,9 +77,9 @@ pub struct WhitenedResiduals {
     /// The records.
     pub records: Vec<Prepared>,
     /// Noise of each output of the plant.
-    pub floors: [Floor; 3],
+    pub floors: [Floor; OUTPUTS],
     /// The laws by which readings were made tame where their noise has heavy tails.
-    pub tails: [Option<Tails>; 3],
+    pub tails: [Option<Tails>; OUTPUTS],
     /// How many simulations run side by side.
     pub threads: usize,
     /// What simulations may take, and have taken.
@@ -129,8 +130,8 @@ impl Pace {
 impl WhitenedResiduals {
     /// Of records, with nothing simulated yet.
     #[must_use]
-    pub fn new(records: Vec<Prepared>, floors: [Floor; 3], threads: usize) -> Self {
-        WhitenedResiduals { records, floors, tails: [None; 3], threads, pace: Pace::default() }
+    pub fn new(records: Vec<Prepared>, floors: [Floor; OUTPUTS], threads: usize) -> Self {
+        WhitenedResiduals { records, floors, tails: [None; OUTPUTS], threads, pace: Pace::default() }
     }
 
     /// The same for other records: their work counts as its own.
@@ -329,8 +330,8 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let share = |noise: f64| {
             let records = vec![Prepared::new(record.clone(), 2)];
-            let whitened = WhitenedResiduals::new(records, [Floor::white(noise); 3], 1);
-            let model = Model::nominal(&file, &[&record], [noise; 3]);
+            let whitened = WhitenedResiduals::new(records, [Floor::white(noise); OUTPUTS], 1);
+            let model = Model::nominal(&file, &[&record], [noise; OUTPUTS]);
             let simulated = whitened.run(&model).unwrap();
             let mass = model.unknowns.iter().position(|it| it.place == Place::Nominal("mass")).unwrap();
             let column = &whitened.derivatives(&model, &simulated, &[mass]).unwrap()[0];

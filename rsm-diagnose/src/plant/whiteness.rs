@@ -8,6 +8,7 @@ use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
 use super::whitened_residuals::WhitenedResiduals;
 use crate::engine::significance::quantile;
+use rsm_sim::kind::OUTPUTS;
 
 /// How rarely noise alone may pass for structure, over all octaves of all outputs in both looks. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.
 const ALARM: f64 = 0.01;
@@ -64,7 +65,7 @@ pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Left {
 /// The same, as one of so many looks that may not raise a false alarm together.
 #[must_use]
 pub fn look_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> Left {
-    let mut sums = [[Octave::default(); OCTAVES]; 3];
+    let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
     let mut rate = 0.0_f64;
     let mut first = 0;
     for prepared in &whitened.records {

@@ -9,6 +9,7 @@ use rsm_diagnose::plant::correction::{self, Offer};
 use rsm_diagnose::plant::noise::Floor;
 use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
+use rsm_sim::kind::by_output;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -60,7 +61,7 @@ fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (WhitenedResiduals, V
         let [_, position, command] = axis(0.0, *periods);
         simulated.push(vec![position, command]);
     }
-    let floors = [Floor::white(NOISE[0]), Floor::white(NOISE[1]), Floor::white(1.0)];
+    let floors = by_output(&NOISE, 1.0).map(Floor::white);
     (WhitenedResiduals::new(records, floors, 1), simulated)
 }
 

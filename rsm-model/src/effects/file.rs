@@ -8,7 +8,7 @@ use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value, parse};
 
 use super::site::{SiteKind, expression};
-use crate::syntax::tree::Expression;
+use crate::syntax::tree::{Expression, Kind};
 
 /// A number of an effect.
 #[derive(Debug, Clone)]
@@ -115,6 +115,8 @@ pub struct Effect {
     pub is_outermost: bool,
     /// Whether a reading tells the truth that it was made of. One that is rounded or clipped does not: it is taken for the truth then.
     pub reads_back: bool,
+    /// The number to whose multiples a reading is rounded: along it a simulation has no derivative.
+    pub rounds_to: Option<String>,
     pub(crate) helpers: Vec<Helper>,
     pub(crate) states: Vec<State>,
     pub(crate) changes: Vec<Change>,
@@ -151,7 +153,8 @@ impl Effect {
         let generalises = top.optional_text("generalises", &mut faults);
         let reads_back = top.optional("reads_back").and_then(|it| it.get_ref().as_bool()).unwrap_or(true);
         let is_outermost = top.optional("outermost").and_then(|it| it.get_ref().as_bool()).unwrap_or(false);
-        let numbers = entries(&mut top, "numbers", &mut faults)
+        let rounds_to = top.optional_text("rounds_to", &mut faults);
+        let numbers: Vec<Number> = entries(&mut top, "numbers", &mut faults)
             .into_iter()
             .filter_map(|(name, _, value)| number(source, name, value, &mut faults))
             .collect();
@@ -171,6 +174,10 @@ impl Effect {
             Some(value) => words(source, value, &mut faults),
             None => None,
         };
+        if let Some(name) = rounds_to.as_ref().filter(|it| !numbers.iter().any(|number| number.name == **it)) {
+            faults
+                .push(source.fault(document.span(), format!("`rounds_to`: found `{name}`, which is no number of the effect")));
+        }
         top.finish(&mut faults);
         let whole = kind.zip(sites).zip(reference).zip(words).map(|(((kind, sites), reference), words)| Effect {
             kind,
@@ -181,6 +188,7 @@ impl Effect {
             generalises,
             is_outermost,
             reads_back,
+            rounds_to,
             helpers,
             states,
             changes,
@@ -192,6 +200,26 @@ impl Effect {
     /// The numbers that it takes on a kind of site.
     pub fn numbers_on(&self, kind: SiteKind) -> impl Iterator<Item = &Number> {
         self.numbers.iter().filter(move |number| number.on.is_none_or(|on| on == kind))
+    }
+
+    /// Whether all it does is to give a parameter another value: then no equation changes.
+    #[must_use]
+    pub fn is_value(&self) -> bool {
+        let is_number = |law: &Expression| {
+            let mut names = Vec::new();
+            law.names(&mut names);
+            let [number] = &self.numbers[..] else { return false };
+            names == [number.name.clone()] && self.source.text().get(law.span.clone()) == Some(&number.name)
+        };
+        self.sites == [SiteKind::Parameter]
+            && self.states.is_empty()
+            && matches!(&self.changes[..], [Change::Replace(role, law)] if role == "signal" && is_number(law))
+    }
+
+    /// Whether a number may be left out.
+    #[must_use]
+    pub fn has_default(&self, number: &str) -> bool {
+        self.numbers.iter().any(|it| it.name == number && it.default.is_some())
     }
 
     /// What it changes on a site: changes of roles that the site does not have are left out.
@@ -264,6 +292,12 @@ impl Number {
     #[must_use]
     pub fn unit(&self, kind: SiteKind) -> &str {
         self.units.iter().find(|(on, _)| on.is_none_or(|on| on == kind)).map_or("", |it| &it.1)
+    }
+
+    /// Whether it is a factor: 1 changes nothing.
+    #[must_use]
+    pub fn scales_from_one(&self) -> bool {
+        self.neutral.as_ref().is_some_and(|it| matches!(it.kind, Kind::Number(value, _) if value == 1.0))
     }
 
     /// What is wrong with a value, if something is.

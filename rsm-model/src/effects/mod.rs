@@ -9,6 +9,7 @@
 
 mod file;
 mod guesses;
+mod offers;
 mod propose;
 mod rewrite;
 mod shipped;
@@ -17,6 +18,7 @@ mod terms;
 
 pub use file::{Effect, Number, Words};
 pub use guesses::{SCALES, Start};
+pub use offers::{Offer, Place, Places, RoleValue};
 pub use propose::{Proposal, Room, propose, rooms};
 pub use rewrite::{Delay, Extended, LateReading, Placed, extend};
 pub use shipped::{Catalogue, shipped_file, sites_of};

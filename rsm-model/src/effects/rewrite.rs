@@ -153,6 +153,67 @@ impl Standing {
         Ok(Standing { rewriter })
     }
 
+    /// The names and kinds of declared sites, then of parameters, inputs and outputs, in the order of the text.
+    pub(super) fn names(&self) -> Vec<(String, SiteKind)> {
+        let mut list: Vec<(String, SiteKind)> = self.rewriter.sites.iter().map(|it| (it.name.clone(), it.kind)).collect();
+        let flat = &self.rewriter.flat;
+        for symbol in flat.symbols() {
+            let variable = flat.variable(symbol);
+            let kind = match variable.role {
+                Role::Input => SiteKind::Input,
+                Role::Parameter if !variable.name.contains('(') => SiteKind::Parameter,
+                _ if variable.is_output => SiteKind::Output,
+                _ => continue,
+            };
+            list.push((variable.name.clone(), kind));
+        }
+        list
+    }
+
+    fn bound(&mut self, at: &str, kind: SiteKind) -> Option<Bound> {
+        if let Some(site) = self.rewriter.sites.iter().find(|it| it.name == at && it.kind == kind) {
+            return Some(site.clone());
+        }
+        let value = self.rewriter.flat.value_of(at)?;
+        Some(Bound { name: at.to_string(), kind, usual_for: Vec::new(), roles: vec![("signal".to_string(), value)] })
+    }
+
+    /// The units of an effect's numbers at a place; `None` where the place lacks a role that it needs.
+    pub(super) fn units(&mut self, effect: &Effect, at: &str, kind: SiteKind) -> Option<Vec<String>> {
+        let site = self.bound(at, kind).filter(|it| it.missing(effect).is_none())?;
+        Some(effect.numbers_on(kind).map(|number| self.rewriter.unit(number.unit(kind), &site)).collect())
+    }
+
+    /// The roles of a declared site: the name, the parts, the unit.
+    pub(super) fn roles(&self, at: &str) -> Vec<(String, Vec<Id>, String)> {
+        let Some(site) = self.rewriter.sites.iter().find(|it| it.name == at) else { return Vec::new() };
+        let flat = &self.rewriter.flat;
+        let unit = |id: Id| terms::symbol_of(flat, id).and_then(|it| flat.variable(it).unit.clone()).unwrap_or_default();
+        let one = |(role, value): &(String, Value)| {
+            let unit = value.items.first().map_or(String::new(), |id| unit(*id));
+            (role.clone(), value.items.clone(), unit)
+        };
+        site.roles.iter().map(one).collect()
+    }
+
+    /// The terms of the balance of a declared site, where it has one.
+    pub(super) fn balance(&mut self, at: &str) -> Option<Vec<Id>> {
+        let site = self.rewriter.sites.iter().find(|it| it.name == at)?.clone();
+        let (state, inertia, _) = site.kind.balance()?;
+        let symbol = site.symbol(&self.rewriter.flat, state)?;
+        let inertia = match inertia {
+            Some(role) => Some(site.item(role)?),
+            None => None,
+        };
+        let balance = terms::balance(&mut self.rewriter.flat, symbol, inertia).ok()?;
+        Some(terms::summands(&mut self.rewriter.flat, &balance))
+    }
+
+    /// The equations, with the expressions of all sites in their pool.
+    pub(super) fn into_flat(self) -> Flat {
+        self.rewriter.flat
+    }
+
     /// Declared sites, inputs and outputs.
     pub(super) fn places(self) -> Vec<(String, SiteKind, Offer)> {
         let mut list: Vec<(String, SiteKind, Offer)> =

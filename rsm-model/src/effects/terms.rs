@@ -4,7 +4,7 @@
 
 use std::collections::HashSet;
 
-use crate::expression::{Derivative, Id, Node, Symbol, Unary};
+use crate::expression::{Binary, Derivative, Id, Node, Symbol, Unary};
 use crate::flat::{Flat, Role};
 
 /// The balance of a derivative.
@@ -120,6 +120,24 @@ fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>, depth:
             let lines: Vec<String> = list.iter().map(|it| flat.line(&flat.equations[it.0].place.clone()).to_string()).collect();
             Err(format!("several equations hold `der({name})`: those of lines {}", lines.join(", ")))
         }
+    }
+}
+
+/// The terms of `left - right` over what a balance is multiplied by.
+pub(super) fn summands(flat: &mut Flat, balance: &Balance) -> Vec<Id> {
+    let equation = &flat.equations[balance.equation];
+    let mut open = vec![equation.left, equation.right];
+    let mut found = Vec::new();
+    while let Some(id) = open.pop() {
+        match flat.pool.node(id) {
+            Node::Binary(Binary::Add | Binary::Subtract, a, b) => open.extend([a, b]),
+            Node::Unary(Unary::Negate, a) => open.push(a),
+            _ => found.push(id),
+        }
+    }
+    match balance.share {
+        Some(share) => found.into_iter().map(|it| flat.pool.divide(it, share)).collect(),
+        None => found,
     }
 }
 

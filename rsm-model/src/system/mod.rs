@@ -27,7 +27,7 @@ use std::collections::HashMap;
 
 use rsm_core::source::Faults;
 
-use crate::expression::{Derivative, Id, Symbol};
+use crate::expression::{Derivative, Id, Replacement, Symbol};
 use crate::flat::{Flat, Role};
 use crate::units::{self, Checked};
 
@@ -285,6 +285,13 @@ impl System {
             return if alias.is_negative { self.flat.pool.negate(value) } else { value };
         }
         self.values.get(&symbol).copied().unwrap_or_else(|| self.flat.pool.symbol(symbol))
+    }
+
+    /// An expression of the equations in known symbols.
+    pub fn expressed(&mut self, id: Id) -> Id {
+        let symbols = self.flat.pool.symbols(id);
+        let values = symbols.into_iter().map(|symbol| (symbol, self.value(symbol))).collect();
+        Replacement::new(values).of(&mut self.flat.pool, id)
     }
 
     /// The state that a variable is: the state itself, or one that it is equal or opposite to.

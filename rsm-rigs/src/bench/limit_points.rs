@@ -153,6 +153,7 @@ mod tests {
         Record {
             file: "steady".to_string(),
             drive: Drive::Open,
+            settings: Vec::new(),
             time: (0..100).map(|k| f64::from(k) * 0.001).collect(),
             period: 0.001,
             inputs: vec![of(r * i_d - w_e * l * i_q), of(r * i_q + w_e * (l * i_d + flux)), of(0.0)],

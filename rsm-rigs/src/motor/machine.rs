@@ -9,6 +9,7 @@ use rsm_core::source::{Fault, Faults};
 use super::park::Angle;
 use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::PlantKind;
+use rsm_sim::kind::StartValues;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::plants::Plant;
 use rsm_sim::plants::pmac::Pmac;
@@ -111,6 +112,7 @@ impl Machine {
 
     fn start(&mut self, speed: f64) {
         let record = Record {
+            settings: Vec::new(),
             file: String::new(),
             drive: Drive::Open,
             time: Vec::new(),
@@ -121,7 +123,9 @@ impl Machine {
             measured: Vec::new(),
             breaks: Vec::new(),
         };
-        self.plant.start(&self.hooks, &[0.0, 0.0, speed, 0.0, 0.0, 0.0], &record, &[0.0; 3], &mut self.x);
+        let mut start = StartValues::default();
+        start[2] = speed;
+        self.plant.start(&self.hooks, &start, &record, &[0.0; 3], &mut self.x);
         self.plant.evaluate(&self.hooks, None, &[0.0; 3], &self.x, &mut self.k[0], &mut self.outputs);
         self.hooks.settle(0.0, self.outputs, &mut self.x, &mut self.k[0]);
     }

@@ -145,6 +145,7 @@ pub fn tip_in(plant: &PlantFile, run: &TipIn, seed: u64, compensation: Option<&C
     let road_speed = run.engine_speed / (ratio * parameters.number("final_drive_ratio")) * parameters.number("wheel_radius");
     let name = format!("run {}", run.run);
     let record = Record {
+        settings: Vec::new(),
         file: name.clone(),
         drive: Drive::Open,
         time: (0..ROWS).map(|row| row as f64 * PERIOD).collect(),

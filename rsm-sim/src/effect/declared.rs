@@ -145,6 +145,8 @@ pub enum Plausible {
     Speed,
     /// Of the size of the first input.
     Input,
+    /// So many times the largest first guess, either way.
+    TimesTheGuess(f64),
 }
 
 /// The step at which a derivative with respect to a number is taken.

@@ -4,6 +4,7 @@ use rsm_core::source::Source;
 
 use super::*;
 use crate::effects;
+use crate::kind::OUTPUTS;
 use crate::plant_file::PlantFile;
 
 /// What is given to a hook: numbers by name, a word where no number stands.
@@ -79,7 +80,7 @@ impl<'t> Given<'t> {
         let text = match plant {
             PlantKind::Pmac => include_str!("../../plants/pmac.toml"),
             PlantKind::Driveline => include_str!("../../plants/driveline.toml"),
-            PlantKind::ServoAxis => include_str!("../../plants/servo-axis.toml"),
+            _ => include_str!("../../plants/servo-axis.toml"),
         };
         let mut parameters = PlantFile::read(&Source::new("plant.toml", text)).expect("a sound file").parameters;
         if let Some(grade) = self.word("grade") {
@@ -93,11 +94,12 @@ impl<'t> Given<'t> {
             input: 24.0,
             effort: 814.0,
             speed: 50.0,
-            largest: [3.0, 4.0, 200.0],
-            spread: [10.0, 20.0, 30.0],
-            noise: [0.1, 0.2, 0.3],
+            largest: of_outputs([3.0, 4.0, 200.0]),
+            spread: of_outputs([10.0, 20.0, 30.0]),
+            noise: of_outputs([0.1, 0.2, 0.3]),
             waves: vec![Wave { amplitude: 5.0, pitch: 0.01, phase: 0.3 }, Wave { amplitude: 2.0, pitch: 0.02, phase: -1.0 }],
-            quantum: [None, self.word("quantum").map(number), None],
+            quantum: of_outputs([None, self.word("quantum").map(number), None]),
+            scales: Vec::new(),
             gears: [false; 5],
             output: self.or("output", 0.0) as usize,
             nominal: self.or("nominal", 0.0),
@@ -258,7 +260,7 @@ fn every_effect_gives_what_its_equation_gives_by_hand() {
         let (_, plant) = *PlantKind::NAMES.iter().find(|(name, _)| *name == plant).expect("a plant");
         let (arguments, given) = (Given::of(arguments), Given::of(given));
         if hook == "guesses" {
-            let found = (description.guesses)(&given.survey(plant));
+            let found = description.guesses.of(&given.survey(plant));
             let expected: Vec<Guess> = expected.split(';').map(guess).collect();
             let alike = |a: &Guess, b: &Guess| {
                 all_close(&a.values, &b.values)
@@ -372,4 +374,9 @@ fn a_scale_of_bodies_alone_has_no_windings_and_no_vehicle_that_move() {
     let Vehicle { wheel, speed, crank_speed, clutch_mobility, clutch, swing } = scale.vehicle;
     assert_eq!([wheel, swing], [(1.0, 1.0); 2]);
     assert_eq!(([speed, crank_speed, clutch_mobility], clutch), ([0.0, 0.0, 1.0], (1.0, 0.0, 0.0)));
+}
+
+/// What stands for the first three outputs.
+fn of_outputs<T: Copy + Default>(first: [T; 3]) -> [T; OUTPUTS] {
+    crate::kind::by_output(&first, T::default())
 }

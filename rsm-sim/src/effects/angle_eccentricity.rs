@@ -18,12 +18,13 @@ pub const DESCRIPTION: Description = Description {
     kind: "angle-eccentricity",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("amplitude", Unit::Is("rad"), Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))
         .plausible(Plausible::Within(1.0))],
     sentence: "The encoder errs by {amplitude} once a turn.",
     check: "Check the concentricity of the encoder and its disc; the error must repeat once a mechanical turn at any speed and current.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -18,12 +18,13 @@ pub const DESCRIPTION: Description = Description {
     kind: "angle-offset",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("angle", Unit::Is("rad"), Bound::Between(-std::f64::consts::PI, std::f64::consts::PI))
         .plausible(Plausible::Within(std::f64::consts::FRAC_PI_2))],
     sentence: "The recorded frame is turned by {angle}.",
     check: "Align the encoder again: turn the rotor from outside with open terminals, the back-EMF must stand on the q axis alone.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -22,6 +22,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "asymmetric-friction",
     plants: &[PlantKind::ServoAxis, PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("forward", Unit::Effort, Bound::NotNegative).plausible(Plausible::EffortOneWay).level(),
         Argument::new("backward", Unit::Effort, Bound::NotNegative).plausible(Plausible::EffortOneWay).level(),
@@ -31,7 +32,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "Friction is {forward} forward and {backward} backward.",
     check: "Drive slowly at the same speed both ways and compare the efforts, level by level; look at seals, guides and anything that wears on one side.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared { generalises: Some("coulomb-friction"), forms, ..Declared::NOTHING },
 };
 

@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "backlash",
     plants: &[PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("gap", Unit::Gap, Bound::NotNegative),
         Argument::new("mass_ratio", Unit::Is("1"), Bound::Between(0.0, 1.0)).on(PlantKind::ServoAxis),
@@ -30,7 +31,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "There is a free play of {gap} in the drive.",
     check: "Hold the drive and move the load by hand, or reverse it under a small torque, and measure the free play between the two.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -21,11 +21,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "brake-drag",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("torque", Unit::Is("N*m"), Bound::NotNegative).plausible(Plausible::Effort)],
     sentence: "A brake drags with {torque}.",
     check: "Jack the wheels up and turn them by hand, or measure the temperature of the brakes after driving without braking.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "clutch-slip",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("capacity", Unit::Is("N*m"), Bound::Positive)],
     sentence: "The clutch slips above {capacity}.",
     check: "Compare engine speed with road speed times the gear ratio under full load; where they part, inspect lining and clamp load.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

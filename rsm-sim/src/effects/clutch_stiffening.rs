@@ -20,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "clutch-stiffening",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("cubic_stiffness", Unit::Is("N*m/rad^3"), Bound::NotNegative)],
     sentence: "The clutch stiffens with {cubic_stiffness}.",
     check: "Measure the clutch's torque against its twist on a bench, beyond the first stage of its springs.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "cogging-torque",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("amplitude", Unit::Effort, Bound::NotNegative).plausible(Plausible::Effort),
         Argument::new("cycles", Unit::Is("1"), Bound::Count).on(PlantKind::Pmac),
@@ -29,7 +30,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "A cogging torque of amplitude {amplitude} acts on the motor.",
     check: "Turn the unpowered motor slowly through a few turns (the axis over a few pitches) with a force gauge: the wave must be there without current.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::role(Role::Waves),
 };
 

@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "combustion-ripple",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("amplitude", Unit::Is("1"), Bound::NotNegative)],
     sentence: "The engine torque ripples by {amplitude} three times a turn.",
     check: "Compare with a motored engine: the ripple must vanish with fuel cut off.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

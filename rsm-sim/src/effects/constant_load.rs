@@ -18,6 +18,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "constant-load",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("torque", Unit::Is("N*m"), Bound::Any).plausible(Plausible::Effort).on(PlantKind::Pmac),
         Argument::new("force", Unit::Is("N"), Bound::Any).plausible(Plausible::Effort).on(PlantKind::ServoAxis),
@@ -25,7 +26,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "A constant load of {torque}{force} is missing from the record.",
     check: "Hold the drive at rest in several positions and read the effort; look for gravity, springs, hoses and unrecorded loads.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "coulomb-friction",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("torque", Unit::Is("N*m"), Bound::NotNegative).plausible(Plausible::Effort).on(PlantKind::Pmac),
         Argument::new("force", Unit::Is("N"), Bound::NotNegative).plausible(Plausible::Effort).on(PlantKind::ServoAxis),
@@ -28,7 +29,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "A dry friction of {torque}{force} is missing from the model.",
     check: "Drive slowly both ways at constant speed: the effort must jump by twice this level at the reversal.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -21,11 +21,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "headwind",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("wind", Unit::Is("m/s"), Bound::Any).plausible(Plausible::Within(STORM))],
     sentence: "There is a headwind of {wind}.",
     check: "Drive the same road both ways; what changes sign is wind.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

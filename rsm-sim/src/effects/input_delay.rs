@@ -18,13 +18,14 @@ pub const DESCRIPTION: Description = Description {
     kind: "input-delay",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("delay", Unit::Is("s"), Bound::NotNegative)
         .plausible(Plausible::ShareOfRecord)
         .step(Step::OwnSize)],
     sentence: "The input acts {delay} later than recorded.",
     check: "Apply one step of the input and count the samples to the first answer; look for filters, buses and time stamps.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::role(Role::Delay),
 };
 

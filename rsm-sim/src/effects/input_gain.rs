@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "input-gain",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("gain", Unit::Is("1"), Bound::Any).plausible(Plausible::Factor).step(Step::PerCent)],
     sentence: "The input acts {gain} times as strong as recorded.",
     check: "Measure the input where it acts (terminal voltage, plate angle, force at rest) against what the record says.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

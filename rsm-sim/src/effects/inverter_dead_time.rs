@@ -20,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "inverter-dead-time",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("voltage_loss", Unit::Is("V"), Bound::NotNegative).plausible(Plausible::Input)],
     sentence: "The inverter loses {voltage_loss} against the current.",
     check: "Measure terminal voltage against command at standstill at small currents: the loss must stay as the current shrinks.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "load-drift",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("torque_rate", Unit::Is("N*m/s"), Bound::Any).plausible(Plausible::EffortPerRecord).on(PlantKind::Pmac),
         Argument::new("force_rate", Unit::Is("N/s"), Bound::Any).plausible(Plausible::EffortPerRecord).on(PlantKind::ServoAxis),
@@ -27,7 +28,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "A load that is not in the record grows by {torque_rate}{force_rate}.",
     check: "Drive the same motion both ways at the beginning and at the end of an hour and compare the efforts: half their difference is the load.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -20,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "magnetic-saturation",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("saturation_current", Unit::Is("A"), Bound::Positive)],
     sentence: "The inductance halves at a current of {saturation_current}.",
     check: "Measure the inductance at small and at large current at standstill, by a small step on top of each.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

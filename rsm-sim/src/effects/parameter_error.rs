@@ -19,11 +19,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "parameter-error",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Parameter,
+    at: None,
     arguments: &[Argument::new("value", Unit::OfSubject, Bound::Any).plausible(Plausible::Parameter).step(Step::PerCent)],
     sentence: "The parameter {parameter} is {value}, not what the plant file says.",
     check: "Measure the parameter by itself, or look up where its value in the plant file comes from.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

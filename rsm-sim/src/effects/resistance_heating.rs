@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "resistance-heating",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("thermal_resistance", Unit::Is("K/W"), Bound::NotNegative),
         Argument::new("thermal_time_constant", Unit::Is("s"), Bound::Positive),
@@ -27,7 +28,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "The winding heats up: {thermal_resistance} with a time constant of {thermal_time_constant}.",
     check: "Measure the winding's resistance cold, and again directly after the record.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -20,6 +20,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "road-grade",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new(
         "grade",
         Unit::Is("rad"),
@@ -29,7 +30,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "The road has a grade of {grade}.",
     check: "Measure the slope, or drive the same road both ways; the scale and a coast-down tell it from drag.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

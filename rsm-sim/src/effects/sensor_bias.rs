@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-bias",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
+    at: None,
     arguments: &[Argument::new("bias", Unit::OfSubject, Bound::Any).plausible(Plausible::Reading)],
     sentence: "The sensor of {output} reads {bias} too much.",
     check: "Read the sensor at a known rest, before and after a record.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

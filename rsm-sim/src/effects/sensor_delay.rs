@@ -18,13 +18,14 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-delay",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
+    at: None,
     arguments: &[Argument::new("delay", Unit::Is("s"), Bound::NotNegative)
         .plausible(Plausible::ShareOfRecord)
         .step(Step::OwnSize)],
     sentence: "The sensor of {output} reads {delay} late.",
     check: "Record one step with the sensor and with one whose time stamps are known; look at the bus, the logger's queue and its clock.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::role(Role::Delay),
 };
 

@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-drift",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
+    at: None,
     arguments: &[Argument::new("rate", Unit::OfSubjectPerSecond, Bound::Any).plausible(Plausible::ReadingPerRecord)],
     sentence: "The sensor of {output} drifts by {rate}.",
     check: "Read the sensor at a known rest at the beginning and at the end of a long record.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

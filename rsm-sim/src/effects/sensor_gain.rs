@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-gain",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
+    at: None,
     arguments: &[Argument::new("gain", Unit::Is("1"), Bound::Positive).plausible(Plausible::FactorOrUnit).step(Step::PerCent)],
     sentence: "The sensor of {output} reads {gain} times the truth.",
     check: "Compare the sensor with a second one, or with a known distance, speed or current.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::role(Role::ReadingGain),
 };
 

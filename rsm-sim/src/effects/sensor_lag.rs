@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-lag",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
+    at: None,
     arguments: &[Argument::new("time_constant", Unit::Is("s"), Bound::Positive).plausible(Plausible::ShareOfRecord)],
     sentence: "The sensor of {output} lags with a time constant of {time_constant}.",
     check: "Compare the sensor with a faster one on one step; look for a filter in its electronics or in the log.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::role(Role::ReadingLag),
 };
 

@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "sensor-quantisation",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
     subject: Subject::Output,
+    at: None,
     arguments: &[Argument::new("step", Unit::OfSubject, Bound::Positive)],
     sentence: "The sensor of {output} rounds to multiples of {step}.",
     check: "Look up the resolution of the sensor and of the log, and take a finer one where control needs it.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::role(Role::Rounding),
 };
 

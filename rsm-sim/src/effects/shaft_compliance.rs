@@ -21,6 +21,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "shaft-compliance",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("inertia_ratio", Unit::Is("1"), Bound::Between(0.0, 1.0)),
         Argument::new("stiffness", Unit::Stiffness, Bound::Positive),
@@ -29,7 +30,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "The load hangs on a spring of {stiffness}, with {inertia_ratio} of the inertia behind it.",
     check: "Clamp the load and twist the drive, or excite the drive by a sweep and look for a resonance above an antiresonance.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

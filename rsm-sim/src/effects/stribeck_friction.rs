@@ -22,6 +22,7 @@ pub const DESCRIPTION: Description = Description {
     kind: "stribeck-friction",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("coulomb", Unit::Effort, Bound::NotNegative).plausible(Plausible::EffortOneWay).level(),
         Argument::new("static", Unit::Effort, Bound::NotNegative).plausible(Plausible::EffortOneWay).level(),
@@ -30,7 +31,7 @@ pub const DESCRIPTION: Description = Description {
     sentence: "Friction of {coulomb} rises to {static} below a speed of {stribeck_velocity}.",
     check: "Drive at several constant speeds around the Stribeck velocity: the effort must fall as the speed rises.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared { generalises: Some("coulomb-friction"), forms, ..Declared::NOTHING },
 };
 

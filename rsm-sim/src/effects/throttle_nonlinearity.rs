@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "throttle-nonlinearity",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("exponent", Unit::Is("1"), Bound::Positive).plausible(Plausible::Factor)],
     sentence: "The throttle acts with the power {exponent}.",
     check: "Measure torque or air mass at several throttle openings at one engine speed.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

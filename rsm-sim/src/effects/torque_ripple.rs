@@ -20,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "torque-ripple",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("amplitude", Unit::Is("1"), Bound::NotNegative).plausible(Plausible::Within(1.0))],
     sentence: "The flux linkage ripples by {amplitude} six times an electrical turn.",
     check: "Turn the motor from outside with open terminals and look at its back-EMF: the sixth order must be there.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -20,11 +20,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "tyre-slip",
     plants: &[PlantKind::Driveline],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("slip_stiffness", Unit::Is("N"), Bound::Positive)],
     sentence: "The tyres slip: {slip_stiffness} for a slip of 1.",
     check: "Compare wheel speed with ground speed (GPS) while accelerating and while coasting.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

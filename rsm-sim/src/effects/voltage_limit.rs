@@ -18,11 +18,12 @@ pub const DESCRIPTION: Description = Description {
     kind: "voltage-limit",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[Argument::new("limit", Unit::Is("V"), Bound::Positive)],
     sentence: "The bus allows {limit} only.",
     check: "Record the bus voltage under load; compare it with the value from which the limit was computed.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -18,13 +18,14 @@ pub const DESCRIPTION: Description = Description {
     kind: "windage",
     plants: &[PlantKind::Pmac],
     subject: Subject::None,
+    at: None,
     arguments: &[
         Argument::new("coefficient", Unit::Is("N*m*s^2/rad^2"), Bound::NotNegative).plausible(Plausible::EffortPerSpeedSquared)
     ],
     sentence: "Windage of {coefficient} is missing from the model.",
     check: "Coast down from high speed without current: the deceleration must grow with the square of the speed.",
     build,
-    guesses,
+    guesses: crate::effect::Guesses::Code(guesses),
     declared: Declared::NOTHING,
 };
 

@@ -28,7 +28,7 @@ use rsm_core::check::Checked;
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, parse};
 use rsm_fit::table::{Table, Wanted};
-use rsm_model::effects::{Catalogue, Delay, LateReading, Proposal, Room, Site, extend, propose, rooms, sites_of};
+use rsm_model::effects::{Catalogue, Delay, LateReading, Places, Proposal, Room, Site, extend, propose, rooms, sites_of};
 use rsm_model::expression::Symbol;
 use rsm_model::flat::{Basic, Flat, Options, Role};
 use rsm_model::system::System;
@@ -329,6 +329,55 @@ impl EquationFile {
         file.built()
     }
 
+    /// The file with other numbers, further effects behind its own, and what a record decides of parameters.
+    ///
+    /// # Errors
+    /// An effect that cannot stand where it is placed.
+    pub fn with(&self, parameters: &[Given], effects: &[Entry], record: &[Given]) -> Result<EquationFile, Faults> {
+        let mut file = self.clone();
+        file.parameters.retain(|own| !parameters.iter().any(|it| it.name == own.name));
+        file.parameters.extend_from_slice(parameters);
+        file.effects.extend_from_slice(effects);
+        let known = |name: &str| {
+            let flat = self.system.flat();
+            flat.find(name).is_some_and(|it| flat.variable(it).role == Role::Parameter)
+        };
+        let decided = record.iter().filter(|it| known(&it.name) && !self.parameters.iter().any(|own| own.name == it.name));
+        file.decided.parameters = decided.map(|it| (it.name.clone(), it.value)).collect();
+        file.built()
+    }
+
+    /// The file without its effects.
+    ///
+    /// # Errors
+    /// Those of the text.
+    pub fn bare(&self) -> Result<EquationFile, Faults> {
+        let mut file = self.clone();
+        file.effects.clear();
+        (file.delays, file.late_readings, file.read_of, file.placed) = Default::default();
+        file.built()
+    }
+
+    /// The places at which effects can stand, and what the catalogue of the file offers there.
+    ///
+    /// # Errors
+    /// Sites that the equations do not bear out.
+    pub fn places_of_effects(&self) -> Result<Places, Faults> {
+        Places::of(&self.plain, &self.sites, &self.origin.catalogue)
+    }
+
+    /// The effects that it knows.
+    #[must_use]
+    pub fn catalogue(&self) -> &Catalogue {
+        &self.origin.catalogue
+    }
+
+    /// The plant file as it was written.
+    #[must_use]
+    pub fn source(&self) -> &Source {
+        &self.origin.source
+    }
+
     /// Sites that units and the form of equations suggest, beside those of the file.
     #[must_use]
     pub fn proposals(&self) -> Vec<Proposal> {
@@ -398,6 +447,18 @@ impl EquationFile {
 /// The parameters that a record sets to its sample period and to its first instant, where the text has them.
 const PERIOD: &str = "record_period";
 const BEGIN: &str = "record_start";
+
+/// Whether a record gives a parameter its value because of its name.
+#[must_use]
+pub fn is_of_record(parameter: &str) -> bool {
+    [PERIOD, BEGIN].contains(&parameter)
+}
+
+/// What the rows of a record say of a text that asks for it: their period and the first of their instants, in s.
+#[must_use]
+pub fn of_rows(period: f64, first: f64) -> [Given; 2] {
+    [(PERIOD, period), (BEGIN, first)].map(|(name, value)| Given { name: name.to_string(), value })
+}
 
 /// What a record decides of a text that comes with the project.
 fn shipped_rules(model: &str) -> Rules {

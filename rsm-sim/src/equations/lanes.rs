@@ -160,6 +160,36 @@ fn has_late(lane: &Lane) -> bool {
     !lane.numbers.followers.is_empty() || !lane.numbers.late_readings.is_empty()
 }
 
+/// The points of a machine along inputs, at every so many rows, from its start to where it ends.
+///
+/// # Panics
+/// When an input has fewer rows than the time.
+#[must_use]
+pub fn points(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting, every: usize) -> Vec<Point> {
+    let mut walk: Walk<'_, 1> = Walk::new(machine, Way::Fastest);
+    let lane = Lane::new(machine, start);
+    walk.begin([&lane], setting, period(inputs));
+    let mut late = Late::new(&lane.numbers, inputs.time, period(inputs));
+    let mut points = Vec::new();
+    for (row, end) in inputs.time.iter().enumerate() {
+        walk.row = row;
+        if row > 0 && walk.reach(*end, &mut late).is_err() {
+            break;
+        }
+        walk.set_inputs(inputs.values, row);
+        walk.exchange(&mut late);
+        if walk.happen_and_send(*end, &mut late).is_err() {
+            break;
+        }
+        walk.look();
+        late.read(*end, walk.look());
+        if row % every == 0 {
+            points.push(walk.point(0));
+        }
+    }
+    points
+}
+
 /// Room for the outputs of a lane.
 fn room(machine: &Machine, inputs: Inputs<'_>) -> Outputs {
     vec![Vec::with_capacity(inputs.time.len()); machine.outputs().len()]

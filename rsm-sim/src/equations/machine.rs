@@ -179,6 +179,9 @@ impl Machine {
     /// No parameter of this name; one that shapes the equations or follows from others; a value that it cannot have. Nothing is set then.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), Faults> {
         let place = numbers::place_of(&self.system, name, value)?;
+        if self.numbers.parameters[place].to_bits() == value.to_bits() {
+            return Ok(());
+        }
         let mut parameters = self.numbers.parameters.clone();
         parameters[place] = value;
         let found = self.following.numbers(parameters);
@@ -206,6 +209,30 @@ impl Machine {
     /// Outputs whose first reading says something of the start, and of which variable; the surest first.
     pub(super) fn starting(&self) -> &[(usize, String)] {
         &self.starting
+    }
+
+    /// The outputs whose first readings say something of the start when all of them are recorded, by place, the surest first.
+    ///
+    /// # Errors
+    /// What the text demands of the start contradicts itself.
+    pub fn first_readings(&mut self) -> Result<Vec<usize>, Faults> {
+        self.readings_that_count(&|_| true)
+    }
+
+    /// The same of those that a record holds.
+    ///
+    /// # Errors
+    /// What the text demands of the start contradicts itself.
+    pub fn readings_that_count(&mut self, holds: &dyn Fn(usize) -> bool) -> Result<Vec<usize>, Faults> {
+        let held: Vec<(usize, Symbol)> = self
+            .starting
+            .iter()
+            .filter(|it| holds(it.0))
+            .filter_map(|(output, name)| self.system.find(name).map(|symbol| (*output, symbol)))
+            .collect();
+        let symbols: Vec<Symbol> = held.iter().map(|it| it.1).collect();
+        let start = self.system.start(&[], &symbols)?;
+        Ok(held.into_iter().filter(|it| start.recorded.contains(&it.1)).map(|it| it.0).collect())
     }
 
     /// Everything as tapes.
@@ -342,6 +369,21 @@ impl Machine {
         point: &Point,
     ) -> Result<Vec<f64>, Faults> {
         Ok(self.values(&self.functions.compiled(file, system, &arguments(system, false), list)?, point, &[]))
+    }
+
+    /// The same at many points.
+    ///
+    /// # Errors
+    /// A symbol that nothing gives.
+    pub(crate) fn evaluated_at(
+        &self,
+        file: &EquationFile,
+        system: &System,
+        list: &[Id],
+        points: &[Point],
+    ) -> Result<Vec<Vec<f64>>, Faults> {
+        let computed = self.functions.compiled(file, system, &arguments(system, false), list)?;
+        Ok(points.iter().map(|point| self.values(&computed, point, &[])).collect())
     }
 
     /// The derivative of each state by time, in its unit over s.

@@ -115,15 +115,21 @@ impl Signals {
     /// What is known of the start: what `[initial]` gives beside outputs; then, for each output that follows from states, the surest first, what `[initial]` gives, or its first reading.
     #[must_use]
     pub fn start(&self, file: &EquationFile, machine: &Machine) -> (Vec<Given>, Vec<Given>) {
+        self.start_from(&file.initial, machine)
+    }
+
+    /// The same with other values under `[initial]`.
+    #[must_use]
+    pub fn start_from(&self, initial: &[Given], machine: &Machine) -> (Vec<Given>, Vec<Given>) {
         let outputs = machine.outputs();
-        let mut given: Vec<Given> = file.initial.clone();
+        let mut given: Vec<Given> = initial.to_vec();
         let mut recorded: Vec<Given> = Vec::new();
         for (output, name) in machine.starting() {
-            let own = file.initial.iter().find(|it| it.name == outputs[*output].0).map(|it| it.value);
+            let own = initial.iter().find(|it| it.name == outputs[*output].0).map(|it| it.value);
             let first = self.measured.get(*output).and_then(Option::as_ref).and_then(|it| it.first().copied());
             given.retain(|it| it.name != outputs[*output].0);
             let Some(value) = own.or(first) else { continue };
-            if !file.initial.iter().any(|it| it.name == *name || (own.is_none() && machine.is_same(&it.name, name))) {
+            if !initial.iter().any(|it| it.name == *name || (own.is_none() && machine.is_same(&it.name, name))) {
                 recorded.push(Given { name: name.clone(), value });
             } else if own.is_some() {
                 given.push(Given { name: name.clone(), value });

@@ -121,6 +121,20 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.slots[self.programs.layout.time as usize][lane]
     }
 
+    /// Where a lane stands.
+    pub(super) fn point(&self, lane: usize) -> Point {
+        let (layout, counts) = (self.layout(), self.programs.counts);
+        let list = |begin: u32, count: usize| self.slots[begin as usize..][..count].iter().map(|it| it[lane]).collect();
+        Point {
+            time: self.time(lane),
+            states: list(layout.states, counts.states),
+            inputs: list(layout.inputs, counts.inputs),
+            held: list(layout.held, counts.held),
+            memories: list(layout.memories, counts.memories),
+            guesses: list(layout.guesses, counts.guesses),
+        }
+    }
+
     pub(super) fn set_inputs(&mut self, values: &[Vec<f64>], row: usize) {
         let begin = self.layout().inputs as usize;
         for (slot, values) in self.slots[begin..].iter_mut().zip(values) {

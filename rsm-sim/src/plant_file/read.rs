@@ -213,7 +213,7 @@ fn arguments(
 ) -> Option<Arguments> {
     let mut table = TableReader::of(source, value, format!("effect `{}`", description.kind), faults)?;
     let (key, names): (&'static str, Vec<&'static str>) = match description.subject {
-        Subject::None => ("", Vec::new()),
+        Subject::None | Subject::Site => ("", Vec::new()),
         Subject::Parameter => ("parameter", schema::named(kind).map(|nominal| nominal.name).collect()),
         Subject::Output => ("output", kind.outputs().iter().map(|signal| signal.name).collect()),
     };

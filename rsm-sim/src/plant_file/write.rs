@@ -8,13 +8,16 @@ use rsm_core::number::decimal;
 
 use super::{Named, PlantFile, VelocityFrom};
 use crate::effect::Subject;
-use crate::kind::PlantKind;
+use crate::kind::{Described, PlantKind};
 use crate::schema;
 
 impl PlantFile {
     /// The text of the file, effects filled in.
     #[must_use]
     pub fn write(&self) -> String {
+        if let PlantKind::Equations(kind) = self.kind {
+            return of_equations(kind, self);
+        }
         let mut text = format!("format = 1\nplant = \"{}\"\n\n[parameters]\n", self.kind.name());
         for nominal in schema::parameters(self.kind) {
             if let Some(value) = self.parameters.optional(nominal.name) {
@@ -43,6 +46,7 @@ impl PlantFile {
                 Subject::None => "",
                 Subject::Parameter => "parameter",
                 Subject::Output => "output",
+                Subject::Site => "at",
             };
             let subject = entry.arguments.subject.iter().map(|name| format!("{word} = \"{name}\""));
             let numbers = entry.arguments.numbers.iter().map(|(name, value)| format!("{name} = {}", decimal(*value)));
@@ -51,6 +55,53 @@ impl PlantFile {
                 write!(text, "\n[[effects]]\nkind = \"{}\"\nparameters = {{ {} }}\n", entry.description.kind, all.join(", "));
         }
         text
+    }
+}
+
+/// The text of a plant of equations: that of its file with the numbers, starts and effects of this one. Files that it names stand beside it, under their names without a folder.
+fn of_equations(kind: &Described, file: &PlantFile) -> String {
+    use toml::{Table, Value};
+    let mut whole: Table = kind.text.parse().unwrap_or_default();
+    let inside = |whole: &mut Table, key: &str, list: &mut dyn Iterator<Item = (&str, f64)>| {
+        for (name, value) in list {
+            let entry = whole.entry(key).or_insert_with(|| Value::Table(Table::new()));
+            entry.as_table_mut().and_then(|it| it.insert(name.to_string(), Value::Float(value)));
+        }
+    };
+    let changed = kind.parameters.iter().zip(&kind.values).filter_map(|(it, was)| {
+        let value = file.parameters.optional(it.name)?;
+        (value.to_bits() != was.to_bits()).then_some((it.name, value))
+    });
+    inside(&mut whole, "parameters", &mut changed.collect::<Vec<_>>().into_iter());
+    inside(&mut whole, "initial", &mut file.initial.iter().copied());
+    whole.remove("effects");
+    let effects = file.acting().map(|entry| {
+        let numbers = entry.arguments.numbers.iter().map(|(name, value)| ((*name).to_string(), Value::Float(*value)));
+        let mut one = Table::from_iter([("kind".to_string(), Value::String(entry.description.kind.to_string()))]);
+        one.extend(entry.arguments.subject.iter().map(|at| ("at".to_string(), Value::String(at.clone()))));
+        one.insert("parameters".to_string(), Value::Table(numbers.collect()));
+        Value::Table(one)
+    });
+    let effects: Vec<Value> = effects.collect();
+    if !effects.is_empty() {
+        whole.insert("effects".to_string(), Value::Array(effects));
+    }
+    beside(&mut whole);
+    whole.to_string()
+}
+
+/// Names of files without their folders.
+fn beside(table: &mut toml::Table) {
+    for (key, value) in table.iter_mut() {
+        match value {
+            toml::Value::String(name) if key == "model" && !name.starts_with("rsm:") => {
+                if let Some((_, last)) = name.rsplit_once('/') {
+                    *name = last.to_string();
+                }
+            }
+            toml::Value::Table(inner) => beside(inner),
+            _ => {}
+        }
     }
 }
 

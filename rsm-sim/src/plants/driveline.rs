@@ -105,7 +105,7 @@ impl Plant for Driveline {
     const STATES: usize = 7;
 
     fn start(&self, hooks: &Hooks, outputs: &StartValues, record: &Record, inputs: &[f64; 3], x: &mut [f64]) {
-        let [_, road_speed, _, torque_offset, twist_offset, twist_rate] = *outputs;
+        let [_, road_speed, _, torque_offset, twist_offset, twist_rate, ..] = *outputs;
         let wheel = road_speed / self.radius;
         let shaft = self.final_ratio * (wheel + twist_rate);
         let engine = self.gear_ratio * shaft;

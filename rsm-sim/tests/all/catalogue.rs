@@ -126,7 +126,7 @@ fn a_file_with_effects_is_written_and_read_back_to_the_same_bits() {
         let mut text = std::fs::read_to_string(path(&format!("plants/{}.toml", kind.name()))).unwrap();
         for description in effects::ALL.iter().filter(|it| it.plants.contains(&kind)) {
             let subject = match description.subject {
-                rsm_sim::effect::Subject::None => String::new(),
+                rsm_sim::effect::Subject::None | rsm_sim::effect::Subject::Site => String::new(),
                 rsm_sim::effect::Subject::Parameter => {
                     "parameter = \"mass\", ".replace("mass", if kind == PlantKind::Pmac { "inertia" } else { "mass" })
                 }

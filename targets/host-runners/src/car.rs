@@ -5,6 +5,7 @@
 
 use rsm_core::source::Source;
 use rsm_sim::hooks::Hooks;
+use rsm_sim::kind::StartValues;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::plants::Plant;
 use rsm_sim::plants::driveline::Driveline;
@@ -50,7 +51,9 @@ impl Car {
     }
 
     fn start(&mut self, throttle: f64, speed: f64) {
-        self.plant.start(&self.hooks, &[0.0, speed, 0.0, 0.0, 0.0, 0.0], &self.record, &[throttle, 0.0, 0.0], &mut self.x);
+        let mut start = StartValues::default();
+        start[1] = speed;
+        self.plant.start(&self.hooks, &start, &self.record, &[throttle, 0.0, 0.0], &mut self.x);
         let Car { plant, hooks, x, k, outputs, .. } = self;
         plant.evaluate(hooks, None, &[throttle, 0.0, 0.0], x, &mut k[0], outputs);
     }

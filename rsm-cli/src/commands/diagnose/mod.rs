@@ -26,12 +26,14 @@ use rsm_diagnose::plant::bridges::Bridged;
 use rsm_diagnose::plant::checks::Finding;
 use rsm_diagnose::plant::{self, Cause, Diagnosis, Options};
 use rsm_sim::effect::Subject;
+use rsm_sim::equation_plant;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::threads::threads;
 use serde_json::{Map, Value, json};
 
+use crate::commands::equations as plants;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 use told::Told;
@@ -62,6 +64,9 @@ pub struct Arguments {
     /// With --refit: the true plant of a simulated study, which judges the surfaces (without it the extended plant does)
     #[arg(long, requires = "refit")]
     truth: Option<PathBuf>,
+    /// Of a plant of equations: a folder of further effects, one TOML file each
+    #[arg(long, value_name = "DIR")]
+    effects: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -82,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if arguments.record.is_empty() {
         return Err(Refusal::new("--record: found none, a diagnosis needs at least one record to estimate from"));
     }
-    let plant = PlantFile::read(&source)?;
+    let plant = plant_file(&source, arguments)?;
     let truth = arguments.truth.as_ref().map(|path| Ok::<_, Refusal>(PlantFile::read(&Source::read(path)?)?)).transpose()?;
     if arguments.refit {
         refit::refuse(&plant, truth.as_ref())?;
@@ -139,6 +144,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             (folder.join("extended.toml"), found.plant.write()),
             (folder.join("report.html"), page),
         ];
+        files.extend(named_files(&plant).into_iter().map(|(name, text)| (folder.join(name), text)));
         files.extend(next::csv(&found).map(|csv| (folder.join(next::FILE), csv)));
         files.extend(error_breakdown::correction_file(&found).map(|text| (folder.join(error_breakdown::CORRECTION), text)));
         if let Some(Ok(refitted)) = &refitted {
@@ -161,8 +167,31 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(Answer::Positive)
 }
 
+/// The plant of a plant file of either format.
+fn plant_file(source: &Source, arguments: &Arguments) -> Result<PlantFile, Refusal> {
+    if !plants::is_equations(source) {
+        if arguments.effects.is_some() {
+            return Err(Refusal::new("--effects: a plant file of format 1 takes the effects that are built in"));
+        }
+        return Ok(PlantFile::read(source)?);
+    }
+    let folder = arguments.plant.parent().unwrap_or(std::path::Path::new(""));
+    let open = |name: &str| Source::read(&folder.join(name));
+    Ok(equation_plant::read_with(source, &open, &plants::catalogue(arguments.effects.as_deref())?)?)
+}
+
+/// The files that a plant file names, for the folder of the extended one, which names them without a folder.
+fn named_files(plant: &PlantFile) -> Vec<(String, String)> {
+    let PlantKind::Equations(kind) = plant.kind else { return Vec::new() };
+    let last = |name: &str| name.rsplit_once('/').map_or(name, |it| it.1).to_string();
+    kind.files.iter().map(|(name, text)| (last(name), text.clone())).collect()
+}
+
 /// Whether the file is a model: it has the key `model`, as a plant file has `plant`. Flags that belong to the other kind are refused.
 fn is_model(source: &Source, arguments: &Arguments) -> Result<bool, Refusal> {
+    if plants::is_equations(source) {
+        return Ok(false);
+    }
     let mut faults = Collector::new();
     let document = toml_reader::parse(source, &mut faults);
     let has = document.as_ref().map(|table| ["model", "plant"].map(|key| table.get_ref().contains_key(key)));
@@ -226,6 +255,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         let details = match cause.of {
             Subject::Parameter => vec![("parameter", json!(cause.subject))],
             Subject::Output => vec![("output", json!(cause.subject))],
+            Subject::Site => vec![("at", json!(cause.subject))],
             Subject::None => Vec::new(),
         };
         let mut evidence: told::Keys = cause.only_in.iter().map(|record| ("only_in", json!([record]))).collect();

@@ -68,6 +68,8 @@ pub fn names(prepared: &Prepared, kind: PlantKind) -> Vec<&'static str> {
                 vec!["position"]
             }
         }
+        // Its equations are written for its own states, which no column need hold.
+        PlantKind::Equations(_) => Vec::new(),
     }
 }
 
@@ -116,6 +118,7 @@ pub fn missed(prepared: &Prepared, readings: &Readings, version: Version, file: 
             };
             car(&Driveline::new(&parameters, record.gear), &hooks, record, &truths, &geometry)
         }
+        PlantKind::Equations(_) => None,
     };
     // A sensor with a gain of its own reads so many times what is missed in truth.
     let found = found.map(|mut found| {

@@ -5,6 +5,7 @@
 use crate::plant::whitened_residuals::Prepared;
 use rsm_sim::effect::{AXIS_SIGN_WIDTH, Role};
 use rsm_sim::hooks::Hooks;
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -24,11 +25,11 @@ const SPEED_NOISE: f64 = 0.043;
 /// The readings of a record, by output of the plant.
 #[derive(Debug, Clone)]
 pub struct Readings {
-    raw: [Option<Vec<f64>>; 3],
+    raw: [Option<Vec<f64>>; OUTPUTS],
     /// A mean weighted by a Hann window.
-    smooth: [Option<Vec<f64>>; 3],
+    smooth: [Option<Vec<f64>>; OUTPUTS],
     /// The slope of the smooth readings, per second.
-    slope: [Option<Vec<f64>>; 3],
+    slope: [Option<Vec<f64>>; OUTPUTS],
     /// Rows at which an axis rests.
     rests: Vec<bool>,
     /// Rows whose memory holds no reading that does not count.
@@ -65,7 +66,7 @@ impl Readings {
     /// Of a record.
     #[must_use]
     pub fn new(prepared: &Prepared, kind: PlantKind) -> Self {
-        let mut raw: [Option<Vec<f64>>; 3] = Default::default();
+        let mut raw: [Option<Vec<f64>>; OUTPUTS] = Default::default();
         for (k, output) in prepared.outputs.iter().enumerate() {
             raw[*output] = Some(prepared.measured(k).to_vec());
         }

@@ -1,6 +1,7 @@
 //! Records with a known cause, and what the equations say of it.
 
 use rsm_core::source::Source;
+use rsm_sim::kind::OUTPUTS;
 
 use super::super::calibration::calibrate;
 use super::super::hypotheses;
@@ -63,7 +64,7 @@ fn axis(effects: &str, rows: usize) -> Record {
 fn said(plant: &str, record: Record) -> Said {
     let file = file(plant);
     let outputs = file.kind.outputs().len();
-    let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record, outputs)], [Floor::white(1.0); 3], 1);
+    let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record, outputs)], [Floor::white(1.0); OUTPUTS], 1);
     let (nominal, fit) = calibrate(&mut whitened, &file, AtStart::Steady).unwrap();
     let survey = survey::survey(&whitened, &fit);
     let all = hypotheses::all(file.kind, &survey, &whitened.records[0].outputs);

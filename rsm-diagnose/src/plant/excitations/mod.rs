@@ -11,6 +11,7 @@ mod shapes;
 
 use super::levenberg::Fit;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
@@ -37,7 +38,7 @@ pub struct Limits {
     /// Rows of a record.
     pub rows: usize,
     /// Lowest and highest simulated value of each output in the records.
-    pub seen: [[f64; 2]; 3],
+    pub seen: [[f64; 2]; OUTPUTS],
     /// Lowest and highest load torque of a motor in the records, in N m.
     pub load: [f64; 2],
     /// Highest speed of an axis in the records, in m/s.
@@ -66,7 +67,7 @@ impl Limits {
             drive: first.record.drive,
             period: first.record.period,
             rows: whitened.records.iter().map(|it| it.record.rows()).max()?.clamp(ROWS[0], ROWS[1]),
-            seen: [[f64::INFINITY, f64::NEG_INFINITY]; 3],
+            seen: [[f64::INFINITY, f64::NEG_INFINITY]; OUTPUTS],
             load: [f64::INFINITY, f64::NEG_INFINITY],
             speed: 0.0,
             acceleration: 0.0,
@@ -80,7 +81,7 @@ impl Limits {
             match fit.model.file.kind {
                 PlantKind::Pmac => limits.load = around(limits.load, &record.inputs[2]),
                 PlantKind::Driveline if !limits.gears.contains(&record.gear) => limits.gears.push(record.gear),
-                PlantKind::Driveline => {}
+                PlantKind::Driveline | PlantKind::Equations(_) => {}
                 PlantKind::ServoAxis => {
                     // The axis follows its reference but for its overshoot; without one the motion itself says how fast it went.
                     let path = match record.drive {
@@ -119,6 +120,7 @@ impl Limits {
                 seen.is_none_or(|(output, range)| within(output, range)) && within(1, [0.0, f64::MAX])
             }
             PlantKind::ServoAxis => within(0, self.seen[0]),
+            PlantKind::Equations(_) => (0..names.len()).all(|output| within(output, self.seen[output])),
         }
     }
 
@@ -157,8 +159,9 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: 
         inputs,
         gear,
         angle: None,
+        settings: Vec::new(),
         breaks: Vec::new(),
-        measured: vec![Some(vec![0.0]); 3],
+        measured: vec![Some(vec![0.0]); OUTPUTS],
     }
 }
 
@@ -170,6 +173,7 @@ pub fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
         PlantKind::Pmac => motor::library(believed, limits),
         PlantKind::Driveline => driveline::library(believed, limits),
         PlantKind::ServoAxis => axis::library(believed, limits),
+        PlantKind::Equations(_) => Vec::new(),
     }
 }
 

@@ -7,6 +7,7 @@ use super::super::levenberg::Fit;
 use super::super::noise::Floor;
 use super::super::whitened_residuals::{Simulated, WhitenedResiduals};
 use super::super::whiteness::{self, Left};
+use rsm_sim::kind::OUTPUTS;
 
 /// Unseen records may have so many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
 /// is beyond shows as structure.
@@ -21,7 +22,7 @@ pub(crate) fn left_there(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -
 /// Unseen records with the noise that they have themselves, and a fit by it: its level is known from the others to a per cent, and a day's is not that of the next.
 /// Far more of it is none, and records that are too short to show theirs have that of the others.
 pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedResiduals, Fit) {
-    let all_own = |floors: &[Floor; 3], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
+    let all_own = |floors: &[Floor; OUTPUTS], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
         let mut floors = *floors;
         for (floor, shown) in floors.iter_mut().zip(calibration::shown(whitened, simulated)) {
             *floor = its_own(floor, shown.floor);

@@ -71,8 +71,9 @@ pub(crate) fn cause(
 
 /// Rounding as an entry of a file.
 pub(super) fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Option<Entry> {
-    let description = rsm_sim::effects::with(Role::Rounding)?;
-    let subject = Some(kind.outputs()[output].name.to_string());
+    let name = kind.outputs()[output].name;
+    let description = rsm_sim::equation_plant::with(kind, Role::Rounding, name)?;
+    let subject = Some(name.to_string());
     Some(Entry { description, arguments: Arguments { plant: kind, subject, numbers: vec![("step", step)] } })
 }
 
@@ -97,7 +98,7 @@ pub(super) fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64
 /// Rounding as a cause: the readings are multiples of the step, and no other cause makes them so.
 pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> Option<Cause> {
     let signal = kind.outputs()[output];
-    let description = rsm_sim::effects::with(Role::Rounding)?;
+    let description = rsm_sim::equation_plant::with(kind, Role::Rounding, signal.name)?;
     Some(Cause {
         kind: description.kind,
         subject: Some(signal.name.to_string()),

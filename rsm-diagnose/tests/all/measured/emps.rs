@@ -195,7 +195,7 @@ fn from_command_to_position_the_measured_axis_is_followed_within_the_published_e
     // The drift is what the training record tells: without it the same plant is more than a millimetre off there.
     let mut still = file.clone();
     still.effects.retain(|it| it.description.kind != "load-drift");
-    let without = free_run::fitted(&still, &[&training], [5e-8; 3], 1).unwrap();
+    let without = free_run::fitted(&still, &[&training], [5e-8; rsm_sim::kind::OUTPUTS], 1).unwrap();
     let rows = 0..training.rows();
     let without = 1e3 * free_run::errors(&without.model, &training, rows).unwrap()[0];
     let number = |model: &Model, name: &str| model.file.effects.iter().find_map(|it| it.arguments.optional(name)).unwrap();

@@ -1,0 +1,93 @@
+//! What a search needs of every place at which effects can stand: which effects, in which units, and how large the quantities of the place are.
+//!
+//! In: equations, sites, a catalogue. Out: [`Places`]. Never evaluates anything.
+
+use rsm_core::source::Faults;
+
+use crate::expression::Id;
+use crate::flat::Flat;
+
+use super::file::Effect;
+use super::rewrite::Standing;
+use super::shipped::Catalogue;
+use super::site::{Site, SiteKind};
+
+/// A role of a site: its values in time tell how large it is.
+#[derive(Debug, Clone)]
+pub struct RoleValue {
+    /// The name of the role.
+    pub role: String,
+    /// Its parts, one for each element of a vector: expressions of [`Places::flat`].
+    pub parts: Vec<Id>,
+    /// Its unit, as the text writes it; empty where it has none.
+    pub unit: String,
+}
+
+/// An effect at a place.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Offer {
+    /// Its kind.
+    pub kind: String,
+    /// The unit of each number that it takes there, in their order.
+    pub units: Vec<String>,
+}
+
+/// A place at which effects can stand.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// The name for `at`.
+    pub at: String,
+    /// What it is.
+    pub kind: SiteKind,
+    /// The effects whose roles it has.
+    pub effects: Vec<Offer>,
+    /// Its roles.
+    pub roles: Vec<RoleValue>,
+    /// The terms of its balance, each in the unit of an effort or a flow at the site. The term with the derivative is among them.
+    pub terms: Vec<Id>,
+}
+
+/// All places of a plant.
+#[derive(Debug, Clone)]
+pub struct Places {
+    /// The equations, with the expressions of the places in their pool.
+    pub flat: Flat,
+    /// Declared sites, then inputs, outputs and parameters.
+    pub list: Vec<Place>,
+}
+
+impl Places {
+    /// The places of a plant and what a catalogue offers there. States by themselves are left out.
+    ///
+    /// ```
+    /// use rsm_core::source::Source;
+    /// use rsm_model::{effects::{Catalogue, Places}, flat::{Flat, Options}};
+    ///
+    /// let text = "model Cart\n  parameter Real mass(unit = \"kg\") = 2;\n  input Real force(unit = \"N\");\n  \
+    ///             output Real speed(unit = \"m/s\");\nequation\n  mass*der(speed) = force;\nend Cart;\n";
+    /// let flat = Flat::read(&Source::new("cart.mo", text), &Options::default())?;
+    /// let places = Places::of(&flat, &[], &Catalogue::shipped())?;
+    /// let names: Vec<&str> = places.list.iter().map(|it| it.at.as_str()).collect();
+    /// assert_eq!(names, ["mass", "force", "speed"]);
+    /// let gain = places.list[2].effects.iter().find(|it| it.kind == "sensor-bias").expect("a shipped effect");
+    /// assert_eq!(gain.units, ["m/s"]);
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Sites that the equations do not bear out.
+    pub fn of(flat: &Flat, sites: &[Site], catalogue: &Catalogue) -> Result<Places, Faults> {
+        let mut standing = Standing::new(flat, sites)?;
+        let mut list = Vec::new();
+        for (at, kind) in standing.names() {
+            let offered = catalogue.effects().iter().filter(|it| it.sites.contains(&kind));
+            let offer = |effect: &Effect, units| Offer { kind: effect.kind.clone(), units };
+            let effects = offered.filter_map(|it| standing.units(it, &at, kind).map(|units| offer(it, units))).collect();
+            let roles = standing.roles(&at).into_iter();
+            let roles = roles.map(|(role, parts, unit)| RoleValue { role, parts, unit }).collect();
+            let terms = standing.balance(&at).unwrap_or_default();
+            list.push(Place { at, kind, effects, roles, terms });
+        }
+        Ok(Places { flat: standing.into_flat(), list })
+    }
+}

@@ -1,0 +1,197 @@
+//! Files of effects as descriptions: one for each place of a plant at which an effect can stand.
+//!
+//! In: the places of a plant, a catalogue. Out: [`Description`]s. Never holds the name of an effect.
+
+use rsm_model::effects::{Catalogue, Effect as File, Number, Place, SiteKind, Start};
+
+use super::kept;
+use crate::effect::declared::{Argument, Declared, Plausible, Role, Step, Unit};
+use crate::effect::{Arguments, Description, Effect, FromFile, Guess, Guesses, Scales, Subject, Survey};
+use crate::equations::signals::spelled;
+use crate::kind::PlantKind;
+use crate::parameters::Parameters;
+use crate::quantity::Bound;
+
+/// A number may be so many times as large as the largest first guess of it: guesses span what is usual.
+const TIMES_THE_GUESS: f64 = 10.0;
+
+/// Resonances at which a search begins, as shares of the sample rate: from a slow swing to what the samples just show.
+const SHARES: [f64; 4] = [0.01, 0.025, 0.06, 0.2];
+
+/// All descriptions of a plant.
+pub(super) fn all(plant: PlantKind, places: &[Place], catalogue: &Catalogue) -> Vec<&'static Description> {
+    let mut list: Vec<&'static Description> = Vec::new();
+    for place in places {
+        for offer in &place.effects {
+            let Some(file) = catalogue.find(&offer.kind) else { continue };
+            // Another value is a description for all parameters: no equation changes.
+            if file.is_value() && list.iter().any(|it| it.kind == file.kind) {
+                continue;
+            }
+            list.push(Box::leak(Box::new(one(plant, place, file, &offer.units))));
+        }
+    }
+    list
+}
+
+fn one(plant: PlantKind, place: &Place, file: &File, units: &[String]) -> Description {
+    let subject = match place.kind {
+        SiteKind::Parameter => Subject::Parameter,
+        SiteKind::Output => Subject::Output,
+        _ => Subject::Site,
+    };
+    let is_value = file.is_value();
+    let numbers: Vec<&Number> = file.numbers_on(place.kind).collect();
+    let arguments: Vec<Argument> = numbers
+        .iter()
+        .zip(units)
+        .map(|(number, unit)| argument(number, unit, is_value, file.has_default(&number.name)))
+        .collect();
+    let rounds = file.rounds_to.is_some();
+    let role = if rounds { Role::Rounding } else { Role::Ordinary };
+    let at = kept(&place.at);
+    let (name, kind) = (kept(&file.kind), place.kind);
+    let sentence = sentence(file, kind, is_value, at);
+    let guesses: Box<FromFile> = if is_value {
+        Box::new(|survey| vec![Guess::scaled(vec![another(survey.nominal)], survey.nominal)])
+    } else {
+        let file = file.clone();
+        Box::new(move |survey| guesses(&file, kind, at, survey))
+    };
+    Description {
+        kind: name,
+        plants: Box::leak(Box::new([plant])),
+        subject,
+        at: (!is_value).then_some(at),
+        arguments: Box::leak(arguments.into_boxed_slice()),
+        sentence: kept(&sentence),
+        check: kept(&file.words.check),
+        build: if is_value { value } else { nothing },
+        guesses: Guesses::File(guesses),
+        declared: Declared { role, generalises: file.generalises.as_deref().map(kept), ..Declared::NOTHING },
+    }
+}
+
+/// Another value of a parameter: five per cent off, far above what finite differences need and small enough to be in proportion. A parameter at 0 moves by a hundredth of its unit.
+fn another(nominal: f64) -> f64 {
+    if nominal == 0.0 { 0.01 } else { 1.05 * nominal }
+}
+
+fn argument(number: &Number, unit: &str, is_value: bool, is_optional: bool) -> Argument {
+    let bound = match (number.min, number.max) {
+        _ if number.is_whole => Bound::Count,
+        (Some(low), Some(high)) => Bound::Between(low, high),
+        (Some(min), None) if min >= 0.0 && (number.is_above_min || min > 0.0) => Bound::Positive,
+        (Some(min), None) if min >= 0.0 => Bound::NotNegative,
+        _ => Bound::Any,
+    };
+    let unit = if unit.is_empty() { "1".to_string() } else { spelled(unit) };
+    let mut argument = Argument::new(kept(&number.name), Unit::Is(kept(&unit)), bound);
+    if is_value {
+        argument = Argument { unit: Unit::OfSubject, ..argument }.plausible(Plausible::Parameter).step(Step::PerCent);
+    } else if unit == "1" && number.scales_from_one() {
+        argument = argument.step(Step::PerCent).plausible(Plausible::FactorOrUnit);
+    } else {
+        argument = argument.plausible(Plausible::TimesTheGuess(TIMES_THE_GUESS));
+    }
+    if is_optional { argument.optional() } else { argument }
+}
+
+/// The sentence of a file at a place: numbers that the effect does not take there go, the place stands in the words.
+fn sentence(file: &File, kind: SiteKind, is_value: bool, at: &str) -> String {
+    let mut text = file.words.sentence.clone();
+    for number in &file.numbers {
+        if !file.numbers_on(kind).any(|it| it.name == number.name) {
+            text = text.replace(&format!("{{{}}}", number.name), "");
+        }
+    }
+    if is_value {
+        return text.replace("{site}", "{parameter}");
+    }
+    let has_place = text.contains("{site}");
+    let text = text.replace("{site}", at);
+    // Of two places the reader must know which.
+    if has_place { text } else { format!("At {at}: {text}") }
+}
+
+/// Where a search may begin.
+fn guesses(file: &File, kind: SiteKind, at: &str, survey: &Survey) -> Vec<Guess> {
+    let mut sizes = sizes(at, survey);
+    let mut starts: Vec<Start> = Vec::new();
+    for share in SHARES {
+        sizes.retain(|it| it.0 != "share");
+        sizes.push(("share".to_string(), share));
+        let named: Vec<(&str, f64)> = sizes.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        // A place without a size that a guess needs gives none.
+        for start in file.starts(kind, &named).unwrap_or_default() {
+            if !starts.contains(&start) {
+                starts.push(start);
+            }
+        }
+    }
+    let order: Vec<&Number> = file.numbers_on(kind).collect();
+    let place_of = |name: &str| order.iter().position(|it| it.name == name);
+    starts
+        .into_iter()
+        .map(|start| {
+            let value = |number: &&Number| start.numbers.iter().find(|it| it.0 == number.name).map_or(f64::NAN, |it| it.1);
+            let own = |k: usize| start.numbers.get(k).and_then(|it| place_of(&it.0));
+            Guess {
+                values: order.iter().map(value).collect(),
+                neutral: start.neutral.and_then(|(k, without)| Some((own(k)?, without))),
+                phase: start.phase.and_then(own),
+            }
+        })
+        .collect()
+}
+
+/// The sizes that guesses at a place may name.
+fn sizes(at: &str, survey: &Survey) -> Vec<(String, f64)> {
+    let mut sizes: Vec<(String, f64)> =
+        survey.scales.iter().find(|it: &&Scales| it.at == at).map_or_else(Vec::new, |it| it.sizes.clone());
+    let mut add = |name: &str, value: f64| {
+        if !sizes.iter().any(|it| it.0 == name) {
+            sizes.push((name.to_string(), value));
+        }
+    };
+    add("record_period", survey.period);
+    add("record_length", survey.duration);
+    if let Some(k) = survey.plant.output(at) {
+        add("reading_scale", survey.largest[k]);
+        add("reading_spread", survey.spread[k]);
+        add("reading_noise", survey.noise[k]);
+        add("reading_step", survey.quantum[k].unwrap_or(3.0 * survey.noise[k]));
+        add("signal", survey.largest[k]);
+    }
+    if let Some(value) = survey.parameters.optional(at) {
+        add("signal", value);
+    }
+    add("input_scale", survey.input);
+    sizes
+}
+
+/// The value that a parameter has in place of that of the plant file.
+struct AnotherValue {
+    name: String,
+    value: f64,
+}
+
+impl Effect for AnotherValue {
+    fn parameters(&self, parameters: &mut Parameters) {
+        parameters.set(&self.name, self.value);
+    }
+}
+
+fn value(arguments: &Arguments) -> Box<dyn Effect> {
+    let value = arguments.numbers.first().map_or(f64::NAN, |it| it.1);
+    Box::new(AnotherValue { name: arguments.subject.clone().unwrap_or_default(), value })
+}
+
+/// An effect that the equations hold.
+struct InEquations;
+
+impl Effect for InEquations {}
+
+fn nothing(_: &Arguments) -> Box<dyn Effect> {
+    Box::new(InEquations)
+}

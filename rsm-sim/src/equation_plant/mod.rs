@@ -1,0 +1,227 @@
+//! Plants of equations as plant files, records and a diagnosis see them: signals, parameters, effects with their places, runs.
+//!
+//! ```text
+//! plant.toml (format 2) + text --read--> PlantFile of kind Equations
+//!     places of effects --describe--> Descriptions     records --scales--> sizes at the places
+//!     PlantFile + Record --run--> outputs at every row
+//! ```
+//!
+//! In: a plant file of format 2. Out: the same types that the plants in code have. No name of a plant or of an effect stands here.
+
+use std::cell::RefCell;
+use std::sync::{Arc, OnceLock};
+
+mod describe;
+mod run;
+mod scales;
+
+use rsm_core::source::{Fault, Faults, Source};
+use rsm_model::effects::{Catalogue, Place};
+use rsm_model::flat::Basic;
+
+use crate::effect::Arguments;
+use crate::effect::{Description, Role, Subject};
+use crate::effects;
+use crate::equations::extended::Decides;
+use crate::equations::file::{EquationFile, Given};
+use crate::equations::signals::spelled;
+use crate::equations::{self, Machine};
+use crate::kind::{Decision, Described, OUTPUTS, PlantKind};
+use crate::parameters::{Parameters, VelocityFrom};
+use crate::plant_file::{Entry, PlantFile, Renamed};
+use crate::quantity::{Bound, Nominal, Signal};
+use crate::record::Record;
+
+pub use run::Run;
+pub use scales::scales;
+
+/// A plant of equations, without effects.
+struct Plant {
+    file: EquationFile,
+    places: Vec<Place>,
+    descriptions: OnceLock<Vec<&'static Description>>,
+    models: run::Models,
+}
+
+/// The equations of a kind.
+///
+/// # Panics
+/// Never: this module alone makes such kinds.
+fn plant_of(kind: &'static Described) -> &'static Plant {
+    kind.equations.downcast_ref().expect("equations of a kind that was read here")
+}
+
+/// Text that lives as long as the kind that speaks of it.
+fn kept(text: &str) -> &'static str {
+    Box::leak(text.to_string().into_boxed_str())
+}
+
+fn signal((name, unit): &(String, String)) -> Signal {
+    Signal { name: kept(name), unit: kept(&spelled(unit)) }
+}
+
+/// Reads a plant file of format 2. `open` gives the text of a file that it names, relative to its folder.
+///
+/// ```
+/// use rsm_core::source::{Faults, Source};
+/// use rsm_sim::{equation_plant, record::Record, simulate::Simulator};
+///
+/// let text = "model Cart\n  parameter Real mass(unit = \"kg\") = 2;\n  input Real force(unit = \"N\");\n  Real speed(unit = \"m/s\");\n  \
+///             output Real position(unit = \"m\");\nequation\n  mass*der(speed) = force;\n  der(position) = speed;\nend Cart;\n";
+/// let open = |name: &str| Ok::<_, Faults>(Source::new(name, text));
+/// let plant = equation_plant::read(&Source::new("cart.toml", "format = 2\nmodel = \"cart.mo\"\n"), &open)?;
+/// assert_eq!(plant.kind.outputs()[0].name, "position");
+/// let columns: [(&str, &[f64]); 3] = [("time", &[0.0, 0.5, 1.0]), ("force", &[4.0; 3]), ("position", &[0.0; 3])];
+/// let record = Record::in_memory(&plant, &columns)?;
+/// let outputs = Simulator::new(&plant, &record)?.run(&record)?;
+/// assert!((outputs.of("position").unwrap()[2] - 1.0).abs() < 1e-9); // 4 N on 2 kg, for 1 s
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// Those of [`EquationFile::read`]; more outputs than a diagnosis takes.
+pub fn read(source: &Source, open: &dyn Fn(&str) -> Result<Source, Faults>) -> Result<PlantFile, Faults> {
+    read_with(source, open, &Arc::new(Catalogue::shipped()))
+}
+
+/// The same with another catalogue of effects.
+///
+/// # Errors
+/// Those of [`read`].
+pub fn read_with(
+    source: &Source,
+    open: &dyn Fn(&str) -> Result<Source, Faults>,
+    catalogue: &Arc<Catalogue>,
+) -> Result<PlantFile, Faults> {
+    let opened = RefCell::new(Vec::new());
+    let open_and_keep = |name: &str| {
+        let text = open(name)?;
+        opened.borrow_mut().push((name.to_string(), text.text().to_string()));
+        Ok(text)
+    };
+    let whole = EquationFile::read_with(source, &open_and_keep, catalogue)?;
+    let entries = whole.effects.clone();
+    let at: Vec<String> = whole.places().iter().map(|it| (*it).to_string()).collect();
+    let file = whole.bare()?;
+    let mut machine = Machine::new(&file)?;
+    let outputs: Vec<Signal> = machine.outputs().iter().map(signal).collect();
+    if outputs.len() > OUTPUTS {
+        let what = format!("the text has {} outputs, a diagnosis compares {OUTPUTS} at most", outputs.len());
+        return Err(Faults::one(
+            Fault::whole_file(source.name(), what).help("declare those that nobody measures without `output`"),
+        ));
+    }
+    let starts = machine.first_readings()?.iter().map(|place| outputs[*place]).collect();
+    let places = file.places_of_effects()?;
+    let decisions = decisions(&file);
+    let value = |name: &str| {
+        let symbol = machine.system().find(name)?;
+        machine.system().parameter_value(symbol)
+    };
+    let parameters = nominals(&machine, &decisions);
+    let plant = Plant { places: places.list, descriptions: OnceLock::new(), models: run::Models::default(), file };
+    let kind: &'static Described = Box::leak(Box::new(Described {
+        name: kept(&machine.system().flat().name),
+        inputs: machine.inputs().iter().map(signal).collect(),
+        outputs,
+        starts,
+        values: parameters.iter().map(|it| value(it.name).unwrap_or(f64::NAN)).collect(),
+        parameters,
+        decisions,
+        files: opened.into_inner(),
+        text: source.text().to_string(),
+        equations: Box::new(plant),
+    }));
+    let plant = plant_of(kind);
+    plant.descriptions.get_or_init(|| describe::all(PlantKind::Equations(kind), &plant.places, catalogue));
+    let parameters = Parameters {
+        kind: PlantKind::Equations(kind),
+        values: kind.values.iter().map(|it| Some(*it)).collect(),
+        gear_ratios: [1.0; 5],
+        velocity_from: VelocityFrom::State,
+    };
+    let file = &whole;
+    let named = |list: &[Given]| list.iter().map(|it| (kept(&it.name), it.value)).collect();
+    let columns =
+        file.columns.iter().map(|it| Renamed { signal: kept(&it.signal), column: it.name.clone(), unit: it.unit.clone() });
+    let mut plant_file = PlantFile {
+        kind: PlantKind::Equations(kind),
+        parameters,
+        tolerance: named(&file.tolerance),
+        noise: named(&file.noise),
+        initial: named(&file.initial),
+        given: Vec::new(),
+        effects: Vec::new(),
+        columns: columns.collect(),
+    };
+    for (entry, at) in entries.iter().zip(&at) {
+        plant_file.effects.push(placed(kind, entry, at, source)?);
+    }
+    Ok(plant_file)
+}
+
+/// Parameters that a record decides.
+fn decisions(file: &EquationFile) -> Vec<Decision> {
+    let one = |rule: &equations::extended::Rule| {
+        let (column, without) = match &rule.by {
+            Decides::Column(name) => (Some(kept(name)), Vec::new()),
+            Decides::Without(names) => (None, names.iter().map(|it| kept(it)).collect()),
+        };
+        Decision { parameter: kept(&rule.parameter), column, without }
+    };
+    file.rules.parameters.iter().map(one).collect()
+}
+
+/// The numbers of a plant that may be set: those that neither change the shape of the equations nor are decided by a record.
+fn nominals(machine: &Machine, decisions: &[Decision]) -> Vec<Nominal> {
+    let system = machine.system();
+    let is_own = |name: &str| !equations::file::is_of_record(name) && !decisions.iter().any(|it| it.parameter == name);
+    let variables = system.parameters().into_iter().map(|it| system.flat().variable(it));
+    let one = |it: &rsm_model::flat::Variable| {
+        let bound = match (it.basic, it.min, it.value.and_then(|id| system.flat().pool.value(id))) {
+            (Basic::Integer, ..) => Bound::Count,
+            (_, Some(min), Some(value)) if min >= 0.0 && value > 0.0 => Bound::Positive,
+            (_, Some(min), _) if min >= 0.0 => Bound::NotNegative,
+            _ => Bound::Any,
+        };
+        Nominal { name: kept(&it.name), unit: kept(&spelled(it.unit.as_deref().unwrap_or_default())), bound, optional: false }
+    };
+    variables.filter(|it| it.basic != Basic::Boolean && is_own(&it.name)).map(one).collect()
+}
+
+/// The effects that can stand on a plant: of one in code those of its catalogue, of one of equations one for each place at which one can stand.
+#[must_use]
+pub fn effects_on(kind: PlantKind) -> Vec<&'static Description> {
+    match kind {
+        PlantKind::Equations(kind) => plant_of(kind).descriptions.get().cloned().unwrap_or_default(),
+        _ => effects::ALL.iter().copied().filter(|it| it.plants.contains(&kind)).collect(),
+    }
+}
+
+/// The first effect with a role that can act on an output or another subject.
+#[must_use]
+pub fn with(kind: PlantKind, role: Role, subject: &str) -> Option<&'static Description> {
+    let fits = |it: &&Description| it.declared.role == role && it.at.is_none_or(|at| at == subject);
+    effects_on(kind).into_iter().find(fits)
+}
+
+/// An effect of a plant file where it stands.
+fn placed(kind: &'static Described, entry: &equations::Entry, at: &str, source: &Source) -> Result<Entry, Faults> {
+    let all = effects_on(PlantKind::Equations(kind));
+    let is_it = |it: &&Description| it.kind == entry.kind && it.at.is_none_or(|place| place == at);
+    let Some(description) = all.into_iter().find(is_it) else {
+        let what = format!("the effect `{}` stands at `{at}`, which a diagnosis does not vary", entry.kind);
+        return Err(Faults::one(Fault::whole_file(source.name(), what)));
+    };
+    let numbers = description.arguments.iter().filter_map(|argument| {
+        let given = entry.numbers.iter().find(|it| it.name == argument.name)?;
+        Some((argument.name, given.value))
+    });
+    let subject = (description.subject != Subject::None).then(|| at.to_string());
+    Ok(Entry { description, arguments: Arguments { plant: PlantKind::Equations(kind), subject, numbers: numbers.collect() } })
+}
+
+/// Which of the places of [`PlantKind::starts`] say where a record starts: outputs that it holds, as far as they say something that the others do not.
+pub(crate) fn starting(kind: &'static Described, record: &Record) -> Vec<usize> {
+    plant_of(kind).models.starting(kind, record)
+}

@@ -1,0 +1,111 @@
+//! How large the quantities of a plant's sites are along records: the scales of first guesses.
+//!
+//! In: a plant file, records. Out: [`Scales`] for each place. Only sizes: nothing here decides between causes.
+
+use rsm_core::source::Faults;
+use rsm_model::effects::SiteKind;
+use rsm_model::expression::Id;
+use rsm_model::system::System;
+
+use super::{plant_of, run};
+use crate::effect::Scales;
+use crate::equations::{Inputs, Machine, Setting, lanes};
+use crate::kind::PlantKind;
+use crate::plant_file::PlantFile;
+use crate::record::Record;
+
+/// Rows of a record that are looked at, evenly spread.
+const ROWS: usize = 400;
+
+/// Sizes at each place of a plant of equations along records: roles of sites, and the scales that files of effects name. Records that the plant cannot follow are left out.
+///
+/// # Errors
+/// Sites that the equations do not bear out.
+pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faults> {
+    let PlantKind::Equations(kind) = file.kind else { return Ok(Vec::new()) };
+    let plant = plant_of(kind);
+    let mut sums: Vec<Vec<Vec<f64>>> = Vec::new();
+    for record in records {
+        let Ok(of_record) = along(file, record) else { continue };
+        sums.push(of_record);
+    }
+    let most = |place: usize, part: usize| sums.iter().map(|it| it[place][part]).fold(0.0, f64::max);
+    let mut list = Vec::new();
+    for (k, place) in plant.places.iter().enumerate() {
+        let mut sizes = Vec::new();
+        match place.kind {
+            SiteKind::Input => {
+                let at = kind.inputs.iter().position(|it| it.name == place.at);
+                let values = records.iter().filter_map(|it| it.inputs.get(at?)).flatten();
+                let largest = values.fold(0.0_f64, |most, value| most.max(value.abs()));
+                sizes.push(("input_scale".to_string(), largest));
+                sizes.push(("signal".to_string(), largest));
+            }
+            SiteKind::Output | SiteKind::Parameter | SiteKind::State => {}
+            _ => {
+                for (part, role) in place.roles.iter().enumerate() {
+                    sizes.push((role.role.clone(), most(k, part)));
+                }
+                of_site(most(k, place.roles.len()), &mut sizes);
+            }
+        }
+        list.push(Scales { at: place.at.clone(), sizes });
+    }
+    Ok(list)
+}
+
+/// The scales of a site by its kind: `term` is the largest term of its balance.
+fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
+    let of = |name: &str| sizes.iter().find(|it| it.0 == name).map(|it| it.1);
+    let first = |names: &[&str]| names.iter().find_map(|name| of(name));
+    let mut more = Vec::new();
+    let effort = if term > 0.0 { Some(term) } else { of("effort") };
+    more.extend(effort.map(|it| ("effort_scale", it)));
+    more.extend(first(&["speed", "rate", "road_speed"]).map(|it| ("speed_scale", it)));
+    more.extend(first(&["position", "twist", "level", "temperature"]).map(|it| ("position_scale", it)));
+    if let (Some(current), Some(resistance)) = (of("currents"), of("resistance")) {
+        more.push(("loss_scale", resistance * current * current));
+        more.push(("position_scale", current));
+    }
+    if let Some(voltage) = of("voltages") {
+        more.push(("input_scale", voltage));
+        if term == 0.0 {
+            more.push(("effort_scale", voltage));
+        }
+    }
+    sizes.extend(more.into_iter().map(|(name, value)| (name.to_string(), value)));
+}
+
+/// Along a record: by place, the largest size of each role, then of the terms of the balance.
+fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
+    let PlantKind::Equations(kind) = file.kind else { return Ok(Vec::new()) };
+    // Sites are those of the equations without effects, and so is what runs.
+    let bare = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
+    let whole = run::file_of(kind, &bare, record)?;
+    let mut machine = Machine::new(&whole)?;
+    let start = run::started(&whole, &mut machine, &file.initial, record)?;
+    let places = whole.places_of_effects()?;
+    let mut system = System::new(&places.flat)?;
+    let mut expressed = |list: &[Id]| -> Vec<Id> { list.iter().map(|id| system.expressed(*id)).collect() };
+    let groups: Vec<Vec<Id>> = places
+        .list
+        .iter()
+        .flat_map(|place| place.roles.iter().map(|it| it.parts.clone()).chain([place.terms.clone()]))
+        .map(|list| expressed(&list))
+        .collect();
+    let all: Vec<Id> = groups.iter().flatten().copied().collect();
+    let inputs = Inputs { time: &record.time, values: &record.inputs };
+    let every = (record.rows() / ROWS).max(1);
+    let points = lanes::points(&machine, start, inputs, Setting::default(), every);
+    let mut largest = vec![0.0_f64; groups.len()];
+    for values in machine.evaluated_at(&whole, &system, &all, &points)? {
+        let mut rest = &values[..];
+        for (group, most) in groups.iter().zip(&mut largest) {
+            let (own, further) = rest.split_at(group.len());
+            rest = further;
+            *most = own.iter().filter(|it| it.is_finite()).fold(*most, |most, value| most.max(value.abs()));
+        }
+    }
+    let mut rest = largest.into_iter();
+    Ok(places.list.iter().map(|place| rest.by_ref().take(place.roles.len() + 1).collect()).collect())
+}
