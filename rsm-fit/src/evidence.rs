@@ -47,7 +47,7 @@ pub(crate) fn of(
     tell("r2_predicted", number(statistics.r2_predicted));
     tell("press", number(statistics.press));
     tell("confidence_c", number(statistics.confidence_c));
-    if matches!(response.method, Method::Ladder { .. }) {
+    if outcome.chosen_by != ChosenBy::Nobody {
         tell("terms_chosen_on", Some(Evidence::Text(outcome.chosen_by.words().to_string())));
     }
     if let Some(constraints) = &statistics.constraints {
@@ -60,7 +60,7 @@ pub(crate) fn of(
     }
     if let (Some(validation), Some(records)) = (&statistics.validation, validate) {
         let mut table = apart(&specification.validation, records, validation);
-        if outcome.chosen_by != ChosenBy::Nobody {
+        if outcome.chosen_by == ChosenBy::Validation {
             table.push(text("errors", "on the rows that chose it"));
         }
         tell("validation", Some(Evidence::Table(table)));
@@ -147,5 +147,6 @@ fn method(method: &Method) -> String {
         Method::Ladder { max_order, confidence } => format!("ladder up to order {max_order}, confidence {confidence} % wanted"),
         Method::Fixed(terms) => format!("least squares on {} given terms", terms.len()),
         Method::FixedOrder(order) => format!("least squares on all terms up to order {order}"),
+        Method::Search(search) => format!("{} up to order {}", search.by.word(), search.max_order),
     }
 }

@@ -82,6 +82,8 @@ pub mod ladder;
 
 mod selection;
 
+pub mod search;
+
 mod observations;
 
 pub mod statistics;
@@ -111,7 +113,7 @@ pub mod recursive;
 pub mod plan;
 
 pub use fit::{Outcome, Progress, ResponseOutcome};
-pub use in_memory::{Fit, Input, Response};
+pub use in_memory::{Fit, Input, Response, Select};
 pub use records::Refused;
 pub use spec::{Constraint, Specification};
 pub use verdict::Verdict;

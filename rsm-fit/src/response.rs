@@ -12,12 +12,16 @@ use crate::design::{self, Design};
 use crate::ladder::first_rung;
 use crate::outcome::{Progress, ResponseOutcome};
 use crate::qr::{Dependent, Growing};
+use crate::search::Searcher;
 use crate::selection::{Choice, ChosenBy, Sample, Selection};
 use crate::spec::{Method, ResponseSpec, Specification, Validation};
 use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseStatistics, RowsUsed};
 use crate::support::{self, Region, SupportStatistics};
 use crate::verdict::{self, Criterion, Verdict};
 use crate::warnings::{self, Notes};
+
+/// A search judges models of a constant and a term by rows left out.
+const LEAST_FOR_SEARCH: usize = 6;
 
 fn terms_of(statistics: &ResponseStatistics) -> Vec<Term> {
     statistics.terms.iter().map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect()
@@ -46,16 +50,25 @@ impl Task<'_> {
         let terms = match method {
             Method::Fixed(terms) => terms.clone(),
             Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => design::terms_up_to(surface, *order),
+            Method::Search(search) => design::terms_up_to(surface, search.max_order),
         };
         let least = match method {
             Method::Ladder { .. } => {
                 let first = first_rung(&terms);
                 terms.iter().filter(|powers| design::order(powers) <= first).count()
             }
+            // A constant and a term, where there is one, and rows that judge them.
+            Method::Search(_) => LEAST_FOR_SEARCH,
             _ => terms.len(),
         };
         if self.fit.rows() < least {
-            let what = format!("response `{}`: at least {least} terms, but {} rows to fit", surface.name, self.fit.rows());
+            let rows = self.fit.rows();
+            let what = match method {
+                Method::Search(_) => {
+                    format!("response `{}`: {rows} rows to fit, a search of terms needs {least}", surface.name)
+                }
+                _ => format!("response `{}`: at least {least} terms, but {rows} rows to fit", surface.name),
+            };
             return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
         }
         if let Some(wanted) = self.response.support {
@@ -63,7 +76,31 @@ impl Task<'_> {
         }
         let all = Design::new(surface, &self.inputs, terms);
         self.require_finite(&all)?;
-        let triangle = self.fit.to_fit(&all);
+        let lot = match &self.specification.validation {
+            Validation::Split(split) => Some((split.share, &self.validate_weights[..])),
+            _ => None,
+        };
+        let searcher = Searcher {
+            design: &all,
+            method,
+            coding: surface.coding,
+            output_range: surface.output_range,
+            least_squares_only: !self.response.constraints.is_empty(),
+            fit: &self.fit,
+            validate: self.validate.as_ref(),
+            lot,
+        };
+        let is_searched = Searcher::is_for(method, all.width(), self.fit.rows());
+        let found = if is_searched { searcher.choose() } else { None };
+        if is_searched && found.is_none() {
+            let what = format!("response `{}`: the rows are too few, or in too few groups, to choose terms by", surface.name);
+            return Err(Faults::one(self.fault(what).help("measure more points, or give terms with method \"fixed\"")));
+        }
+        // Of a search only what it chose: all candidates would be reduced in double-double.
+        let triangle = match &found {
+            Some(found) => self.fit.to_fit(&all.only(&found.terms)),
+            None => self.fit.to_fit(&all),
+        };
         let selection = Selection {
             design: &all,
             method,
@@ -71,22 +108,36 @@ impl Task<'_> {
             fit: &self.fit,
             triangle: &triangle,
             validate: self.validate.as_ref(),
-            lot: match &self.specification.validation {
-                Validation::Split(split) => Some((split.share, &self.validate_weights)),
-                _ => None,
-            },
+            lot,
         };
         let name = surface.name.clone();
-        let chosen = selection.choose(&mut |order, terms, confidence| {
-            progress(Progress::Step { response: &name, order, terms, confidence });
-        });
-        let solved = chosen.and_then(|chosen| Ok((Growing::of(&triangle, &chosen.terms)?, chosen)));
+        let solved = match &found {
+            Some(found) => {
+                let places: Vec<usize> = (0..found.terms.len()).collect();
+                let numbered = |dependent: Dependent| Dependent {
+                    candidates: dependent.candidates.iter().map(|k| found.terms[*k]).collect(),
+                    ..dependent
+                };
+                Growing::of(&triangle, &places).map_err(numbered).map(|growing| (growing, Choice::found(found)))
+            }
+            None => {
+                let chosen = selection.choose(&mut |order, terms, confidence| {
+                    progress(Progress::Step { response: &name, order, terms, confidence });
+                });
+                chosen.and_then(|chosen| Ok((Growing::of(&triangle, &chosen.terms)?, chosen)))
+            }
+        };
         let (growing, chosen) = match solved {
             Ok(solved) => solved,
             Err(dependent) => return Ok(self.ill_conditioned(&all, &dependent)),
         };
         let design = all.only(&chosen.terms);
-        let free = self.fit.observed(|fitted| statistics::of_fit(&design, &growing, fitted));
+        let shrunk = found.as_ref().and_then(|found| found.shrunk.as_ref());
+        let free = self.fit.observed(|fitted| match shrunk {
+            // Coefficients that are drawn towards 0 have no standard errors either.
+            Some(coefficients) => statistics::of_constrained(&design, coefficients, fitted),
+            None => statistics::of_fit(&design, &growing, fitted),
+        });
         let residual_sd = free.residual_sd;
         let mut statistics = self.with_apart(surface, &design, free);
         surface.terms = terms_of(&statistics);
@@ -99,7 +150,15 @@ impl Task<'_> {
         }
         statistics.canonical = canonical::analyse(surface, &self.inputs);
         statistics.support = self.support(surface);
-        let judging = self.judging(surface, &design, &statistics, &chosen, &selection);
+        statistics.selection = found.as_ref().and_then(|found| found.report.clone());
+        let cross = || {
+            if is_searched {
+                searcher.cross_validated(chosen.terms.len())
+            } else {
+                selection.cross_validated(chosen.terms.len())
+            }
+        };
+        let judging = self.judging(surface, &design, &statistics, &chosen, &cross);
         if !judging.is_held {
             statistics.cross_validation = judging.cross_validated.clone();
         }
@@ -112,6 +171,7 @@ impl Task<'_> {
             order: self.order,
             constraints: &self.response.constraints,
             statistics: &statistics,
+            is_shrunk: shrunk.is_some(),
             free_residual_sd: residual_sd,
             highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
             explained: judging.explained,
@@ -148,7 +208,7 @@ impl Task<'_> {
         design: &Design,
         statistics: &ResponseStatistics,
         chosen: &Choice,
-        selection: &Selection<'_>,
+        cross: &dyn Fn() -> Option<(Judged, usize)>,
     ) -> Judging {
         let explained = |rows: &Option<Sample>| self.judged(surface, design, statistics, rows.as_ref()?)?.explained();
         let validated = explained(&self.validate);
@@ -156,15 +216,15 @@ impl Task<'_> {
             ChosenBy::Nobody => None,
             ChosenBy::Validation => validated,
             ChosenBy::LeftOut { .. } => chosen.climb.as_ref().and_then(|climb| climb.centred).map(|centred| centred / 100.0),
-            ChosenBy::FittedRows => statistics.r2,
+            ChosenBy::FittedRows | ChosenBy::Formula(_) => statistics.r2,
         };
         let is_held = statistics.constraints.as_ref().is_some_and(|constraints| constraints.active);
         let mut judging = Judging { is_held, explained: None, centred, cross_validated: None };
         if self.test.is_some() {
             judging.explained = explained(&self.test);
-        } else if chosen.by == ChosenBy::Nobody && self.validate.is_some() {
+        } else if chosen.by != ChosenBy::Validation && self.validate.is_some() {
             judging.explained = validated;
-        } else if let Some((judged, parts)) = selection.cross_validated(chosen.terms.len()) {
+        } else if let Some((judged, parts)) = cross() {
             judging.explained = judged.explained();
             let errors = judged.statistics();
             judging.cross_validated = errors.map(|errors| CrossValidation { errors, parts, r2: judged.explained() });
@@ -287,8 +347,8 @@ impl Task<'_> {
 
     fn without_surface(&self, design: &Design, verdict: Verdict) -> ResponseOutcome {
         let chosen_by = match (&self.response.method, &self.validate) {
-            (Method::Ladder { .. }, Some(_)) => ChosenBy::Validation,
-            (Method::Ladder { .. }, None) => ChosenBy::FittedRows,
+            (Method::Ladder { .. } | Method::Search(_), Some(_)) => ChosenBy::Validation,
+            (Method::Ladder { .. } | Method::Search(_), None) => ChosenBy::FittedRows,
             _ => ChosenBy::Nobody,
         };
         let rows_outside = self.rows_outside(design);
@@ -316,16 +376,17 @@ impl Judging {
             (ChosenBy::Nobody, _) => "none: the terms were given".to_string(),
             (ChosenBy::Validation, Some(rows)) => format!("{rows} validation rows"),
             (ChosenBy::LeftOut { parts }, _) => format!("the fitted rows, left out in {parts} parts in turn"),
+            (ChosenBy::Formula(name), _) => format!("the fitted rows themselves, by {name}"),
             _ => "the fitted rows themselves: they are too few to leave any out".to_string(),
         };
         let validation = match (chosen.by, validate) {
             (_, None) => "none".to_string(),
-            (ChosenBy::Nobody, Some(rows)) => format!("{rows} unseen rows: they chose nothing"),
-            (_, Some(rows)) => format!("{rows} rows, on the rows that chose it"),
+            (ChosenBy::Validation, Some(rows)) => format!("{rows} rows, on the rows that chose it"),
+            (_, Some(rows)) => format!("{rows} unseen rows: they chose nothing"),
         };
         let error = match (&task.test, &self.cross_validated, chosen.by, validate) {
             (Some(test), ..) => format!("{} test rows: they chose nothing and were used once", test.rows()),
-            (None, _, ChosenBy::Nobody, Some(rows)) => format!("{rows} validation rows: they chose nothing"),
+            (None, _, by, Some(rows)) if by != ChosenBy::Validation => format!("{rows} validation rows: they chose nothing"),
             (None, Some(cross), by, _) if !self.is_held => {
                 let (rows, parts) = (cross.errors.rows, cross.parts);
                 let again = if by == ChosenBy::Nobody { "the fit" } else { "fit and choice of terms" };

@@ -12,8 +12,9 @@ use crate::design::Design;
 use crate::ladder::{Climb, Judge, Ladder, most_terms};
 use crate::qr::{Compressed, Dependent, Growing, Triangle};
 use crate::random::Random;
+use crate::search::Found;
 use crate::spec::Method;
-use crate::split;
+use crate::split::{self, PARTS};
 use crate::statistics::{Judged, Observations};
 
 /// Rows of one response.
@@ -39,7 +40,7 @@ impl Sample {
     }
 
     /// The rows of which the predicate holds.
-    fn chosen(&self, is_chosen: impl Fn(usize) -> bool) -> Sample {
+    pub(crate) fn chosen(&self, is_chosen: impl Fn(usize) -> bool) -> Sample {
         let rows: Vec<usize> = (0..self.rows()).filter(|row| is_chosen(*row)).collect();
         let of = |column: &Vec<f64>| rows.iter().filter_map(|row| column.get(*row).copied()).collect();
         Sample {
@@ -59,6 +60,20 @@ impl Sample {
             weights: both(&self.weights, &other.weights),
             groups: [&self.groups[..], &other.groups[..]].concat(),
         }
+    }
+
+    /// A row a group of replicates: the mean response, with the weight of all.
+    pub(crate) fn by_replicates(&self) -> Sample {
+        self.observed(|rows| {
+            let groups = rows.replicates();
+            let first: Vec<usize> = groups.iter().map(|group| group[0]).collect();
+            Sample {
+                columns: self.columns.iter().map(|column| first.iter().map(|row| column[*row]).collect()).collect(),
+                response: groups.iter().map(|group| rows.mean(group).to_f64()).collect(),
+                weights: groups.iter().map(|group| rows.weight_of(group).to_f64()).collect(),
+                groups: first.iter().map(|row| self.groups[*row]).collect(),
+            }
+        })
     }
 
     pub(crate) fn mean(&self) -> Dd {
@@ -124,6 +139,8 @@ pub enum ChosenBy {
     },
     /// The fitted rows themselves, which flatter: there are too few to leave any out.
     FittedRows,
+    /// A figure of the fitted rows that allows for the number of terms: AICc or PRESS.
+    Formula(&'static str),
 }
 
 /// Terms, and how they were rated by what chose them.
@@ -134,9 +151,15 @@ pub(crate) struct Choice {
     pub climb: Option<Climb>,
 }
 
-/// Ten parts: each fit then has nine tenths of the rows, and is judged a little too hard (by 1 % in the median over random surfaces). Five
-/// where the work is large.
-const PARTS: usize = 10;
+impl Choice {
+    /// What a search found.
+    pub(crate) fn found(found: &Found) -> Self {
+        let climb = |(confidence, centred)| Climb { chosen: found.terms.clone(), confidence, centred };
+        Choice { terms: found.terms.clone(), by: found.by, climb: found.climb.map(climb) }
+    }
+}
+
+/// Where the work is large.
 const FEWER_PARTS: usize = 5;
 
 /// Multiplications in double-double of one climb from which there are fewer parts: 56 climbs of 3 * 10^6 take two seconds.
@@ -320,7 +343,7 @@ fn sum(rounds: impl Iterator<Item = Option<Judged>>, count: usize) -> Option<(Ju
 }
 
 /// Which rows are set aside: groups in a random order until the share is reached.
-fn aside(groups: &[usize], share: f64, seed: u64) -> Vec<bool> {
+pub(crate) fn aside(groups: &[usize], share: f64, seed: u64) -> Vec<bool> {
     let mut order: Vec<usize> = groups.to_vec();
     order.sort_unstable();
     order.dedup();

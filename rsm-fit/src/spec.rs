@@ -175,7 +175,104 @@ pub enum Method {
     Fixed(Vec<Vec<u32>>),
     /// All terms up to an order, no choice.
     FixedOrder(u32),
+    /// Among all terms up to an order, by a criterion.
+    Search(Search),
 }
+
+/// A search among all terms up to an order.
+///
+/// ```
+/// use rsm_fit::spec::{Criterion, Direction, Search, SearchBy};
+///
+/// let search = Search { criterion: Some(Criterion::Aicc), ..Search::new(SearchBy::Stepwise(Direction::Both), 3) };
+/// assert_eq!(search.parts, 10);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Search {
+    /// How.
+    pub by: SearchBy,
+    /// The highest order of a candidate.
+    pub max_order: u32,
+    /// What picks the number of terms. None: validation rows where there are some, else the fitted rows left out in turn.
+    pub criterion: Option<Criterion>,
+    /// A term stands only where those of one power less stand.
+    pub heredity: bool,
+    /// The fewest terms within a standard error of the best.
+    pub one_standard_error: bool,
+    /// The parts of rows that are left out in turn, from 3 to 100.
+    pub parts: usize,
+}
+
+impl Search {
+    /// A search that decides by rows left out in ten parts, or by validation rows where there are some.
+    #[must_use]
+    pub fn new(by: SearchBy, max_order: u32) -> Self {
+        Search { by, max_order, criterion: None, heredity: false, one_standard_error: false, parts: crate::split::PARTS }
+    }
+}
+
+/// How terms are searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SearchBy {
+    /// Term by term.
+    Stepwise(Direction),
+    /// The best model of each size, by branch and bound.
+    BestSubset,
+    /// The path of the LASSO, and of least squares on its terms.
+    Lasso,
+}
+
+impl SearchBy {
+    /// As a specification has it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            SearchBy::Stepwise(_) => "stepwise",
+            SearchBy::BestSubset => "best-subset",
+            SearchBy::Lasso => "lasso",
+        }
+    }
+}
+
+/// Which way steps go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// Terms enter.
+    Forward,
+    /// Terms leave the largest model.
+    Backward,
+    /// Terms enter, and leave again where that gives a better model of their number.
+    Both,
+}
+
+/// What picks the number of terms, or the penalty.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Criterion {
+    /// Errors at rows left out one at a time, of models chosen with them.
+    Press,
+    /// Errors on rows left out in parts, of models chosen without them.
+    KFold,
+    /// Akaike's criterion with its correction for few rows.
+    Aicc,
+    /// Errors on validation rows.
+    HeldOut,
+}
+
+impl Criterion {
+    /// As a specification has it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Criterion::Press => "press",
+            Criterion::KFold => "k-fold",
+            Criterion::Aicc => "aicc",
+            Criterion::HeldOut => "held-out",
+        }
+    }
+}
+
+/// Best subsets are searched among so many candidates at most: beyond it branch and bound finds no proof in a reasonable time.
+pub const MOST_FOR_SUBSETS: usize = 40;
 
 impl Specification {
     /// Reads a specification from a file.

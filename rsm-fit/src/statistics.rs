@@ -15,6 +15,7 @@ use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::qr::Growing;
+use crate::search::SelectionReport;
 use crate::support::SupportStatistics;
 
 mod judged;
@@ -124,6 +125,9 @@ pub struct ResponseStatistics {
     pub rows_used: RowsUsed,
     /// What to know before the surface is used.
     pub warnings: Vec<Warning>,
+    /// How a search chose the terms; absent for other methods.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub selection: Option<SelectionReport>,
     /// Where the data support the surface; absent where the specification does not ask.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub support: Option<SupportStatistics>,
@@ -231,6 +235,7 @@ fn figures(
         rows_used: RowsUsed::default(),
         warnings: Vec::new(),
         canonical: None,
+        selection: None,
         support: None,
         constraints: None,
     }

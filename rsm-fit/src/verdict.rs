@@ -146,6 +146,7 @@ impl ChosenBy {
             ChosenBy::Validation => "validation rows, which chose the terms",
             ChosenBy::LeftOut { .. } => "fitted rows left out in turn, which chose the terms",
             ChosenBy::FittedRows => "fitted rows, which chose the terms",
+            ChosenBy::Formula(_) => "fitted rows, which chose the terms by a formula",
         }
     }
 }
@@ -232,7 +233,13 @@ mod tests {
             told(Verdict::IllConditioned { condition: 2e15, columns: vec!["x".into(), "z".into()] }),
             "ill-conditioned (2.0e15): the data cannot tell apart the terms x, z; vary their inputs independently or drop a term"
         );
-        let who = [ChosenBy::Nobody, ChosenBy::Validation, ChosenBy::LeftOut { parts: 5 }, ChosenBy::FittedRows];
+        let who = [
+            ChosenBy::Nobody,
+            ChosenBy::Validation,
+            ChosenBy::LeftOut { parts: 5 },
+            ChosenBy::FittedRows,
+            ChosenBy::Formula("AICc"),
+        ];
         assert!(who.iter().enumerate().all(|(k, one)| who[..k].iter().all(|other| other.words() != one.words())));
     }
 }

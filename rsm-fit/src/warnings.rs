@@ -59,6 +59,8 @@ pub(crate) struct Notes<'a> {
     pub order: &'a [f64],
     pub constraints: &'a [Constraint],
     pub statistics: &'a ResponseStatistics,
+    /// Whether the coefficients are drawn towards 0.
+    pub is_shrunk: bool,
     /// Of least squares without constraints.
     pub free_residual_sd: Option<f64>,
     pub highest_order: u32,
@@ -85,7 +87,8 @@ impl Notes<'_> {
         let low = self.fit.response.iter().copied().fold(f64::INFINITY, f64::min);
         let high = self.fit.response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let spread = high - low;
-        let is_held = self.statistics.constraints.as_ref().is_some_and(|constraints| constraints.active);
+        // What rests on least squares is not asked of other coefficients.
+        let is_held = self.is_shrunk || self.statistics.constraints.as_ref().is_some_and(|constraints| constraints.active);
         let is_exact = self.statistics.residual_sd.is_none_or(|sd| sd <= EXACT * spread);
         warn("explains-little", self.explains_little(spread, is_held));
         let lack = if is_exact { None } else { self.against_replicates().or_else(|| self.missing_term(is_held)) };

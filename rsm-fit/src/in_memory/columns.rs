@@ -5,10 +5,8 @@
 
 use rsm_core::model::{Coding, Knot, Outside, Surface, Symmetry};
 
-use crate::spec::{Constraint, FACES, InputSpec, MOST_FACES, Method, ResponseSpec, SupportSpec, Weights};
-
-/// The order of a surface of which nobody said one: that of a quadratic response surface.
-const DEFAULT_ORDER: u32 = 2;
+use super::Select;
+use crate::spec::{Constraint, FACES, InputSpec, MOST_FACES, ResponseSpec, SupportSpec, Weights};
 
 /// An input: its values, a row each, and what is known of it.
 ///
@@ -78,12 +76,12 @@ impl Input {
 /// What is not said here is taken from [`crate::Fit`], or left as a specification without the key has it.
 ///
 /// ```
-/// use rsm_fit::{Constraint, Response};
+/// use rsm_fit::{Constraint, Response, Select};
 ///
 /// let efficiency = Response::new("efficiency", [0.81, 0.88, 0.9])
 ///     .unit("1")
 ///     .inputs(["torque"])
-///     .order(2)
+///     .select(Select::order(2))
 ///     .output_range([0.0, 1.0])
 ///     .constraint(Constraint::Bounds { min: Some(0.0), max: Some(1.0) });
 /// ```
@@ -94,7 +92,7 @@ pub struct Response {
     pub(super) weights: Option<RowWeights>,
     unit: String,
     inputs: Option<Vec<String>>,
-    pub(super) choice: Choice,
+    select: Option<Select>,
     surface: Surface,
     constraints: Vec<Constraint>,
     support: Option<SupportSpec>,
@@ -105,39 +103,6 @@ pub struct Response {
 pub(super) enum RowWeights {
     Weights(Vec<f64>),
     StandardErrors(Vec<f64>),
-}
-
-/// How the terms are chosen, as far as it was said.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Choice {
-    pub order: Option<u32>,
-    pub confidence: Option<f64>,
-    pub terms: Option<Vec<Vec<u32>>>,
-}
-
-impl Choice {
-    /// What was said here, else what was said there.
-    pub(super) fn or(&self, other: &Choice) -> Choice {
-        if self.terms.is_some() {
-            return self.clone();
-        }
-        let is_own = self.order.is_some() || self.confidence.is_some();
-        Choice {
-            order: self.order.or(other.order),
-            confidence: self.confidence.or(other.confidence),
-            terms: other.terms.clone().filter(|_| !is_own),
-        }
-    }
-
-    /// `None`: terms were given, and something that chooses them too.
-    pub(super) fn method(&self) -> Option<Method> {
-        match (&self.terms, self.order, self.confidence) {
-            (Some(terms), None, None) => Some(Method::Fixed(terms.clone())),
-            (Some(_), ..) => None,
-            (None, order, Some(confidence)) => Some(Method::Ladder { max_order: order.unwrap_or(DEFAULT_ORDER), confidence }),
-            (None, order, None) => Some(Method::FixedOrder(order.unwrap_or(DEFAULT_ORDER))),
-        }
-    }
 }
 
 impl Response {
@@ -154,7 +119,7 @@ impl Response {
             weights: None,
             unit: "1".to_string(),
             inputs: None,
-            choice: Choice::default(),
+            select: None,
             surface: Surface::default(),
             constraints: Vec::new(),
             support: None,
@@ -175,24 +140,10 @@ impl Response {
         self
     }
 
-    /// All terms up to this order; with [`Response::ladder`], the highest order of a candidate. 2 where nothing is said.
+    /// How the terms of this response are chosen, in place of what the fit says for all.
     #[must_use]
-    pub fn order(mut self, order: u32) -> Self {
-        self.choice.order = Some(order);
-        self
-    }
-
-    /// A ladder chooses the terms: they grow in number until the confidence C, in percent, is reached.
-    #[must_use]
-    pub fn ladder(mut self, confidence: f64) -> Self {
-        self.choice.confidence = Some(confidence);
-        self
-    }
-
-    /// These terms and no others: of each term a power for every input, then one for every knot.
-    #[must_use]
-    pub fn terms<T: Into<Vec<u32>>>(mut self, terms: impl IntoIterator<Item = T>) -> Self {
-        self.choice.terms = Some(terms.into_iter().map(Into::into).collect());
+    pub fn select(mut self, select: Select) -> Self {
+        self.select = Some(select);
         self
     }
 
@@ -267,15 +218,15 @@ impl Response {
         self
     }
 
-    /// `None` when terms were given, and something that chooses them too.
-    pub(super) fn specification(&self, name: &str, all: &[InputSpec], choice: &Choice) -> Option<ResponseSpec> {
+    /// `all`: how the fit chooses where nothing is said here. `None` when both terms and something that chooses them were given.
+    pub(super) fn specification(&self, name: &str, all: &[InputSpec], select: &Select) -> Option<ResponseSpec> {
         let inputs = self.inputs.clone().unwrap_or_else(|| all.iter().map(|input| input.name.clone()).collect());
         let surface = Surface { name: name.to_string(), unit: self.unit.clone(), inputs, ..self.surface.clone() };
         Some(ResponseSpec {
             column: name.to_string(),
             unit: Some(self.unit.clone()),
             surface,
-            method: self.choice.or(choice).method()?,
+            method: self.select.as_ref().unwrap_or(select).method()?,
             weights: self.weights.as_ref().map(|weights| match weights {
                 RowWeights::Weights(_) => Weights::Weight("weights in memory".to_string()),
                 RowWeights::StandardErrors(_) => Weights::StandardError("standard errors in memory".to_string()),
@@ -299,19 +250,9 @@ impl Response {
 
     /// What is wrong with it beyond what the rules of a specification find: what a file could not even say.
     /// `inputs`: how many the fit has.
-    pub(super) fn faults(&self, inputs: usize, choice: &Choice) -> Vec<String> {
+    pub(super) fn faults(&self, inputs: usize, select: &Select) -> Vec<String> {
         let mut faults = Vec::new();
-        let highest = rsm_core::model_file::HIGHEST_POWER;
-        let choice = self.choice.or(choice);
-        if choice.method().is_none() {
-            faults.push("found both terms and something that chooses them, expected one of them".to_string());
-        }
-        if let Some(order) = choice.order.filter(|order| !(1..=highest).contains(order)) {
-            faults.push(format!("the order: found {order}, expected a whole number from 1 to {highest}"));
-        }
-        for power in choice.terms.iter().flatten().flatten().filter(|power| **power > highest) {
-            faults.push(format!("a term: found the power {power}, expected at most {highest}"));
-        }
+        faults.extend(self.select.as_ref().unwrap_or(select).faults());
         for (k, (input, _)) in self.surface.symmetry.iter().enumerate() {
             if self.surface.symmetry[..k].iter().any(|(earlier, _)| earlier == input) {
                 faults.push(format!("the symmetry of `{input}` is given twice"));

@@ -21,18 +21,20 @@
 
 mod columns;
 mod rows;
+mod select;
 
 use rsm_core::source::{Collector, Fault};
 use sha2::{Digest, Sha256};
 
 pub use columns::{Input, Response};
 pub use rows::{Inputs, Responses};
+pub use select::Select;
 
 use crate::fit::{Data, Outcome, Progress, fit_rows};
 use crate::records::{DataFile, Records, Refused, Units, hexadecimal};
 use crate::spec::{IN_MEMORY, InputSpec, Specification, Split, Together, Validation};
 use crate::table::magnitude_fault;
-use columns::{Choice, RowWeights};
+use columns::RowWeights;
 
 /// The column of the groups, as the specification calls it.
 const GROUPS: &str = "groups";
@@ -55,7 +57,7 @@ pub struct Fit {
     name: String,
     inputs: Inputs,
     responses: Responses,
-    choice: Choice,
+    select: Select,
     validation: Apart,
     test: Apart,
     groups: Option<Vec<String>>,
@@ -89,7 +91,7 @@ impl Fit {
             name: "model".to_string(),
             inputs: inputs.into(),
             responses: responses.into(),
-            choice: Choice::default(),
+            select: Select::default(),
             validation: Apart::None,
             test: Apart::None,
             groups: None,
@@ -105,24 +107,28 @@ impl Fit {
         self
     }
 
-    /// All terms up to this order; with [`Fit::ladder`], the highest order of a candidate. For every response that does not say it itself; 2
-    /// where nothing is said.
+    /// How the terms are chosen, for every response that has no [`Response::select`] of its own. The three methods below are short for it.
+    #[must_use]
+    pub fn select(mut self, select: Select) -> Self {
+        self.select = select;
+        self
+    }
+
+    /// All terms up to this order; with [`Fit::ladder`], the highest order of a candidate. 2 where nothing is said.
     #[must_use]
     pub fn order(mut self, order: u32) -> Self {
-        self.choice.order = Some(order);
+        self.select.order = Some(order);
         self
     }
 
-    /// A ladder chooses the terms: they grow in number until the confidence C, in percent, is reached. For every response that does
-    /// not say it itself.
+    /// A ladder chooses the terms: they grow in number until the confidence C, in percent, is reached.
     #[must_use]
     pub fn ladder(mut self, confidence: f64) -> Self {
-        self.choice.confidence = Some(confidence);
+        self.select.confidence = Some(confidence);
         self
     }
 
-    /// These terms and no others, for every response that does not say it itself: of each term a power for every input, then one for
-    /// every knot.
+    /// These terms and no others: of each term a power for every input, then one for every knot.
     ///
     /// ```
     /// use rsm_fit::Fit;
@@ -134,7 +140,7 @@ impl Fit {
     /// ```
     #[must_use]
     pub fn terms<T: Into<Vec<u32>>>(mut self, terms: impl IntoIterator<Item = T>) -> Self {
-        self.choice.terms = Some(terms.into_iter().map(Into::into).collect());
+        self.select.terms = Some(terms.into_iter().map(Into::into).collect());
         self
     }
 
@@ -245,7 +251,7 @@ impl Fit {
         let mut responses = Vec::new();
         let mut is_whole = true;
         for (response, name) in self.responses.columns.iter().zip(self.response_names()) {
-            for what in response.faults(inputs.len(), &self.choice) {
+            for what in response.faults(inputs.len(), &self.select) {
                 tell(faults, format!("response `{name}`: {what}"));
                 is_whole = false;
             }
@@ -253,7 +259,7 @@ impl Fit {
                 tell(faults, format!("response `{name}`: {what}: found {value}, expected a finite number"));
                 is_whole = false;
             }
-            responses.extend(response.specification(&name, &inputs, &self.choice));
+            responses.extend(response.specification(&name, &inputs, &self.select));
         }
         for (input, spec) in self.inputs.columns.iter().zip(&inputs) {
             for (what, value) in input.numbers().filter(|(_, value)| !value.is_finite()) {

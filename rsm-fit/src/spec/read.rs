@@ -12,7 +12,7 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader::{self, TableReader, Value, describe};
 use toml::de::DeValue;
 
-use super::{InputSpec, Method, ResponseSpec, Split, Validation, Weights, shape};
+use super::{Criterion, Direction, InputSpec, Method, ResponseSpec, Search, SearchBy, Split, Validation, Weights, shape};
 
 /// What of the text has the right shape.
 pub(super) struct Draft {
@@ -308,8 +308,9 @@ fn read_select<'a>(
 ) -> Option<Method> {
     let mut reader = TableReader::of(response.source(), value, format!("{}: `select`", response.who()), faults)?;
     let method_path = format!("{path}.select.method");
-    note_key(places, &method_path, "method", &reader);
-    let method = reader.text("method", faults)?;
+    let is_named = note_key(places, &method_path, "method", &reader);
+    // On fresh rows the LASSO had the least error: docs/decisions/062.
+    let method = if is_named { reader.text("method", faults)? } else { "lasso".to_string() };
     let method_place = places.place(&method_path);
     let mut order = |key: &'static str, reader: &mut TableReader<'a>, faults: &mut Collector| {
         reader.optional(key).map(|value| {
@@ -353,15 +354,74 @@ fn read_select<'a>(
                 }
             }
         }
+        "stepwise" | "best-subset" | "lasso" => {
+            let by = match method.as_str() {
+                "stepwise" => {
+                    let words = [("both", Direction::Both), ("forward", Direction::Forward), ("backward", Direction::Backward)];
+                    SearchBy::Stepwise(reader.choice("direction", &words, faults).unwrap_or(Direction::Both))
+                }
+                "best-subset" => SearchBy::BestSubset,
+                _ => SearchBy::Lasso,
+            };
+            let max_order = order("max_order", &mut reader, faults);
+            if max_order.is_none() {
+                faults.push(reader.fault(reader.span(), "`max_order` is missing"));
+            }
+            if terms.is_some() || terms_broken {
+                let what = format!("`terms` stands with method \"fixed\" only; \"{method}\" chooses them itself");
+                faults.push(response.fault(places.place(&format!("{path}.terms")), what));
+            }
+            let search = read_search(Search::new(by, max_order.flatten().unwrap_or(1)), path, &mut reader, places, faults);
+            search.filter(|_| max_order.flatten().is_some()).map(Method::Search)
+        }
         other => {
-            let known = ["stepwise", "best-subset", "lasso"].contains(&other);
-            let what = if known { "is not available in this version" } else { "is not a method" };
-            let fault = reader.fault(method_place.clone(), format!("`method`: \"{other}\" {what}"));
-            faults.push(fault.help("accepted: \"ladder\", \"fixed\""));
+            let fault = reader.fault(method_place.clone(), format!("`method`: \"{other}\" is not a method"));
+            faults.push(fault.help("accepted: \"ladder\", \"stepwise\", \"best-subset\", \"lasso\", \"fixed\""));
             // The keys that belong to it cannot be judged.
             return None;
         }
     };
     reader.finish(faults);
     selected
+}
+
+/// The keys that every search has.
+fn read_search(
+    mut search: Search,
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Search> {
+    let words = [
+        ("k-fold", Criterion::KFold),
+        ("held-out", Criterion::HeldOut),
+        ("press", Criterion::Press),
+        ("aicc", Criterion::Aicc),
+    ];
+    note_key(places, format!("{path}.select.criterion"), "criterion", reader);
+    search.criterion = reader.choice("criterion", &words, faults);
+    let mut flag = |key: &'static str| match reader.optional(key) {
+        None => Some(false),
+        Some(value) => {
+            places.note(format!("{path}.select.{key}"), value.span());
+            match value.get_ref() {
+                DeValue::Boolean(flag) => Some(*flag),
+                other => {
+                    let what = format!("`{key}`: found {}, expected true or false", describe(other));
+                    faults.push(reader.fault(value.span(), what));
+                    None
+                }
+            }
+        }
+    };
+    let (heredity, one_standard_error) = (flag("heredity"), flag("one_standard_error"));
+    let parts = match reader.optional("parts") {
+        None => Some(search.parts),
+        Some(value) => {
+            places.note(format!("{path}.select.parts"), value.span());
+            reader.whole("`parts`", value, 3, 100, faults).and_then(|parts| usize::try_from(parts).ok())
+        }
+    };
+    Some(Search { heredity: heredity?, one_standard_error: one_standard_error?, parts: parts?, ..search })
 }

@@ -7,7 +7,9 @@ use rsm_core::model::Symmetry;
 use rsm_core::names;
 use rsm_core::source::Collector;
 
-use super::{MOST_TERMS, Method, ResponseSpec, Specification, Validation, shape};
+use super::{
+    Criterion, MOST_FOR_SUBSETS, MOST_TERMS, Method, ResponseSpec, Search, SearchBy, Specification, Validation, shape,
+};
 use crate::design::{count_of_terms, missing_odd_input};
 use crate::units;
 
@@ -170,7 +172,44 @@ fn check_method(specification: &Specification, faults: &mut Collector) {
                     faults.push(specification.fault(&format!("{path}.select.confidence"), what));
                 }
             }
+            Method::Search(search) => check_search(specification, response, search, faults),
         }
+    }
+}
+
+fn check_search(specification: &Specification, response: &ResponseSpec, search: &Search, faults: &mut Collector) {
+    let path = format!("responses.{}.select", response.surface.name);
+    let who = format!("response `{}`", response.surface.name);
+    check_count(specification, response, search.max_order, &format!("{path}.max_order"), faults);
+    let candidates = count_of_terms(response.surface.inputs.len() + response.surface.knots.len(), search.max_order);
+    let mut fault = |key: &str, what: String, help: &str| {
+        faults.push(specification.fault(&format!("{path}.{key}"), format!("{who}: {what}")).help(help));
+    };
+    if search.by == SearchBy::BestSubset && candidates > MOST_FOR_SUBSETS && candidates <= MOST_TERMS {
+        let what = format!("method \"best-subset\": {candidates} candidates, at most {MOST_FOR_SUBSETS} are searched");
+        fault("method", what, "lower `max_order`, or use \"stepwise\" or \"lasso\"");
+    }
+    if !(3..=100).contains(&search.parts) {
+        let what = format!("`parts`: found {}, expected a whole number from 3 to 100", search.parts);
+        fault("parts", what, "10 is usual");
+    }
+    match search.criterion {
+        Some(Criterion::HeldOut) if specification.validation == Validation::None => {
+            let what = "criterion \"held-out\" needs rows that are held out".to_string();
+            fault("criterion", what, "add `validate = { share = 0.3, seed = 7 }`, or use \"k-fold\"");
+        }
+        Some(criterion @ (Criterion::Press | Criterion::Aicc)) => {
+            if search.one_standard_error {
+                let what = format!("`one_standard_error`: criterion \"{}\" has no standard error", criterion.word());
+                fault("one_standard_error", what, "use it with \"k-fold\" or \"held-out\"");
+            }
+            if criterion == Criterion::Press && search.by == SearchBy::Lasso {
+                let what =
+                    "criterion \"press\" rates least squares, and method \"lasso\" has penalised coefficients too".to_string();
+                fault("criterion", what, "use \"k-fold\", \"held-out\" or \"aicc\"");
+            }
+        }
+        _ => {}
     }
 }
 

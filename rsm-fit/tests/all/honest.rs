@@ -1,88 +1,14 @@
 //! Is the error that is told the error that is there? Random surfaces from a seed, whose truth is known and asked at fresh points.
 //!
-//! Surfaces, noise and the true error are made here and share nothing with the fit but the evaluator's tape.
+//! Surfaces, noise and the true error are made in `truth.rs`. Tests about files and warnings write files; the others fit in memory.
 
-use rsm_core::check::Checked;
-use rsm_core::lower;
-use rsm_core::number::Precision;
-use rsm_core::run::Interpreter;
 use rsm_fit::fit::{Outcome, Verdict};
 use rsm_fit::random::Random;
 use rsm_fit::statistics::ResponseStatistics;
+use rsm_fit::{Fit, Select};
 
 use crate::data::{Scratch, fitted};
-
-/// A polynomial of uniform inputs in [-1, 1], scaled to a standard deviation of 1, with noise.
-struct Truth {
-    inputs: usize,
-    terms: Vec<(Vec<i32>, f64)>,
-    offset: f64,
-    noise: f64,
-}
-
-impl Truth {
-    fn random(inputs: usize, order: u32, noise: f64, random: &mut Random) -> Self {
-        let mut terms = Vec::new();
-        let mut powers = vec![0; inputs];
-        // Every power vector up to the order, by counting.
-        loop {
-            let total: i32 = powers.iter().sum();
-            if total > 0 && total <= order as i32 && random.share() < 0.5 {
-                terms.push((powers.clone(), random.normal() / f64::from(total)));
-            }
-            let Some(place) = powers.iter().position(|power| *power < order as i32) else { break };
-            powers[place] += 1;
-            powers[..place].fill(0);
-        }
-        if terms.is_empty() {
-            terms.push(((0..inputs).map(|k| i32::from(k == 0)).collect(), 1.0));
-        }
-        let mut truth = Truth { inputs, terms, offset: 0.0, noise };
-        let values: Vec<f64> = (0..500).map(|_| truth.point(random)).map(|point| truth.at(&point)).collect();
-        let mean = values.iter().sum::<f64>() / 500.0;
-        let sd = (values.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / 500.0).sqrt();
-        truth.terms.iter_mut().for_each(|(_, coefficient)| *coefficient /= sd);
-        truth
-    }
-
-    fn point(&self, random: &mut Random) -> Vec<f64> {
-        (0..self.inputs).map(|_| 2.0 * random.share() - 1.0).collect()
-    }
-
-    fn at(&self, point: &[f64]) -> f64 {
-        let term = |(powers, coefficient): &(Vec<i32>, f64)| {
-            coefficient * powers.iter().zip(point).map(|(power, x)| x.powi(*power)).product::<f64>()
-        };
-        self.offset + self.terms.iter().map(term).sum::<f64>()
-    }
-
-    /// Rows of a CSV.
-    fn csv(&self, rows: usize, random: &mut Random) -> String {
-        let names: String = (0..self.inputs).map(|k| format!("x{k}[1],")).collect();
-        let mut text = format!("{names}y[K]\n");
-        for _ in 0..rows {
-            let point = self.point(random);
-            let y = self.at(&point) + self.noise * random.normal();
-            text += &format!("{}{y:e}\n", point.iter().map(|x| format!("{x:e},")).collect::<String>());
-        }
-        text
-    }
-
-    /// Root of the mean square error on so many fresh rows, noise included.
-    fn error_of(&self, outcome: &Outcome, rows: usize, random: &mut Random) -> f64 {
-        let checked = Checked::from_model(&outcome.model).unwrap();
-        let tape = lower::surface(&checked, 0, Precision::F64);
-        let mut interpreter = Interpreter::<f64>::new(&tape);
-        let square: f64 = (0..rows)
-            .map(|_| {
-                let point = self.point(random);
-                let value = interpreter.eval(&point);
-                (value - self.at(&point) - self.noise * random.normal()).powi(2)
-            })
-            .sum();
-        (square / rows as f64).sqrt()
-    }
-}
+use crate::truth::Truth;
 
 /// A specification of y on x0, x1, ... in [-1, 1].
 fn text(inputs: usize, top: &str, select: &str) -> String {
@@ -111,20 +37,21 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
+/// Which rows a fit keeps apart.
+type Aside = fn(Fit) -> Fit;
+
 /// (told error / true error, the error on the rows that chose / true error) of random surfaces.
 fn told_over_true(
-    name: &str,
     seeds: std::ops::Range<u64>,
-    top: &str,
+    aside: Aside,
     mut draw: impl FnMut(&mut Random) -> (usize, usize, u32, f64),
 ) -> Vec<(f64, Option<f64>)> {
-    let scratch = Scratch::new(name);
     let of_one = |seed: u64| {
         let mut random = Random::new(seed);
         let (inputs, rows, order, noise) = draw(&mut random);
         let truth = Truth::random(inputs, order, noise, &mut random);
-        scratch.file("data.csv", &truth.csv(rows, &mut random));
-        let outcome = fitted(&text(inputs, top, &ladder(order, 99.99)), &scratch.0);
+        let fit = truth.fit(truth.rows(rows, &mut random));
+        let outcome = aside(fit).select(Select::ladder(order, 99.99)).fit().unwrap();
         let found = statistics(&outcome);
         let told = found.test.as_ref().map(|test| test.rmse).or(found.cross_validation.as_ref().map(|cross| cross.errors.rmse));
         // 2000 rows: the truth is known to 1/sqrt(4000) = 1.6 %.
@@ -157,7 +84,7 @@ fn ratio(pairs: &[(f64, Option<f64>)]) -> f64 {
 #[test]
 fn the_error_that_is_told_is_the_true_one() {
     // A hundred surfaces and every kind of split: the ignored test below.
-    let pairs = told_over_true("told", 0..24, "", anything(500.0));
+    let pairs = told_over_true(0..24, |fit| fit, anything(500.0));
     assert!((ratio(&pairs) - 1.0).abs() < 0.1, "{} {pairs:?}", ratio(&pairs));
     // Of a single surface less can be asked: the r.m.s. of n errors scatters by 1/sqrt(2 n), 13 % for 30 rows and 3 % for 500. A hundred surfaces in the test below: 0.05
     // to 0.08 in the median. Of these 24 half are within a tenth.
@@ -169,8 +96,7 @@ fn the_error_that_is_told_is_the_true_one() {
 fn the_rows_that_chose_flatter_and_the_others_do_not() {
     // A ladder that picked terms by the judging rows told a third of the true error here. The error of 60 rows is itself known to 9 % (one over the
     // root of twice 60), so it is the median of told / true that must be near 1, and not that of each distance.
-    let top = "validate = { share = 0.3, seed = 7 }";
-    let pairs = told_over_true("flatter", 0..15, top, |_| (5, 60, 4, 1.0));
+    let pairs = told_over_true(0..15, |fit| fit.validate_share(0.3, 7), |_| (5, 60, 4, 1.0));
     let chose = median(&mut pairs.iter().map(|(_, validation)| validation.unwrap()).collect::<Vec<f64>>());
     let told = median(&mut pairs.iter().map(|(told, _)| *told).collect::<Vec<f64>>());
     assert!((told - 1.0).abs() < 0.1, "{told} {pairs:?}");
@@ -180,15 +106,16 @@ fn the_rows_that_chose_flatter_and_the_others_do_not() {
 #[test]
 #[ignore = "minutes: 1 to 6 inputs, 30 to 500 rows, with and without validation and test rows; cargo test -p rsm-fit --release --test all -- --ignored told"]
 fn the_error_that_is_told_is_the_true_one_whatever_the_rows() {
-    for top in [
-        "",
-        "validate = { share = 0.3, seed = 7 }",
-        "test = { share = 0.3, seed = 3 }",
-        "validate = { share = 0.3, seed = 7 }\ntest = { share = 0.3, seed = 3 }",
-    ] {
-        let pairs = told_over_true("told-all", 100..200, top, anything(500.0));
-        println!("`{top}`: median of told / true {:.3}, of its distance from 1 {:.3}", ratio(&pairs), off(&pairs));
-        assert!((ratio(&pairs) - 1.0).abs() < 0.1 && off(&pairs) < 0.1, "{top}");
+    let ways: [(&str, Aside); 4] = [
+        ("all rows fitted", |fit| fit),
+        ("validate", |fit| fit.validate_share(0.3, 7)),
+        ("test", |fit| fit.test_share(0.3, 3)),
+        ("validate and test", |fit| fit.validate_share(0.3, 7).test_share(0.3, 3)),
+    ];
+    for (name, aside) in ways {
+        let pairs = told_over_true(100..200, aside, anything(500.0));
+        println!("{name}: median of told / true {:.3}, of its distance from 1 {:.3}", ratio(&pairs), off(&pairs));
+        assert!((ratio(&pairs) - 1.0).abs() < 0.1 && off(&pairs) < 0.1, "{name}");
     }
 }
 
@@ -196,14 +123,12 @@ fn the_error_that_is_told_is_the_true_one_whatever_the_rows() {
 fn few_rows_are_told_an_error_of_their_surface_or_none() {
     // A line with a noise of a hundredth of its slope. Without one of four rows, and without one of the others to choose by, there were two rows, which a
     // ladder may fit by a constant alone: the error of that constant, a hundred times that of the line, was told as the line's.
-    let scratch = Scratch::new("few");
     let (mut told, mut none) = (0, 0);
     for seed in 0..40 {
         let mut random = Random::new(seed);
         let truth = Truth { inputs: 1, terms: vec![(vec![1], 1.0)], offset: 0.0, noise: 0.01 };
         let rows = 3 + (seed % 6) as usize;
-        scratch.file("data.csv", &truth.csv(rows, &mut random));
-        let outcome = fitted(&text(1, "", &ladder(2, 99.0)), &scratch.0);
+        let outcome = truth.fit(truth.rows(rows, &mut random)).select(Select::ladder(2, 99.0)).fit().unwrap();
         match &statistics(&outcome).cross_validation {
             Some(cross) => {
                 told += 1;
@@ -229,7 +154,6 @@ fn few_rows_are_told_an_error_of_their_surface_or_none() {
 
 #[test]
 fn noise_is_never_reached_at_any_offset() {
-    let scratch = Scratch::new("noise");
     let (mut alarms, mut tried) = (0, 0);
     for seed in 0..90 {
         let mut random = Random::new(seed);
@@ -237,12 +161,14 @@ fn noise_is_never_reached_at_any_offset() {
         let inputs = 1 + random.below(3) as usize;
         let rows = 8 + random.below(50) as usize;
         let truth = Truth { inputs, terms: Vec::new(), offset, noise: 8.0 };
-        scratch.file("data.csv", &truth.csv(rows, &mut random));
-        let top = ["", "validate = { share = 0.3, seed = 1 }", "test = { share = 0.3, seed = 1 }"][(seed / 3 % 3) as usize];
-        if rows < 20 && !top.is_empty() {
-            continue;
-        }
-        let outcome = fitted(&text(inputs, top, &ladder(3, 99.9)), &scratch.0);
+        let fit = truth.fit(truth.rows(rows, &mut random)).select(Select::ladder(3, 99.9));
+        let fit = match seed / 3 % 3 {
+            0 => fit,
+            _ if rows < 20 => continue,
+            1 => fit.validate_share(0.3, 1),
+            _ => fit.test_share(0.3, 1),
+        };
+        let outcome = fit.fit().unwrap();
         tried += 1;
         alarms += usize::from(outcome.reached());
         if !outcome.reached() {
@@ -262,14 +188,13 @@ fn noise_is_never_reached_at_any_offset() {
 
 #[test]
 fn a_plane_does_not_reach_clean_quadratic_data_at_any_offset() {
-    let scratch = Scratch::new("plane");
     for seed in 0..12 {
         let mut random = Random::new(seed);
         let offset = [0.0, 350.0, -1e4][(seed % 3) as usize];
         let curved = [0.2, 1.0, 5.0][(seed / 3 % 3) as usize];
         let truth = Truth { inputs: 2, terms: vec![(vec![1, 0], 1.0), (vec![0, 2], curved)], offset, noise: 0.0 };
-        scratch.file("data.csv", &truth.csv(25, &mut random));
-        let of = |order: u32| fitted(&text(2, "", &ladder(order, 99.9)), &scratch.0);
+        let fit = truth.fit(truth.rows(25, &mut random));
+        let of = |order: u32| fit.clone().select(Select::ladder(order, 99.9)).fit().unwrap();
         let (plane, curved) = (of(1), of(2));
         assert!(!plane.reached(), "seed {seed}: {}", plane.responses[0].verdict);
         assert!(kinds(&plane).contains(&"lack-of-fit"), "seed {seed}: {:?}", kinds(&plane));
@@ -287,13 +212,12 @@ fn a_plane_does_not_reach_clean_quadratic_data_at_any_offset() {
 #[test]
 fn a_good_surface_through_noisy_data_is_reached() {
     // A fifth of the spread is noise: no surface explains 99.9 % about the mean, and the terms that are there explain the rest.
-    let scratch = Scratch::new("noisy");
     let mut reached = 0;
     for seed in 0..20 {
         let mut random = Random::new(seed);
         let truth = Truth { inputs: 2, terms: vec![(vec![1, 0], 20.0), (vec![0, 2], 30.0)], offset: 350.0, noise: 6.0 };
-        scratch.file("data.csv", &truth.csv(60, &mut random));
-        reached += usize::from(fitted(&text(2, "", &ladder(3, 99.9)), &scratch.0).reached());
+        let fit = truth.fit(truth.rows(60, &mut random)).select(Select::ladder(3, 99.9));
+        reached += usize::from(fit.fit().unwrap().reached());
     }
     assert!(reached >= 19, "{reached} of 20");
 }
@@ -430,12 +354,10 @@ fn repetitions_of_a_point_are_never_on_two_sides() {
         assert!(sizes.iter().all(|size| (1..=9).contains(size)), "{sizes:?}");
     }
     // Through the fit: with every point twice, the second reading a copy, leaving out rows one by one would find each again.
-    let scratch = Scratch::new("twice");
     let truth = Truth { inputs: 1, terms: Vec::new(), offset: 0.0, noise: 1.0 };
-    let once = truth.csv(12, &mut random);
-    let twice = format!("{once}{}", once.split_once('\n').unwrap().1);
-    scratch.file("data.csv", &twice);
-    let found = fitted(&text(1, "", "select = { method = \"fixed\", order = 8 }"), &scratch.0);
+    let (points, response) = truth.rows(12, &mut random);
+    let twice = ([&points[..], &points].concat(), [&response[..], &response].concat());
+    let found = truth.fit(twice).select(Select::order(8)).fit().unwrap();
     // Order 8 through 12 points of noise explains them, and nothing that is left out.
     assert!(statistics(&found).r2.unwrap() > 0.5);
     assert!(statistics(&found).cross_validation.as_ref().unwrap().r2.unwrap() < 0.0);

@@ -6,7 +6,7 @@ use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_fit::fit::fit;
 use rsm_fit::random::Random;
-use rsm_fit::{Constraint, Fit, Input, Outcome, Response, Specification, Verdict};
+use rsm_fit::{Constraint, Fit, Input, Outcome, Response, Select, Specification, Verdict};
 
 /// A hundred points, three responses, a weight and a group for each; the last twenty rows in a file of their own.
 struct Rows {
@@ -99,13 +99,13 @@ fn from_memory(fitted: &Rows, test: &Rows) -> Outcome {
             .weights(&fitted.weights)
             .output_range([-40.0, 40.0])
             .supported_by_data(0.05)
-            .ladder(99.0),
+            .select(Select::ladder(3, 99.0)),
         response(fitted, 1)
             .inputs(["b", "a"])
             .standard_errors(&fitted.weights)
             .symmetry("a", Symmetry::Even)
             .constraint(Constraint::Bounds { min: Some(-1.0), max: None }),
-        response(fitted, 2).inputs(["b"]).reciprocal("b").terms([[0], [1], [2]]),
+        response(fitted, 2).inputs(["b"]).reciprocal("b").select(Select::terms([[0], [1], [2]])),
     ];
     Fit::new(inputs(fitted), responses)
         .name("bench")
@@ -217,7 +217,7 @@ fn what_cannot_be_fitted_is_told_in_words() {
         ("some weights", Fit::new(&x, y().weights([1.0])), "response `y`: the weights: found 1 rows, expected 4"),
         ("unknown", Fit::new(&x, y().inputs(["z"])), "response `y`: there is no input `z`"),
         ("knot", Fit::new(&x, y().knot("x1", 9.0)), "response `y`: knot 1: found x1 = 9, expected a value between 1 and 4"),
-        ("odd", Fit::new(&x, y().symmetry("x1", Symmetry::Odd).order(1)), ""),
+        ("odd", Fit::new(&x, y().symmetry("x1", Symmetry::Odd).select(Select::order(1))), ""),
         ("bounds", Fit::new(&x, y().constraint(Constraint::Bounds { min: None, max: None })), "constraint 1: found neither"),
         ("margin", Fit::new(&x, y().supported_by_data(-1.0)), "the margin of the support: found -1, expected 0 or more"),
         ("faces", Fit::new(&x, y().support_faces(6)), "the faces of the support belong to responses of two inputs"),

@@ -12,7 +12,7 @@ use rsm_core::lower;
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::source::{Fault, Faults};
-use rsm_fit::{Constraint, Fit, Input, Outcome, Response};
+use rsm_fit::{Constraint, Fit, Input, Outcome, Response, Select};
 
 use rsm_sim::plant_file::PlantFile;
 
@@ -205,7 +205,7 @@ pub fn fit_mode(against: Against, measured: &[Measured]) -> Result<Outcome, Faul
         .output_range(FREQUENCIES);
     let common = |response: Response| {
         let response = if against == Against::Gear { response } else { response.reciprocal("ratio") };
-        response.terms(terms(against))
+        response.select(Select::terms(terms(against)))
     };
     let runs = column(|it| f64::from(it.run.run));
     Ok(Fit::new(inputs, [common(damping), common(frequency)]).name(name).run_order(runs).fit()?)

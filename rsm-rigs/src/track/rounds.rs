@@ -11,7 +11,7 @@
 use rsm_core::check::Checked;
 use rsm_core::model::{Compensator, Model, Scheduled};
 use rsm_core::source::Faults;
-use rsm_fit::{Constraint, Fit, Input, Outcome, Response};
+use rsm_fit::{Constraint, Fit, Input, Outcome, Response, Select};
 
 use rsm_sim::plant_file::PlantFile;
 
@@ -229,9 +229,14 @@ fn responses(measured: &[Measured], pole_damping: &[f64], damping_terms: &[[u32;
             .constraint(Constraint::Bounds { min: Some(0.0), max: None })
             .supported_by_data(0.0)
             .support_faces(FACES)
-            .terms(damping_terms.iter().copied()),
-        Response::new("damping_error", errors).output_range(DAMPING_ERRORS).terms(damping_terms.iter().copied()),
-        Response::new("shuffle_frequency", frequency).unit("rad/s").output_range(FREQUENCIES).terms(SMOOTH.iter().copied()),
+            .select(Select::terms(damping_terms.iter().copied())),
+        Response::new("damping_error", errors)
+            .output_range(DAMPING_ERRORS)
+            .select(Select::terms(damping_terms.iter().copied())),
+        Response::new("shuffle_frequency", frequency)
+            .unit("rad/s")
+            .output_range(FREQUENCIES)
+            .select(Select::terms(SMOOTH.iter().copied())),
     ]
 }
 

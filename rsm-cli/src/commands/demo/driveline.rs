@@ -89,7 +89,7 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
     if full {
         text += &other_cars(tell, &plant, &study, &mut results)?;
     }
-    Ok(Section { good, html: text, json: Value::Object(results) })
+    Ok(Section { good, plot: String::new(), html: text, json: Value::Object(results) })
 }
 
 /// What surfaces against the gear ratio say of a gearbox that was never run, and surfaces with the load of other loads.

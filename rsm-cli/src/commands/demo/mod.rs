@@ -21,6 +21,7 @@ use serde_json::{Map, Value, json};
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 use crate::page::page;
+use crate::page::summary::{self, Tone};
 use paper::Paper;
 
 /// Seconds of the loop in real time, quick and full.
@@ -62,6 +63,8 @@ impl Teller {
 struct Section {
     /// Whether every link held.
     good: bool,
+    /// The one plot that shows the result; empty where the case has none for the head of the page.
+    plot: String,
     /// Its part of the report.
     html: String,
     json: Value,
@@ -96,10 +99,10 @@ pub fn run(arguments: &Arguments) -> Outcome {
         tell.say(&format!("missed   {what}"))?;
     }
     let report_path = arguments.out.join("report.html");
-    let text = report(&paper, &motor, &driveline, &run.to_string(), faults.as_ref());
+    let good = motor.good && driveline.good && missed.is_empty() && faults.as_ref().is_none_or(|faults| faults.good);
+    let text = report(&paper, good, &motor, &driveline, &run.to_string(), faults.as_ref());
     output::write_all(&[(report_path.clone(), text)])?;
     tell.say(&format!("done     in {:.1} s; report {}", begin.elapsed().as_secs_f64(), report_path.display()))?;
-    let good = motor.good && driveline.good && missed.is_empty() && faults.as_ref().is_none_or(|faults| faults.good);
     if arguments.json {
         let mut results = Map::new();
         results.insert("ok".into(), json!(good));
@@ -117,13 +120,32 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(if good { Answer::Positive } else { Answer::Negative })
 }
 
-fn report(paper: &Paper, motor: &Section, driveline: &Section, looped: &str, faults: Option<&Section>) -> String {
+/// A page: the verdict, three numbers and one plot; below them every figure and both cases.
+fn report(paper: &Paper, good: bool, motor: &Section, driveline: &Section, looped: &str, faults: Option<&Section>) -> String {
+    let missed = paper.missed().len();
+    let (tone, state, sentence) = match (good, missed) {
+        (true, _) => (
+            Tone::Good,
+            "all kept",
+            "Every figure keeps its bound, times apart, and every link from plan to controller held.".to_string(),
+        ),
+        (false, 0) => (
+            Tone::Bad,
+            "a link failed",
+            "Every figure keeps its bound, but a link from plan to controller failed: see below.".to_string(),
+        ),
+        (false, count) => (Tone::Bad, "missed", format!("{count} of the figures below do not keep their bounds.")),
+    };
     let body = format!(
         "<h1>Both experiments, measured again</h1>\n\
-         <p>A motor controller whose flux weakening is a response surface, and a car that surfaces keep from shuffling: the experiments of \"Real-time simulation and \
-         control systems design by the Response Surface Methodology and designed experiments\", on simulated plants with sensor noise. The table says what each costs: on this motor the \
-         circle diagram has a closed form, so a step with the surface is not the faster one; a surface pays where there is no closed form. Marked lines miss what \
-         they should keep.</p>\n{}{}{}<h2>The loop in real time</h2>\n<pre>{}</pre>\n{}",
+         <p class=\"lead\">Two experiments of \"Real-time simulation and control systems design by the Response Surface Methodology and designed experiments\", on \
+         simulated plants with sensor noise: a motor controller whose flux weakening is a response surface, and a car that surfaces keep from shuffling.</p>\n\
+         {}{}<div class=\"plots one\">{}</div>\n<h2>All figures</h2>\n\
+         <p>The rows with a colour do not keep their bound. On this motor the circle diagram has a closed form, so the step with the surface is not the faster one; \
+         a surface saves time where there is no closed form.</p>\n{}{}{}<h2>The loop in real time</h2>\n<pre>{}</pre>\n{}",
+        summary::verdict(tone, state, &sentence),
+        summary::numbers(&paper.numbers()),
+        motor.plot,
         paper.table(),
         motor.html,
         driveline.html,

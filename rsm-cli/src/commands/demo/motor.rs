@@ -58,8 +58,8 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
     results.insert("forms".into(), json!(forms.iter().map(Form::json).collect::<Vec<_>>()));
     results.insert("times".into(), times.json());
 
-    let html = html(Drive::default().known(&plant).torque_constant(), &checked, &points, &forms, &run_ups, &times)?;
-    Ok(Section { good, html, json: Value::Object(results) })
+    let (plot, html) = html(Drive::default().known(&plant).torque_constant(), &checked, &points, &forms, &run_ups, &times)?;
+    Ok(Section { good, plot, html, json: Value::Object(results) })
 }
 
 /// A measured point of the bench: torque, speed, weakening current.
@@ -183,7 +183,7 @@ fn run_ups(tell: &Teller, plant: &PlantFile, paper: &mut Paper) -> Result<[Trace
     Ok([full, surface])
 }
 
-/// The section of the report.
+/// The plot at the head of the report (a run-up with and without the surface), and the section.
 fn html(
     k_t: f64,
     checked: &Checked,
@@ -191,7 +191,7 @@ fn html(
     forms: &[Form],
     [full, surface]: &[Trace; 2],
     times: &speed::Times,
-) -> Result<String, Refusal> {
+) -> Result<(String, String), Refusal> {
     let index = checked.model().surfaces.iter().position(|surface| surface.name == "weakening_current");
     let index = index.ok_or_else(|| Refusal::new("the motor's model lost its surface `weakening_current`"))?;
     let inputs: [Input; 2] = checked
@@ -233,13 +233,14 @@ fn html(
         table += &format!("<tr><td>{}</td><td>{mean:.3}</td><td>{p99:.2}</td><td>{operations}</td></tr>\n", escaped(name));
     }
     table += "</table>\n";
-    Ok(format!(
+    let section = format!(
         "<h2>Case 1: a motor in flux weakening</h2>\n\
          <p>A dynamometer plan of 90 of 180 points, run to steady state with sensor noise; surfaces of the weakening current from those at the voltage \
          limit (<a href=\"motor/fit.html\">report of the fit</a>); the controller with these surfaces beside the full one, which solves the circle diagram every \
-         millisecond.</p>\n<div class=\"plots\">\n{map}{torque}{speed}{current}</div>\n\
+         millisecond.</p>\n<div class=\"plots\">\n{map}{speed}{current}</div>\n\
          <p>Difference of the current advance from the full controller's, over unseen random profiles, in the weakening region only; every form fitted to \
          the same points.</p>\n{table}{}",
         times.html()
-    ))
+    );
+    Ok((torque, section))
 }

@@ -6,7 +6,8 @@
 use serde_json::{Map, Value, json};
 
 use crate::output;
-use crate::page::{escaped, figure};
+use crate::page::summary::Number;
+use crate::page::{escaped, figure, known};
 
 /// What a figure has to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -175,6 +176,29 @@ impl Paper {
             Some(_) => None,
         });
         missed.collect()
+    }
+
+    /// The three numbers at the head of the report: the error of each surface, and what the loop in real time missed.
+    pub fn numbers(&self) -> [Number; 3] {
+        let told = |key: &str, of: &str, unit: &str, from: &str| {
+            let value = self.value(key).map_or("not measured".to_string(), |value| format!("{}{unit}", known(value, 0.0)));
+            Number::new(of, value, from)
+        };
+        [
+            told(
+                "angle_error_mean_deg",
+                "Motor: error of the advance angle",
+                " deg",
+                "mean difference from the full controller where the flux is weakened, on profiles that were not fitted; below 0.5 deg wanted",
+            ),
+            told(
+                "damping_residual_percent",
+                "Car: error of the damping surface",
+                " %",
+                "mean residual on runs that were not fitted, of the mean damping ratio; the original work has 1.65 %",
+            ),
+            told("under_runs", "Real time: late commands", "", "later than a buffer of 150 ms hides; none wanted"),
+        ]
     }
 
     /// The table of the report.

@@ -1,0 +1,241 @@
+//! Sums of products of candidates and response, and the sweep operator that puts candidates into a least-squares fit and takes them out.
+//!
+//! In: rows of a sample. Out: [`Gram`]: X'X of all candidates and the response, in plain f64, of columns that are centred and scaled once for all
+//! rows; parts of the rows add up and leave. [`Swept`]: the same matrix with some candidates fitted. Only the choice of terms rests on it: the
+//! coefficients of a model are computed again in double-double. A candidate whose own part is below 1e-5 of its norm counts as made up by the
+//! others; f64 cannot tell more from sums of products.
+//!
+//! Source: Goodnight 1979, A tutorial on the SWEEP operator.
+
+use crate::design::Design;
+use crate::selection::Sample;
+use crate::statistics::Observations;
+
+/// The share of its square that a candidate must have for itself: 1e-5 of the norm. Sums of products carry 1e-16 of the square each, and a
+/// margin of 10^6 covers sums of some thousand rows and the sweeps before.
+const OWN: f64 = 1e-10;
+
+/// How columns are centred and scaled: z = (x - middle)/scale. The response is the last.
+#[derive(Debug, Clone)]
+pub(super) struct Scales {
+    pub middles: Vec<f64>,
+    pub scales: Vec<f64>,
+    /// The candidate that is the constant, if there is one: it is neither centred nor scaled.
+    pub constant: Option<usize>,
+}
+
+impl Scales {
+    /// Of all rows that will be summed.
+    pub(super) fn of(design: &Design, sample: &Sample, constant: Option<usize>) -> Self {
+        let width = design.width();
+        let (mut sums, mut squares, mut weight) = (vec![0.0; width + 1], vec![0.0; width + 1], 0.0);
+        // About the first row: sums of squares of values far from 0 would lose their digits.
+        let mut first: Vec<f64> = Vec::new();
+        rows_of(design, sample, true, |row, w| {
+            if first.is_empty() {
+                first = row.to_vec();
+            }
+            weight += w;
+            for (k, (x, from)) in row.iter().zip(&first).enumerate() {
+                sums[k] += w * (x - from);
+                squares[k] += w * (x - from) * (x - from);
+            }
+        });
+        let (mut middles, mut scales) = (vec![0.0; width + 1], vec![1.0; width + 1]);
+        for k in 0..=width {
+            if Some(k) == constant || first.is_empty() {
+                continue;
+            }
+            let mean = sums[k] / weight;
+            let middle = if constant.is_some() { first[k] + mean } else { 0.0 };
+            let about_first = squares[k] / weight - mean * mean;
+            let square = if constant.is_some() { about_first } else { about_first + (first[k] + mean).powi(2) };
+            middles[k] = middle;
+            scales[k] = if square > 0.0 { square.sqrt() } else { 1.0 };
+        }
+        Scales { middles, scales, constant }
+    }
+
+    /// Coefficients of the columns as they are, from those of scaled ones. `terms` and `coefficients` without zeros.
+    pub(super) fn natural(&self, terms: &[usize], coefficients: &[f64]) -> Vec<f64> {
+        let response = self.middles.len() - 1;
+        let of = |(term, b): (&usize, &f64)| b * self.scales[response] / self.scales[*term];
+        let mut natural: Vec<f64> = terms.iter().zip(coefficients).map(of).collect();
+        if let Some(place) = terms.iter().position(|term| Some(*term) == self.constant) {
+            let moved: f64 = terms
+                .iter()
+                .zip(&natural)
+                .enumerate()
+                .filter(|(k, _)| *k != place)
+                .map(|(_, (t, b))| b * self.middles[*t])
+                .sum();
+            natural[place] = self.middles[response] + natural[place] - moved;
+        }
+        natural
+    }
+}
+
+/// Calls with every row of candidates and response, and its weight.
+fn rows_of(design: &Design, sample: &Sample, as_measured: bool, mut act: impl FnMut(&[f64], f64)) {
+    sample.observed(|rows: Observations<'_>| {
+        let mut values = Vec::with_capacity(design.width() + 1);
+        for row in 0..rows.response.len() {
+            let point = rows.point(row);
+            let terms = if as_measured { design.row_as_measured(&point) } else { design.row(&point) };
+            values.clear();
+            values.extend(terms.iter().map(|x| x.to_f64()));
+            values.push(rows.response[row]);
+            act(&values, rows.weight(row).to_f64());
+        }
+    });
+}
+
+/// Every row, scaled, with the root of its weight in it.
+pub(super) fn scaled_rows(design: &Design, sample: &Sample, scales: &Scales) -> Vec<Vec<f64>> {
+    let mut all = Vec::with_capacity(sample.rows());
+    rows_of(design, sample, true, |row, weight| {
+        let scaled = row.iter().enumerate().map(|(k, x)| weight.sqrt() * (x - scales.middles[k]) / scales.scales[k]);
+        all.push(scaled.collect());
+    });
+    all
+}
+
+/// sum w z z' of the rows.
+#[derive(Debug, Clone)]
+pub(super) struct Gram {
+    /// Candidates and, last, the response.
+    pub width: usize,
+    pub sums: Vec<f64>,
+    pub rows: usize,
+    pub weight: f64,
+}
+
+impl Gram {
+    pub(super) fn nothing(width: usize) -> Self {
+        Gram { width, sums: vec![0.0; width * width], rows: 0, weight: 0.0 }
+    }
+
+    /// `as_measured`: else as an evaluator sees the points, clamped.
+    pub(super) fn of(design: &Design, sample: &Sample, scales: &Scales, as_measured: bool) -> Self {
+        let width = design.width() + 1;
+        let mut gram = Gram::nothing(width);
+        let mut z = vec![0.0; width];
+        rows_of(design, sample, as_measured, |row, weight| {
+            for (k, (z, x)) in z.iter_mut().zip(row).enumerate() {
+                *z = (x - scales.middles[k]) / scales.scales[k];
+            }
+            for (k, own) in z.iter().enumerate() {
+                let own = own * weight;
+                // The upper triangle; the lower is filled below.
+                for (sum, other) in gram.sums[k * width + k..(k + 1) * width].iter_mut().zip(&z[k..]) {
+                    *sum += own * other;
+                }
+            }
+            gram.rows += 1;
+            gram.weight += weight;
+        });
+        for k in 0..width {
+            for other in 0..k {
+                gram.sums[k * width + other] = gram.sums[other * width + k];
+            }
+        }
+        gram
+    }
+
+    pub(super) fn and(mut self, other: &Gram) -> Self {
+        self.sums.iter_mut().zip(&other.sums).for_each(|(sum, more)| *sum += more);
+        Gram { rows: self.rows + other.rows, weight: self.weight + other.weight, ..self }
+    }
+
+    pub(super) fn at(&self, row: usize, column: usize) -> f64 {
+        self.sums[row * self.width + column]
+    }
+
+    /// sum w (y - z b)^2 of some candidates; never below 0.
+    pub(super) fn square(&self, terms: &[usize], coefficients: &[f64]) -> f64 {
+        let response = self.width - 1;
+        let mut square = self.at(response, response);
+        for (term, b) in terms.iter().zip(coefficients) {
+            let row = &self.sums[term * self.width..(term + 1) * self.width];
+            let inner: f64 = terms.iter().zip(coefficients).map(|(other, b)| row[*other] * b).sum();
+            square += b * (inner - 2.0 * row[response]);
+        }
+        square.max(0.0)
+    }
+}
+
+/// A Gram matrix with some candidates swept in. With A swept in: G_AA^-1, G_AA^-1 G_AB, -G_BA G_AA^-1, and what A leaves of G_BB.
+#[derive(Debug, Clone)]
+pub(super) struct Swept {
+    pub width: usize,
+    pub entries: Vec<f64>,
+    pub is_in: Vec<bool>,
+    squares: Vec<f64>,
+}
+
+impl Swept {
+    pub(super) fn new(gram: &Gram) -> Self {
+        let squares = (0..gram.width).map(|k| gram.at(k, k)).collect();
+        Swept { width: gram.width, entries: gram.sums.clone(), is_in: vec![false; gram.width - 1], squares }
+    }
+
+    pub(super) fn at(&self, row: usize, column: usize) -> f64 {
+        self.entries[row * self.width + column]
+    }
+
+    /// Whether a candidate that is not in has a part that those in it do not make up.
+    pub(super) fn has_own_part(&self, candidate: usize) -> bool {
+        self.at(candidate, candidate) > OWN * self.squares[candidate]
+    }
+
+    /// Puts a candidate in, or takes it out.
+    pub(super) fn sweep(&mut self, pivot: usize) {
+        let width = self.width;
+        let own: Vec<f64> = self.entries[pivot * width..(pivot + 1) * width].to_vec();
+        let inverse = 1.0 / own[pivot];
+        for row in 0..width {
+            if row == pivot {
+                continue;
+            }
+            let entries = &mut self.entries[row * width..(row + 1) * width];
+            let share = entries[pivot] * inverse;
+            if share != 0.0 {
+                for (entry, x) in entries.iter_mut().zip(&own) {
+                    *entry -= share * x;
+                }
+            }
+            entries[pivot] = -share;
+        }
+        let entries = &mut self.entries[pivot * width..(pivot + 1) * width];
+        entries.iter_mut().for_each(|entry| *entry *= inverse);
+        entries[pivot] = inverse;
+        self.is_in[pivot] = !self.is_in[pivot];
+    }
+
+    /// What the candidates that are in leave of the response.
+    pub(super) fn left(&self) -> f64 {
+        self.at(self.width - 1, self.width - 1).max(0.0)
+    }
+
+    /// What one more would take from it.
+    pub(super) fn gain(&self, candidate: usize) -> f64 {
+        let product = self.at(candidate, self.width - 1);
+        product * product / self.at(candidate, candidate)
+    }
+
+    /// What it would grow by without one that is in.
+    pub(super) fn loss(&self, candidate: usize) -> f64 {
+        let b = self.at(candidate, self.width - 1);
+        b * b / self.at(candidate, candidate)
+    }
+
+    /// The candidates that are in, by number.
+    pub(super) fn terms(&self) -> Vec<usize> {
+        (0..self.width - 1).filter(|k| self.is_in[*k]).collect()
+    }
+
+    /// Their coefficients.
+    pub(super) fn coefficients(&self, terms: &[usize]) -> Vec<f64> {
+        terms.iter().map(|term| self.at(*term, self.width - 1)).collect()
+    }
+}

@@ -1,0 +1,235 @@
+//! Paths of models, a model a size: by steps, and the best of each size by branch and bound.
+//!
+//! In: a Gram matrix. Out: a [`Path`]: for each number of terms a model, or none. The constant is in every model. With heredity a term stands
+//! only where those of one power less stand (x^2 z asks for x z and x^2), so that a shift of the zero of an input gives the same model.
+//!
+//! Sources: Efroymson 1960 and Pudil, Novovicova, Kittler 1994 (steps in both directions); Furnival, Wilson 1974, Regressions by leaps and
+//! bounds (a subset leaves at least what its superset leaves).
+
+use super::gram::{Gram, Swept};
+use crate::spec::Direction;
+
+/// Terms with coefficients of scaled columns.
+#[derive(Debug, Clone)]
+pub(super) struct Model {
+    pub terms: Vec<usize>,
+    pub coefficients: Vec<f64>,
+    /// The coefficients are drawn towards 0.
+    pub is_shrunk: bool,
+}
+
+/// Models by their key: the same key means the same amount of model, whatever the rows.
+pub(super) type Path = Vec<Option<Model>>;
+
+/// Which term asks for which.
+#[derive(Debug, Clone)]
+pub(super) struct Heredity {
+    parents: Vec<Vec<usize>>,
+    children: Vec<Vec<usize>>,
+}
+
+impl Heredity {
+    /// `is_asked`: else no term asks for another.
+    pub(super) fn of(terms: &[Vec<u32>], is_asked: bool) -> Self {
+        let mut parents = vec![Vec::new(); terms.len()];
+        let mut children = vec![Vec::new(); terms.len()];
+        if is_asked {
+            for (k, powers) in terms.iter().enumerate() {
+                for place in (0..powers.len()).filter(|place| powers[*place] > 0) {
+                    let mut lower = powers.clone();
+                    lower[place] -= 1;
+                    // Odd symmetry has no lower one; the constant is in every model.
+                    if let Some(parent) = terms.iter().position(|other| *other == lower) {
+                        parents[k].push(parent);
+                        children[parent].push(k);
+                    }
+                }
+            }
+        }
+        Heredity { parents, children }
+    }
+
+    fn may_enter(&self, term: usize, is_in: &[bool]) -> bool {
+        self.parents[term].iter().all(|parent| is_in[*parent])
+    }
+
+    fn may_leave(&self, term: usize, is_in: &[bool]) -> bool {
+        self.children[term].iter().all(|child| !is_in[*child])
+    }
+
+    fn holds(&self, is_in: &[bool]) -> bool {
+        (0..is_in.len()).all(|term| !is_in[term] || self.may_enter(term, is_in))
+    }
+
+    /// The terms with all that they ask for.
+    pub(super) fn closed(&self, terms: &[usize]) -> Vec<usize> {
+        let mut is_in = vec![false; self.parents.len()];
+        let mut open: Vec<usize> = terms.to_vec();
+        while let Some(term) = open.pop() {
+            if !is_in[term] {
+                is_in[term] = true;
+                open.extend(&self.parents[term]);
+            }
+        }
+        (0..is_in.len()).filter(|term| is_in[*term]).collect()
+    }
+}
+
+/// The best of each size so far.
+struct Best {
+    left: Vec<f64>,
+    models: Path,
+}
+
+impl Best {
+    fn note(&mut self, swept: &Swept) {
+        let terms = swept.terms();
+        let Some(left) = terms.len().checked_sub(1).and_then(|k| self.left.get_mut(k)) else { return };
+        if swept.left() < *left {
+            *left = swept.left();
+            let coefficients = swept.coefficients(&terms);
+            let size = terms.len();
+            self.models[size - 1] = Some(Model { terms, coefficients, is_shrunk: false });
+        }
+    }
+}
+
+pub(super) struct Steps<'a> {
+    pub constant: Option<usize>,
+    pub heredity: &'a Heredity,
+    /// The most terms.
+    pub most: usize,
+}
+
+impl Steps<'_> {
+    fn start(&self, gram: &Gram) -> (Swept, Best) {
+        let mut swept = Swept::new(gram);
+        if let Some(constant) = self.constant {
+            swept.sweep(constant);
+        }
+        let mut best = Best { left: vec![f64::INFINITY; self.most], models: vec![None; self.most] };
+        best.note(&swept);
+        (swept, best)
+    }
+
+    /// The term that takes most, the first of equals.
+    fn enters(&self, swept: &Swept, is_open: impl Fn(usize) -> bool) -> Option<usize> {
+        let open = (0..swept.is_in.len())
+            .filter(|k| !swept.is_in[*k] && is_open(*k) && self.heredity.may_enter(*k, &swept.is_in) && swept.has_own_part(*k));
+        let gains = open.map(|k| (k, swept.gain(k)));
+        gains.reduce(|best, other| if other.1 > best.1 { other } else { best }).map(|(k, _)| k)
+    }
+
+    /// The term that is missed least.
+    fn leaves(&self, swept: &Swept) -> Option<(usize, f64)> {
+        let removable = (0..swept.is_in.len())
+            .filter(|k| swept.is_in[*k] && Some(*k) != self.constant && self.heredity.may_leave(*k, &swept.is_in));
+        removable.map(|k| (k, swept.loss(k))).reduce(|best, other| if other.1 < best.1 { other } else { best })
+    }
+
+    /// Puts in the best of the first rung that has one; `rungs`: the order of each term.
+    pub(super) fn by_rungs(&self, gram: &Gram, rungs: &[u32]) -> Path {
+        let (mut swept, mut best) = self.start(gram);
+        let mut rung = rungs.iter().copied().filter(|order| *order > 0).min().unwrap_or(1);
+        let highest = rungs.iter().copied().max().unwrap_or(0);
+        while swept.terms().len() < self.most && rung <= highest {
+            match self.enters(&swept, |k| rungs[k] <= rung) {
+                Some(term) => swept.sweep(term),
+                None => {
+                    rung += 1;
+                    continue;
+                }
+            }
+            best.note(&swept);
+        }
+        best.models
+    }
+
+    /// By steps in one direction, or in both.
+    pub(super) fn by_steps(&self, gram: &Gram, direction: Direction) -> Path {
+        let (swept, best) = self.stepped(gram, direction);
+        if direction == Direction::Backward { self.backward(swept, best).models } else { best.models }
+    }
+
+    fn stepped(&self, gram: &Gram, direction: Direction) -> (Swept, Best) {
+        let (mut swept, mut best) = self.start(gram);
+        // Steps back are steps forth again: a bound on all of them keeps the work that of a few paths.
+        let mut steps_back = 2 * self.most;
+        let mut size = swept.terms().len();
+        while size < self.most {
+            let Some(term) = self.enters(&swept, |_| true) else { break };
+            swept.sweep(term);
+            size += 1;
+            best.note(&swept);
+            while direction == Direction::Both && steps_back > 0 && size > 2 {
+                let Some((out, loss)) = self.leaves(&swept).filter(|(out, _)| *out != term) else { break };
+                // Only where the smaller model is better than any of its size so far; the share is rounding.
+                if swept.left() + loss >= best.left[size - 2] * (1.0 - 1e-9) {
+                    break;
+                }
+                swept.sweep(out);
+                size -= 1;
+                steps_back -= 1;
+                best.note(&swept);
+            }
+        }
+        (swept, best)
+    }
+
+    /// From the largest model down. Where rows are fewer than terms, that is the largest that steps forward reach.
+    fn backward(&self, mut swept: Swept, best: Best) -> Best {
+        let mut down = Best { left: vec![f64::INFINITY; self.most], models: vec![None; self.most] };
+        down.note(&swept);
+        while let Some((out, _)) = self.leaves(&swept) {
+            swept.sweep(out);
+            down.note(&swept);
+        }
+        // The constant alone.
+        down.models[0] = down.models[0].take().or_else(|| best.models.into_iter().next().flatten());
+        down
+    }
+
+    /// The best of each size, and whether it is proved: the search ends after so many nodes.
+    pub(super) fn best_subsets(&self, gram: &Gram, nodes: usize) -> (Path, bool) {
+        let (swept, mut best) = self.stepped(gram, Direction::Both);
+        // The largest model down: good bounds before the search begins.
+        let down = self.backward(swept.clone(), Best { left: Vec::new(), models: Vec::new() });
+        for (k, model) in down.models.into_iter().enumerate() {
+            if model.is_some() && down.left[k] < best.left[k] {
+                (best.left[k], best.models[k]) = (down.left[k], model);
+            }
+        }
+        let free: Vec<usize> = swept.terms().into_iter().filter(|term| Some(*term) != self.constant).collect();
+        // Candidates that are not in the largest model: rows too few for them, or made up by others.
+        let is_whole = (0..swept.is_in.len()).all(|k| swept.is_in[k] || !swept.has_own_part(k));
+        let mut left_nodes = nodes;
+        self.branch(&swept, free, &mut best, &mut left_nodes);
+        (best.models, is_whole && left_nodes > 0)
+    }
+
+    /// All subsets without some of `free`, which are in.
+    fn branch(&self, swept: &Swept, mut free: Vec<usize>, best: &mut Best, nodes: &mut usize) {
+        // The one that is missed most first: its many subsets are cut off at once.
+        free.sort_by(|a, b| swept.loss(*b).total_cmp(&swept.loss(*a)).then(a.cmp(b)));
+        let size = swept.terms().len();
+        for (k, out) in free.iter().enumerate() {
+            let left = swept.left() + swept.loss(*out);
+            // Sizes that the subsets without it can have.
+            let smallest = (size - 1).saturating_sub(free.len() - k - 1).max(1);
+            let may_help = (smallest..size).any(|size| best.left.get(size - 1).is_some_and(|found| left < *found));
+            if !may_help {
+                continue;
+            }
+            if *nodes == 0 {
+                return;
+            }
+            *nodes -= 1;
+            let mut child = swept.clone();
+            child.sweep(*out);
+            if self.heredity.holds(&child.is_in) {
+                best.note(&child);
+            }
+            self.branch(&child, free[k + 1..].to_vec(), best, nodes);
+        }
+    }
+}
