@@ -82,7 +82,7 @@ pub mod ladder;
 
 mod selection;
 
-pub mod search;
+mod search;
 
 mod observations;
 

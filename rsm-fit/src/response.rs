@@ -9,16 +9,22 @@ use rsm_core::source::Faults;
 use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::design::{self, Design};
-use crate::ladder::first_rung;
+use crate::ladder::{Climb, first_rung};
 use crate::outcome::{Progress, ResponseOutcome};
 use crate::qr::{Dependent, Growing};
-use crate::search::Searcher;
+use crate::search::{Found, Searcher};
 use crate::selection::{Choice, ChosenBy, Sample, Selection};
 use crate::spec::{Method, ResponseSpec, Specification, Validation};
 use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseStatistics, RowsUsed};
 use crate::support::{self, Region, SupportStatistics};
 use crate::verdict::{self, Criterion, Verdict};
 use crate::warnings::{self, Notes};
+
+/// What a search found, as a choice.
+fn choice_of(found: &Found) -> Choice {
+    let climb = |(confidence, centred)| Climb { chosen: found.terms.clone(), confidence, centred };
+    Choice { terms: found.terms.clone(), by: found.by, climb: found.climb.map(climb) }
+}
 
 /// A search judges models of a constant and a term by rows left out.
 const LEAST_FOR_SEARCH: usize = 6;
@@ -118,7 +124,7 @@ impl Task<'_> {
                     candidates: dependent.candidates.iter().map(|k| found.terms[*k]).collect(),
                     ..dependent
                 };
-                Growing::of(&triangle, &places).map_err(numbered).map(|growing| (growing, Choice::found(found)))
+                Growing::of(&triangle, &places).map_err(numbered).map(|growing| (growing, choice_of(found)))
             }
             None => {
                 let chosen = selection.choose(&mut |order, terms, confidence| {

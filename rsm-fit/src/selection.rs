@@ -12,9 +12,8 @@ use crate::design::Design;
 use crate::ladder::{Climb, Judge, Ladder, most_terms};
 use crate::qr::{Compressed, Dependent, Growing, Triangle};
 use crate::random::Random;
-use crate::search::Found;
-use crate::spec::Method;
-use crate::split::{self, PARTS};
+use crate::spec::{Method, PARTS};
+use crate::split;
 use crate::statistics::{Judged, Observations};
 
 /// Rows of one response.
@@ -149,14 +148,6 @@ pub(crate) struct Choice {
     pub by: ChosenBy,
     /// C and C about the mean on the rows that chose; none where the terms were given.
     pub climb: Option<Climb>,
-}
-
-impl Choice {
-    /// What a search found.
-    pub(crate) fn found(found: &Found) -> Self {
-        let climb = |(confidence, centred)| Climb { chosen: found.terms.clone(), confidence, centred };
-        Choice { terms: found.terms.clone(), by: found.by, climb: found.climb.map(climb) }
-    }
 }
 
 /// Where the work is large.

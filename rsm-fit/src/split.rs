@@ -11,9 +11,6 @@ use crate::random::Random;
 use crate::records::Records;
 use crate::spec::{Specification, Split};
 
-/// Ten parts: each fit then has nine tenths of the rows, and is judged a little too hard (by 1 % in the median over random surfaces).
-pub(crate) const PARTS: usize = 10;
-
 /// Row numbers on either side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sides {

@@ -15,7 +15,6 @@ use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::qr::Growing;
-use crate::search::SelectionReport;
 use crate::support::SupportStatistics;
 
 mod judged;
@@ -90,6 +89,36 @@ pub struct Warning {
     pub kind: &'static str,
     /// In words.
     pub what: String,
+}
+
+/// How the terms were chosen, for `rsm fit --json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SelectionReport {
+    /// "stepwise", "best-subset" or "lasso".
+    pub method: &'static str,
+    /// "press", "k-fold", "aicc" or "held-out".
+    pub criterion: &'static str,
+    /// Whether a term asks for those below it.
+    pub heredity: bool,
+    /// Whether the smallest model within a standard error of the best was taken.
+    pub one_standard_error: bool,
+    /// How many candidates there were.
+    pub candidates: usize,
+    /// Best subsets: whether no better one of its size exists. Null for other methods.
+    pub proved: Option<bool>,
+    /// LASSO: the weight of the penalised coefficients, from 0 (least squares on the chosen terms) to 1. Null for other methods.
+    pub shrinkage: Option<f64>,
+    /// For each number of terms the criterion: the root mean square error on rows left out or held out, the same of PRESS, or AICc. Of the LASSO the least of each number.
+    pub path: Vec<SizeReport>,
+}
+
+/// One size of a path.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SizeReport {
+    /// How many terms.
+    pub terms: usize,
+    /// The criterion.
+    pub criterion: f64,
 }
 
 /// One response, with the keys of docs/book/src/reference/formats.md 4.1.

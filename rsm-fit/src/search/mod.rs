@@ -11,16 +11,15 @@ mod paths;
 mod rating;
 
 use rsm_core::model::Coding;
-use serde::Serialize;
 
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::ladder::most_terms;
 use crate::qr::Growing;
 use crate::selection::{ChosenBy, Sample, aside};
-use crate::spec::{Criterion, Method, Search, SearchBy};
+use crate::spec::{Criterion, Method, PARTS, Search, SearchBy};
 use crate::split;
-use crate::statistics::{Judged, Observations};
+use crate::statistics::{Judged, Observations, SelectionReport};
 use gram::{Gram, Scales};
 use lasso::{Lasso, SHARES};
 use paths::{Heredity, Model, Path, Steps};
@@ -34,36 +33,6 @@ const NODES: usize = 20_000;
 
 /// Multiplications in double-double for which a round of cross-validation is solved in double-double; beyond it in f64.
 const EXACT_WORK: f64 = 2e7;
-
-/// How the terms were chosen, for `rsm fit --json`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SelectionReport {
-    /// "stepwise", "best-subset" or "lasso".
-    pub method: &'static str,
-    /// "press", "k-fold", "aicc" or "held-out".
-    pub criterion: &'static str,
-    /// Whether a term asks for those below it.
-    pub heredity: bool,
-    /// Whether the smallest model within a standard error of the best was taken.
-    pub one_standard_error: bool,
-    /// How many candidates there were.
-    pub candidates: usize,
-    /// Best subsets: whether no better one of its size exists. Null for other methods.
-    pub proved: Option<bool>,
-    /// LASSO: the weight of the penalised coefficients, from 0 (least squares on the chosen terms) to 1. Null for other methods.
-    pub shrinkage: Option<f64>,
-    /// For each number of terms the criterion: the root mean square error on rows left out or held out, the same of PRESS, or AICc. Of the LASSO the least of each number.
-    pub path: Vec<SizeReport>,
-}
-
-/// One size of a path.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SizeReport {
-    /// How many terms.
-    pub terms: usize,
-    /// The criterion.
-    pub criterion: f64,
-}
 
 /// What a search found.
 pub(crate) struct Found {
@@ -127,7 +96,7 @@ impl Searcher<'_> {
     }
 
     fn wanted_parts(&self) -> usize {
-        let wanted = self.search().map_or(split::PARTS, |search| search.parts);
+        let wanted = self.search().map_or(PARTS, |search| search.parts);
         let width = self.design.width() as f64;
         let paths = ((wanted + 1) * (wanted + 1)) as f64;
         let work = width * width * width.min(self.fit.rows() as f64) * paths;
@@ -140,7 +109,7 @@ impl Searcher<'_> {
         let parts = self.parts(&scales, self.fit, self.wanted_parts(), true);
         let parts: Vec<&Part> = parts.iter().collect();
         let held = match (self.criterion(), self.validate) {
-            (Criterion::HeldOut, Some(validate)) => Some(self.parts(&scales, validate, split::PARTS, false)),
+            (Criterion::HeldOut, Some(validate)) => Some(self.parts(&scales, validate, PARTS, false)),
             _ => None,
         };
         let held: Option<Vec<&Part>> = held.as_ref().map(|parts| parts.iter().collect());
@@ -258,7 +227,7 @@ impl Searcher<'_> {
             // The rows to fit are the same in each round, as they are for the model; a part of those that choose judges.
             (Criterion::HeldOut, Some(validate), None) => {
                 let whole = self.part(&scales, self.fit.clone(), true);
-                let held = self.parts(&scales, validate, split::PARTS, false);
+                let held = self.parts(&scales, validate, PARTS, false);
                 let round = |out: usize| {
                     let choosing: Vec<&Part> = (0..held.len()).filter(|k| *k != out).map(|k| &held[k]).collect();
                     let found = self.found(&scales, &[&whole], Some(&choosing))?;
@@ -270,7 +239,7 @@ impl Searcher<'_> {
             (Criterion::HeldOut, Some(validate), Some((share, weights))) => {
                 let groups = validate.groups.iter().map(|group| group + self.fit.rows()).collect();
                 let all = self.fit.and(&Sample { weights: weights.to_vec(), groups, ..validate.clone() });
-                let part_of = split::parts(&all.groups, split::PARTS, 1);
+                let part_of = split::parts(&all.groups, PARTS, 1);
                 let count = part_of.iter().max().map_or(0, |most| most + 1);
                 let round = |part: usize| {
                     let rest = all.chosen(|row| part_of[row] != part);
@@ -280,7 +249,7 @@ impl Searcher<'_> {
                     if fit.rows() < 2 || choosing.rows() == 0 {
                         return None;
                     }
-                    let (fit, held) = (self.part(&scales, fit, true), self.parts(&scales, &choosing, split::PARTS, false));
+                    let (fit, held) = (self.part(&scales, fit, true), self.parts(&scales, &choosing, PARTS, false));
                     let held: Vec<&Part> = held.iter().collect();
                     let found = self.found(&scales, &[&fit], Some(&held))?;
                     self.judged(&found, &[&fit], &all.chosen(|row| part_of[row] == part))

@@ -6,10 +6,10 @@
 //!
 //! Sources: Allen 1974 (PRESS); Hurvich, Tsai 1989 (AICc); Breiman, Friedman, Olshen, Stone 1984, 3.4.3 (one standard error).
 
-use super::SizeReport;
 use super::gram::{Gram, Swept};
 use super::paths::Path;
 use crate::spec::Criterion;
+use crate::statistics::SizeReport;
 
 /// Errors below this share of the response's square are rounding of f64 sums.
 const ROUNDING: f64 = 1e-13;
