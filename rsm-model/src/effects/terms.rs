@@ -59,13 +59,40 @@ const SAME: f64 = 1e-9;
 /// # Errors
 /// In words, what is missing.
 pub(super) fn balance(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>) -> Result<Balance, String> {
-    balance_through(flat, rate_of, inertia, DEEPEST)
+    balance_through(flat, rate_of, Inertia { declared: inertia, here: inertia }, DEEPEST)
+}
+
+/// An inertia or a capacity: as the site has it, and as it is in the balance that is looked at, behind what joins the two speeds.
+#[derive(Clone, Copy)]
+struct Inertia {
+    declared: Option<Id>,
+    here: Option<Id>,
+}
+
+/// Whether an inertia is only a part of what multiplies the derivative, as `m` of `m + J/r^2`. A whole one may stand there times anything: then both grow alike with at least one of its
+/// parameters. Where none of these occurs, the equation is divided by the inertia, and nothing is said.
+fn is_part(flat: &mut Flat, factor: Id, declared: Option<Id>, here: Id) -> bool {
+    let Some(declared) = declared else { return false };
+    let of_factor: HashSet<Symbol> = flat.pool.symbols(factor).into_iter().collect();
+    let shared: Vec<Symbol> = flat.pool.symbols(declared).into_iter().filter(|it| of_factor.contains(it)).collect();
+    let grows_alike = |flat: &mut Flat, symbol: Symbol| {
+        let mut growth = |whole: Id| {
+            let by = Derivative::by(&mut flat.pool, symbol).of(&mut flat.pool, whole);
+            Some(flat.known(by)?.0 / flat.known(whole)?.0)
+        };
+        match (growth(factor), growth(here)) {
+            (Some(one), Some(other)) => (one - other).abs() <= SAME * other.abs(),
+            // What is not known is not judged.
+            _ => true,
+        }
+    };
+    !shared.is_empty() && !shared.into_iter().any(|symbol| grows_alike(flat, symbol))
 }
 
 /// A speed follows from a state through so many equations at most.
 const DEEPEST: usize = 8;
 
-fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>, depth: usize) -> Result<Balance, String> {
+fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Inertia, depth: usize) -> Result<Balance, String> {
     let name = flat.variable(rate_of).name.clone();
     let Some(derivative) = flat.find(&format!("der({name})")) else {
         return followed(flat, rate_of, inertia, depth);
@@ -75,10 +102,11 @@ fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>, depth:
         return followed(flat, rate_of, inertia, depth);
     }
     let one = flat.pool.number(1.0);
-    let unit = inertia.unwrap_or(one);
+    let unit = inertia.here.unwrap_or(one);
     let wanted = flat.known(unit).map(|it| it.0.abs());
     let mut exact = Vec::new();
     let mut possible = Vec::new();
+    let mut part_of = None;
     for k in holds {
         let (left, right) = (flat.equations[k].left, flat.equations[k].right);
         let residual = flat.pool.subtract(left, right);
@@ -96,7 +124,11 @@ fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>, depth:
             });
             let is_number = |it: &Symbol| matches!(flat.variable(*it).role, Role::Parameter | Role::Constant);
             if !gives_other && (of_inertia.is_empty() || of_inertia.iter().any(|it| is_number(it) && own.contains(it))) {
-                possible.push((k, factor));
+                if is_part(flat, factor, inertia.declared, unit) {
+                    part_of = Some((k, factor));
+                } else {
+                    possible.push((k, factor));
+                }
             }
         }
     }
@@ -111,6 +143,14 @@ fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>, depth:
                 Some(flat.pool.divide(factor, unit))
             };
             Ok(Balance { equation, share })
+        }
+        [] if part_of.is_some() => {
+            let (line, whole) = part_of.map_or((0, unit), |(k, whole)| (flat.line(&flat.equations[k].place.clone()), whole));
+            Err(format!(
+                "the balance of line {line} holds `der({name})` times `{}`, of which `{}` is a part only: expected the whole inertia, mass or capacity that moves with it",
+                flat.text(whole),
+                flat.text(unit)
+            ))
         }
         [] => Err(format!(
             "no equation holds `der({name})` together with `{}`: expected the inertia, mass or capacity of that balance",
@@ -149,7 +189,7 @@ fn symbols(flat: &Flat, equation: usize) -> Vec<Symbol> {
 }
 
 /// The balance behind a speed that is no state but follows from one, as `road_speed = radius*wheel_speed`. What acts on it acts on the state through the same factor.
-fn followed(flat: &mut Flat, symbol: Symbol, inertia: Option<Id>, depth: usize) -> Result<Balance, String> {
+fn followed(flat: &mut Flat, symbol: Symbol, inertia: Inertia, depth: usize) -> Result<Balance, String> {
     let name = flat.variable(symbol).name.clone();
     let none = || format!("no equation holds `der({name})`, and `{name}` follows from no single state");
     let value = law(flat, symbol).filter(|_| depth > 0).ok_or_else(none)?;
@@ -158,11 +198,11 @@ fn followed(flat: &mut Flat, symbol: Symbol, inertia: Option<Id>, depth: usize) 
     let [inner] = unknown[..] else { return Err(none()) };
     let factor = Derivative::by(&mut flat.pool, inner).of(&mut flat.pool, value);
     // m dv/dt = F and v = k w: what multiplies dw/dt in its own balance is m k^2.
-    let inner_inertia = inertia.map(|it| {
+    let here = inertia.here.map(|it| {
         let square = flat.pool.multiply(factor, factor);
         flat.pool.multiply(it, square)
     });
-    let balance = balance_through(flat, inner, inner_inertia, depth - 1)?;
+    let balance = balance_through(flat, inner, Inertia { here, ..inertia }, depth - 1)?;
     let share = balance.share.unwrap_or_else(|| flat.pool.number(1.0));
     Ok(Balance { share: Some(flat.pool.multiply(share, factor)), ..balance })
 }

@@ -140,6 +140,35 @@ fn a_balance_takes_an_effort_in_whatever_form_it_is_written() {
 }
 
 #[test]
+fn an_inertia_that_is_a_part_of_what_moves_is_refused() {
+    // A car on wheels: an effort on its speed moves the wheels too. Taken for the whole, the mass would let it act 1 + J/(m r^2) times as strong.
+    let text = "model M\n  parameter Real m = 1400;\n  parameter Real J = 4;\n  parameter Real r = 0.3;\n  input Real u;\n  output Real v;\n  Real w;\nequation\n  v = r*w;\n  (J + m*r^2)*der(w) = u;\nend M;\n";
+    let flat = Flat::read(&Source::new("m.mo", text), &Options::default()).unwrap();
+    let stands = |inertia: &str| {
+        let file = format!("[sites.car]\nkind = \"translation\"\nspeed = \"v\"\ninertia = \"{inertia}\"\n");
+        let file = Source::new("plant.toml", file);
+        let mut faults = rsm_core::source::Collector::new();
+        let document = rsm_core::toml_reader::parse(&file, &mut faults).unwrap();
+        let mut top = rsm_core::toml_reader::TableReader::document(&file, &document);
+        let sites = super::Site::read_all(&file, top.optional("sites").unwrap(), &mut faults);
+        let catalogue = Catalogue::shipped();
+        let placed = Placed {
+            effect: catalogue.find("coulomb-friction").unwrap(),
+            at: None,
+            numbers: vec![("force".to_string(), 20.0)],
+            source: file.clone(),
+            place: 0..0,
+        };
+        extend(&flat, &sites, &[placed]).map(|_| ()).map_err(|faults| faults.to_string())
+    };
+    assert_eq!(stands("m + J/r^2"), Ok(()));
+    // Half of an equation is an equation too.
+    assert_eq!(stands("0.5*(m + J/r^2)"), Ok(()));
+    let told = stands("m").unwrap_err();
+    assert!(told.contains("the balance of line 10 holds `der(w)` times") && told.contains("is a part only"), "{told}");
+}
+
+#[test]
 fn effects_on_an_input_act_in_the_order_of_the_file() {
     let text = "model M\n  input Real u;\n  output Real y;\nequation\n  der(y) = u;\nend M;\n";
     let gain: Wanted<'_> = ("input-gain", Some("u"), &[("gain", 2.0)]);
