@@ -8,6 +8,7 @@
 //! controlled by error, kinks located. No crate of ours is imported, so an error of our crates cannot stand on both sides of a comparison.
 
 pub mod axis;
+pub mod bench;
 pub mod car;
 pub mod case;
 pub mod coverage;

@@ -18,14 +18,14 @@ use hidden_effects::{files, judge, verification};
 use report::{Line, Report};
 
 const USAGE: &str = "\
-usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond] [--case NAME] [--quick]
+usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond|missing|noise|data] [--case NAME] [--quick]
                               [--rows N] [--colour CORRELATION] [--stated FACTOR]
                               [--lost N] [--growing SHARE] [--tails FREEDOM] [--outliers SHARE] [--without OUTPUT,...] [--late ROWS] [--plants new]
            makes cases, runs `rsm diagnose` on each, compares with the truth
            --case: a case, or all whose names begin so (`servo-axis-*`); --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all
            --lost: one row in N is lost, in gaps of 1 to 3; --growing: noise grows by so many times itself up to the largest reading; --tails: it is Student's t;
            --outliers: such a share of the readings has 20 times the noise;
-           --plants new: the plants of examples/plants, families singles, pairs, nulls, outside, in place of those that are built in; `make` and `verify` too
+           --plants new: the plants of examples/plants, families singles, pairs, nulls, outside, missing, noise, data, in place of those that are built in; `make` and `verify` too
            --without: no record holds these outputs; --late: so many rows of each beginning are missing, so that records begin in motion
        hidden-effects make   --out DIR [the same]      makes the cases only
        hidden-effects verify --rsm PROGRAM --out DIR [--seed N] [--quick]

@@ -73,6 +73,8 @@ fn write_case(case: &Case, parent: &Path, seed: u64) -> Result<Folder, String> {
         "seed": seed,
         "causes": case.truth.causes.iter().map(described).collect::<Vec<_>>(),
         "outside_the_catalogue": case.truth.outside.iter().map(described).collect::<Vec<_>>(),
+        "without": case.without,
+        "spoiled": case.damage.as_ref().map(|it| format!("{:?} {:?}", it.what, it.outputs.iter().map(|place| system.outputs[*place].name).collect::<Vec<_>>())),
         "signal_to_noise": case.signal_to_noise,
         "remains_after_calibration": if case.remains.is_finite() { Some(case.remains) } else { None },
     });

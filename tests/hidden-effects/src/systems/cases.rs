@@ -11,6 +11,7 @@ use std::ops::Range;
 
 use super::refit::{Trace, refit};
 use super::{ALL, Cause, Drive, System, Truth, draw, run};
+use crate::bench::{self, Damage, Noise, Spoiled};
 use crate::case::Family;
 use crate::plant::Record;
 use crate::random::Random;
@@ -56,6 +57,25 @@ const NULLS: usize = 2;
 /// What is in no file.
 const OUTSIDE: [&str; 2] = ["gusts", "change"];
 
+/// Kinds that are looked for although an output is missing, by plant; a plant with one output has none.
+const MISSING: [(&str, [&str; 4]); 5] = [
+    ("gear-motor", ["coulomb-friction", "input-gain", "constant-load", "quadratic-drag"]),
+    ("coupled-tanks", ["leak", "overflow", "input-dead-band", "input-delay"]),
+    ("heated-block", ["leak", "radiation", "input-delay", "input-lag"]),
+    ("two-mass-drive", ["coulomb-friction", "backlash", "quadratic-drag", "cogging-torque"]),
+    ("quadrotor-pitch", ["quadratic-drag", "constant-load", "input-delay", "input-bias"]),
+];
+
+/// An effect of each plant that must be found under noise that is not Gaussian.
+const UNDER_NOISE: [(&str, &str); 6] = [
+    ("gear-motor", "coulomb-friction"),
+    ("coupled-tanks", "leak"),
+    ("road-vehicle", "input-delay"),
+    ("heated-block", "leak"),
+    ("two-mass-drive", "coulomb-friction"),
+    ("quadrotor-pitch", "quadratic-drag"),
+];
+
 /// Of the quick subset.
 const QUICK: [&str; 6] = [
     "gear-motor-coulomb-friction",
@@ -78,6 +98,10 @@ pub struct Plan {
     /// Kinds, each with the places that it may have.
     effects: Vec<(&'static str, Vec<&'static str>)>,
     outside: Option<&'static str>,
+    /// An output that is drawn is missing.
+    lacks_output: bool,
+    noise: Option<Noise>,
+    spoiled: Option<Spoiled>,
 }
 
 /// Which cases are asked for.
@@ -123,10 +147,14 @@ pub struct Case {
     pub truth: Truth,
     /// True noise, by output.
     pub noise: Vec<f64>,
+    /// The same as traces are compared by: infinite where no record holds the output.
+    pub seen: Vec<f64>,
     /// What the file says of it.
     pub stated: Vec<f64>,
     /// Outputs that no record holds.
     pub without: Vec<String>,
+    /// What a logger did.
+    pub damage: Option<Damage>,
     /// Training records.
     pub train: Vec<Run>,
     /// Validation records.
@@ -147,6 +175,9 @@ pub fn plans() -> Vec<Plan> {
             family,
             effects: vec![],
             outside: None,
+            lacks_output: false,
+            noise: None,
+            spoiled: None,
         };
         let mut singles: Vec<(&'static str, Vec<&'static str>)> = vec![];
         for (kind, at) in draw::everywhere(system).into_iter().filter(|(kind, at)| draw::is_asked(system, kind, at)) {
@@ -154,6 +185,21 @@ pub fn plans() -> Vec<Plan> {
                 Some((_, places)) => places.push(at),
                 None => singles.push((kind, vec![at])),
             }
+        }
+        let of = |kind: &str| singles.iter().filter(|it| it.0 == kind).cloned().collect::<Vec<_>>();
+        for kind in MISSING.iter().filter(|it| it.0 == system.name).flat_map(|it| it.1) {
+            plans.push(Plan { effects: of(kind), lacks_output: true, ..plan(&format!("missing-{kind}"), Family::Missing) });
+        }
+        for (name, noise) in Noise::ALL {
+            plans.push(Plan { noise: Some(noise), ..plan(&format!("noise-{name}"), Family::Noise) });
+        }
+        for (kind, noise) in [("tails", Noise::Tails), ("bursts", Noise::Bursts), ("slow", Noise::Slow)] {
+            let effect = UNDER_NOISE.iter().find(|it| it.0 == system.name).map_or("", |it| it.1);
+            let plan = plan(&format!("noise-{kind}-{effect}"), Family::Noise);
+            plans.push(Plan { effects: of(effect), noise: Some(noise), ..plan });
+        }
+        for (name, spoiled) in Spoiled::ALL.iter().filter(|it| it.1 != Spoiled::Swapped || system.outputs.len() > 1) {
+            plans.push(Plan { spoiled: Some(*spoiled), ..plan(&format!("data-{name}"), Family::Data) });
         }
         plans.extend(singles.into_iter().map(|it| Plan { effects: vec![it.clone()], ..plan(it.0, Family::Singles) }));
         for (_, pair) in PAIRS.iter().filter(|it| it.0 == system.name) {
@@ -241,6 +287,16 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
     // Good sensors and poor ones.
     let poor = random.spread(0.7, 2.0);
     let noise: Vec<f64> = system.outputs.iter().map(|it| poor * it.noise).collect();
+    let mut without = choice.untidy.without.clone();
+    if plan.lacks_output {
+        without.push(system.outputs[random.whole(0, system.outputs.len() as u64 - 1) as usize].name.to_string());
+    }
+    let is_held = |name: &str| without.iter().all(|it| it != name);
+    let held = system.outputs.iter().zip(&noise);
+    let seen: Vec<f64> = held.map(|(it, sigma)| if is_held(it.name) { *sigma } else { f64::INFINITY }).collect();
+    if seen.iter().all(|it| it.is_infinite()) {
+        return None;
+    }
     let bare = Truth::nominal(system);
     let mut file = bare.clone();
     for (name, sigma) in system.tolerance {
@@ -254,7 +310,7 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
         let at = random.one_of(places);
         let target = random.spread(VISIBLE.0, VISIBLE.1) * 2.0_f64.powi(attempt as i32);
         let own = Random::new(random.whole(0, u64::from(u32::MAX)), "cause");
-        let cause = sized(&bare, &like, &noise, kind, at, target, &own);
+        let cause = sized(&bare, &like, &seen, kind, at, target, &own);
         if *kind == "parameter-error" {
             // The file keeps the drawn value, exactly: the error is what the cause says and no tolerance on top of it.
             let place = bare.place(at);
@@ -262,10 +318,10 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
         }
         truth.causes.push(cause);
     }
-    truth.outside.extend(plan.outside.map(|kind| outside(kind, system, &bare, &like, &noise, &mut random)));
+    truth.outside.extend(plan.outside.map(|kind| outside(kind, system, &bare, &like, &seen, &mut random)));
     let traces: Vec<Trace> = streams.iter().map(|stream| trace(&truth, stream, rows)).collect();
     let first = &traces[..1];
-    let signal_to_noise = apart(&first[0].record, &again(&bare, &first[0]), &noise);
+    let signal_to_noise = apart(&first[0].record, &again(&bare, &first[0]), &seen);
     // What remains when one is left out, the others free.
     let mut remains = f64::INFINITY;
     for left_out in 0..truth.causes.len().max(usize::from(plan.outside.is_some())) {
@@ -273,7 +329,7 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
         if left_out < others.len() {
             others.remove(left_out);
         }
-        remains = f64::min(remains, refit(&file, &others, first, &noise, 0.5 * REMAINS).misfit);
+        remains = f64::min(remains, refit(&file, &others, first, &seen, 0.5 * REMAINS).misfit);
         if remains < REMAINS {
             return None;
         }
@@ -293,6 +349,10 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
             let mut noisy = run::run(&truth, &start, rows, &mut drive);
             let mut own = Random::new(random.clone().whole(0, u64::from(u32::MAX)), "untidy");
             for (output, column) in noisy.outputs.iter_mut().enumerate() {
+                if let Some(kind) = plan.noise {
+                    kind.add(column, noise[output], &mut random);
+                    continue;
+                }
                 let added = random.noise(rows, noise[output], choice.colour.unwrap_or(colours[output]));
                 let factors = choice.untidy.factors(column, largest[output], &mut own);
                 column.iter_mut().zip(added).zip(factors).for_each(|((value, added), factor)| *value += factor * added);
@@ -303,11 +363,31 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
             Run { noisy, exact, left_out }
         })
         .collect();
+    let units: Vec<&str> = system.outputs.iter().map(|it| it.unit).collect();
+    let damage = plan.spoiled.and_then(|what| bench::damage(what, &units, rows, &mut random));
+    if let Some(damage) = &damage {
+        let suffer = if damage.what.is_everywhere() { runs.len() } else { 1 };
+        runs.iter_mut().take(suffer).for_each(|run| damage.spoil(&mut run.noisy));
+    }
     let validate = runs.split_off(RUNS.0);
-    let stated = noise.iter().map(|sigma| sigma * choice.stated.unwrap_or(1.0)).collect();
-    let without = choice.untidy.without.clone();
+    let factor = choice.stated.unwrap_or(1.0) * plan.noise.map_or(1.0, Noise::stated);
+    let stated = noise.iter().map(|sigma| sigma * factor).collect();
     let (name, family) = (plan.name.clone(), plan.family);
-    Some(Case { name, family, file, truth, noise, stated, without, train: runs, validate, signal_to_noise, remains })
+    Some(Case {
+        name,
+        family,
+        file,
+        truth,
+        noise,
+        seen,
+        stated,
+        without,
+        damage,
+        train: runs,
+        validate,
+        signal_to_noise,
+        remains,
+    })
 }
 
 /// A force that is in no file, of a size as for a cause.
@@ -354,7 +434,8 @@ mod tests {
         assert_eq!(names.len(), plans.len(), "two cases of one name would be one folder");
         assert!(QUICK.iter().all(|name| names.contains(name)));
         for system in ALL {
-            for family in [Family::Singles, Family::Pairs, Family::Nulls, Family::Outside] {
+            let families = [Family::Singles, Family::Pairs, Family::Nulls, Family::Outside, Family::Noise, Family::Data];
+            for family in families {
                 assert!(plans.iter().any(|it| it.system.name == system.name && it.family == family), "{}", system.name);
             }
         }
@@ -364,6 +445,29 @@ mod tests {
                 assert!(draw::everywhere(system).contains(&effect), "{effect:?}");
             }
         }
+    }
+
+    #[test]
+    fn records_of_benches_are_as_their_names_say() {
+        let of = |name: &str| {
+            let choice = Choice { name: Some(name.to_string()), rows: Some(600), ..Choice::default() };
+            cases(5, choice, |name| panic!("{name} does not show")).next().expect("a case of this name")
+        };
+        let missing = of("two-mass-drive-missing-coulomb-friction");
+        assert_eq!(missing.without.len(), 1);
+        let place = missing.truth.system.output(&missing.without[0]).expect("an output");
+        assert!(missing.seen[place].is_infinite() && missing.noise[place].is_finite() && missing.remains >= REMAINS);
+        let noisy = of("gear-motor-noise-overstated");
+        assert!((noisy.stated[0] / noisy.noise[0] - 2.5).abs() < 1e-12 && noisy.truth.causes.is_empty());
+        assert_eq!(of("gear-motor-noise-tails-coulomb-friction").truth.causes.len(), 1);
+        let swapped = of("coupled-tanks-data-swapped");
+        let (noisy, exact) = (&swapped.validate[0].noisy.outputs, &swapped.validate[0].exact.record.outputs);
+        // Two levels that are 50 times the noise apart.
+        assert!((noisy[0][300] - exact[1][300]).abs() < 10.0 * swapped.noise[0]);
+        let stuck = of("road-vehicle-data-stuck");
+        let damage = stuck.damage.as_ref().expect("it is spoiled");
+        assert_eq!(stuck.train[0].noisy.outputs[0][damage.rows.start], stuck.train[0].noisy.outputs[0][damage.rows.end - 1]);
+        assert_ne!(stuck.train[1].noisy.outputs[0][damage.rows.start], stuck.train[1].noisy.outputs[0][damage.rows.end - 1]);
     }
 
     #[test]

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::cases::Case;
 use super::refit::{Trace, refit};
 use super::{Cause, System, draw};
+use crate::bench::Spoiled;
 use crate::case::Family;
 use crate::judge::{Judgement, covers};
 use crate::reliability::Named;
@@ -97,8 +98,26 @@ fn is_same_trace(case: &Case, found: &[Found<'_>]) -> Option<f64> {
     }
     let causes: Vec<Cause> = found.iter().map(|it| it.cause.clone()).collect();
     let traces: Vec<Trace> = case.train.iter().map(|it| it.exact.clone()).collect();
-    let misfit = refit(&case.file, &causes, &traces, &case.noise, 0.5 * SAME).misfit;
+    let misfit = refit(&case.file, &causes, &traces, &case.seen, 0.5 * SAME).misfit;
     (misfit < SAME).then_some(misfit)
+}
+
+/// Whether an answer tells what the logger did, and to which column: as a finding about the data (`data`), a column in another unit (`units`), or a fault of the data by that kind.
+fn is_told(case: &Case, answer: &Value) -> bool {
+    let Some(damage) = &case.damage else { return false };
+    let names: Vec<&str> = damage.outputs.iter().map(|place| case.truth.system.outputs[*place].name).collect();
+    let is_column = |it: &Value| names.is_empty() || it.as_str().is_some_and(|it| names.contains(&it));
+    let is_what = |it: &Value| {
+        let said = it.as_str().unwrap_or_default().to_lowercase();
+        damage.what.words().iter().any(|word| said.contains(word))
+    };
+    let list = |key: &str| answer[key].as_array().into_iter().flatten();
+    let in_unit = |it: &Value| it["columns"].as_array().into_iter().flatten().any(is_column);
+    let found = |it: &Value| is_what(&it["what"]) && ["channel", "column"].iter().any(|key| is_column(&it[*key]));
+    let of_kind = |it: &&Value| it["kind"] == "data-fault";
+    damage.what == Spoiled::Unit && list("units").any(in_unit)
+        || list("data").any(found)
+        || list("causes").chain(list("faults")).chain(list("data_faults")).filter(of_kind).any(found)
 }
 
 fn list(found: &[Found<'_>]) -> String {
@@ -112,7 +131,10 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
     let mut words = if found.is_empty() { verdict.to_string() } else { format!("{verdict}: {}", list(&found)) };
     let mut is_equal = false;
     let right = match case.family {
-        Family::Nulls => verdict == "no-discrepancy" && found.is_empty(),
+        Family::Data => {
+            verdict != "unexplained" && is_told(case, answer) && found.iter().all(|it| it.cause.kind == "data-fault")
+        }
+        _ if case.truth.causes.is_empty() && case.truth.outside.is_empty() => verdict == "no-discrepancy" && found.is_empty(),
         Family::Outside => verdict == "unexplained",
         _ if verdict != "explained" => false,
         _ if is_named(case, &found) => true,
@@ -125,6 +147,10 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
     };
     if !right {
         let truth: Vec<String> = case.truth.causes.iter().chain(&case.truth.outside).map(Cause::name).collect();
+        if let Some(damage) = &case.damage {
+            let names: Vec<&str> = damage.outputs.iter().map(|place| case.truth.system.outputs[*place].name).collect();
+            words.push_str(&format!(" (spoiled: {:?} {})", damage.what, names.join(", ")));
+        }
         if !truth.is_empty() {
             words.push_str(&format!(" (hidden: {})", truth.join(", ")));
         }
@@ -228,6 +254,24 @@ mod tests {
         let gusts = case("road-vehicle-outside-gusts");
         assert!(judge(&gusts, &answer("unexplained", json!([]))).right);
         assert!(!judge(&gusts, &answer("no-discrepancy", json!([]))).right);
+    }
+
+    #[test]
+    fn what_a_logger_did_must_be_told_with_its_column_and_blamed_on_nothing() {
+        let case = case("coupled-tanks-data-stuck");
+        let place = case.damage.as_ref().expect("it is spoiled").outputs[0];
+        let outputs = case.truth.system.outputs;
+        let (this, other) = (outputs[place].name, outputs[1 - place].name);
+        let answer = |channel: &str, what: &str, causes: Value| {
+            let data = json!([{ "record": "train-1.csv", "channel": channel, "what": what, "rows": [1, 2] }]);
+            judge(&case, &json!({ "verdict": "no-discrepancy", "causes": causes, "data": data })).right
+        };
+        assert!(answer(this, "hangs at one value", json!([])));
+        assert!(!answer(other, "hangs at one value", json!([])) && !answer(this, "is clipped", json!([])));
+        assert!(!answer(this, "hangs at one value", json!([{ "kind": "leak", "at": "first_tank" }])));
+        let fault = json!([{ "kind": "data-fault", "what": "stuck", "column": this, "rows": [1, 2] }]);
+        assert!(judge(&case, &json!({ "verdict": "explained", "causes": fault })).right);
+        assert!(!judge(&case, &json!({ "verdict": "no-discrepancy", "causes": [] })).right);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Can another explanation leave the same trace? Traces are compared after everything that a diagnosis may choose was chosen.
 //!
-//! In: records without noise, a plant with a nominal file, causes with first numbers. Out: the least misfit, over the parameters within their tolerance, the starts of the records and the
+//! In: records without noise, a plant with a nominal file, causes with first numbers; the noise of an output that nobody recorded is infinite. Out: the least misfit, over the parameters within their tolerance, the starts of the records and the
 //! numbers of the causes, by the method of K. Levenberg, 1944, with differences. No list of effects that look alike: what looks alike is found by simulating it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -92,7 +92,7 @@ impl Problem<'_> {
             if let Unknown::Start(record, output) = *unknown
                 && record == which
             {
-                start[output] += self.noise[output] * value;
+                start[output] += self.file.system.outputs[output].noise * value;
             }
         }
         let simulated = catch_unwind(AssertUnwindSafe(|| {

@@ -1,0 +1,248 @@
+//! Records as benches make them: noise that is not Gaussian, data that a logger spoiled.
+//!
+//! In: columns of a record, a stream of random numbers. Out: noise, spoiled columns, and what an honest report says of them. Knows no plant.
+
+use std::ops::Range;
+
+use crate::plant::Record;
+use crate::random::Random;
+
+/// Noise that is not what a plant file states.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Noise {
+    /// Student's t with three degrees of freedom, of the stated deviation.
+    Tails,
+    /// Six times the noise in short bursts, a twentieth of the time.
+    Bursts,
+    /// From row to row 0.98 of it stays.
+    Slow,
+    /// Readings are rounded to four times the noise.
+    Rounded,
+    /// Two and a half times what the file states.
+    Understated,
+    /// Two fifths of it.
+    Overstated,
+}
+
+impl Noise {
+    /// All, with their names in cases.
+    pub const ALL: [(&'static str, Noise); 6] = [
+        ("tails", Noise::Tails),
+        ("bursts", Noise::Bursts),
+        ("slow", Noise::Slow),
+        ("rounded", Noise::Rounded),
+        ("understated", Noise::Understated),
+        ("overstated", Noise::Overstated),
+    ];
+
+    /// What the file states over the true deviation.
+    pub fn stated(self) -> f64 {
+        match self {
+            Noise::Understated => 1.0 / 2.5,
+            Noise::Overstated => 2.5,
+            _ => 1.0,
+        }
+    }
+
+    /// Adds it to a column.
+    pub fn add(self, column: &mut [f64], sigma: f64, random: &mut Random) {
+        let rows = column.len();
+        match self {
+            Noise::Tails => {
+                for value in column.iter_mut() {
+                    // A normal number over the root of chi squared/3; its variance is 3.
+                    let chi: f64 = (0..3).map(|_| random.normal().powi(2)).sum();
+                    *value += sigma * random.normal() / chi.sqrt();
+                }
+            }
+            Noise::Slow => column.iter_mut().zip(random.noise(rows, sigma, 0.98)).for_each(|(value, it)| *value += it),
+            _ => column.iter_mut().zip(random.noise(rows, sigma, 0.0)).for_each(|(value, it)| *value += it),
+        }
+        if self == Noise::Bursts {
+            let mut row = 0;
+            loop {
+                // Bursts of 10 to 30 rows after 200 to 560 others.
+                row += random.whole(200, 560) as usize;
+                let end = row + random.whole(10, 30) as usize;
+                if end >= rows {
+                    break;
+                }
+                column[row..end].iter_mut().for_each(|value| *value += 6.0 * sigma * random.normal());
+                row = end;
+            }
+        }
+        if self == Noise::Rounded {
+            let step = 4.0 * sigma;
+            column.iter_mut().for_each(|value| *value = step * (*value / step).round());
+        }
+    }
+}
+
+/// What a logger did to the data.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Spoiled {
+    /// All records give a column in another unit than its header states.
+    Unit,
+    /// All records have two columns under each other's headers.
+    Swapped,
+    /// A channel keeps its value for a while, in one record.
+    Stuck,
+    /// A channel does not pass a limit, in one record.
+    Clipped,
+    /// A block of rows stands there twice, over those that followed, in one record.
+    Doubled,
+    /// A channel is late by some rows, in one record.
+    Offset,
+}
+
+impl Spoiled {
+    /// All, with their names in cases.
+    pub const ALL: [(&'static str, Spoiled); 6] = [
+        ("unit", Spoiled::Unit),
+        ("swapped", Spoiled::Swapped),
+        ("stuck", Spoiled::Stuck),
+        ("clipped", Spoiled::Clipped),
+        ("doubled", Spoiled::Doubled),
+        ("offset", Spoiled::Offset),
+    ];
+
+    /// Beginnings of words, one of which a report of it has.
+    pub fn words(self) -> &'static [&'static str] {
+        match self {
+            Spoiled::Unit => &["unit", "scale", "factor", "rpm", "deg", "milli", "km/h", "times"],
+            Spoiled::Swapped => &["swap", "exchang", "interchang", "each other"],
+            Spoiled::Stuck => &["stuck", "hang", "constant", "frozen", "same value"],
+            Spoiled::Clipped => &["clip", "limit", "saturat"],
+            Spoiled::Doubled => &["duplicat", "doubl", "twice", "repeat"],
+            Spoiled::Offset => &["shift", "late", "offset", "delay", "jump"],
+        }
+    }
+
+    /// Whether it is in all records, the first output of `other_unit` and `swapped` alike; else in the first one.
+    pub fn is_everywhere(self) -> bool {
+        matches!(self, Spoiled::Unit | Spoiled::Swapped)
+    }
+}
+
+/// What was spoiled: names of the columns, any of which a report may name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Damage {
+    /// What.
+    pub what: Spoiled,
+    /// Places of the outputs; empty where all columns suffer alike.
+    pub outputs: Vec<usize>,
+    /// Factor of a unit.
+    pub factor: f64,
+    /// Rows of the first record.
+    pub rows: Range<usize>,
+}
+
+/// A factor between readings and the header's unit that benches make: rpm, degrees, millimetres, kilometres an hour, milliamperes.
+fn factor(unit: &str) -> f64 {
+    match unit {
+        "rad/s" => 30.0 / std::f64::consts::PI,
+        "rad" => 180.0 / std::f64::consts::PI,
+        "m/s" => 3.6,
+        _ => 1000.0,
+    }
+}
+
+/// Draws a damage for outputs of these units; `None` where a plant has too few.
+pub fn damage(what: Spoiled, units: &[&str], rows: usize, random: &mut Random) -> Option<Damage> {
+    let one = random.whole(0, units.len() as u64 - 1) as usize;
+    let outputs = match what {
+        Spoiled::Swapped if units.len() < 2 => return None,
+        Spoiled::Swapped => vec![one, (one + 1) % units.len()],
+        Spoiled::Doubled => vec![],
+        _ => vec![one],
+    };
+    let first = rows / 4 + random.whole(0, rows as u64 / 4) as usize;
+    let length = rows / 40 + random.whole(0, rows as u64 / 40) as usize;
+    Some(Damage { what, factor: factor(units[one]), outputs, rows: first..first + length })
+}
+
+impl Damage {
+    /// Spoils a record.
+    pub fn spoil(&self, record: &mut Record) {
+        let rows = record.inputs[0].len();
+        let one = self.outputs.first().copied().unwrap_or(0);
+        match self.what {
+            Spoiled::Unit => record.outputs[one].iter_mut().for_each(|value| *value *= self.factor),
+            Spoiled::Swapped => record.outputs.swap(one, self.outputs[1]),
+            Spoiled::Stuck => {
+                let value = record.outputs[one][self.rows.start];
+                record.outputs[one][self.rows.clone()].fill(value);
+            }
+            Spoiled::Clipped => {
+                let mut sorted = record.outputs[one].clone();
+                sorted.sort_by(f64::total_cmp);
+                // The upper tenth is cut off.
+                let limit = sorted[rows * 9 / 10];
+                record.outputs[one].iter_mut().for_each(|value| *value = value.min(limit));
+            }
+            Spoiled::Doubled => {
+                // The recorder writes a block of all channels a second time, over the next block.
+                for column in record.inputs.iter_mut().chain(&mut record.outputs) {
+                    column.copy_within(self.rows.clone(), self.rows.end);
+                }
+            }
+            // As many rows as the block is long, but no more than 20.
+            Spoiled::Offset => {
+                let late = self.rows.len().clamp(8, 20);
+                record.outputs[one].copy_within(0..rows - late, late);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_noise_is_what_it_says() {
+        let of = |noise: Noise| {
+            let mut column = vec![0.0; 40_000];
+            noise.add(&mut column, 0.5, &mut Random::new(4, "bench"));
+            column
+        };
+        let square = |column: &[f64]| column.iter().map(|it| it * it).sum::<f64>() / column.len() as f64;
+        for noise in [Noise::Slow, Noise::Understated, Noise::Overstated] {
+            // Slow noise of 40000 rows is worth 400 independent ones: 7 % of standard error, four of it.
+            assert!((square(&of(noise)) / 0.25 - 1.0).abs() < 0.28, "{noise:?}");
+        }
+        // Three degrees of freedom have no fourth moment: the share beyond five deviations of the law is asked, 0.32 % against 6e-7 of a normal one.
+        let far = of(Noise::Tails).iter().filter(|it| it.abs() > 2.5).count();
+        assert!((60..250).contains(&far), "{far}");
+        // A twentieth of the rows with 37 times the variance.
+        let bursts = square(&of(Noise::Bursts)) / 0.25;
+        assert!((2.0..4.0).contains(&bursts), "{bursts}");
+        assert!(of(Noise::Rounded).iter().all(|it| it % 2.0 == 0.0));
+    }
+
+    #[test]
+    fn each_damage_leaves_its_mark_and_no_other() {
+        let record = || Record {
+            period: 1.0,
+            inputs: vec![(0..400).map(f64::from).collect()],
+            outputs: vec![(0..400).map(|it| f64::from(it) + 0.5).collect(), vec![2.0; 400]],
+        };
+        for (_, what) in Spoiled::ALL {
+            let damage = damage(what, &["rad/s", "m"], 400, &mut Random::new(9, "damage")).expect("two outputs are enough");
+            let mut spoiled = record();
+            damage.spoil(&mut spoiled);
+            if what == Spoiled::Doubled {
+                let (start, end) = (damage.rows.start, damage.rows.end);
+                assert_eq!(spoiled.inputs[0][end], spoiled.inputs[0][start]);
+                assert_eq!(spoiled.outputs[0][end + 1], spoiled.outputs[0][start + 1]);
+                continue;
+            }
+            assert_eq!(spoiled.inputs, record().inputs, "{what:?}");
+            let changed = |place: usize| spoiled.outputs[place] != record().outputs[place];
+            // The second output is constant: what sticks, clips or is late does not show on it.
+            let shows = damage.outputs.contains(&0) || what == Spoiled::Unit;
+            assert_eq!(changed(0) || changed(1), shows, "{what:?}");
+        }
+        assert_eq!(damage(Spoiled::Swapped, &["m/s"], 400, &mut Random::new(1, "one")), None);
+    }
+}
