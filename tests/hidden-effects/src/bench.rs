@@ -4,6 +4,8 @@
 
 use std::ops::Range;
 
+use serde_json::Value;
+
 use crate::plant::Record;
 use crate::random::Random;
 
@@ -44,6 +46,11 @@ impl Noise {
         }
     }
 
+    /// The step to which readings are rounded.
+    pub fn step(self, sigma: f64) -> Option<f64> {
+        (self == Noise::Rounded).then_some(4.0 * sigma)
+    }
+
     /// Adds it to a column.
     pub fn add(self, column: &mut [f64], sigma: f64, random: &mut Random) {
         let rows = column.len();
@@ -71,8 +78,7 @@ impl Noise {
                 row = end;
             }
         }
-        if self == Noise::Rounded {
-            let step = 4.0 * sigma;
+        if let Some(step) = self.step(sigma) {
             column.iter_mut().for_each(|value| *value = step * (*value / step).round());
         }
     }
@@ -193,6 +199,23 @@ impl Damage {
             }
         }
     }
+}
+
+/// Whether an answer tells what a logger did, and to which of these outputs: as a finding about the data (`data`), a column in another unit (`units`), or a fault of the data by that kind.
+pub fn is_told(damage: &Damage, outputs: &[&str], answer: &Value) -> bool {
+    let names: Vec<&str> = damage.outputs.iter().map(|place| outputs[*place]).collect();
+    let is_column = |it: &Value| names.is_empty() || it.as_str().is_some_and(|it| names.contains(&it));
+    let is_what = |it: &Value| {
+        let said = it.as_str().unwrap_or_default().to_lowercase();
+        damage.what.words().iter().any(|word| said.contains(word))
+    };
+    let list = |key: &str| answer[key].as_array().into_iter().flatten();
+    let in_unit = |it: &Value| it["columns"].as_array().into_iter().flatten().any(is_column);
+    let found = |it: &Value| is_what(&it["what"]) && ["channel", "column"].iter().any(|key| is_column(&it[*key]));
+    let of_kind = |it: &&Value| it["kind"] == "data-fault";
+    damage.what == Spoiled::Unit && list("units").any(in_unit)
+        || list("data").any(found)
+        || list("causes").chain(list("faults")).chain(list("data_faults")).filter(of_kind).any(found)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 //! In: a seed. Out: cases by family. A case depends on the seed and its own name alone. Parameters with a tolerance are off by up to 1.5 of their standard
 //! deviations in every case: a diagnosis must calibrate before it accuses.
 
+use crate::bench::{self, Damage, Noise, Spoiled};
 use crate::draw::{self, Nominal};
 use crate::excitation::excitation;
 use crate::outside;
@@ -32,7 +33,7 @@ pub enum Family {
     Far,
     /// Effects of the catalogue beyond what a usual bench shows: waves of any order, long delays, friction that is most of the effort, sensors that are far off.
     Beyond,
-    /// An effect in records of which an output is missing; on the plants of `examples/plants/` alone, as the two that follow.
+    /// An effect in records of which an output is missing; on the plants of `examples/plants/` alone.
     Missing,
     /// Nothing or an effect, under noise that is not what the file states.
     Noise,
@@ -151,6 +152,8 @@ pub struct Case {
     pub causes: Vec<Effect>,
     /// The fault, if the data are damaged.
     pub fault: Option<Fault>,
+    /// What a logger did.
+    pub damage: Option<Damage>,
     /// The record that alone has an effect, by its file, and that effect.
     pub own: Option<(String, Effect)>,
     /// Training records.
@@ -183,11 +186,15 @@ struct Plan {
     fault: Option<Fault>,
     /// Acts in one record alone.
     own: Option<&'static str>,
+    /// Noise that is not what the file states.
+    noise: Option<Noise>,
+    /// What a logger did.
+    spoiled: Option<Spoiled>,
 }
 
 impl Plan {
     fn new(name: String, family: Family, kind: Kind, effects: Vec<&'static str>) -> Self {
-        Plan { name, family, kind, effects, outside: None, fault: None, own: None }
+        Plan { name, family, kind, effects, outside: None, fault: None, own: None, noise: None, spoiled: None }
     }
 }
 
@@ -304,6 +311,16 @@ fn plans() -> Vec<Plan> {
     for (name, kind, effects) in BEYOND {
         plans.push(Plan::new(format!("beyond-{}-{name}", kind.name()), Family::Beyond, *kind, effects.to_vec()));
     }
+    for kind in [Kind::Motor, Kind::Car, Kind::ClosedAxis] {
+        for (name, noise) in Noise::ALL {
+            let plan = Plan::new(format!("noise-{}-{name}", kind.name()), Family::Noise, kind, vec![]);
+            plans.push(Plan { noise: Some(noise), ..plan });
+        }
+        for (name, spoiled) in Spoiled::ALL {
+            let plan = Plan::new(format!("data-{}-{name}", kind.name()), Family::Data, kind, vec![]);
+            plans.push(Plan { spoiled: Some(spoiled), ..plan });
+        }
+    }
     for kind in [Kind::Motor, Kind::Car, Kind::OpenAxis, Kind::ClosedAxis] {
         plans.push(Plan::new(format!("far-{kind:?}").to_lowercase(), Family::Far, kind, vec![]));
     }
@@ -349,7 +366,11 @@ impl Choice {
     }
 
     fn has(&self, plan: &Plan) -> bool {
-        !self.without_families.contains(&plan.family)
+        // Records as benches make them are asked for by name: the table of all other families stays what it was.
+        let is_of_benches = matches!(plan.family, Family::Noise | Family::Data);
+        let is_asked = self.family.is_some() || self.name.is_some();
+        (is_asked || !is_of_benches)
+            && !self.without_families.contains(&plan.family)
             && self.family.is_none_or(|family| family == plan.family)
             && self.name.as_ref().is_none_or(|name| {
                 name.strip_suffix('*').map_or(*name == plan.name, |beginning| plan.name.starts_with(beginning))
@@ -472,11 +493,32 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
             }
             let untidy = Random::new(random.clone().whole(0, u64::from(u32::MAX)), "untidy");
             let outputs = 0..exact.outputs.len();
-            let noise = outputs.map(|output| random.noise(nominal.rows, nominal.noise[output], colours[output])).collect();
+            let noise = outputs
+                .map(|output| match plan.noise {
+                    // Rounding comes with the readings.
+                    Some(kind) if kind != Noise::Rounded => {
+                        let mut column = vec![0.0; nominal.rows];
+                        kind.add(&mut column, nominal.noise[output], &mut random);
+                        column
+                    }
+                    _ => random.noise(nominal.rows, nominal.noise[output], colours[output]),
+                })
+                .collect();
             Made { truth, exact, noise, untidy }
         })
         .collect();
     let mut runs = read(made, untidy);
+    let steps = nominal.noise.iter().map(|sigma| plan.noise.and_then(|it| it.step(*sigma)));
+    for (output, step) in steps.enumerate().filter_map(|(output, step)| Some((output, step?))) {
+        let columns = runs.iter_mut().flat_map(|run| run.noisy.outputs[output].iter_mut());
+        columns.for_each(|value| *value = step * (*value / step).round());
+    }
+    let units: Vec<&str> = kind.outputs().iter().map(|it| it.1).collect();
+    let spoiled = plan.spoiled.and_then(|what| bench::damage(what, &units, nominal.rows, &mut random));
+    if let Some(damage) = &spoiled {
+        let suffer = if damage.what.is_everywhere() { runs.len() } else { 1 };
+        runs.iter_mut().take(suffer).for_each(|run| damage.spoil(&mut run.noisy));
+    }
     let validate = runs.split_off(RUNS.0);
     // Nobody finds what no training record shows, nor sees that it helps where no record for validation does.
     let shown =
@@ -499,7 +541,8 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
         (file, effect)
     });
     let name = plan.name.clone();
-    let stated = nominal.noise.iter().map(|sigma| sigma * choice.stated.unwrap_or(1.0)).collect();
+    let factor = choice.stated.unwrap_or(1.0) * plan.noise.map_or(1.0, Noise::stated);
+    let stated = nominal.noise.iter().map(|sigma| sigma * factor).collect();
     Case {
         stated,
         without: untidy.without.clone(),
@@ -509,6 +552,7 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
         truth,
         causes,
         fault: plan.fault,
+        damage: spoiled,
         own,
         train: runs,
         validate,
@@ -645,6 +689,28 @@ mod tests {
         let names: BTreeSet<&str> = plans.iter().map(|plan| plan.name.as_str()).collect();
         assert_eq!(names.len(), plans.len(), "two cases of one name would be one folder");
         assert!(QUICK.iter().all(|name| names.contains(name)));
+    }
+
+    #[test]
+    fn records_of_benches_are_asked_for_by_name_and_are_as_their_names_say() {
+        let of = |name: &str| {
+            let choice = Choice { name: Some(name.to_string()), rows: Some(600), ..Choice::default() };
+            cases(5, choice).next().expect("a case of this name")
+        };
+        let swapped = of("data-driveline-swapped");
+        let damage = swapped.damage.as_ref().expect("it is spoiled");
+        let run = &swapped.validate[0];
+        let (one, other) = (damage.outputs[0], damage.outputs[1]);
+        // Within ten of the coarser sensor's deviations: the columns are those of each other.
+        let apart = (run.noisy.outputs[one][300] - run.exact.outputs[other][300]).abs();
+        assert!(apart < 10.0 * swapped.nominal.noise[other], "{apart}");
+        let rounded = of("noise-servo-axis-rounded");
+        let step = 4.0 * rounded.nominal.noise[0];
+        let reading = rounded.train[0].noisy.outputs[0][400];
+        assert!((reading / step - (reading / step).round()).abs() < 1e-6, "{reading}");
+        assert_eq!(of("noise-pmac-overstated").stated[0], 2.5 * of("noise-pmac-overstated").nominal.noise[0]);
+        let all = Choice::default();
+        assert!(plans().iter().filter(|plan| all.has(plan)).all(|plan| plan.noise.is_none() && plan.spoiled.is_none()));
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use serde_json::Value;
 
+use crate::bench;
 use crate::case::{Case, Family};
 use crate::plant::{Effect, Kind};
 use crate::reliability::Named;
@@ -153,6 +154,12 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
         Family::Faults => {
             let told = case.fault.is_some_and(|fault| words.to_lowercase().contains(fault.word()));
             verdict == "no-discrepancy" && found.is_empty() && told
+        }
+        Family::Noise => verdict == "no-discrepancy" && found.is_empty(),
+        Family::Data => {
+            let names: Vec<&str> = case.truth.kind.outputs().iter().map(|it| it.0).collect();
+            let told = case.damage.as_ref().is_some_and(|damage| bench::is_told(damage, &names, answer));
+            verdict != "unexplained" && told && found.iter().all(|it| it.cause["kind"] == "data-fault")
         }
         // Causes that help may be named beside it (docs/book/src/reference/formats.md 4.3).
         Family::Outside => verdict == "unexplained",

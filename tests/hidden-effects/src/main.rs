@@ -25,6 +25,7 @@ usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] 
            --case: a case, or all whose names begin so (`servo-axis-*`); --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all
            --lost: one row in N is lost, in gaps of 1 to 3; --growing: noise grows by so many times itself up to the largest reading; --tails: it is Student's t;
            --outliers: such a share of the readings has 20 times the noise;
+           families noise and data (records as benches make them) are made only where --family or --case asks for them, but for --plants new
            --plants new: the plants of examples/plants, families singles, pairs, nulls, outside, missing, noise, data, in place of those that are built in; `make` and `verify` too
            --without: no record holds these outputs; --late: so many rows of each beginning are missing, so that records begin in motion
        hidden-effects make   --out DIR [the same]      makes the cases only

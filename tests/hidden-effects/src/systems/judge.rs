@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::cases::Case;
 use super::refit::{Trace, refit};
 use super::{Cause, System, draw};
-use crate::bench::Spoiled;
+use crate::bench;
 use crate::case::Family;
 use crate::judge::{Judgement, covers};
 use crate::reliability::Named;
@@ -102,22 +102,10 @@ fn is_same_trace(case: &Case, found: &[Found<'_>]) -> Option<f64> {
     (misfit < SAME).then_some(misfit)
 }
 
-/// Whether an answer tells what the logger did, and to which column: as a finding about the data (`data`), a column in another unit (`units`), or a fault of the data by that kind.
+/// Whether an answer tells what the logger did.
 fn is_told(case: &Case, answer: &Value) -> bool {
-    let Some(damage) = &case.damage else { return false };
-    let names: Vec<&str> = damage.outputs.iter().map(|place| case.truth.system.outputs[*place].name).collect();
-    let is_column = |it: &Value| names.is_empty() || it.as_str().is_some_and(|it| names.contains(&it));
-    let is_what = |it: &Value| {
-        let said = it.as_str().unwrap_or_default().to_lowercase();
-        damage.what.words().iter().any(|word| said.contains(word))
-    };
-    let list = |key: &str| answer[key].as_array().into_iter().flatten();
-    let in_unit = |it: &Value| it["columns"].as_array().into_iter().flatten().any(is_column);
-    let found = |it: &Value| is_what(&it["what"]) && ["channel", "column"].iter().any(|key| is_column(&it[*key]));
-    let of_kind = |it: &&Value| it["kind"] == "data-fault";
-    damage.what == Spoiled::Unit && list("units").any(in_unit)
-        || list("data").any(found)
-        || list("causes").chain(list("faults")).chain(list("data_faults")).filter(of_kind).any(found)
+    let names: Vec<&str> = case.truth.system.outputs.iter().map(|it| it.name).collect();
+    case.damage.as_ref().is_some_and(|damage| bench::is_told(damage, &names, answer))
 }
 
 fn list(found: &[Found<'_>]) -> String {
