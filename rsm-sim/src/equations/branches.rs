@@ -12,6 +12,8 @@ pub(super) struct Events<const L: usize> {
     pub past: Vec<u64>,
     pub branches: Vec<Branch>,
     pub memories: usize,
+    /// Memories change only where a branch acts.
+    pub only_acts_change: bool,
     pub acts: Vec<[f64; L]>,
     pub due: Vec<f64>,
 }
@@ -32,6 +34,7 @@ impl<const L: usize> Events<L> {
     pub(super) fn new(machine: &Machine) -> Self {
         let system = machine.system();
         let memories = system.memories().len();
+        let only_acts_change = system.memories().iter().all(|it| it.held == it.variable);
         let (mut next, mut first) = (memories, 0);
         let mut branches = Vec::new();
         for (event, places) in system.events().iter().zip(machine.restarted()) {
@@ -50,6 +53,7 @@ impl<const L: usize> Events<L> {
             samples,
             past,
             memories,
+            only_acts_change,
             acts: vec![[0.0; L]; branches.len()],
             due,
             branches,

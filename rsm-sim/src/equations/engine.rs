@@ -3,11 +3,11 @@
 /// How time moves on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
-    /// The series of the solution, until it needs many steps a row; stiff from there on.
+    /// The series of the solution, until it needs many steps a row; stiff from there on, where that pays.
     Automatic,
     /// The series of the solution, of as many orders as the tolerance asks for.
     Explicit,
-    /// Stiff, orders 3 and 2, with the exact Jacobian.
+    /// Stiff: what is linear is solved exactly, order 3 to 4, with the exact Jacobian; of more than 24 states RODAS3.
     Stiff,
     /// The classical Runge-Kutta method with steps of one length, a whole share of the time between two rows. Its error is not estimated, and nothing is located in time.
     Fixed {

@@ -26,23 +26,33 @@ impl<const L: usize> Walk<'_, L> {
         }
         self.events.acts.fill([0.0; L]);
         self.events.due.fill(0.0);
-        if let Some(results) = self.what_happens() {
-            for branch in &self.events.branches {
-                for (k, place) in branch.conditions.clone().enumerate() {
-                    self.events.conditions[branch.first + k] = self.slots[results + place];
-                }
-            }
+        if let Some(results) = self.conditions() {
+            let count = self.events.conditions.len();
+            self.events.conditions.copy_from_slice(&self.slots[results..results + count]);
         }
     }
 
-    /// The program of events for what acts and what is due; gives the slot of its first result.
-    fn what_happens(&mut self) -> Option<usize> {
+    /// Puts what acts and what is due in its place.
+    fn tell(&mut self) {
         let (acts, due) = (self.layout().acts as usize, self.layout().due as usize);
-        let events = self.programs.events.as_ref()?;
         self.slots[acts..acts + self.events.acts.len()].copy_from_slice(&self.events.acts);
         for (slot, due) in self.slots[due..].iter_mut().zip(&self.events.due) {
             *slot = [*due; L];
         }
+    }
+
+    /// The conditions of all branches for what acts and what is due; gives the slot of the first.
+    fn conditions(&mut self) -> Option<usize> {
+        self.tell();
+        let conditions = self.programs.conditions.as_ref()?;
+        conditions.code.run(&mut self.slots, &mut self.spare);
+        Some(conditions.results as usize)
+    }
+
+    /// The program of events for what acts and what is due; gives the slot of its first result.
+    fn what_happens(&mut self) -> Option<usize> {
+        self.tell();
+        let events = self.programs.events.as_ref()?;
         events.code.run(&mut self.slots, &mut self.spare);
         Some(events.results as usize)
     }
@@ -52,7 +62,14 @@ impl<const L: usize> Walk<'_, L> {
         let instants =
             self.events.samples.iter().zip(&self.events.past).map(|((first, period), past)| first + *past as f64 * period);
         let next = instants.filter(|it| *it > now).fold(f64::INFINITY, f64::min);
-        if next <= end { (true, next) } else { (false, end) }
+        // Instants of rows and of samples are sums and products of decimals: one that is the row's belongs to its inputs.
+        if next < end - sampling::SAME * end.abs() { (true, next) } else { (next <= end, end) }
+    }
+
+    /// Whether no `sample` is due between two rows: what is due at the later one happens there.
+    #[inline]
+    pub(super) fn is_free(&self, now: f64, end: f64) -> bool {
+        self.events.past.is_empty() || self.next_sample(now, end).1 == end
     }
 
     /// How each comparison goes at the point itself, lane by lane; whether one differs from what is held.
@@ -94,8 +111,7 @@ impl<const L: usize> Walk<'_, L> {
         }
         let mut is_due = false;
         for (k, (first, period)) in self.events.samples.iter().enumerate() {
-            // Instants of rows and of samples are sums and products of decimals, and meet to a few units in the last place.
-            let due = first + self.events.past[k] as f64 * period <= now + 8.0 * f64::EPSILON * now.abs();
+            let due = first + self.events.past[k] as f64 * period <= now + sampling::SAME * now.abs();
             self.events.past[k] += u64::from(due);
             self.events.due[k] = f64::from(u8::from(due));
             is_due |= due;
@@ -119,13 +135,13 @@ impl<const L: usize> Walk<'_, L> {
     /// One turn of the branches. Answers whether a state or a memory has changed.
     fn turn(&mut self) -> bool {
         self.events.acts.fill([0.0; L]);
-        let Some(results) = self.what_happens() else { return false };
+        let found = self.conditions();
         let Events { conditions, branches, acts, .. } = &mut self.events;
         let mut any = false;
         for (place, branch) in branches.iter().enumerate() {
             let mut rises = [false; L];
-            for (k, at) in branch.conditions.clone().enumerate() {
-                let (now, before) = (self.slots[results + at], conditions[branch.first + k]);
+            for k in 0..branch.conditions.len() {
+                let (now, before) = (self.slots[found.unwrap_or(0) + branch.first + k], conditions[branch.first + k]);
                 for lane in 0..L {
                     rises[lane] |= now[lane] != 0.0 && before[lane] == 0.0;
                 }
@@ -137,9 +153,10 @@ impl<const L: usize> Walk<'_, L> {
                 any |= rises[lane] && is_free;
             }
         }
-        if any {
-            self.what_happens();
+        if !any && self.events.only_acts_change {
+            return false;
         }
+        let Some(results) = self.what_happens() else { return false };
         let (states, memories) = (self.layout().states as usize, self.layout().memories as usize);
         let mut changed = false;
         for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {

@@ -73,7 +73,8 @@ impl<'m> Lanes<'m> {
         let mut late = Late::new(&lane.numbers, inputs.time, period(inputs));
         for (row, end) in inputs.time.iter().enumerate() {
             walk.row = row;
-            if row > 0 && !(can_be_plain && walk.plain(inputs.time[row - 1], *end)) {
+            let before = inputs.time[row.max(1) - 1];
+            if row > 0 && !(can_be_plain && walk.is_free(before, *end) && walk.plain(before, *end)) {
                 walk.reach(*end, &mut late)?;
             }
             walk.set_inputs(inputs.values, row);
@@ -116,9 +117,9 @@ impl<'m> Lanes<'m> {
         let count = lanes.len();
         for (row, end) in inputs.time.iter().enumerate() {
             walk.row = row;
-            if row > 0 && !(can_be_plain && walk.plain(inputs.time[row - 1], *end)) {
-                let now = inputs.time[row - 1];
-                let is_free = walk.next_sample(now, *end).1 == *end;
+            let now = inputs.time[row.max(1) - 1];
+            let is_free = walk.is_free(now, *end);
+            if row > 0 && !(can_be_plain && is_free && walk.plain(now, *end)) {
                 let right = if is_free { walk.together(now, *end) } else { [false; WIDE] };
                 for lane in (0..count).filter(|lane| !right[*lane]) {
                     let alone = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));

@@ -1,6 +1,6 @@
 //! Rows in which nothing but a step can happen.
 //!
-//! In: a walk of a plant without events and blocks whose rates are polynomials, at a row. Out: the walk at the next one, where the first part of the series reaches it in every lane. This is what a
+//! In: a walk of a plant without comparisons and blocks, at a row behind which no `sample` is due before the next. Where it is not stiff, its rates are polynomials. Out: the walk at the next one, where the first part of the series reaches it in every lane, or the matrices at hand. This is what a
 //! general row does, without what it cannot need: the bits are the same.
 
 use super::walk::Walk;
@@ -9,14 +9,17 @@ impl<const L: usize> Walk<'_, L> {
     /// Whether rows of this plant can be plain.
     pub(super) fn can_be_plain(&self) -> bool {
         let counts = self.programs.counts;
-        self.programs.is_polynomial && !self.has_events() && counts.guesses == 0 && counts.states > 0
+        counts.held == 0 && counts.guesses == 0 && counts.states > 0
     }
 
     /// One step to the end of a row. `false` where a lane needs more, and all stand where they were.
     #[inline]
     pub(super) fn plain(&mut self, now: f64, end: f64) -> bool {
         let rest = end - now;
-        if (0..L).any(|lane| self.is_stiff[lane] || self.suggestion[lane] < 0.999 * rest) {
+        if self.is_stiff == [true; L] {
+            return self.plain_exponential(now, end);
+        }
+        if !self.programs.is_polynomial || (0..L).any(|lane| self.is_stiff[lane] || self.suggestion[lane] < 0.999 * rest) {
             return false;
         }
         let layout = self.programs.layout;

@@ -7,6 +7,7 @@ use rsm_core::held::{self, Divided};
 use rsm_core::series::{Argument, Series};
 use rsm_core::tape::{Op, Tape};
 
+use super::exponential::{Block, Exponential, Given};
 use super::machine::{Counts, Machine, Tapes};
 use crate::code::{Code, Slot, Way};
 
@@ -100,11 +101,18 @@ pub(super) struct Programs {
     pub looks: Option<Program>,
     pub sides: Option<Program>,
     pub events: Option<Program>,
+    /// The conditions of branches alone.
+    pub conditions: Option<Program>,
     /// Rates are sums and products of the states alone: their series tell everything.
     pub is_polynomial: bool,
     /// The Jacobian: its tape, its first slot, its code, made when it is asked for.
     slopes: (Option<Tape>, Slot, Option<Code>),
     slope_arguments: Vec<Slot>,
+    /// The reduced rates and what their arguments are.
+    reduced: (Tape, Vec<Argument>),
+    /// Steps that solve exactly what is linear: their slots, their code, made when it is asked for.
+    pub block: Block,
+    exponential: Option<Exponential>,
     series: Series,
     parts: Vec<Orders>,
     /// By order from 1 on, the slot of the first state's term.
@@ -160,6 +168,17 @@ impl Building {
     }
 }
 
+/// The conditions of branches, of what happens at events.
+fn conditions(machine: &Machine, tapes: &Tapes) -> Option<Tape> {
+    let mut tape = tapes.events.clone()?;
+    let mut rest = tape.outputs.split_off(tapes.counts.memories).into_iter();
+    tape.outputs.clear();
+    for (event, places) in machine.system().events().iter().zip(machine.restarted()) {
+        tape.outputs.extend(rest.by_ref().skip(places.len()).take(event.conditions.len()));
+    }
+    (!tape.outputs.is_empty()).then_some(tape)
+}
+
 /// Operations that results need.
 fn operations(tape: &Tape) -> usize {
     tape.operation_count()
@@ -173,6 +192,7 @@ impl Programs {
         let sides = building.program(tapes.sides.as_ref(), false, &tapes);
         let looks = building.program(tapes.looks.as_ref(), false, &tapes);
         let events = building.program(tapes.events.as_ref(), true, &tapes);
+        let conditions = building.program(conditions(machine, &tapes).as_ref(), true, &tapes);
         let arguments = if tapes.rates.inputs.is_empty() { Vec::new() } else { layout.arguments(&tapes, false) };
         let (rates, arguments) = match tapes.counts.states {
             0 => (tapes.rates.clone(), arguments),
@@ -196,7 +216,10 @@ impl Programs {
             .collect();
         let slopes = building.next;
         building.next += tapes.slopes.as_ref().map_or(0, |tape| tape.outputs.len() as Slot);
-        let series = Series::new(&rates, &kinds, layout.step, building.next);
+        let block = Block::new(tapes.counts.states, building.next);
+        let common = building.next as usize;
+        let free = building.next + block.slots() as Slot;
+        let series = Series::new(&rates, &kinds, layout.step, free);
         Programs {
             layout,
             counts: tapes.counts,
@@ -204,14 +227,18 @@ impl Programs {
             looks,
             sides,
             events,
+            conditions,
             is_polynomial: is_polynomial(&rates, &kinds.iter().map(|it| matches!(it, Argument::Held(_))).collect::<Vec<_>>()),
             slopes: (tapes.slopes, slopes, None),
             slope_arguments: layout.arguments_of(tapes.counts, false),
+            reduced: (rates, kinds),
+            block,
+            exponential: None,
             series,
             parts: Vec::new(),
             terms: Vec::new(),
-            common: building.next as usize,
-            slots: building.next as usize,
+            common,
+            slots: free as usize,
             once: building.once,
             row: building.row,
             lanes,
@@ -237,6 +264,26 @@ impl Programs {
         let range = *begin as usize..*begin as usize + results.len();
         let arguments = &self.slope_arguments;
         Some((code.get_or_insert_with(|| Code::new(tape, arguments, &results, self.lanes, self.way)), range))
+    }
+
+    /// The step that solves exactly what is linear. `None` of a plant without states.
+    #[inline]
+    pub(super) fn exponential(&mut self) -> Option<&Code> {
+        if self.exponential.is_none() {
+            let parameters = self.layout.parameters..self.layout.parameters + self.counts.parameters as Slot;
+            let held = self.layout.held..self.layout.memories;
+            let is_fixed = |slot: &Slot| parameters.contains(slot) || held.contains(slot);
+            let given = Given {
+                rates: &self.reduced.0,
+                arguments: &self.reduced.1,
+                slopes: self.slopes.0.as_ref()?,
+                is_fixed: &self.slope_arguments.iter().map(is_fixed).collect::<Vec<bool>>(),
+                step: self.layout.step,
+                block: self.block,
+            };
+            self.exponential = Some(Exponential::new(&given, self.lanes, self.way));
+        }
+        self.exponential.as_ref().map(|it| &it.code)
     }
 
     /// The first part of the series, once it is written, and its order.

@@ -4,14 +4,19 @@
 //! text wants then happens. A group tries the whole row in one step; [`Walk::together`] says for which lanes that was right.
 
 use super::engine::Method;
+use super::kept::Anchor;
 use super::late::Late;
 use super::methods::{self, Linear, Stepped};
 use super::rows::{MOST_EVENTS, MOST_STEPS, Stopped};
 use super::series::Tried;
+use super::stiff::{Attempt, TAKEN};
 use super::walk::Walk;
 
 /// Steps of the series in one row above which a plant counts as stiff.
 const STIFF: usize = 24;
+
+/// Steps of the series in one row above which steps by a linear part are tried; they stay as long as no row costs more than that one.
+const MANY: f64 = 4.0;
 
 /// Places at which a step is looked at for changes of comparisons.
 const LOOKS: usize = 8;
@@ -28,10 +33,13 @@ const SAFETY: f64 = 0.9;
 const TRY: f64 = 1.5;
 
 /// How the last step was taken: where it ends and what lies inside is computed again for a share of it.
+#[derive(Clone, Copy)]
 enum Way {
     Series(Tried),
     Pair,
     Stiff,
+    /// By a linear part, of so many halvings.
+    Exponential(usize),
 }
 
 impl<const L: usize> Walk<'_, L> {
@@ -39,12 +47,27 @@ impl<const L: usize> Walk<'_, L> {
     pub(super) fn together(&mut self, now: f64, end: f64) -> [bool; L] {
         let rest = end - now;
         let asked: [bool; L] = std::array::from_fn(|lane| !self.is_stiff[lane] && self.suggestion[lane] >= 0.999 * rest);
-        if !asked.contains(&true) {
+        let linear: [bool; L] =
+            std::array::from_fn(|lane| self.is_stiff[lane] && self.suggestion[lane] >= 0.999 * rest && self.select(lane, rest));
+        if !asked.contains(&true) && !linear.contains(&true) {
             return asked;
         }
         self.remember();
-        let tried = self.series([rest; L], asked);
-        let whole: [bool; L] = std::array::from_fn(|lane| tried[lane].is_some_and(|it| it.share == 1.0));
+        let tried = if asked.contains(&true) { self.series([rest; L], asked) } else { [None; L] };
+        let mut whole: [bool; L] = std::array::from_fn(|lane| tried[lane].is_some_and(|it| it.share == 1.0));
+        if linear.contains(&true) {
+            self.slots[self.programs.layout.step as usize] = [rest; L];
+            self.exponential_step();
+            let (end, fits) = (self.programs.block.end(), self.allowed());
+            for lane in (0..L).filter(|lane| linear[*lane]) {
+                self.anchors[lane] = Anchor::START;
+                whole[lane] = fits[lane];
+                self.kept[lane].has_failed = !fits[lane];
+                for k in 0..self.programs.counts.states {
+                    self.behind[k][lane] = self.slots[end + k][lane];
+                }
+            }
+        }
         self.stand_behind([end; L], whole);
         let agree = self.slopes_agree([rest; L], &tried);
         let differ = self.sides_differ();
@@ -52,7 +75,11 @@ impl<const L: usize> Walk<'_, L> {
         if self.programs.counts.held > 0 && right.contains(&true) {
             let found = self.changes_inside(&mut |walk, share| {
                 for lane in (0..L).filter(|lane| right[*lane]) {
-                    walk.put_on_series(lane, tried[lane], share, now + share * rest);
+                    if linear[lane] {
+                        walk.put_inside(lane, 0, share, now + share * rest);
+                    } else {
+                        walk.put_on_series(lane, tried[lane], share, now + share * rest);
+                    }
                 }
             });
             (0..L).for_each(|lane| right[lane] &= found[lane].is_none());
@@ -62,7 +89,8 @@ impl<const L: usize> Walk<'_, L> {
             self.stand_before(lane, now);
         }
         for lane in (0..L).filter(|lane| right[*lane]) {
-            self.suggestion[lane] = self.suggestion[lane].max(2.0 * rest);
+            let next = if linear[lane] { rest } else { 2.0 * rest };
+            self.suggestion[lane] = self.suggestion[lane].max(next);
         }
         self.grow(right);
         right
@@ -203,15 +231,14 @@ impl Walk<'_, 1> {
     /// Goes on to an instant, or to the first event before it, which it tells.
     fn advance(&mut self, next: f64, steps: &mut usize) -> Result<bool, Stopped> {
         let begin = *steps;
-        self.linear = None;
+        (self.linear, self.segment) = (None, None);
+        self.kept[0].cost = 0;
         while self.time(0) < next {
             *steps += 1;
             if *steps > MOST_STEPS {
                 return Err(Stopped::TooManySteps { row: self.row });
             }
-            if self.setting.method == Method::Automatic && *steps - begin > STIFF {
-                self.is_stiff = [true];
-            }
+            self.choose(*steps - begin);
             let now = self.time(0);
             let rest = next - now;
             // What is left is taken in one step where a step nearly reaches: no crumbs.
@@ -265,12 +292,46 @@ impl Walk<'_, 1> {
             self.suggestion = [if taken == rest { self.suggestion[0].max(suggestion) } else { suggestion }];
             self.linear = None;
         }
+        self.tries_linear((*steps - begin) as f64);
         Ok(false)
+    }
+
+    /// Whether steps by a linear part are tried from here on: a row has taken, or would take, many steps of the series, and they were not in vain before.
+    fn tries_linear(&mut self, steps: f64) -> bool {
+        let is_open = self.setting.method == Method::Automatic && !self.is_stiff[0] && self.has_exponential();
+        if !is_open || self.kept[0].went_back || steps.is_nan() || steps <= MANY {
+            return false;
+        }
+        self.is_stiff = [true];
+        self.kept[0].budget = TAKEN * steps.min(MOST_STEPS as f64) as u64;
+        true
+    }
+
+    /// Chooses between the series and the stiff method, before the next of some steps in a row.
+    fn choose(&mut self, steps: usize) {
+        if self.setting.method != Method::Automatic {
+            return;
+        }
+        let kept = &mut self.kept[0];
+        if !self.is_stiff[0] {
+            if steps > STIFF {
+                (self.is_stiff, kept.budget) = ([true], u64::MAX);
+            }
+        } else if kept.cost > kept.budget {
+            kept.went_back = true;
+            (self.is_stiff, self.segment) = ([false], None);
+        }
     }
 
     /// One step from where the walk stands, or none yet: then the suggestion is shorter. Its length, how it was taken, what it suggests.
     fn step(&mut self, h: f64, rest: f64) -> Result<Option<(f64, Way, f64)>, Stopped> {
-        if self.is_stiff[0] && self.has_linear() {
+        if self.is_stiff[0] && self.has_exponential() {
+            match self.exponential(rest)? {
+                Attempt::Taken(taken, level, suggestion) => return Ok(Some((taken, Way::Exponential(level), suggestion))),
+                Attempt::Again => return Ok(None),
+                Attempt::None => self.segment = None,
+            }
+        } else if self.is_stiff[0] && self.has_linear() {
             let stepped = self.stiff(h);
             let Some(stepped) = stepped else {
                 self.suggestion = [SHORTEST * h];
@@ -284,6 +345,9 @@ impl Walk<'_, 1> {
             let stepped = self.pair(h);
             return Ok(self.judged(&stepped, h, rest, Way::Pair, fifth_root_of_inverse));
         };
+        if self.tries_linear(rest / (tried.share * h)) {
+            return Ok(None);
+        }
         if tried.share < 1.0 {
             let taken = tried.share * h;
             return Ok(Some((taken, Way::Series(tried), TRY * taken)));
@@ -368,6 +432,7 @@ impl Walk<'_, 1> {
         let time = now + share * taken;
         match way {
             Way::Series(tried) => self.put_on_series(0, Some(*tried), tried.share * share, time),
+            Way::Exponential(level) => self.put_inside(0, *level, share, time),
             // Steps of no length have no matrix.
             Way::Stiff | Way::Pair if share == 0.0 => self.stand_before(0, now),
             Way::Stiff | Way::Pair => {

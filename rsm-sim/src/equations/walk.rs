@@ -5,6 +5,7 @@
 
 use super::branches::Events;
 use super::engine::{Method, Setting};
+use super::kept::{Anchor, Kept, Loaded, Segment};
 use super::machine::{Machine, Point};
 use super::methods::Linear;
 use super::numbers::Numbers;
@@ -34,6 +35,13 @@ pub(super) struct Walk<'m, const L: usize> {
     pub suggestion: [f64; L],
     pub is_stiff: [bool; L],
     pub linear: Option<Linear>,
+    /// By lane: its linear parts, the one whose matrices stand in its slots, a place inside of its last step.
+    pub kept: Vec<Kept>,
+    pub loaded: [Option<Loaded>; L],
+    /// By comparison: how it is held where the matrices in the slots belong.
+    pub patterns: Vec<[f64; L]>,
+    pub anchors: Vec<Anchor>,
+    pub segment: Option<Segment>,
     pub row: usize,
 }
 
@@ -68,6 +76,11 @@ impl<'m, const L: usize> Walk<'m, L> {
             suggestion: [0.0; L],
             is_stiff: [false; L],
             linear: None,
+            kept: vec![Kept::default(); L],
+            loaded: [None; L],
+            patterns: vec![[0.0; L]; programs.counts.held],
+            anchors: vec![Anchor::START; L],
+            segment: None,
             row: 0,
             machine,
             programs,
@@ -101,6 +114,8 @@ impl<'m, const L: usize> Walk<'m, L> {
             }
         }
         self.events.samples.clone_from(&lanes[0].numbers.samples);
+        self.kept.iter_mut().for_each(Kept::clear);
+        (self.loaded, self.segment) = ([None; L], None);
         self.suggestion = [period; L];
         self.is_stiff = [setting.method == Method::Stiff; L];
         for code in &self.programs.once {
@@ -200,10 +215,15 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.events.follow(place, lane);
         self.suggestion[place] = self.suggestion[lane];
         self.is_stiff[place] = self.is_stiff[lane];
+        if self.loaded[place] != self.loaded[lane] {
+            let loaded = self.programs.block.loaded();
+            self.slots[loaded].iter_mut().chain(&mut self.patterns).for_each(|it| it[place] = it[lane]);
+            self.loaded[place] = self.loaded[lane];
+        }
     }
 
     /// Takes the place of a lane of a wider group.
-    pub(super) fn copy_from<const M: usize>(&mut self, other: &Walk<'m, M>, lane: usize) {
+    pub(super) fn copy_from<const M: usize>(&mut self, other: &mut Walk<'m, M>, lane: usize) {
         for (to, from) in self.slots.iter_mut().zip(&other.slots[..other.programs.common]) {
             *to = [from[lane]; L];
         }
@@ -213,12 +233,14 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.events.copy_from(&other.events, lane);
         self.suggestion = [other.suggestion[lane]; L];
         self.is_stiff = [other.is_stiff[lane]; L];
-        self.linear = None;
+        (self.linear, self.segment) = (None, None);
+        std::mem::swap(&mut self.kept[0], &mut other.kept[lane]);
+        self.loaded = [None; L];
         self.row = other.row;
     }
 
     /// Gives the first lane back to a wider group.
-    pub(super) fn copy_to<const M: usize>(&self, other: &mut Walk<'m, M>, lane: usize) {
+    pub(super) fn copy_to<const M: usize>(&mut self, other: &mut Walk<'m, M>, lane: usize) {
         let common = other.programs.common;
         for (from, to) in self.slots.iter().zip(&mut other.slots[..common]) {
             to[lane] = from[0];
@@ -229,6 +251,8 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.events.copy_to(&mut other.events, lane);
         other.suggestion[lane] = self.suggestion[0];
         other.is_stiff[lane] = self.is_stiff[0];
+        std::mem::swap(&mut self.kept[0], &mut other.kept[lane]);
+        other.load_current(lane);
     }
 
     /// Whether a state of a lane is no longer finite: the row and its name.

@@ -15,6 +15,10 @@ const MOTOR: &str = "model Motor\n  parameter Real inertia = 0.01;\n  input Real
 /// A spring so stiff that the series gives up.
 const STIFF: &str = "model Stiff\n  parameter Real rate = 3e4;\n  input Real u;\n  output Real slow, fast;\nequation\n  der(slow) = fast - slow*slow;\n  der(fast) = rate*(u + cos(slow) - fast);\nend Stiff;\n";
 
+/// A stiff contact that opens and closes, with a rate that bends and one that the time moves.
+const CONTACT: &str = "model Contact\n  parameter Real stiffness = 4e5;\n  parameter Real w = 3;\n  input Real u;\n  output Real x(start = 0.1);\n  output Real v;\n  Real f;\nequation\n  f = if x < 0 then -stiffness*x - 2000*v else 0;\n  \
+    der(x) = v;\n  der(v) = f - 9.81 + 0.5*u + sin(w*time) - 0.1*v*v*v;\nend Contact;\n";
+
 fn machine(text: &str, numbers: &str) -> (EquationFile, Machine) {
     let open = |name: &str| Ok::<_, Faults>(Source::new(name, text));
     let plant = format!("format = 2\nmodel = \"m.mo\"\n[parameters]\n{numbers}");
@@ -81,6 +85,11 @@ fn lanes_of_a_motor_have_the_bits_that_they_have_alone() {
 #[test]
 fn lanes_of_which_some_are_stiff_have_the_bits_that_they_have_alone() {
     check(STIFF, "rate", [3e4, 1.0, 3e5, 10.0, 3e3, 100.0, 2e4, 30.0, 1e6], 0.05);
+}
+
+#[test]
+fn lanes_with_a_stiff_contact_have_the_bits_that_they_have_alone() {
+    check(CONTACT, "stiffness", [4e5, 1e5, 3e6, 2e5, 8e5, 1e6, 1.5e5, 6e5, 7e4], 0.05);
 }
 
 #[test]

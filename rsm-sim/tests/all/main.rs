@@ -9,5 +9,6 @@ mod lanes;
 mod rejected;
 mod shipped;
 mod step;
+mod stiff;
 
 use shipped::{axis_record, car_record, effect, motor_record, path, plant, record, run};

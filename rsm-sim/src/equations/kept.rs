@@ -1,0 +1,104 @@
+//! Linear parts that a lane keeps from step to step.
+//!
+//! In: the parts that a lane has taken so far, how comparisons are held, a length. Out: the part that fits, or room for another. What is kept depends on the lane alone.
+
+use super::exponential::{MOST_STATES, Part};
+
+/// Linear parts that a lane keeps: a plant with a few comparisons goes to and fro between few.
+const MOST_PARTS: usize = 6;
+
+/// A length that differs by this share of the tolerance is the same: instants of rows are sums of decimals.
+pub(super) const SAME: f64 = 0.01;
+
+/// What a lane keeps of linear parts.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Kept {
+    pub parts: Vec<Part>,
+    /// How many of them belong to this run.
+    count: usize,
+    pub current: Option<usize>,
+    /// Whether the current one was taken where the lane stands.
+    pub is_fresh: bool,
+    /// Whether a whole row by the current one was tried where the lane stands, and its error was too large.
+    pub has_failed: bool,
+    /// What a row may cost before the lane goes back to the series.
+    pub budget: u64,
+    pub cost: u64,
+    /// Whether it went back before.
+    pub went_back: bool,
+    clock: u64,
+}
+
+impl Kept {
+    /// Before a run.
+    pub(super) fn clear(&mut self) {
+        let parts = std::mem::take(&mut self.parts);
+        *self = Kept { parts, ..Kept::default() };
+    }
+
+    fn tick(&mut self) -> u64 {
+        self.clock += 1;
+        self.clock
+    }
+
+    /// The part of these comparisons over this length becomes the current one.
+    pub(super) fn find(&mut self, is_held: impl Fn(&[f64]) -> bool, length: f64, tolerance: f64) -> Option<usize> {
+        let fits = |it: &Part| (it.length - length).abs() <= SAME * tolerance * length && is_held(&it.held);
+        let place = match self.current {
+            Some(current) if fits(&self.parts[current]) => return Some(current),
+            _ => self.parts[..self.count].iter().position(fits)?,
+        };
+        (self.current, self.is_fresh, self.has_failed) = (Some(place), false, false);
+        self.parts[place].used = self.tick();
+        Some(place)
+    }
+
+    /// The place of a new part: the current one, or a free one, or the one that was not used for the longest time.
+    pub(super) fn room(&mut self, replaces: bool) -> usize {
+        let oldest = || (0..self.count).min_by_key(|k| self.parts[*k].used).unwrap_or(0);
+        let place = match self.current {
+            Some(current) if replaces => current,
+            _ if self.count < MOST_PARTS => {
+                self.count += 1;
+                self.count - 1
+            }
+            _ => oldest(),
+        };
+        if self.parts.len() < self.count {
+            self.parts.push(Part::default());
+        }
+        self.current = Some(place);
+        let now = self.tick();
+        (self.parts[place].used, self.parts[place].version) = (now, now);
+        place
+    }
+}
+
+/// The matrices that stand in the slots of a lane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Loaded {
+    pub version: u64,
+    pub level: usize,
+    /// The span of its part.
+    pub whole: f64,
+}
+
+/// A place inside of the last step: what the states have moved by up to there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Anchor {
+    pub share: f64,
+    pub moved: [f64; MOST_STATES],
+}
+
+impl Anchor {
+    pub(super) const START: Anchor = Anchor { share: 0.0, moved: [0.0; MOST_STATES] };
+}
+
+/// The time to a row, divided.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Segment {
+    pub length: f64,
+    pub level: usize,
+    /// Steps of this level behind the walk.
+    pub index: u64,
+}

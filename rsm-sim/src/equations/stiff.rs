@@ -1,0 +1,268 @@
+//! Steps in which what is linear is solved exactly.
+//!
+//! In: a walk at an instant, the time to the next row. Out: the states behind a step whose error is allowed. Steps are the time to the row, its half, its quarter and so on, so the matrices of a linear part serve row after row. A linear part
+//! is taken when a row begins that none fits, and again where the error of a step is too large and the linear part was taken elsewhere: both depend on the lane alone.
+
+use super::exponential::MOST_STATES;
+use super::kept::{Anchor, Loaded, SAME, Segment};
+use super::rows::Stopped;
+use super::walk::Walk;
+
+/// A step whose error is so small a share of what is allowed may be twice as long: an error of order 4 grows by 16 then.
+const SMALL: f64 = 1.0 / 32.0;
+
+/// Halvings at most.
+const MOST_LEVELS: usize = 40;
+
+/// What it costs to take a linear part, or a step of the series, in steps by matrices at hand. Measured on the driveline: 1.6 and 1 to 2 us to 0.1 us.
+pub(super) const TAKEN: u64 = 8;
+
+/// More than what is allowed, where rounding leaves 1 of the quotient.
+const ABOVE: f64 = 1.0 + f64::EPSILON;
+
+/// How a step went.
+pub(super) enum Attempt {
+    /// Its length, its level, what it suggests.
+    Taken(f64, usize, f64),
+    /// It was too long, or the linear part too old: another try.
+    Again,
+    /// There is no linear part here.
+    None,
+}
+
+impl<const L: usize> Walk<'_, L> {
+    /// Whether the matrices of a whole row of this length stand in the slots of a lane, or can be put there.
+    pub(super) fn select(&mut self, lane: usize, length: f64) -> bool {
+        let (held, count) = (self.layout().held as usize, self.programs.counts.held);
+        let tolerance = self.setting.tolerance;
+        if let Some(loaded) = self.loaded[lane]
+            && loaded.level == 0
+            && (loaded.whole - length).abs() <= SAME * tolerance * length
+            && (0..count).all(|k| self.slots[held + k][lane] == self.patterns[k][lane])
+        {
+            return true;
+        }
+        let slots = &self.slots;
+        let is_held = |list: &[f64]| list.iter().enumerate().all(|(k, it)| slots[held + k][lane] == *it);
+        let Some(place) = self.kept[lane].find(is_held, length, tolerance) else { return false };
+        self.load(lane, place, 0);
+        true
+    }
+
+    /// Puts the matrices of a part into the slots of a lane.
+    fn load(&mut self, lane: usize, place: usize, level: usize) {
+        let part = &self.kept[lane].parts[place];
+        let wanted = Loaded { version: part.version, level, whole: part.length };
+        if self.loaded[lane] != Some(wanted) {
+            self.programs.block.load(&mut self.slots, lane, part, level);
+            self.patterns.iter_mut().zip(&part.held).for_each(|(to, from)| to[lane] = *from);
+            self.loaded[lane] = Some(wanted);
+        }
+    }
+
+    /// Puts the matrices of a lane's current part into its slots, for whole rows: another walk may have changed it.
+    pub(super) fn load_current(&mut self, lane: usize) {
+        self.loaded[lane] = self.loaded[lane].filter(|_| self.kept[lane].current.is_some());
+        if let Some(place) = self.kept[lane].current {
+            self.load(lane, place, 0);
+        }
+    }
+
+    /// One step of all lanes by the matrices that stand in their slots; its length stands in its slot.
+    pub(super) fn exponential_step(&mut self) -> bool {
+        let Some(code) = self.programs.exponential() else { return false };
+        code.run(&mut self.slots, &mut self.spare);
+        true
+    }
+
+    /// The error of the last step of a lane as a multiple of what is allowed, the worst state's. `longer`: how many such steps make the way to the row.
+    pub(super) fn excess(&self, lane: usize, longer: f64) -> f64 {
+        let block = self.programs.block;
+        let (states, ends, errors) = (self.layout().states as usize, block.end(), block.error());
+        let (mut worst, mut is_finite) = (0.0_f64, true);
+        for k in 0..self.programs.counts.states {
+            let (begin, end, error) = (self.slots[states + k][lane], self.slots[ends + k][lane], self.slots[errors + k][lane]);
+            is_finite &= end.is_finite() && error.is_finite();
+            let scale = self.largest[k][lane].max(begin.abs()).max(((end - begin) * longer).abs());
+            // A state that is 0, stays 0 and has an error of 0 is right.
+            if error.abs() > self.setting.tolerance * scale {
+                worst = worst.max(error.abs() / (self.setting.tolerance * scale)).max(ABOVE);
+            } else if error != 0.0 {
+                worst = worst.max((error.abs() / (self.setting.tolerance * scale)).min(1.0));
+            }
+        }
+        if is_finite { worst } else { f64::INFINITY }
+    }
+
+    /// Whether the error of the last step of each lane, a whole row, is allowed: [`Walk::excess`] is at most 1.
+    #[inline]
+    pub(super) fn allowed(&self) -> [bool; L] {
+        let block = self.programs.block;
+        let count = self.programs.counts.states;
+        let list = |begin: usize| &self.slots[begin..begin + count];
+        let (states, ends, errors) = (list(self.layout().states as usize), list(block.end()), list(block.error()));
+        let mut fits = [true; L];
+        for k in 0..count {
+            let (begin, end, error, largest) = (&states[k], &ends[k], &errors[k], &self.largest[k]);
+            for lane in 0..L {
+                let scale = largest[lane].max(begin[lane].abs()).max((end[lane] - begin[lane]).abs());
+                fits[lane] &= error[lane].abs() <= self.setting.tolerance * scale && end[lane].is_finite();
+            }
+        }
+        fits
+    }
+
+    /// Puts a lane inside of its last step, of a level.
+    pub(super) fn put_inside(&mut self, lane: usize, level: usize, share: f64, time: f64) {
+        let n = self.programs.counts.states;
+        let kept = &self.kept[lane];
+        let Some(part) = kept.current.map(|place| &kept.parts[place]) else { return };
+        let read = |begin: usize| -> [f64; MOST_STATES] {
+            let mut list = [0.0; MOST_STATES];
+            list.iter_mut().zip(&self.slots[begin..begin + n]).for_each(|(to, from)| *to = from[lane]);
+            list
+        };
+        let [rates, a, end] = self.programs.block.inside().map(read);
+        let mut anchor = if self.anchors[lane].share <= share { self.anchors[lane] } else { Anchor::START };
+        part.within(level, (anchor.share, share), [&rates[..n], &a[..n], &end[..n]], &mut anchor.moved[..n]);
+        anchor.share = share;
+        self.anchors[lane] = anchor;
+        let layout = self.programs.layout;
+        for k in 0..n {
+            self.slots[layout.states as usize + k][lane] = self.before[k][lane] + anchor.moved[k];
+        }
+        self.slots[layout.time as usize][lane] = time;
+    }
+
+    /// One whole row by the matrices at hand, for a plant in which nothing else can happen. `false` where a lane needs more, and all stand where they were.
+    #[inline]
+    pub(super) fn plain_exponential(&mut self, now: f64, end: f64) -> bool {
+        let rest = end - now;
+        if !(0..L).all(|lane| self.suggestion[lane] >= 0.999 * rest && self.select(lane, rest)) {
+            return false;
+        }
+        let layout = self.programs.layout;
+        self.slots[layout.step as usize] = [rest; L];
+        if !self.exponential_step() {
+            return false;
+        }
+        let fits = self.allowed();
+        if fits != [true; L] {
+            (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].has_failed = true);
+            return false;
+        }
+        let (from, to) = (self.programs.block.end(), layout.states as usize);
+        for k in 0..self.programs.counts.states {
+            let end = self.slots[from + k];
+            self.slots[to + k] = end;
+            let largest = &mut self.largest[k];
+            for lane in 0..L {
+                largest[lane] = largest[lane].max(end[lane].abs());
+            }
+        }
+        self.slots[layout.time as usize] = [end; L];
+        self.suggestion.iter_mut().for_each(|it| *it = it.max(rest));
+        true
+    }
+}
+
+impl Walk<'_, 1> {
+    /// Whether this plant can be stepped so.
+    pub(super) fn has_exponential(&self) -> bool {
+        (1..=MOST_STATES).contains(&self.programs.counts.states)
+    }
+
+    /// Takes the linear part where the walk stands, over a length; `false` where it is none.
+    fn take(&mut self, length: f64, replaces: bool) -> bool {
+        let n = self.programs.counts.states;
+        let Some((code, range)) = self.programs.slopes() else { return false };
+        code.run(&mut self.slots, &mut self.spare);
+        if !self.slots[range.clone()].iter().all(|it| it[0].is_finite()) {
+            return false;
+        }
+        let (held, count) = (self.layout().held as usize, self.programs.counts.held);
+        let kept = &mut self.kept[0];
+        let place = kept.room(replaces);
+        let part = &mut kept.parts[place];
+        let mut slopes = self.slots[range].iter().map(|it| it[0]);
+        part.linear.clear();
+        part.linear.extend(slopes.by_ref().take(n * n));
+        part.by_time.clear();
+        part.by_time.extend(slopes);
+        part.by_time.resize(n, 0.0);
+        part.held.clear();
+        part.held.extend(self.slots[held..held + count].iter().map(|it| it[0]));
+        part.length = length;
+        (kept.is_fresh, kept.has_failed) = (true, false);
+        kept.cost += TAKEN;
+        if !part.chain.take(n, &part.linear, length, 2) {
+            // No number may be left of it.
+            part.length = f64::NAN;
+            kept.current = None;
+            return false;
+        }
+        true
+    }
+
+    /// One step on the way to a row that is `rest` away.
+    pub(super) fn exponential(&mut self, rest: f64) -> Result<Attempt, Stopped> {
+        let mut segment = self.segment.unwrap_or(Segment { length: rest, level: 0, index: 0 });
+        let suggestion = 1.001 * self.suggestion[0];
+        let length_of = |level: usize| segment.length * 0.5_f64.powi(level as i32);
+        let (mut level, mut index) = (segment.level, segment.index);
+        while level > 0 && index.is_multiple_of(2) && length_of(level - 1) <= suggestion {
+            (level, index) = (level - 1, index / 2);
+        }
+        while length_of(level) > suggestion {
+            (level, index) = (level + 1, index * 2);
+            if level > MOST_LEVELS {
+                return Err(Stopped::TooManySteps { row: self.row });
+            }
+        }
+        (segment.level, segment.index) = (level, index);
+        self.segment = Some(segment);
+        let held = self.layout().held as usize;
+        let slots = &self.slots;
+        let is_held = |list: &[f64]| list.iter().enumerate().all(|(k, it)| slots[held + k][0] == *it);
+        let place = match self.kept[0].find(is_held, segment.length, self.setting.tolerance) {
+            Some(place) => place,
+            None if self.take(segment.length, false) => self.kept[0].current.unwrap_or(0),
+            None => return Ok(Attempt::None),
+        };
+        let n = self.programs.counts.states;
+        let kept = &mut self.kept[0];
+        if kept.has_failed && level == 0 {
+            // The same step would end in the same way.
+            return Ok(if self.take(segment.length, true) { Attempt::Again } else { Attempt::None });
+        }
+        kept.cost += 1;
+        let part = &mut kept.parts[place];
+        if part.chain.levels() < level + 2 && !part.chain.take(n, &part.linear, part.length, level + 6) {
+            return Ok(Attempt::None);
+        }
+        self.load(0, place, level);
+        let h = self.kept[0].parts[place].length_of(level);
+        let is_last = index + 1 == 1 << level;
+        let taken = if is_last { rest } else { h };
+        self.slots[self.programs.layout.step as usize] = [h];
+        self.anchors[0] = Anchor::START;
+        if !self.exponential_step() {
+            return Ok(Attempt::None);
+        }
+        let size = self.excess(0, rest / taken);
+        if size <= 1.0 {
+            let end = self.programs.block.end();
+            self.behind.copy_from_slice(&self.slots[end..end + n]);
+            (self.kept[0].is_fresh, self.kept[0].has_failed) = (false, false);
+            self.segment = Some(Segment { index: index + 1, ..segment });
+            let grows = level > 0 && size < SMALL;
+            return Ok(Attempt::Taken(taken, level, if grows { 2.0 * h } else { h }));
+        }
+        if self.kept[0].is_fresh {
+            self.suggestion = [if size > 256.0 { 0.25 * h } else { 0.5 * h }];
+        } else if !self.take(segment.length, true) {
+            return Ok(Attempt::None);
+        }
+        Ok(Attempt::Again)
+    }
+}
