@@ -86,6 +86,10 @@ mod search;
 
 mod observations;
 
+mod distributions;
+
+pub mod analysis;
+
 pub mod statistics;
 
 pub mod canonical;

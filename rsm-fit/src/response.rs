@@ -6,6 +6,7 @@
 use rsm_core::model::{Input, Surface, Term};
 use rsm_core::source::Faults;
 
+use crate::analysis;
 use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::design::{self, Design};
@@ -19,6 +20,11 @@ use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseSta
 use crate::support::{self, Region, SupportStatistics};
 use crate::verdict::{self, Criterion, Verdict};
 use crate::warnings::{self, Notes};
+
+/// Whether a constraint holds the surface.
+fn is_held(statistics: &ResponseStatistics) -> bool {
+    statistics.constraints.as_ref().is_some_and(|constraints| constraints.active)
+}
 
 /// What a search found, as a choice.
 fn choice_of(found: &Found) -> Choice {
@@ -156,6 +162,9 @@ impl Task<'_> {
         }
         statistics.canonical = canonical::analyse(surface, &self.inputs);
         statistics.support = self.support(surface);
+        if shrunk.is_none() && !is_held(&statistics) {
+            statistics.analysis = self.fit.observed(|rows| analysis::report(&design, rows, self.order));
+        }
         statistics.selection = found.as_ref().and_then(|found| found.report.clone());
         let cross = || {
             if is_searched {
@@ -224,7 +233,7 @@ impl Task<'_> {
             ChosenBy::LeftOut { .. } => chosen.climb.as_ref().and_then(|climb| climb.centred).map(|centred| centred / 100.0),
             ChosenBy::FittedRows | ChosenBy::Formula(_) => statistics.r2,
         };
-        let is_held = statistics.constraints.as_ref().is_some_and(|constraints| constraints.active);
+        let is_held = is_held(statistics);
         let mut judging = Judging { is_held, explained: None, centred, cross_validated: None };
         if self.test.is_some() {
             judging.explained = explained(&self.test);

@@ -8,12 +8,13 @@
 //! paper's (14), (15) for C. Without a constant term R^2 is uncentred, as NIST and R have it.
 
 use serde::Serialize;
-use statrs::function::beta::beta_reg;
 
+use crate::analysis::Report;
 use crate::canonical::Canonical;
 use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
 use crate::design::{Design, order};
+use crate::distributions::{two_sided_t, upper_f};
 use crate::qr::Growing;
 use crate::support::SupportStatistics;
 
@@ -154,6 +155,10 @@ pub struct ResponseStatistics {
     pub rows_used: RowsUsed,
     /// What to know before the surface is used.
     pub warnings: Vec<Warning>,
+    /// Analysis of variance, intervals, influence and criteria; absent where constraints or a penalty hold coefficients, without a constant term, a row to spare or a
+    /// residual, and for large fits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub analysis: Option<Report>,
     /// How a search chose the terms; absent for other methods.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub selection: Option<SelectionReport>,
@@ -264,6 +269,7 @@ fn figures(
         rows_used: RowsUsed::default(),
         warnings: Vec::new(),
         canonical: None,
+        analysis: None,
         selection: None,
         support: None,
         constraints: None,
@@ -294,18 +300,6 @@ fn has_constant(design: &Design) -> bool {
 fn total_square(design: &Design, observations: Observations<'_>) -> Dd {
     let all: Vec<usize> = (0..observations.response.len()).collect();
     observations.square_about(if has_constant(design) { observations.mean(&all) } else { Dd::ZERO })
-}
-
-/// P(|T| > |t|) = I_{df/(df + t^2)}(df/2, 1/2).
-pub(crate) fn two_sided_t(t: f64, freedom: f64) -> Option<f64> {
-    let p = beta_reg(freedom / 2.0, 0.5, freedom / (freedom + t * t));
-    p.is_finite().then_some(p)
-}
-
-/// P(F > f) = I_{d2/(d2 + d1 f)}(d2/2, d1/2).
-fn upper_f(f: f64, [d1, d2]: [f64; 2]) -> Option<f64> {
-    let p = beta_reg(d2 / 2.0, d1 / 2.0, d2 / (d2 + d1 * f));
-    p.is_finite().then_some(p)
 }
 
 /// (14), (15). None when every mean response is 0.

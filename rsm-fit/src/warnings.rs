@@ -22,11 +22,12 @@ use rsm_core::model::{Input, Surface};
 
 use crate::dd::Dd;
 use crate::design::{self, Design, count_of_terms};
+use crate::distributions::two_sided_t;
 use crate::qr::{Growing, Triangle};
 use crate::random::Random;
 use crate::selection::Sample;
 use crate::spec::{Constraint, MOST_TERMS};
-use crate::statistics::{ResponseStatistics, RowsUsed, Warning, two_sided_t, value};
+use crate::statistics::{ResponseStatistics, RowsUsed, Warning, value};
 use crate::verdict::LEAST_EXPLAINED;
 
 /// False alarms of each test.

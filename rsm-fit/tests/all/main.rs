@@ -1,5 +1,6 @@
 //! Tests of the fitter through its public face. One binary: each further one would link everything again.
 
+mod analysis;
 mod constraint_family;
 mod constraints;
 mod data;

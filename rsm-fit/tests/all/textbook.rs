@@ -141,6 +141,7 @@ fn the_report_has_the_keys_of_the_contract_in_their_order() {
         "cross_validation",
         "rows_used",
         "warnings",
+        "analysis",
     ];
     assert_eq!(keys(response), expected);
     assert_eq!(keys(&response["terms"][0]), ["powers", "coefficient", "standard_error", "t", "p"]);

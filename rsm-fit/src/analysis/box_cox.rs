@@ -1,0 +1,84 @@
+//! The power of the response that a linear model with normal noise asks for.
+//!
+//! In: columns and a positive response. Out: the power with its interval. 1 is no transformation, 0.5 the root, 0 the logarithm, -1 the reciprocal. Nothing
+//! is transformed here.
+//!
+//! Source: Box, Cox 1964, An analysis of transformations.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+/// Powers that are looked at.
+const RANGE: [f64; 2] = [-3.0, 3.0];
+
+/// Half of the 95 % point of chi squared with one degree of freedom.
+const DROP: f64 = 1.920_729_410_347_062;
+
+/// A power with its 95 % interval by the likelihood.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct BoxCox {
+    /// The power with the greatest likelihood.
+    pub power: f64,
+    /// Its interval, cut at -3 and 3.
+    pub interval: [f64; 2],
+}
+
+/// Looks for the power from -3 to 3. `columns`: those of the model without the constant. `None`: a response is not above 0, all are alike, rows are too few, or
+/// columns have another number of rows.
+///
+/// ```
+/// // exp(x) with a little scatter asks for the logarithm.
+/// let x: Vec<f64> = (0..20).map(|k| k as f64 / 10.0).collect();
+/// let y: Vec<f64> = x.iter().enumerate().map(|(k, x)| (x + 0.02 * ((k * 7 % 5) as f64 - 2.0)).exp()).collect();
+/// let found = rsm_fit::analysis::box_cox(&[x], &y).unwrap();
+/// assert!(found.interval[0] < 0.0 && 0.0 < found.interval[1] && found.interval[1] < 1.0);
+/// ```
+#[must_use]
+pub fn box_cox(columns: &[Vec<f64>], response: &[f64]) -> Option<BoxCox> {
+    let rows = response.len();
+    let width = columns.len() + 1;
+    if rows <= width
+        || columns.iter().any(|column| column.len() != rows)
+        || response.iter().any(|y| !(y.is_normal() && *y > 0.0))
+    {
+        return None;
+    }
+    if response.iter().all(|y| *y == response[0]) {
+        return None;
+    }
+    let x = DMatrix::from_fn(rows, width, |row, k| if k == 0 { 1.0 } else { columns[k - 1][row] });
+    let q = x.qr().q();
+    let mean_log = response.iter().map(|y| y.ln()).sum::<f64>() / rows as f64;
+    // -n/2 ln of the residual square of (y^l - 1)/(l g^(l - 1)), with the geometric mean g: y/g in place of y leaves the same but for a constant.
+    let likelihood = |power: f64| {
+        let z = |y: &f64| {
+            let log = y.ln() - mean_log;
+            if (power * log).abs() < 1e-8 { log + 0.5 * power * log * log } else { (power * log).exp_m1() / power }
+        };
+        let z = DVector::from_iterator(rows, response.iter().map(z));
+        let left = &z - &q * (q.transpose() * &z);
+        -0.5 * rows as f64 * (left.norm_squared() / rows as f64).ln()
+    };
+    let grid: Vec<f64> = (0..=60).map(|k| RANGE[0] + 0.1 * f64::from(k)).collect();
+    let start = grid.iter().copied().max_by(|a, b| likelihood(*a).total_cmp(&likelihood(*b)))?;
+    let (mut low, mut high) = ((start - 0.1).max(RANGE[0]), (start + 0.1).min(RANGE[1]));
+    let golden = 0.5 * (5f64.sqrt() - 1.0);
+    for _ in 0..60 {
+        let (a, b) = (high - golden * (high - low), low + golden * (high - low));
+        if likelihood(a) < likelihood(b) { low = a } else { high = b }
+    }
+    let power = 0.5 * (low + high);
+    let least = likelihood(power) - DROP;
+    let end = |far: f64| {
+        if likelihood(far) >= least {
+            return far;
+        }
+        let (mut inside, mut outside) = (power, far);
+        for _ in 0..60 {
+            let middle = 0.5 * (inside + outside);
+            if likelihood(middle) >= least { inside = middle } else { outside = middle }
+        }
+        inside
+    };
+    likelihood(power).is_finite().then(|| BoxCox { power, interval: RANGE.map(end) })
+}

@@ -1,0 +1,378 @@
+//! The analysis of a linear model: analysis of variance, variance inflation, influence of rows, information criteria, intervals.
+//!
+//! In: groups of columns (blocks, first order, interactions ...) and a response. Out: an [`Analysis`]. Sums are taken in double-double. Columns that make
+//! each other up are refused. Nothing here chooses a term or changes a coefficient.
+//!
+//! ```
+//! use rsm_fit::analysis::{Analysis, Group};
+//!
+//! // Two days (blocks) and one factor: y = 10 + 2 x, a day worth 1, and some scatter.
+//! let day = vec![-1.0, -1.0, -1.0, 1.0, 1.0, 1.0];
+//! let x = vec![-1.0, 0.0, 1.0, -1.0, 0.0, 1.0];
+//! let y = [7.1, 8.9, 11.0, 9.0, 11.1, 12.9];
+//! let groups = [Group::new("day", [day]), Group::new("x", [x])];
+//! let analysis = Analysis::new(&groups, &y)?;
+//! assert_eq!(analysis.sequential[0].source, "day");
+//! assert!(analysis.sequential[1].p.unwrap() < 0.001);
+//! # Ok::<(), rsm_fit::analysis::Refusal>(())
+//! ```
+//!
+//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.3 to 2.7; Cook, Weisberg 1982, chapter 3 (distance, studentised
+//! residuals); Durbin, Watson 1950; Hurvich, Tsai 1989 (AICc); Schwarz 1978 (BIC).
+
+mod box_cox;
+mod quadratic;
+mod report;
+
+use serde::Serialize;
+
+use crate::dd::Dd;
+use crate::distributions::{quantile_t, two_sided_t, upper_f};
+use crate::qr::{Compressed, Growing};
+
+pub use box_cox::{BoxCox, box_cox};
+pub use quadratic::{PathPoint, Quadratic};
+pub(crate) use report::of as report;
+pub use report::{Report, RowReport, TermReport};
+
+/// Leverage so near to 1 means that the model goes through the row whatever its response is.
+const NO_REST: f64 = 1e-12;
+
+/// Columns that enter together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Group {
+    name: String,
+    columns: Vec<Vec<Dd>>,
+}
+
+impl Group {
+    /// Columns under a name, a value a row.
+    #[must_use]
+    pub fn new<T: AsRef<[f64]>>(name: impl Into<String>, columns: impl IntoIterator<Item = T>) -> Self {
+        let exact = |column: T| column.as_ref().iter().copied().map(Dd::from).collect();
+        Group { name: name.into(), columns: columns.into_iter().map(exact).collect() }
+    }
+
+    pub(crate) fn exact(name: impl Into<String>, columns: Vec<Vec<Dd>>) -> Self {
+        Group { name: name.into(), columns }
+    }
+}
+
+/// Why there is no analysis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// Columns or weights that have not a value a row.
+    Lengths,
+    /// A number that is not finite, or a weight that is not above 0.
+    NotFinite,
+    /// Columns that the others make up; or as many columns as rows.
+    Dependent,
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Refusal::Lengths => "columns and response: found different numbers of rows",
+            Refusal::NotFinite => "columns and response: found a number that is not finite, or a weight that is not above 0",
+            Refusal::Dependent => "the columns make each other up, or no row is left for the residual",
+        })
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+/// A line of an analysis of variance.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Line {
+    /// What it is of.
+    pub source: String,
+    /// Degrees of freedom.
+    pub df: usize,
+    /// Sum of squares.
+    pub ss: f64,
+    /// Mean square.
+    pub ms: f64,
+    /// Mean square over that of the residual; of lack of fit over that of pure error.
+    pub f: Option<f64>,
+    /// Probability of such an F when nothing is there.
+    pub p: Option<f64>,
+}
+
+/// A column of the model, the constant first.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Coefficient {
+    /// Its value.
+    pub value: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+    /// Value over standard error.
+    pub t: f64,
+    /// Two-sided probability.
+    pub p: f64,
+    /// Bounds of the 95 % interval.
+    pub interval: [f64; 2],
+    /// How many times the variance is that of a column alone in the model; none of the constant.
+    pub vif: Option<f64>,
+    /// The sum of squares that the model loses without this column.
+    pub partial_ss: f64,
+}
+
+/// A row of the data.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Influence {
+    /// Response less model.
+    pub residual: f64,
+    /// How much the row holds its own prediction, from 0 to 1.
+    pub leverage: f64,
+    /// Residual over its standard deviation, with the residual mean square of all rows; none with leverage 1.
+    pub standardised: Option<f64>,
+    /// The same with the residual mean square without the row: it follows Student's t.
+    pub studentised: Option<f64>,
+    /// Cook's distance: how far the coefficients move without the row.
+    pub cook: Option<f64>,
+}
+
+/// The value of the model at a point, with intervals.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Prediction {
+    /// The value.
+    pub value: f64,
+    /// Where the mean response lies.
+    pub confidence: [f64; 2],
+    /// Where one new measurement lies.
+    pub prediction: [f64; 2],
+}
+
+/// The analysis of a linear model with a constant.
+#[derive(Debug, Clone)]
+pub struct Analysis {
+    /// The constant and the columns in their order.
+    pub coefficients: Vec<Coefficient>,
+    /// A line a group, each after those before it; then the residual, and with repeated rows lack of fit and pure error.
+    pub sequential: Vec<Line>,
+    /// Rows in their order.
+    pub rows: Vec<Influence>,
+    /// Root of the residual mean square.
+    pub residual_sd: f64,
+    /// R^2 about the mean.
+    pub r2: f64,
+    /// The same with mean squares.
+    pub r2_adjusted: f64,
+    /// Sum of squares of the errors at rows left out one at a time; none where a row has leverage 1.
+    pub press: Option<f64>,
+    /// Logarithm of the likelihood with normal noise.
+    pub log_likelihood: f64,
+    /// Akaike's criterion; the variance counts as a parameter.
+    pub aic: f64,
+    /// The same with the correction for few rows; none with too few.
+    pub aicc: Option<f64>,
+    /// Schwarz's criterion.
+    pub bic: f64,
+    /// Durbin's and Watson's d of the rows in their order: 2 without serial correlation, towards 0 where neighbours are alike.
+    pub durbin_watson: f64,
+    growing: Growing,
+    exact: Vec<Dd>,
+    freedom: usize,
+}
+
+impl Analysis {
+    /// Analyses the model with a constant and these groups, which enter in their order.
+    ///
+    /// # Errors
+    /// A [`Refusal`].
+    pub fn new(groups: &[Group], response: &[f64]) -> Result<Self, Refusal> {
+        Analysis::weighted(groups, response, &[])
+    }
+
+    /// The same with a weight a row, proportional to 1/sigma^2; none count alike.
+    ///
+    /// # Errors
+    /// A [`Refusal`].
+    pub fn weighted(groups: &[Group], response: &[f64], weights: &[f64]) -> Result<Self, Refusal> {
+        let count = response.len();
+        let columns: Vec<&Vec<Dd>> = groups.iter().flat_map(|group| &group.columns).collect();
+        if columns.iter().any(|column| column.len() != count) || !(weights.is_empty() || weights.len() == count) {
+            return Err(Refusal::Lengths);
+        }
+        let is_finite =
+            columns.iter().all(|column| column.iter().all(|x| x.is_finite())) && response.iter().all(|y| y.is_finite());
+        if !is_finite || weights.iter().any(|weight| !weight.is_normal() || *weight <= 0.0) {
+            return Err(Refusal::NotFinite);
+        }
+        let width = columns.len() + 1;
+        let freedom = count.checked_sub(width).filter(|freedom| *freedom > 0).ok_or(Refusal::Dependent)?;
+        let plain =
+            |row: usize| -> Vec<Dd> { std::iter::once(Dd::ONE).chain(columns.iter().map(|column| column[row])).collect() };
+        let weight = |row: usize| weights.get(row).map_or(Dd::ONE, |weight| Dd::from(*weight));
+        let mut compressed = Compressed::new(width + 1);
+        for row in 0..count {
+            let root = weight(row).sqrt();
+            compressed.push(plain(row).into_iter().chain([Dd::from(response[row])]).map(|x| x * root));
+        }
+        let mut growing = Growing::new(&compressed.finish());
+        growing.add(0).map_err(|_| Refusal::Dependent)?;
+        let mut left = vec![growing.residual_square()];
+        let mut next = 1;
+        for group in groups {
+            for _ in &group.columns {
+                growing.add(next).map_err(|_| Refusal::Dependent)?;
+                next += 1;
+            }
+            left.push(growing.residual_square());
+        }
+        let (total, residual) = (left[0], growing.residual_square());
+        let mean_square = residual / Dd::from(freedom as f64);
+        let exact = growing.coefficients();
+        let rows = rows_of(&plain, &weight, response, &growing, &exact, residual, freedom);
+        let mut sequential: Vec<Line> = Vec::new();
+        for (k, group) in groups.iter().enumerate().filter(|(_, group)| !group.columns.is_empty()) {
+            let ss = left[k] - left[k + 1];
+            sequential.push(line(&group.name, group.columns.len(), ss, Some((mean_square, freedom))));
+        }
+        sequential.push(line("residual", freedom, residual, None));
+        sequential.extend(lack_of_fit(&plain, &weight, response, residual, width));
+        let weight_sum: Dd = (0..count).map(weight).sum();
+        let spread = |column: &Vec<Dd>| {
+            let mean = (0..count).map(|row| weight(row) * column[row]).sum::<Dd>() / weight_sum;
+            (0..count).map(|row| weight(row) * (column[row] - mean) * (column[row] - mean)).sum::<Dd>()
+        };
+        let quantile = quantile_t(0.95, freedom);
+        let of_one = |(place, (value, variance)): (usize, (&Dd, Dd))| {
+            let error = (mean_square * variance).sqrt().to_f64();
+            let t = value.to_f64() / error;
+            Coefficient {
+                value: value.to_f64(),
+                standard_error: error,
+                t,
+                p: two_sided_t(t, freedom as f64).unwrap_or(f64::NAN),
+                interval: [value.to_f64() - quantile * error, value.to_f64() + quantile * error],
+                vif: place.checked_sub(1).map(|k| (variance * spread(columns[k])).to_f64()),
+                partial_ss: (*value * *value / variance).to_f64(),
+            }
+        };
+        let coefficients = exact.iter().zip(growing.variances()).enumerate().map(of_one).collect();
+        let n = count as f64;
+        let logs: f64 = weights.iter().map(|weight| weight.ln()).sum();
+        let log_likelihood = 0.5 * (logs - n * ((2.0 * std::f64::consts::PI).ln() + (residual.to_f64() / n).ln() + 1.0));
+        let parameters = width as f64 + 1.0;
+        let aic = 2.0 * parameters - 2.0 * log_likelihood;
+        let correction = 2.0 * parameters * (parameters + 1.0) / (n - parameters - 1.0);
+        let errors: Vec<f64> = (0..count).map(|row| rows[row].residual * weight(row).sqrt().to_f64()).collect();
+        let neighbours: f64 = errors.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+        let press = (0..count).map(|row| {
+            let rest = 1.0 - rows[row].leverage;
+            (rest > NO_REST).then(|| (errors[row] / rest).powi(2))
+        });
+        let share = |part: f64| 1.0 - part;
+        Ok(Analysis {
+            coefficients,
+            sequential,
+            residual_sd: mean_square.sqrt().to_f64(),
+            r2: share((residual / total).to_f64()),
+            r2_adjusted: share((mean_square / (total / Dd::from((count - 1) as f64))).to_f64()),
+            press: press.sum(),
+            log_likelihood,
+            aic,
+            aicc: (n > parameters + 1.0).then_some(aic + correction),
+            bic: parameters * n.ln() - 2.0 * log_likelihood,
+            durbin_watson: neighbours / errors.iter().map(|error| error * error).sum::<f64>(),
+            rows,
+            growing,
+            exact,
+            freedom,
+        })
+    }
+
+    /// The model at a point: its columns without the constant, and the level of the intervals, as 0.95. The interval of a new measurement is that of a row
+    /// of weight 1.
+    ///
+    /// # Panics
+    /// When the point has not a value a column, or the level is not between 0 and 1.
+    ///
+    /// ```
+    /// use rsm_fit::analysis::{Analysis, Group};
+    ///
+    /// let x = [0.0, 1.0, 2.0, 3.0, 4.0];
+    /// let analysis = Analysis::new(&[Group::new("x", [x])], &[1.0, 3.1, 4.9, 7.0, 9.1])?;
+    /// let there = analysis.predict(&[2.0], 0.95);
+    /// assert!((there.value - 5.02).abs() < 1e-12); // the mean of the responses
+    /// assert!(there.prediction[0] < there.confidence[0] && there.confidence[0] < 5.02);
+    /// # Ok::<(), rsm_fit::analysis::Refusal>(())
+    /// ```
+    #[must_use]
+    pub fn predict(&self, point: &[f64], level: f64) -> Prediction {
+        assert_eq!(point.len() + 1, self.exact.len(), "a point has a value for every column");
+        assert!(level > 0.0 && level < 1.0, "a level lies between 0 and 1");
+        let row: Vec<Dd> = std::iter::once(Dd::ONE).chain(point.iter().copied().map(Dd::from)).collect();
+        let value = row.iter().zip(&self.exact).map(|(x, b)| *x * *b).sum::<Dd>().to_f64();
+        let leverage = self.growing.leverage(&row).to_f64();
+        let half = quantile_t(level, self.freedom) * self.residual_sd;
+        let around = |half: f64| [value - half, value + half];
+        Prediction { value, confidence: around(half * leverage.sqrt()), prediction: around(half * (1.0 + leverage).sqrt()) }
+    }
+}
+
+fn line(source: &str, df: usize, ss: Dd, against: Option<(Dd, usize)>) -> Line {
+    let ms = ss / Dd::from(df as f64);
+    let f = against.map(|(mean_square, _)| (ms / mean_square).to_f64()).filter(|f| f.is_finite());
+    let p = f.zip(against).and_then(|(f, (_, freedom))| upper_f(f, [df as f64, freedom as f64]));
+    Line { source: source.to_string(), df, ss: ss.to_f64(), ms: ms.to_f64(), f, p }
+}
+
+fn rows_of(
+    plain: &dyn Fn(usize) -> Vec<Dd>,
+    weight: &dyn Fn(usize) -> Dd,
+    response: &[f64],
+    growing: &Growing,
+    coefficients: &[Dd],
+    residual: Dd,
+    freedom: usize,
+) -> Vec<Influence> {
+    let width = coefficients.len() as f64;
+    let mean_square = residual.to_f64() / freedom as f64;
+    let of_one = |row: usize| {
+        let x = plain(row);
+        let predicted: Dd = x.iter().zip(coefficients).map(|(x, b)| *x * *b).sum();
+        let error = (Dd::from(response[row]) - predicted).to_f64();
+        let leverage = (weight(row) * growing.leverage(&x)).to_f64();
+        let rest = 1.0 - leverage;
+        let weighted = error * weight(row).sqrt().to_f64();
+        let standardised = (rest > NO_REST).then(|| weighted / (mean_square * rest).sqrt());
+        let without = (residual.to_f64() - weighted * weighted / rest) / (freedom as f64 - 1.0);
+        let studentised = (rest > NO_REST && freedom > 1 && without > 0.0).then(|| weighted / (without * rest).sqrt());
+        let cook = standardised.map(|standardised| standardised * standardised * leverage / (rest * width));
+        Influence { residual: error, leverage, standardised, studentised, cook }
+    };
+    (0..response.len()).map(of_one).collect()
+}
+
+/// Lack of fit and pure error, where rows with the same columns are repeated.
+fn lack_of_fit(
+    plain: &dyn Fn(usize) -> Vec<Dd>,
+    weight: &dyn Fn(usize) -> Dd,
+    response: &[f64],
+    residual: Dd,
+    width: usize,
+) -> Vec<Line> {
+    let mut groups: std::collections::BTreeMap<Vec<u64>, Vec<usize>> = std::collections::BTreeMap::new();
+    for row in 0..response.len() {
+        // + 0.0 makes one of the two zeros.
+        let key = plain(row).iter().map(|x| (x.to_f64() + 0.0).to_bits()).collect();
+        groups.entry(key).or_default().push(row);
+    }
+    let (Some(lack), pure) = (groups.len().checked_sub(width), response.len() - groups.len()) else { return Vec::new() };
+    if lack == 0 || pure == 0 {
+        return Vec::new();
+    }
+    let scatter = |rows: &Vec<usize>| {
+        let sum: Dd = rows.iter().map(|row| weight(*row)).sum();
+        let mean = rows.iter().map(|row| weight(*row) * Dd::from(response[*row])).sum::<Dd>() / sum;
+        rows.iter().map(|row| weight(*row) * (Dd::from(response[*row]) - mean) * (Dd::from(response[*row]) - mean)).sum::<Dd>()
+    };
+    let ss: Dd = groups.values().map(scatter).sum();
+    let mean_square = ss / Dd::from(pure as f64);
+    vec![line("lack of fit", lack, residual - ss, Some((mean_square, pure))), line("pure error", pure, ss, None)]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,123 @@
+//! The analysis of a fitted surface, as `rsm fit --json` has it.
+//!
+//! In: the design of the chosen terms and the fitted rows. Out: a [`Report`]. None where it would take too long, without a constant term, or without a row
+//! to spare. Terms enter by their kind: first order, interactions, squares, then order by order.
+
+use serde::Serialize;
+
+use super::{Analysis, BoxCox, Group, Influence, Line, box_cox};
+use crate::dd::Dd;
+use crate::design::{Design, order};
+use crate::observations::Observations;
+
+/// Multiplications in double-double: 10^8 take a second.
+const WORK: f64 = 1e8;
+
+/// Rows that are named.
+const MOST_NAMED: usize = 5;
+
+/// Of each term, in the order of the model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TermReport {
+    /// Bounds of the 95 % interval of the coefficient.
+    pub interval: [f64; 2],
+    /// Variance inflation; none of the constant.
+    pub vif: Option<f64>,
+    /// The sum of squares that the model loses without this term.
+    pub partial_ss: f64,
+}
+
+/// A row with its influence.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RowReport {
+    /// Its place among the fitted rows, from 1.
+    pub row: usize,
+    /// What it does.
+    #[serde(flatten)]
+    pub influence: Influence,
+}
+
+/// The analysis of one response.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// The analysis of variance, each line after those before it.
+    pub sequential: Vec<Line>,
+    /// The terms in the order of the model.
+    pub terms: Vec<TermReport>,
+    /// Akaike's criterion.
+    pub aic: f64,
+    /// The same with the correction for few rows.
+    pub aicc: Option<f64>,
+    /// Schwarz's criterion.
+    pub bic: f64,
+    /// Durbin's and Watson's d in the order of the runs, else of the rows.
+    pub durbin_watson: Option<f64>,
+    /// The rows with the largest distances of Cook, the largest first.
+    pub influential: Vec<RowReport>,
+    /// The power of the response that the residuals ask for; none where a response is not above 0.
+    pub box_cox: Option<BoxCox>,
+}
+
+/// `places`: the place of each row in the order of the runs; empty where it is not known.
+pub(crate) fn of(design: &Design, fit: Observations<'_>, places: &[f64]) -> Option<Report> {
+    let width = design.width();
+    if fit.response.len() as f64 * (width as f64 + 1.0).powi(2) > WORK {
+        return None;
+    }
+    let constant = design.terms().iter().position(|powers| order(powers) == 0)?;
+    let mut rows: Vec<usize> = (0..fit.response.len()).collect();
+    if places.len() == rows.len() {
+        rows.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
+    }
+    let values: Vec<Vec<Dd>> = rows.iter().map(|row| design.row_as_measured(&fit.point(*row))).collect();
+    let response: Vec<f64> = rows.iter().map(|row| fit.response[*row]).collect();
+    let weights: Vec<f64> = rows.iter().filter_map(|row| fit.weights.get(*row).copied()).collect();
+    let mut kinds: Vec<(String, Vec<usize>)> = Vec::new();
+    let highest = design.terms().iter().map(|powers| order(powers)).max()?;
+    for at in 1..=highest {
+        let of_order = |k: &usize| order(&design.terms()[*k]) == at;
+        let terms: Vec<usize> = (0..width).filter(of_order).collect();
+        let is_square = |k: &usize| design.terms()[*k].contains(&2);
+        match at {
+            1 => kinds.push(("first order".to_string(), terms)),
+            2 => {
+                let (squares, products): (Vec<usize>, Vec<usize>) = terms.into_iter().partition(is_square);
+                kinds.push(("interactions".to_string(), products));
+                kinds.push(("squares".to_string(), squares));
+            }
+            _ => kinds.push((format!("order {at}"), terms)),
+        }
+    }
+    let column = |k: &usize| values.iter().map(|row| row[*k]).collect::<Vec<Dd>>();
+    let groups: Vec<Group> =
+        kinds.iter().map(|(name, terms)| Group::exact(name.clone(), terms.iter().map(column).collect())).collect();
+    let analysis = Analysis::weighted(&groups, &response, &weights).ok()?;
+    // A residual of nothing has no criteria.
+    if !(analysis.aic.is_finite() && analysis.residual_sd > 0.0) {
+        return None;
+    }
+    let entered: Vec<usize> =
+        std::iter::once(constant).chain(kinds.iter().flat_map(|(_, terms)| terms.iter().copied())).collect();
+    let term = |k: usize| {
+        let place = entered.iter().position(|other| *other == k).expect("every term entered");
+        let found = &analysis.coefficients[place];
+        TermReport { interval: found.interval, vif: found.vif, partial_ss: found.partial_ss }
+    };
+    let mut influential: Vec<RowReport> =
+        rows.iter().zip(&analysis.rows).map(|(row, influence)| RowReport { row: row + 1, influence: *influence }).collect();
+    let cook = |report: &RowReport| report.influence.cook.unwrap_or(0.0);
+    influential.sort_by(|a, b| cook(b).total_cmp(&cook(a)).then(a.row.cmp(&b.row)));
+    influential.truncate(MOST_NAMED);
+    let plain: Vec<Vec<f64>> = entered[1..].iter().map(|k| values.iter().map(|row| row[*k].to_f64()).collect()).collect();
+    let power = if weights.is_empty() { box_cox(&plain, &response) } else { None };
+    Some(Report {
+        terms: (0..width).map(term).collect(),
+        aic: analysis.aic,
+        aicc: analysis.aicc,
+        bic: analysis.bic,
+        durbin_watson: Some(analysis.durbin_watson).filter(|d| d.is_finite()),
+        influential,
+        box_cox: power,
+        sequential: analysis.sequential,
+    })
+}
