@@ -205,9 +205,9 @@ impl Analysis {
             |row: usize| -> Vec<Dd> { std::iter::once(Dd::ONE).chain(columns.iter().map(|column| column[row])).collect() };
         let weight = |row: usize| weights.get(row).map_or(Dd::ONE, |weight| Dd::from(*weight));
         let mut compressed = Compressed::new(width + 1);
-        for row in 0..count {
+        for (row, y) in response.iter().enumerate() {
             let root = weight(row).sqrt();
-            compressed.push(plain(row).into_iter().chain([Dd::from(response[row])]).map(|x| x * root));
+            compressed.push(plain(row).into_iter().chain([Dd::from(*y)]).map(|x| x * root));
         }
         let mut growing = Growing::new(&compressed.finish());
         growing.add(0).map_err(|_| Refusal::Dependent)?;
