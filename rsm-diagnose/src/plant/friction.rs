@@ -81,6 +81,9 @@ impl Search<'_> {
         let levels = levels(&entries[place]);
         let sum: f64 = levels.iter().map(|number| entries[place].arguments.numbers[*number].1).sum();
         let level = sum / levels.len().max(1) as f64;
+        // Where nothing says which of its numbers are levels, the special case begins at its own guess.
+        let guess = special.guesses.first().and_then(|it| it.values.first()).copied().unwrap_or(0.0);
+        let level = if levels.is_empty() { guess } else { level };
         let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
         let worse = self.decides(&fit, threshold);
         self.or_plainer(fit, model, worse)

@@ -27,10 +27,13 @@ pub fn label(kind: &str, subject: Option<&str>) -> String {
     subject.map_or(kind.to_string(), |subject| format!("{kind}:{subject}"))
 }
 
-/// Whether one cause holds another as its special case: it then always fits as well, and that says nothing.
+/// Whether one cause holds another as its special case, by kinds or by names in lists: it then always fits as well, and that says nothing. Where both name a place it must be the same.
 #[must_use]
 pub fn generalises(general: &str, special: &str) -> bool {
-    effects::of(general).is_some_and(|it| it.declared.generalises == Some(special))
+    let parts = |name| str::split_once(name, ':').map_or((name, None), |(kind, at)| (kind, Some(at)));
+    let ((general, at), (special, other)) = (parts(general), parts(special));
+    let is_one_place = at.is_none() || other.is_none() || at == other;
+    is_one_place && effects::of(general).is_some_and(|it| it.declared.generalises == Some(special))
 }
 
 /// Parameters that are known by counting or are limits of whoever makes the record: an error of them is no hypothesis.

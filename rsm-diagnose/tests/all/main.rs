@@ -3,6 +3,7 @@
 mod correction;
 mod diagnosis;
 mod equals;
+mod equation_plants;
 #[path = "../../../rsm-fit/tests/all/folders.rs"]
 mod folders;
 mod measured;

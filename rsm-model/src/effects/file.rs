@@ -33,8 +33,8 @@ pub struct Number {
     pub(crate) neutral: Option<Expression>,
     /// Whether it is a phase: a quarter of a turn further the effect is another one.
     pub is_phase: bool,
-    /// Where a search begins, in scales of the records.
-    pub(crate) guesses: Vec<Expression>,
+    /// Where a search begins on a kind of site, or on all, in scales of the records.
+    pub(crate) guesses: Vec<(Option<SiteKind>, Expression)>,
 }
 
 /// A state of an effect.
@@ -366,13 +366,7 @@ fn number(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector)
         table.optional(key).and_then(|it| expression(source, it, faults))
     };
     let (default, neutral) = (written(&mut table, "default", faults), written(&mut table, "neutral", faults));
-    let guesses = match table.optional("guess") {
-        Some(value) => match value.get_ref().as_array() {
-            Some(items) => items.iter().filter_map(|it| expression(source, it, faults)).collect(),
-            None => expression(source, value, faults).into_iter().collect(),
-        },
-        None => Vec::new(),
-    };
+    let guesses = table.optional("guess").map_or_else(Vec::new, |value| guesses(source, value, faults));
     table.finish(faults);
     Some(Number {
         name: name.to_string(),
@@ -387,6 +381,25 @@ fn number(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector)
         is_phase,
         guesses,
     })
+}
+
+/// Guesses: one, a list, or one of these for each kind of site.
+fn guesses(source: &Source, value: Value<'_>, faults: &mut Collector) -> Vec<(Option<SiteKind>, Expression)> {
+    let mut list = Vec::new();
+    let mut take = |on: Option<SiteKind>, value: Value<'_>, faults: &mut Collector| match value.get_ref().as_array() {
+        Some(items) => list.extend(items.iter().filter_map(|it| expression(source, it, faults)).map(|it| (on, it))),
+        None => list.extend(expression(source, value, faults).map(|it| (on, it))),
+    };
+    if value.get_ref().as_table().is_none() {
+        take(None, value, faults);
+    } else if let Some(table) = TableReader::of(source, value, "`guess`", faults) {
+        for (name, place, value) in table.entries() {
+            if let Some(kind) = kind_of(source, name, place, faults) {
+                take(Some(kind), value, faults);
+            }
+        }
+    }
+    list
 }
 
 fn helper(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector) -> Option<Helper> {

@@ -63,7 +63,7 @@ impl Effect {
         for number in self.numbers_on(kind).filter(|it| it.default.is_none()) {
             let mut longer = Vec::new();
             for (numbers, known) in open {
-                for guess in &number.guesses {
+                for (_, guess) in number.guesses.iter().filter(|it| it.0.is_none_or(|on| on == kind)) {
                     let value = self.number(&mut scratch, guess, &known)?;
                     let value = if number.is_whole { value.round() } else { value };
                     let (mut numbers, mut known): (Vec<(String, f64)>, _) = (Vec::clone(&numbers), known.clone());

@@ -13,7 +13,7 @@ use crate::parameters::Parameters;
 use crate::quantity::Bound;
 
 /// A number may be so many times as large as the largest first guess of it: guesses span what is usual.
-const TIMES_THE_GUESS: f64 = 10.0;
+const TIMES_THE_GUESS: f64 = 100.0;
 
 /// Resonances at which a search begins, as shares of the sample rate: from a slow swing to what the samples just show.
 const SHARES: [f64; 4] = [0.01, 0.025, 0.06, 0.2];

@@ -63,9 +63,9 @@ fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
     more.extend(effort.map(|it| ("effort_scale", it)));
     more.extend(first(&["speed", "rate", "road_speed"]).map(|it| ("speed_scale", it)));
     more.extend(first(&["position", "twist", "level", "temperature"]).map(|it| ("position_scale", it)));
-    if let (Some(current), Some(resistance)) = (of("currents"), of("resistance")) {
-        more.push(("loss_scale", resistance * current * current));
-        more.push(("position_scale", current));
+    if let Some(current) = of("currents") {
+        more.extend([("reading_scale", current), ("position_scale", current)]);
+        more.extend(of("resistance").map(|it| ("loss_scale", it * current * current)));
     }
     if let Some(voltage) = of("voltages") {
         more.push(("input_scale", voltage));
