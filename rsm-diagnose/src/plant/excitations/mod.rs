@@ -6,13 +6,14 @@
 
 mod axis;
 mod driveline;
+mod inputs;
 mod motor;
 mod shapes;
 
 use super::levenberg::Fit;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
-use rsm_sim::kind::PlantKind;
+use rsm_sim::kind::{Decision, PlantKind};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 use rsm_sim::simulate::{Outputs, Simulator};
@@ -47,6 +48,12 @@ pub struct Limits {
     pub acceleration: f64,
     /// Gears of a car in the records.
     pub gears: Vec<usize>,
+    /// Lowest and highest value of each input of a plant of equations in the records.
+    pub inputs: Vec<[f64; 2]>,
+    /// By output of a plant of equations, its first reading in the first record that holds it.
+    pub starts: Vec<Option<f64>>,
+    /// What the first record decides of the parameters of a plant of equations.
+    pub settings: Vec<(&'static str, f64)>,
 }
 
 /// A motion may leave what was seen by so much of the range: models differ, and a step of noise is no damage.
@@ -72,7 +79,16 @@ impl Limits {
             speed: 0.0,
             acceleration: 0.0,
             gears: Vec::new(),
+            inputs: Vec::new(),
+            starts: Vec::new(),
+            settings: first.record.settings.clone(),
         };
+        if let PlantKind::Equations(plant) = fit.model.file.kind {
+            limits.inputs = vec![[f64::INFINITY, f64::NEG_INFINITY]; plant.inputs.len()];
+            let first =
+                |output: usize| whitened.records.iter().find_map(|it| it.record.measured[output].as_ref()?.first().copied());
+            limits.starts = (0..plant.outputs.len()).map(first).collect();
+        }
         for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
             let record = &prepared.record;
             for (output, values) in prepared.outputs.iter().zip(simulated) {
@@ -81,7 +97,12 @@ impl Limits {
             match fit.model.file.kind {
                 PlantKind::Pmac => limits.load = around(limits.load, &record.inputs[2]),
                 PlantKind::Driveline if !limits.gears.contains(&record.gear) => limits.gears.push(record.gear),
-                PlantKind::Driveline | PlantKind::Equations(_) => {}
+                PlantKind::Driveline => {}
+                PlantKind::Equations(_) => {
+                    for (range, values) in limits.inputs.iter_mut().zip(&record.inputs) {
+                        *range = around(*range, values);
+                    }
+                }
                 PlantKind::ServoAxis => {
                     // The axis follows its reference but for its overshoot; without one the motion itself says how fast it went.
                     let path = match record.drive {
@@ -159,7 +180,7 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: 
         inputs,
         gear,
         angle: None,
-        settings: Vec::new(),
+        settings: limits.settings.clone(),
         breaks: Vec::new(),
         measured: vec![Some(vec![0.0]); OUTPUTS],
     }
@@ -173,7 +194,7 @@ pub fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
         PlantKind::Pmac => motor::library(believed, limits),
         PlantKind::Driveline => driveline::library(believed, limits),
         PlantKind::ServoAxis => axis::library(believed, limits),
-        PlantKind::Equations(_) => Vec::new(),
+        PlantKind::Equations(_) => inputs::library(believed, limits),
     }
 }
 
@@ -222,6 +243,11 @@ pub fn csv(plant: &PlantFile, excitation: &Excitation) -> String {
     if plant.kind == PlantKind::Driveline {
         columns.push((Signal { name: "gear", unit: "1" }, &gears));
     }
+    let settings: Vec<(Signal, Vec<f64>)> = match plant.kind {
+        PlantKind::Equations(kind) => kind.decisions.iter().filter_map(|it| setting(it, record)).collect(),
+        _ => Vec::new(),
+    };
+    columns.extend(settings.iter().map(|(signal, values)| (*signal, values.as_slice())));
     for (signal, values) in plant.kind.outputs().iter().zip(&record.measured) {
         if let Some(values) = values
             && !columns.iter().any(|(there, _)| there == signal)
@@ -235,6 +261,12 @@ pub fn csv(plant: &PlantFile, excitation: &Excitation) -> String {
         excitation.words,
         rsm_sim::record::csv(&columns)
     )
+}
+
+/// The column that decides a parameter of a plant of equations, where a column does.
+fn setting(decision: &Decision, record: &Record) -> Option<(rsm_sim::kind::Signal, Vec<f64>)> {
+    let (_, value) = record.settings.iter().find(|it| it.0 == decision.parameter)?;
+    Some((rsm_sim::kind::Signal { name: decision.column?, unit: "1" }, vec![*value; record.rows()]))
 }
 
 /// The predicted outputs of a record in the order of its outputs.
