@@ -94,7 +94,7 @@ fn a_plant_that_is_right_has_no_discrepancy() {
 fn every_effect_of_every_place_has_a_first_guess() {
     for name in ["gear-motor", "coupled-tanks", "road-vehicle", "heated-block", "two-mass-drive", "quadrotor-pitch"] {
         let file = plant(name);
-        let record = Record::read(&source(name, "record.csv"), &file).unwrap().piece(0..600);
+        let record = Record::read(&source(name, "record.csv"), &file).unwrap().piece(0..1000);
         let options = Options { threads: 2, progress: &|_| {} };
         let ready = Ready::of(&file, &[record], &[], HeavyTails::LeftAlone, &options).unwrap();
         let outputs: Vec<usize> = (0..file.kind.outputs().len()).collect();

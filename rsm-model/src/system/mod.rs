@@ -287,11 +287,26 @@ impl System {
         self.values.get(&symbol).copied().unwrap_or_else(|| self.flat.pool.symbol(symbol))
     }
 
-    /// An expression of the equations in known symbols.
+    /// An expression of the equations in known symbols: constants, and parameters that follow from others, are what the text says of them.
     pub fn expressed(&mut self, id: Id) -> Id {
-        let symbols = self.flat.pool.symbols(id);
-        let values = symbols.into_iter().map(|symbol| (symbol, self.value(symbol))).collect();
-        Replacement::new(values).of(&mut self.flat.pool, id)
+        let free = self.parameters();
+        let mut id = id;
+        loop {
+            let symbols = self.flat.pool.symbols(id);
+            let mut values = HashMap::new();
+            for symbol in symbols {
+                let variable = self.flat.variable(symbol);
+                let follows = matches!(variable.role, Role::Constant | Role::Parameter) && !free.contains(&symbol);
+                let value = if follows { variable.value } else { Some(self.value(symbol)) };
+                values.extend(value.map(|value| (symbol, value)));
+            }
+            let next = Replacement::new(values).of(&mut self.flat.pool, id);
+            // Constants follow from others in no circle: the reader of texts sees to that.
+            if next == id {
+                return id;
+            }
+            id = next;
+        }
     }
 
     /// The state that a variable is: the state itself, or one that it is equal or opposite to.
