@@ -36,7 +36,7 @@ impl Kept {
         *self = Kept { parts, ..Kept::default() };
     }
 
-    fn tick(&mut self) -> u64 {
+    pub(super) fn tick(&mut self) -> u64 {
         self.clock += 1;
         self.clock
     }

@@ -451,6 +451,7 @@ impl Walk<'_, 1> {
     /// Ends a step where the first comparison changes in it: between two shares.
     fn locate(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, bracket: (f64, f64)) -> Result<(), Stopped> {
         let (mut before, mut after) = bracket;
+        self.is_locating = true;
         for _ in 0..HALVINGS {
             let middle = 0.5 * (before + after);
             let instant = now + middle * taken;
@@ -463,7 +464,9 @@ impl Walk<'_, 1> {
                 None => break,
             }
         }
-        self.inside(way, (now, h), taken, after).map(|_| ()).ok_or(Stopped::TooManySteps { row: self.row })
+        let placed = self.inside(way, (now, h), taken, after);
+        self.is_locating = false;
+        placed.map(|_| ()).ok_or(Stopped::TooManySteps { row: self.row })
     }
 }
 

@@ -20,6 +20,9 @@ pub(super) const TAKEN: u64 = 8;
 /// More than what is allowed, where rounding leaves 1 of the quotient.
 const ABOVE: f64 = 1.0 + f64::EPSILON;
 
+/// Shares of a step at which comparisons of every lane are looked at.
+const GRID: f64 = 8.0;
+
 /// How a step went.
 pub(super) enum Attempt {
     /// Its length, its level, what it suggests.
@@ -126,7 +129,10 @@ impl<const L: usize> Walk<'_, L> {
         let mut anchor = if self.anchors[lane].share <= share { self.anchors[lane] } else { Anchor::START };
         part.within(level, (anchor.share, share), [&rates[..n], &a[..n], &end[..n]], &mut anchor.moved[..n]);
         anchor.share = share;
-        self.anchors[lane] = anchor;
+        // What is remembered does not depend on where the comparisons of other lanes are looked at.
+        if self.is_locating || (share * GRID).fract() == 0.0 {
+            self.anchors[lane] = anchor;
+        }
         let layout = self.programs.layout;
         for k in 0..n {
             self.slots[layout.states as usize + k][lane] = self.before[k][lane] + anchor.moved[k];
@@ -232,19 +238,25 @@ impl Walk<'_, 1> {
         let n = self.programs.counts.states;
         let kept = &mut self.kept[0];
         if kept.has_failed && level == 0 {
-            // The same step would end in the same way.
+            // The same step would end in the same way, and cost as much.
+            kept.cost += 1;
             return Ok(if self.take(segment.length, true) { Attempt::Again } else { Attempt::None });
         }
         kept.cost += 1;
-        let part = &mut kept.parts[place];
-        if part.chain.levels() < level + 2 && !part.chain.take(n, &part.linear, part.length, level + 6) {
-            return Ok(Attempt::None);
+        if kept.parts[place].chain.levels() < level + 2 {
+            // More halvings round in another way: these are other matrices.
+            let version = kept.tick();
+            let part = &mut kept.parts[place];
+            part.version = version;
+            if !part.chain.take(n, &part.linear, part.length, level + 6) {
+                return Ok(Attempt::None);
+            }
         }
         self.load(0, place, level);
         let h = self.kept[0].parts[place].length_of(level);
         let is_last = index + 1 == 1 << level;
         let taken = if is_last { rest } else { h };
-        self.slots[self.programs.layout.step as usize] = [h];
+        self.slots[self.programs.layout.step as usize] = [taken];
         self.anchors[0] = Anchor::START;
         if !self.exponential_step() {
             return Ok(Attempt::None);
@@ -256,7 +268,8 @@ impl Walk<'_, 1> {
             (self.kept[0].is_fresh, self.kept[0].has_failed) = (false, false);
             self.segment = Some(Segment { index: index + 1, ..segment });
             let grows = level > 0 && size < SMALL;
-            return Ok(Attempt::Taken(taken, level, if grows { 2.0 * h } else { h }));
+            let suggestion = if grows { 2.0 * h } else { h };
+            return Ok(Attempt::Taken(taken, level, if level == 0 { taken } else { suggestion }));
         }
         if self.kept[0].is_fresh {
             self.suggestion = [if size > 256.0 { 0.25 * h } else { 0.5 * h }];

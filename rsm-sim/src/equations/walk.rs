@@ -42,6 +42,8 @@ pub(super) struct Walk<'m, const L: usize> {
     pub patterns: Vec<[f64; L]>,
     pub anchors: Vec<Anchor>,
     pub segment: Option<Segment>,
+    /// Whether an event is being located.
+    pub is_locating: bool,
     pub row: usize,
 }
 
@@ -81,6 +83,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             patterns: vec![[0.0; L]; programs.counts.held],
             anchors: vec![Anchor::START; L],
             segment: None,
+            is_locating: false,
             row: 0,
             machine,
             programs,
