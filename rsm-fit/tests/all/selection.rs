@@ -344,3 +344,27 @@ fn study_of_methods_over_random_surfaces() {
         );
     }
 }
+
+#[test]
+#[ignore = "a minute: prints times, no assertion; cargo test -p rsm-fit --release --test all -- --ignored --nocapture large"]
+fn times_of_a_large_choice() {
+    // 495 candidates, 2,000 rows, a fifth of the spread is noise.
+    let mut random = Random::new(1);
+    let truth = Truth::random(8, 2, 0.2, &mut random);
+    let data = truth.rows(2000, &mut random);
+    for (name, select) in [
+        ("ladder 99.9", Select::ladder(4, 99.9)),
+        ("ladder 95", Select::ladder(4, 95.0)),
+        ("stepwise", Select::stepwise(4)),
+        ("lasso", Select::lasso(4)),
+    ] {
+        let begin = Instant::now();
+        let outcome = truth.fit(data.clone()).select(select).fit().unwrap();
+        let (seconds, terms) = (begin.elapsed().as_secs_f64(), powers(&outcome).len());
+        println!(
+            "{name}: {seconds:.1} s, {terms} terms, told {:?}, true {:.4}",
+            told(&outcome),
+            truth.error_of(&outcome, 2000, &mut random)
+        );
+    }
+}
