@@ -181,7 +181,11 @@ impl Paper {
     /// The three numbers at the head of the report: the error of each surface, and what the loop in real time missed.
     pub fn numbers(&self) -> [Number; 3] {
         let told = |key: &str, of: &str, unit: &str, from: &str| {
-            let value = self.value(key).map_or("not measured".to_string(), |value| format!("{}{unit}", known(value, 0.0)));
+            let value = self.value(key).map_or("not measured".to_string(), |value| {
+                // A count has no decimals.
+                let figures = if value.fract() == 0.0 { short(value) } else { known(value, 0.0) };
+                figures + unit
+            });
             Number::new(of, value, from)
         };
         [
