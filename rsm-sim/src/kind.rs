@@ -28,8 +28,10 @@ pub struct Described {
     pub inputs: Vec<Signal>,
     /// The outputs, in the order of the text.
     pub outputs: Vec<Signal>,
-    /// What can say where a record starts, in the places of a [`StartValues`]: outputs that follow from states.
+    /// What can say where a record starts, in the places of a [`StartValues`]: outputs that follow from states, then states that are no outputs.
     pub starts: Vec<Signal>,
+    /// Their values where the text alone says them.
+    pub start_values: Vec<f64>,
     /// The numbers that may be set.
     pub parameters: Vec<Nominal>,
     /// Parameters that a record decides.
@@ -78,8 +80,11 @@ pub fn by_output<T: Copy>(first: &[T], further: T) -> [T; OUTPUTS] {
     std::array::from_fn(|output| first.get(output).copied().unwrap_or(further))
 }
 
+/// Numbers that say where a record starts, at most: outputs, and states that are none.
+pub const STARTS: usize = 24;
+
 /// A start of a simulation: a value for each of [`PlantKind::starts`], 0 beyond them.
-pub type StartValues = [f64; OUTPUTS];
+pub type StartValues = [f64; STARTS];
 
 const fn signal(name: &'static str, unit: &'static str) -> Signal {
     Signal { name, unit }

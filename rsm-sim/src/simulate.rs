@@ -314,10 +314,15 @@ pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
 pub fn start_of(file: &PlantFile, record: &Record, place: usize) -> Option<f64> {
     let name = file.kind.starts()[place].name;
     let initial = file.initial.iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
-    initial.or_else(|| match file.kind.output(name) {
+    let by_text = match file.kind {
+        PlantKind::Equations(kind) => kind.start_values.get(place).copied(),
+        _ => None,
+    };
+    let first = initial.or_else(|| match file.kind.output(name) {
         Some(output) => record.measured[output].as_ref().and_then(|values| values.first().copied()),
-        None => Some(0.0),
-    })
+        None => Some(by_text.unwrap_or(0.0)),
+    });
+    first.or(by_text)
 }
 
 /// A controller in the loop: from a row and the outputs as they are read there to the first input.

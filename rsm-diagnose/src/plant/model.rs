@@ -4,6 +4,7 @@
 
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
+use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::{PlantKind, StartValues};
 use rsm_sim::plant_file::PlantFile;
@@ -150,6 +151,10 @@ impl AtStart {
     }
 }
 
+fn is_of_equations(file: &PlantFile) -> bool {
+    matches!(file.kind, PlantKind::Equations(_))
+}
+
 /// The speed at which an axis begins, and its standard deviation.
 fn speed_of(record: &Record) -> Option<(f64, f64)> {
     speed_at_start(record.measured[0].as_deref().unwrap_or(&[]), record.period)
@@ -225,11 +230,20 @@ impl Model {
     /// Where a search of a start begins, what counts as a step of it, and what is known of it; `None` where it is known. An output begins near its first reading, which is one among all others.
     /// What no column holds is known where records begin steadily: an unknown that nothing holds would take up what a missing cause does to the whole record.
     fn begins(&self, record: &Record, place: usize, at: f64, sds: [f64; OUTPUTS]) -> Option<(f64, f64, Prior)> {
-        if let Some(output) = self.file.kind.output(self.file.kind.starts()[place].name) {
+        let name = self.file.kind.starts()[place].name;
+        let read =
+            self.file.kind.output(name).filter(|output| record.measured[*output].is_some() || !is_of_equations(&self.file));
+        if let Some(output) = read {
             return Some((at, sds[output], None));
         }
         if self.at_start == AtStart::Steady {
             return None;
+        }
+        if is_of_equations(&self.file) {
+            // Where the plant file says it, it is known. Else it may be as far off as the nominal plant ever is from 0.
+            let is_given = self.file.initial.iter().any(|(found, _)| *found == name);
+            let sd = equation_plant::start_scales(&self.file, record).get(place).copied().unwrap_or(0.0);
+            return (!is_given && sd > 0.0).then_some((at, 0.1 * sd, Some((at, sd))));
         }
         if self.file.kind == PlantKind::Driveline {
             let sd = driveline::start_scales(&self.file.parameters, record.gear)[place - FIRST_OFFSET];
@@ -282,7 +296,19 @@ impl Model {
     pub fn for_record(&self, record: usize, of: &Record) -> PlantFile {
         let mut file = self.file.clone();
         let start = self.starts[record];
-        file.initial = starting(of, file.kind).iter().map(|&place| (file.kind.starts()[place].name, start[place])).collect();
+        let places = starting(of, file.kind);
+        let is_read =
+            |place: usize| file.kind.output(file.kind.starts()[place].name).is_some_and(|it| of.measured[it].is_some());
+        // What no reading gives starts as the equations say, until it is an unknown.
+        let counts = |place: usize| !is_of_equations(&file) || self.at_start == AtStart::InMotion || is_read(place);
+        let initial =
+            places.into_iter().filter(|place| counts(*place)).map(|place| (file.kind.starts()[place].name, start[place]));
+        let mut initial: Vec<_> = initial.collect();
+        if is_of_equations(&file) {
+            initial
+                .extend(file.initial.iter().filter(|own| !initial.iter().any(|it| it.0 == own.0)).copied().collect::<Vec<_>>());
+        }
+        file.initial = initial;
         file
     }
 }

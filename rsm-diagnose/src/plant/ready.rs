@@ -95,7 +95,7 @@ impl Ready {
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
         }
         if under_way::shown(&whitened, &calibrated, &unseen) {
-            (options.progress)("a record begins in the middle of a motion: torque and twist are unknown there");
+            (options.progress)("a record begins in the middle of a motion: what no column shows of its start is unknown");
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, AtStart::InMotion)?;
         }
         let mut recorded = [&whitened, &unseen].map(Recorded::of);

@@ -44,7 +44,8 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
 /// Whether a record that is fitted, or one that is not, begins so.
 #[must_use]
 pub fn shown(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
-    if fit.model.file.kind != PlantKind::Driveline || fit.model.at_start == AtStart::InMotion {
+    let has_hidden = matches!(fit.model.file.kind, PlantKind::Driveline | PlantKind::Equations(_));
+    if !has_hidden || fit.model.at_start == AtStart::InMotion {
         return false;
     }
     let free = levenberg::fit(whitened, freed(whitened, &fit.model), STEPS);

@@ -26,7 +26,7 @@ use crate::equations::extended::Decides;
 use crate::equations::file::{EquationFile, Given};
 use crate::equations::signals::spelled;
 use crate::equations::{self, Machine};
-use crate::kind::{Decision, Described, OUTPUTS, PlantKind};
+use crate::kind::{Decision, Described, OUTPUTS, PlantKind, STARTS};
 use crate::parameters::{Parameters, VelocityFrom};
 use crate::plant_file::{Entry, PlantFile, Renamed};
 use crate::quantity::{Bound, Nominal, Signal};
@@ -111,7 +111,13 @@ pub fn read_with(
             Fault::whole_file(source.name(), what).help("declare those that nobody measures without `output`"),
         ));
     }
-    let starts = machine.first_readings()?.iter().map(|place| outputs[*place]).collect();
+    let mut starts: Vec<Signal> = machine.first_readings()?.iter().map(|place| outputs[*place]).collect();
+    let states = machine.states();
+    // A state behind the last place starts where the text says, always.
+    starts.extend(
+        states.iter().filter(|it| !outputs.iter().any(|output| output.name == it.0)).map(signal).take(STARTS - starts.len()),
+    );
+    let start_values = starts_of_text(&mut machine, &file, &starts);
     let places = file.places_of_effects()?;
     let decisions = decisions(&file);
     let value = |name: &str| {
@@ -125,6 +131,7 @@ pub fn read_with(
         inputs: machine.inputs().iter().map(signal).collect(),
         outputs,
         starts,
+        start_values,
         values: parameters.iter().map(|it| value(it.name).unwrap_or(f64::NAN)).collect(),
         parameters,
         decisions,
@@ -158,6 +165,23 @@ pub fn read_with(
         plant_file.effects.push(placed(kind, entry, at, source)?);
     }
     Ok(plant_file)
+}
+
+/// Where variables start by the text alone, with inputs of 0; 0 where it does not say.
+fn starts_of_text(machine: &mut Machine, file: &EquationFile, starts: &[Signal]) -> Vec<f64> {
+    let inputs = vec![0.0; machine.inputs().len()];
+    let Ok(point) = machine.start(file, 0.0, &inputs, &[]) else { return vec![0.0; starts.len()] };
+    let names = machine.states().into_iter().chain(machine.outputs()).map(|it| it.0);
+    let values: Vec<f64> = point.states.iter().copied().chain(machine.outputs_at(&point)).collect();
+    let all: Vec<(String, f64)> = names.zip(values).collect();
+    starts.iter().map(|it| all.iter().find(|(name, _)| name == it.name).map_or(0.0, |it| it.1)).collect()
+}
+
+/// How large each of the starts of a kind becomes along a record by a plant file; 0 where the plant cannot follow the record.
+#[must_use]
+pub fn start_scales(file: &PlantFile, record: &Record) -> Vec<f64> {
+    let PlantKind::Equations(kind) = file.kind else { return Vec::new() };
+    run::largest(kind, file, record).unwrap_or_else(|_| vec![0.0; kind.starts.len()])
 }
 
 /// Parameters that a record decides.

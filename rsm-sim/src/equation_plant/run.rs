@@ -12,7 +12,7 @@ use rsm_core::source::{Fault, Faults};
 use super::plant_of;
 use crate::effect::Subject;
 use crate::equations::file::{EquationFile, Given, of_rows};
-use crate::equations::{self, Inputs, Lane, Lanes, Machine, Point, Setting, Signals, Starts, Stopped};
+use crate::equations::{self, Inputs, Lane, Lanes, Machine, Point, Setting, Signals, Starts, Stopped, lanes};
 use crate::kind::Described;
 use crate::plant_file::{Entry, PlantFile};
 use crate::quantity::Signal;
@@ -20,6 +20,9 @@ use crate::record::Record;
 
 /// Steps that a run is said to take a row. The engine chooses its steps by their error; a row of a record takes one or a few.
 const STEPS_A_ROW: usize = 4;
+
+/// Rows of a record at which sizes are looked at, evenly spread.
+const ROWS: usize = 400;
 
 /// What is known of the models of a plant. It lives as long as its kind, and so do they.
 #[derive(Default)]
@@ -84,9 +87,32 @@ fn count(kind: &'static Described, holds: &[bool]) -> Vec<usize> {
     let place = |name: &str| kind.outputs.iter().position(|it| it.name == name);
     let file = &plant_of(kind).file;
     let Ok(mut machine) = Machine::new(file) else { return Vec::new() };
-    let counts = machine.readings_that_count(&|output| holds.get(output) == Some(&true)).unwrap_or_default();
-    let is_in = |signal: &Signal| place(signal.name).is_some_and(|k| counts.contains(&k));
+    let (counts, by_text) = machine.start_by(&|output| holds.get(output) == Some(&true)).unwrap_or_default();
+    let is_in = |signal: &Signal| match place(signal.name) {
+        Some(output) if counts.contains(&output) => true,
+        _ => by_text.iter().any(|it| it == signal.name),
+    };
     (0..kind.starts.len()).filter(|k| is_in(&kind.starts[*k])).collect()
+}
+
+/// How large each of the starts of a kind becomes along a record.
+pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<Vec<f64>, Faults> {
+    let bare = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
+    let whole = file_of(kind, &bare, record)?;
+    let mut machine = Machine::new(&whole)?;
+    let start = started(&whole, &mut machine, &file.initial, record)?;
+    let inputs = Inputs { time: &record.time, values: &record.inputs };
+    let points = lanes::points(&machine, start, inputs, Setting::default(), (record.rows() / ROWS).max(1));
+    let names: Vec<String> = machine.states().into_iter().chain(machine.outputs()).map(|it| it.0).collect();
+    let mut most = vec![0.0_f64; names.len()];
+    for point in &points {
+        let values = point.states.iter().copied().chain(machine.outputs_at(point));
+        for (most, value) in most.iter_mut().zip(values).filter(|(_, value)| value.is_finite()) {
+            *most = most.max(value.abs());
+        }
+    }
+    let of = |signal: &Signal| names.iter().position(|it| it == signal.name).map_or(0.0, |k| most[k]);
+    Ok(kind.starts.iter().map(of).collect())
 }
 
 /// The effects that change equations: another value of a parameter does not.

@@ -216,14 +216,14 @@ impl Machine {
     /// # Errors
     /// What the text demands of the start contradicts itself.
     pub fn first_readings(&mut self) -> Result<Vec<usize>, Faults> {
-        self.readings_that_count(&|_| true)
+        self.start_by(&|_| true).map(|it| it.0)
     }
 
-    /// The same of those that a record holds.
+    /// The same of those that a record holds, with the variables whose start is then that of the text.
     ///
     /// # Errors
     /// What the text demands of the start contradicts itself.
-    pub fn readings_that_count(&mut self, holds: &dyn Fn(usize) -> bool) -> Result<Vec<usize>, Faults> {
+    pub fn start_by(&mut self, holds: &dyn Fn(usize) -> bool) -> Result<(Vec<usize>, Vec<String>), Faults> {
         let held: Vec<(usize, Symbol)> = self
             .starting
             .iter()
@@ -232,7 +232,8 @@ impl Machine {
             .collect();
         let symbols: Vec<Symbol> = held.iter().map(|it| it.1).collect();
         let start = self.system.start(&[], &symbols)?;
-        Ok(held.into_iter().filter(|it| start.recorded.contains(&it.1)).map(|it| it.0).collect())
+        let by_text = start.used.iter().map(|it| self.system.name(*it).to_string()).collect();
+        Ok((held.into_iter().filter(|it| start.recorded.contains(&it.1)).map(|it| it.0).collect(), by_text))
     }
 
     /// Everything as tapes.
