@@ -280,7 +280,9 @@ mod tests {
         let (whitened, file) = slipping(140.0);
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let mut model = Model::nominal(&file, &records, by_output(&[0.5, 0.02, 0.05], 1.0));
-        model.starts = vec![by_output(&[0.0, 8.0], 0.0); 2];
+        let mut start = rsm_sim::kind::StartValues::default();
+        start[1] = 8.0;
+        model.starts = vec![start; 2];
         let ends = reach(&whitened, &model).unwrap();
         // The first push beyond the capacity is at 2 s in both records.
         assert!(ends.iter().all(|end| (200..260).contains(end)), "{ends:?}");

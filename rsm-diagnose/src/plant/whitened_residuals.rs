@@ -9,7 +9,10 @@ pub use super::prepared::Prepared;
 use super::tails::Tails;
 use crate::engine::columns::dot;
 use crate::engine::work::Count;
+use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::simulate::{Outputs, Simulator};
 use rsm_sim::threads::in_threads_with;
 
@@ -127,6 +130,35 @@ impl Pace {
     }
 }
 
+/// Jobs by the places of those that run side by side: plants of equations with the same effects at the same places, on one record. All others stand alone.
+fn side_by_side(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
+    let is_like = |one: &(usize, &Model), other: &(usize, &Model)| {
+        let (mut a, mut b) = (one.1.file.acting(), other.1.file.acting());
+        let is_one = |a: &Entry, b: &Entry| {
+            let names = |it: &Entry| it.arguments.numbers.iter().map(|it| it.0).collect::<Vec<_>>();
+            std::ptr::eq(a.description, b.description) && a.arguments.subject == b.arguments.subject && names(a) == names(b)
+        };
+        let is_alike = loop {
+            match (a.next(), b.next()) {
+                (None, None) => break true,
+                (Some(a), Some(b)) if is_one(a, b) => {}
+                _ => break false,
+            }
+        };
+        one.0 == other.0 && is_alike
+    };
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (place, job) in jobs.iter().enumerate() {
+        let of_equations = matches!(job.1.file.kind, PlantKind::Equations(_));
+        let fits = |group: &&mut Vec<usize>| group.len() < equation_plant::SIDE_BY_SIDE && is_like(&jobs[group[0]], job);
+        match groups.iter_mut().filter(|_| of_equations).find(fits) {
+            Some(group) => group.push(place),
+            None => groups.push(vec![place]),
+        }
+    }
+    groups
+}
+
 impl WhitenedResiduals {
     /// Of records, with nothing simulated yet.
     #[must_use]
@@ -143,7 +175,30 @@ impl WhitenedResiduals {
     /// Runs jobs on all threads; `None` where the numbers left no way on.
     #[must_use]
     pub fn simulate(&self, jobs: &[(usize, &Model)]) -> Vec<Option<Simulated>> {
-        in_threads_with(jobs, self.threads, |outputs, (record, model)| self.one(*record, model, outputs))
+        let groups = side_by_side(jobs);
+        let done = in_threads_with(&groups, self.threads, |outputs, group| self.group(jobs, group, outputs));
+        let mut answers: Vec<Option<Simulated>> = vec![None; jobs.len()];
+        for (place, answer) in groups.into_iter().flatten().zip(done.into_iter().flatten()) {
+            answers[place] = answer;
+        }
+        answers
+    }
+
+    /// Jobs on one record whose plants run side by side.
+    fn group(&self, jobs: &[(usize, &Model)], group: &[usize], outputs: &mut Outputs) -> Vec<Option<Simulated>> {
+        let first = jobs[group[0]];
+        let (PlantKind::Equations(kind), true) = (first.1.file.kind, group.len() > 1) else {
+            return group.iter().map(|place| self.one(jobs[*place].0, jobs[*place].1, outputs)).collect();
+        };
+        let prepared = &self.records[first.0];
+        let files: Vec<PlantFile> = group.iter().map(|place| jobs[*place].1.for_record(first.0, &prepared.record)).collect();
+        let found = equation_plant::together(kind, &files, &prepared.record);
+        self.pace.count.takes((group.len() * prepared.record.rows() * equation_plant::STEPS_A_ROW) as u64);
+        let shown = |values: Vec<Vec<f64>>| -> Option<Simulated> {
+            let shown: Simulated = prepared.outputs.iter().map(|output| values[*output].clone()).collect();
+            shown.iter().flatten().all(|value| value.is_finite()).then_some(shown)
+        };
+        found.into_iter().map(|values| values.and_then(shown)).collect()
     }
 
     fn one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<Simulated> {

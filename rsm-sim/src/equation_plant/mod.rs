@@ -8,19 +8,18 @@
 //!
 //! In: a plant file of format 2. Out: the same types that the plants in code have. No name of a plant or of an effect stands here.
 
-use std::cell::RefCell;
-use std::sync::{Arc, OnceLock};
-
 mod describe;
 mod run;
 mod scales;
+
+use std::cell::RefCell;
+use std::sync::{Arc, OnceLock};
 
 use rsm_core::source::{Fault, Faults, Source};
 use rsm_model::effects::{Catalogue, Place};
 use rsm_model::flat::Basic;
 
-use crate::effect::Arguments;
-use crate::effect::{Description, Role, Subject};
+use crate::effect::{Arguments, Description, Role, Subject};
 use crate::effects;
 use crate::equations::extended::Decides;
 use crate::equations::file::{EquationFile, Given};
@@ -32,8 +31,14 @@ use crate::plant_file::{Entry, PlantFile, Renamed};
 use crate::quantity::{Bound, Nominal, Signal};
 use crate::record::Record;
 
-pub use run::Run;
+pub use run::{Run, Values, together};
 pub use scales::scales;
+
+/// Plants that run side by side without a cost: as many as a register of the machine code holds.
+pub const SIDE_BY_SIDE: usize = crate::code::WIDE;
+
+/// Steps that a run is said to take a row: what limits of work count.
+pub const STEPS_A_ROW: usize = run::STEPS_A_ROW;
 
 /// A plant of equations, without effects.
 struct Plant {

@@ -19,7 +19,7 @@ use crate::quantity::Signal;
 use crate::record::Record;
 
 /// Steps that a run is said to take a row. The engine chooses its steps by their error; a row of a record takes one or a few.
-const STEPS_A_ROW: usize = 4;
+pub(super) const STEPS_A_ROW: usize = 4;
 
 /// Rows of a record at which sizes are looked at, evenly spread.
 const ROWS: usize = 400;
@@ -178,12 +178,85 @@ fn start_of(
     Ok(signals.start_from(&initial, machine))
 }
 
+impl Model {
+    /// Room and code for a run.
+    fn slot(&'static self) -> Slot {
+        let free = open(&self.slots).pop();
+        free.unwrap_or_else(|| Slot { machine: self.machine.clone(), lanes: Lanes::new(&self.machine) })
+    }
+
+    /// Gives a machine the numbers of a plant file. Out: where it starts along a record.
+    fn begin(
+        &self,
+        kind: &'static Described,
+        machine: &mut Machine,
+        file: &PlantFile,
+        record: &Record,
+    ) -> Result<Point, Faults> {
+        let parameters = file.effective_parameters();
+        for nominal in &kind.parameters {
+            let value = parameters.optional(nominal.name);
+            value.map_or(Ok(()), |value| machine.set(nominal.name, value))?;
+        }
+        for (place, entry) in in_equations(file).enumerate() {
+            for (number, value) in &entry.arguments.numbers {
+                if let Some(name) = self.file.parameter_of(place, number) {
+                    machine.set(name, *value)?;
+                }
+            }
+        }
+        let signals = first_row(record);
+        let (given, recorded) = start_of(machine, &file.initial, &signals, record)?;
+        let names = [&given, &recorded].map(|list| list.iter().map(|it| it.name.clone()).collect::<Vec<String>>());
+        let known = open(&self.starts).get(&names).cloned();
+        let starts = match known {
+            Some(starts) => starts,
+            None => {
+                let [given, recorded] = &names;
+                let starts = Arc::new(machine.starts(&self.file, given, recorded)?);
+                open(&self.starts).entry(names).or_insert(starts).clone()
+            }
+        };
+        let inputs: Vec<f64> = signals.inputs.iter().flatten().copied().collect();
+        let values: Vec<f64> = given.iter().chain(&recorded).map(|it| it.value).collect();
+        starts.at(machine, record.first_time(), &inputs, &values)
+    }
+}
+
+/// Every output at every row.
+pub type Values = Vec<Vec<f64>>;
+
+/// Plants with the same effects at the same places, and other numbers, along one record, side by side: each has the bits that it has alone. `None` where a plant cannot follow the record.
+///
+/// # Panics
+/// Never: all that stand side by side have one model.
+#[must_use]
+pub fn together(kind: &'static Described, files: &[PlantFile], record: &Record) -> Vec<Option<Values>> {
+    let mut done: Vec<Option<Values>> = vec![None; files.len()];
+    let Some(Ok(model)) = files.first().map(|file| plant_of(kind).models.of(kind, file, record)) else { return done };
+    let mut slot = model.slot();
+    let mut lanes = Vec::with_capacity(files.len());
+    for (place, file) in files.iter().enumerate() {
+        debug_assert!(plant_of(kind).models.of(kind, file, record).is_ok_and(|it| std::ptr::eq(it, model)));
+        if let Ok(start) = model.begin(kind, &mut slot.machine, file, record) {
+            lanes.push((place, Lane::new(&slot.machine, start)));
+        }
+    }
+    let (places, lanes): (Vec<usize>, Vec<Lane>) = lanes.into_iter().unzip();
+    let inputs = Inputs { time: &record.time, values: &record.inputs };
+    for (place, found) in places.into_iter().zip(slot.lanes.run(&lanes, inputs, Setting::default())) {
+        done[place] = found.ok();
+    }
+    open(&model.slots).push(slot);
+    done
+}
+
 /// A plant of equations, ready for a record.
 pub struct Run {
     kind: &'static Described,
     model: &'static Model,
     slot: Option<Slot>,
-    start: Point,
+    start: Option<Point>,
     rows: usize,
 }
 
@@ -194,37 +267,11 @@ impl Run {
     /// Effects that cannot stand together; a start that has no solution.
     pub fn new(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<Run, Faults> {
         let model = plant_of(kind).models.of(kind, file, record)?;
-        let free = open(&model.slots).pop();
-        let mut slot = free.unwrap_or_else(|| Slot { machine: model.machine.clone(), lanes: Lanes::new(&model.machine) });
-        let machine = &mut slot.machine;
-        let parameters = file.effective_parameters();
-        for nominal in &kind.parameters {
-            let value = parameters.optional(nominal.name);
-            value.map_or(Ok(()), |value| machine.set(nominal.name, value))?;
-        }
-        for (place, entry) in in_equations(file).enumerate() {
-            for (number, value) in &entry.arguments.numbers {
-                if let Some(name) = model.file.parameter_of(place, number) {
-                    machine.set(name, *value)?;
-                }
-            }
-        }
-        let signals = first_row(record);
-        let (given, recorded) = start_of(machine, &file.initial, &signals, record)?;
-        let names = [&given, &recorded].map(|list| list.iter().map(|it| it.name.clone()).collect::<Vec<String>>());
-        let known = open(&model.starts).get(&names).cloned();
-        let starts = match known {
-            Some(starts) => starts,
-            None => {
-                let [given, recorded] = &names;
-                let starts = Arc::new(machine.starts(&model.file, given, recorded)?);
-                open(&model.starts).entry(names).or_insert(starts).clone()
-            }
-        };
-        let inputs: Vec<f64> = signals.inputs.iter().flatten().copied().collect();
-        let values: Vec<f64> = given.iter().chain(&recorded).map(|it| it.value).collect();
-        let start = starts.at(machine, record.first_time(), &inputs, &values)?;
-        Ok(Run { kind, model, slot: Some(slot), start, rows: 0 })
+        let mut slot = model.slot();
+        let start = model.begin(kind, &mut slot.machine, file, record);
+        let mut run = Run { kind, model, slot: Some(slot), start: None, rows: 0 };
+        run.start = Some(start?);
+        Ok(run)
     }
 
     /// The outputs that it gives, in their order.
@@ -248,8 +295,8 @@ impl Run {
     /// Never: a run has its room until it is dropped.
     pub fn along(&mut self, record: &Record) -> Result<Vec<Vec<f64>>, Stopped> {
         self.rows = record.rows();
-        let slot = self.slot.as_mut().expect("room until it is dropped");
-        let lane = Lane::new(&slot.machine, self.start.clone());
+        let (slot, start) = self.slot.as_mut().zip(self.start.clone()).expect("room and a start until it is dropped");
+        let lane = Lane::new(&slot.machine, start);
         let inputs = Inputs { time: &record.time, values: &record.inputs };
         slot.lanes.run(&[lane], inputs, Setting::default()).remove(0)
     }
