@@ -19,6 +19,41 @@ fn a_diagnosis_without_a_record_or_of_a_surface_is_refused() {
     assert!(text(&surface.stderr).contains("is a plant file, whose records are given with --record"));
 }
 
+/// A plant that only a text describes: the cause says where it stands, and the folder that was written runs by itself.
+#[test]
+fn a_plant_of_equations_is_diagnosed_and_its_extended_file_runs() {
+    let here = folder();
+    let example = |name: &str| {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/plants/road-vehicle").join(name);
+        path.display().to_string()
+    };
+    let (plant, record, validation) = (example("plant.toml"), example("record.csv"), example("validation.csv"));
+    let words = ["diagnose", &plant, "--record", &record, "--validate", &validation, "--json", "--out", "found"];
+    let output = rsm(&words, here.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let found = json(&output);
+    let cause = &found["causes"][0];
+    assert_eq!((&found["verdict"], &cause["kind"], &cause["at"]), (&"explained".into(), &"headwind".into(), &"car".into()));
+    let page = std::fs::read_to_string(here.path().join("found/report.html")).unwrap();
+    assert!(page.contains("headwind"), "{page}");
+    let simulated = rsm(&["simulate", "found/extended.toml", "--record", &validation, "--out", "simulated.csv"], here.path());
+    assert_eq!(simulated.status.code(), Some(0), "{}", text(&simulated.stderr));
+    for (words, said) in [
+        (vec!["diagnose", &plant, "--record", &record, "--refit", "--out", "refitted"], "no experiment is designed"),
+        (vec!["diagnose", &example("road-vehicle.mo"), "--record", &record], "expected a plant file that names it"),
+        (vec!["diagnose", &plant, "--record", &record, "--effects", "nowhere"], "nowhere: cannot be read"),
+        (
+            vec!["diagnose", &shipped("pmac.toml"), "--record", &record, "--effects", "nowhere"],
+            "--effects: a plant file of format 1",
+        ),
+    ] {
+        let refused = rsm(&words, here.path());
+        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0), "{words:?}");
+        assert!(text(&refused.stderr).contains(said), "{}", text(&refused.stderr));
+    }
+    assert!(!here.path().join("refitted").exists());
+}
+
 /// What a diagnosis wrote is diagnosed again: nothing is left to find, and a claim that later records contradict is said.
 #[test]
 fn an_extended_plant_is_monitored() {

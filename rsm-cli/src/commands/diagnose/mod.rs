@@ -74,6 +74,12 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Outcome {
     let source = Source::read(&arguments.plant)?;
+    if arguments.plant.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
+        return Err(Refusal::new(format!(
+            "{}: found a text of equations, expected a plant file that names it (`format = 2`, `model = \"{0}\"`): tolerances, noise and sites stand there",
+            source.name()
+        )));
+    }
     if is_model(&source, arguments)? {
         return surface::run(&surface::Task {
             model: &source,

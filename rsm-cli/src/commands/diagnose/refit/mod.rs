@@ -50,9 +50,9 @@ pub struct Refitted {
 /// Whether there is a designed experiment for the plant; asked before any work.
 pub fn refuse(nominal: &PlantFile, truth: Option<&PlantFile>) -> Result<(), Refusal> {
     let found = nominal.kind.name();
-    if nominal.kind == PlantKind::ServoAxis {
+    if !matches!(nominal.kind, PlantKind::Pmac | PlantKind::Driveline) {
         return Err(Refusal::new(format!(
-            "--refit: found the plant \"{found}\", expected \"pmac\" (the bench) or \"driveline\" (the track): no experiment is designed for an axis"
+            "--refit: found the plant \"{found}\", expected \"pmac\" (the bench) or \"driveline\" (the track): no experiment is designed for another one"
         )));
     }
     match truth {
