@@ -289,7 +289,7 @@ fn a_refit_without_a_designed_experiment_is_refused_before_any_work() {
     assert_eq!((axis.status.code(), axis.stdout.len()), (Some(2), 0));
     let said = text(&axis.stderr);
     assert!(
-        said.contains("--refit: found the plant \"servo-axis\"") && said.contains("no experiment is designed for an axis"),
+        said.contains("--refit: found the plant \"servo-axis\"") && said.contains("no experiment is designed for another one"),
         "{said}"
     );
     let (motor, car) = (shipped("pmac.toml"), shipped("driveline.toml"));
