@@ -77,6 +77,7 @@ pub use rsm_fit::fit::{Outcome, fit};
 pub use rsm_fit::plan::{Alpha, Experiment, Factor, Plan};
 pub use rsm_fit::spec::{Constraint, Specification};
 pub use rsm_fit::{Fit, Input, Refused, Response, Select, Verdict};
+pub use rsm_sim::equation_plant;
 pub use rsm_sim::plant_file::PlantFile;
 pub use rsm_sim::record::Record;
 pub use rsm_sim::simulate::{Outputs, Simulator};
