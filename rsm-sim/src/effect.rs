@@ -174,6 +174,8 @@ pub struct Survey {
     pub nominal: f64,
     /// Sizes at the places of a plant of equations; empty elsewhere.
     pub scales: Vec<Scales>,
+    /// Parameters that the plant file calls exact by a tolerance of 0: none of them can be in error.
+    pub exact: Vec<&'static str>,
 }
 
 /// A force amplitude sin(2 pi q/pitch + phase) over the position of an axis.

@@ -70,6 +70,7 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
                     let is_counted = matches!(kind, PlantKind::Equations(_)) && nominal.bound == Bound::Count;
                     if runs
                         && !is_counted
+                        && !survey.exact.contains(&nominal.name)
                         && description.at.is_none_or(|at| at == nominal.name)
                         && !KNOWN.contains(&nominal.name)
                     {

@@ -122,6 +122,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         output: 0,
         nominal: 0.0,
         scales,
+        exact: fit.model.file.tolerance.iter().filter(|it| it.1 == 0.0).map(|it| it.0).collect(),
         parameters,
     }
 }

@@ -89,6 +89,23 @@ fn a_plant_that_is_right_has_no_discrepancy() {
     assert!(found.causes.is_empty());
 }
 
+#[test]
+fn a_number_that_the_file_calls_exact_is_no_hypothesis() {
+    let name = "road-vehicle";
+    let mut file = plant(name);
+    let record = Record::read(&source(name, "record.csv"), &file).unwrap().piece(0..600);
+    let errors = |file: &PlantFile| {
+        let options = Options { threads: 1, progress: &|_| {} };
+        let ready = Ready::of(file, std::slice::from_ref(&record), &[], HeavyTails::LeftAlone, &options).unwrap();
+        let all = hypotheses::all(file.kind, &ready.survey, &[0]);
+        all.iter().filter(|it| it.description.kind == "parameter-error").filter_map(|it| it.subject).collect::<Vec<_>>()
+    };
+    assert!(errors(&file).contains(&"drag_area"), "{:?}", errors(&file));
+    file.tolerance.retain(|it| it.0 != "drag_area");
+    file.tolerance.push(("drag_area", 0.0));
+    assert!(!errors(&file).contains(&"drag_area"));
+}
+
 /// Every effect that can stand on a plant is a hypothesis with a first guess: none is left out in silence.
 #[test]
 fn every_effect_of_every_place_has_a_first_guess() {

@@ -100,6 +100,7 @@ impl<'t> Given<'t> {
             waves: vec![Wave { amplitude: 5.0, pitch: 0.01, phase: 0.3 }, Wave { amplitude: 2.0, pitch: 0.02, phase: -1.0 }],
             quantum: of_outputs([None, self.word("quantum").map(number), None]),
             scales: Vec::new(),
+            exact: Vec::new(),
             gears: [false; 5],
             output: self.or("output", 0.0) as usize,
             nominal: self.or("nominal", 0.0),
