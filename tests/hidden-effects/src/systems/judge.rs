@@ -108,6 +108,17 @@ fn is_told(case: &Case, answer: &Value) -> bool {
     case.damage.as_ref().is_some_and(|damage| bench::is_told(damage, &names, answer))
 }
 
+/// Whether an answer tells every true cause as a finding about the data: a reading that ends at a value is clipped, whoever clips it.
+fn is_told_as_data(case: &Case, answer: &Value) -> bool {
+    let is_told = |cause: &Cause| {
+        let findings = answer["data"].as_array();
+        let clips =
+            |it: &&Value| it["channel"] == cause.at.as_str() && it["what"].as_str().is_some_and(|what| what.contains("clip"));
+        cause.kind == "sensor-limit" && findings.is_some_and(|list| list.iter().any(|it| clips(&it)))
+    };
+    !case.truth.causes.is_empty() && case.truth.causes.iter().all(is_told)
+}
+
 fn list(found: &[Found<'_>]) -> String {
     found.iter().map(|it| it.cause.name()).collect::<Vec<_>>().join(", ")
 }
@@ -124,6 +135,7 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
         }
         _ if case.truth.causes.is_empty() && case.truth.outside.is_empty() => verdict == "no-discrepancy" && found.is_empty(),
         Family::Outside => verdict == "unexplained",
+        _ if found.is_empty() && verdict == "no-discrepancy" && is_told_as_data(case, answer) => true,
         _ if verdict != "explained" => false,
         _ if is_named(case, &found) => true,
         _ => {
@@ -259,6 +271,18 @@ mod tests {
         assert!(!answer(this, "hangs at one value", json!([{ "kind": "leak", "at": "first_tank" }])));
         let fault = json!([{ "kind": "data-fault", "what": "stuck", "column": this, "rows": [1, 2] }]);
         assert!(judge(&case, &json!({ "verdict": "explained", "causes": fault })).right);
+        assert!(!judge(&case, &json!({ "verdict": "no-discrepancy", "causes": [] })).right);
+    }
+
+    #[test]
+    fn a_limit_of_a_sensor_may_be_told_as_clipped_rows_of_its_column() {
+        let case = case("gear-motor-sensor-limit");
+        let at = case.truth.causes[0].at.clone();
+        let right = |channel: &str, verdict: &str| {
+            let data = json!([{ "record": "train-1.csv", "channel": channel, "what": "clipped", "rows": [1, 2] }]);
+            judge(&case, &json!({ "verdict": verdict, "causes": [], "data": data })).right
+        };
+        assert!(right(&at, "no-discrepancy") && !right(&at, "unexplained") && !right("voltage", "no-discrepancy"));
         assert!(!judge(&case, &json!({ "verdict": "no-discrepancy", "causes": [] })).right);
     }
 
