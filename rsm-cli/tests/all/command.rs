@@ -233,6 +233,7 @@ fn fit_writes_a_model_that_every_other_command_reads() {
     assert_eq!(keys(&found), ["model", "responses"]);
     let response = &found["responses"]["i_d"];
     let expected = [
+        "analysis",
         "canonical",
         "confidence_c",
         "cross_validation",

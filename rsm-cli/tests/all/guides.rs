@@ -19,7 +19,7 @@ const PAGES: [(&str, &[&str]); 11] = [
     ("diagnose-surface.md", &["sh"]),
     ("embed-c.md", &["sh", "c", "c"]),
     ("embed-rust.md", &["rust,ignore", "rust,ignore", "rust,ignore", "rust"]),
-    ("fit.md", &["toml", "sh", "rust"]),
+    ("fit.md", &["toml", "sh", "rust", "rust"]),
     ("import.md", &["sh"]),
     ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
 ];

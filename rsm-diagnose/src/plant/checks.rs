@@ -30,6 +30,9 @@ const STAYS: usize = 4;
 /// A channel is judged noisy beside its longest run of equal readings where so many others are left.
 const ENOUGH_BESIDE: usize = 50;
 
+/// What a finding says of columns that stand under each other's headers.
+pub const SWAPPED: &str = "swapped with another column";
+
 /// What was found in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
@@ -37,7 +40,7 @@ pub struct Finding {
     pub record: String,
     /// The channel, "row" or "time".
     pub channel: String,
-    /// What it is: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block", "shifted".
+    /// What it is: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block", "shifted", "swapped with another column".
     pub what: &'static str,
     /// First and last row, from 0.
     pub rows: (usize, usize),

@@ -65,6 +65,7 @@ pub mod selection;
 pub mod share;
 pub mod spectrum;
 pub mod survey;
+mod swapped;
 pub mod tails;
 mod taming;
 pub mod tested;
@@ -175,6 +176,23 @@ pub fn diagnose(
 /// # Errors
 /// [`Refused`], when there is nothing to compare.
 pub fn diagnose_and_test(
+    file: &PlantFile,
+    training: &[Record],
+    validation: &[Record],
+    test: &[Record],
+    options: &Options<'_>,
+) -> Result<Diagnosis, Refused> {
+    let mut right = [training, validation, test].map(<[Record]>::to_vec);
+    let swapped: Vec<checks::Finding> =
+        right.iter_mut().flat_map(|records| swapped::put_right(file, records, options.threads)).collect();
+    let [training, validation, test] = &right;
+    let mut whole = in_units(file, training, validation, test, options)?;
+    whole.findings.splice(0..0, swapped);
+    Ok(whole)
+}
+
+/// Diagnoses a plant by records whose columns stand under their own headers.
+fn in_units(
     file: &PlantFile,
     training: &[Record],
     validation: &[Record],

@@ -304,6 +304,46 @@ fn calibrated(whitened: &WhitenedResiduals, file: &PlantFile) -> Option<(Fit, f6
     Some((fit, left))
 }
 
+/// By how much a plant misses a record: squared errors over squared spreads, the mean over the outputs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Misses {
+    /// The nominal plant.
+    pub at_once: f64,
+    /// The plant within its tolerances.
+    pub calibrated: f64,
+    /// The noise's part of that.
+    pub noise: f64,
+}
+
+impl Misses {
+    /// Whether a calibrated plant leaves hardly more than noise.
+    pub(super) fn is_noise(self) -> bool {
+        self.calibrated < NEAR_NOISE * self.noise
+    }
+}
+
+fn of_record(file: &PlantFile, record: &Record, threads: usize) -> WhitenedResiduals {
+    let some = [record.piece(0..ROWS.min(record.rows()))];
+    whitened(prepared(&some, &[], file), file, threads)
+}
+
+fn at_once(whitened: &WhitenedResiduals, file: &PlantFile) -> f64 {
+    let run = whitened.run(&model(whitened, file));
+    error(whitened, run.map(|run| whitened.residual(&run)).as_deref())
+}
+
+/// By how much a plant misses a record.
+pub(super) fn misses(file: &PlantFile, record: &Record, threads: usize) -> Misses {
+    let whitened = of_record(file, record, threads);
+    let calibrated = calibrated(&whitened, file).map_or(WRONG, |it| it.1);
+    Misses { at_once: at_once(&whitened, file), calibrated, noise: noise(&whitened) }
+}
+
+/// By how much the nominal plant misses it.
+pub(super) fn misses_at_once(file: &PlantFile, record: &Record, threads: usize) -> f64 {
+    at_once(&of_record(file, record, threads), file)
+}
+
 /// Columns of training records that are in another unit, one after another.
 #[must_use]
 pub fn look(file: &PlantFile, training: &[Record], threads: usize) -> Vec<(InUnit, PutRight)> {
@@ -370,10 +410,7 @@ fn next(
     if as_given < NEAR_NOISE * noise {
         return None;
     }
-    let plain = |whitened: &WhitenedResiduals| {
-        let run = whitened.run(&model(whitened, file));
-        error(whitened, run.map(|run| whitened.residual(&run)).as_deref())
-    };
+    let plain = |whitened: &WhitenedResiduals| at_once(whitened, file);
     let nominal = plain(&given);
     let taken = |it: &Candidate| before.iter().any(|one| one.which.names.iter().any(|name| it.which.names.contains(name)));
     let mut promising: Vec<(f64, &Candidate)> = Vec::new();

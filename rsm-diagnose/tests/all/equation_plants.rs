@@ -5,6 +5,7 @@
 use std::path::PathBuf;
 
 use rsm_core::source::Source;
+use rsm_diagnose::plant::checks::SWAPPED;
 use rsm_diagnose::plant::ready::{HeavyTails, Ready};
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose, hypotheses};
 use rsm_sim::equation_plant;
@@ -87,6 +88,26 @@ fn a_plant_that_is_right_has_no_discrepancy() {
     let found = diagnosed(name, &nominal);
     assert_eq!(found.verdict, Verdict::NoDiscrepancy);
     assert!(found.causes.is_empty());
+}
+
+#[test]
+fn columns_under_each_others_headers_are_told_and_put_right() {
+    let name = "coupled-tanks";
+    let file = plant(name);
+    let read = |csv: &str, swap: bool| {
+        let mut record = Record::read(&source(name, csv), &file).unwrap();
+        if swap {
+            record.measured.swap(0, 1);
+        }
+        record
+    };
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&file, &[read("record.csv", true)], &[read("validation.csv", false)], &options).unwrap();
+    let told: Vec<(&str, &str, &str)> =
+        found.findings.iter().map(|it| (it.record.as_str(), it.channel.as_str(), it.what)).collect();
+    // The validation record was in order.
+    assert_eq!(told, [("record.csv", "level_1", SWAPPED), ("record.csv", "level_2", SWAPPED)]);
+    assert_eq!((found.verdict, found.causes[0].kind), (Verdict::Explained, "leak"));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! In: a diagnosis. Out: sentences with its numbers. Decides nothing.
 
 use rsm_diagnose::plant::bridges::Bridged;
+use rsm_diagnose::plant::checks::SWAPPED;
 use rsm_diagnose::plant::claims::Claim;
 use rsm_diagnose::plant::correction::Offer;
 use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
@@ -211,7 +212,8 @@ pub fn claim(it: &Claim) -> String {
 pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for it in &found.findings {
         let rows = (it.rows.0 + 1, it.rows.1 + 1);
-        tell!("{}: data rows {} to {}: {} {}, left out", it.record, rows.0, rows.1, it.channel, it.what);
+        let done = if it.what == SWAPPED { "put right here" } else { "left out" };
+        tell!("{}: data rows {} to {}: {} {}, {done}", it.record, rows.0, rows.1, it.channel, it.what);
     }
     for (output, low, high) in &found.growing {
         let name = kind.outputs()[*output].name;

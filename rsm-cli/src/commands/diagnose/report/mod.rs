@@ -141,7 +141,7 @@ fn data(body: &mut String, found: &Diagnosis) {
         body.push_str("<p>The data are in order: no channel hangs, is clipped or jumps, no row stands twice.</p>\n");
         return;
     }
-    body.push_str("<p><b>What is wrong with the data.</b> These rows are left out of every figure below; mend the measurement first.</p>\n<table><tr><th>record</th><th>channel</th><th>what</th><th>data rows</th></tr>\n");
+    body.push_str("<p><b>What is wrong with the data.</b> These rows are left out of every figure below, and swapped columns are put right; mend the measurement first.</p>\n<table><tr><th>record</th><th>channel</th><th>what</th><th>data rows</th></tr>\n");
     for it in &found.findings {
         let _ = writeln!(
             body,

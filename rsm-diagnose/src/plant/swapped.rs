@@ -1,0 +1,101 @@
+//! Columns that stand under each other's headers.
+//!
+//! In: the nominal plant, a record. Out: the pair of outputs, or of inputs, whose exchange makes the record follow the plant. Each record is asked by itself: one logger may have been set up wrong.
+//! Nothing is decided where the plant follows the record as it is, or where an exchange leaves more than a fifth of what is wrong: then it is a cause's to explain.
+
+use super::checks::{Finding, SWAPPED};
+use super::units;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::{Drive, Record};
+
+/// An exchange leaves this share of the squared error at most, noise set apart: what is exchanged and otherwise in order leaves hardly anything.
+const LEAVES: f64 = 0.2;
+
+/// And no more than this share of the squared spread: more is no plant that the record is of.
+const FOLLOWS: f64 = 0.5;
+
+/// Exchanges that are calibrated.
+const CALIBRATED: usize = 2;
+
+/// Two columns that are exchanged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pair {
+    Outputs(usize, usize),
+    Inputs(usize, usize),
+}
+
+impl Pair {
+    /// The record with the two exchanged.
+    fn exchanged(self, record: &Record) -> Record {
+        let mut record = record.clone();
+        match self {
+            Pair::Outputs(a, b) => record.measured.swap(a, b),
+            Pair::Inputs(a, b) => record.inputs.swap(a, b),
+        }
+        record
+    }
+
+    fn names(self, file: &PlantFile, record: &Record) -> [&'static str; 2] {
+        match self {
+            Pair::Outputs(a, b) => [a, b].map(|k| file.kind.outputs()[k].name),
+            Pair::Inputs(a, b) => [a, b].map(|k| rsm_sim::record::inputs(file.kind, record.drive)[k].name),
+        }
+    }
+}
+
+/// All pairs of columns that a record holds. A drive that makes an input of its own has no column for it.
+fn pairs(record: &Record) -> Vec<Pair> {
+    let outputs: Vec<usize> = (0..record.measured.len()).filter(|k| record.measured[*k].is_some()).collect();
+    let inputs: Vec<usize> = match record.drive {
+        Drive::Open | Drive::Inputs => (0..record.inputs.len()).filter(|k| !record.inputs[*k].is_empty()).collect(),
+        Drive::HoldsDirectCurrent | Drive::Closed => Vec::new(),
+    };
+    let each = |list: &[usize], make: fn(usize, usize) -> Pair| -> Vec<Pair> {
+        list.iter().enumerate().flat_map(|(k, a)| list[..k].iter().map(move |b| make(*b, *a))).collect()
+    };
+    [each(&outputs, Pair::Outputs), each(&inputs, Pair::Inputs)].concat()
+}
+
+/// The exchange that puts a record right, if one does.
+fn of_record(file: &PlantFile, record: &Record, threads: usize) -> Option<Pair> {
+    let pairs = pairs(record);
+    if pairs.is_empty() {
+        return None;
+    }
+    let as_given = units::misses(file, record, threads);
+    if as_given.is_noise() {
+        return None;
+    }
+    let mut promising: Vec<(f64, Pair)> =
+        pairs.into_iter().map(|pair| (units::misses_at_once(file, &pair.exchanged(record), threads), pair)).collect();
+    promising.retain(|it| it.0 < as_given.at_once);
+    promising.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let beyond = |left: f64| (left - as_given.noise).max(0.0);
+    let mut best: Option<(f64, Pair)> = None;
+    for (_, pair) in promising.into_iter().take(CALIBRATED) {
+        let left = units::misses(file, &pair.exchanged(record), threads).calibrated;
+        let is_right = beyond(left) < LEAVES * beyond(as_given.calibrated) && left < FOLLOWS;
+        if is_right && best.is_none_or(|it| left < it.0) {
+            best = Some((left, pair));
+        }
+    }
+    best.map(|it| it.1)
+}
+
+/// Puts records right whose columns are exchanged, and says so: a finding for each of the two columns.
+pub(super) fn put_right(file: &PlantFile, records: &mut [Record], threads: usize) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for record in records {
+        let Some(pair) = of_record(file, record, threads) else { continue };
+        for name in pair.names(file, record) {
+            findings.push(Finding {
+                record: record.file.clone(),
+                channel: name.to_string(),
+                what: SWAPPED,
+                rows: (0, record.rows().saturating_sub(1)),
+            });
+        }
+        *record = pair.exchanged(record);
+    }
+    findings
+}
