@@ -1,7 +1,7 @@
 //! Columns that stand under each other's headers.
 //!
 //! In: the nominal plant, a record. Out: the pair of outputs, or of inputs, whose exchange makes the record follow the plant. Each record is asked by itself: one logger may have been set up wrong.
-//! Nothing is decided where the plant follows the record as it is, or where an exchange leaves more than a fifth of what is wrong: then it is a cause's to explain.
+//! Nothing is decided where the record follows the plant as it is, or where an exchange leaves more than a fifth of what is wrong: then it is a cause's to explain.
 
 use super::checks::{Finding, SWAPPED};
 use super::units;
@@ -11,7 +11,7 @@ use rsm_sim::record::{Drive, Record};
 /// An exchange leaves this share of the squared error at most, noise set apart: what is exchanged and otherwise in order leaves hardly anything.
 const LEAVES: f64 = 0.2;
 
-/// And no more than this share of the squared spread: more is no plant that the record is of.
+/// And no more than this share of the squared spread, of which the record as it is misses more: what misses more does not follow the plant.
 const FOLLOWS: f64 = 0.5;
 
 /// Exchanges that are calibrated.
@@ -63,7 +63,8 @@ fn of_record(file: &PlantFile, record: &Record, threads: usize) -> Option<Pair> 
         return None;
     }
     let as_given = units::misses(file, record, threads);
-    if as_given.is_noise() {
+    // What follows the plant has its columns in their places: an exchange of signals misses by as much as they move.
+    if as_given.calibrated < FOLLOWS || as_given.is_noise() {
         return None;
     }
     let mut promising: Vec<(f64, Pair)> =
