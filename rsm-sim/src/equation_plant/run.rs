@@ -95,14 +95,24 @@ fn count(kind: &'static Described, holds: &[bool]) -> Vec<usize> {
     (0..kind.starts.len()).filter(|k| is_in(&kind.starts[*k])).collect()
 }
 
-/// How large each of the starts of a kind becomes along a record.
-pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<Vec<f64>, Faults> {
+/// The equations of a plant file without its effects, and where they stand at some rows of a record, evenly spread.
+pub(super) fn without_effects(
+    kind: &'static Described,
+    file: &PlantFile,
+    record: &Record,
+) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
     let bare = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
     let whole = file_of(kind, &bare, record)?;
     let mut machine = Machine::new(&whole)?;
     let start = started(&whole, &mut machine, &file.initial, record)?;
     let inputs = Inputs { time: &record.time, values: &record.inputs };
     let points = lanes::points(&machine, start, inputs, Setting::default(), (record.rows() / ROWS).max(1));
+    Ok((whole, machine, points))
+}
+
+/// How large each of the starts of a kind becomes along a record.
+pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<Vec<f64>, Faults> {
+    let (_, machine, points) = without_effects(kind, file, record)?;
     let names: Vec<String> = machine.states().into_iter().chain(machine.outputs()).map(|it| it.0).collect();
     let mut most = vec![0.0_f64; names.len()];
     for point in &points {
@@ -127,7 +137,7 @@ fn decided(record: &Record) -> Vec<Given> {
 }
 
 /// The equations of a plant file for a record, with its effects and numbers.
-pub(super) fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<EquationFile, Faults> {
+fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<EquationFile, Faults> {
     let parameters = file.effective_parameters();
     let numbers: Vec<Given> = kind
         .parameters
@@ -153,12 +163,7 @@ fn first_row(record: &Record) -> Signals {
 }
 
 /// A machine at its start along a record.
-pub(super) fn started(
-    file: &EquationFile,
-    machine: &mut Machine,
-    initial: &[(&str, f64)],
-    record: &Record,
-) -> Result<Point, Faults> {
+fn started(file: &EquationFile, machine: &mut Machine, initial: &[(&str, f64)], record: &Record) -> Result<Point, Faults> {
     let signals = first_row(record);
     let (given, recorded) = start_of(machine, initial, &signals, record)?;
     let inputs: Vec<f64> = signals.inputs.iter().flatten().copied().collect();

@@ -9,13 +9,9 @@ use rsm_model::system::System;
 
 use super::{plant_of, run};
 use crate::effect::Scales;
-use crate::equations::{Inputs, Machine, Setting, lanes};
 use crate::kind::PlantKind;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
-
-/// Rows of a record that are looked at, evenly spread.
-const ROWS: usize = 400;
 
 /// Sizes at each place of a plant of equations along records: roles of sites, and the scales that files of effects name. Records that the plant cannot follow are left out.
 ///
@@ -80,10 +76,7 @@ fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
 fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
     let PlantKind::Equations(kind) = file.kind else { return Ok(Vec::new()) };
     // Sites are those of the equations without effects, and so is what runs.
-    let bare = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let whole = run::file_of(kind, &bare, record)?;
-    let mut machine = Machine::new(&whole)?;
-    let start = run::started(&whole, &mut machine, &file.initial, record)?;
+    let (whole, machine, points) = run::without_effects(kind, file, record)?;
     let places = whole.places_of_effects()?;
     let mut system = System::new(&places.flat)?;
     let mut expressed = |list: &[Id]| -> Vec<Id> { list.iter().map(|id| system.expressed(*id)).collect() };
@@ -94,9 +87,6 @@ fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
         .map(|list| expressed(&list))
         .collect();
     let all: Vec<Id> = groups.iter().flatten().copied().collect();
-    let inputs = Inputs { time: &record.time, values: &record.inputs };
-    let every = (record.rows() / ROWS).max(1);
-    let points = lanes::points(&machine, start, inputs, Setting::default(), every);
     let mut largest = vec![0.0_f64; groups.len()];
     for values in machine.evaluated_at(&whole, &system, &all, &points)? {
         let mut rest = &values[..];
