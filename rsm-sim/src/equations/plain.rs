@@ -45,16 +45,7 @@ impl<const L: usize> Walk<'_, L> {
         if fits != [true; L] {
             return false;
         }
-        let (from, to) = (self.programs.end() as usize, layout.states as usize);
-        for k in 0..count {
-            let end = self.slots[from + k];
-            self.slots[to + k] = end;
-            let largest = &mut self.largest[k];
-            for lane in 0..L {
-                largest[lane] = largest[lane].max(end[lane].abs());
-            }
-        }
-        self.slots[layout.time as usize] = [end; L];
+        self.arrive(self.programs.end() as usize, end);
         for suggestion in &mut self.suggestion {
             *suggestion = suggestion.max(2.0 * rest);
         }

@@ -157,16 +157,7 @@ impl<const L: usize> Walk<'_, L> {
             (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].has_failed = true);
             return false;
         }
-        let (from, to) = (self.programs.block.end(), layout.states as usize);
-        for k in 0..self.programs.counts.states {
-            let end = self.slots[from + k];
-            self.slots[to + k] = end;
-            let largest = &mut self.largest[k];
-            for lane in 0..L {
-                largest[lane] = largest[lane].max(end[lane].abs());
-            }
-        }
-        self.slots[layout.time as usize] = [end; L];
+        self.arrive(self.programs.block.end(), end);
         self.suggestion.iter_mut().for_each(|it| *it = it.max(rest));
         true
     }

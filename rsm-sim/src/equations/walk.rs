@@ -139,6 +139,21 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.slots[self.programs.layout.time as usize][lane]
     }
 
+    /// Takes the states that a step has left in slots from here on, and the instant at its end, in all lanes.
+    pub(super) fn arrive(&mut self, from: usize, end: f64) {
+        let layout = self.layout();
+        let to = layout.states as usize;
+        for k in 0..self.programs.counts.states {
+            let state = self.slots[from + k];
+            self.slots[to + k] = state;
+            let largest = &mut self.largest[k];
+            for lane in 0..L {
+                largest[lane] = largest[lane].max(state[lane].abs());
+            }
+        }
+        self.slots[layout.time as usize] = [end; L];
+    }
+
     /// Where a lane stands.
     pub(super) fn point(&self, lane: usize) -> Point {
         let (layout, counts) = (self.layout(), self.programs.counts);
