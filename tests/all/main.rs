@@ -15,6 +15,7 @@ mod library;
 mod lowering;
 mod manifests;
 mod measured;
+mod measured_motor;
 mod names;
 mod object_code;
 mod plants_as_code;

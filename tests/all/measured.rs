@@ -1,6 +1,6 @@
 //! Real input through the whole chain: the measured flux map, fitted with its symmetry, emitted as f32 C, equal to the interpreter bit for bit.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rsm_core::check::Checked;
 use rsm_core::compile;
@@ -49,14 +49,20 @@ terms = [
 ]
 "#;
 
+/// The folder of the measured flux map, or `None` where it is not there: said loudly, and a failure in CI.
+pub fn flux_map() -> Option<PathBuf> {
+    let folder = cases::root().join("../shared/data/pmsyrm-flux-map");
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    assert!(std::env::var_os("CI").is_none(), "../shared/data/pmsyrm-flux-map is missing, and in CI this test must run");
+    rsm_tests::skipped("../shared/data/pmsyrm-flux-map is missing");
+    None
+}
+
 #[test]
 fn the_measured_flux_map_becomes_c_with_the_bits_of_the_interpreter() {
-    let folder = cases::root().join("../shared/data/pmsyrm-flux-map");
-    if !folder.is_dir() {
-        assert!(std::env::var_os("CI").is_none(), "../shared/data/pmsyrm-flux-map is missing, and in CI this test must run");
-        rsm_tests::skipped("../shared/data/pmsyrm-flux-map is missing");
-        return;
-    }
+    let Some(folder) = flux_map() else { return };
     let specification = Specification::from_source(Source::new("fit.toml", SPECIFICATION), folder).unwrap();
     let outcome = fit(&specification, &mut |_| {}).unwrap_or_else(|refused| panic!("{refused}"));
     for response in &outcome.responses {

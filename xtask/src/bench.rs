@@ -1,13 +1,20 @@
 //! `cargo xtask bench`: times the evaluators with criterion, counts their instructions, prints one table; then one of simulations and diagnoses.
 //!
 //! In: further words for criterion (a filter, `--quick`), or `simulation` for the second table alone (`--quick` leaves out the diagnoses). Out: the tables of the
-//! package rsm-bench, which holds all that is measured.
+//! package rsm-bench, which holds all that is measured. `loops`: instructions and flash of the control steps on an emulated Cortex-M4F, and errors and costs of the
+//! controllers of a measured motor; the tests that hold them to their budgets print them.
 
 use crate::stage::Run;
 use crate::workspace::cargo;
 
 /// Times, then prints the tables.
 pub(crate) fn run(words: &[&str]) -> bool {
+    if words == ["loops"] {
+        let tests = ["every_step_costs_the_same_for_every_input", "the_surfaces_err_and_cost"];
+        let mut loops = cargo(&["test", "--quiet", "--workspace", "--test", "across", "--"]);
+        loops.args(tests).arg("--nocapture");
+        return Run::new().command("loops", loops).finish();
+    }
     let mut simulation = cargo(&["run", "--quiet", "--release", "-p", "rsm-bench", "--bin", "simulation-table", "--"]);
     simulation.args(words.iter().filter(|word| **word == "--quick"));
     if words.first() == Some(&"simulation") {

@@ -137,16 +137,21 @@ impl Build {
         self.compile(&board.join("startup.c"), "startup");
         let script = format!("-T{}", board.join("mps2-an386.ld").display());
         self.link(program, &["-nostartfiles", "--specs=rdimon.specs", "-Wl,--gc-sections", &script, "startup.o"]);
-        let mut qemu = Command::new("qemu-system-arm");
-        qemu.args(["-machine", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-icount", "shift=6"]);
-        qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(self.folder.join(program));
-        lines(&mut qemu)
+        emulate(&self.folder.join(program))
     }
 
     /// An object file.
     pub fn object(&self, name: &str) -> PathBuf {
         self.folder.join(format!("{name}.o"))
     }
+}
+
+/// Runs a program on the emulated board: its lines.
+pub fn emulate(program: &Path) -> Vec<String> {
+    let mut qemu = Command::new("qemu-system-arm");
+    qemu.args(["-machine", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-icount", "shift=6"]);
+    qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(program);
+    lines(&mut qemu)
 }
 
 fn lines(command: &mut Command) -> Vec<String> {

@@ -1,6 +1,6 @@
 //! `targets/firmware`: the steps in C have the bits of the steps in Rust, on this host and on a Cortex-M4F, and cost the same for every input.
 
-mod builds;
+pub mod builds;
 mod faults;
 mod readme;
 mod rig;
@@ -283,6 +283,7 @@ fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
         let numbers: Vec<String> = numbers.iter().map(u32::to_string).collect();
         writeln!(text, "{name:<40} {}", numbers.join(" ")).expect("text");
     }
+    println!("{text}");
     if std::env::var_os("RSM_BLESS").is_some() {
         blessed("budget.txt", &text);
     }
