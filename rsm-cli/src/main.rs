@@ -31,7 +31,9 @@ use std::process::ExitCode;
 use clap::{CommandFactory as _, Parser, Subcommand};
 
 use commands::equations::{effects, inspect, linearise};
-use commands::{check, completions, demo, design, diagnose, emit, eval, experiment, fit, import, man, simulate};
+use commands::{
+    check, completions, cosim, demo, design, diagnose, emit, eval, experiment, federate, fit, import, man, simulate, stream,
+};
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
 #[derive(Parser)]
@@ -72,6 +74,12 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// The whole chain on shipped data: fit, check, emit, compile, compare bits, run the motor loop
     Demo(demo::Arguments),
+    /// Take part in a lock-step of several processes or hosts on HELICS: a side of a loop, a recorder, the broker
+    Federate(federate::Arguments),
+    /// Run a co-simulation by its scenario: broker and federates as processes, or the commands for each host
+    Cosim(cosim::Arguments),
+    /// Run a side of a loop against the wall clock, joined to the other by UDP: hardware in the loop
+    Stream(stream::Arguments),
     /// Print the completions of a shell
     Completions(completions::Arguments),
     /// Print the page of the manual, in roff
@@ -95,6 +103,9 @@ fn main() -> ExitCode {
         Command::Linearise(arguments) => linearise::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Federate(arguments) => federate::run(&arguments),
+        Command::Cosim(arguments) => cosim::run(&arguments),
+        Command::Stream(arguments) => stream::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments, Arguments::command()),
         Command::Man(arguments) => man::run(&arguments, Arguments::command()),
     };

@@ -41,6 +41,8 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "rsm-diagnose", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
     // The handful of types that a user of the library needs.
     Law { package: "rsm", ours: &["rsm-core", "rsm-fit", "rsm-sim", "rsm-diagnose"], aside: &[], outside: Some(&["nalgebra"]) },
+    // Between processes and hosts: it knows both loops, no mathematics of its own.
+    Law { package: "rsm-link", ours: &["host-loop", "host-runners", "rsm-core", "rsm-sim"], aside: &[], outside: None },
     Law {
         package: "rsm-cli",
         ours: &[
@@ -52,6 +54,7 @@ pub(super) const LAWS: &[Law] = &[
             "rsm-sim",
             "rsm-rigs",
             "rsm-diagnose",
+            "rsm-link",
             "host-loop",
             "host-runners",
             "motor-loop",

@@ -1,5 +1,5 @@
 //! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`, `cargo xtask mutants`, `cargo xtask fuzz`,
-//! `cargo xtask book`, `cargo xtask publish-check`.
+//! `cargo xtask federation`, `cargo xtask book`, `cargo xtask publish-check`.
 //!
 //! In: one word. Out: the exit status, 0 when everything held, 1 when a stage failed, 2 for a word it does not know. Runs cargo and
 //! the command `rsm`, and prints what it runs. Imports no crate, not even ours, so that it builds in a second on a machine that has only cargo.
@@ -7,8 +7,10 @@
 mod bench;
 mod bless;
 mod book;
+mod federation;
 mod fuzz;
 mod generated;
+mod helics;
 mod hidden_effects;
 mod mutants;
 mod packages;
@@ -37,6 +39,8 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
                             changes the meaning of the code place by place, and names the changes that no test of the package notices
        cargo xtask fuzz [--count INPUTS] [--seed N] [--subject NAME] [--input NUMBER]
                             feeds changed inputs to every reader and to the core of every subcommand; a million where no count is given
+       cargo xtask federation
+                            both loops between processes and hosts, a minute for each way and each fault, with figures; two hosts need root
        cargo xtask book     builds the book in docs/book and checks its links; installs mdbook below target/ where the search path has none
        cargo xtask publish-check
                             packs every library as `cargo publish` would, in order of dependence, and builds each from its package; uploads nothing";
@@ -51,6 +55,7 @@ fn main() -> ExitCode {
         ["hidden-effects", rest @ ..] => hidden_effects::run(rest),
         ["mutants", rest @ ..] => mutants::run(rest),
         ["fuzz", rest @ ..] => fuzz::run(rest),
+        ["federation"] => federation::run(),
         ["book"] => book::run(),
         ["publish-check"] => publish::run(),
         ["help" | "--help" | "-h"] => {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A program or file whose presence tells that a package is installed, and the package.
-const NEEDED: [(&str, &str); 18] = [
+const NEEDED: [(&str, &str); 19] = [
     ("gcc", "gcc"),
     ("clang", "clang"),
     ("valgrind", "valgrind"),
@@ -28,6 +28,8 @@ const NEEDED: [(&str, &str); 18] = [
     ("/usr/riscv64-linux-gnu/include/stdio.h", "libc6-dev-riscv64-cross"),
     ("s390x-linux-gnu-gcc", "gcc-s390x-linux-gnu"),
     ("/usr/s390x-linux-gnu/include/stdio.h", "libc6-dev-s390x-cross"),
+    // The wheel of HELICS.
+    ("pip3", "python3-pip"),
     // The pages of reports, opened and clicked through.
     ("chromium", "chromium"),
 ];

@@ -5,7 +5,7 @@
 
 use crate::stage::Run;
 use crate::workspace::cargo;
-use crate::{generated, hidden_effects, mutants, packages, publish};
+use crate::{generated, helics, hidden_effects, mutants, packages, publish};
 
 /// The libraries that must build without `std`, and the bare-metal machine to try first: a Cortex-M4F, what a motor drive has.
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
@@ -51,7 +51,12 @@ pub(crate) fn run() -> bool {
     run.check("packages", packages::ensure)
         .command("format", cargo(&["fmt", "--all", "--check"]))
         .command("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
-        .command("test", cargo(&["test", "--workspace", "--no-fail-fast"]))
+        .check("helics", helics::ensure)
+        .command("test", {
+            let mut test = cargo(&["test", "--workspace", "--no-fail-fast"]);
+            test.env("RSM_HELICS", helics::folder());
+            test
+        })
         .command("programs", programs())
         // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())

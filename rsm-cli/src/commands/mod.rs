@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod completions;
+pub mod cosim;
 pub mod demo;
 pub mod design;
 pub mod diagnose;
@@ -9,11 +10,13 @@ pub mod emit;
 pub mod equations;
 pub mod eval;
 pub mod experiment;
+pub mod federate;
 pub mod fit;
 pub mod import;
 pub mod limits;
 pub mod man;
 pub mod simulate;
+pub mod stream;
 
 use std::io::Read as _;
 use std::path::Path;

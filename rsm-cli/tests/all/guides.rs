@@ -8,7 +8,7 @@ const DATA: &str = "torque[N*m],speed[rpm],angle[deg]\n0,6500,14.1\n0,7500,34.8\
                     5,7000,25.8\n0,7000,24.7\n10,7000,32.2\n";
 
 /// The languages of the blocks of each page, in order. Who adds a block adds its test, here or where the comment says.
-const PAGES: [(&str, &[&str]); 11] = [
+const PAGES: [(&str, &[&str]); 12] = [
     // Its commands test the project itself: `the_commands_for_a_new_effect_exist`.
     ("add-effect.md", &["sh"]),
     ("constrain.md", &["toml"]),
@@ -19,6 +19,8 @@ const PAGES: [(&str, &[&str]); 11] = [
     ("diagnose-surface.md", &["sh"]),
     ("embed-c.md", &["sh", "c", "c"]),
     ("embed-rust.md", &["rust,ignore", "rust,ignore", "rust,ignore", "rust"]),
+    // `the_guide_to_federations_does_what_it_says`, without the installation; `the_guide_to_streams_does_what_it_says`.
+    ("federation.md", &["sh", "sh", "sh", "sh", "sh"]),
     ("fit.md", &["toml", "sh", "rust", "rust"]),
     ("import.md", &["sh"]),
     ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
@@ -307,4 +309,29 @@ fn the_commands_for_a_new_effect_exist() {
             _ => panic!("a command of another kind: {line}"),
         }
     }
+}
+
+#[test]
+fn the_guide_to_federations_does_what_it_says() {
+    let Some(helics) = crate::libhelics::helics("the guide to federations") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["motor.toml", "both-loops.toml", "two-hosts.toml"] {
+        std::fs::copy(of_the_project(&format!("examples/federation/{name}")), folder.path().join(name)).unwrap();
+    }
+    let set = format!("export RSM_HELICS={}\n", helics.display());
+    let told = run(&(set.clone() + &block("federation.md", 1)), folder.path());
+    assert!(told.contains("the records have the bits of one process"), "{told}");
+    let told = run(&block("federation.md", 2), folder.path());
+    assert!(told.contains("# on bench") && told.contains("# on controller"), "{told}");
+    let told = run(&(set + "rsm cosim both-loops.toml --out both --check"), folder.path());
+    assert!(told.contains("the records have the bits of one process"), "{told}");
+}
+
+#[test]
+fn the_guide_to_streams_does_what_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    run(&block("federation.md", 3), folder.path());
+    // Tests beside this one may keep the machine busy for longer than the buffer lasts: status 1 is an answer too.
+    let told = run(&block("federation.md", 4).replace("--out records\nwait", "--out records || true\nwait"), folder.path());
+    assert!(told.contains("motor: 3000 ticks, 3000 sent") && told.contains("controller: 3000 ticks, 3000 sent"), "{told}");
 }

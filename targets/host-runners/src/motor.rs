@@ -1,14 +1,15 @@
 //! The motor's two steps with the simulated drive behind them: in real time, and as fast as they go.
 //!
 //! In: the settings of the loop. Out: its report, what became of samples, and how the drive did. In real time the 1 kHz step runs in the loop's thread, and the
-//! inner step with inverter, motor and encoder in the plant's, as a drive has them on two processors: the inner one cannot wait for the outer.
+//! inner step with inverter, motor and encoder in the plant's, as a drive has them on two processors: the inner one cannot wait for the outer. [`ride`] and [`Outer`] are
+//! those two sides, for whoever joins them by something else than a ring: a federation, a network.
 
 use host_loop::{Report, Settings};
 use motor_loop::{
     Command, CurrentState, Demand, Drive, Measured, Motor, ReferenceState, References, Tuning, currents, references,
 };
 use rsm_core::source::Source;
-use rsm_rigs::motor::closed_loop::{self, ClosedLoop, Sensed, Task};
+use rsm_rigs::motor::closed_loop::{self, ClosedLoop, Row, Sensed, Task};
 use rsm_rigs::motor::controller::{self, Controller, Known};
 use rsm_rigs::motor::machine::Truth;
 use rsm_sim::plant_file::PlantFile;
@@ -114,22 +115,61 @@ impl Controller for Steps {
     }
 }
 
-/// The plant's thread: the outer step is elsewhere, the inner one here.
-struct Remote<'e, 'r> {
-    end: &'e mut PlantEnd<'r, 4, 2>,
+/// The outer step by itself: a sample comes from somewhere, its answer goes there.
+#[derive(Debug, Clone)]
+pub struct Outer {
+    drive: Drive,
+    state: ReferenceState,
+}
+
+impl Outer {
+    /// At rest, with the constants of the shipped motor.
+    #[must_use]
+    pub fn shipped() -> Self {
+        let plant = PlantFile::read(&Source::new("pmac.toml", PLANT)).expect("the shipped motor is a plant file");
+        Outer::new(&closed_loop::Drive::default().known(&plant))
+    }
+
+    fn new(known: &Known) -> Self {
+        Outer { drive: drive_of(known), state: ReferenceState::default() }
+    }
+
+    /// i_d and i_q, in A, for a sample: torque demand in N m, speed in rad/s, bus voltage in V, share of the voltage that the inner step wants.
+    pub fn answer(&mut self, [torque_nm, speed_rad_s, bus_voltage_v, share]: [f64; 4]) -> [f64; 2] {
+        let demand = demand_of(&controller::Demand { torque_nm, speed_rad_s, bus_voltage_v }, share as f32);
+        let References { i_d_a, i_q_a } = references(&mut self.state, &self.drive, &demand);
+        [i_d_a, i_q_a].map(f64::from)
+    }
+
+    /// How many samples were bad.
+    #[must_use]
+    pub fn bad_samples(&self) -> u32 {
+        self.state.bad.all
+    }
+}
+
+/// The plant's side: the outer step is elsewhere, the inner one here.
+struct Remote<E> {
+    exchange: E,
     steps: Steps,
     wanted: References,
     period_ns: u64,
     tick: u64,
+    ended: bool,
 }
 
-impl Controller for Remote<'_, '_> {
+impl<E: FnMut([f64; 4]) -> Option<[f64; 2]>> Controller for Remote<E> {
     fn references(&mut self, demand: &controller::Demand) -> controller::References {
         let controller::Demand { torque_nm, speed_rad_s, bus_voltage_v } = *demand;
         let speed = if crate::is_bad_sample(self.tick, self.period_ns) { f64::NAN } else { speed_rad_s };
         let share = f64::from(self.steps.inner.voltage_share);
-        let [i_d_a, i_q_a] = self.end.exchange([torque_nm, speed, bus_voltage_v, share]).map(|value| value as f32);
-        self.wanted = References { i_d_a, i_q_a };
+        match (self.exchange)([torque_nm, speed, bus_voltage_v, share]) {
+            Some(answer) => {
+                let [i_d_a, i_q_a] = answer.map(|value| value as f32);
+                self.wanted = References { i_d_a, i_q_a };
+            }
+            None => self.ended = true,
+        }
         self.tick += 1;
         shown(&self.wanted)
     }
@@ -175,12 +215,20 @@ pub struct Figures {
     pub most_weakening_a: f64,
 }
 
-/// Runs the shuttle for so many milliseconds under a controller.
-fn shuttle(plant: &mut ClosedLoop, controller: &mut impl Controller, ticks: u64) -> Figures {
+/// Runs the shuttle for so many milliseconds under a controller; `goes_on` sees every row, and ends the run.
+fn shuttle<C: Controller>(
+    plant: &mut ClosedLoop,
+    controller: &mut C,
+    ticks: u64,
+    mut goes_on: impl FnMut(&C, &Row) -> bool,
+) -> Figures {
     let mut task = Shuttle { up: true };
     let mut figures = Figures::default();
     for _ in 0..ticks {
         let Some(row) = plant.millisecond(controller, &mut task) else { break };
+        if !goes_on(controller, &row) {
+            break;
+        }
         figures.torque_error_nm += (row.torque - row.demand).abs() / ticks as f64;
         figures.highest_speed_rad_s = figures.highest_speed_rad_s.max(row.truth.speed);
         figures.longest_current_a = figures.longest_current_a.max(row.truth.i_d.hypot(row.truth.i_q));
@@ -189,10 +237,30 @@ fn shuttle(plant: &mut ClosedLoop, controller: &mut impl Controller, ticks: u64)
     figures
 }
 
-fn shipped() -> (ClosedLoop, Known) {
+fn shipped(load_inertia: f64) -> (ClosedLoop, Known) {
     let plant = PlantFile::read(&Source::new("pmac.toml", PLANT)).expect("the shipped motor is a plant file");
     let drive = closed_loop::Drive::default();
-    (ClosedLoop::new(&plant, &drive, 0.0, 0.0).expect("the shipped motor runs in a loop"), drive.known(&plant))
+    (ClosedLoop::new(&plant, &drive, load_inertia, 0.0).expect("the shipped motor runs in a loop"), drive.known(&plant))
+}
+
+/// The motor's side for so many milliseconds, with a load of this inertia (kg m^2) on its shaft: `exchange` takes what [`Outer::answer`] is told and gives what acts in the millisecond
+/// that begins, or `None` to end the run. `seen` gets every whole millisecond. One sample a second is bad on purpose.
+pub fn ride(
+    ticks: u64,
+    period_ns: u64,
+    load_inertia: f64,
+    exchange: impl FnMut([f64; 4]) -> Option<[f64; 2]>,
+    mut seen: impl FnMut(&Row),
+) -> Figures {
+    let (mut plant, known) = shipped(load_inertia);
+    let (steps, wanted) = (Steps::new(&known), References::default());
+    let mut remote = Remote { exchange, steps, wanted, period_ns, tick: 0, ended: false };
+    shuttle(&mut plant, &mut remote, ticks, |remote, row| {
+        if !remote.ended {
+            seen(row);
+        }
+        !remote.ended
+    })
 }
 
 /// What a run gave.
@@ -211,31 +279,21 @@ pub struct Run {
 /// Runs the loop in real time. A tick is a millisecond for the plant, whatever the rate.
 #[must_use]
 pub fn run(settings: &Settings) -> Run {
-    let (mut plant, known) = shipped();
     let (ticks, period_ns) = (settings.ticks, settings.period_ns);
-    let drive = drive_of(&known);
-    let mut outer = ReferenceState::default();
-    let plant_side = |end: &mut PlantEnd<'_, 4, 2>| {
-        let mut remote = Remote { end, steps: Steps::new(&known), wanted: References::default(), period_ns, tick: 0 };
-        shuttle(&mut plant, &mut remote, ticks)
-    };
-    let (report, exchange, figures) =
-        exchange::run(settings, [0.0; 2], plant_side, |[torque_nm, speed_rad_s, bus_voltage_v, share]| {
-            let demand = demand_of(&controller::Demand { torque_nm, speed_rad_s, bus_voltage_v }, share as f32);
-            let References { i_d_a, i_q_a } = references(&mut outer, &drive, &demand);
-            [i_d_a, i_q_a].map(f64::from)
-        });
-    Run { report, exchange, bad_samples: outer.bad.all, figures }
+    let mut outer = Outer::shipped();
+    let plant = |end: &mut PlantEnd<'_, 4, 2>| ride(ticks, period_ns, 0.0, |sample| Some(end.exchange(sample)), |_| ());
+    let (report, exchange, figures) = exchange::run(settings, [0.0; 2], plant, |sample| outer.answer(sample));
+    Run { report, exchange, bad_samples: outer.bad_samples(), figures }
 }
 
 /// The same drive and task without a clock, both steps in one thread: figures, and how many times as fast as real time it went.
 #[must_use]
 pub fn simulate(seconds: f64) -> (Figures, f64) {
-    let (mut plant, known) = shipped();
+    let (mut plant, known) = shipped(0.0);
     let mut steps = Steps::new(&known);
     let began = std::time::Instant::now();
     let ticks = (seconds * 1000.0).round().max(1.0) as u64;
-    let figures = shuttle(&mut plant, &mut steps, ticks);
+    let figures = shuttle(&mut plant, &mut steps, ticks, |_, _| true);
     (figures, ticks as f64 * 1e-3 / began.elapsed().as_secs_f64())
 }
 

@@ -38,8 +38,29 @@ pub struct Figures {
     pub highest_speed: f64,
 }
 
-/// The car under throttles that come from elsewhere.
-fn ride(ticks: u64, period_ns: u64, mut exchange: impl FnMut([f64; 4]) -> [f64; 1]) -> Figures {
+/// One millisecond of the car, as it is at its end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    /// The pedal, 0 to 1, before a torn wire.
+    pub pedal: f64,
+    /// The gear.
+    pub gear: usize,
+    /// The throttle that acted, 0 to 1.
+    pub throttle: f64,
+    /// Road speed, in m/s.
+    pub speed: f64,
+    /// Acceleration, in m/s^2.
+    pub acceleration: f64,
+}
+
+/// The car's side for so many milliseconds: `exchange` takes what [`Step::answer`] is told and gives what acts in the millisecond that begins, or `None` to end the run. `seen` gets
+/// every whole millisecond. One sample a second is bad on purpose.
+pub fn ride(
+    ticks: u64,
+    period_ns: u64,
+    mut exchange: impl FnMut([f64; 4]) -> Option<[f64; 1]>,
+    mut seen: impl FnMut(&Row),
+) -> Figures {
     // 8 m/s in second gear is 1950 rpm.
     let mut car = Car::new(8.0, 2);
     let mut figures = Figures::default();
@@ -50,7 +71,8 @@ fn ride(ticks: u64, period_ns: u64, mut exchange: impl FnMut([f64; 4]) -> [f64; 
         // A bad sample is a torn wire: no counts.
         let pedal_counts = if crate::is_bad_sample(tick, period_ns) { 0.0 } else { counts_of(&BOARD.pedal, pedal) };
         let plate_counts = counts_of(&BOARD.plate, last);
-        let [compare] = exchange([pedal_counts, plate_counts, counts_of(&BOARD.speed, car.speed()), lines]);
+        let sample = [pedal_counts, plate_counts, counts_of(&BOARD.speed, car.speed()), lines];
+        let Some([compare]) = exchange(sample) else { break };
         let throttle = (compare - f64::from(BOARD.compare_closed)) / f64::from(BOARD.compare_span);
         figures.largest_step = figures.largest_step.max((throttle - last).abs());
         figures.most_compensated = figures.most_compensated.max((throttle - pedal).abs());
@@ -58,13 +80,32 @@ fn ride(ticks: u64, period_ns: u64, mut exchange: impl FnMut([f64; 4]) -> [f64; 
         car.tick(throttle, gear);
         figures.highest_acceleration = figures.highest_acceleration.max(car.acceleration());
         figures.highest_speed = figures.highest_speed.max(car.speed());
+        seen(&Row { pedal, gear, throttle, speed: car.speed(), acceleration: car.acceleration() });
     }
     figures
 }
 
-fn answer(state: &mut RawState, [pedal, plate, speed, lines]: [f64; 4]) -> [f64; 1] {
-    let counts = Counts { pedal: pedal as u16, plate: plate as u16, speed: speed as u16, lines: lines as u32 };
-    [f64::from(raw_step(state, &BOARD, &counts))]
+/// The compare value of a closed throttle: the command before the first answer.
+pub const CLOSED: [f64; 1] = [BOARD.compare_closed as f64];
+
+/// The step by itself, from counts: a sample comes from somewhere, its answer goes there.
+#[derive(Debug, Clone, Default)]
+pub struct Step {
+    state: RawState,
+}
+
+impl Step {
+    /// The compare value of the throttle for a sample: counts of pedal, plate and road speed, and the bits of gear and clutch lines. What is no count counts as 0, a torn wire.
+    pub fn answer(&mut self, [pedal, plate, speed, lines]: [f64; 4]) -> [f64; 1] {
+        let counts = Counts { pedal: pedal as u16, plate: plate as u16, speed: speed as u16, lines: lines as u32 };
+        [f64::from(raw_step(&mut self.state, &BOARD, &counts))]
+    }
+
+    /// How many samples were bad.
+    #[must_use]
+    pub fn bad_samples(&self) -> u32 {
+        self.state.step.bad.all
+    }
 }
 
 /// What a run gave.
@@ -84,22 +125,21 @@ pub struct Run {
 #[must_use]
 pub fn run(settings: &Settings) -> Run {
     let (ticks, period_ns) = (settings.ticks, settings.period_ns);
-    let mut state = RawState::default();
-    let plant = |end: &mut PlantEnd<'_, 4, 1>| ride(ticks, period_ns, |sample| end.exchange(sample));
-    let closed = [f64::from(BOARD.compare_closed)];
-    let (report, exchange, figures) = exchange::run(settings, closed, plant, |sample| answer(&mut state, sample));
-    Run { report, exchange, bad_samples: state.step.bad.all, figures }
+    let mut step = Step::default();
+    let plant = |end: &mut PlantEnd<'_, 4, 1>| ride(ticks, period_ns, |sample| Some(end.exchange(sample)), |_| ());
+    let (report, exchange, figures) = exchange::run(settings, CLOSED, plant, |sample| step.answer(sample));
+    Run { report, exchange, bad_samples: step.bad_samples(), figures }
 }
 
 /// The same car and driver without a clock, in one thread: figures, and how many times as fast as real time it went.
 #[must_use]
 pub fn simulate(seconds: f64) -> (Figures, f64) {
-    let mut state = RawState::default();
-    let mut command = [f64::from(BOARD.compare_closed)];
+    let mut step = Step::default();
+    let mut command = CLOSED;
     let began = std::time::Instant::now();
     let ticks = (seconds * 1000.0).round().max(1.0) as u64;
     // A command acts one tick after its sample, as in real time.
-    let figures = ride(ticks, 1_000_000, |sample| std::mem::replace(&mut command, answer(&mut state, sample)));
+    let figures = ride(ticks, 1_000_000, |sample| Some(std::mem::replace(&mut command, step.answer(sample))), |_| ());
     (figures, ticks as f64 * 1e-3 / began.elapsed().as_secs_f64())
 }
 

@@ -1,0 +1,235 @@
+//! `rsm cosim`: a co-simulation by its scenario: broker and federates as processes of this host, or the commands for each host.
+//!
+//! In: a scenario. Out: the records of all roles in one folder, the exit status of every process, and whether the records have the bits of one process. The processes are
+//! `rsm federate`, started by this same program.
+
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use rsm_core::source::Source;
+use rsm_link::helics::Library;
+use rsm_link::loops::{self, Role, Table};
+use rsm_link::scenario::{Scenario, Start};
+use serde_json::{Map, Value, json};
+
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The scenario
+    scenario: PathBuf,
+    /// The folder in which each role writes its record, ROLE.csv
+    #[arg(long)]
+    out: PathBuf,
+    /// Print the commands, host by host, and start nothing; so it is too where the scenario names several hosts and --host names none
+    #[arg(long, conflicts_with_all = ["host", "alone", "check"])]
+    commands: bool,
+    /// Start what the scenario gives to this host
+    #[arg(long, conflicts_with_all = ["alone", "check"])]
+    host: Option<String>,
+    /// Run all roles in this one process, without HELICS: the same records
+    #[arg(long, conflicts_with = "check")]
+    alone: bool,
+    /// Compare the records with those of one process, bit by bit; exit status 1 where they differ
+    #[arg(long)]
+    check: bool,
+    /// The library of HELICS, a file or a folder; else the variable RSM_HELICS, else what the system finds
+    #[arg(long, value_name = "PATH")]
+    helics: Option<PathBuf>,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// After the first process has failed, the others end by themselves within 5 s; what has not ended so long after is ended.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let scenario = Scenario::read(&Source::read(&arguments.scenario)?)?;
+    if arguments.alone {
+        return alone(arguments, &scenario);
+    }
+    let hosts = scenario.hosts();
+    if let Some(host) = arguments.host.as_deref().filter(|host| !hosts.contains(host)) {
+        let known = if hosts.is_empty() { "no host".to_string() } else { hosts.join(", ") };
+        return Err(Refusal::new(format!("{}: it has no host `{host}`; it names {known}", arguments.scenario.display())));
+    }
+    let starts = scenario.commands(&arguments.out.display().to_string());
+    if arguments.commands || (arguments.host.is_none() && hosts.len() > 1) {
+        return print(arguments, &starts);
+    }
+    // One message in place of one from every process.
+    Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
+    let here = starts.into_iter().filter(|start| arguments.host.is_none() || start.host == arguments.host).collect();
+    let ended = start_and_wait(here, arguments.helics.as_deref())?;
+    tell(arguments, &scenario, &ended)
+}
+
+/// A word as a shell reads it back.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:,=+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word.to_string() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+}
+
+fn print(arguments: &Arguments, starts: &[Start]) -> Outcome {
+    let line = |start: &Start| format!("rsm {}", start.words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" "));
+    if arguments.json {
+        let commands: Vec<Value> =
+            starts.iter().map(|it| json!({ "host": it.host, "process": it.process, "command": line(it) })).collect();
+        output::json(&json!({ "commands": commands }))?;
+        return Ok(Answer::Positive);
+    }
+    let mut hosts: Vec<Option<&str>> = Vec::new();
+    for start in starts {
+        if !hosts.contains(&start.host.as_deref()) {
+            hosts.push(start.host.as_deref());
+        }
+    }
+    for host in hosts {
+        output::line(&format!("# on {}", host.unwrap_or("any host")))?;
+        for start in starts.iter().filter(|start| start.host.as_deref() == host) {
+            output::line(&line(start))?;
+        }
+    }
+    Ok(Answer::Positive)
+}
+
+/// A process that has ended.
+struct Ended {
+    process: String,
+    /// `None`: by a signal.
+    status: Option<i32>,
+    /// What it told as JSON.
+    told: Value,
+}
+
+/// A child that does not outlive this program's own failure.
+struct Guarded(Child);
+
+impl Drop for Guarded {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended>, Refusal> {
+    let program = std::env::current_exe().map_err(|error| Refusal::new(format!("this program is not to be found: {error}")))?;
+    let mut running = Vec::new();
+    for start in starts {
+        let mut command = Command::new(&program);
+        command.args(&start.words).arg("--json").stdin(Stdio::null()).stdout(Stdio::piped());
+        if let Some(helics) = helics {
+            command.arg("--helics").arg(helics);
+        }
+        let child = command.spawn().map_err(|error| Refusal::new(format!("`{}` cannot be started: {error}", start.process)))?;
+        running.push((start.process, Guarded(child)));
+    }
+    let mut ended = Vec::new();
+    let mut failed: Option<Instant> = None;
+    while !running.is_empty() {
+        let mut still = Vec::new();
+        for (process, mut child) in running {
+            match child.0.try_wait() {
+                Ok(None) => still.push((process, child)),
+                Ok(Some(status)) => {
+                    if !status.success() {
+                        failed.get_or_insert_with(Instant::now);
+                    }
+                    // One object: it fits in the pipe.
+                    let mut told = String::new();
+                    let _ = child.0.stdout.take().map(|mut pipe| pipe.read_to_string(&mut told));
+                    let told = serde_json::from_str(&told).unwrap_or(Value::Null);
+                    ended.push(Ended { process, status: status.code(), told });
+                }
+                Err(error) => return Err(Refusal::new(format!("`{process}` cannot be waited for: {error}"))),
+            }
+        }
+        running = still;
+        if failed.is_some_and(|since| since.elapsed() > PATIENCE) {
+            for (process, child) in running.drain(..) {
+                tell!("{process}: it did not end, and was ended");
+                drop(child);
+                ended.push(Ended { process, status: None, told: Value::Null });
+            }
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    Ok(ended)
+}
+
+/// The records of one process, by role.
+fn of_one_process(scenario: &Scenario) -> Vec<(Role, Table)> {
+    let loops: Vec<_> = scenario.loops().map(|side| (side, loops::alone(side, scenario.run))).collect();
+    let table = |role: Role| {
+        let [plant, exchanged] = &loops.iter().find(|(side, _)| *side == role.of_loop()).expect("both sides take part").1;
+        if matches!(role, Role::Plant(_)) { plant.clone() } else { exchanged.clone() }
+    };
+    scenario.roles().map(|role| (role, table(role))).collect()
+}
+
+fn alone(arguments: &Arguments, scenario: &Scenario) -> Outcome {
+    let began = Instant::now();
+    let tables = of_one_process(scenario);
+    let seconds = began.elapsed().as_secs_f64();
+    let path = |role: Role| arguments.out.join(format!("{}.csv", role.unique_name()));
+    let files: Vec<_> = tables.iter().map(|(role, table)| (path(*role), table.csv())).collect();
+    output::write_all(&files)?;
+    let rate = scenario.run.ticks as f64 / seconds;
+    if arguments.json {
+        let records: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();
+        output::json(
+            &json!({ "scenario": scenario.name, "ticks": scenario.run.ticks, "steps_per_second": rate, "records": records }),
+        )?;
+    } else {
+        tell!("{}: {} ticks in one process, {rate:.0} a second", scenario.name, scenario.run.ticks);
+    }
+    Ok(Answer::Positive)
+}
+
+fn tell(arguments: &Arguments, scenario: &Scenario, ended: &[Ended]) -> Outcome {
+    let good = ended.iter().all(|it| it.status == Some(0));
+    let mut differ = Vec::new();
+    if arguments.check && good {
+        for (role, table) in of_one_process(scenario) {
+            let path = arguments.out.join(format!("{}.csv", role.unique_name()));
+            let found = std::fs::read_to_string(&path).unwrap_or_default();
+            if found != table.csv() {
+                differ.push(role.unique_name());
+            }
+        }
+    }
+    let equal = (arguments.check && good).then_some(differ.is_empty());
+    let words = |it: &Ended| it.status.map_or("ended by a signal".to_string(), |status| format!("status {status}"));
+    if arguments.json {
+        let processes: Map<String, Value> = ended
+            .iter()
+            .map(|it| (it.process.clone(), json!({ "status": it.status, "roles": it.told.get("roles") })))
+            .collect();
+        output::json(&json!({
+            "scenario": scenario.name,
+            "ticks": scenario.run.ticks,
+            "core": scenario.core.name(),
+            "processes": processes,
+            "equal_to_one_process": equal,
+        }))?;
+    }
+    for it in ended.iter().filter(|it| it.status != Some(0)) {
+        tell!("{}: {}", it.process, words(it));
+    }
+    match equal {
+        Some(true) => tell!("{}: the records have the bits of one process", scenario.name),
+        Some(false) => tell!("{}: not the bits of one process: {}", scenario.name, differ.join(", ")),
+        None => tell!(
+            "{}: {} processes, {}",
+            scenario.name,
+            ended.len(),
+            if good { "all ended well" } else { "not all ended well" }
+        ),
+    }
+    Ok(if good && equal != Some(false) { Answer::Positive } else { Answer::Negative })
+}

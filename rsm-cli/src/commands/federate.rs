@@ -1,0 +1,180 @@
+//! `rsm federate`: sides of a loop, recorders and the broker of a lock-step on HELICS.
+//!
+//! In: roles and the address of the broker. Out: a CSV a role, whole rows also where a peer was lost, and figures. Exit status 1: a peer or the broker was lost on the way.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use host_loop::Summary;
+use rsm_link::federate::{self, Done, Wish};
+use rsm_link::helics::{Address, Core, Library, exit_now};
+use rsm_link::loops::{Loop, Role, Run};
+use serde_json::{Value, json};
+
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// Who takes part in this process: the sides of the motor's loop (`motor`, `controller`), of the car's (`driveline`, `throttle`), a `recorder`; or the `broker` alone
+    #[arg(required = true, value_parser = ["motor", "controller", "driveline", "throttle", "recorder", "broker"])]
+    roles: Vec<String>,
+    /// Where the broker is, or is to listen: HOST:PORT
+    #[arg(long, value_parser = Address::parse)]
+    broker: Address,
+    /// How the parts speak to each other: `tcp_ss` between hosts, `ipc` on one host (the port is then a name)
+    #[arg(long, default_value = "tcp_ss", value_parser = core)]
+    core: Core,
+    /// How long the run lasts, in s of the loop
+    #[arg(long, default_value_t = 2.0, value_parser = seconds)]
+    seconds: f64,
+    /// Inertia of the load on the motor's shaft, in kg m^2
+    #[arg(long, default_value_t = 0.0, value_parser = inertia)]
+    load_inertia: f64,
+    /// The loop that a recorder listens to
+    #[arg(long = "loop", default_value = "motor", value_parser = loop_of)]
+    listened: Loop,
+    /// Of the broker: how many federates there are, a role each
+    #[arg(long, value_name = "N", required_if_eq("roles", "broker"), value_parser = clap::value_parser!(u16).range(1..))]
+    federates: Option<u16>,
+    /// The folder in which each role writes its record, ROLE.csv
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// The library of HELICS, a file or a folder; else the variable RSM_HELICS, else what the system finds
+    #[arg(long, value_name = "PATH")]
+    helics: Option<PathBuf>,
+    /// How long the broker and all federates are waited for, in s
+    #[arg(long, default_value_t = 30.0, value_parser = seconds)]
+    wait: f64,
+    /// How long time may stand still before a peer counts as gone, in s
+    #[arg(long, default_value_t = 4.0, value_parser = seconds)]
+    silence: f64,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+fn core(word: &str) -> Result<Core, String> {
+    let found = Core::ALL.into_iter().find(|(name, _)| *name == word);
+    found.map(|(_, core)| core).ok_or_else(|| format!("expected one of {}", Core::ALL.map(|(name, _)| name).join(", ")))
+}
+
+pub(super) fn loop_of(word: &str) -> Result<Loop, String> {
+    let found = Loop::ALL.into_iter().find(|it| it.name() == word);
+    found.ok_or_else(|| format!("expected one of {}", Loop::ALL.map(Loop::name).join(", ")))
+}
+
+/// A time in s: above 0, a day at most. A row a millisecond stands in memory.
+pub(super) fn seconds(word: &str) -> Result<f64, String> {
+    let number = word.parse::<f64>().ok().filter(|number| (0.001..=86_400.0).contains(number));
+    number.ok_or_else(|| "expected seconds from 0.001 to 86400".to_string())
+}
+
+pub(super) fn inertia(word: &str) -> Result<f64, String> {
+    // A ton at a metre: a shaft that this motor never turns.
+    let number = word.parse::<f64>().ok().filter(|number| (0.0..=1000.0).contains(number));
+    number.ok_or_else(|| "expected kg m^2 from 0 to 1000".to_string())
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let ticks = (arguments.seconds * 1000.0).round() as u64;
+    let wish = Wish {
+        broker: arguments.broker.clone(),
+        core: arguments.core,
+        run: Run { ticks, load_inertia: arguments.load_inertia },
+        wait: Duration::from_secs_f64(arguments.wait),
+        silence: Duration::from_secs_f64(arguments.silence),
+    };
+    let roles: Option<Vec<Role>> = arguments.roles.iter().map(|word| Role::of(word, arguments.listened)).collect();
+    let Some(roles) = roles else { return broker(arguments, &wish) };
+    if let Some(twice) = roles.iter().enumerate().find(|(place, role)| roles[..*place].contains(role)) {
+        return Err(Refusal::new(format!("the role `{}` stands there twice: a federation has each once", twice.1.name())));
+    }
+    if arguments.federates.is_some() {
+        return Err(Refusal::new("--federates is for the broker: it waits for so many"));
+    }
+    let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
+    let done = federate::run(library, &roles, &wish);
+    let answer = tell(arguments, &done);
+    if done.iter().any(|it| it.lost.is_some()) {
+        // Threads may hang in the library, which waits for them at an ordinary end.
+        let status = match answer {
+            Ok(_) if done.iter().any(|it| it.began) => 1,
+            Ok(_) => 2,
+            Err(refusal) => {
+                tell!("{refusal}");
+                2
+            }
+        };
+        exit_now(status);
+    }
+    answer
+}
+
+fn broker(arguments: &Arguments, wish: &Wish) -> Outcome {
+    if arguments.roles.len() > 1 {
+        return Err(Refusal::new("the broker is a process of its own: it takes no role beside"));
+    }
+    let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
+    let federates = usize::from(arguments.federates.unwrap_or(1));
+    if let Err(words) = federate::broker(library, federates, wish) {
+        tell!("broker at {}: {words}", wish.broker);
+        exit_now(2);
+    }
+    if arguments.json {
+        output::json(&json!({ "broker": wish.broker.to_string(), "core": wish.core.name(), "federates": federates }))?;
+    }
+    Ok(Answer::Positive)
+}
+
+/// Writes the records and says what became of each role.
+fn tell(arguments: &Arguments, done: &[Done]) -> Outcome {
+    let mut files = Vec::new();
+    let mut objects = Vec::new();
+    for it in done {
+        let record = arguments.out.as_ref().map(|folder| folder.join(format!("{}.csv", it.role.unique_name())));
+        objects.push(object(it, record.as_deref()));
+        // A record without a row is none.
+        files.extend(record.filter(|_| it.table.rows() > 0).map(|path| (path, it.table.csv())));
+    }
+    output::write_all(&files)?;
+    for it in done {
+        let name = it.role.unique_name();
+        if let Some(lost) = &it.lost {
+            tell!("{name}: {lost}\n  {} whole ticks are recorded", it.table.rows());
+        } else {
+            let trips = it.round_trip.map_or(String::new(), |trip| {
+                format!(", round trips {:.0} us p50, {:.0} us p99", us(trip.p50_ns), us(trip.p99_ns))
+            });
+            tell!("{name}: {} ticks, {:.0} a second{trips}", it.table.rows(), it.steps_per_second);
+        }
+    }
+    if arguments.json {
+        output::json(&json!({ "roles": objects }))?;
+    }
+    let lost = done.iter().any(|it| it.lost.is_some());
+    Ok(if lost { Answer::Negative } else { Answer::Positive })
+}
+
+fn object(it: &Done, record: Option<&std::path::Path>) -> Value {
+    json!({
+        "role": it.role.unique_name(),
+        "loop": it.role.of_loop().name(),
+        "ticks": it.table.rows(),
+        "steps_per_second": output::finite(it.steps_per_second),
+        "round_trip_us": it.round_trip.map(|trip| micros(&trip)),
+        "bad_samples": it.bad_samples,
+        "record": record.map(|path| path.display().to_string()),
+        "lost": it.lost,
+    })
+}
+
+fn us(ns: u64) -> f64 {
+    ns as f64 * 1e-3
+}
+
+/// A distribution of times in microseconds.
+pub(super) fn micros(of: &Summary) -> Value {
+    json!({ "p50": us(of.p50_ns), "p99": us(of.p99_ns), "max": us(of.max_ns) })
+}

@@ -1,0 +1,153 @@
+//! `rsm stream`: a side of a loop against the wall clock, joined to the other by UDP.
+//!
+//! In: a side, two addresses, a key. Out: a CSV with what was played in every tick, and counts. Exit status 1: the peer was lost on the way, or ticks found their values missing.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use rsm_core::source::Source;
+use rsm_link::loops::{PERIOD_NS, Role, Run};
+use rsm_link::stream::{self, Done, Wish};
+use rsm_link::wire::{Key, Side};
+use serde_json::json;
+
+use super::federate::{inertia, micros, seconds};
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The side that runs here: of the motor's loop (`motor`, `controller`), of the car's (`driveline`, `throttle`)
+    #[arg(value_parser = ["motor", "controller", "driveline", "throttle"])]
+    role: String,
+    /// Where this side listens: ADDRESS:PORT
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    listen: String,
+    /// Where the other side listens: HOST:PORT
+    #[arg(long, value_name = "HOST:PORT")]
+    peer: String,
+    /// The file with the secret of both sides, 16 bytes at least
+    #[arg(long, value_name = "FILE")]
+    key: PathBuf,
+    /// How long the run lasts, in s
+    #[arg(long, default_value_t = 2.0, value_parser = seconds)]
+    seconds: f64,
+    /// The length of the play-out buffer, in ms
+    #[arg(long, value_name = "MS", default_value_t = 150, value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    buffer: u16,
+    /// How long the last value is held where values are missing, in ms; then comes the safe state
+    #[arg(long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u16).range(0..=10_000))]
+    hold: u16,
+    /// How long nothing may be heard until the peer counts as gone, in s
+    #[arg(long, default_value_t = 3.0, value_parser = seconds)]
+    silence: f64,
+    /// How long the peer is waited for at the start, in s
+    #[arg(long, default_value_t = 30.0, value_parser = seconds)]
+    wait: f64,
+    /// Inertia of the load on the motor's shaft, in kg m^2; both buffers together delay the loop, and a light shaft is too fast for that
+    #[arg(long, default_value_t = 0.1, value_parser = inertia)]
+    load_inertia: f64,
+    /// The folder in which the record is written, ROLE.csv
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let role = Role::of(&arguments.role, rsm_link::loops::Loop::Motor).expect("the arguments know the roles");
+    let secret = Source::bytes(&arguments.key)?;
+    let key = Key::new(&secret).map_err(|what| {
+        Refusal::new(format!(
+            "{}: {what}\n  help: head -c 32 /dev/urandom > {}",
+            arguments.key.display(),
+            arguments.key.display()
+        ))
+    })?;
+    let side = if matches!(role, Role::Plant(_)) { Side::Plant } else { Side::Step };
+    let ticks = (arguments.seconds * 1e9 / PERIOD_NS as f64).round() as u64;
+    let wish = Wish {
+        side: (role.of_loop(), side),
+        listen: arguments.listen.clone(),
+        peer: arguments.peer.clone(),
+        key,
+        run: Run { ticks, load_inertia: arguments.load_inertia },
+        buffer: Duration::from_millis(u64::from(arguments.buffer)),
+        hold: Duration::from_millis(u64::from(arguments.hold)),
+        silence: Duration::from_secs_f64(arguments.silence),
+        wait: Duration::from_secs_f64(arguments.wait),
+    };
+    let done = stream::run(&wish).map_err(Refusal)?;
+    tell(arguments, role, &done)
+}
+
+fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
+    let record = arguments.out.as_ref().map(|folder| folder.join(format!("{}.csv", role.name())));
+    // A record without a row is none.
+    let record = record.filter(|_| done.table.rows() > 0);
+    let files: Vec<_> = record.iter().map(|path| (path.clone(), done.table.csv())).collect();
+    output::write_all(&files)?;
+    let counts = done.counts;
+    if arguments.json {
+        output::json(&json!({
+            "role": role.name(),
+            "loop": role.of_loop().name(),
+            "ticks": done.table.rows(),
+            "buffer_ms": arguments.buffer,
+            "sent": done.sent,
+            "not_sent": done.not_sent,
+            "heard": counts.heard,
+            "fresh": counts.fresh,
+            "under_runs": counts.under_runs(),
+            "held": counts.held,
+            "safe": counts.safe,
+            "lost": counts.lost(),
+            "late": counts.late,
+            "doubled": counts.doubled,
+            "ahead": counts.ahead,
+            "foreign": done.not_mine.foreign,
+            "other_model": done.not_mine.other_model,
+            "round_trip_us": done.round_trip.map(|trip| micros(&trip)),
+            "lateness_us": micros(&done.lateness),
+            "late_ticks": done.late_ticks,
+            "deadlines_missed": done.deadlines_missed,
+            "record": record.map(|path| path.display().to_string()),
+            "peer_lost": done.lost,
+        }))?;
+    } else if done.began {
+        let trip = done.round_trip.map_or(String::new(), |trip| {
+            format!(", round trips {:.0} us p50, {:.0} us p99", trip.p50_ns as f64 * 1e-3, trip.p99_ns as f64 * 1e-3)
+        });
+        tell!("{}: {} ticks, {} sent, {} heard{trip}", role.name(), done.table.rows(), done.sent, counts.heard);
+        if counts.under_runs() > 0 {
+            tell!(
+                "  {} ticks without their values: {} held, {} in the safe state; {} lost, {} late",
+                counts.under_runs(),
+                counts.held,
+                counts.safe,
+                counts.lost(),
+                counts.late
+            );
+        }
+        let others = [("doubled", counts.doubled), ("too far ahead", counts.ahead), ("foreign", done.not_mine.foreign)];
+        for (what, count) in others.into_iter().filter(|(_, count)| *count > 0) {
+            tell!("  {count} datagrams {what}");
+        }
+        if done.late_ticks > 0 {
+            tell!(
+                "  {} ticks began late on this machine, by up to {:.1} ms",
+                done.late_ticks,
+                done.lateness.max_ns as f64 * 1e-6
+            );
+        }
+    }
+    if let Some(lost) = &done.lost {
+        if !done.began {
+            return Err(Refusal::new(lost.clone()));
+        }
+        tell!("{}: {lost}\n  {} whole ticks are recorded", role.name(), done.table.rows());
+    }
+    Ok(if done.lost.is_some() || counts.under_runs() > 0 { Answer::Negative } else { Answer::Positive })
+}

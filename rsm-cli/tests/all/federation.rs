@@ -1,0 +1,243 @@
+//! Lock-step on HELICS between processes: the bits of one process for any split and order, and an end when somebody is gone.
+//!
+//! Needs libhelics. Without it the tests say so and pass.
+
+use std::io::Read as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rsm_link::loops::{self, Loop, Run};
+
+use crate::command::{folder, json, rsm, text};
+use crate::libhelics::helics;
+
+/// A port that nobody has now.
+fn port() -> u16 {
+    std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+fn scenario(core: &str, seconds: f64, processes: &str) -> String {
+    let port = port();
+    format!(
+        "format = 1\nscenario = \"s\"\nseconds = {seconds}\ncore = \"{core}\"\nbroker = \"127.0.0.1:{port}\"\n[processes]\n{processes}\n"
+    )
+}
+
+/// Every split of a loop with its recorder, some in another order; both loops together.
+const SPLITS: [(&str, &str); 6] = [
+    ("tcp_ss", "a.roles = ['motor']\nb.roles = ['controller']\nc.roles = ['recorder']"),
+    ("tcp_ss", "c.roles = ['recorder']\nb.roles = ['throttle']\na.roles = ['driveline']\nc.loop = 'throttle'"),
+    ("zmq", "b.roles = ['controller', 'motor']\nc.roles = ['recorder']"),
+    ("zmq", "b.roles = ['throttle']\na.roles = ['recorder', 'driveline']\na.loop = 'throttle'"),
+    ("ipc", "a.roles = ['recorder', 'controller', 'motor']"),
+    ("ipc", "a.roles = ['motor', 'throttle']\nb.roles = ['driveline', 'controller', 'recorder']"),
+];
+
+#[test]
+fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
+    let Some(helics) = helics("splits") else { return };
+    for (core, processes) in SPLITS {
+        let here = folder();
+        // 0.6 s: a bad sample is among them, and the first change of the pedal's gear.
+        std::fs::write(here.path().join("s.toml"), scenario(core, 0.6, processes)).unwrap();
+        let helics = helics.display().to_string();
+        let output = rsm(&["cosim", "s.toml", "--out", "r", "--check", "--json", "--helics", &helics], here.path());
+        assert_eq!(output.status.code(), Some(0), "{core}, {processes}: {}", text(&output.stderr));
+        let told = json(&output);
+        assert_eq!(told["equal_to_one_process"], true);
+        assert!(told["processes"].as_object().unwrap().values().all(|it| it["status"] == 0), "{told}");
+        // What the command compared, seen from here: the file, and the library's own run.
+        let side = if processes.contains("loop") { Loop::Throttle } else { Loop::Motor };
+        let exchanged = &loops::alone(side, Run { ticks: 600, load_inertia: 0.0 })[1];
+        let recorded = std::fs::read_to_string(here.path().join(format!("r/recorder-{}.csv", side.name()))).unwrap();
+        assert_eq!(recorded, exchanged.csv(), "{core}, {processes}");
+        assert_eq!(recorded.lines().count(), 601);
+    }
+}
+
+#[test]
+fn a_record_that_differs_is_told() {
+    let Some(helics) = helics("a record that differs") else { return };
+    let here = folder();
+    let processes = "a.roles = ['motor', 'controller']";
+    std::fs::write(here.path().join("s.toml"), scenario("ipc", 0.05, processes)).unwrap();
+    let helics = helics.display().to_string();
+    let arguments = ["cosim", "s.toml", "--out", "r", "--json", "--helics", &helics];
+    assert_eq!(rsm(&arguments, here.path()).status.code(), Some(0));
+    let alone = rsm(&["cosim", "s.toml", "--out", "one", "--alone"], here.path());
+    assert_eq!(alone.status.code(), Some(0), "{}", text(&alone.stderr));
+    for name in ["motor.csv", "controller.csv"] {
+        let read = |folder: &str| std::fs::read(here.path().join(folder).join(name)).unwrap();
+        assert_eq!(read("r"), read("one"), "{name}");
+    }
+}
+
+#[test]
+fn without_the_library_the_way_to_get_it_is_told() {
+    let here = folder();
+    std::fs::write(here.path().join("s.toml"), scenario("tcp_ss", 0.05, "a.roles = ['motor', 'controller']")).unwrap();
+    let lines: [&[&str]; 3] = [
+        &["federate", "motor", "--broker", "127.0.0.1:1", "--helics", "nowhere/libhelics.so"],
+        &["federate", "broker", "--federates", "1", "--broker", "127.0.0.1:1", "--helics", "nowhere/libhelics.so"],
+        &["cosim", "s.toml", "--out", "r", "--helics", "nowhere/libhelics.so"],
+    ];
+    for line in lines {
+        let output = rsm(line, here.path());
+        let words = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{words}");
+        assert!(
+            words.contains("nowhere/libhelics.so") && words.contains("pip install") && words.contains("RSM_HELICS"),
+            "{words}"
+        );
+    }
+    assert!(!here.path().join("r").exists());
+}
+
+#[test]
+fn commands_are_printed_for_each_host() {
+    let here = folder();
+    let processes = "a.roles = ['motor']\na.host = 'left'\nb.roles = ['controller']\nb.host = 'right'";
+    std::fs::write(here.path().join("s.toml"), scenario("tcp_ss", 1.0, processes)).unwrap();
+    let output = rsm(&["cosim", "s.toml", "--out", "my records"], here.path());
+    let words = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let lines: Vec<&str> = words.lines().collect();
+    assert_eq!((lines[0], lines[3]), ("# on left", "# on right"));
+    assert!(lines[1].starts_with("rsm federate broker --broker 127.0.0.1:") && lines[1].ends_with("--federates 2"));
+    assert!(lines[2].starts_with("rsm federate motor") && lines[2].ends_with("--out 'my records'"));
+    let unknown = rsm(&["cosim", "s.toml", "--out", "r", "--host", "middle"], here.path());
+    assert!(text(&unknown.stderr).contains("no host `middle`; it names left, right"));
+    assert_eq!(unknown.status.code(), Some(2));
+}
+
+/// Processes by hand, in a folder; they are ended with the test.
+struct Federation {
+    folder: tempfile::TempDir,
+    children: Vec<(&'static str, Child)>,
+}
+
+impl Drop for Federation {
+    fn drop(&mut self) {
+        for (_, child) in &mut self.children {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+impl Federation {
+    /// A run of a day, so that it ends for no other reason.
+    fn start(core: &str, helics: &Path, roles: &[&'static str]) -> Self {
+        let folder = folder();
+        let broker = format!("127.0.0.1:{}", port());
+        let one = |role: &'static str| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_rsm"));
+            command.args(["federate", role, "--broker", &broker, "--core", core]);
+            if role == "broker" {
+                command.arg("--federates").arg("3");
+            } else {
+                command.args(["--seconds", "86400", "--out", "r", "--silence", "3", "--wait", "20"]);
+            }
+            command.arg("--helics").arg(helics).current_dir(folder.path()).stdout(Stdio::null()).stderr(Stdio::piped());
+            (role, command.spawn().unwrap())
+        };
+        let children = roles.iter().map(|role| one(role)).collect();
+        Federation { folder, children }
+    }
+
+    fn kill(&mut self, role: &str) {
+        let place = self.children.iter().position(|(it, _)| *it == role).unwrap();
+        let (_, mut child) = self.children.remove(place);
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+
+    /// Status and words of everybody that is left, who must end within so long.
+    fn ends_within(&mut self, limit: Duration) -> Vec<(&'static str, Option<i32>, String)> {
+        let since = Instant::now();
+        let mut ended = Vec::new();
+        while let Some((role, mut child)) = self.children.pop() {
+            let status = loop {
+                match child.try_wait().unwrap() {
+                    Some(status) => break status,
+                    None if since.elapsed() > limit => {
+                        child.kill().unwrap();
+                        panic!("{role} has not ended within {limit:?}");
+                    }
+                    None => std::thread::sleep(Duration::from_millis(20)),
+                }
+            };
+            let mut words = String::new();
+            child.stderr.take().unwrap().read_to_string(&mut words).unwrap();
+            ended.push((role, status.code(), words));
+        }
+        ended
+    }
+
+    /// Each record is the beginning of that of one process, whole to the last row.
+    fn records_are_whole(&self, roles: &[&str]) {
+        for role in roles {
+            let name = if *role == "recorder" { "recorder-motor" } else { role };
+            let found = std::fs::read_to_string(self.folder.path().join(format!("r/{name}.csv"))).unwrap();
+            let rows = found.lines().count() - 1;
+            assert!(rows > 0, "{role}: no rows");
+            let [plant, exchanged] = loops::alone(Loop::Motor, Run { ticks: rows as u64, load_inertia: 0.0 });
+            let expected = if *role == "motor" { plant } else { exchanged };
+            assert!(found == expected.csv(), "{role}: {rows} rows differ from those of one process");
+        }
+    }
+}
+
+/// What the project promises: 5 s.
+const ALL_END: Duration = Duration::from_secs(5);
+
+#[test]
+fn when_a_peer_dies_everybody_ends_within_5_s_with_whole_records() {
+    let Some(helics) = helics("a peer dies") else { return };
+    for (core, victim) in [("tcp_ss", "controller"), ("zmq", "motor"), ("ipc", "controller")] {
+        let mut all = Federation::start(core, &helics, &["broker", "motor", "controller", "recorder"]);
+        std::thread::sleep(Duration::from_millis(3000));
+        all.kill(victim);
+        let survivors: Vec<&str> = ["motor", "controller", "recorder"].into_iter().filter(|it| *it != victim).collect();
+        for (role, status, words) in all.ends_within(ALL_END) {
+            if role != "broker" {
+                assert_eq!(status, Some(1), "{core}, {role}: {words}");
+                assert!(words.contains("whole ticks are recorded"), "{core}, {role}: {words}");
+            }
+        }
+        all.records_are_whole(&survivors);
+    }
+}
+
+#[test]
+fn when_the_broker_vanishes_everybody_ends_within_5_s_with_whole_records() {
+    let Some(helics) = helics("the broker vanishes") else { return };
+    for core in ["tcp_ss", "ipc"] {
+        let mut all = Federation::start(core, &helics, &["recorder", "motor", "broker", "controller"]);
+        std::thread::sleep(Duration::from_millis(3000));
+        all.kill("broker");
+        for (role, status, words) in all.ends_within(ALL_END) {
+            assert_eq!(status, Some(1), "{core}, {role}: {words}");
+            assert!(words.contains("whole ticks are recorded"), "{core}, {role}: {words}");
+        }
+        all.records_are_whole(&["motor", "controller", "recorder"]);
+    }
+}
+
+#[test]
+fn who_waits_for_nobody_ends_with_words() {
+    let Some(helics) = helics("nobody comes") else { return };
+    let here = folder();
+    let helics = helics.display().to_string();
+    let broker = format!("127.0.0.1:{}", port());
+    let alone = rsm(&["federate", "motor", "--broker", &broker, "--wait", "0.5", "--helics", &helics], here.path());
+    assert_eq!(alone.status.code(), Some(2), "{}", text(&alone.stderr));
+    assert!(text(&alone.stderr).contains(&format!("no broker at {broker}")), "{}", text(&alone.stderr));
+    let arguments = ["federate", "broker", "--federates", "2", "--broker", &broker, "--wait", "0.5", "--helics", &helics];
+    let empty = rsm(&arguments, here.path());
+    assert_eq!(empty.status.code(), Some(2));
+    assert!(text(&empty.stderr).contains("not all of 2 federates have joined"), "{}", text(&empty.stderr));
+    let twice = rsm(&["federate", "motor", "motor", "--broker", &broker, "--helics", &helics], here.path());
+    assert!(text(&twice.stderr).contains("`motor` stands there twice"), "{}", text(&twice.stderr));
+}

@@ -1,0 +1,90 @@
+//! A relay between the two sides of a stream, which loses, delays and doubles what goes through.
+//!
+//! In: what becomes of each datagram. Out: the addresses to send to. `netem` is not on every machine; this is, and it draws from a seed.
+
+use std::collections::BTreeMap;
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// What becomes of a datagram: a delay for every copy that goes on; none is a loss.
+pub(crate) type Fate = Box<dyn FnMut(&mut Draw, Duration) -> Vec<Duration> + Send>;
+
+/// Random numbers by a congruence of Knuth's (MMIX).
+pub(crate) struct Draw(u64);
+
+impl Draw {
+    /// Evenly between 0 and 1.
+    pub(crate) fn share(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+pub(crate) struct Relay {
+    over: Arc<AtomicBool>,
+    worker: Option<JoinHandle<()>>,
+}
+
+impl Drop for Relay {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Release);
+        if let Some(worker) = self.worker.take() {
+            let _ = worker.join();
+        }
+    }
+}
+
+impl Relay {
+    /// From each of two addresses of its own to one of the sides: what comes to `own[0]` goes to `sides[0]`. `before` runs first in the relay's thread: it may move the thread to another host. The fate is told
+    /// the time since the first datagram of 120 bytes or so, a sample: the hellos before it do not count.
+    pub(crate) fn start(
+        own: [SocketAddr; 2],
+        sides: [SocketAddr; 2],
+        before: impl FnOnce() + Send + 'static,
+        mut fate: Fate,
+    ) -> Self {
+        let over = Arc::new(AtomicBool::new(false));
+        let (ended, (ready, is_ready)) = (Arc::clone(&over), std::sync::mpsc::channel());
+        let worker = std::thread::spawn(move || {
+            before();
+            let sockets = own.map(|address| {
+                let socket = UdpSocket::bind(address).unwrap();
+                socket.set_nonblocking(true).unwrap();
+                socket
+            });
+            ready.send(()).unwrap();
+            let mut draw = Draw(121);
+            let mut since: Option<Instant> = None;
+            let mut waiting: BTreeMap<(Instant, u64), (usize, Vec<u8>)> = BTreeMap::new();
+            let mut count = 0;
+            let mut bytes = [0; 2048];
+            while !ended.load(Ordering::Acquire) {
+                for (way, socket) in sockets.iter().enumerate() {
+                    while let Ok((length, _)) = socket.recv_from(&mut bytes) {
+                        // A datagram with values is longer than a hello, which has 88 bytes.
+                        if length > 88 {
+                            since.get_or_insert_with(Instant::now);
+                        }
+                        let now = Instant::now();
+                        let time = since.map_or(Duration::ZERO, |since| now - since);
+                        for delay in fate(&mut draw, time) {
+                            count += 1;
+                            waiting.insert((now + delay, count), (way, bytes[..length].to_vec()));
+                        }
+                    }
+                }
+                while let Some(entry) = waiting.first_entry().filter(|entry| entry.key().0 <= Instant::now()) {
+                    let (way, bytes) = entry.remove();
+                    // From the socket of the other way: only addresses of its own are seen on either side.
+                    let _ = sockets[1 - way].send_to(&bytes, sides[way]);
+                }
+                std::thread::sleep(Duration::from_micros(200));
+            }
+        });
+        is_ready.recv().expect("the relay can listen");
+        Relay { over, worker: Some(worker) }
+    }
+}

@@ -1,0 +1,302 @@
+//! Streaming by the clock: what a buffer hides, what it does not, and what then happens.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::namespaces::Hosts;
+use crate::relay::{Fate, Relay};
+use crate::skipped::skipped;
+use crate::{alone, port, seconds};
+
+const RSM: &str = env!("CARGO_BIN_EXE_rsm");
+
+/// The buffer, in ms: three times the longest time that a virtual machine was seen to sleep too long.
+const BUFFER_MS: f64 = 150.0;
+const HOLD_MS: f64 = 100.0;
+
+/// The sides of a loop with a relay between them.
+struct Stream {
+    folder: tempfile::TempDir,
+    plant: Child,
+    step: Child,
+    plant_listens: SocketAddr,
+    _relay: Relay,
+}
+
+fn side(mut command: Command, role: &str, listen: &SocketAddr, peer: &SocketAddr, seconds: f64, folder: &Path) -> Child {
+    command.args(["stream", role, "--listen", &listen.to_string(), "--peer", &peer.to_string(), "--key", "link.key"]);
+    command.args(["--seconds", &seconds.to_string(), "--out", "r", "--json", "--wait", "20"]).current_dir(folder);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+impl Stream {
+    /// On the hosts, or both on this one.
+    fn start(hosts: Option<&Hosts>, roles: [&str; 2], seconds: f64, fate: Fate) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("link.key"), "a secret of these tests alone\n").unwrap();
+        let addresses = hosts.map_or(["127.0.0.1"; 2], |hosts| hosts.addresses);
+        let at = |host: usize| SocketAddr::new(addresses[host].parse().unwrap(), port());
+        // The relay stands on the plant's host: everything crosses the wire once.
+        let (plant, step, relay) = (at(0), at(1), [at(0), at(0)]);
+        let before = hosts.map(|hosts| hosts.enter(0));
+        let enter = move || {
+            if let Some(before) = before {
+                before();
+            }
+        };
+        let relay_thread = Relay::start(relay, [step, plant], enter, fate);
+        let on = |host: usize| hosts.map_or_else(|| Command::new(RSM), |hosts| hosts.command(host, RSM));
+        let plant_listens = plant;
+        let step = side(on(1), roles[1], &step, &relay[1], seconds, folder.path());
+        let plant = side(on(0), roles[0], &plant, &relay[0], seconds, folder.path());
+        Stream { folder, plant, step, plant_listens, _relay: relay_thread }
+    }
+
+    /// What both told, plant first, and their exit statuses.
+    fn end(self) -> Ended {
+        let read = |output: Output| {
+            let told = serde_json::from_slice(&output.stdout);
+            let told = told.unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&output.stderr)));
+            (told, output.status.code())
+        };
+        let (plant, step) = (self.plant.wait_with_output().unwrap(), self.step.wait_with_output().unwrap());
+        Ended { folder: self.folder, told: [read(plant), read(step)] }
+    }
+}
+
+struct Ended {
+    folder: tempfile::TempDir,
+    told: [(Value, Option<i32>); 2],
+}
+
+fn count(told: &Value, name: &str) -> u64 {
+    told[name].as_u64().unwrap_or_else(|| panic!("{name}: {told}"))
+}
+
+impl Ended {
+    /// Whether this machine itself stood still for so long that the run shows nothing: two thirds of the buffer.
+    fn machine_stood_still(&self) -> bool {
+        self.told.iter().any(|(told, _)| told["lateness_us"]["max"].as_f64().unwrap() > BUFFER_MS * 1e3 * 2.0 / 3.0)
+    }
+
+    fn figures(&self, place: &str, what: &str) {
+        for (told, _) in &self.told {
+            let of = |name: &str| count(told, name);
+            println!(
+                "figures: stream, {place}, {what}, {}: {} ticks, {} sent, {} heard, {} under-runs ({} held, {} safe), {} lost, {} late, {} doubled, {} foreign, round trip p50 {:.0} us, p99 {:.0} us, ticks late by up to {:.1} ms",
+                told["role"].as_str().unwrap(),
+                of("ticks"),
+                of("sent"),
+                of("heard"),
+                of("under_runs"),
+                of("held"),
+                of("safe"),
+                of("lost"),
+                of("late"),
+                of("doubled"),
+                of("foreign"),
+                told["round_trip_us"]["p50"].as_f64().unwrap(),
+                told["round_trip_us"]["p99"].as_f64().unwrap(),
+                told["lateness_us"]["max"].as_f64().unwrap() * 1e-3
+            );
+        }
+    }
+
+    /// The columns of a record by name.
+    fn record(&self, role: &str) -> Vec<(String, Vec<f64>)> {
+        let text = std::fs::read_to_string(self.folder.path().join(format!("r/{role}.csv"))).unwrap();
+        let mut lines = text.lines();
+        let names = lines.next().unwrap().split(',').map(|name| name.split('[').next().unwrap().to_string());
+        let mut columns: Vec<(String, Vec<f64>)> = names.map(|name| (name, Vec::new())).collect();
+        for line in lines {
+            let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+            assert_eq!(cells.len(), columns.len(), "a row that is not whole");
+            for ((_, values), cell) in columns.iter_mut().zip(cells) {
+                values.push(cell);
+            }
+        }
+        columns
+    }
+}
+
+fn column<'a>(record: &'a [(String, Vec<f64>)], name: &str) -> &'a [f64] {
+    &record.iter().find(|(it, _)| it == name).unwrap_or_else(|| panic!("no column {name}")).1
+}
+
+/// Runs a case on this host, and where there may be two, on two; again where the machine itself stood still.
+fn each(what: &str, roles: [&str; 2], fate: impl Fn() -> Fate, judge: impl Fn(&Ended, u64)) {
+    let _one = alone();
+    let ticks = (seconds() * 1000.0).round() as u64;
+    let hosts = Hosts::new(what);
+    for hosts in std::iter::once(None).chain(hosts.as_ref().map(Some)) {
+        let place = if hosts.is_some() { "two hosts at 100 Mbit/s" } else { "one host" };
+        let ended = (0..3).map(|_| Stream::start(hosts, roles, seconds(), fate()).end()).find(|it| !it.machine_stood_still());
+        let Some(ended) = ended else {
+            skipped(&format!("this machine stood still for more than 100 ms, three times: {what}"));
+            continue;
+        };
+        ended.figures(place, what);
+        judge(&ended, ticks);
+    }
+}
+
+/// Everything arrived that was due, and both ended well.
+fn nothing_missing(ended: &Ended, ticks: u64) {
+    for (told, status) in &ended.told {
+        assert_eq!((count(told, "ticks"), count(told, "sent")), (ticks, ticks), "{told}");
+        assert_eq!((count(told, "under_runs"), count(told, "lost"), count(told, "late")), (0, 0, 0), "{told}");
+        // All but those that are still in the buffer were played.
+        assert!(count(told, "fresh") as f64 > ticks as f64 - 2.0 * BUFFER_MS, "{told}");
+        assert_eq!(*status, Some(0), "{told}");
+    }
+}
+
+#[test]
+fn a_wire_that_works_gives_every_tick_its_values() {
+    each(
+        "a wire that works",
+        ["motor", "controller"],
+        || Box::new(|_, _| vec![Duration::ZERO]),
+        |ended, ticks| {
+            nothing_missing(ended, ticks);
+            // What was played has the bits of what was sent, on both ways.
+            let (plant, step) = (ended.record("motor"), ended.record("controller"));
+            for (name, from, to) in [("torque_demand", &plant, &step), ("i_q_wanted", &step, &plant)] {
+                let (sent, played, numbers) = (column(from, name), column(to, name), column(to, "played_number"));
+                let mut compared = 0;
+                for (row, number) in numbers.iter().enumerate().filter(|(_, number)| number.is_finite()) {
+                    assert_eq!(played[row].to_bits(), sent[*number as usize].to_bits(), "{name} in row {row}");
+                    compared += 1;
+                }
+                assert!(compared as f64 > ticks as f64 - 2.0 * BUFFER_MS, "{name}: {compared} rows");
+            }
+        },
+    );
+}
+
+#[test]
+fn a_jitter_of_20_ms_is_not_noticed() {
+    let fate = || -> Fate { Box::new(|draw, _| vec![Duration::from_secs_f64(0.02 * draw.share())]) };
+    each("20 ms jitter", ["driveline", "throttle"], fate, nothing_missing);
+}
+
+#[test]
+fn a_loss_of_1_per_cent_is_held_tick_by_tick() {
+    let fate = || -> Fate { Box::new(|draw, _| if draw.share() < 0.01 { vec![] } else { vec![Duration::ZERO] }) };
+    each("1 % loss", ["motor", "controller"], fate, |ended, ticks| {
+        for (told, status) in &ended.told {
+            let lost = count(told, "lost") as f64;
+            // Of a binomial number with this mean: four standard deviations.
+            let mean = 0.01 * ticks as f64;
+            assert!((lost - mean).abs() < 4.0 * mean.sqrt() + 2.0, "{lost} lost of {ticks}");
+            assert_eq!((count(told, "held"), count(told, "safe"), count(told, "late")), (count(told, "lost"), 0, 0), "{told}");
+            assert_eq!(*status, Some(1), "{told}");
+        }
+    });
+}
+
+#[test]
+fn doubled_datagrams_are_counted_and_change_nothing() {
+    let fate = || -> Fate {
+        Box::new(
+            |draw, _| if draw.share() < 0.05 { vec![Duration::ZERO, Duration::from_millis(2)] } else { vec![Duration::ZERO] },
+        )
+    };
+    each("5 % doubled", ["motor", "controller"], fate, |ended, ticks| {
+        nothing_missing(ended, ticks);
+        for (told, _) in &ended.told {
+            let (doubled, mean) = (count(told, "doubled") as f64, 0.05 * ticks as f64);
+            assert!((doubled - mean).abs() < 4.0 * mean.sqrt() + 2.0, "{doubled} doubled of {ticks}");
+        }
+    });
+}
+
+#[test]
+fn a_cut_of_500_ms_is_held_then_safe_then_over() {
+    let fate =
+        || -> Fate { Box::new(|_, time| if (800..1300).contains(&time.as_millis()) { vec![] } else { vec![Duration::ZERO] }) };
+    each("a 500 ms cut", ["motor", "controller"], fate, |ended, _| {
+        for (told, status) in &ended.told {
+            let (held, safe) = (count(told, "held") as f64, count(told, "safe") as f64);
+            assert_eq!(held, HOLD_MS, "{told}");
+            // The cut ends by the relay's clock, and a sender that catches up just then sends several at once.
+            assert!((safe - 400.0).abs() <= 50.0, "{told}");
+            assert_eq!((count(told, "late"), *status), (0, Some(1)), "{told}");
+            assert!(told["peer_lost"].is_null(), "{told}");
+        }
+        // In the safe state no torque is asked for, and afterwards it is again.
+        let plant = ended.record("motor");
+        let (wanted, how) = (column(&plant, "i_q_wanted"), column(&plant, "played_how"));
+        let safe: Vec<usize> = (0..how.len()).filter(|row| how[*row] == 3.0).collect();
+        assert!(safe.iter().all(|row| wanted[*row] == 0.0));
+        let after = safe.last().unwrap() + 1;
+        assert!(how[after..].iter().all(|how| *how == 1.0) && wanted[after..].iter().any(|wanted| *wanted != 0.0));
+    });
+}
+
+#[test]
+fn strangers_are_not_heard_and_a_killed_peer_ends_the_other_within_5_s() {
+    let _one = alone();
+    let stream = Stream::start(None, ["motor", "controller"], 600.0, Box::new(|_, _| vec![Duration::ZERO]));
+    let Stream { folder, plant, mut step, plant_listens, _relay } = stream;
+    std::thread::sleep(Duration::from_millis(1500));
+    // What a stranger sends is counted, and nothing else.
+    let stranger = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    for length in [0, 1, 88, 120, 1400] {
+        stranger.send_to(&vec![0x52; length], plant_listens).unwrap();
+    }
+    std::thread::sleep(Duration::from_millis(200));
+    step.kill().unwrap();
+    step.wait().unwrap();
+    let since = Instant::now();
+    let output = plant.wait_with_output().unwrap();
+    assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{words}");
+    assert!(words.contains("nothing was heard of the peer at") && words.contains("whole ticks are recorded"), "{words}");
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(count(&told, "foreign"), 5, "{told}");
+    let ended = Ended { folder, told: [(told.clone(), Some(1)), (told, None)] };
+    let record = ended.record("motor");
+    let how = column(&record, "played_how");
+    assert_eq!(how.last(), Some(&3.0), "it ends in the safe state");
+    println!("figures: stream, a killed peer: ended after {:.1} s, {} ticks", since.elapsed().as_secs_f64(), how.len());
+}
+
+#[test]
+fn a_wrong_key_and_a_silent_peer_are_told_at_the_start() {
+    let _one = alone();
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("link.key"), "a secret of these tests alone\n").unwrap();
+    std::fs::write(folder.path().join("other.key"), "another secret of these tests\n").unwrap();
+    std::fs::write(folder.path().join("short.key"), "short\n").unwrap();
+    let start = |role: &str, key: &str, own: u16, other: u16| {
+        let (own, other) = (format!("127.0.0.1:{own}"), format!("127.0.0.1:{other}"));
+        let mut command = Command::new(RSM);
+        command.args(["stream", role, "--listen", &own, "--peer", &other, "--key", key, "--wait", "0.5", "--out", "r"]);
+        command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let refused = |child: Child| {
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let (one, other) = (port(), port());
+    assert!(refused(start("motor", "link.key", one, other)).contains("was not heard within 0.5 s: nothing came"));
+    let (plant, step) = (start("motor", "link.key", one, other), start("controller", "other.key", other, one));
+    for child in [plant, step] {
+        let words = refused(child);
+        assert!(words.contains("have another key"), "{words}");
+    }
+    let (plant, step) = (start("motor", "link.key", one, other), start("throttle", "link.key", other, one));
+    for child in [plant, step] {
+        let words = refused(child);
+        assert!(words.contains("runs another model"), "{words}");
+    }
+    assert!(refused(start("motor", "short.key", one, other)).contains("short.key: the key has 5 bytes, expected 16"));
+    assert!(!folder.path().join("r").exists());
+}

@@ -1,0 +1,341 @@
+//! The sides of a loop in lock-step on HELICS.
+//!
+//! In: the library, who takes part here and where the broker is. Out: a table and the figures of each. Time goes on when all have done their part of a millisecond:
+//!
+//! ```text
+//!   k ms          plant: hears command k - 1, tells sample k, moves for a millisecond
+//!   k ms + 0.50   step: hears sample k, tells command k
+//!   k ms + 0.75   recorder: hears both
+//! ```
+//!
+//! Every vector begins with its tick, so that a slip is an error and not a wrong record. Who hears nothing for a while ends by himself: the library notices most deaths after 2 s, and
+//! what it does not notice, [`Wish::silence`] does.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use host_loop::Summary;
+
+use crate::helics::{Address, Core, Federate, Library, Publication, Subscription};
+use crate::loops::{self, Loop, Role, Run, Step, Table, WIDEST, time_of};
+
+/// Where in its millisecond each has its turn, in s.
+const STEP_AT: f64 = 0.0005;
+const RECORDER_AT: f64 = 0.00075;
+
+/// Who is to take part, and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wish {
+    /// Where the broker is.
+    pub broker: Address,
+    /// How the parts speak to each other.
+    pub core: Core,
+    /// What is run.
+    pub run: Run,
+    /// How long the broker and the other federates are waited for.
+    pub wait: Duration,
+    /// How long nothing may be heard once time goes on.
+    pub silence: Duration,
+}
+
+/// What became of a role.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Done {
+    /// The role.
+    pub role: Role,
+    /// Its rows, whole; fewer than wanted where it was lost.
+    pub table: Table,
+    /// From a sample to its answer: the plant's side has them.
+    pub round_trip: Option<Summary>,
+    /// Milliseconds of the loop per second.
+    pub steps_per_second: f64,
+    /// Samples that the step called bad: the step's side has them.
+    pub bad_samples: Option<u32>,
+    /// Whether time began.
+    pub began: bool,
+    /// Why it ended too soon.
+    pub lost: Option<String>,
+}
+
+/// What the worker and its watch share.
+struct Shared {
+    start: Instant,
+    /// When time went on last, in ns after the start, plus 1; 0 before time begins.
+    moved: AtomicU64,
+    /// The watch has given up: whatever the worker does now is not looked at.
+    over: AtomicBool,
+    round_trips_ns: Mutex<Vec<u64>>,
+    done: Mutex<Done>,
+}
+
+impl Shared {
+    fn note_move(&self) {
+        self.moved.store(self.start.elapsed().as_nanos() as u64 + 1, Ordering::Release);
+    }
+
+    fn with<T>(&self, change: impl FnOnce(&mut Done) -> T) -> T {
+        change(&mut self.done.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// Runs roles, each in a thread of its own with its own way to the broker, until all have ended. When any of them was lost, threads may still hang in the library:
+/// end the process by [`crate::helics::exit_now`] after the tables are written.
+#[must_use]
+pub fn run(library: &'static Library, roles: &[Role], wish: &Wish) -> Vec<Done> {
+    let watched: Vec<_> = roles.iter().map(|role| start(library, *role, wish)).collect();
+    watched.into_iter().map(|(shared, worker)| watch(&shared, &worker, wish)).collect()
+}
+
+fn start(library: &'static Library, role: Role, wish: &Wish) -> (Arc<Shared>, std::thread::JoinHandle<()>) {
+    let done = Done {
+        role,
+        table: role.table(),
+        round_trip: None,
+        steps_per_second: 0.0,
+        bad_samples: None,
+        began: false,
+        lost: None,
+    };
+    let (start, moved, over) = (Instant::now(), AtomicU64::new(0), AtomicBool::new(false));
+    let shared = Arc::new(Shared { start, moved, over, round_trips_ns: Mutex::default(), done: Mutex::new(done) });
+    let (wish, known) = (wish.clone(), Arc::clone(&shared));
+    let worker = std::thread::spawn(move || {
+        let result = join(library, role, &wish).and_then(|(federate, ends)| {
+            let result = take_part(&federate, role, &wish, &ends, &known);
+            match &result {
+                Ok(()) => federate.disconnect(),
+                // All others would wait for this one. After an error of the library this does nothing.
+                Err(words) => federate.fail(words),
+            }
+            result
+        });
+        if !known.over.load(Ordering::Acquire) {
+            known.with(|done| done.lost = result.err());
+        }
+    });
+    (shared, worker)
+}
+
+/// Waits for a worker as long as time goes on.
+fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> Done {
+    /// A hundredth of the shortest silence that makes sense.
+    const LOOK: Duration = Duration::from_millis(10);
+    let lost = loop {
+        if worker.is_finished() {
+            break None;
+        }
+        let now = shared.start.elapsed();
+        let moved = shared.moved.load(Ordering::Acquire);
+        if moved == 0 && now > wish.wait + wish.silence {
+            break Some(format!("the federation did not begin within {:.0} s: not all have joined", wish.wait.as_secs_f64()));
+        }
+        if moved > 0 && now.saturating_sub(Duration::from_nanos(moved)) > wish.silence {
+            let tick = shared.with(|done| done.table.rows());
+            break Some(format!(
+                "after tick {tick} time stood still for {:.1} s: a peer or the broker at {} is gone",
+                wish.silence.as_secs_f64(),
+                wish.broker
+            ));
+        }
+        std::thread::sleep(LOOK);
+    };
+    shared.over.store(true, Ordering::Release);
+    let mut done = shared.with(|done| done.clone());
+    if lost.is_some() {
+        done.lost = lost;
+    }
+    let mut trips = shared.round_trips_ns.lock().unwrap_or_else(PoisonError::into_inner);
+    done.round_trip = (!trips.is_empty()).then(|| Summary::of(&mut trips));
+    done
+}
+
+/// Runs a broker until the federation of so many has ended.
+///
+/// # Errors
+/// It cannot listen; not all have joined in time.
+pub fn broker(library: &'static Library, federates: usize, wish: &Wish) -> Result<(), String> {
+    let broker = library.broker(wish.core, &wish.broker, federates)?;
+    let until = Instant::now() + wish.wait;
+    let mut begun = false;
+    while !broker.ended_within(Duration::from_millis(200))? {
+        begun = begun || broker.has_begun();
+        if !begun && Instant::now() > until {
+            broker.disconnect();
+            return Err(format!("not all of {federates} federates have joined within {:.0} s", wish.wait.as_secs_f64()));
+        }
+    }
+    Ok(())
+}
+
+/// What a role tells and hears.
+struct Ends {
+    tells: Option<Publication>,
+    hears: Vec<Subscription>,
+}
+
+fn sample_name(side: Loop) -> String {
+    format!("{}/sample", side.name())
+}
+
+fn command_name(side: Loop) -> String {
+    format!("{}/command", side.name())
+}
+
+fn join(library: &'static Library, role: Role, wish: &Wish) -> Result<(Federate, Ends), String> {
+    let until = Instant::now() + wish.wait;
+    if !library.has(wish.core) {
+        return Err(format!("{} has no core {}", library.place.display(), wish.core.name()));
+    }
+    if wish.core != Core::Ipc {
+        await_port(&wish.broker, until)?;
+    }
+    let left = until.saturating_duration_since(Instant::now()).max(Duration::from_secs(1));
+    let federate = library.federate(&role.unique_name(), wish.core, &wish.broker, left)?;
+    let side = role.of_loop();
+    let (sample, command) = (sample_name(side), command_name(side));
+    let ends = match role {
+        Role::Plant(_) => Ends { tells: Some(federate.publication(&sample)?), hears: vec![federate.subscription(&command)?] },
+        Role::Step(_) => Ends { tells: Some(federate.publication(&command)?), hears: vec![federate.subscription(&sample)?] },
+        Role::Recorder(_) => {
+            Ends { tells: None, hears: vec![federate.subscription(&sample)?, federate.subscription(&command)?] }
+        }
+    };
+    Ok((federate, ends))
+}
+
+/// Waits until something listens at the broker's address. The library would ask too, but it tells every refusal on the terminal, and a request that comes a moment too early costs 2 s.
+fn await_port(broker: &Address, until: Instant) -> Result<(), String> {
+    use std::net::{TcpStream, ToSocketAddrs as _};
+    let mut why = String::from("no address");
+    loop {
+        match (broker.host.as_str(), broker.port).to_socket_addrs() {
+            Ok(addresses) => {
+                for address in addresses {
+                    match TcpStream::connect_timeout(&address, Duration::from_secs(1)) {
+                        Ok(_) => return Ok(()),
+                        Err(error) => why = error.to_string(),
+                    }
+                }
+            }
+            Err(error) => why = error.to_string(),
+        }
+        if Instant::now() > until {
+            return Err(format!(
+                "no broker at {broker}: {why}\n  help: start `rsm federate broker` there first, or wait longer with --wait"
+            ));
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+/// Tells a tick and its values.
+fn tell(federate: &Federate, to: Publication, tick: u64, values: &[f64]) -> Result<(), String> {
+    let mut vector = [0.0; WIDEST + 1];
+    vector[0] = tick as f64;
+    vector[1..=values.len()].copy_from_slice(values);
+    federate.publish(to, &vector[..=values.len()])
+}
+
+/// Hears the values of a tick.
+fn hear(federate: &Federate, from: Subscription, what: &str, tick: u64, values: &mut [f64]) -> Result<(), String> {
+    let mut vector = [0.0; WIDEST + 1];
+    let length = federate.read(from, &mut vector)?;
+    if length != values.len() + 1 {
+        return Err(format!("tick {tick}: nothing was heard of `{what}`: who tells it has ended, or takes no part"));
+    }
+    if vector[0] != tick as f64 {
+        return Err(format!("tick {tick}: of `{what}` tick {} was heard: who tells it has ended", vector[0]));
+    }
+    values.copy_from_slice(&vector[1..length]);
+    Ok(())
+}
+
+fn take_part(federate: &Federate, role: Role, wish: &Wish, ends: &Ends, shared: &Shared) -> Result<(), String> {
+    federate.enter()?;
+    shared.with(|done| done.began = true);
+    shared.note_move();
+    let began = Instant::now();
+    let side = role.of_loop();
+    let result = match (role, ends.tells) {
+        (Role::Plant(_), Some(tells)) => plant(federate, side, wish.run, tells, ends.hears[0], shared),
+        (Role::Step(_), Some(tells)) => step(federate, side, wish.run.ticks, tells, ends.hears[0], shared),
+        _ => recorder(federate, side, wish.run.ticks, &ends.hears, shared),
+    };
+    let seconds = began.elapsed().as_secs_f64();
+    shared.with(|done| done.steps_per_second = done.table.rows() as f64 / seconds);
+    result
+}
+
+fn plant(
+    federate: &Federate,
+    side: Loop,
+    run: Run,
+    tells: Publication,
+    hears: Subscription,
+    shared: &Shared,
+) -> Result<(), String> {
+    let name = command_name(side);
+    let mut tick = 0;
+    let mut told = Instant::now();
+    let mut failed = None;
+    let exchange = |sample: &[f64], command: &mut [f64]| {
+        let mut one = || {
+            if tick == 0 {
+                command.copy_from_slice(side.first_command());
+            } else {
+                federate.request_time(time_of(tick))?;
+                let round_trip = told.elapsed().as_nanos() as u64;
+                shared.round_trips_ns.lock().unwrap_or_else(PoisonError::into_inner).push(round_trip);
+                hear(federate, hears, &name, tick - 1, command)?;
+            }
+            shared.note_move();
+            told = Instant::now();
+            tell(federate, tells, tick, sample)?;
+            tick += 1;
+            Ok(())
+        };
+        failed = one().err();
+        failed.is_none() && !shared.over.load(Ordering::Acquire)
+    };
+    loops::plant(side, run, exchange, |row| shared.with(|done| done.table.push(row.iter().copied())));
+    failed.map_or(Ok(()), Err)
+}
+
+fn step(
+    federate: &Federate,
+    side: Loop,
+    ticks: u64,
+    tells: Publication,
+    hears: Subscription,
+    shared: &Shared,
+) -> Result<(), String> {
+    let name = sample_name(side);
+    let mut step = Step::new(side);
+    let (mut sample, mut command) = (vec![0.0; side.sample().len()], vec![0.0; side.command().len()]);
+    for tick in 0..ticks {
+        federate.request_time(time_of(tick) + STEP_AT)?;
+        hear(federate, hears, &name, tick, &mut sample)?;
+        shared.note_move();
+        step.answer(&sample, &mut command);
+        tell(federate, tells, tick, &command)?;
+        shared.with(|done| {
+            done.table.push([&[time_of(tick)], sample.as_slice(), &command].concat());
+            done.bad_samples = Some(step.bad_samples());
+        });
+    }
+    Ok(())
+}
+
+fn recorder(federate: &Federate, side: Loop, ticks: u64, hears: &[Subscription], shared: &Shared) -> Result<(), String> {
+    let names = [sample_name(side), command_name(side)];
+    let (mut sample, mut command) = (vec![0.0; side.sample().len()], vec![0.0; side.command().len()]);
+    for tick in 0..ticks {
+        federate.request_time(time_of(tick) + RECORDER_AT)?;
+        hear(federate, hears[0], &names[0], tick, &mut sample)?;
+        hear(federate, hears[1], &names[1], tick, &mut command)?;
+        shared.note_move();
+        shared.with(|done| done.table.push([&[time_of(tick)], sample.as_slice(), &command].concat()));
+    }
+    Ok(())
+}

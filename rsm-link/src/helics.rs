@@ -1,0 +1,465 @@
+//! The part of HELICS that a lock-step needs, behind functions that cannot be called wrongly.
+//!
+//! In: a library in C (`libhelics`, version 3), found when a federation is to run. Out: brokers and federates that publish and read vectors of numbers. Every error of the library comes
+//! back as its own words. All calls into foreign code stand here.
+//!
+//! The names and numbers are those of the public header `helics_api.h` of HELICS 3.6.1.
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, CString, c_char, c_double, c_int, c_void};
+use std::path::{Path, PathBuf};
+use std::ptr;
+use std::time::Duration;
+
+/// The environment variable that names the library: the file, or a folder that `pip install --target` has filled.
+pub const VARIABLE: &str = "RSM_HELICS";
+
+/// `HELICS_DATA_TYPE_VECTOR`.
+const VECTOR: c_int = 4;
+/// `HELICS_FLAG_UNINTERRUPTIBLE`: a grant is for the time that was asked, not for an earlier value.
+const UNINTERRUPTIBLE: c_int = 1;
+/// `HELICS_FLAG_TERMINATE_ON_ERROR`: an error of one ends all.
+const TERMINATE_ON_ERROR: c_int = 72;
+/// `HELICS_TRUE`.
+const TRUE: c_int = 1;
+
+type Handle = *mut c_void;
+
+/// `HelicsError`: 0 and no words where nothing is wrong.
+#[repr(C)]
+struct RawError {
+    code: i32,
+    message: *const c_char,
+}
+
+macro_rules! functions {
+    ($($field:ident = $name:literal: fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
+        /// The functions of the library.
+        #[derive(Debug)]
+        struct Functions { $($field: unsafe extern "C" fn($($argument),*) $(-> $result)?,)* }
+
+        impl Functions {
+            fn find(library: &libloading::Library) -> Result<Self, String> {
+                Ok(Functions { $($field: {
+                    // SAFETY: the type is that of the function in the public header of version 3, and the library is never closed.
+                    let found = unsafe { library.get::<unsafe extern "C" fn($($argument),*) $(-> $result)?>($name) };
+                    *found.map_err(|error| error.to_string())?
+                },)* })
+            }
+        }
+    };
+}
+
+functions! {
+    version = b"helicsGetVersion\0": fn() -> *const c_char;
+    has_core = b"helicsIsCoreTypeAvailable\0": fn(*const c_char) -> c_int;
+    create_info = b"helicsCreateFederateInfo\0": fn() -> Handle;
+    set_core_type = b"helicsFederateInfoSetCoreTypeFromString\0": fn(Handle, *const c_char, *mut RawError);
+    set_core_init = b"helicsFederateInfoSetCoreInitString\0": fn(Handle, *const c_char, *mut RawError);
+    set_flag = b"helicsFederateInfoSetFlagOption\0": fn(Handle, c_int, c_int, *mut RawError);
+    free_info = b"helicsFederateInfoFree\0": fn(Handle);
+    create_federate = b"helicsCreateValueFederate\0": fn(*const c_char, Handle, *mut RawError) -> Handle;
+    publication = b"helicsFederateRegisterGlobalPublication\0": fn(Handle, *const c_char, c_int, *const c_char, *mut RawError) -> Handle;
+    subscription = b"helicsFederateRegisterSubscription\0": fn(Handle, *const c_char, *const c_char, *mut RawError) -> Handle;
+    enter = b"helicsFederateEnterExecutingMode\0": fn(Handle, *mut RawError);
+    request_time = b"helicsFederateRequestTime\0": fn(Handle, c_double, *mut RawError) -> c_double;
+    publish = b"helicsPublicationPublishVector\0": fn(Handle, *const c_double, c_int, *mut RawError);
+    read = b"helicsInputGetVector\0": fn(Handle, *mut c_double, c_int, *mut c_int, *mut RawError);
+    global_error = b"helicsFederateGlobalError\0": fn(Handle, c_int, *const c_char, *mut RawError);
+    disconnect = b"helicsFederateDisconnect\0": fn(Handle, *mut RawError);
+    create_broker = b"helicsCreateBroker\0": fn(*const c_char, *const c_char, *const c_char, *mut RawError) -> Handle;
+    wait_for_disconnect = b"helicsBrokerWaitForDisconnect\0": fn(Handle, c_int, *mut RawError) -> c_int;
+    broker_is_connected = b"helicsBrokerIsConnected\0": fn(Handle) -> c_int;
+    create_query = b"helicsCreateQuery\0": fn(*const c_char, *const c_char) -> Handle;
+    query_broker = b"helicsQueryBrokerExecute\0": fn(Handle, Handle, *mut RawError) -> *const c_char;
+    free_query = b"helicsQueryFree\0": fn(Handle);
+    broker_disconnect = b"helicsBrokerDisconnect\0": fn(Handle, *mut RawError);
+}
+
+/// Calls a function that reports an error through its last argument.
+macro_rules! checked {
+    ($call:expr, $($argument:expr),* $(,)?) => {{
+        let mut error = RawError { code: 0, message: ptr::null() };
+        // SAFETY: the handles come from this library and live as long as it; pointers to text and numbers live until the call is over.
+        let result = unsafe { ($call)($($argument,)* &mut error) };
+        error.checked(result)
+    }};
+}
+
+impl RawError {
+    fn checked<T>(self, result: T) -> Result<T, String> {
+        if self.code == 0 {
+            return Ok(result);
+        }
+        if self.message.is_null() {
+            return Err(format!("HELICS error {}", self.code));
+        }
+        // SAFETY: a text of the library, which lives until the next call of this thread.
+        let message = unsafe { CStr::from_ptr(self.message) };
+        Err(message.to_string_lossy().trim().to_string())
+    }
+}
+
+fn text(words: &str) -> CString {
+    CString::new(words.replace('\0', " ")).expect("it has no zero left")
+}
+
+/// How the parts of a federation speak to each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Core {
+    /// TCP, every federate to the broker: between hosts.
+    #[default]
+    TcpSs,
+    /// ZeroMQ.
+    Zmq,
+    /// Shared memory: on one host.
+    Ipc,
+}
+
+impl Core {
+    /// All, with their names.
+    pub const ALL: [(&'static str, Core); 3] = [("tcp_ss", Core::TcpSs), ("zmq", Core::Zmq), ("ipc", Core::Ipc)];
+
+    /// The name, as HELICS has it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Core::TcpSs => "tcp_ss",
+            Core::Zmq => "zmq",
+            Core::Ipc => "ipc",
+        }
+    }
+}
+
+/// Where the broker is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Address {
+    /// Name or number of the host.
+    pub host: String,
+    /// The port; `ipc` takes it as the name of its queue.
+    pub port: u16,
+}
+
+impl Address {
+    /// Of `HOST:PORT`.
+    ///
+    /// # Errors
+    /// What was found and what is expected.
+    pub fn parse(words: &str) -> Result<Self, String> {
+        let wrong = || format!("found `{words}`, expected HOST:PORT, as 192.168.1.10:23500");
+        let (host, port) = words.rsplit_once(':').ok_or_else(wrong)?;
+        // Both go into a line of options for HELICS, which has no quotes.
+        let plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
+        let port = port.parse().ok().filter(|port| *port > 0).ok_or_else(wrong)?;
+        if host.is_empty() || host.starts_with('-') || !host.chars().all(plain) {
+            return Err(wrong());
+        }
+        Ok(Address { host: host.to_string(), port })
+    }
+}
+
+impl std::fmt::Display for Address {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}", self.host, self.port)
+    }
+}
+
+/// A broker or a federate that has heard nothing for two of these asks whether the others are alive, and gives up after two more: peers that died are noticed after about 2 s. The library's own 5 s would be 20.
+const HEARTBEAT: &str = "--tick=500ms";
+
+/// The library, loaded.
+#[derive(Debug)]
+pub struct Library {
+    functions: Functions,
+    /// What it calls itself.
+    pub version: String,
+    /// Where it was found.
+    pub place: PathBuf,
+}
+
+/// The file names of the library on the systems that have it.
+const FILES: [&str; 3] = ["libhelics.so", "libhelics.dylib", "helics.dll"];
+
+/// Where a folder has it: itself, an installation, what pip has unpacked.
+const FOLDERS: [&str; 6] = ["", "lib64", "lib", "bin", "helics/install/lib64", "helics/install/lib"];
+
+fn candidates(asked: Option<&Path>) -> Vec<PathBuf> {
+    match asked {
+        Some(folder) if folder.is_dir() => {
+            let inside = FOLDERS.iter().flat_map(|below| FILES.iter().map(move |file| folder.join(below).join(file)));
+            inside.filter(|file| file.is_file()).collect()
+        }
+        Some(file) => vec![file.to_path_buf()],
+        // By the search path of the system.
+        None => FILES.iter().map(PathBuf::from).collect(),
+    }
+}
+
+impl Library {
+    /// Loads the library: `asked` (a file or a folder), else what the variable [`VARIABLE`] names, else what the system finds by name. It stays loaded until the process ends.
+    ///
+    /// # Errors
+    /// It is not there, or is none: what was looked for and how to get it.
+    pub fn load(asked: Option<&Path>) -> Result<&'static Library, String> {
+        let from_variable = std::env::var_os(VARIABLE).map(PathBuf::from);
+        let asked = asked.or(from_variable.as_deref());
+        let mut tried = Vec::new();
+        for place in candidates(asked) {
+            // SAFETY: the initialisers of libhelics are those of a C++ library; another library under this name is the user's own wish.
+            match unsafe { libloading::Library::new(&place) } {
+                Ok(library) => {
+                    let library = Box::leak(Box::new(library));
+                    return Library::of(library, place);
+                }
+                Err(error) => tried.push(format!("{}: {error}", place.display())),
+            }
+        }
+        if let Some(asked) = asked.filter(|_| tried.is_empty()) {
+            tried.push(format!("{}: no such library in this folder", asked.display()));
+        }
+        Err(format!(
+            "HELICS is not to be found: {}\n  help: pip install --target helics helics==3.6.1, then {VARIABLE}=$PWD/helics (the folder or the file libhelics.so), or --helics PATH",
+            tried.join("; ")
+        ))
+    }
+
+    fn of(library: &'static libloading::Library, place: PathBuf) -> Result<&'static Library, String> {
+        let wrong =
+            |what: String| format!("{}: {what}\n  help: version 3 of HELICS is wanted; 3.6.1 was tested", place.display());
+        let functions = Functions::find(library).map_err(wrong)?;
+        // SAFETY: takes nothing and gives a text that lives as long as the library.
+        let version = unsafe { CStr::from_ptr((functions.version)()) }.to_string_lossy().into_owned();
+        if !version.starts_with("3.") {
+            return Err(wrong(format!("it is version {version}")));
+        }
+        Ok(Box::leak(Box::new(Library { functions, version, place })))
+    }
+
+    /// Whether this build of the library has a kind of core.
+    #[must_use]
+    pub fn has(&self, core: Core) -> bool {
+        // SAFETY: reads a text.
+        unsafe { (self.functions.has_core)(text(core.name()).as_ptr()) == TRUE }
+    }
+
+    /// Starts a broker for so many federates.
+    ///
+    /// # Errors
+    /// The words of the library: the port is taken, the host is not this one.
+    pub fn broker(&'static self, core: Core, address: &Address, federates: usize) -> Result<Broker, String> {
+        let (kind, name) = (text(core.name()), text(&queue(address)));
+        let place = match core {
+            Core::Ipc => format!("--local_interface={}", queue(address)),
+            _ => format!("--local_interface={} --port={}", address.host, address.port),
+        };
+        let options = text(&format!("--federates={federates} {place} {HEARTBEAT} --loglevel=no_print"));
+        let handle = checked!(self.functions.create_broker, kind.as_ptr(), name.as_ptr(), options.as_ptr())?;
+        let broker = Broker { library: self, handle };
+        if broker.is_connected() { Ok(broker) } else { Err(format!("no broker can listen on {address}")) }
+    }
+
+    /// Joins a federation. Waits for the broker up to a time.
+    ///
+    /// # Errors
+    /// The words of the library: no broker there, a name that is taken.
+    pub fn federate(&'static self, name: &str, core: Core, broker: &Address, wait: Duration) -> Result<Federate, String> {
+        let functions = &self.functions;
+        // SAFETY: takes nothing.
+        let info = unsafe { (functions.create_info)() };
+        let place = match core {
+            Core::Ipc => format!("--broker_address={}", queue(broker)),
+            _ => format!("--broker_address={} --brokerport={}", broker.host, broker.port),
+        };
+        let wait = wait.as_millis().max(1);
+        let options = text(&format!(
+            "--federates=1 {place} {HEARTBEAT} --timeout={wait}ms --networktimeout={wait}ms --loglevel=no_print"
+        ));
+        let made = (|| {
+            checked!(functions.set_core_type, info, text(core.name()).as_ptr())?;
+            checked!(functions.set_core_init, info, options.as_ptr())?;
+            checked!(functions.set_flag, info, UNINTERRUPTIBLE, TRUE)?;
+            checked!(functions.set_flag, info, TERMINATE_ON_ERROR, TRUE)?;
+            checked!(functions.create_federate, text(name).as_ptr(), info)
+        })();
+        // SAFETY: made above, and used no more.
+        unsafe { (functions.free_info)(info) };
+        made.map(|handle| Federate { library: self, handle })
+    }
+}
+
+/// The name of a broker, and of its queue in shared memory.
+fn queue(address: &Address) -> String {
+    format!("rsm-{}", address.port)
+}
+
+/// A broker in this process.
+#[derive(Debug)]
+pub struct Broker {
+    library: &'static Library,
+    handle: Handle,
+}
+
+impl Broker {
+    /// Whether it is still at work.
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        // SAFETY: the handle is that of a broker of this library.
+        unsafe { (self.library.functions.broker_is_connected)(self.handle) == TRUE }
+    }
+
+    /// Whether all federates have joined. What cannot be asked counts as no.
+    #[must_use]
+    pub fn has_begun(&self) -> bool {
+        let functions = &self.library.functions;
+        // SAFETY: both texts live until the call is over; an empty target is the broker itself.
+        let query = unsafe { (functions.create_query)(c"".as_ptr(), c"isinit".as_ptr()) };
+        let answer = checked!(functions.query_broker, query, self.handle).ok().filter(|answer| !answer.is_null());
+        // SAFETY: the answer lives as long as the query.
+        let begun = answer.is_some_and(|answer| unsafe { CStr::from_ptr(answer) }.to_bytes() == b"true");
+        // SAFETY: made above, and used no more.
+        unsafe { (functions.free_query)(query) };
+        begun
+    }
+
+    /// Waits up to a time for the end of the federation; whether it has ended.
+    ///
+    /// # Errors
+    /// The words of the library.
+    pub fn ended_within(&self, time: Duration) -> Result<bool, String> {
+        let time = c_int::try_from(time.as_millis()).unwrap_or(c_int::MAX);
+        Ok(checked!(self.library.functions.wait_for_disconnect, self.handle, time)? == TRUE)
+    }
+
+    /// Ends it; federates that are still there get an error.
+    pub fn disconnect(&self) {
+        let _ = checked!(self.library.functions.broker_disconnect, self.handle);
+    }
+}
+
+/// A federate in this process. One thread uses it.
+#[derive(Debug)]
+pub struct Federate {
+    library: &'static Library,
+    handle: Handle,
+}
+
+// SAFETY: a federate may be used by any one thread; the library locks what threads share.
+unsafe impl Send for Federate {}
+
+/// What a federate tells the others.
+#[derive(Debug, Clone, Copy)]
+pub struct Publication(Handle);
+
+/// What a federate hears of another.
+#[derive(Debug, Clone, Copy)]
+pub struct Subscription(Handle);
+
+impl Federate {
+    /// Registers a vector that this federate tells.
+    ///
+    /// # Errors
+    /// The words of the library: the name is taken.
+    pub fn publication(&self, name: &str) -> Result<Publication, String> {
+        let functions = &self.library.functions;
+        checked!(functions.publication, self.handle, text(name).as_ptr(), VECTOR, c"".as_ptr()).map(Publication)
+    }
+
+    /// Registers a vector that this federate hears.
+    ///
+    /// # Errors
+    /// The words of the library.
+    pub fn subscription(&self, name: &str) -> Result<Subscription, String> {
+        let functions = &self.library.functions;
+        checked!(functions.subscription, self.handle, text(name).as_ptr(), c"".as_ptr()).map(Subscription)
+    }
+
+    /// Waits until all federates have joined; time is 0 then.
+    ///
+    /// # Errors
+    /// The words of the library: the broker is gone.
+    pub fn enter(&self) -> Result<(), String> {
+        checked!(self.library.functions.enter, self.handle)
+    }
+
+    /// Waits until time has come to this, in s.
+    ///
+    /// # Errors
+    /// The words of the library: a peer or the broker is gone. An earlier time than asked is an error too: the federation is over.
+    pub fn request_time(&self, time: f64) -> Result<(), String> {
+        let granted = checked!(self.library.functions.request_time, self.handle, time)?;
+        // Times are whole nanoseconds in the library.
+        if granted < time - 1e-9 || granted > time + 1e-9 {
+            return Err(format!("asked for the time {time} s, got {granted} s: the federation is over"));
+        }
+        Ok(())
+    }
+
+    /// Tells a vector at the time that it is.
+    ///
+    /// # Errors
+    /// The words of the library.
+    pub fn publish(&self, to: Publication, values: &[f64]) -> Result<(), String> {
+        let length = c_int::try_from(values.len()).map_err(|error| error.to_string())?;
+        checked!(self.library.functions.publish, to.0, values.as_ptr(), length)
+    }
+
+    /// The last vector that was told; how many numbers it has. Longer ones are cut.
+    ///
+    /// # Errors
+    /// The words of the library.
+    pub fn read(&self, from: Subscription, values: &mut [f64]) -> Result<usize, String> {
+        let room = c_int::try_from(values.len()).map_err(|error| error.to_string())?;
+        let mut length = 0;
+        checked!(self.library.functions.read, from.0, values.as_mut_ptr(), room, &mut length)?;
+        Ok(usize::try_from(length).unwrap_or(0).min(values.len()))
+    }
+
+    /// Ends the federation for all, with words.
+    pub fn fail(&self, words: &str) {
+        let _ = checked!(self.library.functions.global_error, self.handle, -1, text(words).as_ptr());
+    }
+
+    /// Leaves; the others go on.
+    pub fn disconnect(&self) {
+        let _ = checked!(self.library.functions.disconnect, self.handle);
+    }
+}
+
+/// Ends the process at once, without the destructors of the library: after an error they may wait for a peer that is gone. Whatever was to be written must be written before.
+pub fn exit_now(status: u8) -> ! {
+    unsafe extern "C" {
+        fn _exit(status: c_int) -> !;
+    }
+    // SAFETY: ends the process, nothing is used after it.
+    unsafe { _exit(c_int::from(status)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_is_a_host_and_a_port_and_nothing_else() {
+        let address = Address::parse("host-1.lan:23500").unwrap();
+        assert_eq!((address.host.as_str(), address.port), ("host-1.lan", 23500));
+        assert_eq!(address.to_string(), "host-1.lan:23500");
+        for wrong in ["", "host", "host:", ":1", "host:0", "host:70000", "a b:1", "host --profiler=x:1", "-f9:1"] {
+            assert!(Address::parse(wrong).unwrap_err().contains("expected HOST:PORT"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_library_that_is_missing_or_none_is_told_with_the_way_to_get_it() {
+        let folder = std::env::temp_dir();
+        let missing = Library::load(Some(&folder.join("no-such-libhelics.so"))).unwrap_err();
+        assert!(
+            missing.contains("no-such-libhelics.so") && missing.contains("pip install") && missing.contains(VARIABLE),
+            "{missing}"
+        );
+        let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+        let empty = Library::load(Some(&own)).unwrap_err();
+        assert!(empty.contains("no such library in this folder"), "{empty}");
+        let no_library = Library::load(Some(&own.join("lib.rs"))).unwrap_err();
+        assert!(no_library.contains("lib.rs") && no_library.contains("pip install"), "{no_library}");
+    }
+}

@@ -1,0 +1,308 @@
+//! Who runs where: the file of a co-simulation.
+//!
+//! In: TOML. Out: a [`Scenario`] in which both sides of every loop take part, each role once, or faults with line and column. Starts nothing: [`Scenario::commands`] says what to start.
+//!
+//! ```
+//! use rsm_core::source::Source;
+//! use rsm_link::scenario::Scenario;
+//!
+//! let text = r#"
+//! format = 1
+//! scenario = "motor"
+//! seconds = 0.5
+//! broker = "127.0.0.1:23500"
+//! processes.plant.roles = ["motor"]
+//! processes.control.roles = ["controller", "recorder"]
+//! "#;
+//! let scenario = Scenario::read(&Source::new("motor.toml", text)).unwrap();
+//! assert_eq!(scenario.federates(), 3);
+//! assert_eq!(scenario.commands("records")[0].words[..2], ["federate", "broker"]);
+//! ```
+
+use rsm_core::source::{Collector, Faults, Source};
+use rsm_core::toml_reader::{self, TableReader};
+
+use crate::helics::{Address, Core};
+use crate::loops::{Loop, Role, Run};
+
+/// A day: a row a millisecond stands in memory.
+const LONGEST_S: f64 = 86_400.0;
+
+/// As `rsm federate --load-inertia`: a ton at a metre.
+const LARGEST_INERTIA: f64 = 1000.0;
+
+/// A process of a co-simulation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Process {
+    /// Its name.
+    pub name: String,
+    /// Who takes part in it.
+    pub roles: Vec<Role>,
+    /// The host that it runs on, where the file says so.
+    pub host: Option<String>,
+}
+
+/// A co-simulation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scenario {
+    /// Its name.
+    pub name: String,
+    /// What is run.
+    pub run: Run,
+    /// How the parts speak to each other.
+    pub core: Core,
+    /// Where the broker listens.
+    pub broker: Address,
+    /// The host that the broker runs on, where the file says so.
+    pub broker_host: Option<String>,
+    /// The processes, in the order of the file.
+    pub processes: Vec<Process>,
+}
+
+/// What is to be started: the words after `rsm`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Start {
+    /// The name of the process; the broker is `broker`.
+    pub process: String,
+    /// The host, where the file says so.
+    pub host: Option<String>,
+    /// The words.
+    pub words: Vec<String>,
+}
+
+impl Scenario {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Every fault with its place.
+    pub fn read(source: &Source) -> Result<Self, Faults> {
+        let mut faults = Collector::new();
+        let document = toml_reader::parse(source, &mut faults);
+        let scenario = document.and_then(|document| {
+            let mut top = TableReader::document(source, &document);
+            let scenario = read(&mut top, &mut faults);
+            top.finish(&mut faults);
+            scenario
+        });
+        faults.finish(scenario)
+    }
+
+    /// How many federates there are: a role each.
+    #[must_use]
+    pub fn federates(&self) -> usize {
+        self.roles().count()
+    }
+
+    /// All roles.
+    pub fn roles(&self) -> impl Iterator<Item = Role> {
+        self.processes.iter().flat_map(|process| process.roles.iter().copied())
+    }
+
+    /// The loops that are run.
+    pub fn loops(&self) -> impl Iterator<Item = Loop> {
+        Loop::ALL.into_iter().filter(|it| self.roles().any(|role| role == Role::Plant(*it)))
+    }
+
+    /// The hosts of the file, each once, that of the broker first.
+    #[must_use]
+    pub fn hosts(&self) -> Vec<&str> {
+        let mut hosts: Vec<&str> = Vec::new();
+        for host in self.broker_host.iter().chain(self.processes.iter().filter_map(|process| process.host.as_ref())) {
+            if !hosts.contains(&host.as_str()) {
+                hosts.push(host);
+            }
+        }
+        hosts
+    }
+
+    /// What to start, the broker first; records go into a folder.
+    #[must_use]
+    pub fn commands(&self, out: &str) -> Vec<Start> {
+        let common = ["--broker".to_string(), self.broker.to_string(), "--core".to_string(), self.core.name().to_string()];
+        let broker = ["federate", "broker"].map(String::from).into_iter().chain(common.clone());
+        let broker = broker.chain(["--federates".to_string(), self.federates().to_string()]);
+        let mut starts = vec![Start { process: "broker".into(), host: self.broker_host.clone(), words: broker.collect() }];
+        for process in &self.processes {
+            let mut words = vec!["federate".to_string()];
+            words.extend(process.roles.iter().map(|role| role.name().to_string()));
+            words.extend(common.clone());
+            // Shortest decimals: they read back to the same bits.
+            words.extend(["--seconds".to_string(), (self.run.ticks as f64 * 1e-3).to_string()]);
+            if self.run.load_inertia > 0.0 {
+                words.extend(["--load-inertia".to_string(), self.run.load_inertia.to_string()]);
+            }
+            if let Some(Role::Recorder(it)) = process.roles.iter().find(|role| matches!(role, Role::Recorder(_))) {
+                words.extend(["--loop".to_string(), it.name().to_string()]);
+            }
+            words.extend(["--out".to_string(), out.to_string()]);
+            starts.push(Start { process: process.name.clone(), host: process.host.clone(), words });
+        }
+        starts
+    }
+}
+
+fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<Scenario> {
+    if let Some(value) = top.required("format", faults) {
+        top.whole("`format`", value, 1, 1, faults);
+    }
+    let name = top.text("scenario", faults);
+    let seconds = top.required("seconds", faults).and_then(|value| {
+        let found = top.number("`seconds`", value, faults)?;
+        if !(0.001..=LONGEST_S).contains(&found) {
+            faults.push(top.fault(value.span(), format!("`seconds`: found {found}, expected 0.001 to {LONGEST_S}")));
+        }
+        Some(found)
+    });
+    let load_inertia = top.optional("load_inertia").map_or(Some(0.0), |value| {
+        let found = top.number("`load_inertia`", value, faults)?;
+        if !(0.0..=LARGEST_INERTIA).contains(&found) {
+            let what = format!("`load_inertia`: found {found} kg m^2, expected 0 to {LARGEST_INERTIA}");
+            faults.push(top.fault(value.span(), what));
+        }
+        Some(found)
+    });
+    let core = match top.optional("core") {
+        Some(_) => top.choice("core", &Core::ALL, faults),
+        None => Some(Core::default()),
+    };
+    let broker = top.required("broker", faults).and_then(|value| {
+        let words = top.text("broker", faults)?;
+        Address::parse(&words).map_err(|what| faults.push(top.fault(value.span(), format!("`broker`: {what}")))).ok()
+    });
+    let broker_host = top.optional_text("broker_host", faults);
+    let value = top.required("processes", faults)?;
+    let processes = read_processes(top, value, faults)?;
+    let ticks = (seconds? * 1000.0).round() as u64;
+    let broker_host = broker_host.or_else(|| processes.iter().find_map(|process| process.host.clone()));
+    Some(Scenario {
+        name: name?,
+        run: Run { ticks, load_inertia: load_inertia? },
+        core: core?,
+        broker: broker?,
+        broker_host,
+        processes,
+    })
+}
+
+fn read_processes(top: &TableReader<'_>, value: toml_reader::Value<'_>, faults: &mut Collector) -> Option<Vec<Process>> {
+    let table = TableReader::of(top.source(), value, "`processes`", faults)?;
+    let mut processes: Vec<Process> = Vec::new();
+    let mut taken: Vec<String> = vec!["broker".to_string()];
+    for (name, span, value) in table.entries() {
+        let who = format!("process `{name}`");
+        let Some(mut reader) = TableReader::of(top.source(), value, who.clone(), faults) else { continue };
+        if name == "broker" {
+            faults.push(top.fault(span, "the broker is started by itself: give the process another name"));
+        }
+        let host = reader.optional_text("host", faults);
+        let listened = reader.choice("loop", &Loop::ALL.map(|it| (it.name(), it)), faults).unwrap_or(Loop::Motor);
+        let words = reader.required("roles", faults).and_then(|value| reader.texts("`roles`", value, faults));
+        let mut roles = Vec::new();
+        for (word, span) in words.into_iter().flatten() {
+            let Some(role) = Role::of(&word, listened) else {
+                let what = format!("`roles`: found \"{word}\", expected motor, controller, driveline, throttle or recorder");
+                faults.push(reader.fault(span, what));
+                continue;
+            };
+            let unique = role.unique_name();
+            if taken.contains(&unique) {
+                let what = format!("`roles`: \"{unique}\" takes part twice");
+                let help = "a recorder names what it listens to by `loop`; a process has one";
+                faults.push(reader.fault(span, what).help(help));
+            }
+            taken.push(unique);
+            roles.push(role);
+        }
+        if roles.is_empty() && faults.is_clean() {
+            faults.push(reader.fault(reader.span(), "it has no role"));
+        }
+        reader.finish(faults);
+        processes.push(Process { name: name.to_string(), roles, host });
+    }
+    let has = |role: Role| processes.iter().any(|process| process.roles.contains(&role));
+    for side in Loop::ALL {
+        let (plant, step, recorder) = (Role::Plant(side), Role::Step(side), Role::Recorder(side));
+        let some = has(plant) || has(step) || has(recorder);
+        for missing in [plant, step].into_iter().filter(|role| some && !has(*role)) {
+            let what = format!("`processes`: nobody is \"{}\", and the loop of the {} needs it", missing.name(), side.name());
+            faults.push(top.fault(top.key_span("processes"), what));
+        }
+    }
+    if processes.is_empty() {
+        faults.push(top.fault(top.key_span("processes"), "`processes`: there is none"));
+    }
+    Some(processes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = r#"format = 1
+scenario = "both"
+seconds = 0.25
+load_inertia = 0.05
+core = "zmq"
+broker = "10.0.0.1:23500"
+broker_host = "left"
+
+[processes.plants]
+roles = ["motor", "driveline"]
+host = "left"
+
+[processes.steps]
+roles = ["throttle", "controller"]
+host = "right"
+
+[processes.listener]
+roles = ["recorder"]
+loop = "throttle"
+host = "right"
+"#;
+
+    fn refused(text: &str) -> String {
+        Scenario::read(&Source::new("s.toml", text)).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_scenario_says_what_to_start_on_each_host() {
+        let scenario = Scenario::read(&Source::new("s.toml", GOOD)).unwrap();
+        assert_eq!(scenario.run, Run { ticks: 250, load_inertia: 0.05 });
+        assert_eq!((scenario.federates(), scenario.loops().count()), (5, 2));
+        assert_eq!(scenario.hosts(), ["left", "right"]);
+        let starts = scenario.commands("here");
+        let lines: Vec<String> =
+            starts.iter().map(|it| format!("{}: {}", it.host.as_deref().unwrap(), it.words.join(" "))).collect();
+        let common = "--broker 10.0.0.1:23500 --core zmq";
+        let run = "--seconds 0.25 --load-inertia 0.05";
+        assert_eq!(
+            lines,
+            [
+                format!("left: federate broker {common} --federates 5"),
+                format!("left: federate motor driveline {common} {run} --out here"),
+                format!("right: federate throttle controller {common} {run} --out here"),
+                format!("right: federate recorder {common} {run} --loop throttle --out here"),
+            ]
+        );
+    }
+
+    #[test]
+    fn what_cannot_run_is_refused_with_its_place() {
+        let change = |from: &str, to: &str| refused(&GOOD.replace(from, to));
+        assert_eq!(
+            change("format = 1", "format = 2"),
+            "s.toml:1:10: `format`: found the number 2, expected a whole number from 1 to 1"
+        );
+        assert!(change("0.25", "0").starts_with("s.toml:3:11: `seconds`: found 0, expected 0.001"), "{}", change("0.25", "0"));
+        assert!(change("0.05", "-1").contains("s.toml:4:16: `load_inertia`: found -1 kg m^2"));
+        assert!(change("\"zmq\"", "\"tcp\"").contains("expected one of \"tcp_ss\", \"zmq\", \"ipc\""));
+        assert!(change("10.0.0.1:23500", "10.0.0.1").contains("s.toml:6:10: `broker`: found `10.0.0.1`, expected HOST:PORT"));
+        assert!(change("\"throttle\", \"controller\"", "\"throttle\"").contains("nobody is \"controller\""));
+        assert!(change("\"throttle\", \"controller\"", "\"throttle\", \"throttle\"").contains("takes part twice"));
+        assert!(change("[\"recorder\"]", "[\"broker\"]").contains("found \"broker\", expected motor"));
+        assert!(change("[\"recorder\"]", "[]").contains("it has no role"));
+        assert!(change("loop =", "of =").contains("unknown key `of`"));
+        assert!(change("processes.plants", "processes.broker").contains("another name"));
+        assert!(refused("format = 1\n").contains("`processes`"));
+    }
+}

@@ -1,0 +1,442 @@
+//! A side of a loop against the wall clock, joined to the other by UDP: what hardware in the loop wants.
+//!
+//! In: which side, where it listens and where the other one is, a key, how long the play-out buffer is. Out: a table and counts. Nobody waits for anybody: each tick has what the buffer
+//! plays, sends its own and goes on. What is missing is held ([`Wish::hold`]), then there is the safe state:
+//!
+//! - the plant of the motor asks for no torque and keeps the weakening current, the car closes its throttle;
+//! - a step is told a sample that is none, and does what it does with a bad sample of a sensor.
+//!
+//! Both sides say hello until each has heard the other, so that the order of start does not matter. After [`Wish::silence`] without a datagram the peer counts as gone.
+
+use std::net::{SocketAddr, ToSocketAddrs as _, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use host_loop::{Clock as _, Summary, SystemClock};
+use rsm_sim::kind::Signal;
+
+use crate::loops::{self, Loop, PERIOD_NS, Role, Run, Step, Table, WIDEST, time_of};
+use crate::play_out::{Counts, PlayOut, Played};
+use crate::wire::{Datagram, Foreign, Key, Kind, LONGEST, Side, model_hash};
+
+/// What is to run.
+#[derive(Debug, Clone)]
+pub struct Wish {
+    /// The loop, and its side here.
+    pub side: (Loop, Side),
+    /// Where this side listens: ADDRESS:PORT.
+    pub listen: String,
+    /// Where the other side listens: HOST:PORT.
+    pub peer: String,
+    /// The secret of both.
+    pub key: Key,
+    /// What is run.
+    pub run: Run,
+    /// The length of the play-out buffer.
+    pub buffer: Duration,
+    /// How long the last value is held.
+    pub hold: Duration,
+    /// How long nothing may be heard until the peer counts as gone.
+    pub silence: Duration,
+    /// How long the peer is waited for at the start.
+    pub wait: Duration,
+}
+
+/// What was heard and not looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct NotMine {
+    /// Without the right code, from the wrong side, of another run.
+    pub foreign: u64,
+    /// With the right key, but of another model.
+    pub other_model: u64,
+}
+
+/// What became of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Done {
+    /// The rows: those of the role, then the number that was played and how (0 waiting, 1 fresh, 2 held, 3 safe).
+    pub table: Table,
+    /// Datagrams with a sample or a command that were sent.
+    pub sent: u64,
+    /// Datagrams that the system did not take.
+    pub not_sent: u64,
+    /// What went through the buffer.
+    pub counts: Counts,
+    /// What did not.
+    pub not_mine: NotMine,
+    /// To the peer and back, without the time that it waited there.
+    pub round_trip: Option<Summary>,
+    /// How late the ticks began by the clock.
+    pub lateness: Summary,
+    /// Ticks that began after their period was over. They are done all the same, one after another.
+    pub late_ticks: u64,
+    /// Ticks that ended after their period was over.
+    pub deadlines_missed: u64,
+    /// Whether the peer was heard at all.
+    pub began: bool,
+    /// Why it ended too soon.
+    pub lost: Option<String>,
+}
+
+/// What the two threads share.
+struct Heard {
+    buffer: PlayOut,
+    /// The run of the peer; 0 before it is heard.
+    peer: u64,
+    /// The peer has heard this run.
+    known: bool,
+    ended: bool,
+    last_ns: u64,
+    /// The peer's time on its last datagram, and when that was heard.
+    echo: (u64, u64),
+    not_mine: NotMine,
+    round_trips_ns: Vec<u64>,
+}
+
+fn locked(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+    heard.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn now_ns() -> u64 {
+    SystemClock.now_ns()
+}
+
+/// A number that nobody can guess, never 0: the standard library takes the keys of its hash from the system's random numbers.
+fn session() -> u64 {
+    use std::hash::{BuildHasher as _, RandomState};
+    loop {
+        let number = RandomState::new().hash_one(now_ns());
+        if number != 0 {
+            return number;
+        }
+    }
+}
+
+/// Everything that does not change during a run.
+struct Link<'a> {
+    socket: UdpSocket,
+    peer: SocketAddr,
+    key: &'a Key,
+    model: [u8; 16],
+    side: Side,
+    session: u64,
+    start_ns: u64,
+}
+
+impl Link<'_> {
+    /// Whether the system took it.
+    fn send(&self, heard: &Mutex<Heard>, kind: Kind, number: u64, sent: &[f64]) -> bool {
+        let (peer_session, (echo_ns, at_ns)) = {
+            let heard = locked(heard);
+            (heard.peer, heard.echo)
+        };
+        let mut values = [0.0; WIDEST];
+        values[..sent.len()].copy_from_slice(sent);
+        let now = now_ns();
+        let datagram = Datagram {
+            kind,
+            side: self.side,
+            session: self.session,
+            peer_session,
+            number,
+            time_ns: now - self.start_ns,
+            echo_ns,
+            echo_age_ns: now - at_ns,
+            count: sent.len(),
+            values,
+        };
+        let (bytes, length) = datagram.write(&self.model, self.key);
+        self.socket.send_to(&bytes[..length], self.peer).is_ok()
+    }
+
+    /// Hears until the run is over.
+    fn listen(&self, heard: &Mutex<Heard>, over: &AtomicBool) {
+        let other = if self.side == Side::Plant { Side::Step } else { Side::Plant };
+        // A byte more than the longest: what is cut would not be noticed.
+        let mut bytes = [0; LONGEST + 1];
+        while !over.load(Ordering::Acquire) {
+            // Nothing for a while, or a peer that does not listen yet: both are no reason to end.
+            let Ok((length, _)) = self.socket.recv_from(&mut bytes) else { continue };
+            let now = now_ns();
+            let read = Datagram::read(&bytes[..length], other, &self.model, self.key);
+            self.take(&mut locked(heard), read, now);
+        }
+    }
+
+    fn take(&self, heard: &mut Heard, read: Result<Datagram, Foreign>, now: u64) {
+        let datagram = match read {
+            Ok(datagram) => datagram,
+            Err(Foreign::OtherModel) => {
+                heard.not_mine.other_model += 1;
+                return;
+            }
+            Err(_) => {
+                heard.not_mine.foreign += 1;
+                return;
+            }
+        };
+        // A hello may come from anybody who has the key, at any time; the first to answer to this run is the peer.
+        let answers = datagram.peer_session == self.session;
+        let is_first = !heard.known && (heard.peer == 0 || datagram.kind == Kind::Hello || answers);
+        if !(is_first || datagram.session == heard.peer) || (datagram.kind != Kind::Hello && !answers) {
+            heard.not_mine.foreign += 1;
+            return;
+        }
+        heard.peer = datagram.session;
+        heard.known |= answers;
+        heard.last_ns = now;
+        heard.echo = (datagram.time_ns, now);
+        if answers && datagram.echo_ns > 0 {
+            let age = datagram.echo_ns.saturating_add(datagram.echo_age_ns);
+            heard.round_trips_ns.push((now - self.start_ns).saturating_sub(age));
+        }
+        match datagram.kind {
+            Kind::Hello => {}
+            Kind::Data => heard.buffer.hear(datagram.number, now, datagram.values),
+            Kind::End => heard.ended = true,
+        }
+    }
+}
+
+/// Between two hellos.
+const HELLO: Duration = Duration::from_millis(5);
+
+/// So many datagrams say that the run is over; each may be lost.
+const FAREWELLS: u32 = 5;
+
+/// Runs a side.
+///
+/// # Errors
+/// An address that is none, or that cannot be listened on.
+pub fn run(wish: &Wish) -> Result<Done, String> {
+    let (side, mine) = wish.side;
+    let peer = wish.peer.to_socket_addrs().map_err(|error| format!("--peer {}: {error}", wish.peer))?.next();
+    let peer = peer.ok_or_else(|| format!("--peer {}: no address", wish.peer))?;
+    let socket = UdpSocket::bind(&wish.listen).map_err(|error| format!("--listen {}: {error}", wish.listen))?;
+    socket.set_read_timeout(Some(Duration::from_millis(20))).map_err(|error| format!("--listen {}: {error}", wish.listen))?;
+    let (session, start_ns) = (session(), now_ns());
+    let link = Link { socket, peer, key: &wish.key, model: model_hash(side), side: mine, session, start_ns };
+    let ns = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+    let heard = Mutex::new(Heard {
+        buffer: PlayOut::new(PERIOD_NS, ns(wish.buffer), ns(wish.hold)),
+        peer: 0,
+        known: false,
+        ended: false,
+        last_ns: start_ns,
+        echo: (0, start_ns),
+        not_mine: NotMine::default(),
+        round_trips_ns: Vec::with_capacity(usize::try_from(wish.run.ticks).unwrap_or(0).min(1 << 20)),
+    });
+    let over = AtomicBool::new(false);
+    let mut done = std::thread::scope(|scope| {
+        scope.spawn(|| link.listen(&heard, &over));
+        let _ended = Ended(&over);
+        if let Err(words) = greet(&link, &heard, wish) {
+            return Done { lost: Some(words), ..nothing(side, mine) };
+        }
+        let done = Ticks::new(&link, &heard, wish).run();
+        for _ in 0..FAREWELLS {
+            link.send(&heard, Kind::End, wish.run.ticks, &[]);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        done
+    });
+    let mut heard = locked(&heard);
+    done.counts = heard.buffer.counts();
+    done.not_mine = heard.not_mine;
+    done.round_trip = (!heard.round_trips_ns.is_empty()).then(|| Summary::of(&mut heard.round_trips_ns));
+    Ok(done)
+}
+
+/// Ends the listening thread, also by a panic.
+struct Ended<'a>(&'a AtomicBool);
+
+impl Drop for Ended<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+fn role(side: Loop, mine: Side) -> Role {
+    if mine == Side::Plant { Role::Plant(side) } else { Role::Step(side) }
+}
+
+fn nothing(side: Loop, mine: Side) -> Done {
+    let signal = |name| Signal { name, unit: "1" };
+    Done {
+        table: role(side, mine).table().with(&[signal("played_number"), signal("played_how")]),
+        sent: 0,
+        not_sent: 0,
+        counts: Counts::default(),
+        not_mine: NotMine::default(),
+        round_trip: None,
+        lateness: Summary::default(),
+        late_ticks: 0,
+        deadlines_missed: 0,
+        began: false,
+        lost: None,
+    }
+}
+
+/// Says hello until each has heard the other.
+fn greet(link: &Link<'_>, heard: &Mutex<Heard>, wish: &Wish) -> Result<(), String> {
+    let wait = u64::try_from(wish.wait.as_nanos()).unwrap_or(u64::MAX);
+    loop {
+        link.send(heard, Kind::Hello, 0, &[]);
+        {
+            let heard = locked(heard);
+            if heard.known {
+                break;
+            }
+            if now_ns() - link.start_ns > wait {
+                let NotMine { foreign, other_model } = heard.not_mine;
+                let why = if other_model > 0 {
+                    "it runs another model: compare the coefficients and versions of both sides".to_string()
+                } else if foreign > 0 {
+                    format!("{foreign} datagrams came that have another key, or are no such thing")
+                } else {
+                    "nothing came".to_string()
+                };
+                return Err(format!("the peer at {} was not heard within {:.1} s: {why}", link.peer, wish.wait.as_secs_f64()));
+            }
+        }
+        std::thread::sleep(HELLO);
+    }
+    // The peer may still wait for this side's answer: its datagrams say it too, from the first tick on.
+    link.send(heard, Kind::Hello, 0, &[]);
+    Ok(())
+}
+
+/// The ticks of a run, by the clock.
+struct Ticks<'a> {
+    link: &'a Link<'a>,
+    heard: &'a Mutex<Heard>,
+    wish: &'a Wish,
+    done: Done,
+    first_ns: u64,
+    tick: u64,
+    lateness_ns: Vec<u64>,
+}
+
+impl<'a> Ticks<'a> {
+    fn new(link: &'a Link<'a>, heard: &'a Mutex<Heard>, wish: &'a Wish) -> Self {
+        let (side, mine) = wish.side;
+        let lateness_ns = Vec::with_capacity(usize::try_from(wish.run.ticks).unwrap_or(0).min(1 << 24));
+        let done = Done { began: true, ..nothing(side, mine) };
+        Ticks { link, heard, wish, done, first_ns: now_ns(), tick: 0, lateness_ns }
+    }
+
+    fn run(mut self) -> Done {
+        let (side, mine) = self.wish.side;
+        match mine {
+            Side::Plant => self.plant(side),
+            Side::Step => self.step(side),
+        }
+        self.end_of_tick();
+        self.done.lateness = Summary::of(&mut self.lateness_ns);
+        self.done
+    }
+
+    /// Sleeps until the tick begins, and takes what the buffer plays for it; `None` when the peer is gone.
+    fn begin(&mut self) -> Option<Played> {
+        self.end_of_tick();
+        let due = self.first_ns + self.tick * PERIOD_NS;
+        SystemClock.sleep_until_ns(due);
+        let now = now_ns();
+        let late = now.saturating_sub(due);
+        self.lateness_ns.push(late);
+        self.done.late_ticks += u64::from(late > PERIOD_NS);
+        let mut heard = locked(self.heard);
+        let silent = now.saturating_sub(heard.last_ns);
+        if !heard.ended && u128::from(silent) > self.wish.silence.as_nanos() {
+            let seconds = self.wish.silence.as_secs_f64();
+            self.done.lost = Some(format!("nothing was heard of the peer at {} for {seconds:.1} s", self.link.peer));
+            return None;
+        }
+        // A tick that is late is played for its own time, so that catching up does not eat the buffer.
+        let played = heard.buffer.play(due);
+        if heard.ended && matches!(played, Played::Safe { .. }) {
+            self.done.lost = Some(format!("the peer at {} has ended its run", self.link.peer));
+            return None;
+        }
+        self.tick += 1;
+        Some(played)
+    }
+
+    fn end_of_tick(&mut self) {
+        if self.tick > 0 {
+            self.done.deadlines_missed += u64::from(now_ns() > self.first_ns + self.tick * PERIOD_NS);
+        }
+    }
+
+    fn send(&mut self, values: &[f64]) {
+        let taken = self.link.send(self.heard, Kind::Data, self.tick - 1, values);
+        self.done.sent += u64::from(taken);
+        self.done.not_sent += u64::from(!taken);
+    }
+
+    fn plant(&mut self, side: Loop) {
+        let run = self.wish.run;
+        let (ticks, how) = (std::cell::RefCell::new(self), std::cell::Cell::new([f64::NAN, 0.0]));
+        let exchange = |sample: &[f64], command: &mut [f64]| {
+            let mut ticks = ticks.borrow_mut();
+            let Some(played) = ticks.begin() else { return false };
+            command.copy_from_slice(&command_of(side, played)[..command.len()]);
+            how.set([played.number(), played.code()]);
+            ticks.send(sample);
+            true
+        };
+        loops::plant(side, run, exchange, |row| {
+            ticks.borrow_mut().done.table.push(row.iter().copied().chain(how.get()));
+        });
+    }
+
+    fn step(&mut self, side: Loop) {
+        let mut step = Step::new(side);
+        let mut command = vec![0.0; side.command().len()];
+        for tick in 0..self.wish.run.ticks {
+            let Some(played) = self.begin() else { break };
+            let sample = played.values().unwrap_or([f64::NAN; WIDEST]);
+            step.answer(&sample, &mut command);
+            let row = [time_of(tick)].into_iter().chain(sample).chain(command.iter().copied());
+            self.done.table.push(row.chain([played.number(), played.code()]));
+            self.send(&command);
+        }
+    }
+}
+
+/// What acts on the plant: the command that is played, or the safe state.
+fn command_of(side: Loop, played: Played) -> [f64; WIDEST] {
+    let mut command = [0.0; WIDEST];
+    match played {
+        Played::Fresh { values, .. } | Played::Held { values, .. } => return values,
+        // No torque. The weakening current stays: without it a fast motor would charge the bus.
+        Played::Safe { values, .. } if side == Loop::Motor => command[0] = values[0],
+        Played::Waiting | Played::Safe { .. } => {
+            let first = side.first_command();
+            command[..first.len()].copy_from_slice(first);
+        }
+    }
+    command
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_safe_state_has_no_torque_and_a_closed_throttle() {
+        let values = [-12.0, 30.0, 0.0, 0.0];
+        let safe = |side, values| command_of(side, Played::Safe { number: 9, values });
+        assert_eq!(safe(Loop::Motor, values), [-12.0, 0.0, 0.0, 0.0]);
+        assert_eq!(safe(Loop::Throttle, [900.0, 0.0, 0.0, 0.0])[..1], host_runners::throttle::CLOSED);
+        assert_eq!(command_of(Loop::Motor, Played::Held { number: 9, values }), values);
+        assert_eq!(command_of(Loop::Motor, Played::Waiting), [0.0; WIDEST]);
+    }
+
+    #[test]
+    fn sessions_differ() {
+        assert_ne!(session(), session());
+    }
+}

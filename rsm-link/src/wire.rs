@@ -1,0 +1,296 @@
+//! What goes over the network: a datagram with its number, its time, the hash of the model and a keyed code.
+//!
+//! In: a [`Datagram`] and a [`Key`]. Out: bytes, and back. What was changed on the way, comes from somebody without the key, from another model or from the wrong side is [`Foreign`], and
+//! nothing of it is looked at. All numbers are little-endian; a value keeps its bits, NaN too.
+//!
+//! ```text
+//!   0   "RSM" 1      4   kind, side, count of values, 0    8   hash of the model (16)
+//!   24  session      32  session of the peer               40  number      48  time, ns
+//!   56  time of the datagram heard last, ns                64  how long ago that was, ns
+//!   72  values (8 each)                                    then HMAC-SHA-256 of all before, its first 16 bytes
+//! ```
+//!
+//! A session is a random number of each run. A datagram counts only where it names the session of the one who hears it: records of an older run cannot be played again.
+
+use hmac::{Hmac, KeyInit as _, Mac as _};
+use sha2::{Digest as _, Sha256};
+
+use crate::loops::{Loop, WIDEST};
+
+const MAGIC: [u8; 4] = *b"RSM\x01";
+const HEAD: usize = 72;
+const TAG: usize = 16;
+
+/// The longest datagram, in bytes.
+pub const LONGEST: usize = HEAD + 8 * WIDEST + TAG;
+
+/// A shorter secret is no key.
+pub const SHORTEST_KEY: usize = 16;
+
+/// The secret that both sides have.
+#[derive(Clone)]
+pub struct Key(Hmac<Sha256>);
+
+impl std::fmt::Debug for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Key")
+    }
+}
+
+impl Key {
+    /// From the bytes of a secret; a line end behind it is none of it.
+    ///
+    /// # Errors
+    /// Fewer than [`SHORTEST_KEY`] bytes.
+    pub fn new(secret: &[u8]) -> Result<Self, String> {
+        let secret = secret.strip_suffix(b"\n").unwrap_or(secret);
+        let secret = secret.strip_suffix(b"\r").unwrap_or(secret);
+        if secret.len() < SHORTEST_KEY {
+            return Err(format!("the key has {} bytes, expected {SHORTEST_KEY} at least", secret.len()));
+        }
+        // HMAC takes keys of any length.
+        Hmac::new_from_slice(secret).map(Key).map_err(|error| error.to_string())
+    }
+}
+
+/// The hash of what both sides must agree on: coefficients and plant of a loop, and the names and units of what is sent.
+#[must_use]
+pub fn model_hash(side: Loop) -> [u8; 16] {
+    let files: [&[u8]; 3] = match side {
+        Loop::Motor => [
+            include_bytes!("../../generated/coefficients/motor.toml"),
+            include_bytes!("../../generated/coefficients/circle.toml"),
+            include_bytes!("../../rsm-sim/plants/pmac.toml"),
+        ],
+        Loop::Throttle => [
+            include_bytes!("../../generated/coefficients/driveline.toml"),
+            include_bytes!("../../generated/coefficients/throttle.toml"),
+            include_bytes!("../../rsm-sim/plants/driveline.toml"),
+        ],
+    };
+    let mut hash = Sha256::new();
+    for file in files {
+        hash.update((file.len() as u64).to_le_bytes());
+        hash.update(file);
+    }
+    for signal in side.sample().iter().chain(side.command()) {
+        hash.update(format!("{}[{}];", signal.name, signal.unit));
+    }
+    let hash = hash.finalize();
+    std::array::from_fn(|k| hash[k])
+}
+
+/// What a datagram is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Says that somebody is there; it has no values.
+    Hello,
+    /// A sample or a command.
+    Data,
+    /// The run of the sender is over; it has no values.
+    End,
+}
+
+/// Which side of a loop has sent it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The plant's.
+    Plant,
+    /// The step's.
+    Step,
+}
+
+/// A datagram.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Datagram {
+    /// What it is for.
+    pub kind: Kind,
+    /// Who sends it.
+    pub side: Side,
+    /// The run of the sender.
+    pub session: u64,
+    /// The run of the peer that the sender has heard; 0 before.
+    pub peer_session: u64,
+    /// The number of the tick.
+    pub number: u64,
+    /// The sender's time, in ns after its start.
+    pub time_ns: u64,
+    /// The time of the datagram that the sender has heard last; 0 before.
+    pub echo_ns: u64,
+    /// How long ago that was.
+    pub echo_age_ns: u64,
+    /// How many values there are.
+    pub count: usize,
+    /// The values, then zeros.
+    pub values: [f64; WIDEST],
+}
+
+/// Why a datagram is not looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Foreign {
+    /// It is none, or its code is wrong.
+    Unsigned,
+    /// It has the key, but another version or side.
+    Misplaced,
+    /// It has the key, but another model.
+    OtherModel,
+}
+
+impl Datagram {
+    /// The bytes, and how many of them.
+    #[must_use]
+    pub fn write(&self, model: &[u8; 16], key: &Key) -> ([u8; LONGEST], usize) {
+        let mut bytes = [0; LONGEST];
+        let count = self.count.min(WIDEST);
+        bytes[..4].copy_from_slice(&MAGIC);
+        bytes[4] = match self.kind {
+            Kind::Hello => 0,
+            Kind::Data => 1,
+            Kind::End => 2,
+        };
+        bytes[5] = u8::from(self.side == Side::Step);
+        bytes[6] = count as u8;
+        bytes[8..24].copy_from_slice(model);
+        let words = [self.session, self.peer_session, self.number, self.time_ns, self.echo_ns, self.echo_age_ns];
+        let values = self.values[..count].iter().map(|value| value.to_bits());
+        for (place, word) in bytes[24..].chunks_exact_mut(8).zip(words.into_iter().chain(values)) {
+            place.copy_from_slice(&word.to_le_bytes());
+        }
+        let end = HEAD + 8 * count;
+        let code = key.0.clone().chain_update(&bytes[..end]).finalize().into_bytes();
+        bytes[end..end + TAG].copy_from_slice(&code[..TAG]);
+        (bytes, end + TAG)
+    }
+
+    /// What bytes say that come from a side.
+    ///
+    /// # Errors
+    /// They are foreign.
+    pub fn read(bytes: &[u8], from: Side, model: &[u8; 16], key: &Key) -> Result<Self, Foreign> {
+        let Some(end) = bytes.len().checked_sub(TAG).filter(|end| (HEAD..=HEAD + 8 * WIDEST).contains(end)) else {
+            return Err(Foreign::Unsigned);
+        };
+        // In constant time, and before anything else is looked at.
+        let code = key.0.clone().chain_update(&bytes[..end]);
+        code.verify_truncated_left(&bytes[end..]).map_err(|_| Foreign::Unsigned)?;
+        let side = if bytes[5] == 1 { Side::Step } else { Side::Plant };
+        let kind = match bytes[4] {
+            0 => Kind::Hello,
+            1 => Kind::Data,
+            2 => Kind::End,
+            _ => return Err(Foreign::Misplaced),
+        };
+        let count = usize::from(bytes[6]);
+        if bytes[..4] != MAGIC || side != from || end != HEAD + 8 * count {
+            return Err(Foreign::Misplaced);
+        }
+        if bytes[8..24] != model[..] {
+            return Err(Foreign::OtherModel);
+        }
+        let word = |place: usize| {
+            let mut word = [0; 8];
+            word.copy_from_slice(&bytes[place..place + 8]);
+            u64::from_le_bytes(word)
+        };
+        let mut values = [0.0; WIDEST];
+        for (k, value) in values[..count].iter_mut().enumerate() {
+            *value = f64::from_bits(word(HEAD + 8 * k));
+        }
+        Ok(Datagram {
+            kind,
+            side,
+            session: word(24),
+            peer_session: word(32),
+            number: word(40),
+            time_ns: word(48),
+            echo_ns: word(56),
+            echo_age_ns: word(64),
+            count,
+            values,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key(text: &str) -> Key {
+        Key::new(text.as_bytes()).unwrap()
+    }
+
+    const MODEL: [u8; 16] = [7; 16];
+
+    fn datagram() -> Datagram {
+        Datagram {
+            kind: Kind::Data,
+            side: Side::Step,
+            session: 1 << 63,
+            peer_session: 2,
+            number: 3,
+            time_ns: 4,
+            echo_ns: 5,
+            echo_age_ns: u64::MAX,
+            count: 2,
+            values: [-0.0, 1e-310, 0.0, 0.0],
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_with_the_same_bits() {
+        let key = key("sixteen bytes ok");
+        for count in 0..=WIDEST {
+            let mut sent = Datagram { count, ..datagram() };
+            for (k, value) in sent.values[..count].iter_mut().enumerate() {
+                *value = [f64::NEG_INFINITY, 0.1, -0.0, 1e-310][k];
+            }
+            sent.values[count..].fill(0.0);
+            let (bytes, length) = sent.write(&MODEL, &key);
+            let read = Datagram::read(&bytes[..length], Side::Step, &MODEL, &key).unwrap();
+            assert_eq!((read.values.map(f64::to_bits), read), (sent.values.map(f64::to_bits), sent));
+        }
+        let torn = Datagram { values: [f64::NAN, 0.0, 0.0, 0.0], count: 1, ..datagram() };
+        let (bytes, length) = torn.write(&MODEL, &key);
+        assert!(Datagram::read(&bytes[..length], Side::Step, &MODEL, &key).unwrap().values[0].is_nan());
+    }
+
+    #[test]
+    fn every_changed_bit_and_every_other_length_is_foreign() {
+        let key = key("sixteen bytes ok");
+        let (bytes, length) = datagram().write(&MODEL, &key);
+        let read = |bytes: &[u8]| Datagram::read(bytes, Side::Step, &MODEL, &key);
+        for bit in 0..8 * length {
+            let mut changed = bytes;
+            changed[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(read(&changed[..length]), Err(Foreign::Unsigned), "bit {bit}");
+        }
+        for other in (0..=LONGEST).filter(|other| *other != length) {
+            assert_eq!(read(&bytes[..other]), Err(Foreign::Unsigned), "{other} bytes");
+        }
+        assert_eq!(read(&[0; 2000]), Err(Foreign::Unsigned));
+    }
+
+    #[test]
+    fn another_key_another_model_and_the_wrong_side_are_told_apart() {
+        let key = key("sixteen bytes ok");
+        let (bytes, length) = datagram().write(&MODEL, &key);
+        let bytes = &bytes[..length];
+        assert_eq!(Datagram::read(bytes, Side::Step, &MODEL, &self::key("sixteen bytes no")), Err(Foreign::Unsigned));
+        assert_eq!(Datagram::read(bytes, Side::Step, &[8; 16], &key), Err(Foreign::OtherModel));
+        // One's own datagram, thrown back.
+        assert_eq!(Datagram::read(bytes, Side::Plant, &MODEL, &key), Err(Foreign::Misplaced));
+        assert_ne!(model_hash(Loop::Motor), model_hash(Loop::Throttle));
+    }
+
+    #[test]
+    fn a_key_is_long_enough_and_has_no_line_end() {
+        assert_eq!(Key::new(b"short\n").unwrap_err(), "the key has 5 bytes, expected 16 at least");
+        let (one, _) = datagram().write(&MODEL, &key("sixteen bytes ok"));
+        let (other, _) = datagram().write(&MODEL, &key("sixteen bytes ok\r\n"));
+        assert_eq!(one, other);
+        // RFC 4231, test case 4: the crate is what it says.
+        let secret: Vec<u8> = (1..=25).collect();
+        let code = Key::new(&secret).unwrap().0.chain_update([0xcd; 50]).finalize().into_bytes();
+        assert_eq!(code[..4], [0x82, 0x55, 0x8a, 0x38]);
+    }
+}
