@@ -5,7 +5,7 @@
 
 use super::checks::{Finding, jumps};
 use super::whitened_residuals::{Prepared, Simulated};
-use rsm_sim::kind::PlantKind;
+use rsm_sim::kind::{OUTPUTS, PlantKind};
 
 /// Shifts up to so many rows are looked for, either way.
 const FARTHEST: usize = 50;
@@ -63,7 +63,7 @@ pub struct Shift {
 #[must_use]
 pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
     let mut found = Vec::new();
-    for output in 0..3 {
+    for output in 0..OUTPUTS {
         let of_output = |prepared: &Prepared| prepared.outputs.iter().position(|it| *it == output);
         let have: Vec<(usize, usize)> =
             records.iter().enumerate().filter_map(|(record, (prepared, _))| Some((record, of_output(prepared)?))).collect();

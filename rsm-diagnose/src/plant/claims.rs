@@ -61,8 +61,8 @@ pub(super) fn diagnose(
 ) -> Result<Diagnosis, Refused> {
     let filed = as_given(file);
     let mut found = of_nominal(&filed, training, validation, test, options)?;
-    // Tails that the answer has no use for were structure.
-    let tails = if found.tails.is_empty() { HeavyTails::LeftAlone } else { HeavyTails::LookedFor };
+    // Tails and bursts that the answer has no use for were structure.
+    let tails = if found.has_uneven_noise() { HeavyTails::LookedFor } else { HeavyTails::LeftAlone };
     if let Some(judged) = judged(&filed, training, validation, tails, options) {
         let moved: Vec<usize> = (0..judged.claims.len()).filter(|k| !judged.claims[*k].stands).collect();
         found.claims = judged.claims.clone();

@@ -3,6 +3,7 @@
 //! In: the residual of an output, with its readings. Out: the standard deviation of the noise as a function of the size of the reading, where this can be told from chance.
 //! Only differences between neighbouring rows are used, so slow structure does not count. Medians of parts of equal size make it robust against a few outliers.
 
+use super::rounding::step_of;
 use crate::engine::significance::median;
 
 /// Parts of the range of readings, of equally many rows each.
@@ -19,6 +20,9 @@ const OF_MEDIAN: f64 = 1.36;
 
 /// Of second differences of white noise so many stand for an independent row: their correlations are -2/3 and 1/6, so that squares are correlated by 4/9 and 1/36, to both sides.
 const ROWS_A_DIFFERENCE: f64 = 1.94;
+
+/// The median of the size of a reading less the mean of its neighbours over the standard deviation of white noise: 0.6745 sqrt(1.5).
+const OF_SECOND_DIFFERENCE: f64 = 0.826;
 
 /// The likelihood ratio that growth must reach. Chi squared with one degree of freedom passes 20 once in 130,000 cases. Two laws are tried at every rate, of three outputs, some ten times in a
 /// diagnosis: with four independent trials a look, a false alarm comes once in a thousand diagnoses, a tenth of what structure may have (`whiteness`).
@@ -81,11 +85,12 @@ impl Growth {
         if count < LEAST_ROWS {
             return None;
         }
+        let least = of_rounding(lists, &rows);
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut parts: Vec<(f64, f64)> = Vec::new();
         for part in rows.chunks(count).take(PARTS) {
             let size = part.iter().map(|it| it.0).sum::<f64>() / part.len() as f64;
-            let deviation = median(&mut part.iter().map(|it| it.1).collect::<Vec<_>>());
+            let deviation = median(&mut part.iter().map(|it| it.1).collect::<Vec<_>>()).max(least);
             if deviation <= 0.0 {
                 return None;
             }
@@ -119,6 +124,14 @@ impl Growth {
         let squares = rows.iter().map(|it| best.plain(it.0).powi(2)).sum::<f64>() / rows.len() as f64;
         Some(Growth { norm: squares.sqrt(), ..best })
     }
+}
+
+/// What rounding alone adds to second differences, in the middle of their sizes, where readings are multiples of a step; else 0. A coarse sensor reads one number at rest and scatters by the uniform error of its steps where it
+/// moves: that is no growth.
+fn of_rounding(lists: &[(&[f64], &[f64], &[bool])], rows: &[(f64, f64)]) -> f64 {
+    let middle = median(&mut rows.iter().map(|it| it.1).collect::<Vec<_>>());
+    let step = step_of(lists.iter().map(|(measured, _, used)| (*measured, *used)), middle / OF_SECOND_DIFFERENCE);
+    step.map_or(0.0, |step| OF_SECOND_DIFFERENCE * step / 12.0_f64.sqrt())
 }
 
 /// Whether two laws weigh small readings against large ones otherwise, by a tenth.
@@ -211,6 +224,20 @@ mod tests {
         let after = left.iter().map(|it| it * it).sum::<f64>();
         assert!((after / before - 1.0).abs() < 0.12, "{after} {before}");
         assert!((0..100).all(|seed| found(2000, seed, |_| 0.1).is_none()));
+    }
+
+    #[test]
+    fn a_coarse_sensor_that_rests_has_no_growth_and_noise_of_many_steps_keeps_its_own() {
+        let mut random = Random::new(6);
+        // Half of the time the plant rests at a step, where noise of a fifth of a step is rounded away.
+        let truth: Vec<f64> = (0..6000).map(|k| if k % 3000 < 1500 { 0.0 } else { 20.0 * (k as f64 / 150.0).sin() }).collect();
+        let mut found = |law: fn(f64) -> f64| {
+            let measured: Vec<f64> = truth.iter().map(|it| (it + law(it.abs()) * random.normal()).round()).collect();
+            let left: Vec<f64> = measured.iter().zip(&truth).map(|(measured, truth)| measured - truth).collect();
+            Growth::found(&[(&measured, &left, &vec![true; 6000])])
+        };
+        assert_eq!(found(|_| 0.2), None);
+        assert!(found(|size| 0.2 * (1.0 + size)).is_some());
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod axis_under_steps;
 pub mod blocks;
 pub mod bootstrap;
 pub mod bridges;
+pub mod bursts;
 pub mod calibration;
 pub mod checks;
 pub mod claims;
@@ -238,10 +239,10 @@ fn of_nominal(
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
     let found = searched(file, training, validation, test, options, HeavyTails::LookedFor)?;
-    if found.tails.is_empty() || found.verdict != Verdict::Unexplained {
+    if !found.has_uneven_noise() || found.verdict != Verdict::Unexplained {
         return Ok(found);
     }
-    // What is explained as it was recorded had no tails: they were structure.
+    // What is explained as it was recorded had no tails and no bursts: they were structure.
     let plain = searched(file, training, validation, test, options, HeavyTails::LeftAlone)?;
     Ok(if plain.verdict == Verdict::Unexplained { found } else { plain })
 }

@@ -12,7 +12,10 @@ pub use super::floor::Floor;
 use super::growth::{self, Growth};
 use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
-use super::upper_band::{Band, LOWEST, MOST_CORRELATED, WHITE, positive, spectrum};
+use super::upper_band::{Band, LOWEST, WHITE, positive, spectrum};
+
+/// The largest correlation of noise that a whole record shows: beyond it noise wanders, and nothing tells it from a drift.
+const SLOWEST: f64 = 0.999;
 
 impl Floor {
     /// Of a sensor that rounds, from simulated values and what they leave about the mean reading, one list a record: the scatter of readings as rounding has it, and
@@ -94,7 +97,7 @@ fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<Floor> {
     // M. S. Bartlett, 1946.
     let error = ((1.0 - rho * rho) / rows).sqrt();
     let correlation = if rho.abs() < WHITE * error { 0.0 } else { rho };
-    (correlation.abs() < 0.01 * f64::from(MOST_CORRELATED)).then_some(Floor { correlation, error, ..Floor::white(sd) })
+    (correlation.abs() < SLOWEST).then_some(Floor { correlation, error, ..Floor::white(sd) })
 }
 
 /// Whether a floor leaves no octave with more than noise, at 0.1 % for all octaves together.

@@ -11,7 +11,7 @@ use super::noise::Floor;
 use super::share::Share;
 use super::taming::{self, Recorded};
 use super::whitened_residuals::WhitenedResiduals;
-use super::{Options, Refused, alignment, bridges, regions, survey, under_way, validation};
+use super::{Options, Refused, alignment, bridges, bursts, regions, survey, under_way, validation};
 use rsm_sim::effect::Survey;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
@@ -105,6 +105,10 @@ impl Ready {
                     break;
                 }
                 (options.progress)("noise with heavy tails: readings far off their neighbours count less");
+                (nominal, calibrated) = anew(&mut whitened, &mut unseen, nominal.at_start)?;
+            }
+            if bursts::leave_out(&mut whitened, &mut unseen, &calibrated, &mut findings) {
+                (options.progress)("noise with bursts: their rows are left out");
                 (nominal, calibrated) = anew(&mut whitened, &mut unseen, nominal.at_start)?;
             }
         }

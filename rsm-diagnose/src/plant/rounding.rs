@@ -74,6 +74,28 @@ impl Rounding {
     }
 }
 
+/// The step of which all readings are multiples, where there is one that stands out of the noise. In: readings with whether each counts; what stands for a lost one is no multiple.
+#[must_use]
+pub fn step_of<'a>(lists: impl Iterator<Item = (&'a [f64], &'a [bool])>, noise: f64) -> Option<f64> {
+    let mut steps: Vec<f64> = lists
+        .flat_map(|(values, used)| values.windows(2).zip(used.windows(2)))
+        .filter(|(_, used)| used[0] && used[1])
+        .map(|(w, _)| (w[1] - w[0]).abs())
+        .filter(|step| *step > 1e-9 * noise)
+        .collect();
+    if steps.len() < 50 {
+        return None;
+    }
+    steps.sort_by(f64::total_cmp);
+    let step = steps[steps.len() / 100];
+    // Finer than a fifth of the noise it is the digits of the file.
+    if step < 0.2 * noise {
+        return None;
+    }
+    let whole = steps.iter().filter(|it| ((*it / step) - (*it / step).round()).abs() < 0.01).count();
+    (whole as f64 > 0.98 * steps.len() as f64).then_some(step)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,5 +140,20 @@ mod tests {
         assert!((found.noise / 0.15 - 1.0).abs() < 0.07, "{found:?}");
         let off: Vec<f64> = values.iter().enumerate().map(|(k, value)| value + (k as f64 / 500.0).cos()).collect();
         assert_eq!(Rounding::found(1.0, &pairs(&off)), None);
+    }
+
+    #[test]
+    fn a_step_is_that_of_readings_and_not_of_what_stands_for_lost_ones() {
+        let mut values: Vec<f64> = (0..400).map(|k| 0.25 * f64::from(k % 3)).collect();
+        let mut used = vec![true; values.len()];
+        // Every tenth is lost, and the middle of its neighbours stands for it.
+        for k in (5..395).step_by(10) {
+            values[k] = f64::midpoint(values[k - 1], values[k + 1]);
+            used[k] = false;
+        }
+        let found = |used: &[bool]| step_of([(values.as_slice(), used)].into_iter(), 0.01);
+        assert_eq!(found(&used), Some(0.25));
+        // As readings they would halve it: the test sees them.
+        assert_ne!(found(&vec![true; values.len()]), Some(0.25));
     }
 }

@@ -3,6 +3,7 @@
 //! In: prepared records and the calibrated plant's residuals. Out: a [`Survey`]. Only scales: nothing here decides between causes.
 
 use super::levenberg::Fit;
+use super::rounding;
 use super::waves;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::Survey;
@@ -44,7 +45,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
             .records
             .iter()
             .filter_map(|it| it.outputs.iter().position(|found| *found == output).map(|k| it.used[k].as_slice()));
-        quantum[output] = lattice(lists.iter().copied().zip(used), whitened.floors[output].sd);
+        quantum[output] = rounding::step_of(lists.iter().copied().zip(used), whitened.floors[output].sd);
     }
     for prepared in &whitened.records {
         let record = &prepared.record;
@@ -152,45 +153,4 @@ fn torque_without_current(whitened: &WhitenedResiduals, parameters: &Parameters)
     }
     let [load, inertia, voltage] = sums.map(|(sum, count)| (sum / f64::max(count, 1.0)).sqrt());
     if load.max(inertia) > 0.0 { load.max(inertia) } else { voltage }
-}
-
-/// The step of which all readings are multiples, where there is one that stands out of the noise. In: readings with whether each counts; what stands for a lost one is no multiple.
-fn lattice<'a>(lists: impl Iterator<Item = (&'a [f64], &'a [bool])>, noise: f64) -> Option<f64> {
-    let mut steps: Vec<f64> = lists
-        .flat_map(|(values, used)| values.windows(2).zip(used.windows(2)))
-        .filter(|(_, used)| used[0] && used[1])
-        .map(|(w, _)| (w[1] - w[0]).abs())
-        .filter(|step| *step > 1e-9 * noise)
-        .collect();
-    if steps.len() < 50 {
-        return None;
-    }
-    steps.sort_by(f64::total_cmp);
-    let step = steps[steps.len() / 100];
-    // Finer than a fifth of the noise it is the digits of the file.
-    if step < 0.2 * noise {
-        return None;
-    }
-    let whole = steps.iter().filter(|it| ((*it / step) - (*it / step).round()).abs() < 0.01).count();
-    (whole as f64 > 0.98 * steps.len() as f64).then_some(step)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_step_is_that_of_readings_and_not_of_what_stands_for_lost_ones() {
-        let mut values: Vec<f64> = (0..400).map(|k| 0.25 * f64::from(k % 3)).collect();
-        let mut used = vec![true; values.len()];
-        // Every tenth is lost, and the middle of its neighbours stands for it.
-        for k in (5..395).step_by(10) {
-            values[k] = f64::midpoint(values[k - 1], values[k + 1]);
-            used[k] = false;
-        }
-        let found = |used: &[bool]| lattice([(values.as_slice(), used)].into_iter(), 0.01);
-        assert_eq!(found(&used), Some(0.25));
-        // As readings they would halve it: the test sees them.
-        assert_ne!(found(&vec![true; values.len()]), Some(0.25));
-    }
 }

@@ -197,7 +197,7 @@ pub(super) fn evened(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>
 }
 
 /// Each row less the median of the rows beside it; `None` where it does not count, or stands alone.
-fn off_neighbours(left: &[f64], used: &[bool]) -> Vec<Option<f64>> {
+pub(super) fn off_neighbours(left: &[f64], used: &[bool]) -> Vec<Option<f64>> {
     let mut beside = Vec::with_capacity(2 * BESIDE);
     (0..left.len())
         .map(|row| {
@@ -253,7 +253,7 @@ fn correlation(lists: &[Used<'_>]) -> f64 {
 }
 
 /// The deviation that the median of sizes gives.
-fn deviation(off: &[Option<f64>]) -> Option<f64> {
+pub(super) fn deviation(off: &[Option<f64>]) -> Option<f64> {
     let mut sizes: Vec<f64> = off.iter().flatten().map(|it| it.abs()).collect();
     (!sizes.is_empty()).then(|| median(&mut sizes) / MEDIAN_SIZE)
 }

@@ -3,6 +3,7 @@
 //! In: a selection and the records. Out: a [`Diagnosis`], with all its figures from the fits. Never fits a cause.
 
 mod own_noise;
+mod resolution;
 mod rivals;
 mod told;
 
@@ -10,6 +11,7 @@ use std::collections::BTreeSet;
 
 use super::bootstrap;
 use super::bridges::{self, Bridged};
+use super::bursts::BURST;
 use super::checks::Finding;
 use super::claims::Claim;
 use super::confidence::{self, Case};
@@ -172,6 +174,8 @@ pub struct Diagnosis {
     pub noise: Vec<(usize, f64, f64)>,
     /// Outputs whose noise grows with the reading: its standard deviation at a reading of 0 and at the largest one.
     pub growing: Vec<(usize, f64, f64)>,
+    /// Outputs whose readings are multiples of a step as coarse as their noise, with the step.
+    pub rounded: Vec<(usize, f64)>,
     /// Outputs whose noise has heavy tails, with the law by which their readings were made tame.
     pub tails: Vec<(usize, Tails)>,
     /// What a cause had to gain.
@@ -210,6 +214,12 @@ impl Diagnosis {
     /// The entries of the extended plant, causes and helpers.
     pub fn entries(&self) -> impl Iterator<Item = &Cause> {
         self.causes.iter().chain(&self.helpers)
+    }
+
+    /// Whether noise was made even: readings of heavy tails count less, and rows of bursts not at all.
+    #[must_use]
+    pub fn has_uneven_noise(&self) -> bool {
+        !self.tails.is_empty() || self.findings.iter().any(|it| it.what == BURST)
     }
 }
 
@@ -309,7 +319,9 @@ pub fn conclude(
         let confidence = sure(confidence::confidence(&judged), by_law);
         causes.push(cause(&fit, place, one, alike, confidence, witnesses.get(place).cloned().flatten()));
     }
-    for (output, step) in rounded {
+    let present = outputs(whitened);
+    let coarse = resolution::blamed(rounded, present.len(), &whitened.floors);
+    for (output, step) in &coarse {
         causes.extend(rounding(file.kind, *output, *step, off_lattice(whitened, *output, *step), fit.residual.len() as f64));
     }
     let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
@@ -323,10 +335,9 @@ pub fn conclude(
     let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(|it| is_named(verdict, it.confidence));
     let mut plant = polish::written(file, whitened, nominal, &fit);
     replace(&mut plant.effects, by_law, |it| (it.description.kind, it.arguments.subject.clone()));
-    for (output, step) in rounded {
-        plant.effects.extend(rounding_entry(file.kind, *output, *step));
+    for (output, step) in coarse {
+        plant.effects.extend(rounding_entry(file.kind, output, step));
     }
-    let present = outputs(whitened);
     let gain_interval = before
         .as_ref()
         .zip(after.as_ref())
@@ -350,6 +361,7 @@ pub fn conclude(
         bridged: bridges::bridged(whitened.records.iter().chain(&unseen.records)),
         noise: present.iter().map(|k| (*k, whitened.floors[*k].sd, whitened.floors[*k].correlation)).collect(),
         growing: growing(whitened, &present),
+        rounded: rounded.to_vec(),
         tails: present.iter().filter_map(|&output| Some((output, whitened.tails[output]?))).collect(),
         threshold,
         ranking,

@@ -251,7 +251,9 @@ fn bridged(list: &[Bridged]) -> Vec<Value> {
 fn findings(list: &[Finding]) -> Vec<Value> {
     let each = list
         .iter()
-        .map(|it| json!({ "record": it.record, "channel": it.channel, "what": it.what, "rows": [it.rows.0, it.rows.1] }));
+        .map(|it| json!({
+            "kind": "data-fault", "what": it.what, "column": it.channel, "channel": it.channel, "record": it.record, "rows": [it.rows.0, it.rows.1],
+        }));
     each.collect()
 }
 
@@ -330,6 +332,9 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             if let Some((_, at_zero, at_largest)) = grown {
                 noise["sd_at_zero"] = json!(at_zero);
                 noise["sd_at_largest"] = json!(at_largest);
+            }
+            if let Some((_, step)) = found.rounded.iter().find(|it| it.0 == *k) {
+                noise["rounded_to"] = json!(step);
             }
             if let Some((_, law)) = found.tails.iter().find(|it| it.0 == *k) {
                 noise["freedom"] = json!(law.freedom);

@@ -21,6 +21,9 @@ use crate::page::{figure, multiple};
 /// What the figures of training and validation records rest on: validation records give no number, and choose among causes.
 pub const CHOSEN: &str = "on the records that chose it";
 
+/// Noise of which so much stays from row to row is called slow: it takes more than ten rows to forget itself.
+const SLOW_NOISE: f64 = 0.9;
+
 /// What the figures of test records rest on.
 pub fn tested_on() -> String {
     format!(
@@ -219,6 +222,13 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         let name = kind.outputs()[*output].name;
         let (low, high) = (figure(Some(*low)), figure(Some(*high)));
         tell!("The noise of {name} grows with the reading: its standard deviation is {low} at 0 and {high} at the largest.");
+    }
+    for (output, step) in &found.rounded {
+        let signal = kind.outputs()[*output];
+        tell!("The readings of {} are rounded to multiples of {} {}.", signal.name, figure(Some(*step)), signal.unit);
+    }
+    for (output, _, correlation) in found.noise.iter().filter(|it| it.2 > SLOW_NOISE) {
+        tell!("The noise of {} is slow: from row to row {correlation:.2} of it stays.", kind.outputs()[*output].name);
     }
     for (output, law) in &found.tails {
         tell!(

@@ -1,0 +1,218 @@
+//! Bursts of noise: some rows in which a channel is far noisier than in all others, as beside a relay that switches or a loose contact.
+//!
+//! In: what a simulation leaves of an output, in each record. Out: the rows of its bursts. Those rows are left out and told, because readings of them say little and a least squares fit would believe them most.
+//! A plant can be loud for some rows, too: a contact rings, a corner is missed. That follows itself from row to row, and noise does not: bursts that follow themselves are structure, and stay.
+
+use std::ops::Range;
+
+use super::checks::Finding;
+use super::levenberg::Fit;
+use super::prepared::Prepared;
+use super::tails::{deviation, off_neighbours};
+use super::validation;
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use crate::engine::significance::median;
+
+/// What a finding says.
+pub const BURST: &str = "burst of noise";
+
+/// Deviations from the neighbours beyond which a reading is large: one of 80 of normal noise.
+const LARGE: f64 = 2.5;
+
+/// Rows of a window.
+const WINDOW: usize = 8;
+
+/// So many large readings in a window show that a channel has bursts: of normal noise one window in 10^8 has as many, of noise six times as large four of five.
+const SHOWS: usize = 5;
+
+/// So many are enough in a channel that has bursts: of normal noise one window in 10,000.
+const BELONGS: usize = 3;
+
+/// The first and the last readings of a burst may be small by chance: a reading of noise six times as large is in one of three cases.
+const MARGIN: usize = 2;
+
+/// Bursts are a small part of a record: with more, noise simply changes.
+const MOST: f64 = 0.2;
+
+/// Fewer rows in all bursts do not show whether they follow themselves.
+const LEAST_ROWS: usize = 20;
+
+/// Rows later that are asked whether they follow.
+const LATER: usize = 4;
+
+/// A sum of products of independent readings passes so many of its standard deviations once in a thousand cases.
+const FOLLOWS: f64 = 3.3;
+
+/// What is left of an output of a record, and the rows that count.
+pub(super) type LeftOf<'a> = (&'a [f64], &'a [bool]);
+
+/// The bursts of an output, one list a record; empty where nothing is a burst, or what is loud follows itself.
+#[must_use]
+pub(super) fn of_output(lists: &[LeftOf<'_>]) -> Vec<Vec<Range<usize>>> {
+    let none = vec![Vec::new(); lists.len()];
+    if lists.iter().all(|(left, used)| loud(left, used, SHOWS).is_empty()) {
+        return none;
+    }
+    let bursts: Vec<Vec<Range<usize>>> = lists.iter().map(|(left, used)| loud(left, used, BELONGS)).collect();
+    let rows: usize = bursts.iter().flatten().map(ExactSizeIterator::len).sum();
+    let few = |(bursts, (_, used)): (&Vec<Range<usize>>, &LeftOf<'_>)| {
+        let counted = used.iter().filter(|used| **used).count();
+        bursts.iter().map(ExactSizeIterator::len).sum::<usize>() as f64 <= MOST * counted as f64
+    };
+    if rows < LEAST_ROWS || !bursts.iter().zip(lists).all(few) || follows(lists, &bursts) {
+        return none;
+    }
+    bursts
+}
+
+/// Rows of a record in which so many readings of a window are far off their neighbours.
+fn loud(left: &[f64], used: &[bool], least: usize) -> Vec<Range<usize>> {
+    let off = off_neighbours(left, used);
+    let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return Vec::new() };
+    let large: Vec<bool> = off.iter().map(|off| off.is_some_and(|off| off.abs() > LARGE * size)).collect();
+    let mut bursts: Vec<Range<usize>> = Vec::new();
+    for start in 0..large.len().saturating_sub(WINDOW - 1) {
+        let window = &large[start..start + WINDOW];
+        if window.iter().filter(|large| **large).count() < least {
+            continue;
+        }
+        let first = start + window.iter().position(|large| *large).unwrap_or(0);
+        let last = start + window.iter().rposition(|large| *large).unwrap_or(0);
+        let rows = first.saturating_sub(MARGIN)..(last + 1 + MARGIN).min(left.len());
+        match bursts.last_mut() {
+            Some(before) if rows.start <= before.end + MARGIN => before.end = before.end.max(rows.end),
+            _ => bursts.push(rows),
+        }
+    }
+    bursts
+}
+
+/// Whether readings in bursts follow themselves: by their mean, or by products of readings some rows apart, each sum over the root of the sum of its squares.
+fn follows(lists: &[LeftOf<'_>], bursts: &[Vec<Range<usize>>]) -> bool {
+    let mut sums = [(0.0, 0.0); LATER + 1];
+    for ((left, used), bursts) in lists.iter().zip(bursts) {
+        for burst in bursts {
+            // What lasts longer than a burst is none of its own: the middle of the rows beside it.
+            let near = burst.start.saturating_sub(burst.len())..(burst.end + burst.len()).min(left.len());
+            let mut beside: Vec<f64> = near.filter(|row| !burst.contains(row) && used[*row]).map(|row| left[row]).collect();
+            let level = if beside.is_empty() { 0.0 } else { median(&mut beside) };
+            let mut off: Vec<f64> = burst.clone().map(|row| if used[row] { left[row] - level } else { 0.0 }).collect();
+            // Every burst counts alike, however loud.
+            let size = (off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64).sqrt();
+            off.iter_mut().for_each(|off| *off /= size.max(f64::MIN_POSITIVE));
+            for (later, sum) in sums.iter_mut().enumerate() {
+                for row in 0..off.len().saturating_sub(later) {
+                    let part = if later == 0 { off[row] } else { off[row] * off[row + later] };
+                    (sum.0, sum.1) = (sum.0 + part, sum.1 + part * part);
+                }
+            }
+        }
+    }
+    sums.iter().any(|(sum, squares)| sum.abs() > FOLLOWS * squares.sqrt())
+}
+
+/// Leaves the rows of bursts out, in both sets of records; whether there were any.
+pub(super) fn leave_out(
+    whitened: &mut WhitenedResiduals,
+    unseen: &mut WhitenedResiduals,
+    calibrated: &Fit,
+    findings: &mut Vec<Finding>,
+) -> bool {
+    let there = validation::on(unseen, &calibrated.model).map_or_else(Vec::new, |fit| fit.simulated);
+    let mut any = false;
+    for (output, signal) in calibrated.model.file.kind.outputs().iter().enumerate() {
+        if whitened.tails[output].is_some() {
+            continue;
+        }
+        let records = whitened.records.iter_mut().zip(&calibrated.simulated).chain(unseen.records.iter_mut().zip(&there));
+        let mut holding: Vec<(&mut Prepared, usize, Vec<f64>)> = Vec::new();
+        for (prepared, simulated) in records {
+            if let Some(k) = prepared.outputs.iter().position(|it| *it == output) {
+                let left = left_of(prepared, k, simulated);
+                holding.push((prepared, k, left));
+            }
+        }
+        let lists: Vec<LeftOf<'_>> =
+            holding.iter().map(|(prepared, k, left)| (left.as_slice(), prepared.used[*k].as_slice())).collect();
+        let bursts = of_output(&lists);
+        for ((prepared, k, _), bursts) in holding.into_iter().zip(bursts) {
+            let (record, channel) = (prepared.record.file.clone(), signal.name.to_string());
+            // A jump in a burst is a part of it.
+            let in_burst =
+                |it: &Finding| prepared.row_of(it.rows.0).is_some_and(|row| bursts.iter().any(|burst| burst.contains(&row)));
+            findings.retain(|it| it.what != "jump" || it.record != record || it.channel != channel || !in_burst(it));
+            any |= !bursts.is_empty();
+            for burst in bursts {
+                let rows = (prepared.file_row(burst.start), prepared.file_row(burst.end - 1));
+                findings.push(Finding { record: record.clone(), channel: channel.clone(), what: BURST, rows });
+                prepared.used[k][burst].fill(false);
+            }
+        }
+    }
+    any
+}
+
+fn left_of(prepared: &Prepared, k: usize, simulated: &Simulated) -> Vec<f64> {
+    prepared.measured(k).iter().zip(&simulated[k]).map(|(measured, value)| measured - value).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rsm_fit::random::Random;
+
+    fn found(left: &[f64]) -> Vec<Range<usize>> {
+        of_output(&[(left, &vec![true; left.len()])]).remove(0)
+    }
+
+    /// Where bursts of 12 to 36 rows stand in 4000.
+    fn places() -> Vec<Range<usize>> {
+        (0..8).map(|k| 300 + 470 * k..312 + 473 * k).collect()
+    }
+
+    #[test]
+    fn bursts_of_noise_are_found_where_they_are() {
+        let mut random = Random::new(3);
+        for draw in 0..20 {
+            // A slow motion that the simulation misses, twenty times the noise, is no burst and hides none.
+            let mut left: Vec<f64> = (0..4000).map(|k| random.normal() + 20.0 * (f64::from(k) / 300.0).sin()).collect();
+            for row in places().into_iter().flatten() {
+                left[row] += 6.0 * random.normal();
+            }
+            let bursts = found(&left);
+            let covers = |row: &usize| bursts.iter().any(|it| it.contains(row));
+            let all: usize = places().iter().map(ExactSizeIterator::len).sum();
+            let hit = places().into_iter().flatten().filter(covers).count();
+            let rows: usize = bursts.iter().map(ExactSizeIterator::len).sum();
+            // One reading of three is small by chance: of the rows at the ends of a burst some are missed, and a short burst that has many.
+            assert!(hit as f64 > 0.75 * all as f64, "{draw}: {hit} of {all}, {bursts:?}");
+            // Four rows of margin a burst, as many again by chance.
+            assert!(rows < hit + 64, "{draw}: {rows} for {hit}");
+        }
+    }
+
+    #[test]
+    fn noise_without_bursts_has_none_and_neither_has_what_follows_itself() {
+        let mut random = Random::new(4);
+        for _ in 0..50 {
+            assert_eq!(found(&(0..4000).map(|_| random.normal()).collect::<Vec<_>>()), []);
+        }
+        let with = |mut loud: Box<dyn FnMut(usize) -> f64>| {
+            let mut random = Random::new(5);
+            let mut left: Vec<f64> = (0..4000).map(|_| random.normal()).collect();
+            places().into_iter().for_each(|rows| rows.clone().for_each(|row| left[row] += loud(row - rows.start)));
+            found(&left)
+        };
+        // A contact that rings, a corner that a simulation misses, a knock that decays.
+        assert_eq!(with(Box::new(|k| 8.0 * (2.0 * k as f64).sin())), []);
+        assert_eq!(with(Box::new(|k| 12.0 - (k as f64 - 6.0).abs() * 2.0)), []);
+        assert_eq!(with(Box::new(|k| 20.0 * 0.8_f64.powi(k as i32))), []);
+        // The turning points of a motion that the simulation misses, each another time as large, beside a noise that hardly shows there.
+        let turns = |k: usize| 3e3 * (1.0 + (k / 900) as f64) * (k as f64 / 110.0).sin();
+        assert_eq!(found(&(0..4000).map(|k| random.normal() + turns(k)).collect::<Vec<_>>()), []);
+        // The noise of half a record is no burst.
+        let mut left: Vec<f64> = (0..4000).map(|_| random.normal()).collect();
+        left[2000..].iter_mut().for_each(|it| *it *= 6.0);
+        assert_eq!(found(&left), []);
+    }
+}

@@ -1,0 +1,31 @@
+//! Whether rounded readings are the resolution of a logger, or an error of one sensor.
+//!
+//! In: outputs whose readings are multiples of a step, with the noise floors. Out: those that are blamed. The others are told beside the noise: no simulation is wrong because its readings are rounded.
+
+use super::super::noise::Floor;
+
+/// Of outputs (place, step) those whose sensor is blamed, `recorded` being how many outputs the records hold. A logger that rounds, rounds every channel. A step whose error, step/sqrt(12), is below the
+/// noise before rounding adds less than the sensor has anyway.
+pub(super) fn blamed(rounded: &[(usize, f64)], recorded: usize, floors: &[Floor]) -> Vec<(usize, f64)> {
+    if rounded.len() == recorded && recorded > 1 {
+        return Vec::new();
+    }
+    let coarse = |(output, step): &&(usize, f64)| floors[*output].rounding.is_none_or(|it| step / 12.0_f64.sqrt() > it.noise);
+    rounded.iter().filter(coarse).copied().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::rounding::Rounding;
+    use super::*;
+
+    #[test]
+    fn one_coarse_sensor_is_blamed_and_a_logger_or_a_fine_step_is_not() {
+        let rounding = |noise: f64| Floor { rounding: Some(Rounding { step: 1.0, noise }), ..Floor::white(0.4) };
+        let floors = [rounding(0.1), rounding(0.35), Floor::white(0.4)];
+        assert_eq!(blamed(&[(0, 1.0), (1, 1.0)], 3, &floors), [(0, 1.0)]);
+        assert_eq!(blamed(&[(2, 1.0)], 3, &floors), [(2, 1.0)]);
+        assert_eq!(blamed(&[(0, 1.0)], 1, &floors), [(0, 1.0)]);
+        assert_eq!(blamed(&[(0, 1.0), (2, 1.0)], 2, &floors), []);
+    }
+}
