@@ -1,10 +1,10 @@
 //! The factors of a surface: what each power of a term is a power of.
 //!
-//! In: a surface and the ranges of its inputs. Out: one [`Factor`] an input, then one a knot, in the order of a term's powers. The
+//! In: a surface and the ranges of its inputs. Out: one [`Factor`] an input, then one a knot, then one a sigmoid, in the order of a term's powers. The
 //! formulas stand here once, for any exact enough arithmetic: the rational reference and the fitter both use them. Lowering derives its own
 //! folded form, and is judged against this one.
 
-use crate::model::{Coding, Input, Outside, Surface, Symmetry};
+use crate::model::{Coding, Input, Outside, Sigmoid, Surface, Symmetry};
 
 /// Arithmetic in which a factor can be evaluated: rationals, double-doubles.
 pub trait Arithmetic:
@@ -18,6 +18,13 @@ pub trait Arithmetic:
 {
     /// A finite f64, exactly.
     fn of(value: f64) -> Self;
+}
+
+/// Rounded at every step: where a glance is enough.
+impl Arithmetic for f64 {
+    fn of(value: f64) -> Self {
+        value
+    }
 }
 
 impl Arithmetic for crate::number::Rational {
@@ -63,8 +70,41 @@ pub struct Factor {
     pub input: usize,
     /// How that input is coded.
     pub variable: Variable,
-    /// `Some(at)`: the hinge max(0, x(xi) - x(at)) in place of x itself.
-    pub hinge: Option<f64>,
+    /// What is made of that variable, or of the input itself.
+    pub shape: Shape,
+}
+
+/// What a factor makes of its input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// The variable x.
+    Itself,
+    /// The hinge max(0, x(xi) - x(at)).
+    Hinge {
+        /// The natural value at which it opens.
+        at: f64,
+    },
+    /// The smooth step u = s (1 + |s|)/(1 + |s| + s^2), s = (xi - at)/width, of the natural value; of a symmetric input u(|xi|) - u(0).
+    /// It is rational: no root is asked of a target. It rises from -1 to 1, and its first three derivatives are continuous.
+    Sigmoid {
+        /// The natural value at which it is 0.
+        at: f64,
+        /// 1 over its slope there.
+        width: f64,
+        /// Of |xi|, and 0 at 0.
+        is_symmetric: bool,
+    },
+}
+
+impl Shape {
+    /// The smooth step of z = xi - at: z (w + |z|)/(w^2 + |z| (w + |z|)).
+    #[must_use]
+    pub fn step<T: Arithmetic>(z: T, width: f64) -> T {
+        let width = T::of(width);
+        let magnitude = if z < T::of(0.0) { -z.clone() } else { z.clone() };
+        let sum = width.clone() + magnitude.clone();
+        z * sum.clone() / (width.clone() * width + magnitude * sum)
+    }
 }
 
 impl Variable {
@@ -72,7 +112,7 @@ impl Variable {
     #[must_use]
     pub fn of(surface: &Surface, input: &Input) -> Self {
         let [low, high] = input.range;
-        let symmetric = surface.symmetry.iter().any(|(name, _)| *name == input.name);
+        let symmetric = surface.is_symmetric(&input.name);
         let reciprocal = surface.reciprocal.contains(&input.name);
         match (surface.coding, symmetric, reciprocal) {
             (Coding::None, false, false) => Variable::Natural,
@@ -109,18 +149,22 @@ impl Variable {
 }
 
 impl Factor {
-    /// The factors of a surface in the order of a term's powers: inputs, then knots. `inputs` are those of the surface, in its order.
+    /// The factors of a surface in the order of a term's powers: inputs, knots, sigmoids. `inputs` are those of the surface, in its order.
     ///
     /// # Panics
-    /// When a knot names an input that the surface does not have: [`crate::check`] refuses such a file.
+    /// When a knot or a sigmoid names an input that the surface does not have: [`crate::check`] refuses such a file.
     #[must_use]
     pub fn all(surface: &Surface, inputs: &[Input]) -> Vec<Factor> {
         let main = inputs.iter().enumerate();
         let mut factors: Vec<Factor> =
-            main.map(|(k, input)| Factor { input: k, variable: Variable::of(surface, input), hinge: None }).collect();
+            main.map(|(k, input)| Factor { input: k, variable: Variable::of(surface, input), shape: Shape::Itself }).collect();
+        let place = |name: &str| inputs.iter().position(|input| input.name == name).expect("it is of an input of the surface");
         for knot in &surface.knots {
-            let input = inputs.iter().position(|input| input.name == knot.input).expect("a knot is of an input of the surface");
-            factors.push(Factor { hinge: Some(knot.at), ..factors[input] });
+            factors.push(Factor { shape: Shape::Hinge { at: knot.at }, ..factors[place(&knot.input)] });
+        }
+        for Sigmoid { input, at, width } in &surface.sigmoids {
+            let shape = Shape::Sigmoid { at: *at, width: *width, is_symmetric: surface.is_symmetric(input) };
+            factors.push(Factor { shape, ..factors[place(input)] });
         }
         factors
     }
@@ -128,12 +172,16 @@ impl Factor {
     /// The value of the factor at xi, which is not clamped here.
     #[must_use]
     pub fn value<T: Arithmetic>(&self, xi: T) -> T {
-        let x = self.variable.value(xi);
-        match self.hinge {
-            None => x,
-            Some(at) => {
-                let above = x - self.variable.value(T::of(at));
+        match self.shape {
+            Shape::Itself => self.variable.value(xi),
+            Shape::Hinge { at } => {
+                let above = self.variable.value(xi) - self.variable.value(T::of(at));
                 if above < T::of(0.0) { T::of(0.0) } else { above }
+            }
+            Shape::Sigmoid { at, width, is_symmetric: false } => Shape::step(xi - T::of(at), width),
+            Shape::Sigmoid { at, width, is_symmetric: true } => {
+                let magnitude = if xi < T::of(0.0) { -xi } else { xi };
+                Shape::step(magnitude - T::of(at), width) - Shape::step(-T::of(at), width)
             }
         }
     }

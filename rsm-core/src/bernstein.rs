@@ -49,6 +49,12 @@ pub fn extent(terms: &[Monomial], sides: &[Interval]) -> Extent {
     Extent { range: Interval { low, high: -high }, least_at, greatest_at }
 }
 
+/// What the Bernstein coefficients alone tell of the polynomial's values for variables in `sides`, without a cut.
+#[must_use]
+pub fn hull(terms: &[Monomial], sides: &[Interval]) -> Interval {
+    Cell::new(&[terms], sides).bounds()
+}
+
 /// A concave function of the values of some polynomials, whose least value is sought. Their values at a point are a mean of their joint Bernstein coefficients with
 /// weights that are not negative and sum to 1, and so the function is there at least what it is at the worst of these.
 pub trait Measure {

@@ -5,10 +5,12 @@
 
 mod in_memory;
 
-use crate::model::{Compensator, Input, Model, Surface, Symmetry};
+use num_traits::Signed as _;
+
+use crate::model::{Compensator, Input, Model, Sigmoid, Surface, Symmetry};
 use crate::model_file;
 use crate::names;
-use crate::number::{Precision, exact};
+use crate::number::{Precision, Rational, exact, power_of_two};
 use crate::places::Places;
 use crate::source::{Collector, Fault, Faults, Source};
 
@@ -151,6 +153,15 @@ impl Checked {
                     faults.push(at(places.first().copied().unwrap_or_default(), what));
                 }
             }
+            for sigmoid in &surface.sigmoids {
+                if let Some(Input { range, .. }) = self.model.input(&sigmoid.input)
+                    && !fits_sigmoid(precision, sigmoid, *range)
+                {
+                    let what =
+                        format!("surface `{}`: a sigmoid of `{}` has squares {BEYOND} {name}", surface.name, sigmoid.input);
+                    faults.push(at(places.first().copied().unwrap_or_default(), what));
+                }
+            }
             for (term, place) in surface.terms.iter().zip(places) {
                 if !precision.round(&exact(term.coefficient)).is_finite() {
                     let what = format!(
@@ -190,6 +201,15 @@ fn schedule(model: &Model, compensator: &Compensator) -> Vec<Input> {
 fn fits_fixed(precision: Precision, value: f64) -> bool {
     let largest = precision.round(&(exact(value) * exact(4.0)));
     largest.is_finite() && precision.round(&(exact(value) / exact(2.0))) != 0.0
+}
+
+/// Whether a precision holds the squares that a sigmoid is made of, of every argument in the range.
+fn fits_sigmoid(precision: Precision, sigmoid: &Sigmoid, range: [f64; 2]) -> bool {
+    let width = exact(sigmoid.width);
+    let reach = range.map(|end| (exact(end) - exact(sigmoid.at)).abs() + &width);
+    let smallest = precision.smallest_exponent() + precision.significand_bits() - 1;
+    let holds = |square: Rational| precision.round(&square).is_finite();
+    reach.iter().all(|reach| holds(reach * reach * exact(2.0))) && precision.round(&(&width * &width)) >= power_of_two(smallest)
 }
 
 /// The place of `pole_frequency` among [`Compensator::parts`].
@@ -332,7 +352,8 @@ fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
         if let Some(reason) = names::refuse_function(&context.model().name, &surface.name) {
             faults.push(context.fault(&path, format!("surface name `{}` {reason}", surface.name)));
         }
-        let rules = [check_surface_inputs, check_terms, check_symmetry, check_knots, check_reciprocal, check_support];
+        let rules =
+            [check_surface_inputs, check_terms, check_symmetry, check_knots, check_sigmoids, check_reciprocal, check_support];
         for rule in rules {
             rule(context, faults, surface, &path);
         }
@@ -368,17 +389,20 @@ fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
     if surface.terms.is_empty() && !context.is_broken(&format!("{path}.terms")) {
         faults.push(context.fault(&format!("{path}.terms"), format!("{who}: `terms`: found none, expected at least one")));
     }
-    let (inputs, knots) = (surface.inputs.len(), surface.knots.len());
-    // How many powers a term needs is known only where inputs and knots could be read.
+    let (inputs, knots, sigmoids) = (surface.inputs.len(), surface.knots.len(), surface.sigmoids.len());
+    // How many powers a term needs is known only where what they are powers of could be read.
     let counts = !context.is_broken(&format!("{path}.inputs")) && !context.is_broken(&format!("{path}.basis"));
     for (k, term) in surface.terms.iter().enumerate() {
         let place = format!("{path}.terms.{k}");
         let found = term.powers.len();
-        if counts && found != inputs + knots {
-            let expected = if knots == 0 {
-                format!("{inputs}, one for each input")
-            } else {
-                format!("{}: one for each of {inputs} inputs, then one for each of {knots} knots", inputs + knots)
+        if counts && found != surface.width() {
+            let expected = match (knots, sigmoids) {
+                (0, 0) => format!("{inputs}, one for each input"),
+                (_, 0) => format!("{}: one for each of {inputs} inputs, then one for each of {knots} knots", inputs + knots),
+                _ => format!(
+                    "{}: one for each of {inputs} inputs, then of {knots} knots, then of {sigmoids} sigmoids",
+                    surface.width()
+                ),
             };
             faults.push(context.fault(&place, format!("{who}: term {}: found {found} powers, expected {expected}", k + 1)));
         }
@@ -416,10 +440,11 @@ fn check_symmetry(context: &Context<'_>, faults: &mut Collector, surface: &Surfa
 /// "odd" gives the result the sign of xi: where xi passes 0 the result must too, or it would jump.
 fn check_odd_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str, index: usize) {
     let name = &surface.inputs[index];
-    let hinges: Vec<_> = surface.knots.iter().map(|knot| knot.input == *name).collect();
+    let of_sigmoids = surface.sigmoids.iter().map(|sigmoid| sigmoid.input == *name);
+    let hinges: Vec<_> = surface.knots.iter().map(|knot| knot.input == *name).chain(of_sigmoids).collect();
     for (k, term) in surface.terms.iter().enumerate() {
         let own = term.powers.get(index).is_none_or(|power| *power > 0);
-        // A hinge of this input opens above 0 (a rule of its own), so it vanishes at 0 as well.
+        // A hinge of this input opens above 0 (a rule of its own), and from a sigmoid its value at 0 is taken off: both vanish at 0 as well.
         let by_hinge =
             hinges.iter().zip(term.powers.iter().skip(surface.inputs.len())).any(|(of_it, power)| *of_it && *power > 0);
         if !own && !by_hinge {
@@ -451,6 +476,63 @@ fn check_knots(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
         }
         if surface.knots[..k].contains(knot) {
             faults.push(context.fault(&place, format!("{who}: knot {}: stands twice", k + 1)));
+        }
+    }
+}
+
+/// A width is at most so many times the range, and at least its inverse.
+const WIDEST: f64 = 1e6;
+
+/// What is wrong with a sigmoid of an input of this range, and what to do.
+///
+/// # Errors
+/// A centre far outside of the range; a width that is not between a millionth of the range and a million times the range; numbers whose squares
+/// f64 cannot hold.
+///
+/// ```
+/// use rsm_core::{check, model::Sigmoid};
+///
+/// let at = |at| Sigmoid { input: "speed".into(), at, width: 0.5 }; // m/s
+/// assert!(check::sigmoid_fits(&at(3.0), [0.0, 30.0]).is_ok());
+/// assert!(check::sigmoid_fits(&at(90.0), [0.0, 30.0]).unwrap_err().0.starts_with("found speed = 90, expected a value from -30 to 60"));
+/// ```
+pub fn sigmoid_fits(sigmoid: &Sigmoid, [low, high]: [f64; 2]) -> Result<(), (String, &'static str)> {
+    let Sigmoid { input, at, width } = sigmoid;
+    let span = high - low;
+    let (least, most) = (low - span, high + span);
+    if !(least <= *at && *at <= most) {
+        let what = format!("found {input} = {at}, expected a value from {least} to {most}");
+        return Err((what, "far from the range it is no step there: use powers of the input"));
+    }
+    if !(span / WIDEST <= *width && *width <= span * WIDEST) {
+        let what = format!("`width`: found {width}, expected {:e} to {:e}", span / WIDEST, span * WIDEST);
+        return Err((what, "the step rises from -2/3 at `at` - `width` to 2/3 at `at` + `width`"));
+    }
+    if !fits_sigmoid(Precision::F64, sigmoid, [low, high]) {
+        return Err((format!("its squares are {BEYOND} f64"), "give the input a unit in which its numbers are nearer to 1"));
+    }
+    Ok(())
+}
+
+fn check_sigmoids(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    for (k, Sigmoid { input: name, .. }) in surface.sigmoids.iter().enumerate() {
+        let place = format!("{path}.sigmoids.{k}");
+        let who = format!("surface `{}`: sigmoid {}", surface.name, k + 1);
+        if !surface.inputs.contains(name) {
+            faults.push(context.fault(&place, format!("{who}: `{name}` is not an input of this surface")));
+            continue;
+        }
+        if surface.reciprocal.contains(name) {
+            let what = format!("{who}: `{name}` cannot have both `sigmoids` and `reciprocal`");
+            faults.push(context.fault(&place, what).help("make a sigmoid of an input that enters as it is"));
+        }
+        if let Some(input) = context.model().input(name)
+            && let Err((what, help)) = sigmoid_fits(&surface.sigmoids[k], input.range)
+        {
+            faults.push(context.fault(&place, format!("{who}: {what}")).help(help));
+        }
+        if surface.sigmoids[..k].contains(&surface.sigmoids[k]) {
+            faults.push(context.fault(&place, format!("{who}: stands twice")));
         }
     }
 }

@@ -56,6 +56,8 @@ pub struct Surface {
     pub symmetry: Vec<(String, Symmetry)>,
     /// Hinge variables max(0, x - x_knot), appended to the powers in this order.
     pub knots: Vec<Knot>,
+    /// Sigmoid variables, appended to the powers after the hinges, in this order.
+    pub sigmoids: Vec<Sigmoid>,
     /// Inputs that enter by their reciprocal.
     pub reciprocal: Vec<String>,
     /// The polynomial.
@@ -81,13 +83,34 @@ impl Surface {
     pub fn term_name(&self, powers: &[u32]) -> String {
         let own = self.inputs.iter().cloned();
         let hinges = self.knots.iter().map(|knot| format!("hinge({}, {})", knot.input, knot.at));
+        let sigmoid = |sigmoid: &Sigmoid| format!("sigmoid({}, {}, {})", sigmoid.input, sigmoid.at, sigmoid.width);
         let factors: Vec<String> = own
             .chain(hinges)
+            .chain(self.sigmoids.iter().map(sigmoid))
             .zip(powers)
             .filter(|(_, power)| **power > 0)
             .map(|(factor, power)| if *power == 1 { factor } else { format!("{factor}^{power}") })
             .collect();
         if factors.is_empty() { "1".to_string() } else { factors.join("*") }
+    }
+
+    /// How many powers a term has: one for every input, then one for every knot, then one for every sigmoid.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.inputs.len() + self.knots.len() + self.sigmoids.len()
+    }
+
+    /// Whether a variable that no piece of the box makes a polynomial stands in a term.
+    #[must_use]
+    pub fn is_bent(&self) -> bool {
+        let first = self.inputs.len() + self.knots.len();
+        self.terms.iter().any(|term| term.coefficient != 0.0 && term.powers.iter().skip(first).any(|power| *power > 0))
+    }
+
+    /// Whether an input enters by its magnitude.
+    #[must_use]
+    pub fn is_symmetric(&self, input: &str) -> bool {
+        self.symmetry.iter().any(|(name, _)| name == input)
     }
 }
 
@@ -119,10 +142,23 @@ pub struct Knot {
     pub at: f64,
 }
 
+/// A smooth step of an input: from -1 far below a natural value to 1 far above it, with slope 1/width there.
+///
+/// With s = (xi - at)/width: u = s (1 + |s|)/(1 + |s| + s^2). Of a symmetric input |xi| takes the place of xi, and the value at 0 is taken off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sigmoid {
+    /// The input.
+    pub input: String,
+    /// The natural value at which it passes 0.
+    pub at: f64,
+    /// At `at + width` it is 2/3.
+    pub width: f64,
+}
+
 /// One term of the polynomial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Term {
-    /// A power for every input, then one for every knot.
+    /// A power for every input, then one for every knot, then one for every sigmoid.
     pub powers: Vec<u32>,
     /// The factor before the product of powers, in the unit of the response.
     pub coefficient: f64,

@@ -4,7 +4,7 @@
 //! polynomial of them: in a piece a hinge is 0 or a difference. Of a symmetric input the half above 0, which stands for both.
 //! Exact: nothing is rounded but the sides, outward.
 
-use crate::basis::{Arithmetic as _, Factor};
+use crate::basis::{Arithmetic as _, Factor, Shape};
 use crate::interval::Interval;
 use crate::model::{Input, Surface};
 use crate::number::{Rational, exact, integer};
@@ -62,19 +62,23 @@ impl Piece {
         };
         let sides = factors[..inputs].iter().zip(&cell).map(side).collect();
         let hinge = |factor: &Factor| {
+            let Shape::Hinge { at } = factor.shape else { return None };
             let [low, high] = cell[factor.input].map(exact);
             let open = factor.value((low + high) / integer(2)) > Rational::of(0.0);
-            let at = factor.hinge.expect("factors after the inputs are hinges");
-            open.then(|| (factor.input, factor.variable.value(exact(at))))
+            Some(open.then(|| (factor.input, factor.variable.value(exact(at)))))
         };
-        let hinges = factors[inputs..].iter().map(hinge).collect();
+        let hinges = factors[inputs..].iter().filter_map(hinge).collect();
         Piece { cell, place, sides, hinges }
     }
 
     /// A term of coefficient 1 as a polynomial of the main variables; empty where a hinge in it is closed.
+    ///
+    /// # Panics
+    /// When it holds a sigmoid: no piece makes a polynomial of it ([`Surface::is_bent`]).
     #[must_use]
     pub fn term(&self, powers: &[u32]) -> Polynomial {
         let (own, of_hinges) = powers.split_at(self.cell.len());
+        assert!(of_hinges.iter().skip(self.hinges.len()).all(|power| *power == 0), "a sigmoid is no polynomial");
         let mut expanded = vec![(own.to_vec(), integer(1))];
         for (hinge, power) in self.hinges.iter().zip(of_hinges) {
             for _ in 0..*power {

@@ -3,6 +3,8 @@
 //! In: a surface and its inputs. Out: an enclosure of its values before `output_range`, and points at which the extremes were seen. It knows
 //! nothing of tapes: lowering asks it which bounds of `output_range` can act, and the certificate reports it.
 
+mod bent;
+
 use std::collections::BTreeMap;
 
 use crate::basis::{Factor, Variable};
@@ -43,12 +45,16 @@ pub struct Extent {
 }
 
 /// The extent of the true polynomial over the box. The box is cut at the knots: in each piece a hinge is 0 or a plain difference, so
-/// the surface is a polynomial there.
+/// the surface is a polynomial there, unless it has sigmoids (`range/bent.rs`).
 #[must_use]
 pub fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
     let factors = Factor::all(surface, inputs);
     let pieces = pieces::all(surface, inputs);
-    let whole = pieces.iter().map(|piece| extent_of_piece(surface, &factors, piece)).reduce(Extent::joined);
+    let of_piece = |piece: &Piece| match surface.is_bent() {
+        true => bent::extent(surface, &factors, piece),
+        false => extent_of_piece(surface, &factors, piece),
+    };
+    let whole = pieces.iter().map(of_piece).reduce(Extent::joined);
     let whole = whole.expect("a box has at least one piece");
     let is_odd = |input: &Input| surface.symmetry.contains(&(input.name.clone(), Symmetry::Odd));
     match inputs.iter().position(is_odd) {

@@ -111,7 +111,7 @@ pub fn order(powers: &[u32]) -> u32 {
 /// the first factors highest first. Odd symmetry asks every term to contain the odd inputs.
 #[must_use]
 pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
-    let width = surface.inputs.len() + surface.knots.len();
+    let width = surface.width();
     let mut terms = Vec::new();
     for order in 0..=highest_order {
         push_terms_of_order(order, width, &mut Vec::new(), &mut terms);
@@ -137,13 +137,14 @@ fn push_terms_of_order(order: u32, width: usize, begun: &mut Vec<u32>, terms: &m
 }
 
 /// An odd input that a term does not contain, if there is one: such a term would jump where the input changes sign. A hinge of
-/// the input opens above 0, so it does as well as the input itself.
+/// the input opens above 0, and a sigmoid's value there is taken off, so they do as well as the input itself.
 #[must_use]
 pub fn missing_odd_input<'a>(surface: &'a Surface, powers: &[u32]) -> Option<&'a str> {
     let (own, hinges) = powers.split_at(surface.inputs.len().min(powers.len()));
     let contains = |name: &str| {
         let by_itself = surface.inputs.iter().zip(own).any(|(input, power)| input == name && *power > 0);
-        by_itself || surface.knots.iter().zip(hinges).any(|(knot, power)| knot.input == name && *power > 0)
+        let made = surface.knots.iter().map(|knot| &knot.input).chain(surface.sigmoids.iter().map(|sigmoid| &sigmoid.input));
+        by_itself || made.zip(hinges).any(|(input, power)| input == name && *power > 0)
     };
     let odd = surface.symmetry.iter().filter(|(_, kind)| *kind == Symmetry::Odd);
     odd.map(|(name, _)| name.as_str()).find(|name| !contains(name))

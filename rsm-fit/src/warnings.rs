@@ -177,7 +177,7 @@ impl Notes<'_> {
 
     /// All terms up to an order above the highest that was fitted, or up to it.
     fn wider(&self) -> Option<(u32, Vec<Vec<u32>>)> {
-        let width = self.surface.inputs.len() + self.surface.knots.len();
+        let width = self.surface.width();
         let fits = |order: &u32| {
             let count = count_of_terms(width, *order);
             count <= MOST_TERMS && (count * count) as f64 * self.fit.rows() as f64 <= WORK

@@ -123,6 +123,7 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
     let mut symmetry = vec![];
     let mut reciprocal = vec![];
     let mut knots: Vec<Knot> = vec![];
+    let mut sigmoids: Vec<Sigmoid> = vec![];
     for input in &inputs {
         let [low, high] = input.range;
         let symmetric = low == -high;
@@ -136,6 +137,10 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
             let bottom = if symmetric { 0.0 } else { low };
             knots.push(Knot { input: input.name.clone(), at: bottom + (high - bottom) * random.between(0.2, 0.8) });
         }
+        if random.below(4) == 0 && !reciprocal.contains(&input.name) {
+            let (at, width) = (low + (high - low) * random.between(-0.2, 1.2), (high - low) * random.between(0.02, 1.0));
+            sigmoids.push(Sigmoid { input: input.name.clone(), at, width });
+        }
     }
     // Far from 0 the middle of a narrow range may round onto a bound.
     knots.retain(|knot| {
@@ -143,7 +148,7 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
     });
     let scale = [1.0, 1.0, 1e3, 1e-9, 1e12][random.below(5)];
     let odd: Vec<bool> = inputs.iter().map(|input| symmetry.contains(&(input.name.clone(), Symmetry::Odd))).collect();
-    let mut powers = monomials(inputs.len() + knots.len(), order);
+    let mut powers = monomials(inputs.len() + knots.len() + sigmoids.len(), order);
     for powers in &mut powers {
         for (k, _) in odd.iter().enumerate().filter(|(_, odd)| **odd) {
             powers[k] = powers[k].max(1);
@@ -171,6 +176,7 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
         coding,
         symmetry,
         knots,
+        sigmoids,
         reciprocal,
         terms,
         support,

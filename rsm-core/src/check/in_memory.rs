@@ -61,6 +61,9 @@ fn numbers_of(surface: &Surface, finite: &mut impl FnMut(&str, f64)) {
     for (k, knot) in surface.knots.iter().enumerate() {
         finite(&format!("{who}: knot {}", k + 1), knot.at);
     }
+    for (k, sigmoid) in surface.sigmoids.iter().enumerate() {
+        [sigmoid.at, sigmoid.width].into_iter().for_each(|number| finite(&format!("{who}: sigmoid {}", k + 1), number));
+    }
     for (k, term) in surface.terms.iter().enumerate() {
         finite(&format!("{who}: term {}: `coefficient`", k + 1), term.coefficient);
     }

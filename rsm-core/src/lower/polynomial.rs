@@ -22,7 +22,7 @@ pub(super) fn lower(tape: &mut TapeBuilder, variables: &mut Variables<'_>, surfa
     if terms.is_empty() {
         return tape.constant(integer(0));
     }
-    let factors = surface.inputs.len() + surface.knots.len();
+    let factors = surface.width();
     let used: Vec<usize> = (0..factors).filter(|k| terms.iter().any(|term| term.powers[*k] > 0)).collect();
     // All variables first, in the order of the file: their subtractions do not depend on each other and can run side by side.
     let lowered: Vec<_> = used.iter().map(|k| variables.of(tape, *k)).collect();

@@ -11,6 +11,8 @@
 //!                                                                         v = (g - xi)/xi           scale = (lo + hi)/(hi - lo)
 //!   hinge at k           max(0, x - x(k)), x - x(k) = (2 lo hi/((hi - lo) k)) (k - xi)/xi
 //! natural, reciprocal    x = xi, x = 1/xi                                 v = x                     scale = 1
+//! sigmoid at m, width w  z = xi - m, a = |z|                              v = z (w + a)/(w^2 + a (w + a)), less its value at 0
+//!                                                                             of a symmetric input      scale = 1
 //! ```
 //!
 //! Subtracting in natural units, before any division, keeps narrow ranges far from 0 accurate: the difference of two numbers within a
@@ -18,7 +20,7 @@
 
 use num_traits::Signed;
 
-use crate::basis::{Factor, Variable};
+use crate::basis::{Factor, Shape, Variable};
 use crate::model::{Input, Surface};
 use crate::number::{Rational, exact, integer};
 use crate::tape::{Op, Reg, TapeBuilder};
@@ -87,8 +89,18 @@ impl<'a> Variables<'a> {
         if let Some(known) = &self.lowered[factor] {
             return known.clone();
         }
-        let Factor { input, variable, hinge } = self.factors[factor];
+        let Factor { input, variable, shape } = self.factors[factor];
         let xi = self.seen(tape, input);
+        let hinge = match shape {
+            Shape::Itself => None,
+            Shape::Hinge { at } => Some(at),
+            Shape::Sigmoid { at, width, is_symmetric } => {
+                let value = self.sigmoid(tape, input, xi, at, width, is_symmetric);
+                let lowered = Lowered { value, scale: integer(1) };
+                self.lowered[factor] = Some(lowered.clone());
+                return lowered;
+            }
+        };
         let scale = scale(variable, hinge);
         let value = match (variable, hinge) {
             (Variable::Natural | Variable::Magnitude | Variable::ScaledMagnitude { .. }, None) => xi,
@@ -137,6 +149,24 @@ impl<'a> Variables<'a> {
         let factor = &self.factors[factor];
         let [low, high] = self.inputs[factor.input].range.map(|end| factor.value(exact(end)).abs());
         low.max(high)
+    }
+
+    /// z (w + |z|)/(w^2 + |z| (w + |z|)) with z = xi - at: the smooth step without a division by the width.
+    fn sigmoid(&self, tape: &mut TapeBuilder, input: usize, xi: Reg, at: f64, width: f64, is_symmetric: bool) -> Reg {
+        let z = difference(tape, xi, &exact(at), &self.half(input).min(exact(width)));
+        let magnitude = tape.push(Op::Absolute(z));
+        let width_here = tape.constant(exact(width));
+        let sum = tape.push(Op::Add(magnitude, width_here));
+        let square = tape.constant(exact(width) * exact(width));
+        let product = tape.push(Op::Multiply(magnitude, sum));
+        let denominator = tape.push(Op::Add(product, square));
+        let numerator = tape.push(Op::Multiply(z, sum));
+        let step = tape.push(Op::Divide(numerator, denominator));
+        if !is_symmetric || at == 0.0 {
+            return step;
+        }
+        let at_zero = tape.constant(Shape::step(-exact(at), width));
+        tape.push(Op::Subtract(step, at_zero))
     }
 
     fn half(&self, input: usize) -> Rational {

@@ -6,7 +6,9 @@
 use toml::de::DeValue;
 
 use super::FORMAT;
-use crate::model::{Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Surface, Symmetry, Term};
+use crate::model::{
+    Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term,
+};
 use crate::places::Places;
 use crate::source::{Collector, Source};
 use crate::toml_reader::{self, TableReader, Value};
@@ -108,6 +110,7 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
         surface.coding = basis.coding;
         surface.symmetry = basis.symmetry;
         surface.knots = basis.knots;
+        surface.sigmoids = basis.sigmoids;
         surface.reciprocal = basis.reciprocal;
     }
     if let Some(value) = reader.required("terms", faults) {
@@ -148,11 +151,13 @@ pub struct Basis {
     pub symmetry: Vec<(String, Symmetry)>,
     /// Hinges, in the order of the powers.
     pub knots: Vec<Knot>,
+    /// Smooth steps, in the order of the powers.
+    pub sigmoids: Vec<Sigmoid>,
     /// Inputs that enter by their reciprocal.
     pub reciprocal: Vec<String>,
 }
 
-/// Reads `coding`, `symmetry`, `knots` and `reciprocal`. `None` when one of them is of the wrong shape.
+/// Reads `coding`, `symmetry`, `knots`, `sigmoids` and `reciprocal`. `None` when one of them is of the wrong shape.
 pub fn read_basis(path: &str, reader: &mut TableReader<'_>, places: &mut Places, faults: &mut Collector) -> Option<Basis> {
     let mut basis = Basis::default();
     let mut sound = true;
@@ -193,6 +198,17 @@ pub fn read_basis(path: &str, reader: &mut TableReader<'_>, places: &mut Places,
         });
         sound &= knots.is_some();
         basis.knots = knots.unwrap_or_default();
+    }
+    if let Some(value) = reader.optional("sigmoids") {
+        let sigmoids = read_list("`sigmoids`", "sigmoid", value, reader, faults, |k, reader, faults| {
+            places.note(format!("{path}.sigmoids.{k}"), reader.span());
+            let input = reader.text("input", faults);
+            let at = reader.required("at", faults).and_then(|value| reader.number("`at`", value, faults));
+            let width = reader.required("width", faults).and_then(|value| reader.number("`width`", value, faults));
+            Some(Sigmoid { input: input?, at: at?, width: width? })
+        });
+        sound &= sigmoids.is_some();
+        basis.sigmoids = sigmoids.unwrap_or_default();
     }
     if let Some(value) = reader.optional("reciprocal") {
         match reader.texts("`reciprocal`", value, faults) {

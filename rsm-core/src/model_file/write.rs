@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 
 use super::FORMAT;
-use crate::model::{Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outside, Scheduled, Surface, Symmetry};
+use crate::model::{Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry};
 use crate::number::decimal;
 
 /// The text of a model file. Reading it gives the same model, every number to the bit.
@@ -68,6 +68,13 @@ fn write_surface(out: &mut String, surface: &Surface) {
         let entry = |knot: &Knot| format!("{{ input = {}, at = {} }}", quoted(&knot.input), decimal(knot.at));
         let entries: Vec<_> = surface.knots.iter().map(entry).collect();
         let _ = writeln!(out, "knots = [{}]", entries.join(", "));
+    }
+    if !surface.sigmoids.is_empty() {
+        let entry = |Sigmoid { input, at, width }: &Sigmoid| {
+            format!("{{ input = {}, at = {}, width = {} }}", quoted(input), decimal(*at), decimal(*width))
+        };
+        let entries: Vec<_> = surface.sigmoids.iter().map(entry).collect();
+        let _ = writeln!(out, "sigmoids = [{}]", entries.join(", "));
     }
     if !surface.reciprocal.is_empty() {
         let _ = writeln!(out, "reciprocal = {}", texts(&surface.reciprocal));
@@ -165,8 +172,12 @@ mod tests {
             coding: Coding::None,
             symmetry: vec![("a".into(), Symmetry::Odd)],
             knots: vec![knot],
+            sigmoids: vec![Sigmoid { input: "a".into(), at: -0.1, width: 1.0 / 3.0 }],
             reciprocal: vec!["b".into()],
-            terms: vec![Term { powers: vec![0, 1, 0], coefficient: -0.0 }, Term { powers: vec![3, 1, 2], coefficient: 5e-324 }],
+            terms: vec![
+                Term { powers: vec![0, 1, 0, 0], coefficient: -0.0 },
+                Term { powers: vec![3, 1, 2, 1], coefficient: 5e-324 },
+            ],
             support: vec![HalfSpace { normal: vec![1.0, -1.0 / 3.0], bound: 1.2 }],
             evidence: vec![
                 ("rows".into(), Evidence::Whole(-3)),

@@ -5,7 +5,7 @@ use rsm_core::certificate;
 use rsm_core::check::Checked;
 use rsm_core::exact;
 use rsm_core::lower;
-use rsm_core::model::{Coding, HalfSpace, Input, Knot, Model, Outside, Surface, Symmetry, Term};
+use rsm_core::model::{Coding, HalfSpace, Input, Knot, Model, Outside, Sigmoid, Surface, Symmetry, Term};
 use rsm_core::number::{Precision, Rational, exact, integer};
 use rsm_core::run::Interpreter;
 use rsm_core::tape::{Op, Tape};
@@ -63,9 +63,14 @@ fn model(random: &mut Random, index: usize) -> Model {
         if random.below(3) == 0 && bottom < at && at < high {
             surface.knots.push(Knot { input: input.name.clone(), at });
         }
+        // From a tenth of the range to more than the whole, centres a little outside too.
+        if random.below(3) == 0 && !surface.reciprocal.contains(&input.name) {
+            let (at, width) = (low + (high - low) * random.between(-0.2, 1.2), (high - low) * random.between(0.1, 1.3));
+            surface.sigmoids.push(Sigmoid { input: input.name.clone(), at, width });
+        }
     }
     let order = 1 + random.below(4) as u32;
-    let factors = inputs.len() + surface.knots.len();
+    let factors = surface.width();
     for _ in 0..1 + random.below(9) {
         let mut powers = vec![0; factors];
         for _ in 0..random.below(order as usize + 1) {

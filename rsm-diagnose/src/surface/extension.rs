@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use rsm_core::basis::Variable;
+use rsm_core::basis::{Shape, Variable};
 use rsm_core::model::{Coding, Evidence, Input, Outside, Surface, Term};
 
 use super::estimate::Estimates;
@@ -172,12 +172,21 @@ fn moved_terms(sample: &Sample, surface: &mut Surface, sensors: &[(f64, f64)]) -
             let (gain, bias) = sensors[factor.input];
             let (s, o) = line(factor.variable, gain, bias);
             // A hinge max(0, x - x_k) opens where the truth is at the knot: its knot moves, and it scales.
-            if factor.hinge.is_some() { (s, 0.0) } else { (s, o) }
+            match factor.shape {
+                Shape::Itself => (s, o),
+                Shape::Hinge { .. } => (s, 0.0),
+                // A sigmoid has no unit: its centre and its width move.
+                Shape::Sigmoid { .. } => (1.0, 0.0),
+            }
         })
         .collect();
     for (knot, factor) in surface.knots.iter_mut().zip(&factors[sample.inputs.len()..]) {
         let (gain, bias) = sensors[factor.input];
         knot.at = gain * knot.at + bias;
+    }
+    for (sigmoid, factor) in surface.sigmoids.iter_mut().zip(&factors[sample.inputs.len() + sample.surface.knots.len()..]) {
+        let (gain, bias) = sensors[factor.input];
+        (sigmoid.at, sigmoid.width) = (gain * sigmoid.at + bias, gain.abs() * sigmoid.width);
     }
     let mut sums = BTreeMap::new();
     for term in &sample.surface.terms {

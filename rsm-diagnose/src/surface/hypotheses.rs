@@ -139,7 +139,7 @@ fn norm(column: &[f64]) -> f64 {
 
 impl List<'_> {
     fn constant(&self) -> Vec<u32> {
-        vec![0; self.sample.surface.inputs.len() + self.sample.surface.knots.len()]
+        vec![0; self.sample.surface.width()]
     }
 
     /// The constant as a part of the file; nothing where symmetry forbids it.
@@ -202,7 +202,7 @@ impl List<'_> {
     fn missing_terms(&mut self) {
         let surface = &self.sample.surface;
         let highest = surface.terms.iter().map(|term| design::order(&term.powers)).max().unwrap_or(0);
-        let width = surface.inputs.len() + surface.knots.len();
+        let width = surface.width();
         let mut order = highest + ORDERS_ABOVE;
         while order > highest && design::count_of_terms(width, order) > MOST_TERMS {
             order -= 1;

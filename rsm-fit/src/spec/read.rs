@@ -221,6 +221,7 @@ fn read_response(
         coding: basis.coding,
         symmetry: basis.symmetry,
         knots: basis.knots,
+        sigmoids: basis.sigmoids,
         reciprocal: basis.reciprocal,
         ..Surface::default()
     };

@@ -117,7 +117,7 @@ fn check_responses(specification: &Specification, faults: &mut Collector) {
     }
 }
 
-/// Symmetry, knots and reciprocals name inputs of the response, each once.
+/// Symmetry, knots, sigmoids and reciprocals name inputs of the response, each once.
 fn check_basis(specification: &Specification, faults: &mut Collector) {
     for response in &specification.responses {
         let surface = &response.surface;
@@ -135,6 +135,9 @@ fn check_basis(specification: &Specification, faults: &mut Collector) {
         for (k, knot) in surface.knots.iter().enumerate() {
             known(format!("{path}.knots.{k}"), "knots", &knot.input);
         }
+        for (k, sigmoid) in surface.sigmoids.iter().enumerate() {
+            known(format!("{path}.sigmoids.{k}"), "sigmoids", &sigmoid.input);
+        }
         for (k, input) in surface.reciprocal.iter().enumerate() {
             known(format!("{path}.reciprocal.{k}"), "reciprocal", input);
         }
@@ -142,6 +145,21 @@ fn check_basis(specification: &Specification, faults: &mut Collector) {
             if surface.knots[..k].contains(knot) {
                 let what = format!("{who}: knot {}: stands twice", k + 1);
                 faults.push(specification.fault(&format!("{path}.knots.{k}"), what));
+            }
+        }
+        for (k, sigmoid) in surface.sigmoids.iter().enumerate() {
+            let place = format!("{path}.sigmoids.{k}");
+            let who = format!("{who}: sigmoid {}", k + 1);
+            if surface.sigmoids[..k].contains(sigmoid) {
+                faults.push(specification.fault(&place, format!("{who}: stands twice")));
+            }
+            if sigmoid.width <= 0.0 {
+                let what = format!("{who}: `width`: found {}, expected more than 0", sigmoid.width);
+                faults.push(specification.fault(&place, what));
+            }
+            if surface.reciprocal.contains(&sigmoid.input) {
+                let what = format!("{who}: `{}` cannot have both `sigmoids` and `reciprocal`", sigmoid.input);
+                faults.push(specification.fault(&place, what));
             }
         }
         for (k, input) in surface.reciprocal.iter().enumerate() {
@@ -181,7 +199,7 @@ fn check_search(specification: &Specification, response: &ResponseSpec, search: 
     let path = format!("responses.{}.select", response.surface.name);
     let who = format!("response `{}`", response.surface.name);
     check_count(specification, response, search.max_order, &format!("{path}.max_order"), faults);
-    let candidates = count_of_terms(response.surface.inputs.len() + response.surface.knots.len(), search.max_order);
+    let candidates = count_of_terms(response.surface.width(), search.max_order);
     let mut fault = |key: &str, what: String, help: &str| {
         faults.push(specification.fault(&format!("{path}.{key}"), format!("{who}: {what}")).help(help));
     };
@@ -215,7 +233,7 @@ fn check_search(specification: &Specification, response: &ResponseSpec, search: 
 
 fn check_count(specification: &Specification, response: &ResponseSpec, order: u32, path: &str, faults: &mut Collector) {
     let surface = &response.surface;
-    let width = surface.inputs.len() + surface.knots.len();
+    let width = surface.width();
     let count = count_of_terms(width, order);
     if count > MOST_TERMS {
         let what = format!(
@@ -240,16 +258,21 @@ fn check_terms(specification: &Specification, response: &ResponseSpec, terms: &[
         let what = format!("{who}: `terms`: found {}, at most {MOST_TERMS} are accepted", terms.len());
         faults.push(specification.fault(&path, what));
     }
-    let (inputs, knots) = (surface.inputs.len(), surface.knots.len());
+    let (inputs, knots, sigmoids) = (surface.inputs.len(), surface.knots.len(), surface.sigmoids.len());
     for (k, powers) in terms.iter().enumerate() {
         let place = format!("{path}.{k}");
-        if powers.len() != inputs + knots {
+        if powers.len() != surface.width() {
             let knots = match knots {
                 0 => String::new(),
                 1 => " and for the knot".to_string(),
                 _ => format!(" and {knots} knots"),
             };
-            let expected = format!("one for each of {inputs} inputs{knots}");
+            let sigmoids = match sigmoids {
+                0 => String::new(),
+                1 => " and for the sigmoid".to_string(),
+                _ => format!(" and {sigmoids} sigmoids"),
+            };
+            let expected = format!("one for each of {inputs} inputs{knots}{sigmoids}");
             let what = format!("{who}: term {}: found {} powers, expected {expected}", k + 1, powers.len());
             faults.push(specification.fault(&place, what));
             continue;
@@ -266,7 +289,7 @@ fn check_terms(specification: &Specification, response: &ResponseSpec, terms: &[
     }
 }
 
-/// What symmetry, knots and reciprocals ask of the ranges; `ranges` has one an input, where it is known.
+/// What symmetry, knots, sigmoids and reciprocals ask of the ranges; `ranges` has one an input, where it is known.
 pub(crate) fn check_basis_against_ranges(specification: &Specification, ranges: &[Option<[f64; 2]>], faults: &mut Collector) {
     let range_of = |name: &str| {
         let index = specification.inputs.iter().position(|input| input.name == name);
@@ -293,6 +316,13 @@ pub(crate) fn check_basis_against_ranges(specification: &Specification, ranges: 
                 let what =
                     format!("{who}: knot {}: found {name} = {}, expected a value between {low} and {high}", k + 1, knot.at);
                 faults.push(specification.fault(&format!("{path}.knots.{k}"), what));
+            }
+        }
+        for (k, sigmoid) in surface.sigmoids.iter().enumerate() {
+            let Some(range) = range_of(&sigmoid.input) else { continue };
+            if let Err((what, help)) = rsm_core::check::sigmoid_fits(sigmoid, range) {
+                let fault = specification.fault(&format!("{path}.sigmoids.{k}"), format!("{who}: sigmoid {}: {what}", k + 1));
+                faults.push(fault.help(help));
             }
         }
         for (k, name) in surface.reciprocal.iter().enumerate() {

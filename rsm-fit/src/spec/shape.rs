@@ -215,6 +215,11 @@ fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(St
     let surface = &response.surface;
     let symmetry_of = |name: &str| surface.symmetry.iter().find(|(input, _)| input == name).map(|(_, kind)| *kind);
     let mut odd = surface.symmetry.iter().filter(|(_, kind)| *kind == Symmetry::Odd).map(|(input, _)| input);
+    if !surface.sigmoids.is_empty() {
+        let what =
+            "constraints are not offered for a response with `sigmoids`: what they prove is about polynomials".to_string();
+        return Some((what, "leave out one of the two, or saturate the result by `output_range`".to_string()));
+    }
     match constraint {
         Constraint::Bounds { .. } => None,
         Constraint::Monotone { input, .. } => {

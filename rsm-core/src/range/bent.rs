@@ -1,0 +1,262 @@
+//! The range of a surface with sigmoids: no piece of its box makes it a polynomial, so the box is cut until straight lines are good enough.
+//!
+//! In: a surface, its factors, a piece between knots. Out: an enclosure of the values there, and where the extremes were seen. In a cell every
+//! factor is c + b t + d: t runs over [-1, 1] with its input, the line is the chord, and d is what the factor may be away from it: nothing for a main
+//! variable or a hinge, at most h^2/8 times the greatest second derivative for a sigmoid over a cell of width h, on one side of its centre with
+//! one sign. The product is a polynomial in the t with intervals as coefficients, enclosed by its Bernstein coefficients (convex hull
+//! property). The cell with the worst bound is halved until the bound meets a value that was seen. The excess falls with the square of the cell.
+
+use std::cell::RefCell;
+use std::collections::{BinaryHeap, HashMap};
+
+use crate::basis::{Factor, Shape};
+use crate::bernstein::{self, Monomial};
+use crate::interval::Interval;
+use crate::model::Surface;
+use crate::number::exact;
+use crate::pieces::Piece;
+
+use super::Extent;
+
+/// Cells that are looked at for each bound, at most: of 40 terms of two inputs some 0.2 s.
+const CELLS: usize = 6000;
+
+/// Tight enough: a bound whose excess is below this share of the spread of values.
+const TIGHT_ENOUGH: f64 = 1e-5;
+
+/// c + b t + d with the rounding of the numbers and d in `c`.
+#[derive(Clone, Copy)]
+struct Line {
+    c: Interval,
+    b: Interval,
+}
+
+/// A cell in the queue: the one with the least lower bound comes first.
+struct Queued {
+    bound: f64,
+    cell: Vec<[f64; 2]>,
+}
+
+impl PartialEq for Queued {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+impl Eq for Queued {}
+impl PartialOrd for Queued {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Queued {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        other.bound.total_cmp(&self.bound)
+    }
+}
+
+/// The extent over a piece.
+pub(super) fn extent(surface: &Surface, factors: &[Factor], piece: &Piece) -> Extent {
+    let values = Values { surface, factors, piece, known: RefCell::default() };
+    let whole = values.over(&piece.cell);
+    let tolerance = TIGHT_ENOUGH * whole.width();
+    let (low, least_at) = values.least(1.0, tolerance);
+    let (high, greatest_at) = values.least(-1.0, tolerance);
+    Extent { range: Interval { low: low.max(whole.low), high: (-high).min(whole.high) }, least_at, greatest_at }
+}
+
+struct Values<'a> {
+    surface: &'a Surface,
+    factors: &'a [Factor],
+    piece: &'a Piece,
+    /// Enclosures of factors at ends of cells: neighbours share them.
+    known: RefCell<HashMap<(usize, u64), Interval>>,
+}
+
+impl Values<'_> {
+    /// A bound that no value times `sign` is below, and where the least was seen. Branch and bound.
+    fn least(&self, sign: f64, tolerance: f64) -> (f64, Vec<f64>) {
+        let signed = |values: Interval| if sign < 0.0 { -values } else { values };
+        let start = self.piece.cell.clone();
+        let mut at = middle(&start);
+        let mut seen = sign * self.at(&at);
+        let mut queue = BinaryHeap::from([Queued { bound: signed(self.over(&start)).low, cell: start }]);
+        for _ in 0..CELLS {
+            let Some(worst) = queue.peek() else { break };
+            if seen - worst.bound <= tolerance || !worst.bound.is_finite() {
+                break;
+            }
+            let Queued { bound, cell } = queue.pop().expect("it was looked at");
+            let Some(halves) = self.halved(&cell) else {
+                // No number lies between its ends: it is as good as it gets.
+                return (bound, at);
+            };
+            for half in halves {
+                for point in
+                    [middle(&half), half.iter().map(|side| side[0]).collect(), half.iter().map(|side| side[1]).collect()]
+                {
+                    let value = sign * self.at(&point);
+                    if value < seen {
+                        (seen, at) = (value, point);
+                    }
+                }
+                // A half lies in the whole: its bound is never worse.
+                let bound = signed(self.over(&half)).low.max(bound);
+                queue.push(Queued { bound, cell: half });
+            }
+        }
+        (queue.peek().map_or(seen, |worst| worst.bound), at)
+    }
+
+    /// The two halves across the side along which the surface is farthest from what its chords and corners tell.
+    fn halved(&self, cell: &[[f64; 2]]) -> Option<[Vec<[f64; 2]>; 2]> {
+        let share = |k: usize| {
+            let [low, high] = self.piece.cell[k];
+            (cell[k][1] - cell[k][0]) / (high - low)
+        };
+        // Of a sigmoid the cell is wide in its width, too.
+        let weight = |k: usize| {
+            let of_sigmoid = |factor: &Factor| match factor.shape {
+                Shape::Sigmoid { width, .. } if factor.input == k => (self.piece.cell[k][1] - self.piece.cell[k][0]) / width,
+                _ => 0.0,
+            };
+            share(k) * self.factors.iter().map(of_sigmoid).fold(1.0, f64::max)
+        };
+        let axis = (0..cell.len()).max_by(|a, b| weight(*a).total_cmp(&weight(*b)))?;
+        let [low, high] = cell[axis];
+        let half = low / 2.0 + high / 2.0;
+        if !(low < half && half < high) {
+            return None;
+        }
+        let with = |side: [f64; 2]| {
+            let mut cell = cell.to_vec();
+            cell[axis] = side;
+            cell
+        };
+        Some([with([low, half]), with([half, high])])
+    }
+
+    /// About the value at a point; only who is looked at next depends on it.
+    fn at(&self, point: &[f64]) -> f64 {
+        let values: Vec<f64> = self.factors.iter().map(|factor| factor.value(point[factor.input])).collect();
+        let product =
+            |powers: &[u32]| values.iter().zip(powers).map(|(value, power)| value.powi(*power as i32)).product::<f64>();
+        self.surface.terms.iter().map(|term| term.coefficient * product(&term.powers)).sum()
+    }
+
+    /// An enclosure of the values in a cell.
+    fn over(&self, cell: &[[f64; 2]]) -> Interval {
+        let lines: Vec<Option<Line>> = (0..self.factors.len()).map(|k| self.line(k, cell[self.factors[k].input])).collect();
+        let inputs = cell.len();
+        let terms = || self.surface.terms.iter().filter(|term| term.coefficient != 0.0);
+        let degree = |k: usize, powers: &[u32]| {
+            let of = self.factors.iter().zip(powers).filter(|(factor, _)| factor.input == k);
+            of.map(|(_, power)| *power as usize).sum::<usize>()
+        };
+        let degrees: Vec<usize> = (0..inputs).map(|k| terms().map(|term| degree(k, &term.powers)).max().unwrap_or(0)).collect();
+        let size: usize = degrees.iter().map(|degree| degree + 1).product();
+        let mut sums = vec![Interval::point(0.0); size];
+        'terms: for term in terms() {
+            // The first input changes slowest.
+            let mut tensor = vec![Interval::point(term.coefficient)];
+            for (k, degree) in degrees.iter().enumerate() {
+                let mut own = vec![Interval::point(0.0); degree + 1];
+                own[0] = Interval::point(1.0);
+                for ((factor, line), power) in self.factors.iter().zip(&lines).zip(&term.powers) {
+                    if factor.input != k || *power == 0 {
+                        continue;
+                    }
+                    // A hinge that is closed here.
+                    let Some(line) = line else { continue 'terms };
+                    (0..*power).for_each(|_| times(&mut own, *line));
+                }
+                tensor = tensor.iter().flat_map(|a| own.iter().map(|b| *a * *b).collect::<Vec<_>>()).collect();
+            }
+            sums.iter_mut().zip(tensor).for_each(|(sum, value)| *sum = *sum + value);
+        }
+        let monomial = |(place, coefficient): (usize, Interval)| {
+            let mut rest = place;
+            let mut powers = vec![0u32; inputs];
+            for k in (0..inputs).rev() {
+                powers[k] = (rest % (degrees[k] + 1)) as u32;
+                rest /= degrees[k] + 1;
+            }
+            Monomial { powers, coefficient }
+        };
+        let monomials: Vec<Monomial> = sums.into_iter().enumerate().map(monomial).collect();
+        bernstein::hull(&monomials, &vec![Interval::new(-1.0, 1.0); inputs])
+    }
+
+    /// A factor over a side; none where it is a hinge that is closed.
+    fn line(&self, which: usize, [low, high]: [f64; 2]) -> Option<Line> {
+        let factor = &self.factors[which];
+        if let Shape::Hinge { .. } = factor.shape {
+            // A piece lies between knots: open in the middle is open everywhere.
+            let [low, high] = self.piece.cell[factor.input];
+            if factor.value(low / 2.0 + high / 2.0) <= 0.0 {
+                return None;
+            }
+        }
+        let [start, end] = [low, high].map(|at| {
+            let mut known = self.known.borrow_mut();
+            *known.entry((which, at.to_bits())).or_insert_with(|| Interval::around(&factor.value(exact(at))))
+        });
+        let chord = Line { c: (start + end).halved(), b: (end - start).halved() };
+        let Shape::Sigmoid { at, width, .. } = factor.shape else { return Some(chord) };
+        // Outward by more than these few operations round: a part of 10^12.
+        let [from, to] = [(low - at) / width, (high - at) / width];
+        let span = (high - low) / width * (1.0 + 1e-12);
+        let away = (span * span / 8.0 * steepest_bend(from, to)).min((end - start).magnitude()) * (1.0 + 1e-12);
+        // Above its centre it is concave and lies above the chord, below its centre under it.
+        let below = if low >= at { 0.0 } else { away };
+        let above = if high <= at { 0.0 } else { away };
+        Some(Line { c: chord.c + Interval::new(-below, above), ..chord })
+    }
+}
+
+/// The greatest |second derivative| of s (1 + |s|)/(1 + |s| + s^2) between two s: 6 p/(1 + p)^3 with p = |s| (1 + |s|), greatest at p = 1/2. With
+/// p computed a little outward.
+fn steepest_bend(from: f64, to: f64) -> f64 {
+    let p = |s: f64| s.abs() * (1.0 + s.abs());
+    let (near, far) =
+        if from <= 0.0 && to >= 0.0 { (0.0, p(from).max(p(to))) } else { (p(from).min(p(to)), p(from).max(p(to))) };
+    let (near, far) = (near * (1.0 - 1e-12), far * (1.0 + 1e-12));
+    let p = if near >= 0.5 { near } else { far.min(0.5) };
+    6.0 * p / ((1.0 + p) * (1.0 + p) * (1.0 + p)) * (1.0 + 1e-12)
+}
+
+/// A polynomial in t times a line; its highest coefficients are free for it.
+fn times(polynomial: &mut [Interval], line: Line) {
+    for k in (0..polynomial.len()).rev() {
+        let from_below = if k == 0 { Interval::point(0.0) } else { polynomial[k - 1] * line.b };
+        polynomial[k] = polynomial[k] * line.c + from_below;
+    }
+}
+
+fn middle(cell: &[[f64; 2]]) -> Vec<f64> {
+    cell.iter().map(|[low, high]| low / 2.0 + high / 2.0).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bend_is_nowhere_steeper_than_its_bound() {
+        let value = |s: f64| Shape::step(s, 1.0);
+        let h = 1e-3;
+        for from in (-60..60).map(|k| f64::from(k) / 10.0) {
+            for span in [0.05, 0.3, 1.0, 4.0] {
+                let bound = steepest_bend(from, from + span);
+                let mut greatest = 0.0f64;
+                for k in 1..100 {
+                    let s = from + span * f64::from(k) / 100.0;
+                    let second = (value(s + h) - 2.0 * value(s) + value(s - h)) / (h * h);
+                    greatest = greatest.max(second.abs());
+                }
+                // The difference quotient errs by some h (at the centre the third derivative is -6) and by its rounding.
+                assert!(greatest <= bound + 7.0 * h, "{from} {span}: {greatest} {bound}");
+                assert!(bound <= greatest + 0.2 * span + 7.0 * h, "{from} {span}: {greatest} {bound}");
+            }
+        }
+    }
+}
