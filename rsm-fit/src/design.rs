@@ -108,7 +108,7 @@ pub fn order(powers: &[u32]) -> u32 {
 }
 
 /// All terms of at most an order that a surface may have: the constant first, then by order, and within one with the powers of
-/// the first factors highest first. Odd symmetry asks every term to contain the odd inputs.
+/// the first factors highest first. Odd symmetry asks every term to contain the odd inputs; of each input at most one sigmoid enters, once.
 #[must_use]
 pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
     let width = surface.width();
@@ -116,8 +116,17 @@ pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
     for order in 0..=highest_order {
         push_terms_of_order(order, width, &mut Vec::new(), &mut terms);
     }
-    terms.retain(|powers| missing_odd_input(surface, powers).is_none());
+    terms.retain(|powers| missing_odd_input(surface, powers).is_none() && has_plain_steps(surface, powers));
     terms
+}
+
+/// A sigmoid enters a term once, and of one input only one: its powers and the products of two say little that the sigmoids themselves do not.
+fn has_plain_steps(surface: &Surface, powers: &[u32]) -> bool {
+    let steps = &powers[surface.width() - surface.sigmoids.len()..];
+    let of = |name: &str| {
+        surface.sigmoids.iter().zip(steps).filter(|(sigmoid, _)| sigmoid.input == name).map(|(_, power)| power).sum::<u32>()
+    };
+    surface.inputs.iter().all(|name| of(name) <= 1)
 }
 
 fn push_terms_of_order(order: u32, width: usize, begun: &mut Vec<u32>, terms: &mut Vec<Vec<u32>>) {

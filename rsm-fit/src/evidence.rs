@@ -12,7 +12,7 @@ use crate::observations::{Named, ValidationStatistics};
 use crate::outcome::ResponseOutcome;
 use crate::records::{DataFile, Records, hash};
 use crate::selection::ChosenBy;
-use crate::spec::{Method, ResponseSpec, Specification, Validation, Weights};
+use crate::spec::{Form, Method, ResponseSpec, Specification, Validation, Weights};
 
 /// The evidence of a fitted response.
 #[must_use]
@@ -49,6 +49,9 @@ pub(crate) fn of(
     tell("confidence_c", number(statistics.confidence_c));
     if outcome.chosen_by != ChosenBy::Nobody {
         tell("terms_chosen_on", Some(Evidence::Text(outcome.chosen_by.words().to_string())));
+    }
+    if let Some(forms) = statistics.forms.as_ref().filter(|forms| forms.chosen == Form::Sigmoid) {
+        tell("form", Some(Evidence::Text(format!("sigmoid: {}", forms.why))));
     }
     if let Some(constraints) = &statistics.constraints {
         tell("constraints", Some(constrained(constraints)));

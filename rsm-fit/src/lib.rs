@@ -84,6 +84,8 @@ mod selection;
 
 mod search;
 
+mod forms;
+
 mod observations;
 
 mod distributions;

@@ -10,6 +10,7 @@ use crate::analysis;
 use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::design::{self, Design};
+use crate::forms::{Forms, Taken};
 use crate::ladder::{Climb, first_rung};
 use crate::outcome::{Progress, ResponseOutcome};
 use crate::qr::{Dependent, Growing};
@@ -30,6 +31,16 @@ fn is_held(statistics: &ResponseStatistics) -> bool {
 fn choice_of(found: &Found) -> Choice {
     let climb = |(confidence, centred)| Climb { chosen: found.terms.clone(), confidence, centred };
     Choice { terms: found.terms.clone(), by: found.by, climb: found.climb.map(climb) }
+}
+
+/// Whether a form that was not asked for may be looked for: the terms are searched for their error, or a ladder did not get where it was to go. A ladder that
+/// did has what was asked for, by the fewest terms.
+fn is_open(method: &Method, outcome: &Result<ResponseOutcome, Faults>) -> bool {
+    match (method, outcome) {
+        (Method::Search(_), Ok(outcome)) => outcome.statistics.is_some(),
+        (Method::Ladder { .. }, Ok(outcome)) => !matches!(outcome.verdict, Verdict::Reached { .. }),
+        _ => false,
+    }
 }
 
 /// A search judges models of a constant and a term by rows left out.
@@ -56,13 +67,49 @@ pub(crate) struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Fits and fills the surface's terms.
+    /// Chooses the form, fits, and fills the surface's sigmoids and terms.
     pub(crate) fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
+        let empty = surface.clone();
+        let powers = self.run_form(surface, None, progress);
+        let forms = self.response.forms.as_deref();
+        if forms.is_none() && !is_open(&self.response.method, &powers) {
+            return powers;
+        }
+        let of = Forms {
+            surface: &empty,
+            inputs: &self.inputs,
+            method: &self.response.method,
+            is_constrained: !self.response.constraints.is_empty(),
+            fit: &self.fit,
+            validate: self.validate.as_ref(),
+        };
+        let (taken, report) = of.choose(forms);
+        let mut outcome = match &taken {
+            None => powers?,
+            Some(taken) => {
+                *surface = Surface { sigmoids: taken.sigmoids.clone(), ..empty };
+                self.run_form(surface, Some(taken), progress)?
+            }
+        };
+        if let Some(statistics) = &mut outcome.statistics {
+            statistics.forms = report;
+        }
+        Ok(outcome)
+    }
+
+    /// Fits with the surface's variables. `taken`: what the data chose of them.
+    fn run_form(
+        &self,
+        surface: &mut Surface,
+        taken: Option<&Taken>,
+        progress: &mut dyn FnMut(Progress<'_>),
+    ) -> Result<ResponseOutcome, Faults> {
         let method = &self.response.method;
+        let up_to = |order: u32| design::terms_up_to(surface, taken.map_or(order, |taken| taken.order));
         let terms = match method {
             Method::Fixed(terms) => terms.clone(),
-            Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => design::terms_up_to(surface, *order),
-            Method::Search(search) => design::terms_up_to(surface, search.max_order),
+            Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => up_to(*order),
+            Method::Search(search) => up_to(search.max_order),
         };
         let least = match method {
             Method::Ladder { .. } => {
@@ -167,6 +214,10 @@ impl Task<'_> {
         }
         statistics.selection = found.as_ref().and_then(|found| found.report.clone());
         let cross = || {
+            // Where the data chose sigmoids, they are refined without each part too.
+            if let Some(taken) = taken {
+                return taken.judged;
+            }
             if is_searched {
                 searcher.cross_validated(chosen.terms.len())
             } else {
@@ -177,7 +228,7 @@ impl Task<'_> {
         if !judging.is_held {
             statistics.cross_validation = judging.cross_validated.clone();
         }
-        statistics.rows_used = judging.words(self, &chosen);
+        statistics.rows_used = judging.words(self, &chosen, taken.is_some());
         let notes = Notes {
             surface,
             inputs: &self.inputs,
@@ -384,7 +435,7 @@ struct Judging {
 
 impl Judging {
     /// What the rows of a response were used for.
-    fn words(&self, task: &Task<'_>, chosen: &Choice) -> RowsUsed {
+    fn words(&self, task: &Task<'_>, chosen: &Choice, has_found_steps: bool) -> RowsUsed {
         let fitted = task.fit.rows();
         let validate = task.validate.as_ref().map(Sample::rows);
         let terms = match (chosen.by, validate) {
@@ -404,8 +455,14 @@ impl Judging {
             (None, _, by, Some(rows)) if by != ChosenBy::Validation => format!("{rows} validation rows: they chose nothing"),
             (None, Some(cross), by, _) if !self.is_held => {
                 let (rows, parts) = (cross.errors.rows, cross.parts);
-                let again = if by == ChosenBy::Nobody { "the fit" } else { "fit and choice of terms" };
-                format!("{rows} rows left out in {parts} parts in turn, {again} repeated without them")
+                let again = match (by == ChosenBy::Nobody, has_found_steps) {
+                    (true, false) => "the fit repeated without them",
+                    (false, false) => "fit and choice of terms repeated without them",
+                    (_, true) => {
+                        "fit, choice of terms, centres and widths repeated without them; by the same rows sigmoids were preferred to powers alone"
+                    }
+                };
+                format!("{rows} rows left out in {parts} parts in turn, {again}")
             }
             (None, Some(_), ..) => "none: constraints hold the surface, and are not repeated with rows left out".to_string(),
             (None, None, ChosenBy::Nobody, None) => "none: there are too few rows to leave any out".to_string(),

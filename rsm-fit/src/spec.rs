@@ -130,7 +130,7 @@ pub struct ResponseSpec {
     pub column: String,
     /// Its unit; that of the data's header where absent.
     pub unit: Option<String>,
-    /// Name, inputs, coding, symmetry, knots, reciprocal and output range; no terms yet, and the unit as far as it is given.
+    /// Name, inputs, coding, symmetry, knots, sigmoids, reciprocal and output range; no terms yet, and the unit as far as it is given.
     pub surface: Surface,
     /// How the terms are chosen.
     pub method: Method,
@@ -140,6 +140,18 @@ pub struct ResponseSpec {
     pub constraints: Vec<Constraint>,
     /// Whether the model says where the data support the surface.
     pub support: Option<SupportSpec>,
+    /// The forms that may be taken; absent: powers, and sigmoids where they are clearly better.
+    pub forms: Option<Vec<Form>>,
+}
+
+/// What a surface may be made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Form {
+    /// Powers of the inputs, and of what the specification makes of them.
+    Polynomial,
+    /// Smooth steps too, whose places the data choose.
+    Sigmoid,
 }
 
 /// A column of the data that says how much each row counts.

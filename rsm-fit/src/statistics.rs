@@ -16,6 +16,7 @@ use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::distributions::{two_sided_t, upper_f};
 use crate::qr::Growing;
+use crate::spec::Form;
 use crate::support::SupportStatistics;
 
 mod judged;
@@ -122,6 +123,40 @@ pub struct SizeReport {
     pub criterion: f64,
 }
 
+/// The forms of a response, for `rsm fit --json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FormsReport {
+    /// What was tried, with its error on rows left out.
+    pub tried: Vec<Tried>,
+    /// What was taken.
+    pub chosen: Form,
+    /// The reason, in words.
+    pub why: String,
+}
+
+impl FormsReport {
+    /// In words: what was taken, and why.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let form = match self.chosen {
+            Form::Polynomial => "powers alone",
+            Form::Sigmoid => "sigmoids and powers",
+        };
+        format!("{form}: {}", self.why)
+    }
+}
+
+/// A form that was tried.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Tried {
+    /// Which.
+    pub form: Form,
+    /// How many sigmoids it has.
+    pub sigmoids: usize,
+    /// The root mean square error on rows left out in turn; null where it was not measured.
+    pub rmse: Option<f64>,
+}
+
 /// One response, with the keys of docs/book/src/reference/formats.md 4.1.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ResponseStatistics {
@@ -162,6 +197,9 @@ pub struct ResponseStatistics {
     /// How a search chose the terms; absent for other methods.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub selection: Option<SelectionReport>,
+    /// Which forms were tried and which was taken; absent where only powers were looked at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub forms: Option<FormsReport>,
     /// Where the data support the surface; absent where the specification does not ask.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub support: Option<SupportStatistics>,
@@ -271,6 +309,7 @@ fn figures(
         canonical: None,
         analysis: None,
         selection: None,
+        forms: None,
         support: None,
         constraints: None,
     }

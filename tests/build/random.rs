@@ -3,7 +3,9 @@
 //! Out: one model for every number of inputs from 1 to 6 and every order from 1 to 5, then a few more, then models with compensators. Ranges are ordinary, narrow,
 //! offset, tiny, huge, symmetric, negative; every option of the model file occurs. Every model passes the check.
 
-use rsm_core::model::{Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Surface, Symmetry, Term};
+use rsm_core::model::{
+    Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term,
+};
 
 /// More terms say nothing new and take long to compile 14 times.
 const MOST_TERMS: usize = 56;

@@ -141,6 +141,9 @@ pub fn in_words(fitted: &Fitted) -> String {
             statistics.rows_used.coefficients, statistics.rows_used.terms
         );
         text += &format!("  error to be believed: {}\n", statistics.rows_used.error);
+        if let Some(forms) = &statistics.forms {
+            text += &format!("  form: {}\n", forms.words());
+        }
         if let Some(constraints) = &statistics.constraints {
             text += &in_words_of_constraints(constraints, unit);
         }

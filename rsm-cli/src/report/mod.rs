@@ -221,11 +221,12 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> Strin
         let Some(it) = errors else { continue };
         text += &line(name, it.rows, [Some(it.mean_abs_error), Some(it.rmse), Some(it.max_abs_error)]);
     }
-    text + "</table>\n"
-        + &rows(&[
-            ("terms chosen by".to_string(), escaped(&statistics.rows_used.terms)),
-            ("error to be believed".to_string(), escaped(&statistics.rows_used.error)),
-        ])
+    let mut said = vec![
+        ("terms chosen by".to_string(), escaped(&statistics.rows_used.terms)),
+        ("error to be believed".to_string(), escaped(&statistics.rows_used.error)),
+    ];
+    said.extend(statistics.forms.as_ref().map(|forms| ("form".to_string(), escaped(&forms.words()))));
+    text + "</table>\n" + &rows(&said)
 }
 
 fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart: bool) -> String {

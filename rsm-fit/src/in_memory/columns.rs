@@ -3,10 +3,10 @@
 //! In: names, numbers and choices, one method each. Out: the parts of a specification. Never judges them: that is done once, when the fit
 //! is asked for.
 
-use rsm_core::model::{Coding, Knot, Outside, Surface, Symmetry};
+use rsm_core::model::{Coding, Knot, Outside, Sigmoid, Surface, Symmetry};
 
 use super::Select;
-use crate::spec::{Constraint, FACES, InputSpec, MOST_FACES, ResponseSpec, SupportSpec, Weights};
+use crate::spec::{Constraint, FACES, Form, InputSpec, MOST_FACES, ResponseSpec, SupportSpec, Weights};
 
 /// An input: its values, a row each, and what is known of it.
 ///
@@ -96,6 +96,7 @@ pub struct Response {
     surface: Surface,
     constraints: Vec<Constraint>,
     support: Option<SupportSpec>,
+    forms: Option<Vec<Form>>,
 }
 
 /// How much each row counts.
@@ -123,6 +124,7 @@ impl Response {
             surface: Surface::default(),
             constraints: Vec::new(),
             support: None,
+            forms: None,
         }
     }
 
@@ -165,6 +167,20 @@ impl Response {
     #[must_use]
     pub fn knot(mut self, input: impl Into<String>, at: f64) -> Self {
         self.surface.knots.push(Knot { input: input.into(), at });
+        self
+    }
+
+    /// A smooth step: from -1 far below a value of an input to 1 far above, with slope 1/width there.
+    #[must_use]
+    pub fn sigmoid(mut self, input: impl Into<String>, at: f64, width: f64) -> Self {
+        self.surface.sigmoids.push(Sigmoid { input: input.into(), at, width });
+        self
+    }
+
+    /// The forms that may be taken; without it powers, and sigmoids where they are clearly better.
+    #[must_use]
+    pub fn forms(mut self, forms: impl IntoIterator<Item = Form>) -> Self {
+        self.forms = Some(forms.into_iter().collect());
         self
     }
 
@@ -233,6 +249,7 @@ impl Response {
             }),
             constraints: self.constraints.clone(),
             support: self.support,
+            forms: self.forms.clone(),
         })
     }
 
@@ -245,7 +262,9 @@ impl Response {
             ends.into_iter().flatten().map(move |end| (format!("constraint {}", k + 1), end))
         });
         let margin = self.support.map(|support| ("the margin of the support".to_string(), support.margin));
-        range.chain(knots).chain(bounds).chain(margin)
+        let steps = self.surface.sigmoids.iter().enumerate();
+        let steps = steps.flat_map(|(k, step)| [step.at, step.width].map(|number| (format!("sigmoid {}", k + 1), number)));
+        range.chain(knots).chain(steps).chain(bounds).chain(margin)
     }
 
     /// What is wrong with it beyond what the rules of a specification find: what a file could not even say.

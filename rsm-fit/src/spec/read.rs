@@ -211,6 +211,7 @@ fn read_response(
     let constraints = shape::read_constraints(path, reader, places, faults);
     let support = shape::read_support(path, reader, places, faults);
     let weights = read_weights(path, reader, places, faults);
+    let forms = shape::read_forms(path, reader, places, faults);
     refuse_later_work(reader, faults);
     let (unit, basis) = (unit?, basis?);
     let surface = Surface {
@@ -233,6 +234,7 @@ fn read_response(
         weights: weights?,
         constraints: constraints?,
         support: support?,
+        forms: forms?,
     })
 }
 

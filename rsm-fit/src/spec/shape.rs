@@ -9,7 +9,7 @@ use rsm_core::source::Collector;
 use rsm_core::toml_reader::{TableReader, Value, describe};
 use toml::de::DeValue;
 
-use super::{ResponseSpec, Specification};
+use super::{Form, Method, ResponseSpec, Specification};
 
 /// Faces of a support without `faces`: those of a box and of four cut corners.
 pub(crate) const FACES: usize = 8;
@@ -149,6 +149,35 @@ fn required_choice<T: Copy>(
 
 const KINDS: &str = "accepted: \"bounds\", \"monotone\", \"convex\", \"concave\"";
 
+/// Reads `forms`. `Some(None)`: absent.
+pub(super) fn read_forms(
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Option<Vec<Form>>> {
+    let Some(value) = reader.optional("forms") else { return Some(None) };
+    let span = value.span();
+    places.note(format!("{path}.forms"), span.clone());
+    let mut forms = Vec::new();
+    for (word, span) in reader.texts("`forms`", value, faults)? {
+        match word.as_str() {
+            "polynomial" => forms.push(Form::Polynomial),
+            "sigmoid" => forms.push(Form::Sigmoid),
+            other => {
+                let fault = reader.fault(span, format!("`forms`: found \"{other}\""));
+                faults.push(fault.help("accepted: \"polynomial\", \"sigmoid\""));
+                return None;
+            }
+        }
+    }
+    if forms.is_empty() {
+        faults.push(reader.fault(span, "`forms`: found none, expected at least one".to_string()));
+        return None;
+    }
+    Some(Some(forms))
+}
+
 /// Reads `support`. `Some(None)`: absent.
 pub(super) fn read_support(
     path: &str,
@@ -200,6 +229,11 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
             let what = format!("response `{}`: `faces` belongs to responses of two inputs", response.surface.name);
             faults.push(specification.fault(&faces, what).help("leave it out: directions of -1, 0 and 1 are taken"));
         }
+        if let Some((what, help)) = unwanted_form(response) {
+            let place = format!("responses.{}.forms", response.surface.name);
+            let what = format!("response `{}`: `forms`: {what}", response.surface.name);
+            faults.push(specification.fault(&place, what).help(help));
+        }
         for (k, constraint) in response.constraints.iter().enumerate() {
             if let Some((what, help)) = contradiction(response, constraint) {
                 let place = format!("responses.{}.constraints.{k}", response.surface.name);
@@ -208,6 +242,20 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
             }
         }
     }
+}
+
+/// What stands against sigmoids that the data would choose, and what to do.
+fn unwanted_form(response: &ResponseSpec) -> Option<(String, &'static str)> {
+    response.forms.as_ref().filter(|forms| forms.contains(&Form::Sigmoid))?;
+    if let Method::Fixed(_) = response.method {
+        return Some(("with `terms` nothing is chosen by the data".to_string(), "leave `forms` out, or `terms`"));
+    }
+    if !response.constraints.is_empty() {
+        let what = "\"sigmoid\" and `constraints`: what constraints prove is about polynomials".to_string();
+        return Some((what, "leave out one of the two, or saturate the result by `output_range`"));
+    }
+    let reciprocal = response.surface.reciprocal.first();
+    reciprocal.map(|input| (format!("\"sigmoid\", and `{input}` enters by its reciprocal"), "leave out one of the two"))
 }
 
 /// What is wrong with a constraint, and what to do.

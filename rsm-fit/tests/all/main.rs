@@ -5,6 +5,7 @@ mod constraint_family;
 mod constraints;
 mod data;
 mod folders;
+mod forms;
 mod honest;
 mod in_memory;
 mod ladder;
