@@ -153,10 +153,6 @@ fn check_basis(specification: &Specification, faults: &mut Collector) {
             if surface.sigmoids[..k].contains(sigmoid) {
                 faults.push(specification.fault(&place, format!("{who}: stands twice")));
             }
-            if sigmoid.width <= 0.0 {
-                let what = format!("{who}: `width`: found {}, expected more than 0", sigmoid.width);
-                faults.push(specification.fault(&place, what));
-            }
             if surface.reciprocal.contains(&sigmoid.input) {
                 let what = format!("{who}: `{}` cannot have both `sigmoids` and `reciprocal`", sigmoid.input);
                 faults.push(specification.fault(&place, what));
