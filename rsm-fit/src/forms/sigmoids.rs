@@ -112,7 +112,7 @@ impl Search<'_> {
         while chosen.len() < MOST {
             let Some((steps, fit)) = self.one_more(&rows, &chosen, order) else { break };
             let found = criterion(&fit, &rows, 2 * steps.len());
-            if !(found <= (1.0 - LEAST_GAIN) * best) {
+            if found.is_nan() || found > (1.0 - LEAST_GAIN) * best {
                 break;
             }
             (chosen, best) = (steps, found);

@@ -172,7 +172,7 @@ pub(super) fn read_forms(
         }
     }
     if forms.is_empty() {
-        faults.push(reader.fault(span, "`forms`: found none, expected at least one".to_string()));
+        faults.push(reader.fault(span, "`forms`: found none, expected at least one"));
         return None;
     }
     Some(Some(forms))
