@@ -207,12 +207,16 @@ fn value(model: &Model, scheduled: &Scheduled, inputs: &[Input], point: &[f64]) 
     })
 }
 
-/// The sum of surfaces as one polynomial over all their inputs. `None` where their variables do not agree, where one saturates, and where a sign
-/// goes with an odd input.
+/// The sum of surfaces as one polynomial over all their inputs. `None` where their variables do not agree, where one saturates or has
+/// sigmoids, and where a sign goes with an odd input.
 fn as_one(surfaces: &[&Surface], inputs: &[Input]) -> Option<Surface> {
     let coding = surfaces.first()?.coding;
     let odd = |surface: &Surface| surface.symmetry.iter().any(|(_, symmetry)| *symmetry == Symmetry::Odd);
-    if surfaces.iter().any(|surface| surface.output_range.is_some() || surface.coding != coding || odd(surface)) {
+    let bent = |surface: &Surface| surface.width() > surface.inputs.len() + surface.knots.len();
+    if surfaces
+        .iter()
+        .any(|surface| surface.output_range.is_some() || surface.coding != coding || odd(surface) || bent(surface))
+    {
         return None;
     }
     let mut sum = Surface { coding, inputs: inputs.iter().map(|input| input.name.clone()).collect(), ..Surface::default() };

@@ -277,3 +277,13 @@ fn each_part_has_its_own_enclosure() {
     let all = [found.natural_frequency, found.zero_damping, found.pole_damping, found.pole_frequency.unwrap()];
     assert_eq!(all, [10.0, 0.25, 0.75, 9.0].map(Interval::point));
 }
+
+#[test]
+fn a_sum_with_a_sigmoid_is_no_one_polynomial() {
+    let inputs = [input("a", [0.0, 1.0])];
+    let plain = surface("p", &["a"], &[(&[1], 1.0)]);
+    let step = crate::model::Sigmoid { input: "a".to_string(), at: 0.5, width: 0.1 };
+    let bent = Surface { sigmoids: vec![step], ..surface("s", &["a"], &[(&[0, 1], 1.0)]) };
+    assert!(as_one(&[&plain, &plain], &inputs).is_some());
+    assert!(as_one(&[&plain, &bent], &inputs).is_none() && as_one(&[&bent], &inputs).is_none());
+}
