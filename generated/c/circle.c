@@ -297,43 +297,6 @@ double circle_sine(double quarter_turns)
     return r21;
 }
 
-double circle_height(double square)
-{
-#if defined(__clang__)
-#pragma clang fp reassociate(off)
-#endif
-    const double r0 = square;
-    const double r1 = 0.0;
-    const double r3 = circle_rsm_at_least(r0, r1);
-    const double r4 = 0.9;
-    const double r6 = circle_rsm_at_most(r3, r4);
-    const double r7 = 0.45;
-    const double r8 = r6 - r7;
-    const double r9 = -2.6816463847609158; /* square^7: -0.0100205 */
-    const double r10 = circle_rsm_keep(r9 * r8);
-    const double r11 = -1.7554085473202095; /* square^6: -0.0145765 */
-    const double r12 = r10 + r11;
-    const double r13 = circle_rsm_keep(r12 * r8);
-    const double r14 = -0.0978347914072911; /* square^5: -0.00180533 */
-    const double r15 = r13 + r14;
-    const double r16 = circle_rsm_keep(r15 * r8);
-    const double r17 = -0.12381374326824997; /* square^4: -0.00507714 */
-    const double r18 = r16 + r17;
-    const double r19 = circle_rsm_keep(r18 * r8);
-    const double r20 = -0.2921570954230518; /* square^3: -0.0266228 */
-    const double r21 = r19 + r20;
-    const double r22 = circle_rsm_keep(r21 * r8);
-    const double r23 = -0.3150041769288161; /* square^2: -0.0637883 */
-    const double r24 = r22 + r23;
-    const double r25 = circle_rsm_keep(r24 * r8);
-    const double r26 = -0.6741125972946915; /* square: -0.303351 */
-    const double r27 = r25 + r26;
-    const double r28 = circle_rsm_keep(r27 * r8);
-    const double r29 = 0.7414648400320586; /* 1: 0.741465 */
-    const double r30 = r28 + r29;
-    return r30;
-}
-
 #endif /* double has 64 bits */
 
 float circle_sine_f32(float quarter_turns)
@@ -362,43 +325,6 @@ float circle_sine_f32(float quarter_turns)
     const float r20 = r14 + r19;
     const float r21 = r12 + r20;
     return r21;
-}
-
-float circle_height_f32(float square)
-{
-#if defined(__clang__)
-#pragma clang fp reassociate(off)
-#endif
-    const float r0 = square;
-    const float r1 = 0.0f;
-    const float r3 = circle_rsm_at_least_f32(r0, r1);
-    const float r4 = 0.9f;
-    const float r6 = circle_rsm_at_most_f32(r3, r4);
-    const float r7 = 0.45f;
-    const float r8 = r6 - r7;
-    const float r9 = -2.6816463f; /* square^7: -0.0100205 */
-    const float r10 = circle_rsm_keep_f32(r9 * r8);
-    const float r11 = -1.7554085f; /* square^6: -0.0145765 */
-    const float r12 = r10 + r11;
-    const float r13 = circle_rsm_keep_f32(r12 * r8);
-    const float r14 = -0.09783479f; /* square^5: -0.00180533 */
-    const float r15 = r13 + r14;
-    const float r16 = circle_rsm_keep_f32(r15 * r8);
-    const float r17 = -0.12381374f; /* square^4: -0.00507714 */
-    const float r18 = r16 + r17;
-    const float r19 = circle_rsm_keep_f32(r18 * r8);
-    const float r20 = -0.29215708f; /* square^3: -0.0266228 */
-    const float r21 = r19 + r20;
-    const float r22 = circle_rsm_keep_f32(r21 * r8);
-    const float r23 = -0.31500417f; /* square^2: -0.0637883 */
-    const float r24 = r22 + r23;
-    const float r25 = circle_rsm_keep_f32(r24 * r8);
-    const float r26 = -0.6741126f; /* square: -0.303351 */
-    const float r27 = r25 + r26;
-    const float r28 = circle_rsm_keep_f32(r27 * r8);
-    const float r29 = 0.74146485f; /* 1: 0.741465 */
-    const float r30 = r28 + r29;
-    return r30;
 }
 
 #ifdef RSM_SELF_TEST
@@ -486,44 +412,6 @@ int circle_self_test(void)
             failures += circle_rsm_differs(y[k], points[k][1]);
         }
     }
-    {
-        /* Bits of the arguments, then of the result. */
-        static const uint64_t points[][2] = {
-            { 0x3fdccccccccccccdULL, 0x3fe7ba1478e24a3fULL },
-            { 0x0000000000000000ULL, 0x3feffe8b0b07e5a6ULL }, /* other bits if fused */
-            { 0x3feccccccccccccdULL, 0x3fd43d01b4a702e7ULL }, /* other bits if fused */
-            { 0x3ff599999999999aULL, 0x3fd43d01b4a702e7ULL }, /* other bits if fused */
-            { 0xbfdccccccccccccdULL, 0x3feffe8b0b07e5a6ULL }, /* other bits if fused */
-            { 0x7ff0000000000000ULL, 0x3fd43d01b4a702e7ULL }, /* other bits if fused */
-            { 0xfff0000000000000ULL, 0x3feffe8b0b07e5a6ULL }, /* other bits if fused */
-            { 0x8000000000000000ULL, 0x3feffe8b0b07e5a6ULL }, /* other bits if fused */
-            { 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x3fc453a813936b39ULL, 0x3fed57f6e3066850ULL }, /* other bits if fused */
-            { 0x3fe5f704986615b6ULL, 0x3fe1e9917fc228b8ULL }, /* other bits if fused */
-            { 0x3fecc1746a510af1ULL, 0x3fd46017b7ba2ba7ULL }, /* other bits if fused */
-        };
-        double (*volatile function)(double) = circle_height;
-        const uint64_t (*volatile rows)[2] = points;
-        volatile unsigned int count = 12;
-        unsigned int k, n;
-        double x0[12];
-        double y[12];
-        for (k = 0; k < 12; k++) {
-            double x[1];
-            (void)memcpy(x, points[k], sizeof x);
-            failures += circle_rsm_differs(function(x[0]), points[k][1]);
-        }
-        for (k = 0; k < 12; k++) {
-            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
-        }
-        n = count;
-        for (k = 0; k < n; k++) {
-            y[k] = circle_height(x0[k]);
-        }
-        for (k = 0; k < 12; k++) {
-            failures += circle_rsm_differs(y[k], points[k][1]);
-        }
-    }
 
 #endif /* double has 64 bits */
     {
@@ -559,44 +447,6 @@ int circle_self_test(void)
         n = count;
         for (k = 0; k < n; k++) {
             y[k] = circle_sine_f32(x0[k]);
-        }
-        for (k = 0; k < 12; k++) {
-            failures += circle_rsm_differs_f32(y[k], points[k][1]);
-        }
-    }
-    {
-        /* Bits of the arguments, then of the result. */
-        static const uint32_t points[][2] = {
-            { 0x3ee66666UL, 0x3f3dd0a4UL },
-            { 0x00000000UL, 0x3f7ff459UL }, /* other bits if fused */
-            { 0x3f666666UL, 0x3ea1e80fUL },
-            { 0x3faccccdUL, 0x3ea1e80fUL },
-            { 0xbee66666UL, 0x3f7ff459UL }, /* other bits if fused */
-            { 0x7f800000UL, 0x3ea1e80fUL },
-            { 0xff800000UL, 0x3f7ff459UL }, /* other bits if fused */
-            { 0x80000000UL, 0x3f7ff459UL }, /* other bits if fused */
-            { 0x7fc00000UL, 0x7fc00000UL },
-            { 0x3df9bbcfUL, 0x3f6fd6f2UL }, /* other bits if fused */
-            { 0x3f291fa2UL, 0x3f151016UL }, /* other bits if fused */
-            { 0x3e2b4d3dUL, 0x3f698f88UL }, /* other bits if fused */
-        };
-        float (*volatile function)(float) = circle_height_f32;
-        const uint32_t (*volatile rows)[2] = points;
-        volatile unsigned int count = 12;
-        unsigned int k, n;
-        float x0[12];
-        float y[12];
-        for (k = 0; k < 12; k++) {
-            float x[1];
-            (void)memcpy(x, points[k], sizeof x);
-            failures += circle_rsm_differs_f32(function(x[0]), points[k][1]);
-        }
-        for (k = 0; k < 12; k++) {
-            (void)memcpy(&x0[k], &rows[k][0], sizeof x0[k]);
-        }
-        n = count;
-        for (k = 0; k < n; k++) {
-            y[k] = circle_height_f32(x0[k]);
         }
         for (k = 0; k < 12; k++) {
             failures += circle_rsm_differs_f32(y[k], points[k][1]);

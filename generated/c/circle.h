@@ -28,15 +28,6 @@ extern "C" {
  */
 double circle_sine(double quarter_turns);
 
-/* `height` in `1`, evaluated in f64.
- *
- * - `square` in `1`: 0.0 to 0.9, clamped outside
- *
- * NaN in gives NaN out.
- * 19 operations, 19 deep, no branch.
- */
-double circle_height(double square);
-
 #endif /* double has 64 bits */
 
 /* `sine` in `1`, evaluated in f32.
@@ -47,15 +38,6 @@ double circle_height(double square);
  * 15 operations, 10 deep, no branch.
  */
 float circle_sine_f32(float quarter_turns);
-
-/* `height` in `1`, evaluated in f32.
- *
- * - `square` in `1`: 0.0 to 0.9, clamped outside
- *
- * NaN in gives NaN out.
- * 19 operations, 19 deep, no branch.
- */
-float circle_height_f32(float square);
 
 #ifdef RSM_SELF_TEST
 /* How many of the points in circle.c give other bits than the interpreter: 0 is right. */

@@ -37,48 +37,6 @@ pub fn sine(quarter_turns: f64) -> f64 {
     r21
 }
 
-/// `height` in `1`, evaluated in f64.
-///
-/// - `square` in `1`: 0.0 to 0.9, clamped outside
-///
-/// NaN in gives NaN out.
-/// 19 operations, 19 deep, no branch.
-#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
-#[inline]
-#[must_use]
-pub fn height(square: f64) -> f64 {
-    let r0: f64 = square;
-    let r1: f64 = 0.0;
-    let r3: f64 = rsm_at_least_f64(r0, r1);
-    let r4: f64 = 0.9;
-    let r6: f64 = rsm_at_most_f64(r3, r4);
-    let r7: f64 = 0.45;
-    let r8: f64 = r6 - r7;
-    let r9: f64 = -2.6816463847609158; // square^7: -0.0100205
-    let r10: f64 = r9 * r8;
-    let r11: f64 = -1.7554085473202095; // square^6: -0.0145765
-    let r12: f64 = r10 + r11;
-    let r13: f64 = r12 * r8;
-    let r14: f64 = -0.0978347914072911; // square^5: -0.00180533
-    let r15: f64 = r13 + r14;
-    let r16: f64 = r15 * r8;
-    let r17: f64 = -0.12381374326824997; // square^4: -0.00507714
-    let r18: f64 = r16 + r17;
-    let r19: f64 = r18 * r8;
-    let r20: f64 = -0.2921570954230518; // square^3: -0.0266228
-    let r21: f64 = r19 + r20;
-    let r22: f64 = r21 * r8;
-    let r23: f64 = -0.3150041769288161; // square^2: -0.0637883
-    let r24: f64 = r22 + r23;
-    let r25: f64 = r24 * r8;
-    let r26: f64 = -0.6741125972946915; // square: -0.303351
-    let r27: f64 = r25 + r26;
-    let r28: f64 = r27 * r8;
-    let r29: f64 = 0.7414648400320586; // 1: 0.741465
-    let r30: f64 = r28 + r29;
-    r30
-}
-
 /// `sine` in `1`, evaluated in f32.
 ///
 /// - `quarter_turns` in `1`: -1.0 to 1.0, clamped outside
@@ -110,48 +68,6 @@ pub fn sine_f32(quarter_turns: f32) -> f32 {
     let r20: f32 = r14 + r19;
     let r21: f32 = r12 + r20;
     r21
-}
-
-/// `height` in `1`, evaluated in f32.
-///
-/// - `square` in `1`: 0.0 to 0.9, clamped outside
-///
-/// NaN in gives NaN out.
-/// 19 operations, 19 deep, no branch.
-#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]
-#[inline]
-#[must_use]
-pub fn height_f32(square: f32) -> f32 {
-    let r0: f32 = square;
-    let r1: f32 = 0.0;
-    let r3: f32 = rsm_at_least_f32(r0, r1);
-    let r4: f32 = 0.9;
-    let r6: f32 = rsm_at_most_f32(r3, r4);
-    let r7: f32 = 0.45;
-    let r8: f32 = r6 - r7;
-    let r9: f32 = -2.6816463; // square^7: -0.0100205
-    let r10: f32 = r9 * r8;
-    let r11: f32 = -1.7554085; // square^6: -0.0145765
-    let r12: f32 = r10 + r11;
-    let r13: f32 = r12 * r8;
-    let r14: f32 = -0.09783479; // square^5: -0.00180533
-    let r15: f32 = r13 + r14;
-    let r16: f32 = r15 * r8;
-    let r17: f32 = -0.12381374; // square^4: -0.00507714
-    let r18: f32 = r16 + r17;
-    let r19: f32 = r18 * r8;
-    let r20: f32 = -0.29215708; // square^3: -0.0266228
-    let r21: f32 = r19 + r20;
-    let r22: f32 = r21 * r8;
-    let r23: f32 = -0.31500417; // square^2: -0.0637883
-    let r24: f32 = r22 + r23;
-    let r25: f32 = r24 * r8;
-    let r26: f32 = -0.6741126; // square: -0.303351
-    let r27: f32 = r25 + r26;
-    let r28: f32 = r27 * r8;
-    let r29: f32 = 0.74146485; // 1: 0.741465
-    let r30: f32 = r28 + r29;
-    r30
 }
 
 // `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.

@@ -58,6 +58,23 @@ EXACT_INLINE float exact_select(float left, float right, float then, float other
 #endif
 }
 
+/* Two selections by one comparison: *first becomes then_first and *second then_second where left < right. */
+EXACT_INLINE void exact_replace_two(float left, float right, float *first, float then_first, float *second, float then_second)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    float a = *first, b = *second;
+    __asm__("vcmp.f32 %2, %3\n\tvmrs APSR_nzcv, fpscr\n\titt mi\n\tvmovmi.f32 %0, %4\n\tvmovmi.f32 %1, %5"
+            : "+&t"(a), "+&t"(b)
+            : "t"(left), "t"(right), "t"(then_first), "t"(then_second)
+            : "cc");
+    *first = a;
+    *second = b;
+#else
+    *first = exact_select(left, right, then_first, *first);
+    *second = exact_select(left, right, then_second, *second);
+#endif
+}
+
 /* bound where value < bound, else value: a NaN passes, and a tie keeps value. */
 EXACT_INLINE float exact_at_least(float value, float bound)
 {
@@ -89,11 +106,82 @@ EXACT_INLINE float exact_within(float value, float low, float high)
 /* value without its sign. */
 EXACT_INLINE float exact_magnitude(float value)
 {
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    /* One instruction; by whole numbers it is three, because the number goes to another register and back. */
+    return __builtin_fabsf(value);
+#else
     uint32_t bits;
     __builtin_memcpy(&bits, &value, sizeof bits);
     bits &= 0x7FFFFFFFu;
     __builtin_memcpy(&value, &bits, sizeof bits);
     return value;
+#endif
+}
+
+#if !(defined(__SSE2_MATH__) || defined(__aarch64__) || (defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4))) || defined(EXACT_ROOT_BY_DIGITS)
+/* The square root by whole numbers, for machines without the instruction: root_by_digits of targets/branch-free. */
+static inline float exact_root_by_digits(float value)
+{
+    uint32_t bits, mantissa;
+    int32_t exponent, moved, power;
+    uint64_t square, root = 0u, bit;
+    float scale;
+    __builtin_memcpy(&bits, &value, sizeof bits);
+    if ((bits << 1) == 0u || bits == 0x7F800000u) {
+        return value;
+    }
+    if (bits > 0x7F800000u) {
+        bits = 0x7FC00000u;
+        __builtin_memcpy(&value, &bits, sizeof bits);
+        return value;
+    }
+    exponent = (int32_t)(bits >> 23);
+    mantissa = bits & 0x007FFFFFu;
+    if (exponent == 0) {
+        exponent = 1;
+    } else {
+        mantissa |= 0x00800000u;
+    }
+    exponent -= 150;
+    while (mantissa < 0x00800000u) {
+        mantissa <<= 1;
+        exponent--;
+    }
+    moved = 25 + ((exponent + 25) & 1);
+    square = (uint64_t)mantissa << moved;
+    for (bit = (uint64_t)1u << 24; bit > 0u; bit >>= 1) {
+        const uint64_t more = root | bit;
+        if (more * more <= square) {
+            root = more;
+        }
+    }
+    power = (exponent - moved) / 2 + 1;
+    bits = (uint32_t)(power + 127) << 23;
+    __builtin_memcpy(&scale, &bits, sizeof bits);
+    return (float)((root + 1u) >> 1) * scale;
+}
+#endif
+
+/* The square root, rounded as IEEE 754 asks: the same bits everywhere. NaN for a NaN and for what is below 0. */
+EXACT_INLINE float exact_root(float value)
+{
+#if defined(EXACT_ROOT_BY_DIGITS)
+    return exact_root_by_digits(value);
+#elif defined(__SSE2_MATH__)
+    float root;
+    __asm__("sqrtss {%1, %0|%0, %1}" : "=x"(root) : "x"(value));
+    return root;
+#elif defined(__aarch64__)
+    float root;
+    __asm__("fsqrt %s0, %s1" : "=w"(root) : "w"(value));
+    return root;
+#elif defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    float root;
+    __asm__("vsqrt.f32 %0, %1" : "=t"(root) : "t"(value));
+    return root;
+#else
+    return exact_root_by_digits(value);
+#endif
 }
 
 /* 0 for a number, NaN for a NaN or an infinity. */

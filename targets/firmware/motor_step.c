@@ -8,6 +8,8 @@
 #define WHOLE 12582912.0f
 /* sqrt(0.9), rounded down. */
 #define LONGEST_LEG 0.9486832f
+/* Of circle.rs: the square of the circle's radius, a little held back. */
+#define HELD_BACK 0.9996f
 #define ROOT_3 1.7320508f
 #define HALF_ROOT_3 0.8660254f
 #define PER_ROOT_3 0.57735026f
@@ -37,20 +39,32 @@ EXACT_INLINE float cosine(float turns)
     return circle_sine_f32(1.0f - exact_product(4.0f, exact_magnitude(part_of_turn(turns))));
 }
 
+EXACT_INLINE float other_leg(float square)
+{
+    return exact_root(HELD_BACK - square);
+}
+
 typedef struct {
     float value;
     float good;
 } judged;
 
+/* value and 1 where left < right, else otherwise and 0. */
+EXACT_INLINE judged taken(float left, float right, float value, float otherwise)
+{
+    judged found = {otherwise, 0.0f};
+    exact_replace_two(left, right, &found.value, value, &found.good, 1.0f);
+    return found;
+}
+
 EXACT_INLINE judged judge(const motor_band *band, float sample, float expected, float open, float fresh)
 {
     judged found;
-    const float in_range = exact_select(exact_magnitude(sample - band->middle), band->half, 1.0f, 0.0f);
-    const float off = exact_select(0.0f, in_range, sample - expected, 0.0f);
+    const judged off = taken(exact_magnitude(sample - band->middle), band->half, sample - expected, 0.0f);
     float believed;
-    found.good = exact_product(in_range, exact_select(exact_magnitude(sample - expected), band->rate, 1.0f, fresh));
+    found.good = exact_product(off.good, exact_select(exact_magnitude(sample - expected), band->rate, 1.0f, fresh));
     believed = exact_select(0.0f, found.good, BELIEVED_LEVEL, open);
-    found.value = expected + exact_product(exact_at_least(believed, fresh), off);
+    found.value = expected + exact_product(exact_at_least(believed, fresh), off.value);
     return found;
 }
 
@@ -71,46 +85,43 @@ void motor_references(motor_reference_state *state, const motor_drive *drive, co
 {
     const motor_limits *limits = &drive->limits;
     const float coast = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, 1.0f, 0.0f);
-    const float good_torque = exact_select(exact_magnitude(demand->torque_nm), limits->torque_nm, 1.0f, 0.0f);
-    const float torque = exact_select(0.0f, good_torque, demand->torque_nm, state->torque_nm);
+    const judged torque = taken(exact_magnitude(demand->torque_nm), limits->torque_nm, demand->torque_nm, state->torque_nm);
     const float fresh = exact_select(0.0f, state->bus_voltage_v, 0.0f, 1.0f);
     const judged speed = judge(&limits->speed_rad_s, demand->speed_rad_s, state->speed_rad_s, coast, fresh);
     const judged bus = judge(&limits->bus_v, demand->bus_voltage_v, state->bus_voltage_v, coast, fresh);
-    const float good_share = exact_select(exact_magnitude(demand->voltage_share), 1e6f, 1.0f, 0.0f);
-    const float voltage_share = exact_select(0.0f, good_share, exact_at_most(demand->voltage_share, TRIM_MOST), TRIM_FROM);
-    const float all_good = exact_product(exact_product(good_torque, good_share), exact_product(speed.good, bus.good));
+    const judged share_seen = taken(exact_magnitude(demand->voltage_share), 1e6f, exact_at_most(demand->voltage_share, TRIM_MOST), TRIM_FROM);
+    const float all_good = exact_product(exact_product(torque.good, share_seen.good), exact_product(speed.good, bus.good));
 
     const float lowest_bus = limits->bus_v.middle - limits->bus_v.half;
     const float circle_speed = exact_product(exact_magnitude(speed.value), drive->nominal_bus_v / exact_at_least(bus.value, lowest_bus));
     const float asked = exact_at_most(circle_speed, FOLD_SPEED);
     const float beyond = circle_speed - asked;
     const float fold = exact_at_least(1.0f - exact_product(beyond, FOLD_PER), 0.0f);
-    const float moved = exact_at_least(state->trim_a + exact_product(TRIM_A, voltage_share - TRIM_FROM), 0.0f);
+    const float moved = exact_at_least(state->trim_a + exact_product(TRIM_A, share_seen.value - TRIM_FROM), 0.0f);
     const float trim = exact_at_most(moved, drive->current_limit_a);
     const float mirror = exact_select(speed.value, 0.0f, -1.0f, 1.0f);
-    const float forwards = exact_product(mirror, exact_product(torque, 1.0f - coast));
+    const float forwards = exact_product(mirror, exact_product(torque.value, 1.0f - coast));
     const float limit = drive->current_limit_a;
     const float most_weakening = exact_product(LONGEST_LEG, limit);
     const float last_nm = exact_product(drive->newton_metres_per_ampere, exact_product(mirror, state->last.i_q_a));
     const float at_limit_a = exact_within(motor_limit_current_f32(last_nm, limit, asked), 0.0f, most_weakening);
     const float at_limit = exact_product(at_limit_a, drive->per_ampere);
-    const float most = exact_product(fold, exact_product(limit, circle_height_f32(exact_product(at_limit, at_limit))));
+    const float most = exact_product(fold, exact_product(limit, other_leg(exact_product(at_limit, at_limit))));
     const float wanted = exact_within(exact_product(forwards, drive->amperes_per_newton_metre), -most, most);
     const float surface = motor_weakening_current_f32(exact_product(drive->newton_metres_per_ampere, wanted), asked);
     const float weakening = surface + (exact_product(beyond, drive->weakening_per_speed) + trim);
     const float i_d = -exact_within(weakening, 0.0f, most_weakening);
     const float share = exact_product(i_d, drive->per_ampere);
-    const float most_q = exact_product(limit, circle_height_f32(exact_product(share, share)));
+    const float most_q = exact_product(limit, other_leg(exact_product(share, share)));
     const float i_q = exact_product(mirror, exact_within(wanted, -most_q, most_q));
 
     const float sum = exact_nothing(i_d) + exact_nothing(i_q) + exact_nothing(circle_speed);
-    state->last.i_d_a = exact_select(sum, 1.0f, i_d, state->last.i_d_a);
-    state->last.i_q_a = exact_select(sum, 1.0f, i_q, state->last.i_q_a);
-    state->torque_nm = torque;
+    exact_replace_two(sum, 1.0f, &state->last.i_d_a, i_d, &state->last.i_q_a, i_q);
+    state->torque_nm = torque.value;
     state->speed_rad_s = speed.value;
     state->bus_voltage_v = bus.value;
     state->trim_a = exact_select(sum, 1.0f, trim, state->trim_a);
-    bad_samples_count(&state->bad, exact_less(0.0f, all_good));
+    bad_samples_count(&state->bad, (uint32_t)all_good);
 }
 
 EXACT_INLINE float per_root(float square)
@@ -193,7 +204,7 @@ void motor_currents(motor_current_state *state, const motor_drive *drive, const 
     const float then = exact_product(then_d, then_d) + exact_product(then_q, then_q);
     const float tripped = exact_select(limits->trip_square_a2, exact_at_least(now, then), 1.0f, 0.0f);
     float too_many, not_yet, waiting, closed;
-    bad_samples_count(&state->bad, exact_less(0.0f, all_good));
+    bad_samples_count(&state->bad, (uint32_t)all_good);
     too_many = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, 1.0f, 0.0f);
     not_yet = (tripped + too_many) + exact_product(1.0f - all_good, open);
     waiting = exact_select(0.0f, not_yet, limits->good_in_a_row + PERIODS_TO_CLOSE, exact_at_least(state->waiting - 1.0f, 0.0f));

@@ -89,10 +89,3 @@ fn a_manifest_that_lacks_something_is_named() {
         assert_eq!(wrong("rsm-core", &good.replacen(from, to, 1), &folder), [expected]);
     }
 }
-
-#[test]
-fn the_circle_of_the_rigs_is_that_of_the_target() {
-    // A package holds its own files: a copy, so that it can be built without the workspace.
-    let read = |path: &str| std::fs::read(cases::root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
-    assert!(read("rsm-rigs/models/circle.toml") == read("generated/coefficients/circle.toml"), "copy the file of generated/");
-}

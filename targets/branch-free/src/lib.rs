@@ -13,7 +13,7 @@
 //! assert!(nothing(3.0) == 0.0 && nothing(f32::INFINITY).is_nan());
 //! ```
 #![no_std]
-// Denied, not forbidden: two instructions of SSE are `unsafe` functions to Rust. There is no other.
+// Denied, not forbidden: instructions of SSE are `unsafe` functions to Rust, and the square root of other machines is an instruction by name. There is no other.
 #![deny(unsafe_code)]
 
 /// `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.
@@ -86,6 +86,87 @@ pub fn magnitude(value: f32) -> f32 {
     f32::from_bits(value.to_bits() & 0x7FFF_FFFF)
 }
 
+/// The square root, rounded to the nearest f32 as IEEE 754 asks: the same bits on every machine. NaN for a NaN and for what is below 0. The machine's
+/// own instruction on x86-64, AArch64 and 32-bit Arm with an FPU; elsewhere digit by digit.
+///
+/// ```
+/// assert_eq!(branch_free::root(2.25), 1.5);
+/// assert!(branch_free::root(-1.0).is_nan());
+/// ```
+#[allow(unsafe_code)]
+#[inline(always)]
+#[must_use]
+pub fn root(value: f32) -> f32 {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    {
+        use core::arch::x86_64::{_mm_cvtss_f32, _mm_set_ss, _mm_sqrt_ss};
+        // SAFETY: `cfg` says that the machine has SSE.
+        unsafe { _mm_cvtss_f32(_mm_sqrt_ss(_mm_set_ss(value))) }
+    }
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+    {
+        let root: f32;
+        // SAFETY: the instruction reads one register and writes another.
+        unsafe { core::arch::asm!("fsqrt {0:s}, {1:s}", out(vreg) root, in(vreg) value, options(pure, nomem, nostack)) };
+        root
+    }
+    // The names of these targets end in `eabihf`: numbers are passed in registers of an FPU, so there is one.
+    #[cfg(all(target_arch = "arm", target_abi = "eabihf"))]
+    {
+        let root: f32;
+        // SAFETY: the instruction reads one register and writes another.
+        unsafe { core::arch::asm!("vsqrt.f32 {0}, {1}", out(sreg) root, in(sreg) value, options(pure, nomem, nostack)) };
+        root
+    }
+    #[cfg(not(any(
+        all(target_arch = "x86_64", target_feature = "sse2"),
+        all(target_arch = "aarch64", target_feature = "neon"),
+        all(target_arch = "arm", target_abi = "eabihf")
+    )))]
+    {
+        root_by_digits(value)
+    }
+}
+
+/// The same by whole numbers, for machines without the instruction.
+#[cfg_attr(
+    any(
+        all(target_arch = "x86_64", target_feature = "sse2"),
+        all(target_arch = "aarch64", target_feature = "neon"),
+        all(target_arch = "arm", target_abi = "eabihf")
+    ),
+    allow(dead_code)
+)]
+fn root_by_digits(value: f32) -> f32 {
+    let bits = value.to_bits();
+    if bits << 1 == 0 || bits == 0x7F80_0000 {
+        return value;
+    }
+    if bits > 0x7F80_0000 {
+        // A NaN, or a number below 0.
+        return f32::NAN;
+    }
+    // value = mantissa * 2^exponent with a mantissa of 24 bits, also where it is subnormal.
+    let (raw, rest) = ((bits >> 23) as i32, bits & 0x007F_FFFF);
+    let (mantissa, exponent) = if raw == 0 { (rest, -149) } else { (rest | 0x0080_0000, raw - 150) };
+    let up = mantissa.leading_zeros() as i32 - 8;
+    let exponent = exponent - up;
+    // Moved so far that the exponent is even and the root has 25 bits: 24, and one that says where to round. Its square is even, so it is never a tie.
+    let moved = 25 + ((exponent + 25) & 1);
+    let square = u64::from(mantissa << up) << moved;
+    let (mut root, mut bit) = (0u64, 1u64 << 24);
+    while bit > 0 {
+        let more = root | bit;
+        if more * more <= square {
+            root = more;
+        }
+        bit >>= 1;
+    }
+    let power = (exponent - moved) / 2 + 1;
+    // Exact: at most 2^24 times a power of two, far inside the range.
+    ((root + 1) >> 1) as f32 * f32::from_bits(((power + 127) as u32) << 23)
+}
+
 /// 0 for a number, NaN for a NaN or an infinity. The sum of several is 0 or NaN, and the comparison `sum < 1.0` tells which.
 // The difference of a number with itself is what is wanted here.
 #[allow(clippy::eq_op)]
@@ -146,6 +227,21 @@ mod tests {
             }
             assert_eq!(nothing(a) < 1.0, a.is_finite(), "{a}");
             assert_eq!(magnitude(a).to_bits(), a.abs().to_bits(), "{a}");
+        }
+    }
+
+    #[test]
+    fn a_root_is_that_of_ieee_754_by_the_instruction_and_by_digits() {
+        extern crate std;
+        let same = |found: f32, value: f32| {
+            let expected = std::primitive::f32::sqrt(value);
+            found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan()
+        };
+        // Every sign and exponent, with mantissas all over their range: 4,049 has no common factor with 2^32.
+        let drawn = (0..1_060_000u32).map(|k| f32::from_bits(k.wrapping_mul(4_049)));
+        for value in drawn.chain(HARD).chain([4.0, 2.0, 1.0f32.next_down(), f32::MIN_POSITIVE, f32::MIN_POSITIVE.next_down()]) {
+            assert!(same(root(value), value), "{value:e}: {:e}", root(value));
+            assert!(same(root_by_digits(value), value), "{value:e}: {:e}", root_by_digits(value));
         }
     }
 

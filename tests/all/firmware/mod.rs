@@ -145,6 +145,7 @@ fn the_steps_in_c_have_the_bits_of_the_steps_in_rust_on_this_host() {
         ("gcc-Os", "gcc -std=gnu99 -Os"),
         ("gcc-O0", "gcc -std=gnu99 -O0"),
         ("gcc-fma", "gcc -std=gnu99 -O2 -mfma"),
+        ("gcc-root", "gcc -std=gnu99 -O2 -DEXACT_ROOT_BY_DIGITS"),
         ("clang-O2", "clang -std=gnu99 -O2"),
         ("clang-fma", "clang -std=gnu99 -O3 -mfma -ffp-contract=fast"),
     ] {

@@ -7,14 +7,16 @@ use throttle_loop::raw::RawState;
 
 use super::{STEPS, builds};
 
+/// The instructions of a step, from the budget.
+fn instructions(step: &str, level: &str) -> String {
+    let budget = std::fs::read_to_string(builds::firmware().join("budget.txt")).expect("the budget");
+    let name = format!("{step} {level} instructions");
+    let line = budget.lines().find_map(|line| line.strip_prefix(name.as_str()));
+    line.unwrap_or_else(|| panic!("budget.txt has no line `{name}`")).trim().to_string()
+}
+
 /// The lines of the two tables, as they must stand.
 fn lines() -> Vec<String> {
-    let budget = std::fs::read_to_string(builds::firmware().join("budget.txt")).expect("the budget");
-    let instructions = |step: &str, level: &str| {
-        let name = format!("{step} {level} instructions");
-        let line = budget.lines().find_map(|line| line.strip_prefix(name.as_str()));
-        line.unwrap_or_else(|| panic!("budget.txt has no line `{name}`")).trim().to_string()
-    };
     let costs = STEPS.map(|(_, step)| format!("| `{step}` | {} | {} |", instructions(step, "-O2"), instructions(step, "-Os")));
     // Words of 4 bytes only, in Rust and in C: neither has padding.
     let states = [
@@ -47,6 +49,21 @@ fn the_readme_tells_the_costs_of_the_budget_and_the_sizes_of_the_states() {
         assert!(
             text.lines().any(|found| found == line),
             "{}: expected the line `{line}`; run with RSM_BLESS=1",
+            path.display()
+        );
+    }
+}
+
+#[test]
+fn the_book_tells_the_costs_of_the_budget() {
+    let path = rsm_tests::cases::root().join("docs/book/src/results/demo.md");
+    let text = std::fs::read_to_string(&path).expect("a page of the book");
+    for (_, step) in STEPS {
+        let (head, cost) = (format!("| `{step}` |"), format!("| {} |", instructions(step, "-O2")));
+        let line = text.lines().find(|line| line.starts_with(&head));
+        assert!(
+            line.is_some_and(|line| line.ends_with(&cost)),
+            "{}: {head} must end with {cost}, found {line:?}",
             path.display()
         );
     }

@@ -70,6 +70,11 @@ impl Range {
         Range::ends(self.low.max(bound), self.high.max(bound))
     }
 
+    /// Of the square root, which IEEE 754 rounds correctly: it never falls. What is below 0 has none; a range that reaches there counts from 0.
+    pub fn root(self) -> Self {
+        Range::ends(self.low.max(0.0).sqrt(), self.high.max(0.0).sqrt())
+    }
+
     fn of_all(candidates: [f32; 4]) -> Self {
         if candidates.iter().any(|value| value.is_nan()) {
             return Range::WHOLE;

@@ -9,7 +9,7 @@
 use rsm_core::check::Checked;
 use rsm_core::lower;
 use rsm_core::number::Precision;
-use rsm_core::source::{Fault, Faults, Source};
+use rsm_core::source::{Fault, Faults};
 use rsm_core::tape::Tape;
 use rsm_core::values::Values;
 use rsm_fit::units::Conversion;
@@ -29,8 +29,8 @@ const FOLD_PER_RAD_S: f32 = 1.0 / 780.0;
 /// `drive::STEEPER` of the target.
 const STEEPER: f32 = 1.25;
 
-/// The other leg of a circle: a copy of the file that the target includes, so that this package stands alone. A test compares the two.
-const CIRCLE: &str = include_str!("../../../models/circle.toml");
+/// `circle::HELD_BACK` of the target: the square of the radius of the circle whose other leg is taken.
+const HELD_BACK: f32 = 0.9996;
 
 /// The constants of `Drive` that the step uses, made as `Drive::new` makes them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +76,6 @@ impl Constants {
 pub struct Tapes {
     weakening: Tape,
     limit: Tape,
-    height: Tape,
 }
 
 impl Tapes {
@@ -89,13 +88,9 @@ impl Tapes {
         if let Some(faults) = model.refusal(Precision::F32) {
             return Err(faults);
         }
-        let circle = Checked::read(&Source::new("circle.toml", CIRCLE)).expect("the shipped circle is a good model");
-        let height =
-            circle.model().surfaces.iter().position(|surface| surface.name == "height").expect("the circle has a height");
         Ok(Tapes {
             weakening: tape(model, "weakening_current", &[("torque", "N*m"), ("speed", "rad/s")])?,
             limit: tape(model, "limit_current", &[("torque", "N*m"), ("current", "A"), ("speed", "rad/s")])?,
-            height: lower::surface(&circle, height, Precision::F32),
         })
     }
 }
@@ -142,15 +137,14 @@ pub struct Step<'t> {
     pub constants: Constants,
     weakening: Values<'t>,
     limit: Values<'t>,
-    height: Values<'t>,
 }
 
 impl<'t> Step<'t> {
     /// The step around these surfaces.
     #[must_use]
     pub fn new(constants: Constants, tapes: &'t Tapes) -> Self {
-        let [weakening, limit, height] = [&tapes.weakening, &tapes.limit, &tapes.height].map(Values::new);
-        Step { constants, weakening, limit, height }
+        let [weakening, limit] = [&tapes.weakening, &tapes.limit].map(Values::new);
+        Step { constants, weakening, limit }
     }
 
     /// The longest i_d, in A.
@@ -174,7 +168,7 @@ impl<'t> Step<'t> {
         let fold = (Range::point(1.0) - beyond * Range::point(FOLD_PER_RAD_S)).at_least(0.0);
         let found = of_tape(&mut self.limit, [last_torque, limit, asked]);
         let at_limit = found.within(Range::point(0.0), most_weakening) * Range::point(self.constants.per_ampere);
-        fold * (limit * of_tape(&mut self.height, [at_limit * at_limit]))
+        fold * (limit * other_leg(at_limit * at_limit))
     }
 
     /// The i_q that a torque demand asks for, in A, after a tick with the torque `last_torque`; both forwards.
@@ -196,10 +190,15 @@ impl<'t> Step<'t> {
     }
 
     /// The most i_q beside an i_d, in A, by the current circle.
-    pub fn most_beside(&mut self, i_d: Range) -> Range {
+    pub fn most_beside(&self, i_d: Range) -> Range {
         let share = self.constants.per_ampere * i_d;
-        self.constants.current_limit_a * of_tape(&mut self.height, [share * share])
+        self.constants.current_limit_a * other_leg(share * share)
     }
+}
+
+/// The other leg of a circle of radius 1, from the square of the one.
+fn other_leg(square: Range) -> Range {
+    (Range::point(HELD_BACK) - square).root()
 }
 
 /// The circle speed at which the surfaces are asked, and how far the speed is beyond.

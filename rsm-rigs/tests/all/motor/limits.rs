@@ -37,7 +37,6 @@ impl Draw {
 struct Plain<'t> {
     weakening: Interpreter<'t, f32>,
     limit: Interpreter<'t, f32>,
-    height: Interpreter<'t, f32>,
     parameters: Parameters,
 }
 
@@ -56,13 +55,13 @@ impl Plain<'_> {
         let beyond = circle - asked;
         let longest = 0.948_683_2 * limit;
         let at_limit = self.limit.eval(&[last, limit, asked]).clamp(0.0, longest) * (1.0 / limit);
-        let most = (1.0 - beyond * (1.0f32 / 780.0)).max(0.0) * (limit * self.height.eval(&[at_limit * at_limit]));
+        let most = (1.0 - beyond * (1.0f32 / 780.0)).max(0.0) * (limit * (0.9996 - at_limit * at_limit).sqrt());
         let wanted = (torque * (1.0 / k_t)).clamp(-most, most);
         let slope = 1.25 * 0.95 * 0.577_350_26 * number("bus_voltage")
             / (number("pole_pairs") * 608_400.0 * number("phase_inductance"));
         let i_d = -(self.weakening.eval(&[k_t * wanted, asked]) + (beyond * slope + trim)).clamp(0.0, longest);
         let share = i_d * (1.0 / limit);
-        let beside = limit * self.height.eval(&[share * share]);
+        let beside = limit * (0.9996 - share * share).sqrt();
         [i_d, wanted.clamp(-beside, beside)]
     }
 
@@ -105,10 +104,9 @@ impl Plain<'_> {
 
 /// Proves, samples, and compares; says how it ended.
 fn compared(model: &Checked, parameters: &Parameters, operation: &Operation, samples: usize, draw: &mut Draw) -> Verdict {
-    let circle = read("../generated/coefficients/circle.toml");
-    let tapes = [tape(model, "weakening_current"), tape(model, "limit_current"), tape(&circle, "height")];
-    let [weakening, limit, height] = tapes.each_ref().map(Interpreter::<f32>::new);
-    let mut plain = Plain { weakening, limit, height, parameters: parameters.clone() };
+    let tapes = [tape(model, "weakening_current"), tape(model, "limit_current")];
+    let [weakening, limit] = tapes.each_ref().map(Interpreter::<f32>::new);
+    let mut plain = Plain { weakening, limit, parameters: parameters.clone() };
     let found = limits::prove(model, parameters, operation, limits::WORK).unwrap_or_else(|faults| panic!("{faults}"));
     let [voltage, current] = plain.sampled(operation, samples, draw);
     // 1e-12: roundings of the f64 closed form in this test, a few 2^-53.

@@ -46,40 +46,6 @@ fn sine() -> Vec<f64> {
     powers(&chebyshev)
 }
 
-/// cos(k pi/16) for odd k up to 15, by halving angles: cos(a/2) = sqrt((1 + cos a)/2).
-fn nodes() -> [f64; 8] {
-    let half = |cos: f64| ((1.0 + cos) / 2.0).sqrt();
-    let quarter = 0.5f64.sqrt();
-    // cos(pi/8), cos(3 pi/8); cos(pi/16), cos(3 pi/16), and by cos(pi/2 - a) = sin a = sqrt((1 - cos 2a)/2) the other two.
-    let (eighth, three_eighths) = (half(quarter), half(-quarter));
-    let [a, b, c, d] = [half(eighth), half(three_eighths), half(-three_eighths), half(-eighth)];
-    [a, b, c, d, -d, -c, -b, -a]
-}
-
-/// The largest value of the square of the one leg.
-const SQUARE: f64 = 0.9;
-
-/// sqrt(1 - m) on [0, 0.9], m = 0.45 (1 + x), interpolated at the eight Chebyshev nodes, then lowered so that it stays below.
-fn height() -> (Vec<f64>, f64) {
-    let nodes = nodes();
-    let truth = |x: f64| (1.0 - SQUARE / 2.0 * (1.0 + x)).sqrt();
-    let mut chebyshev = vec![0.0; 8];
-    for x in nodes {
-        let (mut before, mut now) = (1.0, x);
-        for (k, c) in chebyshev.iter_mut().enumerate() {
-            *c += truth(x) * before * if k == 0 { 0.125 } else { 0.25 };
-            (before, now) = (now, 2.0 * x * now - before);
-        }
-    }
-    let mut height = powers(&chebyshev);
-    let value = |x: f64| height.iter().rev().fold(0.0, |sum, c| sum * x + c);
-    let above = (0..=100_000).map(|k| f64::from(k) / 50_000.0 - 1.0).map(|x| value(x) - truth(x)).fold(0.0, f64::max);
-    // Up to the next 1e-5: between two points of the grid the difference moves by 1e-9, and f32 rounds by 3e-7.
-    let lowered = (above * 1e5).ceil() / 1e5;
-    height[0] -= lowered;
-    (height, lowered)
-}
-
 fn model() -> Model {
     let input = |name: &str, range| Input { name: name.into(), unit: "1".into(), range, outside: Outside::Clamp };
     let surface = |name: &str, input: &str, coefficients: Vec<f64>, evidence: Vec<(&str, String)>| Surface {
@@ -96,33 +62,21 @@ fn model() -> Model {
         evidence: evidence.into_iter().map(|(key, text)| (key.to_string(), Evidence::Text(text))).collect(),
         ..Surface::default()
     };
-    let (height, lowered) = height();
     Model {
         name: "circle".into(),
-        inputs: vec![input("quarter_turns", [-1.0, 1.0]), input("square", [0.0, SQUARE])],
-        surfaces: vec![
-            surface(
-                "sine",
-                "quarter_turns",
-                sine(),
-                vec![
-                    (
-                        "source",
-                        "sin(pi x/2) = 2 sum (-1)^k J_(2k+1)(pi/2) T_(2k+1)(x), to T_7 (Abramowitz and Stegun, 9.1.45)".into(),
-                    ),
-                    ("error", "the rest: 2 J_9(pi/2) + 2 J_11(pi/2) + ... < 6e-7".into()),
-                ],
-            ),
-            surface(
-                "height",
-                "square",
-                height,
-                vec![
-                    ("source", "sqrt(1 - square) at the eight Chebyshev nodes of the range".into()),
-                    ("error", format!("lowered by {lowered:e}: never above the circle, at most twice that below")),
-                ],
-            ),
-        ],
+        inputs: vec![input("quarter_turns", [-1.0, 1.0])],
+        surfaces: vec![surface(
+            "sine",
+            "quarter_turns",
+            sine(),
+            vec![
+                (
+                    "source",
+                    "sin(pi x/2) = 2 sum (-1)^k J_(2k+1)(pi/2) T_(2k+1)(x), to T_7 (Abramowitz and Stegun, 9.1.45)".into(),
+                ),
+                ("error", "the rest: 2 J_9(pi/2) + 2 J_11(pi/2) + ... < 6e-7".into()),
+            ],
+        )],
         compensators: vec![],
     }
 }
@@ -130,7 +84,7 @@ fn model() -> Model {
 #[test]
 fn the_coefficient_file_is_what_is_computed() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../generated/coefficients/circle.toml");
-    let head = "# What a rotating frame needs of the circle: the sine of a quarter turn, and the one leg from the square of the other.\n#\n\
+    let head = "# What a rotating frame needs of the circle: the sine of a quarter turn.\n#\n\
                 # Computed by targets/motor-loop/tests/circle.rs; RSM_BLESS=1 writes it.\n";
     let text = format!("{head}{}", model_file::write(&model()));
     if std::env::var_os("RSM_BLESS").is_some() {

@@ -39,7 +39,7 @@ fn the_vector_is_never_longer_than_the_limit_and_a_large_demand_uses_it() {
                 // Three roundings of 60 A in f32, 2e-6 each.
                 assert!(length <= 60.0 + 6e-6 && found.i_d_a <= 0.0, "{torque} {speed} {bus}: {found:?}");
                 if torque.abs() >= 40.0 && bus >= 270.0 && speed <= 300.0 {
-                    // Below base speed nothing but the current limits: what the surface `height` gives away is 5e-4 of it, and 1 % is what
+                    // Below base speed nothing but the current limits: what `other_leg` gives away is 2e-4 of it, and 1 % is what
                     // `limit_current` may say where there is nothing to weaken (8 A of 60).
                     assert!(length > 60.0 * 0.99, "{torque} {speed} {bus}: {found:?}");
                 }
