@@ -21,6 +21,9 @@
 /* Inlined at -Os too, where gcc else makes functions of them: a step is one piece of straight code that calls its evaluators. */
 #define EXACT_INLINE __attribute__((always_inline)) static inline
 
+/* Everything that such a function calls is inlined into it, evaluators too: clamps of the same argument are then shared, and nothing is saved around calls. */
+#define EXACT_FLATTEN __attribute__((flatten))
+
 /* A product, rounded. gcc in GNU mode fuses by default and ignores the standard pragma: an empty statement on the register holds it off. */
 EXACT_INLINE float exact_product(float a, float b)
 {

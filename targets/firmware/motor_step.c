@@ -1,8 +1,9 @@
 /* The steps of targets/motor-loop, operation by operation: src/references.rs, src/currents.rs, src/plausible.rs and src/circle.rs say why each is as it is. */
 #include "motor_step.h"
 
-#include "circle.h"
-#include "motor.h"
+/* The evaluators as source: see EXACT_FLATTEN. */
+#include "circle.c"
+#include "motor.c"
 
 /* 1.5 * 2^23: what is added to it is rounded to a whole number. */
 #define WHOLE 12582912.0f
@@ -81,7 +82,7 @@ void motor_current_init(motor_current_state *state)
     *state = at_rest;
 }
 
-void motor_references(motor_reference_state *state, const motor_drive *drive, const motor_demand *demand)
+EXACT_FLATTEN void motor_references(motor_reference_state *state, const motor_drive *drive, const motor_demand *demand)
 {
     const motor_limits *limits = &drive->limits;
     const float coast = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, 1.0f, 0.0f);
@@ -154,7 +155,7 @@ EXACT_INLINE float duty(const motor_drive *drive, float v, float centre, float p
     return exact_select(on, 2.0f, on, 0.5f);
 }
 
-void motor_currents(motor_current_state *state, const motor_drive *drive, const motor_reference *reference, const motor_measured *measured)
+EXACT_FLATTEN void motor_currents(motor_current_state *state, const motor_drive *drive, const motor_reference *reference, const motor_measured *measured)
 {
     const motor_limits *limits = &drive->limits;
     const float a = measured->currents_a[0], b = measured->currents_a[1], c = measured->currents_a[2];

@@ -1,6 +1,9 @@
 /* The steps of targets/throttle-loop, operation by operation: src/step.rs and src/raw.rs say why each is as it is. */
 #include "throttle_step.h"
 
+/* The evaluators as source: see EXACT_FLATTEN. */
+#include "driveline.c"
+
 #define FADE_PER_TICK 0.01f
 #define GEAR_PER_TICK 0.02f
 #define HOLD_TICKS 50.0f
@@ -73,7 +76,7 @@ EXACT_INLINE float advance(throttle_state *state, const throttle_inputs *inputs,
     return throttle;
 }
 
-float throttle_step(throttle_state *state, const throttle_inputs *inputs)
+EXACT_FLATTEN float throttle_step(throttle_state *state, const throttle_inputs *inputs)
 {
     return advance(state, inputs, 0.0f);
 }
@@ -100,7 +103,7 @@ EXACT_INLINE uint32_t gear_of(uint32_t lines)
     return (number | mask_of(several | lines >> (THROTTLE_GEARS + 1u))) & 255u;
 }
 
-uint16_t throttle_raw_step(throttle_raw_state *state, const throttle_scaling *scaling, const throttle_counts *counts)
+EXACT_FLATTEN uint16_t throttle_raw_step(throttle_raw_state *state, const throttle_scaling *scaling, const throttle_counts *counts)
 {
     throttle_inputs inputs;
     float deviation, still, fault, throttle;

@@ -11,6 +11,7 @@ use rsm_core::check::Checked;
 use rsm_core::compile;
 use rsm_core::emit::c_plant;
 use rsm_core::emit::plant::Plant;
+use rsm_core::number::Precision;
 use rsm_core::source::Source;
 use rsm_tests::cases;
 use rsm_tests::compilers::{self, Compiler};
@@ -19,8 +20,8 @@ use rsm_tests::compilers::{self, Compiler};
 const MODELS: [&str; 3] =
     ["generated/coefficients/circle.toml", "generated/coefficients/motor.toml", "generated/coefficients/driveline.toml"];
 
-/// The sources of ours, and of the emitter.
-pub const OBJECTS: [&str; 6] = ["motor_step", "throttle_step", "tables", "circle", "motor", "driveline"];
+/// The sources. Those of the steps include the evaluators.
+pub const OBJECTS: [&str; 3] = ["motor_step", "throttle_step", "tables"];
 
 /// What the firmware is compiled with; contraction is as the compiler has it, which is on.
 pub const CORTEX_M4F: &str = "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -ffunction-sections";
@@ -35,7 +36,7 @@ fn folder(name: &str) -> PathBuf {
     for model in MODELS {
         let read = Source::read(&cases::root().join(model)).and_then(|source| Checked::read(&source));
         let checked = read.unwrap_or_else(|faults| panic!("{faults}"));
-        let unit = compile::unit(&checked, &[]).unwrap_or_else(|faults| panic!("{faults}"));
+        let unit = compile::unit(&checked, &[Precision::F32]).unwrap_or_else(|faults| panic!("{faults}"));
         compilers::write_c([&unit], &folder);
     }
     folder
@@ -72,9 +73,7 @@ impl Build {
     pub fn new(line: &str, name: &str) -> Build {
         let build = Build { folder: folder(&format!("firmware-{name}")), compiler: Compiler::new(line), plants: vec![] };
         for object in OBJECTS {
-            let own = firmware().join(format!("{object}.c"));
-            let source = if own.exists() { own } else { build.folder.join(format!("{object}.c")) };
-            build.compile(&source, object);
+            build.compile(&firmware().join(format!("{object}.c")), object);
         }
         build
     }
@@ -188,4 +187,11 @@ pub fn cortex_size(object: &Path) -> (u32, u32) {
     let listing = lines(Command::new("arm-none-eabi-size").arg(object));
     let numbers: Vec<u32> = listing[1].split_whitespace().take(3).map(|word| word.parse().expect("a number")).collect();
     (numbers[0], numbers[1] + numbers[2])
+}
+
+/// Bytes of one section of an object.
+pub fn cortex_section(object: &Path, section: &str) -> u32 {
+    let listing = lines(Command::new("arm-none-eabi-size").arg("-A").arg(object));
+    let size = listing.iter().find_map(|line| line.strip_prefix(section)?.split_whitespace().next()?.parse().ok());
+    size.unwrap_or_else(|| panic!("{} has no section {section}: {listing:?}", object.display()))
 }

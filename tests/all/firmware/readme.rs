@@ -53,18 +53,3 @@ fn the_readme_tells_the_costs_of_the_budget_and_the_sizes_of_the_states() {
         );
     }
 }
-
-#[test]
-fn the_book_tells_the_costs_of_the_budget() {
-    let path = rsm_tests::cases::root().join("docs/book/src/results/demo.md");
-    let text = std::fs::read_to_string(&path).expect("a page of the book");
-    for (_, step) in STEPS {
-        let (head, cost) = (format!("| `{step}` |"), format!("| {} |", instructions(step, "-O2")));
-        let line = text.lines().find(|line| line.starts_with(&head));
-        assert!(
-            line.is_some_and(|line| line.ends_with(&cost)),
-            "{}: {head} must end with {cost}, found {line:?}",
-            path.display()
-        );
-    }
-}
