@@ -110,13 +110,23 @@ pub fn root(value: f32) -> f32 {
         unsafe { core::arch::asm!("fsqrt {0:s}, {1:s}", out(vreg) root, in(vreg) value, options(pure, nomem, nostack)) };
         root
     }
-    // The names of these targets end in `eabihf`: numbers are passed in registers of an FPU, so there is one.
+    // The names of these targets end in `eabihf`: numbers are passed in registers of an FPU, so there is one. Rust gives such a register to a statement only where
+    // the FPU has doubles too; so the number goes through another one.
     #[cfg(all(target_arch = "arm", target_abi = "eabihf"))]
     {
-        let root: f32;
-        // SAFETY: the instruction reads one register and writes another.
-        unsafe { core::arch::asm!("vsqrt.f32 {0}, {1}", out(sreg) root, in(sreg) value, options(pure, nomem, nostack)) };
-        root
+        let mut bits = value.to_bits();
+        // SAFETY: the instructions change the two registers that are named and nothing else.
+        unsafe {
+            core::arch::asm!(
+                "vmov s0, {0}",
+                "vsqrt.f32 s0, s0",
+                "vmov {0}, s0",
+                inout(reg) bits,
+                out("s0") _,
+                options(pure, nomem, nostack)
+            );
+        }
+        f32::from_bits(bits)
     }
     #[cfg(not(any(
         all(target_arch = "x86_64", target_feature = "sse2"),

@@ -71,6 +71,7 @@ impl Range {
     }
 
     /// Of the square root, which IEEE 754 rounds correctly: it never falls. What is below 0 has none; a range that reaches there counts from 0.
+    #[must_use]
     pub fn root(self) -> Self {
         Range::ends(self.low.max(0.0).sqrt(), self.high.max(0.0).sqrt())
     }
@@ -160,6 +161,8 @@ mod tests {
             let holds = |range: Range, value: f32| range.low <= value && value <= range.high;
             assert!(holds(x + y, a + b) && holds(x - y, a - b) && holds(x * y, a * b) && holds(x / y, a / b));
             assert!(holds(-x, -a) && holds(x.within(Range::point(-1.0), Range::point(0.5)), a.clamp(-1.0, 0.5)));
+            let above = x + Range::point(4.0);
+            assert!(holds(above.root(), pick(above).sqrt()) && Range::point(2.25).root() == Range::point(1.5));
             let points = (Range::point(a), Range::point(b));
             assert_eq!((points.0 * points.1).low.to_bits(), (a * b).to_bits());
             assert_eq!((points.0 + points.1).high.to_bits(), (a + b).to_bits());
