@@ -1,16 +1,17 @@
-//! A simulated plant in one thread and a step in another, at the step's rate.
+//! A simulated plant in one thread and a step in another, both at the step's rate by the clock.
 //!
 //! In: the settings of the loop, what the plant does with a command, what the step does with a sample. Out: the report of the loop and what became of
-//! samples and commands. The plant's thread sends sample k, and simulates tick k under command k - 1: a command acts one tick after its
-//! sample, as on a board. The loop's thread wakes by the clock, answers every sample in order, and does late ticks until it has caught up.
+//! samples and commands. The plant does not wait for the loop: at the time of tick k it sends sample k, takes the newest command that is there, and simulates the tick. In time, that is the answer to
+//! sample k - 1: a command acts one tick after its sample, as on a board. When the loop is late, the plant goes on with an older command, and the tick counts as held.
+//! The loop's thread wakes by the clock, answers every sample in order, and does late ticks until it has caught up.
 //!
-//! A virtual machine does not hold deadlines of a millisecond. So commands count as played out [`BUFFER_NS`] after their tick's time, as over a network:
-//! a command that comes later than that is an under-run, and nothing less is.
+//! A virtual machine does not hold deadlines of a millisecond. So commands count as under-runs only where they are later than [`BUFFER_NS`] after their tick's time: what a play-out buffer would
+//! not have hidden.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use host_loop::{Numbered, Report, Ring, Sequence, Settings, run_measured};
+use host_loop::{Clock as _, Numbered, Report, Ring, Sequence, Settings, SystemClock, run_measured};
 
 /// 150 ms: three times the longest time that a virtual machine was seen to sleep too long (44 ms).
 pub const BUFFER_NS: u64 = 150_000_000;
@@ -32,28 +33,41 @@ pub struct Exchange {
     pub waits: u64,
     /// Commands that came later than the buffer allows.
     pub under_runs: u64,
+    /// Ticks of the plant under an older command than the answer to the sample before: that one had not come yet.
+    pub held: u64,
+    /// Ticks of the plant that began after their period was over.
+    pub plant_late: u64,
+    /// How far the plant was behind the clock in its last tick, in ns.
+    pub plant_skew_ns: u64,
 }
 
 impl Exchange {
     /// One JSON object.
     #[must_use]
     pub fn json(&self) -> String {
-        let Exchange { lost, doubled, waits, under_runs } = self;
-        format!(r#"{{"lost":{lost},"doubled":{doubled},"waits":{waits},"under_runs":{under_runs}}}"#)
+        let Exchange { lost, doubled, waits, under_runs, held, plant_late, plant_skew_ns } = self;
+        format!(
+            r#"{{"lost":{lost},"doubled":{doubled},"waits":{waits},"under_runs":{under_runs},"held":{held},"plant_late":{plant_late},"plant_skew_ns":{plant_skew_ns}}}"#
+        )
     }
 }
 
 impl std::fmt::Display for Exchange {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Exchange { lost, doubled, waits, under_runs } = self;
-        // Both rings have room for all that can be under way: a number that is missing or comes twice is a fault of the program, and is said only where it is there.
+        let Exchange { lost, doubled, waits, under_runs, held, plant_late, plant_skew_ns } = self;
+        // The rings have room for twice the buffer: a number is missing only where the loop stood still for that long, and is said only then.
         if lost + doubled > 0 {
             writeln!(f, "samples   {lost} LOST, {doubled} DOUBLED")?;
         }
-        write!(
+        writeln!(
             f,
             "samples   {waits} waited for, {under_runs} commands later than a buffer of {} ms hides",
             BUFFER_NS / 1_000_000
+        )?;
+        write!(
+            f,
+            "plant     {held} ticks under an older command, {plant_late} started after their period, {:.0} us behind the clock at the end",
+            *plant_skew_ns as f64 * 1e-3
         )
     }
 }
@@ -62,23 +76,36 @@ impl std::fmt::Display for Exchange {
 pub struct PlantEnd<'r, const S: usize, const C: usize> {
     samples: &'r Ring<S>,
     commands: &'r Ring<C>,
-    loop_ended: &'r AtomicBool,
+    period_ns: u64,
+    start_ns: u64,
     tick: u64,
     seen: Sequence,
+    /// The number of the newest command and one more; 0 before the first.
+    newest: u64,
     last: [f64; C],
+    held: u64,
+    late: u64,
+    skew_ns: u64,
 }
 
 impl<const S: usize, const C: usize> PlantEnd<'_, S, C> {
-    /// Sends this tick's sample, and waits for the command of the tick before; the first tick has the command that the run starts with.
+    /// Waits for the time of this tick, sends its sample, and takes the newest command: in the first ticks the one that the run starts with.
     pub fn exchange(&mut self, values: [f64; S]) -> [f64; C] {
-        // The loop is a tick behind at most, so there is always room.
+        if self.tick == 0 {
+            self.start_ns = SystemClock.now_ns();
+        }
+        let due = self.start_ns + self.tick * self.period_ns;
+        SystemClock.sleep_until_ns(due);
+        self.skew_ns = SystemClock.now_ns().saturating_sub(due);
+        self.late += u64::from(self.skew_ns > self.period_ns);
+        // A full ring takes none: the loop sees the gap in the numbers.
         self.samples.push(&Numbered { number: self.tick, values });
-        if self.tick > 0
-            && let Some(command) = awaited(self.commands, self.loop_ended, || ())
-        {
+        while let Some(command) = self.commands.pop() {
             self.seen.note(command.number);
+            self.newest = command.number + 1;
             self.last = command.values;
         }
+        self.held += u64::from(self.newest < self.tick);
         self.tick += 1;
         self.last
     }
@@ -116,19 +143,21 @@ pub fn run<const S: usize, const C: usize, T: Send>(
     mut step: impl FnMut([f64; S]) -> [f64; C],
 ) -> (Report, Exchange, T) {
     let settings = settings.clone().catching_up();
+    let period_ns = settings.period_ns;
     let (samples, commands) = (Ring::new(ROOM), Ring::new(ROOM));
-    let (plant_ended, loop_ended) = (AtomicBool::new(false), AtomicBool::new(false));
+    let plant_ended = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let plants = scope.spawn(|| {
             let _ended = Ended(&plant_ended);
-            let (samples, commands, loop_ended) = (&samples, &commands, &loop_ended);
-            let mut end = PlantEnd { samples, commands, loop_ended, tick: 0, seen: Sequence::default(), last: first };
+            let (samples, commands, seen) = (&samples, &commands, Sequence::default());
+            let (start_ns, tick, newest, held, late, skew_ns) = (0, 0, 0, 0, 0, 0);
+            let last = first;
+            let mut end = PlantEnd { samples, commands, period_ns, start_ns, tick, seen, newest, last, held, late, skew_ns };
             let result = plant(&mut end);
-            (result, end.seen)
+            (result, end.seen, [end.held, end.late, end.skew_ns])
         });
         let mut exchange = Exchange::default();
         let mut sequence = Sequence::default();
-        let ended = Ended(&loop_ended);
         let mut due: Option<Instant> = None;
         let report = run_measured(&settings, |tick| {
             let mut waited = false;
@@ -145,12 +174,13 @@ pub fn run<const S: usize, const C: usize, T: Send>(
             exchange.waits += u64::from(waited);
             computing.as_nanos() as u64
         });
-        drop(ended);
-        let (result, answered) = plants.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let (result, answered, [held, plant_late, plant_skew_ns]) =
+            plants.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         // The last command has nobody to play it out.
         sequence.note(settings.ticks);
         exchange.lost = sequence.lost + answered.lost;
         exchange.doubled = sequence.doubled + answered.doubled;
+        (exchange.held, exchange.plant_late, exchange.plant_skew_ns) = (held, plant_late, plant_skew_ns);
         (report, exchange, result)
     })
 }
@@ -160,15 +190,47 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_sample_is_answered_once_and_acts_a_tick_later() {
+    fn every_sample_is_answered_once_and_acts_a_tick_later_or_the_tick_is_held() {
         let settings = Settings::new(1000.0, 0.2).without_real_time();
         let plant = |end: &mut PlantEnd<'_, 1, 2>| (0..200).map(|k| end.exchange([f64::from(k)])).collect::<Vec<_>>();
-        let (report, exchange, seen) = run(&settings, [-1.0, 0.0], plant, |[k]| [k, 2.0 * k]);
+        let mut answered = Vec::new();
+        let (report, exchange, seen) = run(&settings, [-1.0, -2.0], plant, |[k]| {
+            answered.push(k);
+            [k, 2.0 * k]
+        });
         assert_eq!((report.ticks_done, report.ticks_lost), (200, 0));
         assert_eq!((exchange.lost, exchange.doubled), (0, 0));
-        let expected: Vec<[f64; 2]> =
-            (-1..199).map(|k| if k < 0 { [-1.0, 0.0] } else { [f64::from(k), 2.0 * f64::from(k)] }).collect();
-        assert_eq!(seen, expected);
+        assert_eq!(answered, (0..200).map(f64::from).collect::<Vec<_>>());
+        // Tick k has the answer to k - 1, whole, or an older one: never one of the future, never back.
+        assert_eq!(seen[0], [-1.0, -2.0]);
+        let mut held = 0;
+        for (k, pair) in seen.windows(2).enumerate() {
+            let ([before, _], [number, twice]) = (pair[0], pair[1]);
+            assert!(twice == 2.0 * number && number >= before && number <= k as f64, "tick {}: {pair:?}", k + 1);
+            held += u64::from(number < k as f64);
+        }
+        assert_eq!(exchange.held, held);
+    }
+
+    #[test]
+    fn the_plant_does_not_wait_for_a_loop_that_stands_still() {
+        let settings = Settings::new(1000.0, 0.2).without_real_time();
+        let plant = |end: &mut PlantEnd<'_, 1, 1>| {
+            let began = Instant::now();
+            let seen: Vec<f64> = (0..200).map(|k| end.exchange([f64::from(k)])[0]).collect();
+            (seen, began.elapsed())
+        };
+        let (report, exchange, (seen, took)) = run(&settings, [-1.0], plant, |[k]| {
+            if k == 50.0 {
+                std::thread::sleep(Duration::from_millis(120));
+            }
+            [k]
+        });
+        // Ticks 52 to 170 or so have no newer command than that of 49, fewer where the plant's thread is stopped meanwhile; the loop does every tick all the same.
+        assert!(exchange.held >= 30 && seen.iter().filter(|it| **it == 49.0).count() >= 30, "{exchange}");
+        assert_eq!((report.ticks_done, exchange.lost), (200, 0), "{exchange}");
+        assert!(took >= Duration::from_millis(199), "{took:?}");
+        assert!(exchange.to_string().contains("ticks under an older command"));
     }
 
     #[test]
