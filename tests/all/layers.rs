@@ -99,7 +99,7 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "hidden-effects", ours: &[], aside: &[], outside: Some(&["serde_json"]) },
     Law {
         package: "fuzz",
-        ours: &["rsm-core", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-diagnose"],
+        ours: &["rsm-core", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-diagnose", "rsm-link"],
         aside: &[],
         outside: Some(&[]),
     },

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -26,6 +26,8 @@ impl Draw {
 pub(crate) struct Relay {
     over: Arc<AtomicBool>,
     worker: Option<JoinHandle<()>>,
+    /// The longest time between two looks at the sockets, in us.
+    stood_us: Arc<AtomicU64>,
 }
 
 impl Drop for Relay {
@@ -47,7 +49,8 @@ impl Relay {
         mut fate: Fate,
     ) -> Self {
         let over = Arc::new(AtomicBool::new(false));
-        let (ended, (ready, is_ready)) = (Arc::clone(&over), std::sync::mpsc::channel());
+        let stood_us = Arc::new(AtomicU64::new(0));
+        let (ended, stood, (ready, is_ready)) = (Arc::clone(&over), Arc::clone(&stood_us), std::sync::mpsc::channel());
         let worker = std::thread::spawn(move || {
             before();
             let sockets = own.map(|address| {
@@ -61,7 +64,10 @@ impl Relay {
             let mut waiting: BTreeMap<(Instant, u64), (usize, Vec<u8>)> = BTreeMap::new();
             let mut count = 0;
             let mut bytes = [0; 2048];
+            let mut looked = Instant::now();
             while !ended.load(Ordering::Acquire) {
+                stood.fetch_max(looked.elapsed().as_micros() as u64, Ordering::AcqRel);
+                looked = Instant::now();
                 for (way, socket) in sockets.iter().enumerate() {
                     while let Ok((length, _)) = socket.recv_from(&mut bytes) {
                         // A datagram with values is longer than a hello, which has 88 bytes.
@@ -85,6 +91,11 @@ impl Relay {
             }
         });
         is_ready.recv().expect("the relay can listen");
-        Relay { over, worker: Some(worker) }
+        Relay { over, worker: Some(worker), stood_us }
+    }
+
+    /// The longest time for which the relay itself stood still, in us.
+    pub(crate) fn stood_us(&self) -> f64 {
+        self.stood_us.load(Ordering::Acquire) as f64
     }
 }

@@ -24,7 +24,7 @@ struct Stream {
     plant: Child,
     step: Child,
     plant_listens: SocketAddr,
-    _relay: Relay,
+    relay: Relay,
 }
 
 fn side(mut command: Command, role: &str, listen: &SocketAddr, peer: &SocketAddr, seconds: f64, folder: &Path) -> Child {
@@ -53,7 +53,7 @@ impl Stream {
         let plant_listens = plant;
         let step = side(on(1), roles[1], &step, &relay[1], seconds, folder.path());
         let plant = side(on(0), roles[0], &plant, &relay[0], seconds, folder.path());
-        Stream { folder, plant, step, plant_listens, _relay: relay_thread }
+        Stream { folder, plant, step, plant_listens, relay: relay_thread }
     }
 
     /// What both told, plant first, and their exit statuses.
@@ -64,13 +64,14 @@ impl Stream {
             (told, output.status.code())
         };
         let (plant, step) = (self.plant.wait_with_output().unwrap(), self.step.wait_with_output().unwrap());
-        Ended { folder: self.folder, told: [read(plant), read(step)] }
+        Ended { folder: self.folder, told: [read(plant), read(step)], stood_us: self.relay.stood_us() }
     }
 }
 
 struct Ended {
     folder: tempfile::TempDir,
     told: [(Value, Option<i32>); 2],
+    stood_us: f64,
 }
 
 fn count(told: &Value, name: &str) -> u64 {
@@ -78,9 +79,11 @@ fn count(told: &Value, name: &str) -> u64 {
 }
 
 impl Ended {
-    /// Whether this machine itself stood still for so long that the run shows nothing: two thirds of the buffer.
+    /// Whether this machine itself stood still for so long that the run shows nothing: both sides and the relay together for half of the buffer. The other half is for what they cannot see, the
+    /// threads that listen, and for the jitter of a case.
     fn machine_stood_still(&self) -> bool {
-        self.told.iter().any(|(told, _)| told["lateness_us"]["max"].as_f64().unwrap() > BUFFER_MS * 1e3 * 2.0 / 3.0)
+        let sides = self.told.iter().map(|(told, _)| told["lateness_us"]["max"].as_f64().unwrap());
+        sides.sum::<f64>() + self.stood_us > BUFFER_MS * 1e3 / 2.0
     }
 
     fn figures(&self, place: &str, what: &str) {
@@ -136,7 +139,7 @@ fn each(what: &str, roles: [&str; 2], fate: impl Fn() -> Fate, judge: impl Fn(&E
         let place = if hosts.is_some() { "two hosts at 100 Mbit/s" } else { "one host" };
         let ended = (0..3).map(|_| Stream::start(hosts, roles, seconds(), fate()).end()).find(|it| !it.machine_stood_still());
         let Some(ended) = ended else {
-            skipped(&format!("this machine stood still for more than 100 ms, three times: {what}"));
+            skipped(&format!("this machine itself was late by half of the buffer, three times: {what}"));
             continue;
         };
         ended.figures(place, what);
@@ -242,7 +245,7 @@ fn a_cut_of_500_ms_is_held_then_safe_then_over() {
 fn strangers_are_not_heard_and_a_killed_peer_ends_the_other_within_5_s() {
     let _one = alone();
     let stream = Stream::start(None, ["motor", "controller"], 600.0, Box::new(|_, _| vec![Duration::ZERO]));
-    let Stream { folder, plant, mut step, plant_listens, _relay } = stream;
+    let Stream { folder, plant, mut step, plant_listens, relay } = stream;
     std::thread::sleep(Duration::from_millis(1500));
     // What a stranger sends is counted, and nothing else.
     let stranger = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -260,7 +263,7 @@ fn strangers_are_not_heard_and_a_killed_peer_ends_the_other_within_5_s() {
     assert!(words.contains("nothing was heard of the peer at") && words.contains("whole ticks are recorded"), "{words}");
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(count(&told, "foreign"), 5, "{told}");
-    let ended = Ended { folder, told: [(told.clone(), Some(1)), (told, None)] };
+    let ended = Ended { folder, told: [(told.clone(), Some(1)), (told, None)], stood_us: relay.stood_us() };
     let record = ended.record("motor");
     let how = column(&record, "played_how");
     assert_eq!(how.last(), Some(&3.0), "it ends in the safe state");

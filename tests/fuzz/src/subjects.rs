@@ -18,6 +18,7 @@ use rsm_fit::plan::{DesignSpecification, Plan};
 use rsm_fit::spec::Specification;
 use rsm_fit::table::{Table, Wanted};
 use rsm_import::{File, Wishes};
+use rsm_link::scenario::Scenario;
 use rsm_model::effects::{Catalogue, Effect};
 use rsm_sim::equations::{Entry, EquationFile, Inputs, Machine, Method, Setting, Signals, linearise, run};
 use rsm_sim::plant_file::PlantFile;
@@ -169,6 +170,7 @@ pub fn all(root: &Path) -> Vec<Subject> {
             ),
             feed: design,
         },
+        Subject { name: "scenario", texts: files(root, &["examples/federation"], "toml", "scenario"), feed: scenario },
         Subject {
             name: "plan",
             texts: with(files(root, &["rsm-fit/tests/cases/rejected-plans"], "csv", ""), &["run,a[m]\n1,2\n2,3\n"]),
@@ -237,6 +239,14 @@ fn design(_: &Ground, text: &str, random: &mut Random) {
     {
         let _ = Plan::read(&Source::new("p.csv", plan.csv()))
             .unwrap_or_else(|faults| panic!("a plan that is not read again: {faults}"));
+    }
+}
+
+fn scenario(_: &Ground, text: &str, _: &mut Random) {
+    if let Ok(scenario) = Scenario::read(&Source::new("s.toml", text)) {
+        // The broker, and a process for each of the file.
+        assert_eq!(scenario.commands("out").len(), scenario.processes.len() + 1);
+        assert!(scenario.loops().count() > 0 && scenario.federates() >= 2);
     }
 }
 
