@@ -27,6 +27,9 @@ const GONE: f64 = 1e-3;
 /// A channel that has one value from a row to the end hangs there, whatever the value, where that is this part of the record.
 const STAYS: usize = 4;
 
+/// Readings below a limit for fewer rows than this stand between two that were clipped by noise, not by another motion: noise of a signal at the limit passes it in half of the rows, and 2^-20 of such times are longer.
+const BETWEEN_CLIPPED: usize = 20;
+
 /// A channel is judged noisy beside its longest run of equal readings where so many others are left.
 const ENOUGH_BESIDE: usize = 50;
 
@@ -108,6 +111,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
         let values = prepared.measured(k);
         let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
         let channel = names[prepared.outputs[k]].name.to_string();
+        let mut limits = Vec::new();
         let mut first = 0;
         for row in 1..=rows {
             if row < rows && values[row] == values[first] {
@@ -122,11 +126,18 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             if row - first >= STUCK || (extreme && row - first >= STUCK / 2) {
                 // A limit is left again; what stays to the end of the record, for a good part of it, hangs.
                 let stays = row == rows && row - first >= rows / STAYS;
-                let what = if extreme && !stays { "clipped" } else { "stuck" };
-                findings.push(finding(&channel, what, (first, row - 1)));
+                if extreme && !stays {
+                    limits.push(values[first]);
+                } else {
+                    findings.push(finding(&channel, "stuck", (first, row - 1)));
+                }
             }
             first = row;
         }
+        limits.sort_by(f64::total_cmp);
+        limits.dedup();
+        findings
+            .extend(limits.into_iter().flat_map(|limit| clipped(values, limit)).map(|rows| finding(&channel, "clipped", rows)));
         let jumps = jumps(values).into_iter().filter(|row| prepared.used[k][*row]);
         findings.extend(jumps.map(|row| finding(&channel, "jump", (row, row))));
     }
@@ -153,6 +164,18 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
         in_file(prepared, &mut findings);
     }
     findings
+}
+
+/// First and last rows of the times in which a channel is at a limit. Noise decides beside it which readings pass the limit: those that do not are no sample of the truth, so short times between two such readings belong to it.
+fn clipped(values: &[f64], limit: f64) -> Vec<(usize, usize)> {
+    let mut times: Vec<(usize, usize)> = Vec::new();
+    for row in (0..values.len()).filter(|row| values[*row] == limit) {
+        match times.last_mut() {
+            Some(time) if row <= time.1 + BETWEEN_CLIPPED => time.1 = row,
+            _ => times.push((row, row)),
+        }
+    }
+    times
 }
 
 /// Rows of findings as the file counts them: rows that were filled in are not in it.

@@ -48,6 +48,7 @@ mod null;
 pub mod octave_spectrum;
 pub mod open;
 pub mod orders;
+pub mod other_units;
 pub mod plausible;
 pub mod polish;
 pub mod position_traces;

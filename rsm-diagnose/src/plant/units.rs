@@ -12,6 +12,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::noise::Floor;
 use super::nuisance::Nuisance;
+use super::other_units::others;
 use super::prepared::Piece;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use crate::engine::columns::dot;
@@ -21,46 +22,6 @@ use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
-
-/// A unit that readings may be in: what it is called, and how many of it are one of the record's.
-pub struct Other {
-    /// In words.
-    pub name: &'static str,
-    /// Readings over the truth.
-    pub factor: f64,
-}
-
-const fn other(name: &'static str, factor: f64) -> Other {
-    Other { name, factor }
-}
-
-const PREFIXES: [Other; 2] = [other("thousandths (m...)", 1000.0), other("thousands (k...)", 0.001)];
-
-/// Units by that of the record; 9.549297 is 30/pi, 57.29578 is 180/pi, 0.1591549 is 1/(2 pi), 0.1019716 is 1/9.80665, 0.7375621 and 2.236936 are the pound-foot and the mile an hour of the
-/// international yard and pound (1959).
-#[must_use]
-pub fn others(unit: &str) -> Vec<&'static Other> {
-    const SPEED: [Other; 3] =
-        [other("rpm", 9.549_297), other("revolutions per second", 0.159_154_9), other("deg/s", 57.295_78)];
-    const VELOCITY: [Other; 4] = [other("km/h", 3.6), other("mile/h", 2.236_936), other("mm/s", 1000.0), other("cm/s", 100.0)];
-    const LENGTH: [Other; 3] = [other("mm", 1000.0), other("cm", 100.0), other("inch", 39.370_08)];
-    const TORQUE: [Other; 4] =
-        [other("kgf m", 0.101_971_6), other("N cm", 100.0), other("N mm", 1000.0), other("lbf ft", 0.737_562_1)];
-    const PHASE: [Other; 2] = [other("r.m.s. values", std::f64::consts::FRAC_1_SQRT_2), other("peak-to-peak values", 2.0)];
-    const SHARE: [Other; 1] = [other("per cent", 100.0)];
-    const ACCELERATION: [Other; 1] = [other("g", 0.101_971_6)];
-    let lists: Vec<&'static [Other]> = match unit {
-        "rad/s" => vec![&SPEED],
-        "m/s" => vec![&VELOCITY],
-        "m" => vec![&LENGTH],
-        "N*m" => vec![&TORQUE],
-        "A" | "V" => vec![&PHASE, &PREFIXES],
-        "1" => vec![&SHARE],
-        "m/s^2" => vec![&ACCELERATION],
-        _ => Vec::new(),
-    };
-    lists.into_iter().flatten().collect()
-}
 
 /// Rows of a record that are asked, from its beginning.
 const ROWS: usize = 3000;

@@ -1,7 +1,8 @@
 //! Columns in another unit: every column of every plant with every factor, on plants that are off within their tolerances and have noise; and records in which nothing is.
 
 use crate::random::Random;
-use rsm_diagnose::plant::units::{InUnit, look, others};
+use rsm_diagnose::plant::other_units::others;
+use rsm_diagnose::plant::units::{InUnit, look};
 use rsm_diagnose::plant::{Options, Verdict, diagnose};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record, inputs};

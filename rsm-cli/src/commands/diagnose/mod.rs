@@ -24,6 +24,7 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader;
 use rsm_diagnose::plant::bridges::Bridged;
 use rsm_diagnose::plant::checks::Finding;
+use rsm_diagnose::plant::units::InUnit;
 use rsm_diagnose::plant::{self, Cause, Diagnosis, Options};
 use rsm_sim::effect::Subject;
 use rsm_sim::equation_plant;
@@ -257,6 +258,16 @@ fn findings(list: &[Finding]) -> Vec<Value> {
     each.collect()
 }
 
+/// Columns in another unit, as findings about all records.
+fn in_other_units(list: &[InUnit]) -> Vec<Value> {
+    let finding = |it: &InUnit, column: &str| {
+        json!({
+            "kind": "data-fault", "what": format!("in another unit: {}, not {}", it.unit, it.stated), "column": column, "channel": column, "record": null, "rows": null,
+        })
+    };
+    list.iter().flat_map(|it| it.columns.iter().map(move |column| finding(it, column))).collect()
+}
+
 /// docs/book/src/reference/formats.md 4.3.
 pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     let cause_value = |cause: &Cause| {
@@ -342,7 +353,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             }
             (kind.outputs()[*k].name.to_string(), noise)
         }).collect::<Map<String, Value>>(),
-        "data": findings(&found.findings),
+        "data": in_other_units(&found.units).into_iter().chain(findings(&found.findings)).collect::<Vec<Value>>(),
         "bridged": bridged(&found.bridged),
         "units": found.units.iter().map(|it| json!({
             "columns": it.columns, "stated": it.stated, "unit": it.unit, "factor": it.factor,
