@@ -1,10 +1,10 @@
 //! The factors of a surface: what each power of a term is a power of.
 //!
-//! In: a surface and the ranges of its inputs. Out: one [`Factor`] an input, then one a knot, then one a sigmoid, in the order of a term's powers. The
+//! In: a surface and the ranges of its inputs. Out: one [`Factor`] an input, then one a knot, then one a sigmoid, then two a wave, in the order of a term's powers. The
 //! formulas stand here once, for any exact enough arithmetic: the rational reference and the fitter both use them. Lowering derives its own
 //! folded form, and is judged against this one.
 
-use crate::model::{Coding, Input, Outside, Sigmoid, Surface, Symmetry};
+use crate::model::{Coding, Input, Outside, Sigmoid, Surface, Symmetry, Wave};
 
 /// Arithmetic in which a factor can be evaluated: rationals, double-doubles.
 pub trait Arithmetic:
@@ -94,6 +94,76 @@ pub enum Shape {
         /// Of |xi|, and 0 at 0.
         is_symmetric: bool,
     },
+    /// Cosine or sine of 2 pi order (xi - middle)/period: see [`Turn`].
+    Wave {
+        /// Bottom of the range of xi.
+        low: f64,
+        /// Top of the range.
+        high: f64,
+        /// Of order 1.
+        period: f64,
+        /// Waves in a period.
+        order: u32,
+        /// Else the cosine.
+        is_sine: bool,
+    },
+}
+
+/// sin(2 pi b) = b (K(0) + K(1) b^2 + ...) for |b| <= 1/4, off by less than 3e-16: an interpolation at the zeros of a Chebyshev polynomial, in 60 digits.
+/// These numbers are what a wave means: its exact reference has them too.
+pub const QUARTER_TURN: [f64; 8] = [
+    6.283185307179585,
+    -41.341702240398284,
+    81.60524927557977,
+    -76.70585968962867,
+    42.05868995395094,
+    -15.09450614073429,
+    3.817365633469135,
+    -0.6925067010720717,
+];
+
+/// Cosine and sine of 2 pi order t, t in turns from -1/2 to 1/2.
+///
+/// Of order 1 by folding, cos = S(1/4 - |t|), sin = S(|t + 1/4| - |t - 1/4| - t), with the polynomial S of [`QUARTER_TURN`]; of higher orders as the power of a
+/// complex number, by squaring: its binary digits from the highest on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Turn<T> {
+    /// The cosine.
+    pub cosine: T,
+    /// The sine.
+    pub sine: T,
+}
+
+impl<T: Arithmetic> Turn<T> {
+    /// Of t in turns.
+    #[must_use]
+    pub fn of(t: T, order: u32) -> Self {
+        let magnitude = |x: T| if x < T::of(0.0) { -x } else { x };
+        let quarter = T::of(0.25);
+        let fold = magnitude(t.clone() + quarter.clone()) - magnitude(t.clone() - quarter.clone()) - t.clone();
+        let first = Turn { cosine: quarter_turn(quarter - magnitude(t)), sine: quarter_turn(fold) };
+        let mut power = first.clone();
+        for digit in (0..order.ilog2()).rev() {
+            let both = power.cosine.clone() * power.sine.clone();
+            let cosine = power.cosine.clone() * power.cosine - power.sine.clone() * power.sine;
+            power = Turn { cosine, sine: both.clone() + both };
+            if order >> digit & 1 == 1 {
+                power = Turn {
+                    cosine: power.cosine.clone() * first.cosine.clone() - power.sine.clone() * first.sine.clone(),
+                    sine: power.sine * first.cosine.clone() + power.cosine * first.sine.clone(),
+                };
+            }
+        }
+        power
+    }
+}
+
+/// sin(2 pi b) for |b| <= 1/4.
+fn quarter_turn<T: Arithmetic>(b: T) -> T {
+    let square = b.clone() * b.clone();
+    let (last, others) = QUARTER_TURN.split_last().expect("there are eight");
+    let sum = others.iter().rev().fold(T::of(*last), |sum, k| sum * square.clone() + T::of(*k));
+    b * sum
 }
 
 impl Shape {
@@ -149,7 +219,7 @@ impl Variable {
 }
 
 impl Factor {
-    /// The factors of a surface in the order of a term's powers: inputs, knots, sigmoids. `inputs` are those of the surface, in its order.
+    /// The factors of a surface in the order of a term's powers: inputs, knots, sigmoids, waves. `inputs` are those of the surface, in its order.
     ///
     /// # Panics
     /// When a knot or a sigmoid names an input that the surface does not have: [`crate::check`] refuses such a file.
@@ -165,6 +235,13 @@ impl Factor {
         for Sigmoid { input, at, width } in &surface.sigmoids {
             let shape = Shape::Sigmoid { at: *at, width: *width, is_symmetric: surface.is_symmetric(input) };
             factors.push(Factor { shape, ..factors[place(input)] });
+        }
+        for Wave { input, period, order } in &surface.waves {
+            let [low, high] = inputs[place(input)].range;
+            for is_sine in [false, true] {
+                let shape = Shape::Wave { low, high, period: *period, order: *order, is_sine };
+                factors.push(Factor { shape, ..factors[place(input)] });
+            }
         }
         factors
     }
@@ -182,6 +259,11 @@ impl Factor {
             Shape::Sigmoid { at, width, is_symmetric: true } => {
                 let magnitude = if xi < T::of(0.0) { -xi } else { xi };
                 Shape::step(magnitude - T::of(at), width) - Shape::step(-T::of(at), width)
+            }
+            Shape::Wave { low, high, period, order, is_sine } => {
+                let twice = xi.clone() + xi - (T::of(high) + T::of(low));
+                let Turn { cosine, sine } = Turn::of(twice / (T::of(period) + T::of(period)), order);
+                if is_sine { sine } else { cosine }
             }
         }
     }

@@ -7,7 +7,7 @@ mod in_memory;
 
 use num_traits::Signed as _;
 
-use crate::model::{Compensator, Input, Model, Sigmoid, Surface, Symmetry};
+use crate::model::{Compensator, Input, Model, Outside, Sigmoid, Surface, Symmetry, Wave};
 use crate::model_file;
 use crate::names;
 use crate::number::{Precision, Rational, exact, power_of_two};
@@ -352,8 +352,16 @@ fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
         if let Some(reason) = names::refuse_function(&context.model().name, &surface.name) {
             faults.push(context.fault(&path, format!("surface name `{}` {reason}", surface.name)));
         }
-        let rules =
-            [check_surface_inputs, check_terms, check_symmetry, check_knots, check_sigmoids, check_reciprocal, check_support];
+        let rules = [
+            check_surface_inputs,
+            check_terms,
+            check_symmetry,
+            check_knots,
+            check_sigmoids,
+            check_waves,
+            check_reciprocal,
+            check_support,
+        ];
         for rule in rules {
             rule(context, faults, surface, &path);
         }
@@ -390,17 +398,22 @@ fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
         faults.push(context.fault(&format!("{path}.terms"), format!("{who}: `terms`: found none, expected at least one")));
     }
     let (inputs, knots, sigmoids) = (surface.inputs.len(), surface.knots.len(), surface.sigmoids.len());
+    let waves = surface.waves.len();
     // How many powers a term needs is known only where what they are powers of could be read.
     let counts = !context.is_broken(&format!("{path}.inputs")) && !context.is_broken(&format!("{path}.basis"));
     for (k, term) in surface.terms.iter().enumerate() {
         let place = format!("{path}.terms.{k}");
         let found = term.powers.len();
         if counts && found != surface.width() {
-            let expected = match (knots, sigmoids) {
+            let expected = match (knots, sigmoids + waves) {
                 (0, 0) => format!("{inputs}, one for each input"),
                 (_, 0) => format!("{}: one for each of {inputs} inputs, then one for each of {knots} knots", inputs + knots),
-                _ => format!(
+                _ if waves == 0 => format!(
                     "{}: one for each of {inputs} inputs, then of {knots} knots, then of {sigmoids} sigmoids",
+                    surface.width()
+                ),
+                _ => format!(
+                    "{}: one for each of {inputs} inputs, then of {knots} knots, then of {sigmoids} sigmoids, then two for each of {waves} waves",
                     surface.width()
                 ),
             };
@@ -532,6 +545,64 @@ fn check_sigmoids(context: &Context<'_>, faults: &mut Collector, surface: &Surfa
             faults.push(context.fault(&place, format!("{who}: {what}")).help(help));
         }
         if surface.sigmoids[..k].contains(&surface.sigmoids[k]) {
+            faults.push(context.fault(&place, format!("{who}: stands twice")));
+        }
+    }
+}
+
+/// What is wrong with a wave over this input, and what to do.
+///
+/// # Errors
+/// An input that extrapolates; a range wider than a period, or a period wider than a million ranges.
+///
+/// ```
+/// use rsm_core::{check, model::{Input, Outside, Wave}};
+///
+/// let angle = Input { name: "angle".into(), unit: "rad".into(), range: [0.0, 6.0], outside: Outside::Clamp };
+/// let wave = |period| Wave { input: "angle".into(), period, order: 12 };
+/// assert!(check::wave_fits(&wave(6.5), &angle).is_ok());
+/// assert!(check::wave_fits(&wave(3.0), &angle).unwrap_err().0.contains("wider than the period"));
+/// ```
+pub fn wave_fits(wave: &Wave, input: &Input) -> Result<(), (String, &'static str)> {
+    let [low, high] = input.range;
+    if input.outside == Outside::Extrapolate {
+        let what = format!("`{}` extrapolates, and a wave is known over one period only", input.name);
+        return Err((what, "use outside = \"clamp\", and bring the argument into the range before"));
+    }
+    if wave.period <= 0.0 || high - low > wave.period {
+        let what = format!("the range of `{}` from {low} to {high} is wider than the period {}", input.name, wave.period);
+        return Err((what, "give the input a range of one period at most"));
+    }
+    if wave.period > WIDEST * (high - low) {
+        let what = format!("the period {} is more than {WIDEST:e} times the range of `{}`", wave.period, input.name);
+        return Err((what, "a wave that long is a straight line there: use powers of the input"));
+    }
+    Ok(())
+}
+
+fn check_waves(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    for (k, wave) in surface.waves.iter().enumerate() {
+        let place = format!("{path}.waves.{k}");
+        let (who, name) = (format!("surface `{}`: wave {}", surface.name, k + 1), &wave.input);
+        if !surface.inputs.contains(name) {
+            faults.push(context.fault(&place, format!("{who}: `{name}` is not an input of this surface")));
+            continue;
+        }
+        if surface.reciprocal.contains(name) || surface.is_symmetric(name) {
+            let what = format!("{who}: `{name}` cannot have `waves` beside `reciprocal` or `symmetry`");
+            faults.push(context.fault(&place, what));
+        }
+        // From a file the reader refuses it; a model made in memory comes here.
+        if !(1..=model_file::HIGHEST_ORDER).contains(&wave.order) {
+            let what = format!("{who}: `order`: found {}, expected 1 to {}", wave.order, model_file::HIGHEST_ORDER);
+            faults.push(context.fault(&place, what));
+        }
+        if let Some(input) = context.model().input(name)
+            && let Err((what, help)) = wave_fits(wave, input)
+        {
+            faults.push(context.fault(&place, format!("{who}: {what}")).help(help));
+        }
+        if surface.waves[..k].contains(wave) {
             faults.push(context.fault(&place, format!("{who}: stands twice")));
         }
     }

@@ -58,6 +58,8 @@ pub struct Surface {
     pub knots: Vec<Knot>,
     /// Sigmoid variables, appended to the powers after the hinges, in this order.
     pub sigmoids: Vec<Sigmoid>,
+    /// Waves over an input, appended to the powers after the sigmoids, in this order: of each its cosine, then its sine.
+    pub waves: Vec<Wave>,
     /// Inputs that enter by their reciprocal.
     pub reciprocal: Vec<String>,
     /// The polynomial.
@@ -84,9 +86,11 @@ impl Surface {
         let own = self.inputs.iter().cloned();
         let hinges = self.knots.iter().map(|knot| format!("hinge({}, {})", knot.input, knot.at));
         let sigmoid = |sigmoid: &Sigmoid| format!("sigmoid({}, {}, {})", sigmoid.input, sigmoid.at, sigmoid.width);
+        let waves = |Wave { input, order, .. }: &Wave| ["cos", "sin"].map(|name| format!("{name}({order}*{input})"));
         let factors: Vec<String> = own
             .chain(hinges)
             .chain(self.sigmoids.iter().map(sigmoid))
+            .chain(self.waves.iter().flat_map(waves))
             .zip(powers)
             .filter(|(_, power)| **power > 0)
             .map(|(factor, power)| if *power == 1 { factor } else { format!("{factor}^{power}") })
@@ -94,10 +98,10 @@ impl Surface {
         if factors.is_empty() { "1".to_string() } else { factors.join("*") }
     }
 
-    /// How many powers a term has: one for every input, then one for every knot, then one for every sigmoid.
+    /// How many powers a term has: one for every input, then one for every knot, then one for every sigmoid, then two for every wave.
     #[must_use]
     pub fn width(&self) -> usize {
-        self.inputs.len() + self.knots.len() + self.sigmoids.len()
+        self.inputs.len() + self.knots.len() + self.sigmoids.len() + 2 * self.waves.len()
     }
 
     /// Whether a variable that no piece of the box makes a polynomial stands in a term.
@@ -155,10 +159,23 @@ pub struct Sigmoid {
     pub width: f64,
 }
 
+/// Two periodic variables of an input: cosine and sine of 2 pi order (xi - middle)/period, with the middle of its range.
+///
+/// Polynomials of one turn and products of them, off by less than 10^-15 (order + 1): see [`crate::basis`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wave {
+    /// The input. It clamps, and its range is at most a period.
+    pub input: String,
+    /// The period of order 1, in the unit of the input.
+    pub period: f64,
+    /// How many waves stand in a period, 1 to 1000.
+    pub order: u32,
+}
+
 /// One term of the polynomial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Term {
-    /// A power for every input, then one for every knot, then one for every sigmoid.
+    /// A power for every input, then one for every knot, then one for every sigmoid, then two for every wave.
     pub powers: Vec<u32>,
     /// The factor before the product of powers, in the unit of the response.
     pub coefficient: f64,

@@ -120,13 +120,16 @@ pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
     terms
 }
 
-/// A sigmoid enters a term once, and of one input only one: its powers and the products of two say little that the sigmoids themselves do not.
+/// A sigmoid or a wave enters a term once, and of one input only one: its powers and the products of two say little that the sigmoids themselves do not.
+/// Powers of a periodic input jump where it repeats.
 fn has_plain_steps(surface: &Surface, powers: &[u32]) -> bool {
-    let steps = &powers[surface.width() - surface.sigmoids.len()..];
-    let of = |name: &str| {
-        surface.sigmoids.iter().zip(steps).filter(|(sigmoid, _)| sigmoid.input == name).map(|(_, power)| power).sum::<u32>()
-    };
-    surface.inputs.iter().all(|name| of(name) <= 1)
+    let made = &powers[surface.inputs.len() + surface.knots.len()..];
+    let steps = surface.sigmoids.iter().map(|sigmoid| &sigmoid.input);
+    let names: Vec<&String> = steps.chain(surface.waves.iter().flat_map(|wave| [&wave.input; 2])).collect();
+    let of = |name: &String| names.iter().zip(made).filter(|(input, _)| **input == name).map(|(_, power)| power).sum::<u32>();
+    let is_periodic = |name: &String| surface.waves.iter().any(|wave| wave.input == *name);
+    let own = surface.inputs.iter().zip(powers);
+    surface.inputs.iter().all(|name| of(name) <= 1) && own.into_iter().all(|(name, power)| *power == 0 || !is_periodic(name))
 }
 
 fn push_terms_of_order(order: u32, width: usize, begun: &mut Vec<u32>, terms: &mut Vec<Vec<u32>>) {

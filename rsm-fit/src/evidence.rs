@@ -50,8 +50,8 @@ pub(crate) fn of(
     if outcome.chosen_by != ChosenBy::Nobody {
         tell("terms_chosen_on", Some(Evidence::Text(outcome.chosen_by.words().to_string())));
     }
-    if let Some(forms) = statistics.forms.as_ref().filter(|forms| forms.chosen == Form::Sigmoid) {
-        tell("form", Some(Evidence::Text(format!("sigmoid: {}", forms.why))));
+    if let Some(forms) = statistics.forms.as_ref().filter(|forms| forms.chosen != Form::Polynomial) {
+        tell("form", Some(Evidence::Text(forms.words())));
     }
     if let Some(constraints) = &statistics.constraints {
         tell("constraints", Some(constrained(constraints)));

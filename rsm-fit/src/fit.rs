@@ -191,7 +191,7 @@ pub(crate) fn fit_rows(
     data: Data,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Outcome, Refused> {
-    let data = set_aside(specification, data)?;
+    let data = set_aside(specification, in_one_period(specification, data))?;
     let inputs = inputs(specification, &data)?;
     let mut model = Model { name: specification.model.clone(), inputs: inputs.clone(), ..Model::default() };
     let mut responses = Vec::new();
@@ -241,6 +241,19 @@ fn sample(specification: &Specification, records: &Records, used: &[usize], resp
     let mut sample = Sample { columns, response, weights, groups };
     sample.groups = split::joined(&sample.groups, &sample.observed(|rows| rows.replicates()));
     sample
+}
+
+/// Readings of periodic inputs brought into one period, from the bottom of the given range or from 0 on.
+fn in_one_period(specification: &Specification, mut data: Data) -> Data {
+    for (k, input) in specification.inputs.iter().enumerate() {
+        let Some(period) = input.period else { continue };
+        let low = input.range.map_or(0.0, |[low, _]| low);
+        let every = [Some(&mut data.fit), data.validate.as_mut(), data.test.as_mut()];
+        for value in every.into_iter().flatten().flat_map(|records| &mut records.inputs[k]) {
+            *value = (*value - period * ((*value - low) / period).floor()).clamp(low, low + period);
+        }
+    }
+    data
 }
 
 /// Rows of other files that are exact copies of rows to fit: they have been seen.
@@ -313,14 +326,15 @@ fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faul
         let symmetric = |response: &ResponseSpec| response.surface.symmetry.iter().any(|(name, _)| *name == input.name);
         let most = low.abs().max(high.abs());
         let found = if specification.responses.iter().any(symmetric) { [-most, most] } else { [low, high] };
-        if input.range.is_none() && found[0] >= found[1] {
+        if input.range.is_none() && input.period.is_none() && found[0] >= found[1] {
             let what = format!("input `{}`: every row to fit has the value {low}", input.name);
             let fault = specification.fault(&format!("inputs.{}", input.name), what);
             faults.push(fault.help("measure at two values at least, or leave this input out"));
         }
         from_data.push(input.range.is_none().then_some(found).filter(|[low, high]| low < high));
         // + 0.0: a range from 0, not from -0.
-        let range = input.range.unwrap_or(found).map(|bound| bound + 0.0);
+        let whole_period = input.period.map(|period| [0.0, period]);
+        let range = input.range.or(whole_period).unwrap_or(found).map(|bound| bound + 0.0);
         inputs.push(Input { name: input.name.clone(), unit: data.units.get(k).to_string(), range, outside: input.outside });
     }
     check_basis_against_ranges(specification, &from_data, &mut faults);

@@ -72,7 +72,9 @@ impl Task<'_> {
         let empty = surface.clone();
         let powers = self.run_form(surface, None, progress);
         let forms = self.response.forms.as_deref();
-        if forms.is_none() && !is_open(&self.response.method, &powers) {
+        let periods: Vec<Option<f64>> = empty.inputs.iter().map(|name| self.period_of(name)).collect();
+        let is_periodic = periods.iter().any(Option::is_some);
+        if forms.is_none() && !is_periodic && !is_open(&self.response.method, &powers) {
             return powers;
         }
         let of = Forms {
@@ -82,12 +84,16 @@ impl Task<'_> {
             is_constrained: !self.response.constraints.is_empty(),
             fit: &self.fit,
             validate: self.validate.as_ref(),
+            periods,
+            is_open: is_open(&self.response.method, &powers),
         };
         let (taken, report) = of.choose(forms);
         let mut outcome = match &taken {
             None => powers?,
             Some(taken) => {
-                *surface = Surface { sigmoids: taken.sigmoids.clone(), ..empty };
+                let waves = [&empty.waves[..], &taken.waves].concat();
+                let sigmoids = [&empty.sigmoids[..], &taken.sigmoids].concat();
+                *surface = Surface { sigmoids, waves, ..empty };
                 self.run_form(surface, Some(taken), progress)?
             }
         };
@@ -95,6 +101,10 @@ impl Task<'_> {
             statistics.forms = report;
         }
         Ok(outcome)
+    }
+
+    fn period_of(&self, input: &str) -> Option<f64> {
+        self.specification.inputs.iter().find(|known| known.name == input)?.period
     }
 
     /// Fits with the surface's variables. `taken`: what the data chose of them.
@@ -459,7 +469,7 @@ impl Judging {
                     (true, false) => "the fit repeated without them",
                     (false, false) => "fit and choice of terms repeated without them",
                     (_, true) => {
-                        "fit, choice of terms, centres and widths repeated without them; by the same rows sigmoids were preferred to powers alone"
+                        "fit, choice of terms and of the form's own numbers repeated without them; by the same rows the form was preferred to powers alone"
                     }
                 };
                 format!("{rows} rows left out in {parts} parts in turn, {again}")

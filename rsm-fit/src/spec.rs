@@ -121,6 +121,8 @@ pub struct InputSpec {
     pub range: Option<[f64; 2]>,
     /// What an evaluator does outside the range.
     pub outside: Outside,
+    /// Where its values repeat: readings are brought into one period, from the bottom of the range or from 0 on.
+    pub period: Option<f64>,
 }
 
 /// A response of the model.
@@ -130,7 +132,7 @@ pub struct ResponseSpec {
     pub column: String,
     /// Its unit; that of the data's header where absent.
     pub unit: Option<String>,
-    /// Name, inputs, coding, symmetry, knots, sigmoids, reciprocal and output range; no terms yet, and the unit as far as it is given.
+    /// Name, inputs, coding, symmetry, knots, sigmoids, waves, reciprocal and output range; no terms yet, and the unit as far as it is given.
     pub surface: Surface,
     /// How the terms are chosen.
     pub method: Method,
@@ -152,6 +154,8 @@ pub enum Form {
     Polynomial,
     /// Smooth steps too, whose places the data choose.
     Sigmoid,
+    /// Cosines and sines over an input with a period, whose orders the data choose.
+    Wave,
 }
 
 /// A column of the data that says how much each row counts.

@@ -141,6 +141,7 @@ impl FormsReport {
         let form = match self.chosen {
             Form::Polynomial => "powers alone",
             Form::Sigmoid => "sigmoids and powers",
+            Form::Wave => "waves and powers of the other inputs",
         };
         format!("{form}: {}", self.why)
     }
@@ -153,6 +154,9 @@ pub struct Tried {
     pub form: Form,
     /// How many sigmoids it has.
     pub sigmoids: usize,
+    /// The orders of its waves.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub orders: Vec<u32>,
     /// The root mean square error on rows left out in turn; null where it was not measured.
     pub rmse: Option<f64>,
 }

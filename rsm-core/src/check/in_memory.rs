@@ -64,6 +64,9 @@ fn numbers_of(surface: &Surface, finite: &mut impl FnMut(&str, f64)) {
     for (k, sigmoid) in surface.sigmoids.iter().enumerate() {
         [sigmoid.at, sigmoid.width].into_iter().for_each(|number| finite(&format!("{who}: sigmoid {}", k + 1), number));
     }
+    for (k, wave) in surface.waves.iter().enumerate() {
+        finite(&format!("{who}: wave {}", k + 1), wave.period);
+    }
     for (k, term) in surface.terms.iter().enumerate() {
         finite(&format!("{who}: term {}: `coefficient`", k + 1), term.coefficient);
     }

@@ -10,6 +10,7 @@
 //!                          = ((lo + hi)/(hi - lo)) (g - xi)/xi, g = 2 lo hi/(lo + hi)
 //!                                                                         v = (g - xi)/xi           scale = (lo + hi)/(hi - lo)
 //!   hinge at k           max(0, x - x(k)), x - x(k) = (2 lo hi/((hi - lo) k)) (k - xi)/xi
+//! wave of period p        cos, sin of 2 pi n t, t = (xi - mid)/p          t, folded: see `basis.rs`            scale = 1
 //! natural, reciprocal    x = xi, x = 1/xi                                 v = x                     scale = 1
 //! sigmoid at m, width w  z = xi - m, a = |z|                              v = z (w + a)/(w^2 + a (w + a)), less its value at 0
 //!                                                                             of a symmetric input      scale = 1
@@ -20,7 +21,9 @@
 
 use num_traits::Signed;
 
-use crate::basis::{Factor, Shape, Variable};
+use std::collections::HashMap;
+
+use crate::basis::{Factor, QUARTER_TURN, Shape, Variable};
 use crate::model::{Input, Surface};
 use crate::number::{Rational, exact, integer};
 use crate::tape::{Op, Reg, TapeBuilder};
@@ -35,6 +38,21 @@ pub(super) struct Variables<'a> {
     clamps: bool,
     seen: Vec<Option<Reg>>,
     lowered: Vec<Option<Lowered>>,
+    /// What waves share: see [`Wavelet`].
+    waves: HashMap<(usize, u64, Wavelet), Reg>,
+}
+
+/// A step on the way to a wave of an input and a period.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Wavelet {
+    /// The argument in turns.
+    Turns,
+    /// Of this order.
+    Cosine(u32),
+    /// Likewise.
+    Sine(u32),
+    /// Cosine times sine.
+    Both(u32),
 }
 
 impl<'a> Variables<'a> {
@@ -42,7 +60,7 @@ impl<'a> Variables<'a> {
     pub(super) fn new(surface: &Surface, inputs: &'a [Input], arguments: Vec<Reg>) -> Self {
         let factors = Factor::all(surface, inputs);
         let lowered = vec![None; factors.len()];
-        Variables { factors, inputs, arguments, clamps: true, seen: vec![None; inputs.len()], lowered }
+        Variables { factors, inputs, arguments, clamps: true, seen: vec![None; inputs.len()], lowered, waves: HashMap::new() }
     }
 
     /// Variables of the arguments as they come: a support test must see a value outside the range as it is.
@@ -100,6 +118,14 @@ impl<'a> Variables<'a> {
                 self.lowered[factor] = Some(lowered.clone());
                 return lowered;
             }
+            Shape::Wave { low, high, period, order, is_sine } => {
+                let middle = (exact(low) + exact(high)) / integer(2);
+                let wave = Waves { input, xi, middle, period };
+                let value = self.wave(tape, &wave, if is_sine { Wavelet::Sine(order) } else { Wavelet::Cosine(order) });
+                let lowered = Lowered { value, scale: integer(1) };
+                self.lowered[factor] = Some(lowered.clone());
+                return lowered;
+            }
         };
         let scale = scale(variable, hinge);
         let value = match (variable, hinge) {
@@ -147,6 +173,9 @@ impl<'a> Variables<'a> {
     /// The largest |x| of a factor in its range: every x is monotone on it, or, a magnitude, largest at its ends.
     pub(super) fn magnitude(&self, factor: usize) -> Rational {
         let factor = &self.factors[factor];
+        if let Shape::Wave { .. } = factor.shape {
+            return integer(1);
+        }
         let [low, high] = self.inputs[factor.input].range.map(|end| factor.value(exact(end)).abs());
         low.max(high)
     }
@@ -169,6 +198,63 @@ impl<'a> Variables<'a> {
         tape.push(Op::Subtract(step, at_zero))
     }
 
+    /// A step of the formulas of [`crate::basis::Turn`], each written once, whichever waves need it.
+    fn wave(&mut self, tape: &mut TapeBuilder, of: &Waves, step: Wavelet) -> Reg {
+        let key = (of.input, of.period.to_bits(), step);
+        if let Some(known) = self.waves.get(&key) {
+            return *known;
+        }
+        let quarter = exact(0.25);
+        let made = match step {
+            Wavelet::Turns => {
+                let z = difference(tape, of.xi, &of.middle, &self.half(of.input));
+                tape.times(z, integer(1) / exact(of.period))
+            }
+            Wavelet::Cosine(1) => {
+                let t = self.wave(tape, of, Wavelet::Turns);
+                let magnitude = tape.push(Op::Absolute(t));
+                let quarter = tape.constant(quarter);
+                let b = tape.push(Op::Subtract(quarter, magnitude));
+                quarter_turn(tape, b)
+            }
+            Wavelet::Sine(1) => {
+                let t = self.wave(tape, of, Wavelet::Turns);
+                let quarter = tape.constant(quarter);
+                let (above, below) = (tape.push(Op::Add(t, quarter)), tape.push(Op::Subtract(t, quarter)));
+                let (above, below) = (tape.push(Op::Absolute(above)), tape.push(Op::Absolute(below)));
+                let both = tape.push(Op::Subtract(above, below));
+                let b = tape.push(Op::Subtract(both, t));
+                quarter_turn(tape, b)
+            }
+            Wavelet::Cosine(order) if order % 2 == 0 => {
+                let cosine = self.wave(tape, of, Wavelet::Cosine(order / 2));
+                let sine = self.wave(tape, of, Wavelet::Sine(order / 2));
+                let (one, other) = (tape.push(Op::Multiply(cosine, cosine)), tape.push(Op::Multiply(sine, sine)));
+                tape.push(Op::Subtract(one, other))
+            }
+            Wavelet::Sine(order) if order % 2 == 0 => {
+                let both = self.wave(tape, of, Wavelet::Both(order / 2));
+                tape.push(Op::Add(both, both))
+            }
+            Wavelet::Both(order) => {
+                let cosine = self.wave(tape, of, Wavelet::Cosine(order));
+                let sine = self.wave(tape, of, Wavelet::Sine(order));
+                tape.push(Op::Multiply(cosine, sine))
+            }
+            Wavelet::Cosine(order) | Wavelet::Sine(order) => {
+                let [cosine, sine, first_cosine, first_sine] =
+                    [Wavelet::Cosine(order - 1), Wavelet::Sine(order - 1), Wavelet::Cosine(1), Wavelet::Sine(1)]
+                        .map(|step| self.wave(tape, of, step));
+                let is_sine = matches!(step, Wavelet::Sine(_));
+                let (a, b) = if is_sine { (sine, cosine) } else { (cosine, sine) };
+                let (a, b) = (tape.push(Op::Multiply(a, first_cosine)), tape.push(Op::Multiply(b, first_sine)));
+                tape.push(if is_sine { Op::Add(a, b) } else { Op::Subtract(a, b) })
+            }
+        };
+        self.waves.insert(key, made);
+        made
+    }
+
     fn half(&self, input: usize) -> Rational {
         let [low, high] = self.inputs[input].range;
         (exact(high) - exact(low)) / integer(2)
@@ -180,6 +266,27 @@ impl<'a> Variables<'a> {
         let above = tape.push(Op::Negate(below));
         tape.push(Op::Divide(above, xi))
     }
+}
+
+/// The waves of an input with a period.
+struct Waves {
+    input: usize,
+    xi: Reg,
+    middle: Rational,
+    period: f64,
+}
+
+/// sin(2 pi b) for |b| <= 1/4, the polynomial of [`QUARTER_TURN`].
+fn quarter_turn(tape: &mut TapeBuilder, b: Reg) -> Reg {
+    let square = tape.push(Op::Multiply(b, b));
+    let mut coefficients = QUARTER_TURN.iter().rev().map(|k| exact(*k));
+    let mut sum = tape.constant(coefficients.next().expect("there are eight"));
+    for k in coefficients {
+        let product = tape.push(Op::Multiply(sum, square));
+        let k = tape.constant(k);
+        sum = tape.push(Op::Add(product, k));
+    }
+    tape.push(Op::Multiply(b, sum))
 }
 
 /// x = v * scale, see the table at the head of this file.

@@ -7,7 +7,7 @@ use toml::de::DeValue;
 
 use super::FORMAT;
 use crate::model::{
-    Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term,
+    Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term, Wave,
 };
 use crate::places::Places;
 use crate::source::{Collector, Source};
@@ -15,6 +15,9 @@ use crate::toml_reader::{self, TableReader, Value};
 
 /// The highest power of one variable. Horner's rule is a chain as long as this, and f32 has no use for x^20 with |x| below 0.5.
 pub const HIGHEST_POWER: u32 = 20;
+
+/// The highest order of a wave that a file may hold: beyond it what a wave is by its formulas leaves the cosine by more than 10^-12.
+pub const HIGHEST_ORDER: u32 = 1000;
 
 /// A model as its file has it.
 #[derive(Debug, Default)]
@@ -111,6 +114,7 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
         surface.symmetry = basis.symmetry;
         surface.knots = basis.knots;
         surface.sigmoids = basis.sigmoids;
+        surface.waves = basis.waves;
         surface.reciprocal = basis.reciprocal;
     }
     if let Some(value) = reader.required("terms", faults) {
@@ -153,11 +157,13 @@ pub struct Basis {
     pub knots: Vec<Knot>,
     /// Smooth steps, in the order of the powers.
     pub sigmoids: Vec<Sigmoid>,
+    /// Waves, in the order of the powers.
+    pub waves: Vec<Wave>,
     /// Inputs that enter by their reciprocal.
     pub reciprocal: Vec<String>,
 }
 
-/// Reads `coding`, `symmetry`, `knots`, `sigmoids` and `reciprocal`. `None` when one of them is of the wrong shape.
+/// Reads `coding`, `symmetry`, `knots`, `sigmoids`, `waves` and `reciprocal`. `None` when one of them is of the wrong shape.
 pub fn read_basis(path: &str, reader: &mut TableReader<'_>, places: &mut Places, faults: &mut Collector) -> Option<Basis> {
     let mut basis = Basis::default();
     let mut sound = true;
@@ -209,6 +215,18 @@ pub fn read_basis(path: &str, reader: &mut TableReader<'_>, places: &mut Places,
         });
         sound &= sigmoids.is_some();
         basis.sigmoids = sigmoids.unwrap_or_default();
+    }
+    if let Some(value) = reader.optional("waves") {
+        let waves = read_list("`waves`", "wave", value, reader, faults, |k, reader, faults| {
+            places.note(format!("{path}.waves.{k}"), reader.span());
+            let input = reader.text("input", faults);
+            let period = reader.required("period", faults).and_then(|value| reader.number("`period`", value, faults));
+            let order = reader.required("order", faults);
+            let order = order.and_then(|value| reader.whole("`order`", value, 1, i64::from(HIGHEST_ORDER), faults));
+            Some(Wave { input: input?, period: period?, order: order? as u32 })
+        });
+        sound &= waves.is_some();
+        basis.waves = waves.unwrap_or_default();
     }
     if let Some(value) = reader.optional("reciprocal") {
         match reader.texts("`reciprocal`", value, faults) {

@@ -5,7 +5,9 @@
 use std::fmt::Write as _;
 
 use super::FORMAT;
-use crate::model::{Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry};
+use crate::model::{
+    Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Wave,
+};
 use crate::number::decimal;
 
 /// The text of a model file. Reading it gives the same model, every number to the bit.
@@ -75,6 +77,13 @@ fn write_surface(out: &mut String, surface: &Surface) {
         };
         let entries: Vec<_> = surface.sigmoids.iter().map(entry).collect();
         let _ = writeln!(out, "sigmoids = [{}]", entries.join(", "));
+    }
+    if !surface.waves.is_empty() {
+        let entry = |Wave { input, period, order }: &Wave| {
+            format!("{{ input = {}, period = {}, order = {order} }}", quoted(input), decimal(*period))
+        };
+        let entries: Vec<_> = surface.waves.iter().map(entry).collect();
+        let _ = writeln!(out, "waves = [{}]", entries.join(", "));
     }
     if !surface.reciprocal.is_empty() {
         let _ = writeln!(out, "reciprocal = {}", texts(&surface.reciprocal));
@@ -173,10 +182,11 @@ mod tests {
             symmetry: vec![("a".into(), Symmetry::Odd)],
             knots: vec![knot],
             sigmoids: vec![Sigmoid { input: "a".into(), at: -0.1, width: 1.0 / 3.0 }],
+            waves: vec![Wave { input: "b".into(), period: 0.1, order: 12 }],
             reciprocal: vec!["b".into()],
             terms: vec![
-                Term { powers: vec![0, 1, 0, 0], coefficient: -0.0 },
-                Term { powers: vec![3, 1, 2, 1], coefficient: 5e-324 },
+                Term { powers: vec![0, 1, 0, 0, 0, 0], coefficient: -0.0 },
+                Term { powers: vec![3, 1, 2, 1, 0, 1], coefficient: 5e-324 },
             ],
             support: vec![HalfSpace { normal: vec![1.0, -1.0 / 3.0], bound: 1.2 }],
             evidence: vec![

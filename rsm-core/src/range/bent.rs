@@ -8,9 +8,11 @@
 
 use std::cell::RefCell;
 use std::collections::{BinaryHeap, HashMap};
+use std::f64::consts::TAU;
 
 use crate::basis::{Factor, Shape};
 use crate::bernstein::{self, Monomial};
+use crate::elementary::{self, Function};
 use crate::interval::Interval;
 use crate::model::Surface;
 use crate::number::exact;
@@ -117,6 +119,9 @@ impl Values<'_> {
         let weight = |k: usize| {
             let of_sigmoid = |factor: &Factor| match factor.shape {
                 Shape::Sigmoid { width, .. } if factor.input == k => (self.piece.cell[k][1] - self.piece.cell[k][0]) / width,
+                Shape::Wave { period, order, .. } if factor.input == k => {
+                    (self.piece.cell[k][1] - self.piece.cell[k][0]) / period * f64::from(order)
+                }
                 _ => 0.0,
             };
             share(k) * self.factors.iter().map(of_sigmoid).fold(1.0, f64::max)
@@ -196,6 +201,9 @@ impl Values<'_> {
                 return None;
             }
         }
+        if let Shape::Wave { .. } = factor.shape {
+            return Some(wave(factor, [low, high]));
+        }
         let [start, end] = [low, high].map(|at| {
             let mut known = self.known.borrow_mut();
             *known.entry((which, at.to_bits())).or_insert_with(|| Interval::around(&factor.value(exact(at))))
@@ -211,6 +219,26 @@ impl Values<'_> {
         let above = if high <= at { 0.0 } else { away };
         Some(Line { c: chord.c + Interval::new(-below, above), ..chord })
     }
+}
+
+/// Cosine or sine over a side: the chord of the function itself, whose second derivative is known. What a wave is by its formulas is off by less than
+/// 10^-15 (order + 1); the argument, of at most pi order, and the function round less than that too.
+fn wave(factor: &Factor, [low, high]: [f64; 2]) -> Line {
+    let Shape::Wave { low: bottom, high: top, period, order, is_sine } = factor.shape else { panic!("it is a wave") };
+    let order = f64::from(order);
+    let off = 1e-14 * (order + 10.0);
+    let (turns, function) = (TAU * order / period, if is_sine { Function::Sin } else { Function::Cos });
+    let [start, end] = [low, high].map(|at| {
+        let value = elementary::range::value(function, &[turns * (at - (bottom / 2.0 + top / 2.0))]);
+        Interval::new(value - off, value + off)
+    });
+    let span = turns * (high - low) * (1.0 + 1e-12);
+    let away = span * span / 8.0 * (1.0 + 1e-12);
+    if away >= 1.0 {
+        return Line { c: Interval::new(-1.0 - off, 1.0 + off), b: Interval::point(0.0) };
+    }
+    let away = away + off;
+    Line { c: (start + end).halved() + Interval::new(-away, away), b: (end - start).halved() }
 }
 
 /// The greatest |second derivative| of s (1 + |s|)/(1 + |s| + s^2) between two s: 6 p/(1 + p)^3 with p = |s| (1 + |s|), greatest at p = 1/2. With

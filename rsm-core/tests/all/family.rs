@@ -5,7 +5,7 @@ use rsm_core::certificate;
 use rsm_core::check::Checked;
 use rsm_core::exact;
 use rsm_core::lower;
-use rsm_core::model::{Coding, HalfSpace, Input, Knot, Model, Outside, Sigmoid, Surface, Symmetry, Term};
+use rsm_core::model::{Coding, HalfSpace, Input, Knot, Model, Outside, Sigmoid, Surface, Symmetry, Term, Wave};
 use rsm_core::number::{Precision, Rational, exact, integer};
 use rsm_core::run::Interpreter;
 use rsm_core::tape::{Op, Tape};
@@ -67,6 +67,12 @@ fn model(random: &mut Random, index: usize) -> Model {
         if random.below(3) == 0 && !surface.reciprocal.contains(&input.name) {
             let (at, width) = (low + (high - low) * random.between(-0.2, 1.2), (high - low) * random.between(0.1, 1.3));
             surface.sigmoids.push(Sigmoid { input: input.name.clone(), at, width });
+        }
+        let is_plain = !surface.reciprocal.contains(&input.name) && !surface.is_symmetric(&input.name);
+        if random.below(3) == 0 && is_plain && input.outside == Outside::Clamp {
+            // The exact reference of order n has some 700 n digits.
+            let (period, order) = ((high - low) * random.between(1.0, 2.0), 1 + random.below(5) as u32);
+            surface.waves.push(Wave { input: input.name.clone(), period, order });
         }
     }
     let order = 1 + random.below(4) as u32;

@@ -177,6 +177,8 @@ fn moved_terms(sample: &Sample, surface: &mut Surface, sensors: &[(f64, f64)]) -
                 Shape::Hinge { .. } => (s, 0.0),
                 // A sigmoid has no unit: its centre and its width move.
                 Shape::Sigmoid { .. } => (1.0, 0.0),
+                // No correction of such an input is a hypothesis.
+                Shape::Wave { .. } => (1.0, 0.0),
             }
         })
         .collect();

@@ -173,6 +173,10 @@ impl List<'_> {
     /// Secants of the polynomial, divided by the change, so that every unknown is gain less 1, or bias.
     fn input_sensors(&mut self) {
         for input in 0..self.sample.inputs.len() {
+            // A wave has its phase from the middle of the range: another gain or bias of its input is no wave of the file.
+            if self.sample.surface.waves.iter().any(|wave| wave.input == self.sample.inputs[input].name) {
+                continue;
+            }
             let half = (self.sample.inputs[input].range[1] - self.sample.inputs[input].range[0]) / 2.0;
             // 10^-3 of a gain or of half the range: the derivative, to six digits by a central difference.
             let gain = |g: f64| [(1.0 + g, 0.0), (1.0, 0.0)];
@@ -466,5 +470,6 @@ impl Claim {
 /// Whether an input's bias can stand in a model file: mirrored and inverted variables cannot be shifted.
 pub(super) fn bias_fits_file(sample: &Sample, input: usize) -> bool {
     let name = &sample.inputs[input].name;
-    !sample.surface.symmetry.iter().any(|(other, _)| other == name) && !sample.surface.reciprocal.contains(name)
+    let has_waves = sample.surface.waves.iter().any(|wave| wave.input == *name);
+    !has_waves && !sample.surface.symmetry.iter().any(|(other, _)| other == name) && !sample.surface.reciprocal.contains(name)
 }

@@ -1,12 +1,13 @@
-//! Which form a response takes: powers of its inputs alone, or smooth steps of them too.
+//! Which form a response takes: powers of its inputs alone, smooth steps of them too, or waves over an input with a period.
 //!
 //! In: a response, its rows, how its terms are chosen. Out: the sigmoids to add, if any, with what was tried and why. Sigmoids are found on the rows to
-//! fit ([`sigmoids`]). Both forms are then fitted without each of five parts of the rows in turn: there the sigmoids are refined and the
+//! fit ([`sigmoids`]), orders of waves too ([`waves`]). Both forms are then fitted without each of five parts of the rows in turn: there the sigmoids are refined and the
 //! terms are chosen anew, and the part judges. Sigmoids are taken where the error of the parts falls clearly. Rows that test choose nothing.
 
 mod sigmoids;
+mod waves;
 
-use rsm_core::model::{Input, Sigmoid, Surface};
+use rsm_core::model::{Input, Sigmoid, Surface, Wave};
 
 use crate::dd::Dd;
 use crate::design::{self, Design};
@@ -43,11 +44,16 @@ pub(crate) struct Forms<'a> {
     pub is_constrained: bool,
     pub fit: &'a Sample,
     pub validate: Option<&'a Sample>,
+    /// Of each input, where it has one.
+    pub periods: Vec<Option<f64>>,
+    /// Whether sigmoids may be looked for without being asked for.
+    pub is_open: bool,
 }
 
-/// Sigmoids that were taken.
+/// What was taken.
 pub(crate) struct Taken {
     pub sigmoids: Vec<Sigmoid>,
+    pub waves: Vec<Wave>,
     /// The highest order of a candidate term.
     pub order: u32,
     /// The errors on rows left out, and the number of parts.
@@ -57,53 +63,89 @@ pub(crate) struct Taken {
 impl Forms<'_> {
     /// What to add, and what is told of it; neither where no other form was looked at.
     pub(crate) fn choose(&self, wanted: Option<&[Form]>) -> (Option<Taken>, Option<FormsReport>) {
-        let is_asked = wanted.is_some_and(|forms| forms.contains(&Form::Sigmoid));
-        let is_only = is_asked && wanted.is_some_and(|forms| !forms.contains(&Form::Polynomial));
         let Some(highest) = self.highest_order() else { return (None, None) };
-        let may = !self.is_constrained && self.surface.sigmoids.is_empty() && self.surface.reciprocal.is_empty();
-        let is_worth = self.fit.rows() >= LEAST_ROWS && self.surface.inputs.len() <= MOST_INPUTS;
-        if !may || !is_worth || wanted.is_some_and(|_| !is_asked) {
+        let may = |form| wanted.is_none_or(|forms| forms.contains(&form));
+        let is_only = wanted.is_some_and(|forms| !forms.contains(&Form::Polynomial));
+        let is_free = !self.is_constrained && self.surface.width() == self.surface.inputs.len() + self.surface.knots.len();
+        let has_rows = is_free && self.fit.rows() >= LEAST_ROWS && self.surface.inputs.len() <= MOST_INPUTS;
+        let mut report = None;
+        if has_rows && may(Form::Wave) && self.periods.iter().any(Option::is_some) {
+            let search = waves::Search { surface: self.surface, inputs: self.inputs, periods: &self.periods, highest };
+            let (taken, said) = match search.run(self.fit) {
+                Some(found) => self.compared(Form::Wave, &found, highest, is_only, &|rest| search.run(rest)),
+                None => (None, self.kept(vec![], "no wave over an input with a period stands above the noise".to_string())),
+            };
+            if taken.is_some() {
+                return (taken, Some(said));
+            }
+            report = Some(said);
+        }
+        if !may(Form::Sigmoid) || (wanted.is_none() && !self.is_open) {
+            return (None, report);
+        }
+        let is_asked = wanted.is_some();
+        if !has_rows || !self.surface.reciprocal.is_empty() {
             let why =
                 "there are too few rows, too many inputs, or inputs that enter by their reciprocal: no sigmoid was looked for";
-            return (None, is_asked.then(|| self.kept(vec![], why.to_string())));
+            return (None, report.or(is_asked.then(|| self.kept(vec![], why.to_string()))));
         }
         let search = sigmoids::Search { surface: self.surface, inputs: self.inputs, highest, most_candidates: MOST_CANDIDATES };
         let Some(found) = search.run(self.fit, is_only) else {
             let why = "no sigmoid explains clearly more of the fitted rows than powers do".to_string();
-            return (None, is_asked.then(|| self.kept(vec![], why)));
+            return (None, report.or(is_asked.then(|| self.kept(vec![], why))));
         };
-        let parts = self.judged(&search, &found.sigmoids, found.order);
-        let total = |which: usize, parts: &[[Judged; 2]]| parts.iter().fold(Judged::NOTHING, |sum, part| sum.and(part[which]));
-        let rmse = |judged: Judged| judged.statistics().map(|statistics| statistics.rmse);
-        let count = found.sigmoids.len();
-        let Some(parts) = parts else {
+        let order = found.order;
+        let bent = |sigmoids: Vec<Sigmoid>| Surface { sigmoids, ..self.surface.clone() };
+        let again = |rest: &Sample| search.refined(rest, &found.sigmoids, order).map(bent);
+        let (taken, said) = self.compared(Form::Sigmoid, &bent(found.sigmoids.clone()), order, is_only, &again);
+        (taken, Some(said))
+    }
+
+    /// A form that was found against powers alone. `again`: the same form from other rows.
+    fn compared(
+        &self,
+        form: Form,
+        found: &Surface,
+        order: u32,
+        is_only: bool,
+        again: &dyn Fn(&Sample) -> Option<Surface>,
+    ) -> (Option<Taken>, FormsReport) {
+        let orders: Vec<u32> = found.waves.iter().map(|wave| wave.order).collect();
+        let taken = |judged| Taken { sigmoids: found.sigmoids.clone(), waves: found.waves.clone(), order, judged };
+        let tried = |rmse| Tried { form, sigmoids: found.sigmoids.len(), orders: orders.clone(), rmse };
+        let Some(parts) = self.judged(order, again) else {
             if is_only {
-                let tried = vec![Tried { form: Form::Sigmoid, sigmoids: count, rmse: None }];
                 let why = "it was the only form asked for".to_string();
-                let taken = Taken { sigmoids: found.sigmoids, order: found.order, judged: None };
-                return (Some(taken), Some(FormsReport { tried, chosen: Form::Sigmoid, why }));
+                return (Some(taken(None)), FormsReport { tried: vec![tried(None)], chosen: form, why });
             }
-            return (None, is_asked.then(|| self.kept(vec![], "the rows are too few to leave parts of them out".to_string())));
+            return (None, self.kept(vec![], "the rows are too few to leave parts of them out".to_string()));
         };
-        let [powers, steps] = [0, 1].map(|which| rmse(total(which, &parts)).unwrap_or(f64::INFINITY));
-        let better = parts.iter().filter(|[powers, steps]| rmse(*steps) < rmse(*powers)).count();
-        let tried = vec![
-            Tried { form: Form::Polynomial, sigmoids: 0, rmse: Some(powers) },
-            Tried { form: Form::Sigmoid, sigmoids: count, rmse: Some(steps) },
-        ];
-        let percent = 100.0 * (1.0 - steps / powers);
+        let total = |which: usize| parts.iter().fold(Judged::NOTHING, |sum, part| sum.and(part[which]));
+        let rmse = |judged: Judged| judged.statistics().map(|statistics| statistics.rmse);
+        let [powers, other] = [0, 1].map(|which| rmse(total(which)).unwrap_or(f64::INFINITY));
+        let better = parts.iter().filter(|[powers, other]| rmse(*other) < rmse(*powers)).count();
+        let alone = Tried { form: Form::Polynomial, sigmoids: 0, orders: vec![], rmse: Some(powers) };
+        let tried = vec![alone, tried(Some(other))];
+        let percent = 100.0 * (1.0 - other / powers);
+        let what = match (form, &orders[..]) {
+            (Form::Wave, [one]) => format!("a wave of order {one} leaves"),
+            (Form::Wave, orders) => {
+                let orders: Vec<String> = orders.iter().map(u32::to_string).collect();
+                format!("waves of orders {} leave", orders.join(", "))
+            }
+            _ if found.sigmoids.len() == 1 => "a sigmoid leaves".to_string(),
+            _ => format!("{} sigmoids leave", found.sigmoids.len()),
+        };
+        let count = parts.len();
         let gain = format!(
-            "on rows left out in {} parts in turn {count} sigmoids leave {percent:.0} % less error than powers alone, better in {better} parts",
-            parts.len()
+            "on rows left out in {count} parts in turn {what} {percent:.0} % less error than powers alone, better in {better} parts"
         );
-        if is_only || (steps <= CLEAR * powers && better >= MOST_PARTS.min(parts.len())) {
+        if is_only || (other <= CLEAR * powers && better >= MOST_PARTS.min(count)) {
             let why = if is_only { format!("it was the only form asked for; {gain}") } else { gain };
-            let judged = Some((total(1, &parts), parts.len()));
-            let taken = Taken { sigmoids: found.sigmoids, order: found.order, judged };
-            return (Some(taken), Some(FormsReport { tried, chosen: Form::Sigmoid, why }));
+            return (Some(taken(Some((total(1), count)))), FormsReport { tried, chosen: form, why });
         }
         let least = 100.0 * (1.0 - CLEAR);
-        (None, Some(self.kept(tried, format!("{gain}: a clear gain is {least:.0} % and {MOST_PARTS} parts"))))
+        (None, self.kept(tried, format!("{gain}: a clear gain is {least:.0} % and {MOST_PARTS} parts")))
     }
 
     fn kept(&self, tried: Vec<Tried>, why: String) -> FormsReport {
@@ -119,8 +161,8 @@ impl Forms<'_> {
         }
     }
 
-    /// The errors on each part of powers alone and of the sigmoids, refined without it.
-    fn judged(&self, search: &sigmoids::Search<'_>, found: &[Sigmoid], order: u32) -> Option<Vec<[Judged; 2]>> {
+    /// The errors on each part of powers alone and of the form, found again without it.
+    fn judged(&self, order: u32, again: &dyn Fn(&Sample) -> Option<Surface>) -> Option<Vec<[Judged; 2]>> {
         let part_of = split::parts(&self.fit.groups, PARTS, 3);
         let count = part_of.iter().max().map_or(0, |most| most + 1);
         if count < 2 {
@@ -129,9 +171,9 @@ impl Forms<'_> {
         let round = |part: usize| {
             let (rest, out) = (self.fit.chosen(|row| part_of[row] != part), self.fit.chosen(|row| part_of[row] == part));
             let powers = self.errors(self.surface, self.highest_order()?, &rest, &out)?;
-            let refined = search.refined(&rest, found, order)?;
-            let bent = Surface { sigmoids: refined, ..self.surface.clone() };
-            Some([powers, self.errors(&bent, order, &rest, &out)?])
+            // Without the form, where these rows do not show it.
+            let other = again(&rest).unwrap_or_else(|| self.surface.clone());
+            Some([powers, self.errors(&other, order, &rest, &out)?])
         };
         (0..count).map(round).collect()
     }

@@ -3,7 +3,7 @@
 //! In: names, numbers and choices, one method each. Out: the parts of a specification. Never judges them: that is done once, when the fit
 //! is asked for.
 
-use rsm_core::model::{Coding, Knot, Outside, Sigmoid, Surface, Symmetry};
+use rsm_core::model::{Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Wave};
 
 use super::Select;
 use crate::spec::{Constraint, FACES, Form, InputSpec, MOST_FACES, ResponseSpec, SupportSpec, Weights};
@@ -22,6 +22,7 @@ pub struct Input {
     unit: String,
     range: Option<[f64; 2]>,
     outside: Outside,
+    period: Option<f64>,
 }
 
 impl Input {
@@ -32,7 +33,7 @@ impl Input {
     }
 
     pub(super) fn unnamed(values: Vec<f64>) -> Self {
-        Input { name: None, values, unit: "1".to_string(), range: None, outside: Outside::default() }
+        Input { name: None, values, unit: "1".to_string(), range: None, outside: Outside::default(), period: None }
     }
 
     /// The unit of the values, as `rsm` spells units: `N*m`, `rad/s`, `degC`. It is kept as text; no value is converted.
@@ -46,6 +47,13 @@ impl Input {
     #[must_use]
     pub fn range(mut self, range: [f64; 2]) -> Self {
         self.range = Some(range);
+        self
+    }
+
+    /// The values repeat with this period: readings are brought into one, from the bottom of the range or from 0 on.
+    #[must_use]
+    pub fn period(mut self, period: f64) -> Self {
+        self.period = Some(period);
         self
     }
 
@@ -63,11 +71,13 @@ impl Input {
             unit: Some(self.unit.clone()),
             range: self.range,
             outside: self.outside,
+            period: self.period,
         }
     }
 
     pub(super) fn numbers(&self) -> impl Iterator<Item = (String, f64)> {
-        self.range.into_iter().flatten().map(|end| ("`range`".to_string(), end))
+        let range = self.range.into_iter().flatten().map(|end| ("`range`".to_string(), end));
+        range.chain(self.period.map(|period| ("`period`".to_string(), period)))
     }
 }
 
@@ -174,6 +184,13 @@ impl Response {
     #[must_use]
     pub fn sigmoid(mut self, input: impl Into<String>, at: f64, width: f64) -> Self {
         self.surface.sigmoids.push(Sigmoid { input: input.into(), at, width });
+        self
+    }
+
+    /// Two periodic variables of an input: cosine and sine of this order over this period.
+    #[must_use]
+    pub fn wave(mut self, input: impl Into<String>, period: f64, order: u32) -> Self {
+        self.surface.waves.push(Wave { input: input.into(), period, order });
         self
     }
 

@@ -133,6 +133,7 @@ fn read_input(
     let column = optional_text("column", path, reader, places, faults);
     let unit = optional_text("unit", path, reader, places, faults);
     let range = optional_range("range", path, reader, places, faults);
+    let period = read_period(path, reader, places, faults);
     let outside = reader.choice("outside", &[("clamp", Outside::Clamp), ("extrapolate", Outside::Extrapolate)], faults);
     Some(InputSpec {
         name: name.to_string(),
@@ -140,7 +141,35 @@ fn read_input(
         unit: unit?,
         range: range?,
         outside: outside.unwrap_or_default(),
+        period: period?,
     })
+}
+
+/// A number above 0, or a text such as "2*pi", "pi/6". `Some(None)`: absent; `None`: refused.
+fn read_period(path: &str, reader: &mut TableReader<'_>, places: &mut Places, faults: &mut Collector) -> Option<Option<f64>> {
+    let Some(value) = reader.optional("period") else { return Some(None) };
+    let span = value.span();
+    places.note(format!("{path}.period"), span.clone());
+    let found = match value.get_ref() {
+        DeValue::String(text) => multiple_of_pi(text),
+        _ => reader.number("`period`", value, faults).map(Some)?,
+    };
+    let found = found.filter(|period| *period > 0.0 && period.is_finite());
+    if found.is_none() {
+        let fault =
+            reader.fault(span, "`period`: expected a number above 0, or a text such as \"2*pi\" or \"pi/6\"".to_string());
+        faults.push(fault.help("in the unit of the input; for a column of turns, 1"));
+    }
+    found.map(Some)
+}
+
+/// `a*pi/b`, of which a and b may be absent.
+fn multiple_of_pi(text: &str) -> Option<f64> {
+    let text = text.replace(' ', "");
+    let (before, after) = text.split_once("pi")?;
+    let factor = if before.is_empty() { 1.0 } else { before.strip_suffix('*')?.parse::<f64>().ok()? };
+    let divisor = if after.is_empty() { 1.0 } else { after.strip_prefix('/')?.parse::<f64>().ok()? };
+    Some(factor * std::f64::consts::PI / divisor)
 }
 
 /// `Some(None)`: absent; `None`: refused.
@@ -223,6 +252,7 @@ fn read_response(
         symmetry: basis.symmetry,
         knots: basis.knots,
         sigmoids: basis.sigmoids,
+        waves: basis.waves,
         reciprocal: basis.reciprocal,
         ..Surface::default()
     };

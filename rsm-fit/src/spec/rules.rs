@@ -138,6 +138,9 @@ fn check_basis(specification: &Specification, faults: &mut Collector) {
         for (k, sigmoid) in surface.sigmoids.iter().enumerate() {
             known(format!("{path}.sigmoids.{k}"), "sigmoids", &sigmoid.input);
         }
+        for (k, wave) in surface.waves.iter().enumerate() {
+            known(format!("{path}.waves.{k}"), "waves", &wave.input);
+        }
         for (k, input) in surface.reciprocal.iter().enumerate() {
             known(format!("{path}.reciprocal.{k}"), "reciprocal", input);
         }
@@ -268,7 +271,11 @@ fn check_terms(specification: &Specification, response: &ResponseSpec, terms: &[
                 1 => " and for the sigmoid".to_string(),
                 _ => format!(" and {sigmoids} sigmoids"),
             };
-            let expected = format!("one for each of {inputs} inputs{knots}{sigmoids}");
+            let waves = match surface.waves.len() {
+                0 => String::new(),
+                waves => format!(" and two for each of {waves} waves"),
+            };
+            let expected = format!("one for each of {inputs} inputs{knots}{sigmoids}{waves}");
             let what = format!("{who}: term {}: found {} powers, expected {expected}", k + 1, powers.len());
             faults.push(specification.fault(&place, what));
             continue;

@@ -164,9 +164,10 @@ pub(super) fn read_forms(
         match word.as_str() {
             "polynomial" => forms.push(Form::Polynomial),
             "sigmoid" => forms.push(Form::Sigmoid),
+            "wave" => forms.push(Form::Wave),
             other => {
                 let fault = reader.fault(span, format!("`forms`: found \"{other}\""));
-                faults.push(fault.help("accepted: \"polynomial\", \"sigmoid\""));
+                faults.push(fault.help("accepted: \"polynomial\", \"sigmoid\", \"wave\""));
                 return None;
             }
         }
@@ -263,9 +264,9 @@ fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(St
     let surface = &response.surface;
     let symmetry_of = |name: &str| surface.symmetry.iter().find(|(input, _)| input == name).map(|(_, kind)| *kind);
     let mut odd = surface.symmetry.iter().filter(|(_, kind)| *kind == Symmetry::Odd).map(|(input, _)| input);
-    if !surface.sigmoids.is_empty() {
-        let what =
-            "constraints are not offered for a response with `sigmoids`: what they prove is about polynomials".to_string();
+    if !surface.sigmoids.is_empty() || !surface.waves.is_empty() {
+        let key = if surface.sigmoids.is_empty() { "waves" } else { "sigmoids" };
+        let what = format!("constraints are not offered for a response with `{key}`: what they prove is about polynomials");
         return Some((what, "leave out one of the two, or saturate the result by `output_range`".to_string()));
     }
     match constraint {

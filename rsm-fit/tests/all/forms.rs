@@ -148,3 +148,62 @@ fn where_powers_are_the_truth_they_stay() {
         assert_eq!(open.model.surfaces[0].terms, powers.model.surfaces[0].terms);
     }
 }
+
+/// The current of a small motor at constant voltage and speed, over 30 turns of the rotor. Turns of another record judge.
+#[test]
+fn the_ripple_of_a_motor_is_found_over_its_rotor_angle() {
+    let Some(folder) = shared("bldc-cogging") else { return };
+    let fit = |rest: &str| {
+        let text = format!(
+            r#"
+format = 1
+model = "ripple"
+data = ["rolling_1.csv"]
+test = ["rolling_2.csv"]
+[inputs.angle]
+column = "pos_rad"
+unit = "rad"
+period = "2*pi"
+[responses.i_q]
+column = "i_q_A"
+unit = "A"
+inputs = ["angle"]
+{rest}
+"#
+        );
+        fitted(&text, &folder)
+    };
+    let explained = |outcome: &rsm_fit::Outcome| {
+        let test = outcome.test.as_ref().unwrap().responses[0].clone();
+        let mean = test.iter().sum::<f64>() / test.len() as f64;
+        let square = test.iter().map(|y| (y - mean) * (y - mean)).sum::<f64>() / test.len() as f64;
+        1.0 - outcome.responses[0].statistics.as_ref().unwrap().test.as_ref().unwrap().rmse.powi(2) / square
+    };
+    let powers = fit("forms = [\"polynomial\"]\nselect = { max_order = 5 }");
+    let waves = fit("select = { method = \"stepwise\", max_order = 1 }");
+    let statistics = waves.responses[0].statistics.as_ref().unwrap();
+    let orders: Vec<u32> = waves.model.surfaces[0].waves.iter().map(|wave| wave.order).collect();
+    let checked = Checked::from_model(&waves.model).unwrap();
+    let certificate = rsm_core::certificate::surface(&checked, 0, &Precision::ALL);
+    let [powers, explained] = [explained(&powers), explained(&waves)];
+    println!("powers explain {powers:.5}, waves of orders {orders:?} {explained:.4}, {} terms", statistics.terms.len());
+    println!("{:?}\n{:?}\n{:?}", statistics.forms, waves.model.inputs[0].range, certificate);
+    assert!(powers < 0.05 && explained > 0.8, "{powers} {explained}");
+    // The motor has 12 pole pairs and 36 slots.
+    assert!([12, 36, 72].iter().all(|order| orders.contains(order)), "{orders:?}");
+    assert!(certificate.tapes.iter().all(|tape| tape.error.is_finite() && tape.operations < 200));
+}
+
+/// Noise over an angle has no waves.
+#[test]
+fn no_wave_is_found_where_there_is_none() {
+    for seed in 1..=5 {
+        let mut draws = Draws(Random::new(seed));
+        let angle: Vec<f64> = (0..300).map(|_| draws.between(-40.0, 40.0)).collect();
+        let y: Vec<f64> = angle.iter().map(|_| draws.noise(1.0)).collect();
+        let input = Input::new("angle", angle).period(std::f64::consts::TAU);
+        let outcome = Fit::new([input], Response::new("y", y).select(Select::stepwise(2))).fit().unwrap();
+        assert!(outcome.model.surfaces[0].waves.is_empty(), "{:?}", outcome.model.surfaces[0].waves);
+        assert_eq!(outcome.model.inputs[0].range, [0.0, std::f64::consts::TAU]);
+    }
+}

@@ -1,0 +1,131 @@
+//! Finds the orders of waves over inputs with a period.
+//!
+//! In: rows to fit. Out: a surface with waves, or none. Every order up to a limit is tried: cosine and sine together, beside the powers of the other inputs and the
+//! orders that were taken before (orthogonal matching pursuit; a Lomb-Scargle periodogram is its first step). The order that takes most is
+//! taken while it takes more than the largest of so many orders of noise would in one of a thousand cases.
+
+use nalgebra::DVector;
+use rsm_core::basis::Factor;
+use rsm_core::model::{Input, Surface, Wave};
+
+use crate::design;
+use crate::random::Random;
+use crate::selection::Sample;
+
+/// The highest order that is tried.
+const HIGHEST: u32 = 200;
+
+/// Orders that are taken, at most: each costs two terms and up to a dozen operations.
+const MOST: usize = 6;
+
+/// More rows than this say no more about orders, and cost time.
+const MOST_ROWS: usize = 6000;
+
+/// Rows that an order needs: two a period tell it from its alias.
+const ROWS_PER_ORDER: usize = 4;
+
+/// Powers of other inputs beside the waves, in the search alone.
+const BESIDE: u32 = 2;
+
+pub(super) struct Search<'a> {
+    pub surface: &'a Surface,
+    pub inputs: &'a [Input],
+    pub periods: &'a [Option<f64>],
+    pub highest: u32,
+}
+
+impl Search<'_> {
+    /// The surface with the waves that stand above the noise; none where there is none.
+    pub(super) fn run(&self, sample: &Sample) -> Option<Surface> {
+        let mut picked: Vec<usize> = (0..sample.rows()).collect();
+        if picked.len() > MOST_ROWS {
+            Random::new(5).shuffle(&mut picked);
+            picked.truncate(MOST_ROWS);
+        }
+        let count = picked.len();
+        let roots: Vec<f64> = picked.iter().map(|row| sample.weights.get(*row).map_or(1.0, |weight| weight.sqrt())).collect();
+        let mut rest = DVector::from_iterator(count, picked.iter().zip(&roots).map(|(row, root)| sample.response[*row] * root));
+        // Powers of the inputs that have no period.
+        let factors = Factor::all(self.surface, self.inputs);
+        let is_periodic = |factor: &Factor| self.periods[factor.input].is_some();
+        let mut terms = design::terms_up_to(self.surface, self.highest.min(BESIDE));
+        terms.retain(|powers| factors.iter().zip(powers).all(|(factor, power)| *power == 0 || !is_periodic(factor)));
+        let column = |powers: &Vec<u32>| -> DVector<f64> {
+            let value = |(row, root): (&usize, &f64)| {
+                let of =
+                    |(factor, power): (&Factor, &u32)| factor.value(sample.columns[factor.input][*row]).powi(*power as i32);
+                root * factors.iter().zip(powers).filter(|(_, power)| **power > 0).map(of).product::<f64>()
+            };
+            DVector::from_iterator(count, picked.iter().zip(&roots).map(value))
+        };
+        let mut basis: Vec<DVector<f64>> = Vec::new();
+        for powers in &terms {
+            take(&mut basis, &mut rest, column(powers));
+        }
+        let limit = HIGHEST.min(u32::try_from(count / ROWS_PER_ORDER).unwrap_or(HIGHEST));
+        let mut candidates: Vec<(Wave, [DVector<f64>; 2])> = Vec::new();
+        for (input, period) in self.inputs.iter().zip(self.periods) {
+            let Some(period) = *period else { continue };
+            let k = self.inputs.iter().position(|other| other.name == input.name)?;
+            let middle = input.range[0] / 2.0 + input.range[1] / 2.0;
+            for order in 1..=limit {
+                let angle = |row: usize| std::f64::consts::TAU * f64::from(order) * (sample.columns[k][row] - middle) / period;
+                let of = |function: fn(f64) -> f64| {
+                    DVector::from_iterator(count, picked.iter().zip(&roots).map(|(row, root)| root * function(angle(*row))))
+                };
+                candidates.push((Wave { input: input.name.clone(), period, order }, [of(f64::cos), of(f64::sin)]));
+            }
+        }
+        let mut waves = Vec::new();
+        while waves.len() < MOST && !candidates.is_empty() {
+            let taken = |columns: &[DVector<f64>; 2]| -> f64 {
+                let mut own: Vec<DVector<f64>> = Vec::new();
+                for column in columns {
+                    let mut free = column.clone();
+                    basis.iter().chain(&own).for_each(|known| free.axpy(-known.dot(column), known, 1.0));
+                    let norm = free.norm();
+                    if norm > 1e-6 * column.norm() {
+                        own.push(free / norm);
+                    }
+                }
+                own.iter().map(|direction| direction.dot(&rest).powi(2)).sum()
+            };
+            let gains: Vec<f64> = candidates.iter().map(|(_, columns)| taken(columns)).collect();
+            let best = (0..gains.len()).max_by(|a, b| gains[*a].total_cmp(&gains[*b]))?;
+            let freedom = count.saturating_sub(basis.len() + 2);
+            let noise = (rest.norm_squared() - gains[best]).max(0.0) / freedom.max(1) as f64;
+            // Twice an exponential variable for each order: its largest of N passes 2 (ln N + 6.9) once in a thousand.
+            let threshold = 2.0 * ((candidates.len() as f64).ln() + 6.9) * noise;
+            if freedom == 0 || gains[best].is_nan() || gains[best] <= threshold {
+                break;
+            }
+            let (wave, columns) = candidates.swap_remove(best);
+            for column in columns {
+                take(&mut basis, &mut rest, column);
+            }
+            waves.push(wave);
+        }
+        if waves.is_empty() {
+            return None;
+        }
+        waves.sort_by(|a, b| a.input.cmp(&b.input).then(a.order.cmp(&b.order)));
+        Some(Surface { waves, ..self.surface.clone() })
+    }
+}
+
+/// A column becomes a direction of the basis, and what lies along it leaves the rest. Orthogonalised twice: then it is to rounding.
+fn take(basis: &mut Vec<DVector<f64>>, rest: &mut DVector<f64>, mut column: DVector<f64>) {
+    let before = column.norm();
+    for _ in 0..2 {
+        let shares: Vec<f64> = basis.iter().map(|known| known.dot(&column)).collect();
+        basis.iter().zip(shares).for_each(|(known, share)| column.axpy(-share, known, 1.0));
+    }
+    let norm = column.norm();
+    if norm <= 1e-9 * before {
+        return;
+    }
+    column /= norm;
+    let share = column.dot(rest);
+    rest.axpy(-share, &column, 1.0);
+    basis.push(column);
+}
