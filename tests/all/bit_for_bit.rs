@@ -179,6 +179,7 @@ fn the_random_models_cover_what_they_must() {
     assert!(symmetric(Symmetry::Odd) > 2 && symmetric(Symmetry::Even) > 2);
     assert!(count(&|surface| !surface.knots.is_empty()) > 5);
     assert!(count(&|surface| surface.is_bent()) > 5);
+    assert!(count(&|surface| !surface.waves.is_empty()) > 5);
     assert!(count(&|surface| !surface.reciprocal.is_empty()) > 5);
     assert!(count(&|surface| surface.output_range.is_some()) > 5);
     assert!(count(&|surface| !surface.support.is_empty()) > 5);

@@ -4,7 +4,7 @@
 //! offset, tiny, huge, symmetric, negative; every option of the model file occurs. Every model passes the check.
 
 use rsm_core::model::{
-    Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term,
+    Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term, Wave,
 };
 
 /// More terms say nothing new and take long to compile 14 times.
@@ -126,6 +126,7 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
     let mut reciprocal = vec![];
     let mut knots: Vec<Knot> = vec![];
     let mut sigmoids: Vec<Sigmoid> = vec![];
+    let mut waves: Vec<Wave> = vec![];
     for input in &inputs {
         let [low, high] = input.range;
         let symmetric = low == -high;
@@ -143,6 +144,11 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
             let (at, width) = (low + (high - low) * random.between(-0.2, 1.2), (high - low) * random.between(0.02, 1.0));
             sigmoids.push(Sigmoid { input: input.name.clone(), at, width });
         }
+        let is_plain = !reciprocal.contains(&input.name) && !symmetry.iter().any(|(name, _)| *name == input.name);
+        if random.below(6) == 0 && is_plain && input.outside == Outside::Clamp {
+            let (period, order) = ((high - low) * random.between(1.0, 2.0), 1 + random.below(40) as u32);
+            waves.push(Wave { input: input.name.clone(), period, order });
+        }
     }
     // Far from 0 the middle of a narrow range may round onto a bound.
     knots.retain(|knot| {
@@ -150,7 +156,7 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
     });
     let scale = [1.0, 1.0, 1e3, 1e-9, 1e12][random.below(5)];
     let odd: Vec<bool> = inputs.iter().map(|input| symmetry.contains(&(input.name.clone(), Symmetry::Odd))).collect();
-    let mut powers = monomials(inputs.len() + knots.len() + sigmoids.len(), order);
+    let mut powers = monomials(inputs.len() + knots.len() + sigmoids.len() + 2 * waves.len(), order);
     for powers in &mut powers {
         for (k, _) in odd.iter().enumerate().filter(|(_, odd)| **odd) {
             powers[k] = powers[k].max(1);
@@ -179,6 +185,7 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
         symmetry,
         knots,
         sigmoids,
+        waves,
         reciprocal,
         terms,
         support,

@@ -3,7 +3,7 @@
 //! In: a [`Specification`] of the right shape. Out: faults. Rules that need the ranges run twice: here for those that are
 //! written down, and in the fit for those that come from the data.
 
-use rsm_core::model::Symmetry;
+use rsm_core::model::{Outside, Symmetry};
 use rsm_core::names;
 use rsm_core::source::Collector;
 
@@ -65,6 +65,20 @@ fn check_inputs(specification: &Specification, faults: &mut Collector) {
             let what = format!("input `{}`: `range`: low {low} is not below high {high}", input.name);
             let fault = specification.fault(&format!("{path}.range"), what);
             faults.push(if low > high { fault.help(format!("give the range as [{high}, {low}]")) } else { fault });
+        }
+        if let Some(period) = input.period {
+            let place = format!("{path}.period");
+            let who = format!("input `{}`", input.name);
+            if input.outside == Outside::Extrapolate {
+                let fault = specification.fault(&place, format!("{who}: `period`, and outside = \"extrapolate\""));
+                faults.push(fault.help("a wave is known over one period only: use outside = \"clamp\""));
+            }
+            if let Some([low, high]) = input.range
+                && high - low > period
+            {
+                let what = format!("{who}: the range from {low} to {high} is wider than the period {period}");
+                faults.push(specification.fault(&place, what).help("give the input a range of one period at most"));
+            }
         }
     }
     if inputs.is_empty() && !specification.places.has_broken_under("inputs") {
