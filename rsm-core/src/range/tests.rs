@@ -32,9 +32,10 @@ fn assert_extent(surface: &Surface, inputs: &[Input], found: &Extent, tolerance:
 }
 
 #[test]
-fn a_surface_with_sigmoids_is_enclosed_closely_and_its_extremes_are_where_they_are_told() {
+fn a_surface_with_sigmoids_or_waves_is_enclosed_closely_and_its_extremes_are_where_they_are_told() {
     // Narrow, wide, with a hinge, with symmetry: against a grid of 801 or 161 x 161 points, which misses the extremes by less than a part of 10^3.
     let texts = [
+        "inputs = [\"x\"]\nwaves = [{ input = \"x\", period = 2.5, order = 7 }]\nterms = [{ powers = [1, 0, 0], coefficient = 0.3 }, { powers = [0, 1, 0], coefficient = 1.0 }, { powers = [1, 0, 1], coefficient = 0.5 }]",
         "inputs = [\"x\"]\nsigmoids = [{ input = \"x\", at = 0.3, width = 0.02 }]\nterms = [{ powers = [1, 0], coefficient = -3.0 }, { powers = [0, 1], coefficient = 1.0 }, { powers = [2, 1], coefficient = 0.5 }]",
         "inputs = [\"x\"]\nsymmetry = { x = \"odd\" }\nsigmoids = [{ input = \"x\", at = 0.2, width = 0.1 }]\nterms = [{ powers = [1, 0], coefficient = -1.0 }, { powers = [0, 2], coefficient = 1.0 }]",
         "inputs = [\"x\", \"y\"]\nknots = [{ input = \"y\", at = 2.0 }]\nsigmoids = [{ input = \"x\", at = -0.5, width = 0.2 }, { input = \"y\", at = 1.0, width = 1.5 }]\n\
