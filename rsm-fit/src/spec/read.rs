@@ -156,8 +156,7 @@ fn read_period(path: &str, reader: &mut TableReader<'_>, places: &mut Places, fa
     };
     let found = found.filter(|period| *period > 0.0 && period.is_finite());
     if found.is_none() {
-        let fault =
-            reader.fault(span, "`period`: expected a number above 0, or a text such as \"2*pi\" or \"pi/6\"".to_string());
+        let fault = reader.fault(span, "`period`: expected a number above 0, or a text such as \"2*pi\" or \"pi/6\"");
         faults.push(fault.help("in the unit of the input; for a column of turns, 1"));
     }
     found.map(Some)
