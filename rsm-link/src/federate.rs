@@ -103,11 +103,12 @@ fn start(library: &'static Library, role: Role, wish: &Wish) -> (Arc<Shared>, st
     let worker = std::thread::spawn(move || {
         let result = join(library, role, &wish).and_then(|(federate, ends)| {
             let result = take_part(&federate, role, &wish, &ends, &known);
-            match &result {
-                Ok(()) => federate.disconnect(),
-                // All others would wait for this one. After an error of the library this does nothing.
-                Err(words) => federate.fail(words),
+            // All others would wait for this one. After an error too: the broker would wait for it, until its heartbeats say that it is gone.
+            if let Err(words) = &result {
+                known.with(|done| done.lost = Some(words.clone()));
+                federate.fail(words);
             }
+            federate.disconnect();
             result
         });
         if !known.over.load(Ordering::Acquire) {
@@ -121,8 +122,14 @@ fn start(library: &'static Library, role: Role, wish: &Wish) -> (Arc<Shared>, st
 fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> Done {
     /// A hundredth of the shortest silence that makes sense.
     const LOOK: Duration = Duration::from_millis(10);
+    /// Leaving takes so long at most, after an error of which nobody knows what it has left of the library.
+    const LEAVE: Duration = Duration::from_millis(500);
+    let mut failed: Option<Instant> = None;
     let lost = loop {
         if worker.is_finished() {
+            break None;
+        }
+        if shared.with(|done| done.lost.is_some()) && failed.get_or_insert_with(Instant::now).elapsed() > LEAVE {
             break None;
         }
         let now = shared.start.elapsed();

@@ -252,7 +252,7 @@ impl Library {
             Core::Ipc => format!("--local_interface={}", queue(address)),
             _ => format!("--local_interface={} --port={}", address.host, address.port),
         };
-        let options = text(&format!("--federates={federates} {place} {HEARTBEAT} --loglevel=no_print"));
+        let options = text(&format!("--federates={federates} {place} {HEARTBEAT} --terminate_on_error --loglevel=no_print"));
         let handle = checked!(self.functions.create_broker, kind.as_ptr(), name.as_ptr(), options.as_ptr())?;
         let broker = Broker { library: self, handle };
         if broker.is_connected() { Ok(broker) } else { Err(format!("no broker can listen on {address}")) }
