@@ -10,6 +10,11 @@ pub(crate) fn quick() -> std::process::Command {
     judge("debug", "judge", &["--quick"])
 }
 
+/// Records as benches make them, of sound plants: noise of every kind, data that a logger spoiled. Half a second to two a case, with short records.
+pub(crate) fn quick_of_bench(family: &str) -> std::process::Command {
+    judge("debug", "judge", &["--family", family, "--rows", "1500"])
+}
+
 /// The same of surfaces: every cause once, and a few of each further family.
 pub(crate) fn quick_surfaces() -> std::process::Command {
     judge("debug", "surfaces", &["--quick"])

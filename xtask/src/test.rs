@@ -60,6 +60,8 @@ pub(crate) fn run() -> bool {
         .command("programs", programs())
         // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())
+        .command("noise of benches", hidden_effects::quick_of_bench("noise"))
+        .command("data of benches", hidden_effects::quick_of_bench("data"))
         .command("hidden in surfaces", hidden_effects::quick_surfaces())
         // Do the tests notice what they are there for? A sample; all of it is `cargo xtask mutants`.
         .command("mutants", mutants::quick())
