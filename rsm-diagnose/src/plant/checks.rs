@@ -27,9 +27,6 @@ const GONE: f64 = 1e-3;
 /// A channel that has one value from a row to the end hangs there, whatever the value, where that is this part of the record.
 const STAYS: usize = 4;
 
-/// A channel that hung goes on where the plant has come to meanwhile: so many times as far as from row to row in the middle. Normal noise moves three times as far once in a hundred rows.
-const LEAVES: f64 = 6.0;
-
 /// Readings below a limit for fewer rows than this stand between two that were clipped by noise, not by another motion: noise of a signal at the limit passes it in half of the rows, and 2^-20 of such times are longer.
 const BETWEEN_CLIPPED: usize = 20;
 
@@ -129,7 +126,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             if row - first >= STUCK || (extreme && row - first >= STUCK / 2) {
                 // A limit is left again; what stays to the end of the record, for a good part of it, hangs.
                 let stays = row == rows && row - first >= rows / STAYS;
-                if extreme && !stays && !hangs(values, first..row) {
+                if extreme && !stays {
                     limits.push(values[first]);
                 } else {
                     findings.push(finding(&channel, "stuck", (first, row - 1)));
@@ -167,14 +164,6 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
         in_file(prepared, &mut findings);
     }
     findings
-}
-
-/// Whether a channel hangs at its extreme: it is there once, and leaves it by a jump. A limit is left as the signal moves.
-fn hangs(values: &[f64], run: std::ops::Range<usize>) -> bool {
-    let Some(after) = values.get(run.end) else { return false };
-    let once = values.iter().filter(|value| **value == values[run.start]).count() == run.len();
-    let mut moves: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|size| *size > 0.0).collect();
-    once && (after - values[run.start]).abs() > LEAVES * median(&mut moves)
 }
 
 /// First and last rows of the times in which a channel is at a limit. Noise decides beside it which readings pass the limit: those that do not are no sample of the truth, so short times between two such readings belong to it.
@@ -409,13 +398,6 @@ mod tests {
     fn a_spike_a_hanging_channel_and_a_clipped_one_are_found_where_they_are() {
         let spike = found(|k, values| values[2] += if k == 77 { 5.0 } else { 0.0 });
         assert_eq!(spike, vec![("speed".to_string(), "jump", (77, 77))]);
-        // At its largest reading, which it has once: a limit would be left gently.
-        let highest = found(|k, values| {
-            if (100..140).contains(&k) {
-                values[2] = 130.0;
-            }
-        });
-        assert_eq!(highest, vec![("speed".to_string(), "stuck", (100, 139))]);
         let stuck = found(|k, values| {
             if (100..140).contains(&k) {
                 values[2] = 100.01;
