@@ -88,26 +88,26 @@ struct Cell {
     is_partly: bool,
 }
 
-/// A cell in the queue: the one with the least lower bound comes first.
-struct Queued {
-    bound: f64,
-    cell: Cell,
+/// A cell in the queue of a branch and bound: the one with the least lower bound comes first.
+pub(crate) struct Queued<C> {
+    pub(crate) bound: f64,
+    pub(crate) cell: C,
 }
 
-impl PartialEq for Queued {
+impl<C> PartialEq for Queued<C> {
     // mutant `body to true`: `Ord` asks for it, a heap never calls it.
     // mutant `body to false`: likewise.
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
-impl Eq for Queued {}
-impl PartialOrd for Queued {
+impl<C> Eq for Queued<C> {}
+impl<C> PartialOrd for Queued<C> {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
-impl Ord for Queued {
+impl<C> Ord for Queued<C> {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         other.bound.total_cmp(&self.bound)
     }

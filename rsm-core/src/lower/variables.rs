@@ -107,24 +107,25 @@ impl<'a> Variables<'a> {
         if let Some(known) = &self.lowered[factor] {
             return known.clone();
         }
+        let lowered = self.made(tape, factor);
+        self.lowered[factor] = Some(lowered.clone());
+        lowered
+    }
+
+    fn made(&mut self, tape: &mut TapeBuilder, factor: usize) -> Lowered {
         let Factor { input, variable, shape } = self.factors[factor];
         let xi = self.seen(tape, input);
         let hinge = match shape {
             Shape::Itself => None,
             Shape::Hinge { at } => Some(at),
             Shape::Sigmoid { at, width, is_symmetric } => {
-                let value = self.sigmoid(tape, input, xi, at, width, is_symmetric);
-                let lowered = Lowered { value, scale: integer(1) };
-                self.lowered[factor] = Some(lowered.clone());
-                return lowered;
+                return Lowered { value: self.sigmoid(tape, input, xi, at, width, is_symmetric), scale: integer(1) };
             }
             Shape::Wave { low, high, period, order, is_sine } => {
                 let middle = (exact(low) + exact(high)) / integer(2);
                 let wave = Waves { input, xi, middle, period };
-                let value = self.wave(tape, &wave, if is_sine { Wavelet::Sine(order) } else { Wavelet::Cosine(order) });
-                let lowered = Lowered { value, scale: integer(1) };
-                self.lowered[factor] = Some(lowered.clone());
-                return lowered;
+                let step = if is_sine { Wavelet::Sine(order) } else { Wavelet::Cosine(order) };
+                return Lowered { value: self.wave(tape, &wave, step), scale: integer(1) };
             }
         };
         let scale = scale(variable, hinge);
@@ -160,9 +161,7 @@ impl<'a> Variables<'a> {
                 if scale < integer(0) { tape.at_most(value, zero) } else { tape.at_least(value, zero) }
             }
         };
-        let lowered = Lowered { value, scale };
-        self.lowered[factor] = Some(lowered.clone());
-        lowered
+        Lowered { value, scale }
     }
 
     /// Whether a factor is finite whatever its argument is, NaN apart.

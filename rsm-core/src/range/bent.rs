@@ -11,7 +11,7 @@ use std::collections::{BinaryHeap, HashMap};
 use std::f64::consts::TAU;
 
 use crate::basis::{Factor, Shape};
-use crate::bernstein::{self, Monomial};
+use crate::bernstein::{self, Monomial, Queued};
 use crate::elementary::{self, Function};
 use crate::interval::Interval;
 use crate::model::Surface;
@@ -31,29 +31,6 @@ const TIGHT_ENOUGH: f64 = 1e-5;
 struct Line {
     c: Interval,
     b: Interval,
-}
-
-/// A cell in the queue: the one with the least lower bound comes first.
-struct Queued {
-    bound: f64,
-    cell: Vec<[f64; 2]>,
-}
-
-impl PartialEq for Queued {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-impl Eq for Queued {}
-impl PartialOrd for Queued {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Queued {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        other.bound.total_cmp(&self.bound)
-    }
 }
 
 /// The extent over a piece.

@@ -9,8 +9,9 @@ use super::checks::Finding;
 use super::levenberg::Fit;
 use super::prepared::Prepared;
 use super::tails::{deviation, off_neighbours};
+use super::taming::less;
 use super::validation;
-use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use super::whitened_residuals::WhitenedResiduals;
 use crate::engine::significance::median;
 
 /// What a finding says.
@@ -128,7 +129,7 @@ pub(super) fn leave_out(
         let mut holding: Vec<(&mut Prepared, usize, Vec<f64>)> = Vec::new();
         for (prepared, simulated) in records {
             if let Some(k) = prepared.outputs.iter().position(|it| *it == output) {
-                let left = left_of(prepared, k, simulated);
+                let left = less(prepared.measured(k), &simulated[k]);
                 holding.push((prepared, k, left));
             }
         }
@@ -150,10 +151,6 @@ pub(super) fn leave_out(
         }
     }
     any
-}
-
-fn left_of(prepared: &Prepared, k: usize, simulated: &Simulated) -> Vec<f64> {
-    prepared.measured(k).iter().zip(&simulated[k]).map(|(measured, value)| measured - value).collect()
 }
 
 #[cfg(test)]

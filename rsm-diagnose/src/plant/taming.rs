@@ -111,7 +111,8 @@ pub(super) fn tamed(mut unseen: WhitenedResiduals, model: &Model) -> WhitenedRes
     unseen
 }
 
-fn less(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
+/// What a simulation leaves of readings.
+pub(super) fn less(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
     measured.iter().zip(simulated).map(|(measured, simulated)| measured - simulated).collect()
 }
 

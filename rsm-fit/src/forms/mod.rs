@@ -7,11 +7,13 @@
 mod sigmoids;
 mod waves;
 
+use nalgebra::DVector;
 use rsm_core::model::{Input, Sigmoid, Surface, Wave};
 
 use crate::dd::Dd;
 use crate::design::{self, Design};
 use crate::qr::Growing;
+use crate::random::Random;
 use crate::search::Searcher;
 use crate::selection::{Sample, Selection};
 use crate::spec::{Form, Method};
@@ -35,6 +37,19 @@ const MOST_INPUTS: usize = 4;
 
 /// So many candidate terms at most: two operations each, and seven or eight a sigmoid, are some 150.
 const MOST_CANDIDATES: usize = 52;
+
+/// A draw of rows, at most so many, with the roots of their weights and their responses times these.
+fn drawn(sample: &Sample, most: usize) -> (Vec<usize>, Vec<f64>, DVector<f64>) {
+    let mut picked: Vec<usize> = (0..sample.rows()).collect();
+    if picked.len() > most {
+        Random::new(5).shuffle(&mut picked);
+        picked.truncate(most);
+    }
+    let roots: Vec<f64> = picked.iter().map(|row| sample.weights.get(*row).map_or(1.0, |weight| weight.sqrt())).collect();
+    let response =
+        DVector::from_iterator(picked.len(), picked.iter().zip(&roots).map(|(row, root)| sample.response[*row] * root));
+    (picked, roots, response)
+}
 
 /// A response whose form is chosen.
 pub(crate) struct Forms<'a> {

@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use rsm_core::basis::{Factor, Shape};
 use rsm_core::model::{Input, Sigmoid, Surface};
 
+use super::drawn;
 use crate::design;
-use crate::random::Random;
 use crate::selection::Sample;
 
 /// Sigmoids of one input, at most.
@@ -179,11 +179,7 @@ impl Search<'_> {
     }
 
     fn rows(&self, sample: &Sample) -> Rows {
-        let mut picked: Vec<usize> = (0..sample.rows()).collect();
-        if picked.len() > MOST_ROWS {
-            Random::new(5).shuffle(&mut picked);
-            picked.truncate(MOST_ROWS);
-        }
+        let (picked, roots, response) = drawn(sample, MOST_ROWS);
         let factors = Factor::all(self.surface, self.inputs);
         let of = |column: &[f64]| picked.iter().map(|row| column[*row]).collect::<Vec<f64>>();
         let natural: Vec<Vec<f64>> = sample.columns.iter().map(|column| of(column)).collect();
@@ -191,9 +187,6 @@ impl Search<'_> {
         let point = |row: usize| natural.iter().map(|column| column[row]).collect::<Vec<f64>>();
         let is_negated = |row: usize| rsm_core::basis::is_negated(self.surface, self.inputs, &point(row));
         let signs: Vec<f64> = (0..picked.len()).map(|row| if is_negated(row) { -1.0 } else { 1.0 }).collect();
-        let roots: Vec<f64> = picked.iter().map(|row| sample.weights.get(*row).map_or(1.0, |weight| weight.sqrt())).collect();
-        let response =
-            DVector::from_iterator(picked.len(), picked.iter().zip(&roots).map(|(row, root)| sample.response[*row] * root));
         let seen = |(input, column): (&Input, &Vec<f64>)| match self.surface.is_symmetric(&input.name) {
             true => column.iter().map(|xi| xi.abs()).collect(),
             false => column.clone(),

@@ -8,8 +8,8 @@ use nalgebra::DVector;
 use rsm_core::basis::Factor;
 use rsm_core::model::{Input, Surface, Wave};
 
+use super::drawn;
 use crate::design;
-use crate::random::Random;
 use crate::selection::Sample;
 
 /// The highest order that is tried.
@@ -37,14 +37,8 @@ pub(super) struct Search<'a> {
 impl Search<'_> {
     /// The surface with the waves that stand above the noise; none where there is none.
     pub(super) fn run(&self, sample: &Sample) -> Option<Surface> {
-        let mut picked: Vec<usize> = (0..sample.rows()).collect();
-        if picked.len() > MOST_ROWS {
-            Random::new(5).shuffle(&mut picked);
-            picked.truncate(MOST_ROWS);
-        }
+        let (picked, roots, mut rest) = drawn(sample, MOST_ROWS);
         let count = picked.len();
-        let roots: Vec<f64> = picked.iter().map(|row| sample.weights.get(*row).map_or(1.0, |weight| weight.sqrt())).collect();
-        let mut rest = DVector::from_iterator(count, picked.iter().zip(&roots).map(|(row, root)| sample.response[*row] * root));
         // Powers of the inputs that have no period.
         let factors = Factor::all(self.surface, self.inputs);
         let is_periodic = |factor: &Factor| self.periods[factor.input].is_some();
@@ -64,9 +58,8 @@ impl Search<'_> {
         }
         let limit = HIGHEST.min(u32::try_from(count / ROWS_PER_ORDER).unwrap_or(HIGHEST));
         let mut candidates: Vec<(Wave, [DVector<f64>; 2])> = Vec::new();
-        for (input, period) in self.inputs.iter().zip(self.periods) {
+        for (k, (input, period)) in self.inputs.iter().zip(self.periods).enumerate() {
             let Some(period) = *period else { continue };
-            let k = self.inputs.iter().position(|other| other.name == input.name)?;
             let middle = input.range[0] / 2.0 + input.range[1] / 2.0;
             for order in 1..=limit {
                 let angle = |row: usize| std::f64::consts::TAU * f64::from(order) * (sample.columns[k][row] - middle) / period;
