@@ -22,9 +22,15 @@ pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Op
     }
     let factors = Factor::all(surface, inputs);
     let values: Vec<Rational> = factors.iter().map(|factor| factor.value(seen[factor.input].clone())).collect();
+    // Terms share powers, and those of a sigmoid or a wave have thousands of digits.
+    let highest = |k: usize| surface.terms.iter().map(|term| term.powers[k] as usize).max().unwrap_or(0);
+    let powers_of = |(k, value): (usize, &Rational)| -> Vec<Rational> {
+        std::iter::successors(Some(exact(1.0)), |power| Some(power * value)).take(highest(k) + 1).collect()
+    };
+    let powers: Vec<Vec<Rational>> = values.iter().enumerate().map(powers_of).collect();
     let sum = surface.terms.iter().fold(zero, |sum, term| {
-        let product = term.powers.iter().zip(&values).map(|(power, value)| basis::power(value, *power));
-        sum + product.fold(exact(term.coefficient), |product, power| product * power)
+        let raised = term.powers.iter().zip(&powers).map(|(power, of)| &of[*power as usize]);
+        sum + raised.fold(exact(term.coefficient), |product, power| product * power)
     });
     Some(if basis::is_negated(surface, inputs, point) { -sum } else { sum })
 }
@@ -45,12 +51,17 @@ pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Op
 /// ```
 #[must_use]
 pub fn value(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<Rational> {
-    let y = polynomial(surface, inputs, point)?;
-    Some(match surface.output_range {
+    Some(saturated(surface, polynomial(surface, inputs, point)?))
+}
+
+/// What `output_range` makes of a value of the polynomial.
+#[must_use]
+pub fn saturated(surface: &Surface, y: Rational) -> Rational {
+    match surface.output_range {
         Some([low, _]) if y < exact(low) => exact(low),
         Some([_, high]) if y > exact(high) => exact(high),
         _ => y,
-    })
+    }
 }
 
 /// A tape executed without rounding, its constants as they were before rounding. `None` on a division by zero, and where the tape has an
