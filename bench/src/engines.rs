@@ -6,7 +6,7 @@
 use std::time::Instant;
 
 use rsm_core::source::{Fault, Faults, Source};
-use rsm_sim::equations::{EquationFile, Inputs, Lane, Lanes, Machine, Method, Setting, Signals};
+use rsm_sim::equations::{By, EquationFile, Inputs, Lane, Lanes, Machine, Method, Sensitive, Setting, Signals};
 use rsm_sim::record::Record;
 use rsm_sim::schema;
 use rsm_sim::simulate::Simulator;
@@ -112,6 +112,85 @@ impl Text {
             }
         });
         (lanes * self.signals.time.len()) as f64 / seconds
+    }
+
+    /// Up to so many parameters that move an output, as far as the plant has as many: their derivatives are asked for.
+    ///
+    /// # Panics
+    /// When a run ends early.
+    #[must_use]
+    pub fn parameters(&self, most: usize) -> Vec<String> {
+        let own = self.outputs(1e-4);
+        let moves = |(name, value): &(String, f64)| {
+            let mut machine = self.machine.clone();
+            if *value == 0.0 || machine.set(name, value * 1.01).is_err() {
+                return false;
+            }
+            let lane = self.lane_of(&mut machine);
+            let setting = Setting { method: Method::Automatic, tolerance: 1e-4 };
+            let found = Lanes::new(&self.machine).run(&[lane], self.inputs(), setting).remove(0);
+            found.is_ok_and(|found| found.iter().zip(&own).any(|(a, b)| *a != b.1))
+        };
+        let all = self.machine.parameters().into_iter().map(|it| (it.0, it.2));
+        all.filter(|it| !it.0.starts_with("record_")).filter(moves).map(|it| it.0).take(most).collect()
+    }
+
+    fn lane_of(&self, machine: &mut Machine) -> Lane {
+        let first: Vec<f64> = self.signals.inputs.iter().map(|it| it[0]).collect();
+        let (given, recorded) = self.signals.start(&self.file, machine);
+        let start = machine.start_along(&self.file, self.signals.time[0], &first, &given, &recorded);
+        Lane::new(machine, start.unwrap_or_else(|faults| panic!("{faults}")))
+    }
+
+    /// Seconds of the derivatives by some parameters along the record: exact; by differences of one run a parameter and one more, one by one and in lanes; the largest difference of both, as a share of a derivative's size.
+    ///
+    /// # Panics
+    /// When a run ends early.
+    #[must_use]
+    pub fn sensitivities(&self, names: &[String], tolerance: f64) -> [f64; 4] {
+        let mut machine = self.machine.clone();
+        let first: Vec<f64> = self.signals.inputs.iter().map(|it| it[0]).collect();
+        let (given, recorded) = self.signals.start(&self.file, &machine);
+        let known = [&given, &recorded].map(|list| list.iter().map(|it| it.name.clone()).collect::<Vec<String>>());
+        let values: Vec<f64> = given.iter().chain(&recorded).map(|it| it.value).collect();
+        let starts = machine.starts(&self.file, &known[0], &known[1]).unwrap_or_else(|faults| panic!("{faults}"));
+        let by: Vec<By> = names.iter().map(|name| By::Parameter(name.clone())).collect();
+        let of = Sensitive::new(&machine, &starts, self.signals.time[0], &first, &values, &by);
+        let of = of.unwrap_or_else(|faults| panic!("{faults}"));
+        let setting = Setting { method: Method::Automatic, tolerance };
+        let mut code = Lanes::new(&self.machine);
+        let mut exact = None;
+        let own =
+            shortest(|| exact = Some(code.sensitivities(&of, self.inputs(), setting).unwrap_or_else(|it| panic!("{it}"))));
+        let mut lanes = vec![self.lane.clone()];
+        let mut steps = Vec::new();
+        for name in names {
+            let value = machine.parameters().iter().find(|it| it.0 == *name).map_or(f64::NAN, |it| it.2);
+            steps.push(1e-5 * value);
+            machine.set(name, value + 1e-5 * value).unwrap_or_else(|faults| panic!("{faults}"));
+            lanes.push(self.lane_of(&mut machine));
+            machine.set(name, value).unwrap_or_else(|faults| panic!("{faults}"));
+        }
+        let mut found = Vec::new();
+        let side_by_side = shortest(|| found = code.run(&lanes, self.inputs(), setting));
+        let one_by_one = shortest(|| {
+            for lane in &lanes {
+                code.run(std::slice::from_ref(lane), self.inputs(), setting).remove(0).unwrap_or_else(|it| panic!("{it}"));
+            }
+        });
+        let found: Vec<Vec<Vec<f64>>> = found.into_iter().map(|it| it.unwrap_or_else(|it| panic!("{it}"))).collect();
+        let exact = exact.map_or_else(Vec::new, |it| it.derivatives);
+        let mut worst = 0.0_f64;
+        for (k, step) in steps.iter().enumerate() {
+            for (output, derivative) in exact[k].iter().enumerate() {
+                let size = derivative.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
+                for (row, derivative) in derivative.iter().enumerate().filter(|_| size > 0.0) {
+                    let difference = (found[k + 1][output][row] - found[0][output][row]) / step;
+                    worst = worst.max((difference - derivative).abs() / size);
+                }
+            }
+        }
+        [own, one_by_one, side_by_side, worst]
     }
 
     /// Seconds from the plant file to the first row.

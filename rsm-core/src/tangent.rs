@@ -95,13 +95,87 @@ pub fn write(builder: &mut TapeBuilder, tape: &Tape, inputs: &[Reg], states: &[R
     let mut derivatives = vec![Vec::with_capacity(variables.len()); results.len()];
     for variable in variables {
         let mut forward = Forward { tape, builder, places: &places, slopes: vec![Slope::ZERO; tape.ops.len()] };
-        forward.run(*variable, &wanted);
+        forward.run(&Direction::Of(*variable), &wanted);
         for (list, result) in derivatives.iter_mut().zip(&results) {
             let slope = forward.slopes[result.0 as usize].clone();
             list.push(forward.register(&slope));
         }
     }
     Written { values: results.iter().map(|reg| places[reg.0 as usize]).collect(), derivatives }
+}
+
+/// The tape of the derivatives of all results along one direction that is given when it runs.
+///
+/// Its inputs are those of the tape, then one for each input that is named: how fast that one moves. Inputs that are not named stand still. Its results are how fast each result moves, `d RESULT`. So one tape serves for every
+/// direction, and many directions run side by side in the lanes of one pass.
+///
+/// # Panics
+/// When the tape keeps states, or has no such input.
+///
+/// ```
+/// use rsm_core::number::Precision;
+/// use rsm_core::run::Interpreter;
+/// use rsm_core::tangent;
+/// use rsm_core::tape::TapeBuilder;
+///
+/// let mut tape = TapeBuilder::sharing(Precision::F64);
+/// let (x, y) = (tape.input(0), tape.input(1));
+/// let square = tape.multiply(x, x);
+/// let product = tape.multiply(square, y);
+/// let tape = tape.finish("z", vec!["x".to_string(), "y".to_string()], product);
+///
+/// let along = tangent::along(&tape, &[0, 1]);
+/// assert_eq!(along.inputs, ["x", "y", "d x", "d y"]);
+/// let moved = Interpreter::<f64>::new(&along).eval(&[3.0, 5.0, 1.0, -2.0]);
+/// assert_eq!(moved, 2.0 * 3.0 * 5.0 - 2.0 * 9.0); // 2 x y dx + x^2 dy
+/// ```
+#[must_use]
+pub fn along(tape: &Tape, moving: &[usize]) -> Tape {
+    assert!(tape.states.is_empty(), "only a function of its inputs has a derivative along a direction");
+    let mut builder = TapeBuilder::sharing(tape.precision);
+    let count = tape.inputs.len();
+    let inputs: Vec<Reg> = (0..count as u32).map(|port| builder.input(port)).collect();
+    let mut speeds = vec![None; count];
+    for (k, port) in moving.iter().enumerate() {
+        assert!(*port < count, "input {port} is not of the tape");
+        speeds[*port] = Some(builder.input((count + k) as u32));
+    }
+    let places = builder.transcribe(tape, &inputs, &[]);
+    let mut forward = Forward { tape, builder: &mut builder, places: &places, slopes: vec![Slope::ZERO; tape.ops.len()] };
+    forward.run(&Direction::Along(&speeds), &wanted(tape));
+    let slopes: Vec<Slope> = tape.outputs.iter().map(|output| forward.slopes[output.reg.0 as usize].clone()).collect();
+    let outputs: Vec<(String, Reg)> = tape
+        .outputs
+        .iter()
+        .zip(&slopes)
+        .map(|(output, slope)| (format!("d {}", output.name), forward.register(slope)))
+        .collect();
+    let names = tape.inputs.iter().cloned().chain(moving.iter().map(|port| format!("d {}", tape.inputs[*port])));
+    builder.finish_with_results(format!("{}_along", tape.name), names.collect(), outputs, [] as [(String, Reg); 0])
+}
+
+/// By what a pass differentiates.
+enum Direction<'a> {
+    /// One variable.
+    Of(Variable),
+    /// By input: the register of how fast it moves; `None`: it stands still.
+    Along(&'a [Option<Reg>]),
+}
+
+impl Direction<'_> {
+    fn of_input(&self, port: usize) -> Slope {
+        match self {
+            Direction::Of(variable) => Slope::number(integer(i64::from(*variable == Variable::Input(port)))),
+            Direction::Along(speeds) => speeds[port].map_or(Slope::ZERO, |reg| Slope::of(Factor::Register(reg))),
+        }
+    }
+
+    fn of_state(&self, state: usize) -> Slope {
+        match self {
+            Direction::Of(variable) => Slope::number(integer(i64::from(*variable == Variable::State(state)))),
+            Direction::Along(_) => Slope::ZERO,
+        }
+    }
 }
 
 /// The row that ends in a register.
@@ -168,23 +242,23 @@ struct Forward<'a> {
 }
 
 impl Forward<'_> {
-    fn run(&mut self, variable: Variable, wanted: &[bool]) {
+    fn run(&mut self, direction: &Direction<'_>, wanted: &[bool]) {
         for (reg, op) in self.tape.iter().filter(|(reg, _)| wanted[reg.0 as usize]) {
             let slope = match (row_at(self.tape, reg), op) {
                 (Some(row), _) => self.computed(row),
-                (None, op) => self.operation(reg, op, variable),
+                (None, op) => self.operation(reg, op, direction),
             };
             self.slopes[reg.0 as usize] = slope;
         }
     }
 
-    fn operation(&mut self, reg: Reg, op: &Op, variable: Variable) -> Slope {
+    fn operation(&mut self, reg: Reg, op: &Op, direction: &Direction<'_>) -> Slope {
         let slope = |it: &Self, reg: Reg| it.slopes[reg.0 as usize].clone();
         let place = |it: &Self, reg: Reg| it.places[reg.0 as usize];
         match *op {
             Op::Constant(_) | Op::Less(..) | Op::Exponent(_) | Op::PowerOfTwo(_) => Slope::ZERO,
-            Op::Input(port) => Slope::number(integer(i64::from(variable == Variable::Input(port.0 as usize)))),
-            Op::State(state) => Slope::number(integer(i64::from(variable == Variable::State(state.0 as usize)))),
+            Op::Input(port) => direction.of_input(port.0 as usize),
+            Op::State(state) => direction.of_state(state.0 as usize),
             Op::Negate(a) => self.negated(slope(self, a)),
             Op::Absolute(a) => {
                 let of_a = slope(self, a);

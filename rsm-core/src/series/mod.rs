@@ -14,6 +14,7 @@ mod tests;
 
 use std::collections::HashMap;
 
+use crate::elementary::Computed;
 use crate::number::{exact, integer};
 use crate::tape::{Op, Reg, Tape, TapeBuilder};
 
@@ -208,7 +209,7 @@ impl Series {
         needed
     }
 
-    fn row(&self, reg: Reg) -> Option<crate::elementary::Computed> {
+    fn row(&self, reg: Reg) -> Option<Computed> {
         let place = self.rates.computed.binary_search_by_key(&reg, |row| row.result).ok()?;
         self.rates.computed.get(place).cloned()
     }
@@ -287,9 +288,18 @@ impl Writing<'_> {
         if order == 0 {
             for row in self.series.rates.computed.clone() {
                 if self.series.needed[row.result.0 as usize] {
+                    self.mark(&row);
                     self.first_helpers(&row);
                 }
             }
+        }
+    }
+
+    /// Says which operations are a function: a tangent of this part differentiates the function, not its rows.
+    fn mark(&mut self, row: &Computed) {
+        let arguments: Option<Vec<Reg>> = row.arguments.iter().map(|reg| self.get(reg.0, 0)).collect();
+        if let (Some(arguments), Some(result)) = (arguments, self.get(row.result.0, 0)) {
+            self.builder.mark(Computed { function: row.function, arguments, result });
         }
     }
 

@@ -125,6 +125,7 @@ impl<const L: usize> Walk<'_, L> {
             }
             // Behind an instant of a sample, conditions are taken once more without it: the next one rises again.
             if !changed && !is_due {
+                self.carry_on();
                 return Ok(());
             }
             is_due = false;
@@ -157,6 +158,7 @@ impl<const L: usize> Walk<'_, L> {
             return false;
         }
         let Some(results) = self.what_happens() else { return false };
+        self.carry_turn();
         let (states, memories) = (self.layout().states as usize, self.layout().memories as usize);
         let mut changed = false;
         for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {

@@ -2,6 +2,7 @@
 //!
 //! In: a machine; lanes, each with parameters and a start of its own; the inputs at every row. Out: by lane, the outputs at every row, or why it ended. The bits of a lane do not depend on the others.
 
+use super::carried::Along;
 use super::engine::{Method, Setting};
 use super::fixed;
 use super::late::Late;
@@ -12,10 +13,11 @@ use crate::code::{WIDE, Way};
 
 /// A machine as code: compiled once, for any number of runs.
 pub struct Lanes<'m> {
-    machine: &'m Machine,
-    way: Way,
+    pub(super) machine: &'m Machine,
+    pub(super) way: Way,
     alone: Option<Walk<'m, 1>>,
     group: Option<Walk<'m, WIDE>>,
+    pub(super) sensitive: Option<Along<'m>>,
 }
 
 /// Outputs by place in the order of the text: the value at every row.
@@ -25,7 +27,7 @@ impl<'m> Lanes<'m> {
     /// The code of a machine.
     #[must_use]
     pub fn new(machine: &'m Machine) -> Self {
-        Lanes { machine, way: Way::Fastest, alone: None, group: None }
+        Lanes { machine, way: Way::Fastest, alone: None, group: None, sensitive: None }
     }
 
     /// The same by the interpreter of tapes, which gives the same bits: what machine code is compared with.
@@ -192,17 +194,17 @@ pub fn points(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Sett
 }
 
 /// Room for the outputs of a lane.
-fn room(machine: &Machine, inputs: Inputs<'_>) -> Outputs {
+pub(super) fn room(machine: &Machine, inputs: Inputs<'_>) -> Outputs {
     vec![Vec::with_capacity(inputs.time.len()); machine.outputs().len()]
 }
 
 /// The time between the first two rows.
-fn period(inputs: Inputs<'_>) -> f64 {
+pub(super) fn period(inputs: Inputs<'_>) -> f64 {
     inputs.time.windows(2).next().map_or(1.0, |pair| pair[1] - pair[0])
 }
 
 /// The outputs of all lanes at a row.
-fn read<const L: usize>(walk: &mut Walk<'_, L>, row: usize, outputs: &mut [Outputs; L]) -> Result<(), Stopped> {
+pub(super) fn read<const L: usize>(walk: &mut Walk<'_, L>, row: usize, outputs: &mut [Outputs; L]) -> Result<(), Stopped> {
     let found = walk.look();
     let mut place = None;
     for (k, values) in found.iter().enumerate() {

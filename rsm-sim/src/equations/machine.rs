@@ -196,6 +196,11 @@ impl Machine {
         &self.numbers
     }
 
+    /// Instants and delays, from parameters.
+    pub(super) fn following(&self) -> &Computed {
+        &self.following.program
+    }
+
     /// Inputs that follow other signals.
     pub(super) fn followers(&self) -> &[Follower] {
         &self.numbers.followers

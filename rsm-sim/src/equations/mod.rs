@@ -8,6 +8,7 @@
 //! Everything is computed by tapes, in double precision: the same bits on every machine. Inputs hold from row to row.
 
 mod branches;
+mod carried;
 pub mod code;
 mod computed;
 pub mod engine;
@@ -30,8 +31,10 @@ mod programs;
 mod reach;
 pub mod rows;
 mod sampling;
+pub mod sensitivities;
 mod series;
 pub mod signals;
+mod speeds;
 pub mod starts;
 pub mod step;
 mod stiff;
@@ -45,6 +48,7 @@ pub use lanes::{Lanes, run};
 pub use linear::{Linearised, linearise};
 pub use machine::{Machine, Point};
 pub use rows::{Inputs, Stopped};
+pub use sensitivities::{By, Sensitive, Sensitivities};
 pub use signals::Signals;
 pub use starts::Starts;
 pub use step::Step;

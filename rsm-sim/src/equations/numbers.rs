@@ -46,7 +46,7 @@ pub(super) struct Numbers {
 #[derive(Debug, Clone)]
 pub(super) struct Following {
     /// The start and the period of each `sample`, then the delay of each follower, then that of each late reading.
-    program: Computed,
+    pub(super) program: Computed,
     samples: usize,
     followers: Vec<(usize, Followed)>,
     /// By late reading: the output.

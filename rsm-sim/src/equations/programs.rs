@@ -73,11 +73,26 @@ impl Layout {
     }
 }
 
+/// A tape, where its arguments stand, where its results go.
+#[derive(Debug)]
+pub(super) struct Placed {
+    pub tape: Tape,
+    pub arguments: Vec<Slot>,
+    pub results: Vec<Slot>,
+}
+
+impl Placed {
+    fn code(&self, lanes: usize, way: Way) -> Code {
+        Code::new(&self.tape, &self.arguments, &self.results, lanes, way)
+    }
+}
+
 /// A program and the slot of its first result; the others follow.
 #[derive(Debug)]
 pub(super) struct Program {
     pub code: Code,
     pub results: Slot,
+    pub placed: Placed,
 }
 
 /// Some orders of the series.
@@ -86,6 +101,7 @@ pub(super) struct Orders {
     pub code: Code,
     /// The highest order.
     pub order: usize,
+    pub placed: Placed,
 }
 
 /// Everything that runs.
@@ -94,9 +110,9 @@ pub(super) struct Programs {
     pub layout: Layout,
     pub counts: Counts,
     /// Run once, when parameters are set.
-    pub once: Vec<Code>,
+    pub once: Vec<(Code, Placed)>,
     /// Run when inputs, held comparisons or memories change.
-    pub row: Vec<Code>,
+    pub row: Vec<(Code, Placed)>,
     pub rates: Program,
     pub looks: Option<Program>,
     pub sides: Option<Program>,
@@ -108,8 +124,8 @@ pub(super) struct Programs {
     /// The Jacobian: its tape, its first slot, its code, made when it is asked for.
     slopes: (Option<Tape>, Slot, Option<Code>),
     slope_arguments: Vec<Slot>,
-    /// The reduced rates and what their arguments are.
-    reduced: (Tape, Vec<Argument>),
+    /// What the arguments of the rates are.
+    kinds: Vec<Argument>,
     /// Steps that solve exactly what is linear: their slots, their code, made when it is asked for.
     pub block: Block,
     exponential: Option<Exponential>,
@@ -127,8 +143,8 @@ pub(super) struct Programs {
 struct Building {
     layout: Layout,
     next: Slot,
-    once: Vec<Code>,
-    row: Vec<Code>,
+    once: Vec<(Code, Placed)>,
+    row: Vec<(Code, Placed)>,
     lanes: usize,
     way: Way,
 }
@@ -149,11 +165,10 @@ impl Building {
         let Some(held) = held.filter(|it| operations(it) >= worth) else { return (tape.clone(), arguments.to_vec()) };
         let results: Vec<Slot> = (0..held.outputs.len() as Slot).map(|k| self.next + k).collect();
         self.next += results.len() as Slot;
-        let code = (held, arguments.to_vec(), results.clone());
         let all = arguments.iter().chain(&results).copied().collect();
-        let code = Code::new(&code.0, &code.1, &code.2, self.lanes, self.way);
+        let placed = Placed { tape: held, arguments: arguments.to_vec(), results };
         let list = if once { &mut self.once } else { &mut self.row };
-        list.push(code);
+        list.push((placed.code(self.lanes, self.way), placed));
         (rest, all)
     }
 
@@ -163,8 +178,8 @@ impl Building {
         let (tape, arguments) = self.reduced(tape, &arguments, tapes);
         let begin = self.next;
         self.next += tape.outputs.len() as Slot;
-        let results: Vec<Slot> = (begin..self.next).collect();
-        Some(Program { code: Code::new(&tape, &arguments, &results, self.lanes, self.way), results: begin })
+        let placed = Placed { tape, arguments, results: (begin..self.next).collect() };
+        Some(Program { code: placed.code(self.lanes, self.way), results: begin, placed })
     }
 }
 
@@ -200,8 +215,6 @@ impl Programs {
         };
         let begin = building.next;
         building.next += tapes.counts.states as Slot;
-        let results: Vec<Slot> = (begin..building.next).collect();
-        let code = Code::new(&rates, &arguments, &results, lanes, way);
         let kinds: Vec<Argument> = arguments
             .iter()
             .map(|slot| {
@@ -214,24 +227,27 @@ impl Programs {
                 }
             })
             .collect();
+        let placed = Placed { tape: rates, arguments, results: (begin..building.next).collect() };
+        let (code, rates) = (placed.code(lanes, way), &placed.tape);
         let slopes = building.next;
         building.next += tapes.slopes.as_ref().map_or(0, |tape| tape.outputs.len() as Slot);
         let block = Block::new(tapes.counts.states, building.next);
         let common = building.next as usize;
         let free = building.next + block.slots() as Slot;
-        let series = Series::new(&rates, &kinds, layout.step, free);
+        let series = Series::new(rates, &kinds, layout.step, free);
+        let is_held: Vec<bool> = kinds.iter().map(|it| matches!(it, Argument::Held(_))).collect();
         Programs {
             layout,
             counts: tapes.counts,
-            rates: Program { code, results: begin },
+            is_polynomial: is_polynomial(rates, &is_held),
+            rates: Program { code, results: begin, placed },
             looks,
             sides,
             events,
             conditions,
-            is_polynomial: is_polynomial(&rates, &kinds.iter().map(|it| matches!(it, Argument::Held(_))).collect::<Vec<_>>()),
             slopes: (tapes.slopes, slopes, None),
             slope_arguments: layout.arguments_of(tapes.counts, false),
-            reduced: (rates, kinds),
+            kinds,
             block,
             exponential: None,
             series,
@@ -274,8 +290,8 @@ impl Programs {
             let held = self.layout.held..self.layout.memories;
             let is_fixed = |slot: &Slot| parameters.contains(slot) || held.contains(slot);
             let given = Given {
-                rates: &self.reduced.0,
-                arguments: &self.reduced.1,
+                rates: &self.rates.placed.tape,
+                arguments: &self.kinds,
                 slopes: self.slopes.0.as_ref()?,
                 is_fixed: &self.slope_arguments.iter().map(is_fixed).collect::<Vec<bool>>(),
                 step: self.layout.step,
@@ -297,10 +313,10 @@ impl Programs {
         while self.parts.len() <= place {
             let orders = if self.parts.is_empty() { FIRST } else { FURTHER };
             let part = self.series.part(orders);
-            let code = Code::new(&part.tape, &part.arguments, &part.results, self.lanes, self.way);
+            let placed = Placed { tape: part.tape, arguments: part.arguments, results: part.results };
             self.slots = self.slots.max(self.series.free() as usize);
             self.terms = part.terms;
-            self.parts.push(Orders { code, order: part.order });
+            self.parts.push(Orders { code: placed.code(self.lanes, self.way), order: part.order, placed });
         }
         &self.parts[place]
     }

@@ -275,7 +275,9 @@ impl Walk<'_, 1> {
                 });
                 if let Some(bracket) = found {
                     // A step that ends at an event says nothing of the next one's length.
-                    self.locate(&way, (now, h), taken, bracket)?;
+                    let share = self.locate(&way, (now, h), taken, bracket)?;
+                    self.carry_over(&way, share, now)?;
+                    self.carry_event()?;
                     self.grow([true]);
                     return self.not_finite(0).map_or(Ok(true), Err);
                 }
@@ -287,6 +289,7 @@ impl Walk<'_, 1> {
             if let Some(stopped) = self.not_finite(0) {
                 return Err(stopped);
             }
+            self.carry_over(&way, 1.0, now)?;
             self.grow([true]);
             // A step that was cut to end at a row leaves the suggestion as it was, or raises it.
             self.suggestion = [if taken == rest { self.suggestion[0].max(suggestion) } else { suggestion }];
@@ -448,8 +451,20 @@ impl Walk<'_, 1> {
         Some(self.sides_differ() == [true])
     }
 
-    /// Ends a step where the first comparison changes in it: between two shares.
-    fn locate(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, bracket: (f64, f64)) -> Result<(), Stopped> {
+    /// Carries sensitivities over a share of the step that was taken.
+    fn carry_over(&mut self, way: &Way, share: f64, begin: f64) -> Result<(), Stopped> {
+        match way {
+            _ if self.carried.is_none() => Ok(()),
+            Way::Series(tried) => {
+                self.carry_step(*tried, tried.share * share, begin);
+                Ok(())
+            }
+            _ => Err(Stopped::Step(format!("row {}: the solution has no series here, so it has no derivative", self.row + 1))),
+        }
+    }
+
+    /// Ends a step where the first comparison changes in it: between two shares. Out: the share.
+    fn locate(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, bracket: (f64, f64)) -> Result<f64, Stopped> {
         let (mut before, mut after) = bracket;
         self.is_locating = true;
         for _ in 0..HALVINGS {
@@ -466,7 +481,7 @@ impl Walk<'_, 1> {
         }
         let placed = self.inside(way, (now, h), taken, after);
         self.is_locating = false;
-        placed.map(|_| ()).ok_or(Stopped::TooManySteps { row: self.row })
+        placed.map(|_| after).ok_or(Stopped::TooManySteps { row: self.row })
     }
 }
 

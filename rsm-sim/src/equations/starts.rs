@@ -15,17 +15,17 @@ use super::machine::{Machine, Point, TURNS, stand_still};
 pub struct Starts {
     file: String,
     /// From parameters: the starts of memories where the text gives them, of iterated blocks, of what is iterated at the start.
-    first: Computed,
+    pub(super) first: Computed,
     /// By value of `first`: the memory that it is the start of.
-    memories: Vec<usize>,
+    pub(super) memories: Vec<usize>,
     blocks: usize,
     /// From what is known: solutions of what is iterated, then states and memories.
-    program: Computed,
+    pub(super) program: Computed,
     /// Memories whose value before the start is an argument.
-    before: Vec<usize>,
-    iterated: usize,
+    pub(super) before: Vec<usize>,
+    pub(super) iterated: usize,
     /// By further result: the state, or else the memory.
-    places: Vec<(Option<usize>, Option<usize>)>,
+    pub(super) places: Vec<(Option<usize>, Option<usize>)>,
     known: usize,
 }
 
@@ -89,6 +89,30 @@ impl Starts {
     /// # Panics
     /// When there are other numbers of values or inputs than names and inputs.
     pub fn at(&self, machine: &Machine, time: f64, inputs: &[f64], values: &[f64]) -> Result<Point, Faults> {
+        self.solved(machine, time, inputs, values).map(|it| it.0)
+    }
+
+    /// The arguments of the program at a point.
+    pub(super) fn arguments(&self, machine: &Machine, point: &Point, guesses: &[f64], values: &[f64]) -> Vec<f64> {
+        let time = point.time;
+        let mut arguments: Vec<f64> = machine.system().find("time").map(|_| time).into_iter().collect();
+        for part in [&point.inputs[..], machine.values_of_parameters(), &point.held] {
+            arguments.extend_from_slice(part);
+        }
+        arguments.extend(self.before.iter().map(|k| point.memories[*k]));
+        arguments.extend_from_slice(guesses);
+        arguments.extend_from_slice(values);
+        arguments
+    }
+
+    /// The same with the solutions of what is iterated.
+    pub(super) fn solved(
+        &self,
+        machine: &Machine,
+        time: f64,
+        inputs: &[f64],
+        values: &[f64],
+    ) -> Result<(Point, Vec<f64>), Faults> {
         assert_eq!(values.len(), self.known, "one value for each name");
         let system = machine.system();
         let memories = system.memories().len();
@@ -109,14 +133,7 @@ impl Starts {
         // Starts depend on comparisons and these on starts: a few turns settle both, or nothing does.
         for _ in 0..TURNS {
             let last = point.clone();
-            let mut arguments: Vec<f64> = system.find("time").map(|_| time).into_iter().collect();
-            for part in [&point.inputs[..], parameters, &point.held] {
-                arguments.extend_from_slice(part);
-            }
-            arguments.extend(self.before.iter().map(|k| point.memories[*k]));
-            arguments.extend_from_slice(&guesses);
-            arguments.extend_from_slice(values);
-            let found = self.program.values(&arguments);
+            let found = self.program.values(&self.arguments(machine, &point, &guesses, values));
             let moves = !stand_still(&guesses, &found);
             guesses.copy_from_slice(&found[..self.iterated]);
             for ((state, memory), value) in self.places.iter().zip(&found[self.iterated..]) {
@@ -130,7 +147,7 @@ impl Starts {
             machine.settle(&mut point);
             point.held = machine.rates_and_truths(&point).1;
             if point == last && !moves {
-                return Ok(point);
+                return Ok((point, guesses));
             }
         }
         let what = "the start has no solution near the starts of the text: its equations do not settle";

@@ -11,6 +11,7 @@ use super::methods::Linear;
 use super::numbers::Numbers;
 use super::programs::{Layout, Programs};
 use super::rows::Stopped;
+use super::speeds::Carried;
 use super::thresholds::Thresholds;
 use crate::code::Way;
 
@@ -45,6 +46,8 @@ pub(super) struct Walk<'m, const L: usize> {
     /// Whether an event is being located.
     pub is_locating: bool,
     pub row: usize,
+    /// Sensitivities, in a walk of one lane that carries them.
+    pub carried: Option<Box<Carried>>,
 }
 
 /// One lane's parameters, with what follows from them, and its start.
@@ -85,6 +88,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             segment: None,
             is_locating: false,
             row: 0,
+            carried: None,
             machine,
             programs,
         }
@@ -121,7 +125,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         (self.loaded, self.segment) = ([None; L], None);
         self.suggestion = [period; L];
         self.is_stiff = [setting.method == Method::Stiff; L];
-        for code in &self.programs.once {
+        for (code, _) in &self.programs.once {
             code.run(&mut self.slots, &mut self.spare);
         }
         self.refresh();
@@ -130,9 +134,10 @@ impl<'m, const L: usize> Walk<'m, L> {
 
     /// What depends on inputs, held comparisons and memories, after these have changed.
     pub(super) fn refresh(&mut self) {
-        for code in &self.programs.row {
+        for (code, _) in &self.programs.row {
             code.run(&mut self.slots, &mut self.spare);
         }
+        self.carry_refresh();
     }
 
     pub(super) fn time(&self, lane: usize) -> f64 {

@@ -7,6 +7,7 @@ mod fixed_steps;
 mod judged;
 mod lanes;
 mod rejected;
+mod sensitivities;
 mod shipped;
 mod step;
 mod stiff;

@@ -1,0 +1,242 @@
+//! Sensitivities, carried along by a walk.
+//!
+//! ```text
+//! d x = S d q:  a step       S behind = derivative of the step along S         (tangents of the tape of the series)
+//!               an event     dT = -(dg)/(g' f before),  S += f before dT;  what happens is differentiated;  S -= f behind dT
+//! ```
+//!
+//! In: a walk of one lane, how fast each parameter and each start moves in some directions. Out: how fast every output moves. A direction is a lane: four share one pass of machine code, and what does not depend on the direction
+//! is computed once for all. The walk is the one that it is alone: the sensitivity is the exact derivative of the computed solution, but for the lengths of its steps, which are held (H. G. Bock, "Numerical treatment of inverse
+//! problems in chemical reaction kinetics", 1981, calls it internal differentiation). An event moves in time with the parameters; its share is the second line above (M. A. Aizerman, F. R. Gantmacher, "Determination of stability by
+//! linear approximation of a periodic solution of a system of differential equations with discontinuous right-hand sides", 1958).
+
+use super::rows::Stopped;
+use super::series::Tried;
+use super::speeds::{Carried, Moving};
+use super::walk::Walk;
+use crate::code::{Slot, WIDE, Way};
+
+/// What one set of directions needs from run to run.
+pub(super) struct Along<'m> {
+    pub parameters: Vec<Option<usize>>,
+    pub walk: Walk<'m, 1>,
+    pub carried: Option<Box<Carried>>,
+}
+
+impl<const L: usize> Walk<'_, L> {
+    /// Begins to carry, behind the start of a run. `known` is what an earlier run along the same parameters has made.
+    pub(super) fn carry(&mut self, directions: &[Moving], known: Option<Box<Carried>>, way: Way) {
+        let layout = self.programs.layout;
+        let mut it = known.unwrap_or_else(|| Carried::new(&self.programs, directions, way));
+        it.slots.fill([0.0; WIDE]);
+        it.grow();
+        it.instant = None;
+        for (k, moving) in directions.iter().enumerate() {
+            let (group, lane) = (k / WIDE, k % WIDE);
+            let mut put = |slot: Slot, value: f64| {
+                if let Some(place) = it.mirror.known(group + 1, slot) {
+                    it.slots[place][lane] = value;
+                }
+            };
+            moving.parameter.into_iter().for_each(|place| put(layout.parameters + place as Slot, 1.0));
+            moving.states.iter().zip(layout.states..).for_each(|(value, slot)| put(slot, *value));
+            moving.memories.iter().zip(layout.memories..).for_each(|(value, slot)| put(slot, *value));
+        }
+        let once = std::mem::take(&mut it.once);
+        once.iter().flatten().for_each(|speeds| it.run(speeds, &self.slots));
+        it.once = once;
+        self.carried = Some(it);
+        self.carry_refresh();
+    }
+
+    /// Behind [`Walk::refresh`].
+    pub(super) fn carry_refresh(&mut self) {
+        let Some(it) = &mut self.carried else { return };
+        let row = std::mem::take(&mut it.row);
+        row.iter().flatten().for_each(|speeds| it.run(speeds, &self.slots));
+        it.row = row;
+    }
+
+    /// Over a step of the series that began at an instant, up to a share of its length. The states at its start stand in `before`.
+    pub(super) fn carry_step(&mut self, tried: Tried, share: f64, begin: f64) {
+        let Some(mut it) = self.carried.take() else { return };
+        let layout = self.programs.layout;
+        let count = self.programs.counts.states;
+        for place in 0.. {
+            if count == 0 {
+                break;
+            }
+            if it.parts.len() <= place {
+                let found = it.speeds(&self.programs.part(place).placed, false);
+                it.parts.push(found);
+                it.grow();
+            }
+            // What the programs read stands in the walk, but for what the end of the step has changed.
+            let now = self.slots[layout.time as usize];
+            self.slots[layout.time as usize] = [begin; L];
+            let states = layout.states as usize..layout.states as usize + count;
+            self.slots[states.clone()].swap_with_slice(&mut self.before);
+            let parts = std::mem::take(&mut it.parts);
+            parts[place].iter().for_each(|speeds| it.run(speeds, &self.slots));
+            it.parts = parts;
+            self.slots[states].swap_with_slice(&mut self.before);
+            self.slots[layout.time as usize] = now;
+            if self.programs.part(place).order >= tried.order {
+                break;
+            }
+        }
+        let end = self.programs.end();
+        for group in 0..it.groups {
+            for k in 0..count as Slot {
+                let Some(to) = it.speed(group, layout.states + k) else { continue };
+                if share == 1.0 {
+                    if let Some(from) = it.speed(group, end + k) {
+                        it.slots[to] = it.slots[from];
+                    }
+                    continue;
+                }
+                let mut moved = [0.0; WIDE];
+                for order in (1..=tried.order).rev() {
+                    let term = it.speed(group, self.programs.terms[order - 1] + k).map_or([0.0; WIDE], |at| it.slots[at]);
+                    moved = std::array::from_fn(|lane| (moved[lane] + term[lane]) * share);
+                }
+                (0..WIDE).for_each(|lane| it.slots[to][lane] += moved[lane]);
+            }
+        }
+        self.carried = Some(it);
+    }
+
+    /// At an instant at which a comparison has just changed: the instant moves, and the states there move with it.
+    pub(super) fn carry_event(&mut self) -> Result<(), Stopped> {
+        let Some(mut it) = self.carried.take() else { return Ok(()) };
+        let layout = self.programs.layout;
+        let count = self.programs.counts.states;
+        self.sides_differ();
+        let changed = self.programs.sides.as_ref().and_then(|sides| {
+            let (begin, held) = (sides.results as usize, layout.held as usize);
+            let differs = |k: &usize| {
+                (self.slots[begin + 2 * k][0] < self.slots[begin + 2 * k + 1][0]) != (self.slots[held + k][0] != 0.0)
+            };
+            (0..self.programs.counts.held).find(differs).map(|k| sides.results + 2 * k as Slot)
+        });
+        self.programs.rates.code.run(&mut self.slots, &mut self.spare);
+        let rates = self.programs.rates.results as usize;
+        let time = it.groups;
+        for k in 0..count {
+            if let Some(place) = it.speed(time, layout.states + k as Slot) {
+                it.slots[place] = [self.slots[rates + k][0]; WIDE];
+            }
+        }
+        let clock = |it: &Carried, group: usize| it.mirror.places[group + 1][layout.time as usize] as usize;
+        let at = clock(&it, time);
+        it.slots[at] = [1.0; WIDE];
+        if let Some(sides) = it.sides.take() {
+            it.run(&sides, &self.slots);
+            it.sides = Some(sides);
+        }
+        let mut instant = Vec::with_capacity(it.groups);
+        if let Some(slot) = changed {
+            let distance = |it: &Carried, group: usize| -> [f64; WIDE] {
+                let of = |slot: Slot| it.speed(group, slot).map_or([0.0; WIDE], |at| it.slots[at]);
+                let (left, right) = (of(slot), of(slot + 1));
+                std::array::from_fn(|lane| left[lane] - right[lane])
+            };
+            let by_time = distance(&it, time)[0];
+            for group in 0..it.groups {
+                let moved = distance(&it, group);
+                let moves: [f64; WIDE] =
+                    std::array::from_fn(|lane| if moved[lane] == 0.0 { 0.0 } else { -moved[lane] / by_time });
+                if moves.iter().any(|it| !it.is_finite()) {
+                    let what = "a comparison is touched and not crossed: the instant has no derivative";
+                    self.carried = Some(it);
+                    return Err(Stopped::Step(format!("row {}: {what}", self.row + 1)));
+                }
+                instant.push(moves);
+            }
+        }
+        self.carried = Some(it);
+        if !instant.is_empty() {
+            self.shift(&instant, 1.0);
+            let Some(it) = &mut self.carried else { return Ok(()) };
+            for (group, moves) in instant.iter().enumerate() {
+                let at = clock(it, group);
+                it.slots[at] = *moves;
+            }
+            it.instant = Some(instant);
+        }
+        Ok(())
+    }
+
+    /// Moves the states on with an instant, by the rates that stand in their slots: behind it with a minus.
+    fn shift(&mut self, instant: &[[f64; WIDE]], sign: f64) {
+        let Some(it) = &mut self.carried else { return };
+        let (states, rates) = (self.programs.layout.states, self.programs.rates.results as usize);
+        for (group, moves) in instant.iter().enumerate() {
+            for k in 0..self.programs.counts.states {
+                let rate = sign * self.slots[rates + k][0];
+                if let Some(place) = it.speed(group, states + k as Slot) {
+                    (0..WIDE).for_each(|lane| it.slots[place][lane] += rate * moves[lane]);
+                }
+            }
+        }
+    }
+
+    /// Behind everything that happens at an instant.
+    pub(super) fn carry_on(&mut self) {
+        let Some(instant) = self.carried.as_mut().and_then(|it| it.instant.take()) else { return };
+        self.programs.rates.code.run(&mut self.slots, &mut self.spare);
+        self.shift(&instant, -1.0);
+        let time = self.programs.layout.time;
+        if let Some(it) = &mut self.carried {
+            for group in 0..it.groups {
+                let at = it.mirror.places[group + 1][time as usize] as usize;
+                it.slots[at] = [0.0; WIDE];
+            }
+        }
+    }
+
+    /// Where branches act: behind the program of what happens, before its results are taken.
+    pub(super) fn carry_turn(&mut self) {
+        let Some(it) = &mut self.carried else { return };
+        let Some(program) = &self.programs.events else { return };
+        let events = it.events.take();
+        events.iter().for_each(|speeds| it.run(speeds, &self.slots));
+        it.events = events;
+        let (layout, results) = (self.programs.layout, program.results);
+        for group in 0..it.groups {
+            let value =
+                |it: &Carried, place: usize| it.speed(group, results + place as Slot).map_or([0.0; WIDE], |at| it.slots[at]);
+            let mut taken: Vec<(Slot, [f64; WIDE])> = Vec::new();
+            for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {
+                if acts[0] != 0.0 {
+                    taken.extend(
+                        branch.restarted.iter().map(|(state, place)| (layout.states + *state as Slot, value(it, *place))),
+                    );
+                }
+            }
+            taken.extend((0..self.events.memories).map(|k| (layout.memories + k as Slot, value(it, k))));
+            for (slot, value) in taken {
+                if let Some(place) = it.speed(group, slot) {
+                    it.slots[place] = value;
+                }
+            }
+        }
+    }
+
+    /// How fast every output moves here and now, in each direction.
+    pub(super) fn carry_look(&mut self, to: &mut [Vec<Vec<f64>>]) {
+        let Some(it) = &mut self.carried else { return };
+        let Some(results) = self.programs.looks.as_ref().map(|it| it.results) else { return };
+        let looks = it.looks.take();
+        looks.iter().for_each(|speeds| it.run(speeds, &self.slots));
+        it.looks = looks;
+        for (group, to) in to.chunks_mut(WIDE).enumerate() {
+            for slot in results..results + self.programs.counts.outputs as Slot {
+                let value = it.speed(group, slot).map_or([0.0; WIDE], |at| it.slots[at]);
+                for (to, value) in to.iter_mut().zip(value) {
+                    to[(slot - results) as usize].push(value);
+                }
+            }
+        }
+    }
+}

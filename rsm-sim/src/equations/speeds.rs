@@ -1,0 +1,208 @@
+//! Programs of speeds: how fast the results of the programs of a walk move when what goes into them does.
+//!
+//! In: tapes with the slots of their arguments and results, which slots move. Out: [`Carried`]: an array of its own with values and speeds, four directions in a register, and the code over it. What no direction changes is
+//! computed once for all. Never knows a step or an event.
+
+use std::collections::HashSet;
+
+use rsm_core::held::{Divided, divided};
+use rsm_core::tangent;
+use rsm_core::tape::Op;
+
+use super::programs::{Placed, Programs};
+use crate::code::{Code, Slot, WIDE, Way};
+
+/// How fast a run's start and parameters move in one direction.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Moving {
+    /// The parameter that moves, by place.
+    pub parameter: Option<usize>,
+    pub states: Vec<f64>,
+    pub memories: Vec<f64>,
+}
+
+/// Where values and their speeds stand in an array of their own: group 0 holds values, group k + 1 the speeds of four directions, the last one the speeds by the time.
+#[derive(Debug, Default)]
+pub(super) struct Mirror {
+    /// By group, by slot of the walk.
+    pub places: Vec<Vec<Slot>>,
+    pub next: Slot,
+}
+
+/// No place.
+const NOWHERE: Slot = Slot::MAX;
+
+impl Mirror {
+    pub(super) fn place(&mut self, group: usize, slot: Slot) -> Slot {
+        let (group, slot) = (group, slot as usize);
+        self.places.resize_with(self.places.len().max(group + 1), Vec::new);
+        let list = &mut self.places[group];
+        list.resize(list.len().max(slot + 1), NOWHERE);
+        if list[slot] == NOWHERE {
+            list[slot] = self.next;
+            self.next += 1;
+        }
+        list[slot]
+    }
+
+    pub(super) fn known(&self, group: usize, slot: Slot) -> Option<usize> {
+        self.places.get(group)?.get(slot as usize).filter(|it| **it != NOWHERE).map(|it| *it as usize)
+    }
+
+    pub(super) fn fresh(&mut self) -> Slot {
+        self.next += 1;
+        self.next - 1
+    }
+}
+
+/// The speeds of a program's results.
+#[derive(Debug)]
+pub(super) struct Speeds {
+    /// Values that it reads: where they stand in the walk, and here.
+    pub read: Vec<(usize, usize)>,
+    /// What no direction changes.
+    pub shared: Option<Code>,
+    pub groups: Vec<Code>,
+}
+
+/// The programs of speeds. `None`: nothing that moves goes into it.
+#[derive(Debug)]
+pub(super) struct Carried {
+    pub way: Way,
+    /// Groups of directions, without that of the time.
+    pub groups: usize,
+    pub mirror: Mirror,
+    pub slots: Vec<[f64; WIDE]>,
+    pub spare: Vec<[f64; WIDE]>,
+    /// Slots of the walk that move.
+    pub moving: HashSet<Slot>,
+    pub once: Vec<Option<Speeds>>,
+    pub row: Vec<Option<Speeds>>,
+    pub parts: Vec<Option<Speeds>>,
+    pub looks: Option<Speeds>,
+    pub sides: Option<Speeds>,
+    pub events: Option<Speeds>,
+    /// By group: how fast the instant of the event moves that is under way.
+    pub instant: Option<Vec<[f64; WIDE]>>,
+}
+
+impl Carried {
+    /// The programs of speeds of a walk's programs along some directions; those of the series follow when they are asked for.
+    pub(super) fn new(programs: &Programs, directions: &[Moving], way: Way) -> Box<Carried> {
+        let (layout, counts) = (programs.layout, programs.counts);
+
+        let group = |begin: Slot, count: usize| begin..begin + count as Slot;
+        let mut moving: HashSet<Slot> =
+            directions.iter().filter_map(|it| it.parameter).map(|place| layout.parameters + place as Slot).collect();
+        moving.extend(group(layout.states, counts.states).chain(group(layout.memories, counts.memories)));
+        let mut it = Box::new(Carried {
+            way,
+            groups: directions.len().div_ceil(WIDE),
+            mirror: Mirror::default(),
+            slots: Vec::new(),
+            spare: Vec::new(),
+            moving,
+            once: Vec::new(),
+            row: Vec::new(),
+            parts: Vec::new(),
+            looks: None,
+            sides: None,
+            events: None,
+            instant: None,
+        });
+        // Where the speeds of states, memories and the time stand, whether a program reads them or not.
+        for group_of in 1..=it.groups + 1 {
+            let all = group(layout.states, counts.states).chain(group(layout.memories, counts.memories));
+            for slot in all.chain([layout.time]) {
+                it.mirror.place(group_of, slot);
+            }
+        }
+        for (_, placed) in &programs.once {
+            let found = it.speeds(placed, false);
+            it.once.push(found);
+        }
+        for (_, placed) in &programs.row {
+            let found = it.speeds(placed, false);
+            it.row.push(found);
+        }
+        it.looks = programs.looks.as_ref().and_then(|program| it.speeds(&program.placed, false));
+        // An event moves in time: what happens at it is also asked how fast it moves with the time.
+        it.moving.insert(layout.time);
+        it.sides = programs.sides.as_ref().and_then(|program| it.speeds(&program.placed, true));
+        it.events = programs.events.as_ref().and_then(|program| it.speeds(&program.placed, false));
+        it.moving.remove(&layout.time);
+        it
+    }
+
+    /// Writes the speeds of a program, and marks which of its results move.
+    pub(super) fn speeds(&mut self, placed: &Placed, by_time: bool) -> Option<Speeds> {
+        let ports: Vec<usize> =
+            (0..placed.arguments.len()).filter(|port| self.moving.contains(&placed.arguments[*port])).collect();
+        if ports.is_empty() {
+            return None;
+        }
+        let mut tape = tangent::along(&placed.tape, &ports);
+        let moves = |tape: &rsm_core::tape::Tape, k: usize| !matches!(tape.op(tape.outputs[k].reg), Op::Constant(it) if it.value == 0.0);
+        let results: Vec<Slot> =
+            placed.results.iter().enumerate().filter(|(k, _)| moves(&tape, *k)).map(|(_, slot)| *slot).collect();
+        if results.is_empty() {
+            return None;
+        }
+        let kept: Vec<bool> = (0..tape.outputs.len()).map(|k| moves(&tape, k)).collect();
+        let mut keep = kept.iter();
+        tape.outputs.retain(|_| *keep.next().unwrap_or(&false));
+        self.moving.extend(&results);
+        let count = placed.arguments.len();
+        let is_held: Vec<bool> = (0..tape.inputs.len()).map(|port| port < count).collect();
+        let Divided { held, rest } = divided(&tape, &is_held);
+        let values: Vec<Slot> = placed.arguments.iter().map(|slot| self.mirror.place(0, *slot)).collect();
+        let reads = |port: usize| {
+            [held.as_ref(), Some(&rest)]
+                .into_iter()
+                .flatten()
+                .any(|tape| tape.ops.iter().any(|op| matches!(op, Op::Input(it) if it.0 as usize == port)))
+        };
+        let read = (0..count)
+            .filter(|port| reads(*port))
+            .map(|port| (placed.arguments[port] as usize, values[port] as usize))
+            .collect();
+        let shared = held.map(|held| {
+            let found: Vec<Slot> = held.outputs.iter().map(|_| self.mirror.fresh()).collect();
+            let all = values.iter().copied().chain(vec![0; held.inputs.len() - count]).collect::<Vec<_>>();
+            (Code::new(&held, &all, &found, WIDE, self.way), found)
+        });
+        let (shared, found) = shared.map_or((None, Vec::new()), |(code, found)| (Some(code), found));
+        let groups = (1..=self.groups + usize::from(by_time))
+            .map(|group| {
+                let speeds = ports.iter().map(|port| self.mirror.place(group, placed.arguments[*port]));
+                let all: Vec<Slot> =
+                    values.iter().copied().chain(speeds.collect::<Vec<_>>()).chain(found.iter().copied()).collect();
+                let results: Vec<Slot> = results.iter().map(|slot| self.mirror.place(group, *slot)).collect();
+                Code::new(&rest, &all, &results, WIDE, self.way)
+            })
+            .collect();
+        Some(Speeds { read, shared, groups })
+    }
+
+    /// Computes the speeds of a program's results from the values that stand in a walk.
+    pub(super) fn run<const L: usize>(&mut self, speeds: &Speeds, values: &[[f64; L]]) {
+        for (from, to) in &speeds.read {
+            self.slots[*to] = [values[*from][0]; WIDE];
+        }
+        if let Some(shared) = &speeds.shared {
+            shared.run(&mut self.slots, &mut self.spare);
+        }
+        for code in &speeds.groups {
+            code.run(&mut self.slots, &mut self.spare);
+        }
+    }
+
+    /// Where the speed of a slot of the walk stands; `None`: it stands still.
+    pub(super) fn speed(&self, group: usize, slot: Slot) -> Option<usize> {
+        self.mirror.known(group + 1, slot)
+    }
+
+    pub(super) fn grow(&mut self) {
+        self.slots.resize((self.mirror.next as usize).max(self.slots.len()), [0.0; WIDE]);
+    }
+}
