@@ -16,6 +16,17 @@ pub struct Factor {
     pub range: [f64; 2],
 }
 
+/// What an optimal design is best at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Criterion {
+    /// The determinant of X'X: the volume of the confidence region of all coefficients is least.
+    D,
+    /// The mean variance of a prediction over the region.
+    I,
+    /// The mean variance of a coefficient.
+    A,
+}
+
 /// Which points.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Design {

@@ -12,6 +12,7 @@ mod design;
 mod experiment;
 mod kept;
 mod levels;
+mod optimal;
 mod points;
 mod read;
 mod rules;
