@@ -21,7 +21,10 @@ fn the_shipped_plans_have_the_points_of_the_experiments() {
         let output = rsm(&["design", &shipped(name), "--out", "plan.csv", "--json"], here.path());
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         let found = json(&output);
-        assert_eq!(keys(&found), ["design", "factors", "left_out", "out", "plan", "points", "runs", "seed"]);
+        assert_eq!(
+            keys(&found),
+            ["blocks", "design", "factors", "fraction", "left_out", "out", "plan", "points", "runs", "seed"]
+        );
         assert_eq!((&found["points"], &found["runs"]), (&points.into(), &points.into()), "{name}");
         // A header and a line a run.
         let csv = std::fs::read_to_string(here.path().join("plan.csv")).unwrap();
@@ -70,4 +73,90 @@ fn a_refused_design_leaves_the_plan_as_it_was() {
     let output = rsm(&["design", "bad.toml", "--out", "plan.csv"], here.path());
     assert_eq!((output.status.code(), text(&output.stderr).as_str()), (Some(2), "bad.toml:1:1: `seed` is missing\n"));
     assert_eq!(std::fs::read_to_string(here.path().join("plan.csv")).unwrap(), "old");
+}
+
+#[test]
+fn an_optimal_design_has_the_wanted_runs_and_adds_to_those_that_were_made() {
+    let here = folder();
+    let written = |rest: &str| {
+        let factor = |name: &str, high: u32| format!("[factors.{name}]\nunit = \"1\"\nrange = [0, {high}]\n");
+        let text =
+            format!("format = 1\nplan = \"p\"\nseed = 1\ndesign = \"optimal\"\n{rest}\n{}{}", factor("a", 10), factor("b", 4));
+        std::fs::write(here.path().join("plan.toml"), text).unwrap();
+    };
+    let design = |words: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], words].concat(), here.path());
+    let rows = || -> Vec<Vec<f64>> {
+        let csv = std::fs::read_to_string(here.path().join("plan.csv")).unwrap();
+        csv.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
+    };
+    // Half-space, blocks, a point that must be run: 40 runs.
+    written(
+        "runs = 40\norder = 3\nblock_sizes = [24, 16]\nmandatory = [{ a = 3.5, b = 1.25 }]\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 11 }]",
+    );
+    let found = json(&design(&["--json"]));
+    assert_eq!((&found["runs"], &found["blocks"]), (&40.into(), &2.into()));
+    let (found, again) = (rows(), {
+        design(&[]);
+        rows()
+    });
+    assert_eq!((found.len(), &found), (40, &again));
+    assert!(found.iter().all(|row| row[2] + row[3] <= 11.0));
+    assert_eq!(found.iter().filter(|row| row[1] == 2.0).count(), 16);
+    assert!(found.iter().any(|row| row[2..] == [3.5, 1.25]));
+    // First order, three corners done: the fourth corner is the best run to add, and its number follows.
+    written("runs = 1\norder = 1");
+    std::fs::write(here.path().join("done.csv"), "run[1],a[1],b[1],y[V]\n1,0,0,3\n2,10,0,4\n3,0,4,5\n").unwrap();
+    let output = design(&["--augment", "done.csv"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(rows(), [[4.0, 10.0, 4.0]]);
+    // Without them it cannot be: said why.
+    let output = design(&[]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("1 runs cannot tell apart the 3 terms of the model: at least 3 runs are needed"));
+    // The terms of a fit specification; candidates of a table.
+    std::fs::write(here.path().join("points.csv"), "a,b\n0,0\n10,0\n0,4\n10,4\n5,2\n").unwrap();
+    std::fs::write(
+        here.path().join("fit.toml"),
+        "format = 1\nmodel = \"m\"\ndata = [\"d.csv\"]\n[inputs.a]\n[inputs.b]\n[responses.y]\ninputs = [\"b\", \"a\"]\nselect = { method = \"fixed\" }\nterms = [[0, 0], [0, 1], [1, 1]]\n",
+    )
+    .unwrap();
+    written("runs = 7\ncriterion = \"I\"\nterms_of = { file = \"fit.toml\" }\ncandidates = \"points.csv\"");
+    let output = design(&[]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(rows().len(), 7);
+    assert!(
+        rows()
+            .iter()
+            .all(|row| [[0.0, 0.0], [10.0, 0.0], [0.0, 4.0], [10.0, 4.0], [5.0, 2.0]].iter().any(|it| row[1..] == *it))
+    );
+}
+
+#[test]
+fn a_fraction_tells_its_aliases_and_screening_and_sobol_have_their_runs() {
+    let here = folder();
+    let written = |rest: &str, factors: &[&str]| {
+        let factors: String = factors.iter().map(|name| format!("[factors.{name}]\nunit = \"1\"\nrange = [-1, 1]\n")).collect();
+        std::fs::write(here.path().join("plan.toml"), format!("format = 1\nplan = \"p\"\nseed = 1\n{rest}\n{factors}"))
+            .unwrap();
+    };
+    let design = |words: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], words].concat(), here.path());
+    // The half fraction with d = abc: resolution 4, each pair of factors with the other pair.
+    written("design = \"fractional-factorial\"\ngenerators = { d = \"a*b*c\" }", &["a", "b", "c", "d"]);
+    let found = json(&design(&["--json"]));
+    assert_eq!((&found["runs"], &found["fraction"]["resolution"]), (&8.into(), &4.into()));
+    assert_eq!(found["fraction"]["words"], serde_json::json!(["a*b*c*d"]));
+    assert_eq!(found["fraction"]["aliases"], serde_json::json!([["a*b", "c*d"], ["a*c", "b*d"], ["a*d", "b*c"]]));
+    assert!(text(&design(&[]).stderr).contains("resolution 4; effects that cannot be told apart:\n  a*b = c*d\n"));
+    written("design = \"fractional-factorial\"\nruns = 12", &["a", "b", "c", "d", "e"]);
+    let words = text(&design(&[]).stderr);
+    assert!(
+        words.contains("no fraction of the two-level factorial of 5 factors has 12 runs") && words.contains("8, 16, 32 runs"),
+        "{words}"
+    );
+    written("design = \"definitive-screening\"", &["a", "b", "c", "d", "e", "f"]);
+    assert_eq!(json(&design(&["--json"]))["runs"], 13);
+    written("design = \"sobol\"\nruns = 40\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 0 }]", &["a", "b"]);
+    assert_eq!(json(&design(&["--json"]))["runs"], 40);
+    written("design = \"latin-hypercube\"\ncriterion = \"maximin\"\nruns = 20", &["a", "b", "c"]);
+    assert_eq!(json(&design(&["--json"]))["runs"], 20);
 }

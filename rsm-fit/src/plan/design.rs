@@ -1,5 +1,7 @@
 //! Factors, designs and conditions: what a plan is made of.
 
+use super::fraction::Fraction;
+
 /// More runs than any bench makes; a plan of a million points by a slip of the keys is refused.
 pub const MOST_RUNS: usize = 100_000;
 
@@ -27,6 +29,18 @@ pub enum Criterion {
     A,
 }
 
+impl Criterion {
+    /// Its name in the file.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Criterion::D => "D",
+            Criterion::I => "I",
+            Criterion::A => "A",
+        }
+    }
+}
+
 /// Which points.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Design {
@@ -47,11 +61,44 @@ pub enum Design {
         /// How many.
         runs: usize,
     },
+    /// A Latin hypercube of slice middles whose least distance between two runs is as large as a search makes it.
+    MaximinHypercube {
+        /// How many.
+        runs: usize,
+    },
+    /// Points of Sobol's sequence, shifted by random bits.
+    Sobol {
+        /// How many.
+        runs: usize,
+    },
     /// Independent points, equally likely everywhere.
     Random {
         /// How many.
         runs: usize,
     },
+    /// A fraction of the corners.
+    FractionalFactorial(Fraction),
+    /// Three levels; main effects are clear of all effects of second order.
+    DefinitiveScreening,
+    /// The runs that tell given terms apart best.
+    Optimal(Optimum),
+}
+
+/// What an optimal design is to be. Points are in the units of the factors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optimum {
+    /// What it is best at.
+    pub criterion: Criterion,
+    /// How many runs, `mandatory` among them.
+    pub runs: usize,
+    /// How many runs each block has; empty: there are no blocks.
+    pub block_sizes: Vec<usize>,
+    /// Points that are run whatever the criterion says.
+    pub mandatory: Vec<Vec<f64>>,
+    /// The only points that may be run; none where any within the ranges and `where` may.
+    pub candidates: Option<Vec<Vec<f64>>>,
+    /// Searches from a new start; none where their number is left to the search.
+    pub restarts: Option<usize>,
 }
 
 impl Design {
@@ -63,16 +110,34 @@ impl Design {
             Design::CentralComposite { .. } => "central-composite",
             Design::BoxBehnken => "box-behnken",
             Design::LatinHypercube { .. } => "latin-hypercube",
+            Design::MaximinHypercube { .. } => "latin-hypercube",
+            Design::Sobol { .. } => "sobol",
             Design::Random { .. } => "random",
+            Design::FractionalFactorial(_) => "fractional-factorial",
+            Design::DefinitiveScreening => "definitive-screening",
+            Design::Optimal(_) => "optimal",
         }
+    }
+
+    /// Whether it is made for terms of first order.
+    pub(super) fn is_of_first_order(&self) -> bool {
+        matches!(self, Design::FullFactorial { .. } | Design::FractionalFactorial(_) | Design::DefinitiveScreening)
     }
 
     /// How many different points were asked for; `None` where the design itself says how many there are, of which `where` keeps some.
     #[must_use]
     pub fn runs(&self) -> Option<usize> {
         match self {
-            Design::LatinHypercube { runs } | Design::Random { runs } => Some(*runs),
-            Design::FullFactorial { .. } | Design::CentralComposite { .. } | Design::BoxBehnken => None,
+            Design::LatinHypercube { runs }
+            | Design::MaximinHypercube { runs }
+            | Design::Sobol { runs }
+            | Design::Random { runs } => Some(*runs),
+            Design::Optimal(wanted) => Some(wanted.runs),
+            Design::FullFactorial { .. }
+            | Design::CentralComposite { .. }
+            | Design::BoxBehnken
+            | Design::FractionalFactorial(_)
+            | Design::DefinitiveScreening => None,
         }
     }
 }

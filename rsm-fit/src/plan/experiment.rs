@@ -6,10 +6,12 @@
 use rsm_core::source::{Collector, Fault, Faults};
 
 use super::Plan;
-use super::design::{Condition, Design, Factor, MOST_RUNS};
+use super::design::{Condition, Criterion, Design, Factor, MOST_RUNS, Optimum};
+use super::optimal::all_terms;
 use super::points::{box_behnken_groups, rotatable_alpha};
 use super::rules::{MOST_FACTORS, check_names, check_size};
 use super::spec::{DesignSpecification, IN_MEMORY};
+use crate::spec::MOST_TERMS;
 use crate::units;
 
 /// Where the axial points of a central composite design lie.
@@ -43,6 +45,7 @@ pub struct Experiment {
     replicates: usize,
     centre_points: usize,
     conditions: Vec<Sum>,
+    order: u32,
 }
 
 /// Which design.
@@ -53,6 +56,10 @@ enum Wanted {
     BoxBehnken,
     LatinHypercube(usize),
     Random(usize),
+    Sobol(usize),
+    MaximinHypercube(usize),
+    DefinitiveScreening,
+    Optimal(usize, Criterion),
 }
 
 /// A weighted sum of factors with a bound.
@@ -84,7 +91,7 @@ impl Factor {
 impl Experiment {
     fn new(factors: impl IntoIterator<Item = Factor>, wanted: Wanted) -> Self {
         let factors = factors.into_iter().collect();
-        Experiment { factors, wanted, seed: 1, replicates: 1, centre_points: 0, conditions: Vec::new() }
+        Experiment { factors, wanted, seed: 1, replicates: 1, centre_points: 0, conditions: Vec::new(), order: 2 }
     }
 
     /// Every combination of the levels of all factors.
@@ -141,6 +148,46 @@ impl Experiment {
     #[must_use]
     pub fn random(factors: impl IntoIterator<Item = Factor>, runs: usize) -> Self {
         Experiment::new(factors, Wanted::Random(runs))
+    }
+
+    /// So many points of Sobol's sequence, shifted by random bits: they fill the region evenly.
+    #[must_use]
+    pub fn sobol(factors: impl IntoIterator<Item = Factor>, runs: usize) -> Self {
+        Experiment::new(factors, Wanted::Sobol(runs))
+    }
+
+    /// A Latin hypercube whose least distance between two runs is as large as a search makes it (Morris, Mitchell 1995).
+    #[must_use]
+    pub fn maximin_hypercube(factors: impl IntoIterator<Item = Factor>, runs: usize) -> Self {
+        Experiment::new(factors, Wanted::MaximinHypercube(runs))
+    }
+
+    /// Three levels of three to sixteen factors, in about twice as many runs (Jones, Nachtsheim 2011).
+    #[must_use]
+    pub fn definitive_screening(factors: impl IntoIterator<Item = Factor>) -> Self {
+        Experiment::new(factors, Wanted::DefinitiveScreening)
+    }
+
+    /// The runs that tell the terms of a model apart best: those of second order, or of [`Experiment::order`].
+    ///
+    /// ```
+    /// use rsm_fit::plan::{Criterion, Experiment, Factor};
+    ///
+    /// let factors = ["a", "b"].map(|name| Factor::within(name, "1", [-1.0, 1.0]));
+    /// let plan = Experiment::optimal(factors, 9, Criterion::D).plan()?;
+    /// assert_eq!((plan.runs.len(), plan.points()), (9, 9)); // the corners, the middles of the edges, the centre
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
+    #[must_use]
+    pub fn optimal(factors: impl IntoIterator<Item = Factor>, runs: usize, criterion: Criterion) -> Self {
+        Experiment::new(factors, Wanted::Optimal(runs, criterion))
+    }
+
+    /// All terms up to an order are the model that an optimal design is for; 2 where nothing is said.
+    #[must_use]
+    pub fn order(mut self, order: u32) -> Self {
+        self.order = order;
+        self
     }
 
     /// The seed of the run order and of random points; 1 where nothing is said. One seed gives one plan, on every machine.
@@ -228,7 +275,19 @@ impl Experiment {
         check_size((&design, factors.len()), (self.replicates, self.centre_points), &at, faults);
         let conditions = self.conditions.iter().enumerate().map(|(k, sum)| self.condition(k, sum, faults)).collect();
         let (replicates, centre_points) = (self.replicates, self.centre_points);
-        DesignSpecification::in_memory(self.seed, design, factors.clone(), (replicates, centre_points), conditions)
+        let terms = self.terms(faults);
+        DesignSpecification::in_memory(self.seed, design, factors.clone(), (replicates, centre_points), conditions, terms)
+    }
+
+    fn terms(&self, faults: &mut Collector) -> Vec<Vec<u32>> {
+        let count =
+            (0..u64::from(self.order.min(8))).fold(1u64, |count, k| count * (self.factors.len() as u64 + k + 1) / (k + 1));
+        let is_right =
+            (1..=8).contains(&self.order) && (count <= MOST_TERMS as u64 || !matches!(self.wanted, Wanted::Optimal(..)));
+        if !is_right {
+            tell(faults, format!("`order`: found {}, expected 1 to 8 and at most {MOST_TERMS} terms", self.order));
+        }
+        if is_right && count <= MOST_TERMS as u64 { all_terms(self.factors.len(), self.order) } else { Vec::new() }
     }
 
     fn check_factor(&self, factor: &Factor, faults: &mut Collector) {
@@ -240,7 +299,10 @@ impl Experiment {
             check_levels(&who, &factor.levels, faults);
         } else {
             let [low, high] = factor.range;
-            if !factor.levels.is_empty() {
+            let may_have_levels = matches!(self.wanted, Wanted::Optimal(..));
+            if may_have_levels && !factor.levels.is_empty() {
+                check_levels(&who, &factor.levels, faults);
+            } else if !factor.levels.is_empty() {
                 tell(faults, format!("{who}: levels belong to the full factorial only; give a range"));
             } else if !(low.is_finite() && high.is_finite()) {
                 tell(faults, format!("{who}: `range`: found [{low}, {high}], expected finite numbers"));
@@ -287,6 +349,22 @@ impl Experiment {
             }
             Wanted::LatinHypercube(runs) => Design::LatinHypercube { runs: *runs },
             Wanted::Random(runs) => Design::Random { runs: *runs },
+            Wanted::Sobol(runs) => Design::Sobol { runs: *runs },
+            Wanted::MaximinHypercube(runs) => Design::MaximinHypercube { runs: *runs },
+            Wanted::DefinitiveScreening => {
+                if !(3..=MOST_FACTORS).contains(&count) {
+                    tell(faults, format!("\"definitive-screening\" has 3 to {MOST_FACTORS} factors, found {count}"));
+                }
+                Design::DefinitiveScreening
+            }
+            Wanted::Optimal(runs, criterion) => Design::Optimal(Optimum {
+                criterion: *criterion,
+                runs: *runs,
+                block_sizes: Vec::new(),
+                mandatory: Vec::new(),
+                candidates: None,
+                restarts: None,
+            }),
         }
     }
 

@@ -35,7 +35,7 @@ impl Kept {
             Design::BoxBehnken => matches!(centre.len(), 4 | 7),
             _ => false,
         };
-        let order = if matches!(design, Design::FullFactorial { .. }) { 1 } else { 2 };
+        let order = if design.is_of_first_order() { 1 } else { 2 };
         let told_apart = |points: &[Vec<f64>]| {
             let mut points = points.to_vec();
             points.extend((centre_points > 0).then(|| centre.to_vec()));

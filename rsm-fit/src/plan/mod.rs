@@ -10,21 +10,29 @@
 
 mod design;
 mod experiment;
+mod fraction;
 mod kept;
 mod levels;
+mod maximin;
 mod optimal;
+mod optimum;
 mod points;
 mod read;
+mod read_optimal;
 mod rules;
+mod screening;
+mod sobol;
 mod spec;
 
 use std::collections::BTreeSet;
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
-pub use design::{Condition, Design, Factor, MOST_RUNS};
+pub use design::{Condition, Criterion, Design, Factor, MOST_RUNS, Optimum};
 pub use experiment::{Alpha, Experiment};
+pub use fraction::{Effect, Fraction};
 pub use kept::Kept;
+pub use optimum::Existing;
 pub use spec::DesignSpecification;
 
 use crate::random::Random;
@@ -33,6 +41,9 @@ use crate::units::Conversion;
 
 /// The column of the run order.
 const RUN: &str = "run";
+
+/// The column of the blocks, behind that of the run order.
+const BLOCK: &str = "block";
 
 /// Draws a wanted point before `where` is held to leave nothing of the box.
 const MOST_DRAWS: usize = 1_000_000;
@@ -46,6 +57,8 @@ pub struct Plan {
     pub factors: Vec<PlanFactor>,
     /// What `where` took from a design of given points; none where it took nothing.
     pub kept: Option<Kept>,
+    /// The block of every run, counted from 1; empty where there are no blocks. A column `block` of the file.
+    pub blocks: Vec<u32>,
     /// Where it was read; none where it was made.
     place: Option<Place>,
 }
@@ -76,6 +89,9 @@ impl Plan {
     /// When `where` leaves no point, fewer than `runs`, or of a design of given points so few that they do not tell its terms apart: those of first order of a factorial,
     /// of second order of the others.
     pub fn make(specification: &DesignSpecification) -> Result<Plan, Faults> {
+        if let Design::Optimal(wanted) = &specification.design {
+            return optimum::plan(specification, wanted, &Existing::default());
+        }
         let mut random = Random::new(specification.seed);
         let holds = |point: &Vec<f64>| specification.conditions.iter().all(|condition| condition.holds(point));
         let centre: Vec<f64> = specification.factors.iter().map(|factor| physical(factor, 0.0)).collect();
@@ -85,6 +101,7 @@ impl Plan {
             Design::LatinHypercube { runs } if !specification.conditions.is_empty() => {
                 hypercube_within(specification, *runs, &mut random, &holds)
             }
+            Design::Sobol { runs } => sobol_points(specification, *runs, &mut random, &holds),
             other => {
                 let mut all = all_points(specification, other, &mut random);
                 let mut seen = BTreeSet::new();
@@ -109,7 +126,7 @@ impl Plan {
             faults.push(specification.fault("where", what).help(help));
         }
         if let Some(kept) = kept.as_ref().filter(|_| lost > 0 && !points.is_empty()) {
-            let order = if matches!(specification.design, Design::FullFactorial { .. }) { "first" } else { "second" };
+            let order = if specification.design.is_of_first_order() { "first" } else { "second" };
             let what = format!(
                 "`where`: {} of {} points of the design fulfil it, too few: {lost} of the terms of {order} order that the whole design tells apart cannot be told apart by them",
                 kept.points, kept.of
@@ -130,7 +147,7 @@ impl Plan {
             values: order.iter().map(|point| point[k]).collect(),
         });
         let runs = (1..).take(order.len()).collect();
-        faults.finish(Some(Plan { runs, factors: factors.collect(), kept, place: None }))
+        faults.finish(Some(Plan { runs, factors: factors.collect(), kept, blocks: Vec::new(), place: None }))
     }
 
     /// Reads a plan from its CSV. Every column but `run` is a factor and has a unit; runs are numbered upward from 1, with gaps
@@ -153,7 +170,9 @@ impl Plan {
         let place = Place { file: table.file.clone(), header_line: table.header_line, lines: table.lines.clone() };
         let runs = run_numbers(&table, &mut faults);
         let mut factors = Vec::new();
-        for column in table.columns.iter().filter(|column| column.name != RUN) {
+        let blocks = blocks_of(&table);
+        let of_plan = |name: &str| name == RUN || (name == BLOCK && blocks.is_some());
+        for column in table.columns.iter().filter(|column| !of_plan(&column.name)) {
             if column.unit.is_none() {
                 let what = format!("column {} `{}`: it has no unit", column.place, column.name);
                 let fault = Fault::at_line(&place.file, place.header_line, 0, what);
@@ -165,12 +184,12 @@ impl Plan {
                 Err(fault) => faults.push(fault),
             }
         }
-        let names_a_factor = table.columns.iter().any(|column| column.name != RUN);
+        let names_a_factor = table.columns.iter().any(|column| !of_plan(&column.name));
         if !names_a_factor {
             let fault = Fault::at_line(&place.file, place.header_line, 0, "there is no factor beside the column `run`");
             faults.push(fault.help("the header of a plan is `run[1],factor[unit],...`"));
         }
-        faults.finish(Some(Plan { runs, factors, kept: None, place: Some(place) }))
+        faults.finish(Some(Plan { runs, factors, kept: None, blocks: blocks.unwrap_or_default(), place: Some(place) }))
     }
 
     /// The factor of a name.
@@ -231,12 +250,18 @@ impl Plan {
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = format!("{RUN}[1]");
+        if !self.blocks.is_empty() {
+            text += &format!(",{BLOCK}[1]");
+        }
         for factor in &self.factors {
             text += &format!(",{}[{}]", factor.name, factor.unit);
         }
         text += "\n";
         for (row, run) in self.runs.iter().enumerate() {
             text += &run.to_string();
+            if let Some(block) = self.blocks.get(row) {
+                text += &format!(",{block}");
+            }
             for factor in &self.factors {
                 text += ",";
                 // As short as reads back to the same bits.
@@ -272,6 +297,12 @@ fn all_points(specification: &DesignSpecification, design: &Design, random: &mut
             points::box_behnken(factors.len()).expect("a read specification has a number of factors with such a design")
         }
         Design::LatinHypercube { runs } => points::latin_hypercube(factors.len(), *runs, random),
+        Design::MaximinHypercube { runs } => maximin::hypercube(factors.len(), *runs, random),
+        Design::FractionalFactorial(fraction) => fraction.points(),
+        Design::DefinitiveScreening => {
+            screening::points(factors.len()).expect("a read specification has a number of factors with such a design")
+        }
+        Design::Sobol { .. } | Design::Optimal(_) => unreachable!("they are made elsewhere"),
         Design::Random { runs } => (0..*runs).map(|_| points::anywhere(factors.len(), random)).collect(),
     };
     let of_point = |point: Vec<f64>| factors.iter().zip(point).map(|(factor, x)| physical(factor, x)).collect();
@@ -288,6 +319,19 @@ fn random_points(
     let mut draw = || all_points(specification, &Design::Random { runs: 1 }, random).remove(0);
     let mut next = || (0..MOST_DRAWS).map(|_| draw()).find(|point| holds(point));
     (0..runs).map_while(|_| next()).collect()
+}
+
+/// The first points of Sobol's sequence that fulfil the conditions; fewer where the conditions leave next to nothing of the box.
+fn sobol_points(
+    specification: &DesignSpecification,
+    runs: usize,
+    random: &mut Random,
+    holds: &dyn Fn(&Vec<f64>) -> bool,
+) -> points::Points {
+    let factors = &specification.factors;
+    let mut sequence = sobol::Sobol::new(factors.len(), random);
+    let mut next = || factors.iter().zip(sequence.next()).map(|(factor, x)| physical(factor, x)).collect::<Vec<f64>>();
+    (0..MOST_DRAWS).map(|_| next()).filter(|point| holds(point)).take(runs).collect()
 }
 
 /// A Latin hypercube of which exactly `runs` points fulfil the conditions: one of more slices, as many as it takes. What is left out of a
@@ -337,6 +381,15 @@ fn spread(order: &mut Vec<Vec<f64>>, centre: &[f64], count: usize) {
     for k in 0..count {
         order.insert(place(k), centre.to_vec());
     }
+}
+
+/// The column `block` right behind the number of the run, if it has no dimension and holds whole numbers; else it is a factor of that name.
+fn blocks_of(table: &Table) -> Option<Vec<u32>> {
+    let place = table.columns.iter().position(|column| column.name == BLOCK)?;
+    let column = &table.columns[place];
+    let stands = place == 1 && table.columns[0].name == RUN && column.unit.as_deref() == Some("1");
+    let is_whole = |value: &f64| value.fract() == 0.0 && (1.0..=MOST_RUNS as f64).contains(value);
+    (stands && column.values.iter().all(is_whole)).then(|| column.values.iter().map(|value| *value as u32).collect())
 }
 
 /// Whole numbers from 1 upward, each once.

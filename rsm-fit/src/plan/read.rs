@@ -4,6 +4,7 @@
 //! [`super::spec`].
 
 use std::ops::Range;
+use std::path::Path;
 
 use rsm_core::model_file;
 use rsm_core::names;
@@ -12,9 +13,10 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader::{self, TableReader, Value, describe};
 use toml::de::DeValue;
 
-use super::design::{Condition, Design, Factor, MOST_RUNS};
+use super::design::{Condition, Criterion, Design, Factor, MOST_RUNS};
 use super::levels;
 use super::points::{box_behnken_groups, rotatable_alpha};
+use super::read_optimal::{Around, read_fraction, read_optimum, read_support, read_terms};
 use super::rules::{MOST_FACTORS, check_names, check_size};
 use crate::units;
 
@@ -24,6 +26,7 @@ pub(super) struct Draft {
     pub seed: u64,
     pub design: Design,
     pub factors: Vec<Factor>,
+    pub terms: Vec<Vec<u32>>,
     pub replicates: usize,
     pub centre_points: usize,
     pub conditions: Vec<Condition>,
@@ -37,18 +40,40 @@ enum Kind {
     BoxBehnken,
     LatinHypercube,
     Random,
+    Sobol,
+    FractionalFactorial,
+    DefinitiveScreening,
+    Optimal,
 }
 
-const KINDS: [(&str, Kind); 5] = [
+/// The words of `criterion`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Best {
+    Optimal(Criterion),
+    Maximin,
+}
+
+const CRITERIA: [(&str, Best); 4] = [
+    ("D", Best::Optimal(Criterion::D)),
+    ("I", Best::Optimal(Criterion::I)),
+    ("A", Best::Optimal(Criterion::A)),
+    ("maximin", Best::Maximin),
+];
+
+const KINDS: [(&str, Kind); 9] = [
     ("full-factorial", Kind::FullFactorial),
     ("central-composite", Kind::CentralComposite),
     ("box-behnken", Kind::BoxBehnken),
     ("latin-hypercube", Kind::LatinHypercube),
     ("random", Kind::Random),
+    ("sobol", Kind::Sobol),
+    ("fractional-factorial", Kind::FractionalFactorial),
+    ("definitive-screening", Kind::DefinitiveScreening),
+    ("optimal", Kind::Optimal),
 ];
 
 /// `None` when there is a fault.
-pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<(Draft, Places)> {
+pub(super) fn read(source: &Source, folder: &Path, faults: &mut Collector) -> Option<(Draft, Places)> {
     let document = toml_reader::parse(source, faults)?;
     let mut top = TableReader::document(source, &document);
     if !model_file::read_format(&mut top, faults) {
@@ -67,6 +92,12 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<(Draft, Pl
             places.note(key, value.span());
         }
     }
+    for key in ["design", "runs"] {
+        if let Some((_, _, value)) = top.entries().find(|(name, _, _)| *name == key) {
+            places.note(key, value.span());
+        }
+    }
+    let criterion = top.choice("criterion", &CRITERIA, faults);
     let alpha = top.optional("alpha");
     let conditions = top.optional("where");
     let blocks = top.optional("blocks");
@@ -93,17 +124,60 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<(Draft, Pl
         Some(value) if all_known && kind == Some(Kind::FullFactorial) => read_blocks(value, &factors, &top, faults).map(Some),
         _ => Some(None),
     };
+    let around = Around { factors: &factors, folder };
+    let terms = if all_known { read_terms(&mut top, &around, faults) } else { None };
+    let support = if all_known { read_support(&mut top, &around, faults) } else { None };
+    let runs_of = runs.flatten();
+    let fraction = (kind == Some(Kind::FractionalFactorial) && all_known)
+        .then(|| read_fraction(&mut top, runs_of, &around, faults))
+        .flatten();
+    let of_optimal = match criterion {
+        Some(Best::Optimal(criterion)) => criterion,
+        _ => Criterion::D,
+    };
+    let optimum = match (kind, runs_of) {
+        (Some(Kind::Optimal), Some(runs)) if all_known => read_optimum(&mut top, runs, of_optimal, &around, faults),
+        _ => None,
+    };
+    for key in ["block_sizes", "mandatory", "candidates", "restarts", "generators"] {
+        // Known, so that of another design the fault says where they belong.
+        let _ = top.optional(key);
+    }
     let belongs = |key: &str, to: &[Kind], faults: &mut Collector| {
         let Some(kind) = kind else { return };
         if top.entries().any(|(name, _, _)| name == key) && !to.contains(&kind) {
             let names = to.iter().filter_map(|kind| KINDS.iter().find(|(_, of)| of == kind));
-            let names = names.map(|(name, _)| format!("\"{name}\"")).collect::<Vec<_>>().join(" and ");
+            let mut names: Vec<String> = names.map(|(name, _)| format!("\"{name}\"")).collect();
+            if let Some(last) = names.pop_if(|_| to.len() > 1) {
+                names = vec![format!("{} and {last}", names.join(", "))];
+            }
+            let names = names.concat();
             faults.push(top.fault(top.key_span(key), format!("`{key}` belongs to {names} only")));
         }
     };
     belongs("blocks", &[Kind::FullFactorial], faults);
     belongs("alpha", &[Kind::CentralComposite], faults);
-    belongs("runs", &[Kind::LatinHypercube, Kind::Random], faults);
+    let counted = [Kind::LatinHypercube, Kind::Random, Kind::Sobol, Kind::FractionalFactorial, Kind::Optimal];
+    belongs("runs", &counted, faults);
+    belongs("generators", &[Kind::FractionalFactorial], faults);
+    belongs("criterion", &[Kind::LatinHypercube, Kind::Optimal], faults);
+    for key in ["block_sizes", "mandatory", "candidates", "restarts"] {
+        belongs(key, &[Kind::Optimal], faults);
+    }
+    for key in ["replicates", "centre_points"] {
+        if kind == Some(Kind::Optimal) && top.entries().any(|(name, _, _)| name == key) {
+            let fault = top.fault(top.key_span(key), format!("`{key}` does not belong to \"optimal\": its runs are `runs`"));
+            faults.push(fault.help("it repeats points by itself; name points that must be run as `mandatory`"));
+        }
+    }
+    let wrong = match (kind, criterion) {
+        (Some(Kind::LatinHypercube), Some(Best::Optimal(_))) => Some("\"maximin\""),
+        (Some(Kind::Optimal), Some(Best::Maximin)) => Some("\"D\", \"I\" or \"A\""),
+        _ => None,
+    };
+    if let Some(expected) = wrong {
+        faults.push(top.fault(top.key_span("criterion"), format!("`criterion`: of this design expected {expected}")));
+    }
     let design = kind.and_then(|kind| {
         let needed = |key: &str, faults: &mut Collector| {
             if !top.entries().any(|(name, _, _)| name == key) {
@@ -129,10 +203,28 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<(Draft, Pl
                 }
                 Some(Design::BoxBehnken)
             }
-            Kind::LatinHypercube | Kind::Random => {
+            Kind::LatinHypercube | Kind::Random | Kind::Sobol => {
                 needed("runs", faults);
                 let runs = runs??;
-                Some(if kind == Kind::Random { Design::Random { runs } } else { Design::LatinHypercube { runs } })
+                Some(match (kind, criterion) {
+                    (Kind::Random, _) => Design::Random { runs },
+                    (Kind::Sobol, _) => Design::Sobol { runs },
+                    (_, Some(Best::Maximin)) => Design::MaximinHypercube { runs },
+                    _ => Design::LatinHypercube { runs },
+                })
+            }
+            Kind::FractionalFactorial => fraction.map(Design::FractionalFactorial),
+            Kind::DefinitiveScreening => {
+                if all_known && !(3..=MOST_FACTORS).contains(&factors.len()) {
+                    let what = format!("\"definitive-screening\" has 3 to {MOST_FACTORS} factors, found {}", factors.len());
+                    faults.push(top.fault(top.key_span("design"), what));
+                    return None;
+                }
+                Some(Design::DefinitiveScreening)
+            }
+            Kind::Optimal => {
+                needed("runs", faults);
+                optimum.map(Design::Optimal)
             }
         }
     });
@@ -144,7 +236,8 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<(Draft, Pl
         design: design?,
         replicates: replicates?.unwrap_or(1),
         centre_points: centre_points?.unwrap_or(0),
-        conditions: conditions?,
+        conditions: conditions?.into_iter().chain(support?).collect(),
+        terms: terms?,
         factors,
     };
     let size = (draft.replicates, draft.centre_points);
@@ -186,6 +279,16 @@ fn read_factor(
     let levels = reader.optional("levels");
     let range = reader.optional("range");
     let (levels, range) = match kind? {
+        Kind::Optimal if levels.is_some() && range.is_some() => {
+            faults.push(reader.fault(reader.key_span("range"), "found `levels` and `range`, expected one of them"));
+            return None;
+        }
+        Kind::Optimal if levels.is_some() => {
+            let levels = read_levels("`levels`", levels?, reader, faults)?;
+            let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
+            let greatest = levels.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            (levels, [least, greatest])
+        }
         Kind::FullFactorial => {
             if range.is_some() {
                 let fault = reader.fault(reader.key_span("range"), "`range` belongs to designs other than \"full-factorial\"");
@@ -202,7 +305,8 @@ fn read_factor(
         }
         _ => {
             if levels.is_some() {
-                let fault = reader.fault(reader.key_span("levels"), "`levels` belongs to \"full-factorial\" only");
+                let fault =
+                    reader.fault(reader.key_span("levels"), "`levels` belongs to \"full-factorial\" and \"optimal\" only");
                 faults.push(fault.help("give `range = [low, high]`, where the coded -1 and 1 lie"));
             }
             let Some(range) = range else {

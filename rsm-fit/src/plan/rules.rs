@@ -43,7 +43,10 @@ pub(super) fn check_size(
         Design::CentralComposite { .. } => (1 << factors) + 2 * factors,
         // 7 factors have 56 points.
         Design::BoxBehnken => 56,
-        Design::LatinHypercube { runs } | Design::Random { runs } => *runs,
+        Design::FractionalFactorial(fraction) => 1 << (fraction.factors - fraction.generators.len()).min(MOST_FACTORS),
+        // 16 factors have 33 points.
+        Design::DefinitiveScreening => 33,
+        other => other.runs().unwrap_or(0),
     };
     let runs = points.saturating_mul(replicates).saturating_add(centre_points);
     if runs > MOST_RUNS {

@@ -7,8 +7,13 @@
 //! format = 1
 //! plan = "dynamometer"
 //! seed = 7                        # of the random run order, and of random points
-//! # design = "full-factorial"     # | "central-composite" | "box-behnken" | "latin-hypercube" | "random"
-//! # runs = 40                     # latin-hypercube and random: how many points, all within `where`; of the other designs `where` keeps some
+//! # design = "full-factorial"     # | "central-composite" | "box-behnken" | "latin-hypercube" | "random" | "sobol"
+//! #                               # | "fractional-factorial" | "definitive-screening" | "optimal"
+//! # runs = 40                     # latin-hypercube, random, sobol, optimal: how many, all within `where`; of the other designs `where` keeps some
+//! # criterion = "D"               # optimal: | "I" | "A"; latin-hypercube: "maximin"
+//! # order = 2                     # the model: or `terms`, or `terms_of = { file = "fit.toml", surface = "angle" }`
+//! # candidates = "points.csv"     # optimal; also `block_sizes`, `mandatory`, `restarts`; of any design `support_of`
+//! # generators = { d = "a*b*c" }  # fractional-factorial
 //! # alpha = "rotatable"           # central-composite: | "face-centred" | a number, the coded place of the axial points
 //! # replicates = 2                # every point so many times
 //! # centre_points = 3             # the centre so many times, spread over the run order
@@ -26,6 +31,8 @@
 //! [[blocks]]                      # full-factorial: the plan is the union of blocks, a point in two of them is run once
 //! depth = [10, 70]                # levels in place of the factor's own
 //! ```
+
+use std::path::Path;
 
 use rsm_core::places::Places;
 use rsm_core::source::{Collector, Fault, Faults, Source};
@@ -50,6 +57,8 @@ pub struct DesignSpecification {
     pub centre_points: usize,
     /// What every point fulfils.
     pub conditions: Vec<Condition>,
+    /// The terms of the model that the runs are for: a power of each coded factor. Second order where the file has none.
+    pub terms: Vec<Vec<u32>>,
     /// Its text; none when it was made in memory.
     source: Option<Source>,
     places: Places,
@@ -74,12 +83,20 @@ impl DesignSpecification {
     /// # Ok::<(), rsm_core::source::Faults>(())
     /// ```
     pub fn from_source(source: Source) -> Result<Self, Faults> {
+        Self::from_source_in(source, Path::new(""))
+    }
+
+    /// The same; files that it names (`candidates`, `terms_of`, `support_of`) lie relative to a folder.
+    ///
+    /// # Errors
+    /// Every fault of the text and of those files.
+    pub fn from_source_in(source: Source, folder: &Path) -> Result<Self, Faults> {
         let mut faults = Collector::new();
-        let draft = read::read(&source, &mut faults);
+        let draft = read::read(&source, folder, &mut faults);
         let specification = draft.map(|(draft, places)| {
-            let read::Draft { plan, seed, design, factors, replicates, centre_points, conditions } = draft;
+            let read::Draft { plan, seed, design, factors, replicates, centre_points, conditions, terms } = draft;
             let source = Some(source);
-            DesignSpecification { plan, seed, design, factors, replicates, centre_points, conditions, source, places }
+            DesignSpecification { plan, seed, design, factors, replicates, centre_points, conditions, terms, source, places }
         });
         faults.finish(specification)
     }
@@ -91,9 +108,10 @@ impl DesignSpecification {
         factors: Vec<Factor>,
         (replicates, centre_points): (usize, usize),
         conditions: Vec<Condition>,
+        terms: Vec<Vec<u32>>,
     ) -> Self {
         let (plan, source, places) = (IN_MEMORY.to_string(), None, Places::default());
-        DesignSpecification { plan, seed, design, factors, replicates, centre_points, conditions, source, places }
+        DesignSpecification { plan, seed, design, factors, replicates, centre_points, conditions, terms, source, places }
     }
 
     /// A fault at a part of the specification, by its dotted path.

@@ -13,8 +13,8 @@
 //!
 //!     tr(D W) + [(h - 1) g'P g - 2 c g'P f + (1 + g'D g) f'P f] / (that ratio)
 
-use super::linear::{add_square, cholesky, dot, inverse, product, times};
 use super::line::Quotient;
+use super::linear::{add_square, cholesky, dot, inverse, product, times};
 use super::space::{ON_A_FACE, Space};
 use crate::plan::design::Criterion;
 use crate::random::Random;
@@ -108,7 +108,7 @@ impl Task<'_> {
                 };
                 // Ten times what a sweep may leave.
                 let gain = kicked.gain_over(&state);
-                misses = if gain > 10.0 * COARSE { 0 } else { misses + 1 };
+                misses = if gain > 10.0 * self.coarse() { 0 } else { misses + 1 };
                 if gain > 0.0 {
                     state = kicked;
                 }
@@ -122,6 +122,11 @@ impl Task<'_> {
         }
         let best = best.ok_or(Failure::Singular)?;
         Ok(best.points.iter().map(|point| self.rounded(point)).collect())
+    }
+
+    /// Among finitely many points a search ends by itself.
+    fn coarse(&self) -> f64 {
+        if self.space.is_continuous() { COARSE } else { LEAST_GAIN }
     }
 
     fn start(&self, moments: Option<&[f64]>, random: &mut Random) -> Result<Option<State>, Failure> {
@@ -164,7 +169,7 @@ impl Task<'_> {
         if moments.is_some() {
             state.improve(self, None, 1e-2);
         }
-        state.improve(self, moments, COARSE).then_some(state)
+        state.improve(self, moments, self.coarse()).then_some(state)
     }
 
     /// On the grid where that keeps the conditions; levels and candidates as they are.
@@ -423,7 +428,8 @@ impl Measure {
     fn along(&self, task: &Task<'_>, point: &[f64], direction: &[f64], block: usize) -> Option<(Vec<f64>, f64)> {
         let space = task.space;
         // Along a factor the parameter is the setting itself, so that an end is met exactly and most of the rows are zeros.
-        let axis = (direction.iter().filter(|d| **d != 0.0).count() == 1).then(|| direction.iter().position(|d| *d == 1.0)).flatten();
+        let axis =
+            (direction.iter().filter(|d| **d != 0.0).count() == 1).then(|| direction.iter().position(|d| *d == 1.0)).flatten();
         let mut base = point.to_vec();
         let [mut low, mut high] = space.reach(point, direction)?;
         if let Some(k) = axis {

@@ -59,7 +59,11 @@ fn crossing(p: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
         if now == 0.0 {
             break;
         }
-        if (now > 0.0) == (at_low > 0.0) { low = t } else { high = t }
+        if (now > 0.0) == (at_low > 0.0) {
+            low = t
+        } else {
+            high = t
+        }
         let newton = t - now / value(&slope, t);
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         // A step of 1e-14 of the interval changes no criterion: it is flat there.
