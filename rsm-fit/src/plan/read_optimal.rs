@@ -38,7 +38,7 @@ impl Around<'_> {
 }
 
 /// Faults of another file, as they are.
-fn tell(other: Faults, faults: &mut Collector) {
+fn tell(other: &Faults, faults: &mut Collector) {
     for fault in other.list() {
         faults.push(fault.clone());
     }
@@ -112,7 +112,7 @@ fn read_file(value: Value<'_>, key: &str, top: &TableReader<'_>, around: &Around
     let (file, name) = (reader.text("file", faults), reader.optional_text("surface", faults));
     reader.finish(faults);
     let file = file?;
-    let source = around.read(&file).map_err(|other| tell(other, faults)).ok()?;
+    let source = around.read(&file).map_err(|other| tell(&other, faults)).ok()?;
     let is_fit = source.text().lines().any(|line| line.trim_start().starts_with("[responses"));
     let pick = |names: Vec<String>, faults: &mut Collector| {
         let found = match &name {
@@ -128,12 +128,12 @@ fn read_file(value: Value<'_>, key: &str, top: &TableReader<'_>, around: &Around
     };
     if is_fit {
         let folder = around.folder.join(&file).parent().map(Path::to_path_buf).unwrap_or_default();
-        let specification = Specification::from_source(source, folder).map_err(|other| tell(other, faults)).ok()?;
+        let specification = Specification::from_source(source, folder).map_err(|other| tell(&other, faults)).ok()?;
         let names = specification.responses.iter().map(|response| response.surface.name.clone()).collect();
         let place = pick(names, faults)?;
         return Some(File::Response(Box::new(specification), place));
     }
-    let checked = Checked::read(&source).map_err(|other| tell(other, faults)).ok()?;
+    let checked = Checked::read(&source).map_err(|other| tell(&other, faults)).ok()?;
     let names = checked.model().surfaces.iter().map(|surface| surface.name.clone()).collect();
     let place = pick(names, faults)?;
     Some(File::Surface(Box::new((checked, place))))
@@ -267,7 +267,7 @@ pub(super) fn read_optimum(
         }
     }
     let candidates = match top.optional_text("candidates", faults) {
-        Some(file) => Some(read_points(&around.folder.join(file), around.factors).map_err(|other| tell(other, faults)).ok()?),
+        Some(file) => Some(read_points(&around.folder.join(file), around.factors).map_err(|other| tell(&other, faults)).ok()?),
         None => None,
     };
     Some(Optimum { criterion, runs, block_sizes, mandatory, candidates, restarts })

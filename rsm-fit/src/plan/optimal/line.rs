@@ -60,9 +60,9 @@ fn crossing(p: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
             break;
         }
         if (now > 0.0) == (at_low > 0.0) {
-            low = t
+            low = t;
         } else {
-            high = t
+            high = t;
         }
         let newton = t - now / value(&slope, t);
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
