@@ -3,6 +3,7 @@
 //! In: the shipped plants as texts, records of [`crate::simulation`]. Out: rows a second at an error that is at most that of the plant in Rust, of one lane and of eight; the time from text to first row.
 //! The reference of both errors is the text at a tolerance of 1e-13.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use rsm_core::source::{Fault, Faults, Source};
@@ -133,6 +134,34 @@ impl Text {
         };
         let all = self.machine.parameters().into_iter().map(|it| (it.0, it.2));
         all.filter(|it| !it.0.starts_with("record_")).filter(moves).map(|it| it.0).take(most).collect()
+    }
+
+    /// The plant and its record for another solver, as JSON: parameters, states at the start, instants, inputs, the outputs at a tolerance of 1e-13.
+    ///
+    /// # Panics
+    /// When it cannot run.
+    #[must_use]
+    pub fn for_peers(&self, tolerance: f64) -> serde_json::Value {
+        let mut machine = self.machine.clone();
+        let first: Vec<f64> = self.signals.inputs.iter().map(|it| it[0]).collect();
+        let (given, recorded) = self.signals.start(&self.file, &machine);
+        let start = machine.start_along(&self.file, self.signals.time[0], &first, &given, &recorded);
+        let start = start.unwrap_or_else(|faults| panic!("{faults}"));
+        let named = |names: Vec<String>, values: &[f64]| -> BTreeMap<String, f64> {
+            names.into_iter().zip(values.iter().copied()).collect()
+        };
+        let columns = |names: Vec<String>, values: &[Vec<f64>]| -> BTreeMap<String, Vec<f64>> {
+            names.into_iter().zip(values.iter().cloned()).collect()
+        };
+        let first_of = |list: Vec<(String, String)>| list.into_iter().map(|it| it.0).collect::<Vec<String>>();
+        serde_json::json!({
+            "tolerance": tolerance,
+            "parameters": machine.parameters().into_iter().map(|it| (it.0, it.2)).collect::<BTreeMap<String, f64>>(),
+            "states": named(first_of(machine.states()), &start.states),
+            "time": self.signals.time,
+            "inputs": columns(first_of(machine.inputs()), &self.signals.inputs),
+            "reference": self.outputs(1e-13).into_iter().collect::<BTreeMap<String, Vec<f64>>>(),
+        })
     }
 
     fn lane_of(&self, machine: &mut Machine) -> Lane {

@@ -13,6 +13,7 @@ pub mod budget;
 pub mod counted;
 pub mod engines;
 pub mod horner;
+pub mod peers;
 pub mod simulation;
 pub mod surfaces;
 pub mod timed;

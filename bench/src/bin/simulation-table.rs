@@ -2,9 +2,10 @@
 //!
 //! In: nothing; with `--quick` no diagnoses. Out: rows a second of each plant, nominal and with an effect, their ratio, how many times faster than the plant itself that is; the
 //! seconds of a diagnosis of three records of 8000 rows, and how many runs along all three records would take as long. Then the same plants as texts of equations: rows a second at an error that is at most that of the plant
-//! in Rust, one lane and eight, against Rust and against one lane; the time from text to first row. Judges nothing: times are of one machine.
+//! in Rust, one lane and eight, against Rust and against one lane; the time from text to first row; exact sensitivities against differences; SciPy LSODA and diffsol at the same tolerance, or why they cannot be had. Judges nothing: times are of one machine.
 
-use rsm_bench::engines::{LANES, Text, comparable};
+use rsm_bench::engines::{LANES, Text, comparable, error};
+use rsm_bench::peers;
 use rsm_bench::simulation::{ROWS, SUBJECTS, diagnosed, rows_per_second};
 
 fn main() {
@@ -61,7 +62,7 @@ fn texts() {
         );
     }
     sensitivities();
-    println!("\nSKIPPED: SciPy LSODA and diffsol are not measured here yet");
+    peers();
 }
 
 /// Exact derivatives by ten parameters, or as many as move an output, against differences.
@@ -82,6 +83,39 @@ fn sensitivities() {
             1e3 * own,
             one_by_one / own,
             side_by_side / own
+        );
+    }
+}
+
+/// The same tolerance for all.
+const TOLERANCE: f64 = 1e-6;
+
+/// The same plants by other solvers.
+fn peers() {
+    let texts: Vec<_> = SUBJECTS.iter().map(|subject| (subject.plant, Text::of(subject, &subject.record(1)))).collect();
+    let plants = texts.iter().map(|(name, text)| ((*name).to_string(), text.for_peers(TOLERANCE))).collect();
+    let found = match peers::measured(&plants) {
+        Ok(found) => found,
+        Err(why) => return println!("\nSKIPPED: SciPy LSODA and diffsol: {why}"),
+    };
+    println!(
+        "\nother solvers at a tolerance of {TOLERANCE:.0e}, one call for each stretch of rows with the same inputs; `times`: how many times our rows a second theirs are\n\n{:<11}| {:>12} {:>9} | {:>12} {:>8} {:>9} | {:>12} {:>8} {:>9}",
+        "", "rows/s", "error", "LSODA rows/s", "times", "error", "diffsol", "times", "error"
+    );
+    for (name, text) in &texts {
+        let own = text.rows_per_second(1, TOLERANCE);
+        let off = error(&text.outputs(TOLERANCE), &text.outputs(1e-13));
+        let of = |solver: &str, key: &str| found[name][solver][key].as_f64().unwrap_or(f64::NAN);
+        let [lsoda, diffsol] = ["lsoda", "diffsol"].map(|it| (of(it, "rows_per_second"), of(it, "error")));
+        println!(
+            "{name:<11}| {own:>12.0} {off:>9.0e} | {:>12.0} {:>8.1} {:>9.0e} | {:>12.0} {:>8.1} {:>9.0e}  {}",
+            lsoda.0,
+            own / lsoda.0,
+            lsoda.1,
+            diffsol.0,
+            own / diffsol.0,
+            diffsol.1,
+            found[name]["diffsol"]["method"]
         );
     }
 }

@@ -12,7 +12,7 @@
 
 use super::rows::Stopped;
 use super::series::Tried;
-use super::speeds::{Carried, Moving};
+use super::speeds::{Carried, Moving, composed};
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, Way};
 
@@ -28,6 +28,7 @@ impl<const L: usize> Walk<'_, L> {
     pub(super) fn carry(&mut self, directions: &[Moving], known: Option<Box<Carried>>, way: Way) {
         let layout = self.programs.layout;
         let mut it = known.unwrap_or_else(|| Carried::new(&self.programs, directions, way));
+        it.run_number += 1;
         it.slots.fill([0.0; WIDE]);
         it.grow();
         it.instant = None;
@@ -62,29 +63,35 @@ impl<const L: usize> Walk<'_, L> {
         let Some(mut it) = self.carried.take() else { return };
         let layout = self.programs.layout;
         let count = self.programs.counts.states;
-        for place in 0.. {
-            if count == 0 {
-                break;
-            }
-            if it.parts.len() <= place {
-                let found = it.speeds(&self.programs.part(place).placed, false);
-                it.parts.push(found);
-                it.grow();
-            }
-            // What the programs read stands in the walk, but for what the end of the step has changed.
-            let now = self.slots[layout.time as usize];
-            self.slots[layout.time as usize] = [begin; L];
-            let states = layout.states as usize..layout.states as usize + count;
-            self.slots[states.clone()].swap_with_slice(&mut self.before);
-            let parts = std::mem::take(&mut it.parts);
-            parts[place].iter().for_each(|speeds| it.run(speeds, &self.slots));
-            it.parts = parts;
-            self.slots[states].swap_with_slice(&mut self.before);
-            self.slots[layout.time as usize] = now;
-            if self.programs.part(place).order >= tried.order {
-                break;
+        if count == 0 {
+            self.carried = Some(it);
+            return;
+        }
+        let mut last = 0;
+        while self.programs.part(last).order < tried.order {
+            last += 1;
+        }
+        // What the programs read stands in the walk, but for what the end of the step has changed.
+        let now = self.slots[layout.time as usize];
+        let states = layout.states as usize..layout.states as usize + count;
+        self.slots[layout.time as usize] = [begin; L];
+        self.slots[states.clone()].swap_with_slice(&mut self.before);
+        if share == 1.0 {
+            self.whole_step(&mut it, last);
+        } else {
+            for place in 0..=last {
+                if it.parts.len() <= place {
+                    let found = it.speeds(&self.programs.part(place).placed, false);
+                    it.parts.push(found);
+                    it.grow();
+                }
+                let parts = std::mem::take(&mut it.parts);
+                parts[place].iter().for_each(|speeds| it.run(speeds, &self.slots));
+                it.parts = parts;
             }
         }
+        self.slots[states].swap_with_slice(&mut self.before);
+        self.slots[layout.time as usize] = now;
         let end = self.programs.end();
         for group in 0..it.groups {
             for k in 0..count as Slot {
@@ -104,6 +111,20 @@ impl<const L: usize> Walk<'_, L> {
             }
         }
         self.carried = Some(it);
+    }
+
+    /// The speeds behind a whole step of all orders up to a part's last.
+    fn whole_step(&mut self, it: &mut Carried, last: usize) {
+        it.whole.resize_with(it.whole.len().max(last + 1), || None);
+        if it.whole[last].is_none() {
+            let parts: Vec<_> = self.programs.written(last).iter().map(|it| &it.placed).collect();
+            let composed = composed(&parts, self.programs.end(), self.programs.counts.states);
+            it.whole[last] = Some(it.speeds(&composed, false));
+            it.grow();
+        }
+        let found = it.whole[last].take();
+        found.iter().flatten().for_each(|speeds| it.run(speeds, &self.slots));
+        it.whole[last] = found;
     }
 
     /// At an instant at which a comparison has just changed: the instant moves, and the states there move with it.

@@ -308,6 +308,11 @@ impl Programs {
         self.parts.first().map(|part| (&part.code, part.order))
     }
 
+    /// The parts of the series up to one that is written.
+    pub(super) fn written(&self, last: usize) -> &[Orders] {
+        &self.parts[..=last]
+    }
+
     /// A part of the series, written when it is asked for the first time.
     pub(super) fn part(&mut self, place: usize) -> &Orders {
         while self.parts.len() <= place {

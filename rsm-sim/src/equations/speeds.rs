@@ -3,11 +3,12 @@
 //! In: tapes with the slots of their arguments and results, which slots move. Out: [`Carried`]: an array of its own with values and speeds, four directions in a register, and the code over it. What no direction changes is
 //! computed once for all. Never knows a step or an event.
 
-use std::collections::HashSet;
+use std::cell::Cell;
+use std::collections::{HashMap, HashSet};
 
 use rsm_core::held::{Divided, divided};
 use rsm_core::tangent;
-use rsm_core::tape::Op;
+use rsm_core::tape::{Op, Reg, TapeBuilder};
 
 use super::programs::{Placed, Programs};
 use crate::code::{Code, Slot, WIDE, Way};
@@ -62,6 +63,9 @@ pub(super) struct Speeds {
     pub read: Vec<(usize, usize)>,
     /// What no direction changes.
     pub shared: Option<Code>,
+    /// Values of these do not change in a run: read once, in the run of this number.
+    fixed: Vec<(usize, usize)>,
+    run: Cell<u64>,
     pub groups: Vec<Code>,
 }
 
@@ -79,6 +83,12 @@ pub(super) struct Carried {
     pub once: Vec<Option<Speeds>>,
     pub row: Vec<Option<Speeds>>,
     pub parts: Vec<Option<Speeds>>,
+    /// By part: all orders up to its last, for the end of a whole step.
+    pub whole: Vec<Option<Option<Speeds>>>,
+    /// Slots of the walk that do not change in a run.
+    fixed: HashSet<Slot>,
+    /// The number of the run.
+    pub run_number: u64,
     pub looks: Option<Speeds>,
     pub sides: Option<Speeds>,
     pub events: Option<Speeds>,
@@ -95,6 +105,9 @@ impl Carried {
         let mut moving: HashSet<Slot> =
             directions.iter().filter_map(|it| it.parameter).map(|place| layout.parameters + place as Slot).collect();
         moving.extend(group(layout.states, counts.states).chain(group(layout.memories, counts.memories)));
+        let fixed: HashSet<Slot> = group(layout.parameters, counts.parameters)
+            .chain(programs.once.iter().flat_map(|it| it.1.results.iter().copied()))
+            .collect();
         let mut it = Box::new(Carried {
             way,
             groups: directions.len().div_ceil(WIDE),
@@ -105,6 +118,9 @@ impl Carried {
             once: Vec::new(),
             row: Vec::new(),
             parts: Vec::new(),
+            whole: Vec::new(),
+            fixed,
+            run_number: 0,
             looks: None,
             sides: None,
             events: None,
@@ -162,10 +178,8 @@ impl Carried {
                 .flatten()
                 .any(|tape| tape.ops.iter().any(|op| matches!(op, Op::Input(it) if it.0 as usize == port)))
         };
-        let read = (0..count)
-            .filter(|port| reads(*port))
-            .map(|port| (placed.arguments[port] as usize, values[port] as usize))
-            .collect();
+        let all = (0..count).filter(|port| reads(*port)).map(|port| (placed.arguments[port] as usize, values[port] as usize));
+        let (fixed, read) = all.partition(|it| self.fixed.contains(&(it.0 as Slot)));
         let shared = held.map(|held| {
             let found: Vec<Slot> = held.outputs.iter().map(|_| self.mirror.fresh()).collect();
             let all = values.iter().copied().chain(vec![0; held.inputs.len() - count]).collect::<Vec<_>>();
@@ -181,11 +195,16 @@ impl Carried {
                 Code::new(&rest, &all, &results, WIDE, self.way)
             })
             .collect();
-        Some(Speeds { read, shared, groups })
+        Some(Speeds { read, fixed, run: Cell::new(0), shared, groups })
     }
 
     /// Computes the speeds of a program's results from the values that stand in a walk.
     pub(super) fn run<const L: usize>(&mut self, speeds: &Speeds, values: &[[f64; L]]) {
+        if speeds.run.replace(self.run_number) != self.run_number {
+            for (from, to) in &speeds.fixed {
+                self.slots[*to] = [values[*from][0]; WIDE];
+            }
+        }
         for (from, to) in &speeds.read {
             self.slots[*to] = [values[*from][0]; WIDE];
         }
@@ -205,4 +224,26 @@ impl Carried {
     pub(super) fn grow(&mut self) {
         self.slots.resize((self.mirror.next as usize).max(self.slots.len()), [0.0; WIDE]);
     }
+}
+
+/// Parts of a series as one program of the states behind a whole step.
+pub(super) fn composed(parts: &[&Placed], end: Slot, states: usize) -> Placed {
+    let mut builder = TapeBuilder::sharing(rsm_core::number::Precision::F64);
+    let mut found: HashMap<Slot, Reg> = HashMap::new();
+    let mut arguments: Vec<Slot> = Vec::new();
+    for part in parts {
+        let mut inputs = Vec::with_capacity(part.arguments.len());
+        for slot in &part.arguments {
+            inputs.push(*found.entry(*slot).or_insert_with(|| {
+                arguments.push(*slot);
+                builder.input(arguments.len() as u32 - 1)
+            }));
+        }
+        let results = builder.inline(&part.tape, &inputs);
+        found.extend(part.results.iter().copied().zip(results));
+    }
+    let results: Vec<Slot> = (end..end + states as Slot).collect();
+    let outputs: Vec<(String, Reg)> = results.iter().map(|slot| (format!("slot {slot}"), found[slot])).collect();
+    let names = arguments.iter().map(|slot| format!("slot {slot}")).collect();
+    Placed { tape: builder.finish_with_results("step", names, outputs, [] as [(String, Reg); 0]), arguments, results }
 }
