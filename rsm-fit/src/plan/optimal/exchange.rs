@@ -7,11 +7,15 @@
 //!
 //! With M = X'X, its inverse D, a run f that leaves and a run g that comes (Fedorov 1972):
 //!
-//!     |M - f f' + g g'| / |M| = (1 - f'D f) + g'[(1 - f'D f) D + D f f'D] g
+//! ```text
+//! |M - f f' + g g'| / |M| = (1 - f'D f) + g'[(1 - f'D f) D + D f f'D] g
+//! ```
 //!
 //! and for the mean variance tr(D W), with h = f'D f, c = f'D g and P = D W D, the new one is
 //!
-//!     tr(D W) + [(h - 1) g'P g - 2 c g'P f + (1 + g'D g) f'P f] / (that ratio)
+//! ```text
+//! tr(D W) + [(h - 1) g'P g - 2 c g'P f + (1 + g'D g) f'P f] / (that ratio)
+//! ```
 
 use super::line::Quotient;
 use super::linear::{add_square, cholesky, dot, inverse, product, times};
