@@ -4,11 +4,10 @@
 //! decision with lowering: interpreter and emitters read the same tape, so their agreement says nothing about the tape itself.
 //! Also executes a tape in exact arithmetic, with its constants as they were before rounding: that must give the polynomial again.
 
-use num_bigint::BigInt;
 use num_traits::Signed;
 
 use crate::basis::{self, Arithmetic, Factor};
-use crate::model::{Input, Surface, Term};
+use crate::model::{Input, Surface};
 use crate::number::{Precision, Rational, exact, integer};
 use crate::tape::{Op, Reg, Tape};
 
@@ -23,37 +22,11 @@ pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Op
     }
     let factors = Factor::all(surface, inputs);
     let values: Vec<Rational> = factors.iter().map(|factor| factor.value(seen[factor.input].clone())).collect();
-    let sum = over_one_denominator(surface, &values);
+    let sum = surface.terms.iter().fold(zero, |sum, term| {
+        let product = term.powers.iter().zip(&values).map(|(power, value)| basis::power(value, *power));
+        sum + product.fold(exact(term.coefficient), |product, power| product * power)
+    });
     Some(if basis::is_negated(surface, inputs, point) { -sum } else { sum })
-}
-
-/// The sum of the terms at the factors' values. Each value of a sigmoid or a wave has hundreds of digits, and each has another denominator: over one denominator for all terms the sum is one of
-/// whole numbers, and is reduced once.
-fn over_one_denominator(surface: &Surface, values: &[Rational]) -> Rational {
-    // Powers up to the highest of any term.
-    let powers = |base: &BigInt, highest: usize| -> Vec<BigInt> {
-        std::iter::successors(Some(BigInt::from(1)), |power| Some(power * base)).take(highest + 1).collect()
-    };
-    let factors: Vec<(Vec<BigInt>, Vec<BigInt>)> = (values.iter().enumerate())
-        .map(|(k, value)| {
-            let highest = surface.terms.iter().map(|term| term.powers[k] as usize).max().unwrap_or(0);
-            (powers(value.numer(), highest), powers(value.denom(), highest))
-        })
-        .collect();
-    let coefficients: Vec<Rational> = surface.terms.iter().map(|term| exact(term.coefficient)).collect();
-    // A coefficient's denominator is a power of two: the largest is a multiple of all.
-    let binary = coefficients.iter().map(Rational::denom).max().cloned().unwrap_or_else(|| BigInt::from(1));
-    let term = |(term, coefficient): (&Term, &Rational)| {
-        let own = coefficient.numer() * (&binary / coefficient.denom());
-        term.powers.iter().zip(&factors).fold(own, |product, (power, (numerators, denominators))| {
-            let power = *power as usize;
-            product * &numerators[power] * &denominators[denominators.len() - 1 - power]
-        })
-    };
-    let sum: BigInt = surface.terms.iter().zip(&coefficients).map(term).sum();
-    let whole =
-        factors.iter().filter_map(|(_, denominators)| denominators.last()).fold(binary, |product, power| product * power);
-    Rational::new(sum, whole)
 }
 
 /// What an evaluator would return if it made no rounding error: the polynomial, then `output_range`.
@@ -151,7 +124,7 @@ fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec
 fn exponent(value: &Rational, precision: Precision) -> i64 {
     let bias = bias(precision);
     let power = |exponent: i64| {
-        let power = Rational::from_integer(BigInt::from(1) << exponent.unsigned_abs());
+        let power = Rational::from_integer(num_bigint::BigInt::from(1) << exponent.unsigned_abs());
         if exponent < 0 { power.recip() } else { power }
     };
     let magnitude = value.abs();

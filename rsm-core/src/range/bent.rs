@@ -20,10 +20,10 @@ use crate::pieces::Piece;
 
 use super::Extent;
 
-/// Cells that are looked at for each bound, at most: of 40 terms of two inputs some 0.1 s.
+/// Cells that are looked at for each bound, at most: of 40 terms of three inputs some 0.1 s.
 const CELLS: usize = 6000;
 
-/// Interval operations for each bound, at most, about: those of [`CELLS`] of 40 terms of three inputs. A surface of six inputs gets fewer cells.
+/// Interval operations for each bound, at most, about, of the order of those for a polynomial (`bernstein.rs`): a surface whose cells cost much gets fewer of [`CELLS`].
 const OPERATIONS: usize = 30_000_000;
 
 /// Bernstein coefficients for each monomial, at most: beyond it, with many inputs, most of them belong to no monomial, and more cells tell more than better bounds of each.
@@ -87,9 +87,9 @@ impl Values<'_> {
                         (seen, at) = (value, point);
                     }
                 }
-                // A half lies in the whole: its bound is never worse.
                 let (values, taken) = self.over(&half);
                 operations += taken;
+                // A half lies in the whole: its bound is never worse.
                 let bound = signed(values).low.max(bound);
                 queue.push(Queued { bound, cell: half });
             }
