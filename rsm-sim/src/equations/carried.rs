@@ -27,35 +27,30 @@ impl<const L: usize> Walk<'_, L> {
     /// Begins to carry, behind the start of a run. `known` is what an earlier run along the same parameters has made.
     pub(super) fn carry(&mut self, directions: &[Moving], known: Option<Box<Carried>>, way: Way) {
         let layout = self.programs.layout;
-        let mut it = known.unwrap_or_else(|| Carried::new(&self.programs, directions, way));
-        it.run_number += 1;
-        it.slots.fill([0.0; WIDE]);
-        it.grow();
+        let mut boxed = known.unwrap_or_else(|| Carried::new(&self.programs, directions, way));
+        let it = &mut *boxed;
+        it.store.begin(it.mirror.next);
         it.instant = None;
         for (k, moving) in directions.iter().enumerate() {
             let (group, lane) = (k / WIDE, k % WIDE);
             let mut put = |slot: Slot, value: f64| {
                 if let Some(place) = it.mirror.known(group + 1, slot) {
-                    it.slots[place][lane] = value;
+                    it.store.slots[place][lane] = value;
                 }
             };
             moving.parameter.into_iter().for_each(|place| put(layout.parameters + place as Slot, 1.0));
             moving.states.iter().zip(layout.states..).for_each(|(value, slot)| put(slot, *value));
             moving.memories.iter().zip(layout.memories..).for_each(|(value, slot)| put(slot, *value));
         }
-        let once = std::mem::take(&mut it.once);
-        once.iter().flatten().for_each(|speeds| it.run(speeds, &self.slots));
-        it.once = once;
-        self.carried = Some(it);
+        it.once.iter().flatten().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
+        self.carried = Some(boxed);
         self.carry_refresh();
     }
 
     /// Behind [`Walk::refresh`].
     pub(super) fn carry_refresh(&mut self) {
-        let Some(it) = &mut self.carried else { return };
-        let row = std::mem::take(&mut it.row);
-        row.iter().flatten().for_each(|speeds| it.run(speeds, &self.slots));
-        it.row = row;
+        let Some(it) = self.carried.as_deref_mut() else { return };
+        it.row.iter().flatten().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
     }
 
     /// Over a step of the series that began at an instant, up to a share of its length. The states at its start stand in `before`.
@@ -81,13 +76,10 @@ impl<const L: usize> Walk<'_, L> {
         } else {
             for place in 0..=last {
                 if it.parts.len() <= place {
-                    let found = it.speeds(&self.programs.part(place).placed, false);
+                    let found = it.written(&self.programs.part(place).placed);
                     it.parts.push(found);
-                    it.grow();
                 }
-                let parts = std::mem::take(&mut it.parts);
-                parts[place].iter().for_each(|speeds| it.run(speeds, &self.slots));
-                it.parts = parts;
+                it.parts[place].iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
             }
         }
         self.slots[states].swap_with_slice(&mut self.before);
@@ -98,16 +90,16 @@ impl<const L: usize> Walk<'_, L> {
                 let Some(to) = it.speed(group, layout.states + k) else { continue };
                 if share == 1.0 {
                     if let Some(from) = it.speed(group, end + k) {
-                        it.slots[to] = it.slots[from];
+                        it.store.slots[to] = it.store.slots[from];
                     }
                     continue;
                 }
                 let mut moved = [0.0; WIDE];
                 for order in (1..=tried.order).rev() {
-                    let term = it.speed(group, self.programs.terms[order - 1] + k).map_or([0.0; WIDE], |at| it.slots[at]);
+                    let term = it.speeds_of(group, self.programs.terms[order - 1] + k);
                     moved = std::array::from_fn(|lane| (moved[lane] + term[lane]) * share);
                 }
-                (0..WIDE).for_each(|lane| it.slots[to][lane] += moved[lane]);
+                (0..WIDE).for_each(|lane| it.store.slots[to][lane] += moved[lane]);
             }
         }
         self.carried = Some(it);
@@ -119,12 +111,9 @@ impl<const L: usize> Walk<'_, L> {
         if it.whole[last].is_none() {
             let parts: Vec<_> = self.programs.written(last).iter().map(|it| &it.placed).collect();
             let composed = composed(&parts, self.programs.end(), self.programs.counts.states);
-            it.whole[last] = Some(it.speeds(&composed, false));
-            it.grow();
+            it.whole[last] = Some(it.written(&composed));
         }
-        let found = it.whole[last].take();
-        found.iter().flatten().for_each(|speeds| it.run(speeds, &self.slots));
-        it.whole[last] = found;
+        it.whole[last].iter().flatten().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
     }
 
     /// At an instant at which a comparison has just changed: the instant moves, and the states there move with it.
@@ -145,21 +134,17 @@ impl<const L: usize> Walk<'_, L> {
         let time = it.groups;
         for k in 0..count {
             if let Some(place) = it.speed(time, layout.states + k as Slot) {
-                it.slots[place] = [self.slots[rates + k][0]; WIDE];
+                it.store.slots[place] = [self.slots[rates + k][0]; WIDE];
             }
         }
         let clock = |it: &Carried, group: usize| it.mirror.places[group + 1][layout.time as usize] as usize;
         let at = clock(&it, time);
-        it.slots[at] = [1.0; WIDE];
-        if let Some(sides) = it.sides.take() {
-            it.run(&sides, &self.slots);
-            it.sides = Some(sides);
-        }
+        it.store.slots[at] = [1.0; WIDE];
+        it.sides.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
         let mut instant = Vec::with_capacity(it.groups);
         if let Some(slot) = changed {
             let distance = |it: &Carried, group: usize| -> [f64; WIDE] {
-                let of = |slot: Slot| it.speed(group, slot).map_or([0.0; WIDE], |at| it.slots[at]);
-                let (left, right) = (of(slot), of(slot + 1));
+                let (left, right) = (it.speeds_of(group, slot), it.speeds_of(group, slot + 1));
                 std::array::from_fn(|lane| left[lane] - right[lane])
             };
             let by_time = distance(&it, time)[0];
@@ -181,7 +166,7 @@ impl<const L: usize> Walk<'_, L> {
             let Some(it) = &mut self.carried else { return Ok(()) };
             for (group, moves) in instant.iter().enumerate() {
                 let at = clock(it, group);
-                it.slots[at] = *moves;
+                it.store.slots[at] = *moves;
             }
             it.instant = Some(instant);
         }
@@ -196,7 +181,7 @@ impl<const L: usize> Walk<'_, L> {
             for k in 0..self.programs.counts.states {
                 let rate = sign * self.slots[rates + k][0];
                 if let Some(place) = it.speed(group, states + k as Slot) {
-                    (0..WIDE).for_each(|lane| it.slots[place][lane] += rate * moves[lane]);
+                    (0..WIDE).for_each(|lane| it.store.slots[place][lane] += rate * moves[lane]);
                 }
             }
         }
@@ -211,22 +196,19 @@ impl<const L: usize> Walk<'_, L> {
         if let Some(it) = &mut self.carried {
             for group in 0..it.groups {
                 let at = it.mirror.places[group + 1][time as usize] as usize;
-                it.slots[at] = [0.0; WIDE];
+                it.store.slots[at] = [0.0; WIDE];
             }
         }
     }
 
     /// Where branches act: behind the program of what happens, before its results are taken.
     pub(super) fn carry_turn(&mut self) {
-        let Some(it) = &mut self.carried else { return };
+        let Some(it) = self.carried.as_deref_mut() else { return };
         let Some(program) = &self.programs.events else { return };
-        let events = it.events.take();
-        events.iter().for_each(|speeds| it.run(speeds, &self.slots));
-        it.events = events;
+        it.events.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
         let (layout, results) = (self.programs.layout, program.results);
         for group in 0..it.groups {
-            let value =
-                |it: &Carried, place: usize| it.speed(group, results + place as Slot).map_or([0.0; WIDE], |at| it.slots[at]);
+            let value = |it: &Carried, place: usize| it.speeds_of(group, results + place as Slot);
             let mut taken: Vec<(Slot, [f64; WIDE])> = Vec::new();
             for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {
                 if acts[0] != 0.0 {
@@ -238,7 +220,7 @@ impl<const L: usize> Walk<'_, L> {
             taken.extend((0..self.events.memories).map(|k| (layout.memories + k as Slot, value(it, k))));
             for (slot, value) in taken {
                 if let Some(place) = it.speed(group, slot) {
-                    it.slots[place] = value;
+                    it.store.slots[place] = value;
                 }
             }
         }
@@ -246,14 +228,12 @@ impl<const L: usize> Walk<'_, L> {
 
     /// How fast every output moves here and now, in each direction.
     pub(super) fn carry_look(&mut self, to: &mut [Vec<Vec<f64>>]) {
-        let Some(it) = &mut self.carried else { return };
+        let Some(it) = self.carried.as_deref_mut() else { return };
         let Some(results) = self.programs.looks.as_ref().map(|it| it.results) else { return };
-        let looks = it.looks.take();
-        looks.iter().for_each(|speeds| it.run(speeds, &self.slots));
-        it.looks = looks;
+        it.looks.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
         for (group, to) in to.chunks_mut(WIDE).enumerate() {
             for slot in results..results + self.programs.counts.outputs as Slot {
-                let value = it.speed(group, slot).map_or([0.0; WIDE], |at| it.slots[at]);
+                let value = it.speeds_of(group, slot);
                 for (to, value) in to.iter_mut().zip(value) {
                     to[(slot - results) as usize].push(value);
                 }

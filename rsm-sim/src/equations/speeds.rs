@@ -69,6 +69,45 @@ pub(super) struct Speeds {
     pub groups: Vec<Code>,
 }
 
+/// Values and speeds, where the mirror places them.
+#[derive(Debug, Default)]
+pub(super) struct Store {
+    pub slots: Vec<[f64; WIDE]>,
+    spare: Vec<[f64; WIDE]>,
+    /// The number of the run.
+    run: u64,
+}
+
+impl Store {
+    /// A new run: nothing moves yet, and there is room for so many places.
+    pub(super) fn begin(&mut self, places: Slot) {
+        self.run += 1;
+        self.slots.fill([0.0; WIDE]);
+        self.grow(places);
+    }
+
+    fn grow(&mut self, places: Slot) {
+        self.slots.resize((places as usize).max(self.slots.len()), [0.0; WIDE]);
+    }
+}
+
+impl Speeds {
+    /// Computes the speeds of a program's results from the values that stand in a walk.
+    pub(super) fn run<const L: usize>(&self, store: &mut Store, values: &[[f64; L]]) {
+        if self.run.replace(store.run) != store.run {
+            for (from, to) in &self.fixed {
+                store.slots[*to] = [values[*from][0]; WIDE];
+            }
+        }
+        for (from, to) in &self.read {
+            store.slots[*to] = [values[*from][0]; WIDE];
+        }
+        for code in self.shared.iter().chain(&self.groups) {
+            code.run(&mut store.slots, &mut store.spare);
+        }
+    }
+}
+
 /// The programs of speeds. `None`: nothing that moves goes into it.
 #[derive(Debug)]
 pub(super) struct Carried {
@@ -76,8 +115,7 @@ pub(super) struct Carried {
     /// Groups of directions, without that of the time.
     pub groups: usize,
     pub mirror: Mirror,
-    pub slots: Vec<[f64; WIDE]>,
-    pub spare: Vec<[f64; WIDE]>,
+    pub store: Store,
     /// Slots of the walk that move.
     pub moving: HashSet<Slot>,
     pub once: Vec<Option<Speeds>>,
@@ -87,8 +125,6 @@ pub(super) struct Carried {
     pub whole: Vec<Option<Option<Speeds>>>,
     /// Slots of the walk that do not change in a run.
     fixed: HashSet<Slot>,
-    /// The number of the run.
-    pub run_number: u64,
     pub looks: Option<Speeds>,
     pub sides: Option<Speeds>,
     pub events: Option<Speeds>,
@@ -112,15 +148,13 @@ impl Carried {
             way,
             groups: directions.len().div_ceil(WIDE),
             mirror: Mirror::default(),
-            slots: Vec::new(),
-            spare: Vec::new(),
+            store: Store::default(),
             moving,
             once: Vec::new(),
             row: Vec::new(),
             parts: Vec::new(),
             whole: Vec::new(),
             fixed,
-            run_number: 0,
             looks: None,
             sides: None,
             events: None,
@@ -198,31 +232,21 @@ impl Carried {
         Some(Speeds { read, fixed, run: Cell::new(0), shared, groups })
     }
 
-    /// Computes the speeds of a program's results from the values that stand in a walk.
-    pub(super) fn run<const L: usize>(&mut self, speeds: &Speeds, values: &[[f64; L]]) {
-        if speeds.run.replace(self.run_number) != self.run_number {
-            for (from, to) in &speeds.fixed {
-                self.slots[*to] = [values[*from][0]; WIDE];
-            }
-        }
-        for (from, to) in &speeds.read {
-            self.slots[*to] = [values[*from][0]; WIDE];
-        }
-        if let Some(shared) = &speeds.shared {
-            shared.run(&mut self.slots, &mut self.spare);
-        }
-        for code in &speeds.groups {
-            code.run(&mut self.slots, &mut self.spare);
-        }
-    }
-
     /// Where the speed of a slot of the walk stands; `None`: it stands still.
     pub(super) fn speed(&self, group: usize, slot: Slot) -> Option<usize> {
         self.mirror.known(group + 1, slot)
     }
 
-    pub(super) fn grow(&mut self) {
-        self.slots.resize((self.mirror.next as usize).max(self.slots.len()), [0.0; WIDE]);
+    /// The speeds of a slot of the walk in the directions of a group.
+    pub(super) fn speeds_of(&self, group: usize, slot: Slot) -> [f64; WIDE] {
+        self.speed(group, slot).map_or([0.0; WIDE], |place| self.store.slots[place])
+    }
+
+    /// The speeds of a program that is met for the first time in the middle of a run, with room for them.
+    pub(super) fn written(&mut self, placed: &Placed) -> Option<Speeds> {
+        let found = self.speeds(placed, false);
+        self.store.grow(self.mirror.next);
+        found
     }
 }
 
