@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use rsm_core::source::{Fault, Faults, Source};
-use rsm_sim::equations::{By, EquationFile, Inputs, Lane, Lanes, Machine, Method, Sensitive, Setting, Signals};
+use rsm_sim::equations::{By, EquationFile, Inputs, Lane, Lanes, Machine, Method, Point, Sensitive, Setting, Signals};
 use rsm_sim::record::Record;
 use rsm_sim::schema;
 use rsm_sim::simulate::Simulator;
@@ -72,10 +72,7 @@ impl Text {
         let mut columns: Vec<(&str, &[f64])> = vec![("time", &record.time)];
         columns.extend(names.iter().zip(&record.inputs).map(|(name, values)| (name.as_str(), values.as_slice())));
         let signals = Signals::in_memory(&file, &machine, &columns).unwrap_or_else(|faults| panic!("{faults}"));
-        let first: Vec<f64> = signals.inputs.iter().map(|it| it[0]).collect();
-        let (given, recorded) = signals.start(&file, &machine);
-        let start =
-            machine.start_along(&file, signals.time[0], &first, &given, &recorded).unwrap_or_else(|faults| panic!("{faults}"));
+        let start = start_of(&file, &signals, &mut machine);
         let lane = Lane::new(&machine, start);
         Text { file, machine, signals, lane, plant }
     }
@@ -122,14 +119,14 @@ impl Text {
     #[must_use]
     pub fn parameters(&self, most: usize) -> Vec<String> {
         let own = self.outputs(1e-4);
+        let setting = Setting { method: Method::Automatic, tolerance: 1e-4 };
+        let mut code = Lanes::new(&self.machine);
         let moves = |(name, value): &(String, f64)| {
             let mut machine = self.machine.clone();
             if *value == 0.0 || machine.set(name, value * 1.01).is_err() {
                 return false;
             }
-            let lane = self.lane_of(&mut machine);
-            let setting = Setting { method: Method::Automatic, tolerance: 1e-4 };
-            let found = Lanes::new(&self.machine).run(&[lane], self.inputs(), setting).remove(0);
+            let found = code.run(&[self.lane_of(&mut machine)], self.inputs(), setting).remove(0);
             found.is_ok_and(|found| found.iter().zip(&own).any(|(a, b)| *a != b.1))
         };
         let all = self.machine.parameters().into_iter().map(|it| (it.0, it.2));
@@ -143,10 +140,7 @@ impl Text {
     #[must_use]
     pub fn for_peers(&self, tolerance: f64) -> serde_json::Value {
         let mut machine = self.machine.clone();
-        let first: Vec<f64> = self.signals.inputs.iter().map(|it| it[0]).collect();
-        let (given, recorded) = self.signals.start(&self.file, &machine);
-        let start = machine.start_along(&self.file, self.signals.time[0], &first, &given, &recorded);
-        let start = start.unwrap_or_else(|faults| panic!("{faults}"));
+        let start = start_of(&self.file, &self.signals, &mut machine);
         let named = |names: Vec<String>, values: &[f64]| -> BTreeMap<String, f64> {
             names.into_iter().zip(values.iter().copied()).collect()
         };
@@ -165,10 +159,8 @@ impl Text {
     }
 
     fn lane_of(&self, machine: &mut Machine) -> Lane {
-        let first: Vec<f64> = self.signals.inputs.iter().map(|it| it[0]).collect();
-        let (given, recorded) = self.signals.start(&self.file, machine);
-        let start = machine.start_along(&self.file, self.signals.time[0], &first, &given, &recorded);
-        Lane::new(machine, start.unwrap_or_else(|faults| panic!("{faults}")))
+        let start = start_of(&self.file, &self.signals, machine);
+        Lane::new(machine, start)
     }
 
     /// Seconds of the derivatives by some parameters along the record: exact; by differences of one run a parameter and one more, one by one and in lanes; the largest difference of both, as a share of a derivative's size.
@@ -236,6 +228,14 @@ impl Text {
             found.unwrap_or_else(|stopped| panic!("{stopped}"));
         })
     }
+}
+
+/// The start of a plant along a record.
+fn start_of(file: &EquationFile, signals: &Signals, machine: &mut Machine) -> Point {
+    let first: Vec<f64> = signals.inputs.iter().map(|it| it[0]).collect();
+    let (given, recorded) = signals.start(file, machine);
+    let start = machine.start_along(file, signals.time[0], &first, &given, &recorded);
+    start.unwrap_or_else(|faults| panic!("{faults}"))
 }
 
 /// The largest difference of any output from a reference, as a share of the output's size.
