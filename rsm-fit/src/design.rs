@@ -111,12 +111,17 @@ pub fn order(powers: &[u32]) -> u32 {
 /// the first factors highest first. Odd symmetry asks every term to contain the odd inputs; of each input at most one sigmoid enters, once.
 #[must_use]
 pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
-    let width = surface.width();
+    let mut terms = monomials_up_to(surface.width(), highest_order);
+    terms.retain(|powers| missing_odd_input(surface, powers).is_none() && has_plain_steps(surface, powers));
+    terms
+}
+
+/// The powers of so many factors, in the order of [`terms_up_to`], whatever a surface may have.
+pub(crate) fn monomials_up_to(width: usize, highest_order: u32) -> Vec<Vec<u32>> {
     let mut terms = Vec::new();
     for order in 0..=highest_order {
         push_terms_of_order(order, width, &mut Vec::new(), &mut terms);
     }
-    terms.retain(|powers| missing_odd_input(surface, powers).is_none() && has_plain_steps(surface, powers));
     terms
 }
 

@@ -7,10 +7,10 @@ use rsm_core::source::{Collector, Fault, Faults};
 
 use super::Plan;
 use super::design::{Condition, Criterion, Design, Factor, MOST_RUNS, Optimum};
-use super::optimal::all_terms;
 use super::points::{box_behnken_groups, rotatable_alpha};
-use super::rules::{MOST_FACTORS, check_names, check_size};
+use super::rules::{MOST_FACTORS, MOST_ORDER, check_names, check_size};
 use super::spec::{DesignSpecification, IN_MEMORY};
+use crate::design::{count_of_terms, monomials_up_to};
 use crate::spec::MOST_TERMS;
 use crate::units;
 
@@ -280,14 +280,13 @@ impl Experiment {
     }
 
     fn terms(&self, faults: &mut Collector) -> Vec<Vec<u32>> {
-        let count =
-            (0..u64::from(self.order.min(8))).fold(1u64, |count, k| count * (self.factors.len() as u64 + k + 1) / (k + 1));
-        let is_right =
-            (1..=8).contains(&self.order) && (count <= MOST_TERMS as u64 || !matches!(self.wanted, Wanted::Optimal(..)));
-        if !is_right {
-            tell(faults, format!("`order`: found {}, expected 1 to 8 and at most {MOST_TERMS} terms", self.order));
+        let is_order = (1..=MOST_ORDER).contains(&self.order);
+        let are_few = is_order && count_of_terms(self.factors.len(), self.order) <= MOST_TERMS;
+        if !is_order || !are_few && matches!(self.wanted, Wanted::Optimal(..)) {
+            let what = format!("`order`: found {}, expected 1 to {MOST_ORDER} and at most {MOST_TERMS} terms", self.order);
+            tell(faults, what);
         }
-        if is_right && count <= MOST_TERMS as u64 { all_terms(self.factors.len(), self.order) } else { Vec::new() }
+        if are_few { monomials_up_to(self.factors.len(), self.order) } else { Vec::new() }
     }
 
     fn check_factor(&self, factor: &Factor, faults: &mut Collector) {

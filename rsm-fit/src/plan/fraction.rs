@@ -3,6 +3,8 @@
 //! In: how many factors, and generators or a number of runs. Out: points of -1 and 1, and which effects cannot be told apart. An effect is the set of its factors, a bit
 //! each; the product of two effects is their symmetric difference, because the square of a column is one (Box, Hunter 1961). Never knows a name.
 
+use std::cmp::Reverse;
+
 use super::points::{Points, full_factorial};
 
 /// A set of factors, a bit each, and whether its product is -1.
@@ -69,9 +71,7 @@ impl Fraction {
             words.extend(words.clone().iter().map(|(other, sign)| (other ^ word, sign ^ is_negative)));
         }
         let mut words: Vec<Effect> = words.into_iter().skip(1).collect();
-        words.sort_by_key(|(set, _)| (set.count_ones(), set.reverse_bits()));
-        words.reverse();
-        words.sort_by_key(|(set, _)| set.count_ones());
+        words.sort_by_key(|(set, _)| (set.count_ones(), Reverse(set.reverse_bits())));
         words
     }
 

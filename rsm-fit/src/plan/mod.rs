@@ -93,7 +93,7 @@ impl Plan {
             return optimum::plan(specification, wanted, &Existing::default());
         }
         let mut random = Random::new(specification.seed);
-        let holds = |point: &Vec<f64>| specification.conditions.iter().all(|condition| condition.holds(point));
+        let holds = |point: &Vec<f64>| specification.allows(point);
         let centre: Vec<f64> = specification.factors.iter().map(|factor| physical(factor, 0.0)).collect();
         let (mut kept, mut lost) = (None, 0);
         let mut points = match &specification.design {
@@ -141,13 +141,8 @@ impl Plan {
         let mut order: Vec<Vec<f64>> = points.iter().flat_map(|point| vec![point.clone(); specification.replicates]).collect();
         random.shuffle(&mut order);
         spread(&mut order, &centre, specification.centre_points);
-        let factors = specification.factors.iter().enumerate().map(|(k, factor)| PlanFactor {
-            name: factor.name.clone(),
-            unit: factor.unit.clone(),
-            values: order.iter().map(|point| point[k]).collect(),
-        });
-        let runs = (1..).take(order.len()).collect();
-        faults.finish(Some(Plan { runs, factors: factors.collect(), kept, blocks: Vec::new(), place: None }))
+        let (runs, factors) = ((1..).take(order.len()).collect(), columns(specification, &order));
+        faults.finish(Some(Plan { runs, factors, kept, blocks: Vec::new(), place: None }))
     }
 
     /// Reads a plan from its CSV. Every column but `run` is a factor and has a unit; runs are numbered upward from 1, with gaps
@@ -271,6 +266,16 @@ impl Plan {
         }
         text
     }
+}
+
+/// The settings of the runs, factor by factor.
+fn columns(specification: &DesignSpecification, points: &[Vec<f64>]) -> Vec<PlanFactor> {
+    let of_factor = |(k, factor): (usize, &Factor)| PlanFactor {
+        name: factor.name.clone(),
+        unit: factor.unit.clone(),
+        values: points.iter().map(|point| point[k]).collect(),
+    };
+    specification.factors.iter().enumerate().map(of_factor).collect()
 }
 
 fn bits(point: &[f64]) -> Vec<u64> {

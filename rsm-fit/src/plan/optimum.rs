@@ -9,7 +9,7 @@ use rsm_core::source::{Collector, Faults};
 use super::design::{Condition, Design, Factor, Optimum};
 use super::optimal::{Failure, Space, Task};
 use super::read_optimal::read_points;
-use super::{DesignSpecification, Plan, PlanFactor, physical};
+use super::{DesignSpecification, Plan, columns, list, physical};
 use crate::random::Random;
 
 /// Work of a search at most, in exchanges of a run along a factor times the square of the number of terms: some ten seconds.
@@ -69,11 +69,12 @@ impl Plan {
 
 /// The coded setting; of a factor without a width 0.
 pub(super) fn coded(factors: &[Factor], point: &[f64]) -> Vec<f64> {
-    let of = |(factor, xi): (&Factor, &f64)| {
-        let [low, high] = factor.range;
-        if high > low { (2.0 * xi - low - high) / (high - low) } else { 0.0 }
-    };
-    factors.iter().zip(point).map(of).collect()
+    factors.iter().zip(point).map(|(factor, xi)| coded_setting(factor, *xi)).collect()
+}
+
+fn coded_setting(factor: &Factor, xi: f64) -> f64 {
+    let [low, high] = factor.range;
+    if high > low { (2.0 * xi - low - high) / (high - low) } else { 0.0 }
 }
 
 /// Terms and region of a specification, in coded variables.
@@ -97,17 +98,14 @@ pub(super) fn space(specification: &DesignSpecification) -> Space {
     }
     let of_levels = |factor: &Factor| {
         (!factor.levels.is_empty()).then(|| {
-            let [low, high] = factor.range;
-            let mut levels: Vec<f64> =
-                factor.levels.iter().map(|xi| if high > low { (2.0 * xi - low - high) / (high - low) } else { 0.0 }).collect();
+            let mut levels: Vec<f64> = factor.levels.iter().map(|xi| coded_setting(factor, *xi)).collect();
             levels.sort_by(f64::total_cmp);
             levels
         })
     };
     let candidates = match &specification.design {
         Design::Optimal(wanted) => wanted.candidates.as_ref().map(|points| {
-            let within = points.iter().filter(|point| specification.conditions.iter().all(|condition| condition.holds(point)));
-            within.map(|point| coded(factors, point)).collect()
+            points.iter().filter(|point| specification.allows(point)).map(|point| coded(factors, point)).collect()
         }),
         _ => None,
     };
@@ -128,11 +126,9 @@ pub(super) fn plan(specification: &DesignSpecification, wanted: &Optimum, existi
         faults.push(specification.fault("where", "`candidates`: none of them fulfils `where`"));
         return faults.finish(None);
     }
-    let holds = |point: &Vec<f64>| specification.conditions.iter().all(|condition| condition.holds(point));
-    for (k, point) in wanted.mandatory.iter().enumerate().filter(|(_, point)| !holds(point)) {
-        let list = point.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-        faults
-            .push(specification.fault("where", format!("`where`: the mandatory point {} ({list}) does not fulfil it", k + 1)));
+    for (k, point) in wanted.mandatory.iter().enumerate().filter(|(_, point)| !specification.allows(point)) {
+        let what = format!("`where`: the mandatory point {} ({}) does not fulfil it", k + 1, list(point));
+        faults.push(specification.fault("where", what));
     }
     // The block of each run, the blocks in turns, so that mandatory points spread over them.
     let mut blocks = Vec::new();
@@ -217,35 +213,23 @@ pub(super) fn plan(specification: &DesignSpecification, wanted: &Optimum, existi
             wanted.candidates.as_ref().and_then(|all| all.iter().find(|it| coded(&specification.factors, it) == *point));
         exact.cloned().unwrap_or_else(|| of_coded(point))
     };
-    let mut all: Vec<(usize, Vec<f64>)> = wanted
-        .mandatory
-        .iter()
-        .cloned()
-        .chain(found.iter().map(given))
-        .collect::<Vec<_>>()
-        .into_iter()
-        .zip(&blocks)
-        .map(|(point, block)| (*block, point))
-        .collect();
+    let points = wanted.mandatory.iter().cloned().chain(found.iter().map(given));
+    let mut all: Vec<(usize, Vec<f64>)> = blocks.into_iter().zip(points).collect();
     // At random within each block; blocks one after the other.
     random.shuffle(&mut all);
     all.sort_by_key(|(block, _)| *block);
-    if all.len() != wanted.runs || all.iter().any(|(_, point)| !holds(point)) {
+    if all.len() != wanted.runs || all.iter().any(|(_, point)| !specification.allows(point)) {
         faults.push(
             specification.fault("where", format!("{} runs of {} keep `where`, a fault of the search", all.len(), wanted.runs)),
         );
     }
-    let factors = specification.factors.iter().enumerate().map(|(k, factor)| PlanFactor {
-        name: factor.name.clone(),
-        unit: factor.unit.clone(),
-        values: all.iter().map(|(_, point)| point[k]).collect(),
-    });
+    let (blocks, points): (Vec<usize>, Vec<Vec<f64>>) = all.into_iter().unzip();
     let first = existing.points.len() as u32;
     let plan = Plan {
-        runs: (1..=all.len() as u32).map(|run| first + run).collect(),
-        factors: factors.collect(),
+        runs: (1..=points.len() as u32).map(|run| first + run).collect(),
+        factors: columns(specification, &points),
         kept: None,
-        blocks: if own > 1 { all.iter().map(|(block, _)| *block as u32 + 1).collect() } else { Vec::new() },
+        blocks: if own > 1 { blocks.iter().map(|block| *block as u32 + 1).collect() } else { Vec::new() },
         place: None,
     };
     faults.finish(Some(plan))

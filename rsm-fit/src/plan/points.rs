@@ -101,7 +101,7 @@ fn hypercube(factors: usize, runs: usize, random: &mut Random) -> Points {
 }
 
 /// The square of the least distance between two points.
-fn least_distance(points: &Points) -> f64 {
+pub(super) fn least_distance(points: &Points) -> f64 {
     let mut least = f64::INFINITY;
     for (k, one) in points.iter().enumerate() {
         for other in &points[k + 1..] {

@@ -87,12 +87,7 @@ pub(super) fn read(source: &Source, folder: &Path, faults: &mut Collector) -> Op
     let runs = read_count(&mut top, "runs", 1, faults);
     let replicates = read_count(&mut top, "replicates", 1, faults);
     let centre_points = read_count(&mut top, "centre_points", 0, faults);
-    for key in ["replicates", "centre_points"] {
-        if let Some((_, _, value)) = top.entries().find(|(name, _, _)| *name == key) {
-            places.note(key, value.span());
-        }
-    }
-    for key in ["design", "runs"] {
+    for key in ["replicates", "centre_points", "design", "runs"] {
         if let Some((_, _, value)) = top.entries().find(|(name, _, _)| *name == key) {
             places.note(key, value.span());
         }

@@ -11,13 +11,11 @@ use rsm_core::toml_reader::{TableReader, Value};
 
 use super::design::{Condition, Criterion, Factor, MOST_RUNS, Optimum};
 use super::fraction::Fraction;
-use super::optimal::all_terms;
+use super::rules::MOST_ORDER;
+use crate::design::{count_of_terms, monomials_up_to};
 use crate::spec::{MOST_TERMS, Method, Specification};
 use crate::table::{Table, Wanted};
 use crate::units::Conversion;
-
-/// A design of more tells no order apart that a bench can measure.
-const MOST_ORDER: i64 = 8;
 
 /// What the keys refer to.
 pub(super) struct Around<'a> {
@@ -59,15 +57,15 @@ pub(super) fn read_terms(top: &mut TableReader<'_>, around: &Around<'_>, faults:
             powers.map_err(|reason| faults.push(top.fault(value.span(), format!("`terms_of`: {reason}")))).ok()?
         }
         (order, ..) => {
-            let order = order.map_or(Some(2), |value| top.whole("`order`", value, 1, MOST_ORDER, faults))?;
+            let order = order.map_or(Some(2), |value| top.whole("`order`", value, 1, i64::from(MOST_ORDER), faults))? as u32;
             // Their number before they are made: of 16 factors and order 8 there are 735,471.
-            let count = (0..order as u64).fold(1u64, |count, k| count * (around.factors.len() as u64 + k + 1) / (k + 1));
-            if count > MOST_TERMS as u64 {
+            let count = count_of_terms(around.factors.len(), order);
+            if count > MOST_TERMS {
                 let what = format!("the model has {count} terms, at most {MOST_TERMS} are accepted");
                 faults.push(top.fault(top.key_span("order"), what));
                 return None;
             }
-            all_terms(around.factors.len(), order as u32)
+            monomials_up_to(around.factors.len(), order)
         }
     };
     Some(found)
@@ -79,7 +77,8 @@ fn read_powers(value: Value<'_>, top: &TableReader<'_>, around: &Around<'_>, fau
     for (k, item) in items.iter().enumerate() {
         let who = format!("`terms`: term {}", k + 1);
         let numbers = top.array(&who, item, faults)?;
-        let powers: Vec<Option<i64>> = numbers.iter().map(|number| top.whole(&who, number, 0, MOST_ORDER, faults)).collect();
+        let powers: Vec<Option<i64>> =
+            numbers.iter().map(|number| top.whole(&who, number, 0, i64::from(MOST_ORDER), faults)).collect();
         let powers: Vec<u32> = powers.into_iter().map(|power| power.map(|power| power as u32)).collect::<Option<_>>()?;
         if powers.len() != around.factors.len() {
             let what =
@@ -159,8 +158,8 @@ impl File {
             File::Surface(_) => surface.terms.iter().map(|term| term.powers.clone()).collect(),
             File::Response(specification, place) => match &specification.responses[*place].method {
                 Method::Fixed(terms) => terms.clone(),
-                Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => all_terms(inputs.len(), *order),
-                Method::Search(search) => all_terms(inputs.len(), search.max_order),
+                Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => monomials_up_to(inputs.len(), *order),
+                Method::Search(search) => monomials_up_to(inputs.len(), search.max_order),
             },
         };
         let spread = |powers: &Vec<u32>| {
@@ -281,12 +280,7 @@ pub(super) fn read_points(path: &Path, factors: &[Factor]) -> Result<Vec<Vec<f64
     let mut columns = Vec::new();
     for factor in factors {
         // A table of candidates may leave units out: they are those of the factors.
-        let known = table.column(&factor.name).is_some_and(|column| column.unit.is_some());
         match table.values_in(&factor.name, Some(&factor.unit)) {
-            Ok((values, unit)) if known => match Conversion::between(&unit, &factor.unit) {
-                Ok(conversion) => columns.push(values.iter().map(|value| conversion.apply(*value)).collect::<Vec<f64>>()),
-                Err(reason) => faults.push(rsm_core::source::Fault::whole_file(&table.file, reason)),
-            },
             Ok((values, _)) => columns.push(values),
             Err(fault) => faults.push(fault),
         }

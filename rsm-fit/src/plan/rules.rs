@@ -10,6 +10,9 @@ use super::design::{Design, Factor, MOST_RUNS};
 /// A cube of more has 2^factors corners beyond [`MOST_RUNS`].
 pub(super) const MOST_FACTORS: usize = 16;
 
+/// No bench measures enough runs for a higher one.
+pub(super) const MOST_ORDER: u32 = 8;
+
 /// A fault at a part of the specification, by its dotted path.
 pub(super) type At<'a> = &'a dyn Fn(&str, String) -> Fault;
 

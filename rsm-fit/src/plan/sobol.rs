@@ -4,8 +4,7 @@
 //! is shifted by random bits, which keeps the evenness (Cranley, Patterson 1976, in base 2: L'Ecuyer, Lemieux 2002), so that seeds give different designs. Never more than
 //! 16 factors.
 //!
-//! Own code: of the packages that do it one stops at 4 dimensions a point and numbers of 24 bits, and the rest have not changed for years. Direction numbers: Joe, Kuo 2008
-//! (new-joe-kuo-6), whose first lines stand below. Order of points: Antonov, Saleev 1979.
+//! Direction numbers: Joe, Kuo 2008 (new-joe-kuo-6), whose first lines stand below. Order of points: Antonov, Saleev 1979.
 
 use crate::random::Random;
 

@@ -114,6 +114,11 @@ impl DesignSpecification {
         DesignSpecification { plan, seed, design, factors, replicates, centre_points, conditions, terms, source, places }
     }
 
+    /// Whether a point, in the units of the factors, fulfils all conditions.
+    pub(super) fn allows(&self, point: &[f64]) -> bool {
+        self.conditions.iter().all(|condition| condition.holds(point))
+    }
+
     /// A fault at a part of the specification, by its dotted path.
     pub(super) fn fault(&self, path: &str, what: impl Into<String>) -> Fault {
         match &self.source {

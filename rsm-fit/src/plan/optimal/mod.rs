@@ -8,7 +8,7 @@ mod linear;
 mod space;
 
 pub(super) use exchange::{Failure, Task};
-pub(super) use space::{Space, all_terms};
+pub(super) use space::Space;
 
 #[cfg(test)]
 mod tests;

@@ -179,45 +179,21 @@ pub(super) fn raised(x: f64, power: u32) -> f64 {
     (0..power).fold(1.0, |product, _| product * x)
 }
 
-/// Every term up to an order, the constant first, then by order.
-pub(in crate::plan) fn all_terms(factors: usize, order: u32) -> Vec<Vec<u32>> {
-    let mut terms = Vec::new();
-    for total in 0..=order {
-        let mut powers = vec![0; factors];
-        descend(0, total, &mut powers, &mut terms);
-    }
-    terms
-}
-
-fn descend(factor: usize, left: u32, powers: &mut Vec<u32>, terms: &mut Vec<Vec<u32>>) {
-    if factor + 1 >= powers.len() {
-        if let Some(last) = powers.last_mut() {
-            *last = left;
-        }
-        terms.push(powers.clone());
-        return;
-    }
-    for power in (0..=left).rev() {
-        powers[factor] = power;
-        descend(factor + 1, left - power, powers, terms);
-    }
-    powers[factor] = 0;
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::design::monomials_up_to;
 
     fn square() -> Space {
-        Space { terms: all_terms(2, 2), ends: vec![[-1.0, 1.0]; 2], levels: vec![None; 2], ..Space::default() }
+        Space { terms: monomials_up_to(2, 2), ends: vec![[-1.0, 1.0]; 2], levels: vec![None; 2], ..Space::default() }
     }
 
     #[test]
     fn terms_are_counted_and_rows_along_a_line_are_rows() {
         for (factors, order, count) in [(2, 2, 6), (3, 3, 20), (5, 2, 21), (1, 4, 5)] {
-            assert_eq!(all_terms(factors, order).len(), count);
+            assert_eq!(monomials_up_to(factors, order).len(), count);
         }
-        assert_eq!(all_terms(2, 2), [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]);
+        assert_eq!(monomials_up_to(2, 2), [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]);
         let space = square();
         let (point, direction) = ([0.5, -0.25], [1.0, 2.0]);
         let along = space.rows_along(&point, &direction);

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use super::exchange::Task;
 use super::linear::{add_square, cholesky, inverse, product};
-use super::space::{Space, all_terms};
+use super::space::Space;
+use crate::design::monomials_up_to;
 use crate::plan::design::{Condition, Criterion};
 use crate::random::Random;
 
 fn cube(factors: usize, order: u32) -> Space {
     Space {
-        terms: all_terms(factors, order),
+        terms: monomials_up_to(factors, order),
         ends: vec![[-1.0, 1.0]; factors],
         levels: vec![None; factors],
         ..Space::default()
