@@ -1,6 +1,7 @@
 //! How a subcommand ends: done, done with a negative answer, or refused.
 
 use std::fmt;
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use rsm_core::source::Faults;
@@ -40,14 +41,18 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// The exit status of an outcome; a refusal is told on standard error.
+/// The exit status of an outcome; a refusal is told on standard error. A process that has loaded HELICS ends here.
 pub fn exit(outcome: Outcome) -> ExitCode {
-    match outcome {
-        Ok(Answer::Positive) => ExitCode::SUCCESS,
-        Ok(Answer::Negative) => ExitCode::from(1),
+    let status = match outcome {
+        Ok(Answer::Positive) => 0,
+        Ok(Answer::Negative) => 1,
         Err(refusal) => {
             tell!("{refusal}");
-            ExitCode::from(2)
+            2
         }
-    }
+    };
+    // A reader that is gone changes nothing of the status.
+    let _ = std::io::stdout().flush();
+    rsm_link::helics::exit_without_destructors(status);
+    ExitCode::from(status)
 }

@@ -80,7 +80,7 @@ impl Shared {
 }
 
 /// Runs roles, each in a thread of its own with its own way to the broker, until all have ended. When any of them was lost, threads may still hang in the library:
-/// end the process by [`crate::helics::exit_now`] after the tables are written.
+/// end the process by [`crate::helics::exit_without_destructors`] after the tables are written.
 #[must_use]
 pub fn run(library: &'static Library, roles: &[Role], wish: &Wish) -> Vec<Done> {
     let watched: Vec<_> = roles.iter().map(|role| start(library, *role, wish)).collect();

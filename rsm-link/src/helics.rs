@@ -9,6 +9,7 @@
 use std::ffi::{CStr, CString, c_char, c_double, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::ptr;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// The environment variable that names the library: the file, or a folder that `pip install --target` has filled.
@@ -195,6 +196,9 @@ fn candidates(asked: Option<&Path>) -> Vec<PathBuf> {
     }
 }
 
+/// Whether this process has loaded a library of HELICS.
+static LOADED: AtomicBool = AtomicBool::new(false);
+
 impl Library {
     /// Loads the library: `asked` (a file or a folder), else what the variable [`VARIABLE`] names, else what the system finds by name. It stays loaded until the process ends.
     ///
@@ -208,6 +212,7 @@ impl Library {
             // SAFETY: the initialisers of libhelics are those of a C++ library; another library under this name is the user's own wish.
             match unsafe { libloading::Library::new(&place) } {
                 Ok(library) => {
+                    LOADED.store(true, Ordering::Release);
                     let library = Box::leak(Box::new(library));
                     return Library::of(library, place);
                 }
@@ -425,13 +430,18 @@ impl Federate {
     }
 }
 
-/// Ends the process at once, without the destructors of the library: after an error they may wait for a peer that is gone. Whatever was to be written must be written before.
-pub fn exit_now(status: u8) -> ! {
+/// Ends the process at once where a library of HELICS was loaded, else does nothing. Whatever was to be written must be written before.
+///
+/// At an ordinary end the destructors of the library run while its threads still do: some runs end by a signal then, also those that have done all their work, and after an
+/// error the destructors may wait for a peer that is gone (libhelics 3.6.1).
+pub fn exit_without_destructors(status: u8) {
     unsafe extern "C" {
         fn _exit(status: c_int) -> !;
     }
-    // SAFETY: ends the process, nothing is used after it.
-    unsafe { _exit(c_int::from(status)) }
+    if LOADED.load(Ordering::Acquire) {
+        // SAFETY: ends the process, nothing is used after it.
+        unsafe { _exit(c_int::from(status)) }
+    }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::time::Duration;
 use clap::Args;
 use host_loop::Summary;
 use rsm_link::federate::{self, Done, Wish};
-use rsm_link::helics::{Address, Core, Library, exit_now};
+use rsm_link::helics::{Address, Core, Library};
 use rsm_link::loops::{Loop, Role, Run};
 use serde_json::{Value, json};
 
@@ -96,20 +96,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let done = federate::run(library, &roles, &wish);
-    let answer = tell(arguments, &done);
-    if done.iter().any(|it| it.lost.is_some()) {
-        // Threads may hang in the library, which waits for them at an ordinary end.
-        let status = match answer {
-            Ok(_) if done.iter().any(|it| it.began) => 1,
-            Ok(_) => 2,
-            Err(refusal) => {
-                tell!("{refusal}");
-                2
-            }
-        };
-        exit_now(status);
-    }
-    answer
+    tell(arguments, &done)
 }
 
 fn broker(arguments: &Arguments, wish: &Wish) -> Outcome {
@@ -118,10 +105,7 @@ fn broker(arguments: &Arguments, wish: &Wish) -> Outcome {
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let federates = usize::from(arguments.federates.unwrap_or(1));
-    if let Err(words) = federate::broker(library, federates, wish) {
-        tell!("broker at {}: {words}", wish.broker);
-        exit_now(2);
-    }
+    federate::broker(library, federates, wish).map_err(|words| Refusal::new(format!("broker at {}: {words}", wish.broker)))?;
     if arguments.json {
         output::json(&json!({ "broker": wish.broker.to_string(), "core": wish.core.name(), "federates": federates }))?;
     }
@@ -139,21 +123,27 @@ fn tell(arguments: &Arguments, done: &[Done]) -> Outcome {
         files.extend(record.filter(|_| it.table.rows() > 0).map(|path| (path, it.table.csv())));
     }
     output::write_all(&files)?;
+    let mut words = Vec::new();
     for it in done {
         let name = it.role.unique_name();
         if let Some(lost) = &it.lost {
-            tell!("{name}: {lost}\n  {} whole ticks are recorded", it.table.rows());
+            words.push(format!("{name}: {lost}\n  {} whole ticks are recorded", it.table.rows()));
         } else {
             let trips = it.round_trip.map_or(String::new(), |trip| {
                 format!(", round trips {:.0} us p50, {:.0} us p99", us(trip.p50_ns), us(trip.p99_ns))
             });
-            tell!("{name}: {} ticks, {:.0} a second{trips}", it.table.rows(), it.steps_per_second);
+            words.push(format!("{name}: {} ticks, {:.0} a second{trips}", it.table.rows(), it.steps_per_second));
         }
     }
+    let words = words.join("\n");
     if arguments.json {
         output::json(&json!({ "roles": objects }))?;
     }
     let lost = done.iter().any(|it| it.lost.is_some());
+    if lost && !done.iter().any(|it| it.began) {
+        return Err(Refusal(words));
+    }
+    tell!("{words}");
     Ok(if lost { Answer::Negative } else { Answer::Positive })
 }
 

@@ -12,12 +12,6 @@ use rsm_link::loops::{self, Loop, Run};
 use crate::command::{folder, json, rsm, text};
 use crate::libhelics::helics;
 
-/// One federation at a time: a core takes further ports beside its broker's, and nobody can say which.
-fn alone() -> std::sync::MutexGuard<'static, ()> {
-    static ONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
-    ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
-}
-
 /// A port that nobody has now.
 fn port() -> u16 {
     std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
@@ -42,7 +36,6 @@ const SPLITS: [(&str, &str); 6] = [
 
 #[test]
 fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
-    let _one = alone();
     let Some(helics) = helics("splits") else { return };
     for (core, processes) in SPLITS {
         let here = folder();
@@ -65,7 +58,6 @@ fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
 
 #[test]
 fn a_record_that_differs_is_told() {
-    let _one = alone();
     let Some(helics) = helics("a record that differs") else { return };
     let here = folder();
     let processes = "a.roles = ['motor', 'controller']";
@@ -202,7 +194,6 @@ const ALL_END: Duration = Duration::from_secs(5);
 
 #[test]
 fn when_a_peer_dies_everybody_ends_within_5_s_with_whole_records() {
-    let _one = alone();
     let Some(helics) = helics("a peer dies") else { return };
     for (core, victim) in [("tcp_ss", "controller"), ("zmq", "motor"), ("ipc", "controller")] {
         let mut all = Federation::start(core, &helics, &["broker", "motor", "controller", "recorder"]);
@@ -221,7 +212,6 @@ fn when_a_peer_dies_everybody_ends_within_5_s_with_whole_records() {
 
 #[test]
 fn when_the_broker_vanishes_everybody_ends_within_5_s_with_whole_records() {
-    let _one = alone();
     let Some(helics) = helics("the broker vanishes") else { return };
     for core in ["tcp_ss", "ipc"] {
         let mut all = Federation::start(core, &helics, &["recorder", "motor", "broker", "controller"]);
@@ -237,7 +227,6 @@ fn when_the_broker_vanishes_everybody_ends_within_5_s_with_whole_records() {
 
 #[test]
 fn who_waits_for_nobody_ends_with_words() {
-    let _one = alone();
     let Some(helics) = helics("nobody comes") else { return };
     let here = folder();
     let helics = helics.display().to_string();
