@@ -57,6 +57,7 @@ functions! {
     create_info = b"helicsCreateFederateInfo\0": fn() -> Handle;
     set_core_type = b"helicsFederateInfoSetCoreTypeFromString\0": fn(Handle, *const c_char, *mut RawError);
     set_core_init = b"helicsFederateInfoSetCoreInitString\0": fn(Handle, *const c_char, *mut RawError);
+    set_core_name = b"helicsFederateInfoSetCoreName\0": fn(Handle, *const c_char, *mut RawError);
     set_flag = b"helicsFederateInfoSetFlagOption\0": fn(Handle, c_int, c_int, *mut RawError);
     free_info = b"helicsFederateInfoFree\0": fn(Handle);
     create_federate = b"helicsCreateValueFederate\0": fn(*const c_char, Handle, *mut RawError) -> Handle;
@@ -275,6 +276,8 @@ impl Library {
             Core::Ipc => format!("--broker_address={}", queue(broker)),
             _ => format!("--broker_address={} --brokerport={}", broker.host, broker.port),
         };
+        // A federation has each name once; the process keeps apart what a killed one has left in shared memory.
+        let core_name = format!("{name}-core-{}", std::process::id());
         let wait = wait.as_millis().max(1);
         let options = text(&format!(
             "--federates=1 {place} {HEARTBEAT} --timeout={wait}ms --networktimeout={wait}ms --loglevel=no_print"
@@ -282,6 +285,8 @@ impl Library {
         let made = (|| {
             checked!(functions.set_core_type, info, text(core.name()).as_ptr())?;
             checked!(functions.set_core_init, info, options.as_ptr())?;
+            // Without a name the library puts a federate into any core of this process that still takes one, also while that core, which was made for one, asks to begin: the federation may then never begin.
+            checked!(functions.set_core_name, info, text(&core_name).as_ptr())?;
             checked!(functions.set_flag, info, UNINTERRUPTIBLE, TRUE)?;
             checked!(functions.set_flag, info, TERMINATE_ON_ERROR, TRUE)?;
             checked!(functions.create_federate, text(name).as_ptr(), info)
