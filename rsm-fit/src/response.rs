@@ -20,7 +20,7 @@ use crate::spec::{Method, ResponseSpec, Specification, Validation};
 use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseStatistics, RowsUsed};
 use crate::support::{self, Region, SupportStatistics};
 use crate::verdict::{self, Criterion, Verdict};
-use crate::warnings::{self, Notes};
+use crate::warnings::{self, Noted, Notes};
 
 /// Whether a constraint holds the surface.
 fn is_held(statistics: &ResponseStatistics) -> bool {
@@ -253,11 +253,12 @@ impl Task<'_> {
             explained: judging.explained,
             copies: &self.copies,
         };
-        let (mut warnings, is_lacking) = notes.all();
+        let Noted { mut warnings, is_lacking, serial } = notes.all();
         if judging.explained.is_none() && chosen.by != ChosenBy::Nobody {
             warnings.push(warnings::not_judged(&statistics.rows_used));
         }
         statistics.warnings = warnings;
+        statistics.serial = serial;
         let verdict = self.verdict(&statistics, &chosen, &judging, is_lacking);
         let rows_outside = self.rows_outside(&design);
         Ok(ResponseOutcome { name, verdict, rows_outside, statistics: Some(statistics), chosen_by: chosen.by })

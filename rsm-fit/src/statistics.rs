@@ -20,9 +20,11 @@ use crate::spec::Form;
 use crate::support::SupportStatistics;
 
 mod judged;
+pub(crate) mod serial;
 
 pub use crate::observations::{Named, Observations, ValidationStatistics};
 pub use judged::Judged;
+pub use serial::Serial;
 
 /// A residual, or a term's part, below this share of the response is what double-double rounding leaves of zero: 2^-104 an operation, and a margin
 /// of 2^20 for the number of operations.
@@ -198,6 +200,9 @@ pub struct ResponseStatistics {
     /// residual, and for large fits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub analysis: Option<Report>,
+    /// Where errors of neighbouring rows are alike: standard errors that hold then. Absent where they are not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub serial: Option<Serial>,
     /// How a search chose the terms; absent for other methods.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub selection: Option<SelectionReport>,
@@ -312,6 +317,7 @@ fn figures(
         warnings: Vec::new(),
         canonical: None,
         analysis: None,
+        serial: None,
         selection: None,
         forms: None,
         support: None,

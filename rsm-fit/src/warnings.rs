@@ -7,7 +7,7 @@
 //! ```text
 //! lack-of-fit           F against replicates; and the largest t of a term that is not in the model, up to one order above
 //! outliers              the largest externally studentised residual, Bonferroni over rows
-//! correlated-residuals  neighbours in the run order, against 999 random orders
+//! correlated-residuals  neighbours in the run order, or as rows stand, against random orders
 //! explains-little       less than half of the spread about the mean on rows that chose nothing
 //! output-bound          the output range holds the surface at some rows
 //! bounds-off-data       most responses lie beyond the bounds of a constraint or of the output range
@@ -24,10 +24,9 @@ use crate::dd::Dd;
 use crate::design::{self, Design, count_of_terms};
 use crate::distributions::two_sided_t;
 use crate::qr::{Growing, Triangle};
-use crate::random::Random;
 use crate::selection::Sample;
 use crate::spec::{Constraint, MOST_TERMS};
-use crate::statistics::{ResponseStatistics, RowsUsed, Warning, value};
+use crate::statistics::{ResponseStatistics, RowsUsed, Serial, Warning, serial, value};
 use crate::verdict::LEAST_EXPLAINED;
 
 /// False alarms of each test.
@@ -41,9 +40,6 @@ const HELD: f64 = 1e-9;
 
 /// A response counts as beyond a bound from this many residual standard deviations on.
 const FAR: f64 = 3.0;
-
-/// Orders against which the order of the runs is held: with 999 the largest of all has a probability of 1/1000.
-const ORDERS: u64 = 999;
 
 /// Multiplications in double-double of the search for a missing term: 2 * 10^8 take a second. Beyond it the order above is not looked at, then
 /// nothing is.
@@ -70,6 +66,15 @@ pub(crate) struct Notes<'a> {
     pub copies: &'a [(&'static str, usize)],
 }
 
+/// What is to be known.
+pub(crate) struct Noted {
+    pub warnings: Vec<Warning>,
+    /// Whether a lack of fit is significant.
+    pub is_lacking: bool,
+    /// Where errors of neighbours are alike.
+    pub serial: Option<Serial>,
+}
+
 /// Residuals of the fitted rows and what is known of them.
 struct Residuals {
     /// sqrt(weight) (y - yhat).
@@ -80,9 +85,10 @@ struct Residuals {
 }
 
 impl Notes<'_> {
-    /// All warnings, and whether a lack of fit is significant.
-    pub(crate) fn all(&self) -> (Vec<Warning>, bool) {
+    /// All that is to be known.
+    pub(crate) fn all(&self) -> Noted {
         let mut warnings = Vec::new();
+        let mut serial = None;
         let mut warn = |kind: &'static str, what: Option<String>| warnings.extend(what.map(|what| Warning { kind, what }));
         let residuals = self.residuals();
         let low = self.fit.response.iter().copied().fold(f64::INFINITY, f64::min);
@@ -99,14 +105,15 @@ impl Notes<'_> {
             warn("outliers", self.outliers(&residuals));
         }
         if !is_exact {
-            warn("correlated-residuals", self.correlated(&residuals));
+            serial = self.serial(&residuals, is_held);
+            warn("correlated-residuals", serial.as_ref().map(|serial| self.correlated(serial)));
         }
         warn("output-bound", self.output_bound(&residuals, spread));
         warn("bounds-off-data", self.bounds_off_data(low, high));
         for (key, count) in self.copies {
             warn("rows-seen", Some(format!("{count} rows of `{key}` are exact copies of fitted rows: they have been seen")));
         }
-        (warnings, is_lacking)
+        Noted { warnings, is_lacking, serial }
     }
 
     fn residuals(&self) -> Residuals {
@@ -228,28 +235,45 @@ impl Notes<'_> {
         format!("({})", each.collect::<Vec<String>>().join(", "))
     }
 
-    fn correlated(&self, residuals: &Residuals) -> Option<String> {
-        let rows = self.fit.rows();
-        if self.order.len() != rows || rows < 8 {
-            return None;
+    /// Rows in the order of the runs; where it is not known, as they stand: recordings stand in the order of time.
+    fn serial(&self, residuals: &Residuals, is_held: bool) -> Option<Serial> {
+        let mut places: Vec<usize> = (0..self.fit.rows()).collect();
+        let is_known = self.order.len() == places.len();
+        if is_known {
+            places.sort_by(|a, b| self.order[*a].total_cmp(&self.order[*b]));
         }
-        let mut places: Vec<usize> = (0..rows).collect();
-        places.sort_by(|a, b| self.order[*a].total_cmp(&self.order[*b]));
-        let mut errors: Vec<f64> = places.iter().map(|row| residuals.weighted[*row]).collect();
-        let mean = errors.iter().sum::<f64>() / rows as f64;
-        errors.iter_mut().for_each(|error| *error -= mean);
-        let square: f64 = errors.iter().map(|error| error * error).sum();
-        let serial = |errors: &[f64]| errors.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / square;
-        let found = serial(&errors);
-        let mut random = Random::new(1);
-        let as_much = (0..ORDERS).filter(|_| {
-            random.shuffle(&mut errors);
-            serial(&errors) >= found
+        let errors: Vec<f64> = places.iter().map(|row| residuals.weighted[*row]).collect();
+        let (correlation, p) = serial::of_neighbours(&errors).filter(|(_, p)| *p <= ALARM)?;
+        let errors = || {
+            let terms: Vec<usize> = (0..self.design.width()).collect();
+            let solved = Growing::of(&residuals.triangle, &terms).ok().filter(|_| !is_held)?;
+            let weighted = &residuals.weighted;
+            self.fit.observed(|fit| serial::newey_west(self.design, &solved, fit, &places, weighted, correlation))
+        };
+        let (lags, standard_errors) = errors().map_or((None, Vec::new()), |(lags, errors)| (Some(lags), errors));
+        let coefficients = self.statistics.terms.iter().map(|term| term.coefficient);
+        let freedom = self.fit.rows().saturating_sub(self.design.width()).max(1);
+        let intervals = serial::intervals(coefficients, &standard_errors, freedom);
+        let order = if is_known { "run-order" } else { "rows" };
+        Some(Serial { order, correlation, p, lags, standard_errors, intervals })
+    }
+
+    fn correlated(&self, serial: &Serial) -> String {
+        let (who, why) = match serial.order {
+            "rows" => {
+                ("rows", "something drifts along the recording, or the surface misses something where rows stand in order")
+            }
+            _ => ("runs", "something drifts"),
+        };
+        let ratio = serial.largest_ratio(self.statistics.terms.iter().map(|term| term.standard_error));
+        let known = ratio.zip(serial.lags).map_or(String::new(), |(ratio, lags)| {
+            format!("; with {lags} lags (Newey-West) they are up to {ratio:.1} times as large")
         });
-        let p = (as_much.count() + 1) as f64 / (ORDERS + 1) as f64;
-        (p <= ALARM).then(|| {
-            format!("errors of neighbouring runs are alike (correlation {found:.2}, p = {p:.3}): something drifts, and standard errors are too small")
-        })
+        let (correlation, p) = (serial.correlation, serial.p);
+        format!(
+            "errors of neighbouring {who} are alike (correlation {correlation:.2}, p = {}): {why}, and standard errors are too small{known}",
+            if p < 1e-3 { format!("{p:.1e}") } else { format!("{p:.3}") }
+        )
     }
 
     fn output_bound(&self, residuals: &Residuals, spread: f64) -> Option<String> {

@@ -260,14 +260,17 @@ fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart:
 }
 
 fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> String {
+    let related = statistics.serial.as_ref().map_or(&[][..], |serial| &serial.standard_errors[..]);
     let mut text = format!(
-        "<table>\n<tr><th>term</th><th class=\"number\">coefficient{}</th><th class=\"number\">standard error</th><th class=\"number\">t</th><th class=\"number\">p</th></tr>\n",
-        if unit.is_empty() { String::new() } else { format!(",{unit}") }
+        "<table>\n<tr><th>term</th><th class=\"number\">coefficient{}</th><th class=\"number\">standard error</th><th class=\"number\">t</th><th class=\"number\">p</th>{}</tr>\n",
+        if unit.is_empty() { String::new() } else { format!(",{unit}") },
+        if related.is_empty() { "" } else { "<th class=\"number\">standard error with related errors</th>" }
     );
     let number = |value: Option<f64>| value.map_or("none".to_string(), short);
-    for term in &statistics.terms {
+    for (place, term) in statistics.terms.iter().enumerate() {
+        let related = related.get(place).map_or(String::new(), |error| format!("<td class=\"number\">{}</td>", short(*error)));
         text += &format!(
-            "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
+            "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>{related}</tr>\n",
             escaped(&surface.term_name(&term.powers)),
             // Two standard errors are about the half of a 95 % interval.
             known(term.coefficient, 2.0 * term.standard_error.unwrap_or(0.0)),

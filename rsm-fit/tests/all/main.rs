@@ -15,6 +15,7 @@ mod real;
 mod recursive;
 mod rejected;
 mod selection;
+mod serial;
 mod splits;
 mod support;
 mod textbook;

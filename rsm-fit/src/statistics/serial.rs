@@ -1,0 +1,181 @@
+//! Errors of neighbouring rows that are alike, and standard errors that hold then.
+//!
+//! In: the fitted rows with their errors, in the order of the runs where it is known, else in the order in which they stand. Out: the correlation of
+//! neighbours with its probability under random orders; where they are alike, standard errors and intervals by Newey and West. Changes no
+//! coefficient.
+//!
+//! ```text
+//! u_t = (X'WX)^-1 x_t w_t e_t                       what row t does to the coefficients
+//! V   = n/(n - p) (S_0 + sum_l (1 - l/(L + 1)) (S_l + S_l')),  S_l = sum_t u_t u_(t-l)'
+//! L   = 1.1447 (alpha n)^(1/3),  alpha = 4 r^2/((1 - r)^2 (1 + r)^2)
+//! ```
+//!
+//! Sources: Newey, West 1987, A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix; Andrews 1991,
+//! Heteroskedasticity and autocorrelation consistent covariance matrix estimation, (6.2) and (6.4): L for the Bartlett kernel, of an AR(1) series, here
+//! that of the errors, so that L does not depend on the units of the terms; Andrews, Monahan 1992: r at most 0.97; Wald, Wolfowitz 1943: random orders.
+
+use serde::Serialize;
+
+use crate::dd::Dd;
+use crate::design::Design;
+use crate::distributions::{quantile_t, two_sided_t};
+use crate::observations::Observations;
+use crate::qr::Growing;
+use crate::random::Random;
+
+/// Fewer rows say nothing of their order.
+const LEAST_ROWS: usize = 8;
+
+/// Orders against which the order of the rows is held: with 999 the largest of all has a probability of 1/1000.
+const ORDERS: u64 = 999;
+
+/// From here on the correlation of neighbours in a random order is normal with mean -1/(n - 1) and variance 1/(n - 1), to some 1/n (Wald, Wolfowitz 1943).
+const MANY_ROWS: usize = 500;
+
+/// The correlation that the rule of the lags is given at most (Andrews, Monahan 1992).
+const MOST_ALIKE: f64 = 0.97;
+
+/// Multiplications: in double-double 10^8 take a second, in double precision a tenth of it.
+const WORK: f64 = 1e8;
+
+/// Errors of neighbours that are alike, and what holds then.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Serial {
+    /// "run-order", or "rows" where no order of the runs is known.
+    pub order: &'static str,
+    /// The correlation of the errors of neighbours.
+    pub correlation: f64,
+    /// The probability of as much in a random order.
+    pub p: f64,
+    /// L, how many rows apart errors still count as related; none without standard errors.
+    pub lags: Option<usize>,
+    /// Newey's and West's standard error of each term; empty where constraints or a penalty hold coefficients, and for large fits.
+    pub standard_errors: Vec<f64>,
+    /// Bounds of the 95 % intervals with them.
+    pub intervals: Vec<[f64; 2]>,
+}
+
+impl Serial {
+    /// The largest ratio of these standard errors to the ordinary ones.
+    pub(crate) fn largest_ratio(&self, ordinary: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+        let ratio = |(here, ordinary): (&f64, Option<f64>)| Some(here / ordinary.filter(|error| *error > 0.0)?);
+        self.standard_errors.iter().zip(ordinary).filter_map(ratio).reduce(f64::max)
+    }
+}
+
+/// The correlation of neighbours and its probability in a random order. None with too few rows.
+pub(crate) fn of_neighbours(errors: &[f64]) -> Option<(f64, f64)> {
+    let count = errors.len() as f64;
+    if errors.len() < LEAST_ROWS {
+        return None;
+    }
+    let mean = errors.iter().sum::<f64>() / count;
+    let mut errors: Vec<f64> = errors.iter().map(|error| error - mean).collect();
+    let square: f64 = errors.iter().map(|error| error * error).sum();
+    let serial = |errors: &[f64]| errors.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / square;
+    let found = serial(&errors);
+    if errors.len() >= MANY_ROWS {
+        let z = (found + 1.0 / (count - 1.0)) * (count - 1.0).sqrt();
+        let p = two_sided_t(z, count)? / 2.0;
+        return Some((found, if z > 0.0 { p } else { 1.0 - p }));
+    }
+    let mut random = Random::new(1);
+    let as_much = (0..ORDERS).filter(|_| {
+        random.shuffle(&mut errors);
+        serial(&errors) >= found
+    });
+    Some((found, (as_much.count() + 1) as f64 / (ORDERS + 1) as f64))
+}
+
+/// Andrews' rule for the Bartlett kernel.
+fn lags(correlation: f64, rows: usize) -> usize {
+    let r = correlation.clamp(0.0, MOST_ALIKE);
+    let alpha = 4.0 * r * r / ((1.0 - r).powi(2) * (1.0 + r).powi(2));
+    // mutant: with all rows but one apart every product counts already.
+    ((1.1447 * (alpha * rows as f64).cbrt()) as usize).min(rows - 1)
+}
+
+/// The variance of a sum whose parts stand in their order, parts up to `lags` apart being related.
+fn variance_of_sum(parts: &[f64], lags: usize) -> f64 {
+    let apart = |lag: usize| parts[lag..].iter().zip(parts).map(|(here, before)| here * before).sum::<f64>();
+    let weight = |lag: usize| 1.0 - lag as f64 / (lags as f64 + 1.0);
+    apart(0) + 2.0 * (1..=lags).map(|lag| weight(lag) * apart(lag)).sum::<f64>()
+}
+
+/// How many lags, with a standard error a term. `places`: the rows in their order; `errors`: sqrt(w) (y - yhat), by row. None where it would take too long.
+pub(crate) fn newey_west(
+    design: &Design,
+    solved: &Growing,
+    fit: Observations<'_>,
+    places: &[usize],
+    errors: &[f64],
+    correlation: f64,
+) -> Option<(usize, Vec<f64>)> {
+    let (rows, width) = (places.len(), design.width());
+    let lags = lags(correlation, rows);
+    let freedom = rows.checked_sub(width).filter(|freedom| *freedom > 0)?;
+    let each = rows as f64 * width as f64;
+    if each * width as f64 > WORK || each * lags as f64 > 10.0 * WORK {
+        return None;
+    }
+    let mut parts = vec![Vec::with_capacity(rows); width];
+    for row in places {
+        let pushed = Dd::from(errors[*row]) * fit.weight(*row).sqrt();
+        let x = design.row_as_measured(&fit.point(*row));
+        let moved = solved.coefficients_of(solved.projected(x));
+        for (part, moved) in parts.iter_mut().zip(moved) {
+            part.push((moved * pushed).to_f64());
+        }
+    }
+    let few = rows as f64 / freedom as f64;
+    // Rounding may leave less than nothing of a variance of nothing.
+    Some((lags, parts.iter().map(|parts| (few * variance_of_sum(parts, lags)).max(0.0).sqrt()).collect()))
+}
+
+/// Bounds of the 95 % intervals.
+pub(crate) fn intervals(coefficients: impl Iterator<Item = f64>, errors: &[f64], freedom: usize) -> Vec<[f64; 2]> {
+    let quantile = quantile_t(0.95, freedom);
+    coefficients.zip(errors).map(|(value, error)| [value - quantile * error, value + quantile * error]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sum_of_four_parts_worked_by_hand() {
+        // 4 squares; neighbours 1 - 1 + 1; two apart -1 - 1; three apart -1.
+        let parts = [1.0, 1.0, -1.0, -1.0];
+        assert_eq!(variance_of_sum(&parts, 0), 4.0);
+        assert_eq!(variance_of_sum(&parts, 1), 4.0 + 2.0 * 0.5);
+        assert_eq!(variance_of_sum(&parts, 3), 4.0 + 2.0 * (0.75 - 0.5 * 2.0 - 0.25));
+    }
+
+    #[test]
+    fn lags_follow_the_rule() {
+        // r = 1/2: alpha = 1/(1/4 * 9/4) = 16/9; (16/9 * 486)^(1/3) = 864^(1/3) = 9.524; times 1.1447: 10.90.
+        assert_eq!(lags(0.5, 486), 10);
+        assert_eq!(lags(-0.5, 486), 0);
+        assert_eq!(lags(0.5, 8), 2);
+        assert_eq!(lags(1.0, 8), 7);
+    }
+
+    #[test]
+    fn both_ways_to_a_probability_agree_and_follow_their_level() {
+        // 400 series of white noise on either side of the limit: 1 % alarms are 4, with a standard deviation of 2; five of them above.
+        for rows in [MANY_ROWS - 1, MANY_ROWS] {
+            let alarms = (0..400).filter(|seed| {
+                let mut random = Random::new(*seed);
+                let errors: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
+                of_neighbours(&errors).unwrap().1 <= 0.01
+            });
+            let alarms = alarms.count();
+            assert!((1..=14).contains(&alarms), "{rows} rows: {alarms}");
+        }
+        let mut random = Random::new(3);
+        let errors: Vec<f64> = (0..MANY_ROWS).map(|_| random.normal()).collect();
+        let (short, long) = (of_neighbours(&errors[1..]).unwrap().1, of_neighbours(&errors).unwrap().1);
+        // One row less moves the correlation by about 1/500; 999 orders tell a probability to 0.016 (one standard deviation), three of them.
+        assert!((short - long).abs() < 0.08, "{short} {long}");
+    }
+}
