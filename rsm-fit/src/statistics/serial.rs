@@ -102,6 +102,12 @@ fn variance_of_sum(parts: &[f64], lags: usize) -> f64 {
     apart(0) + 2.0 * (1..=lags).map(|lag| weight(lag) * apart(lag)).sum::<f64>()
 }
 
+/// Whether what each row does (double-double) or the sums over lags (double precision) would take more than about a second.
+fn takes_too_long(rows: usize, width: usize, lags: usize) -> bool {
+    let each = rows as f64 * width as f64;
+    each * width as f64 > WORK || each * lags as f64 > 10.0 * WORK
+}
+
 /// How many lags, with a standard error a term. `places`: the rows in their order; `errors`: sqrt(w) (y - yhat), by row. None where it would take too long.
 pub(crate) fn newey_west(
     design: &Design,
@@ -114,8 +120,7 @@ pub(crate) fn newey_west(
     let (rows, width) = (places.len(), design.width());
     let lags = lags(correlation, rows);
     let freedom = rows.checked_sub(width).filter(|freedom| *freedom > 0)?;
-    let each = rows as f64 * width as f64;
-    if each * width as f64 > WORK || each * lags as f64 > 10.0 * WORK {
+    if takes_too_long(rows, width, lags) {
         return None;
     }
     let mut parts = vec![Vec::with_capacity(rows); width];
@@ -158,6 +163,47 @@ mod tests {
         assert_eq!(lags(-0.5, 486), 0);
         assert_eq!(lags(0.5, 8), 2);
         assert_eq!(lags(1.0, 8), 7);
+    }
+
+    #[test]
+    fn a_second_of_work_is_the_limit() {
+        // 10^4 rows of 100 terms: 10^8 multiplications in double-double. 10^6 rows of 10 terms with 100 lags: 10^9 in double precision.
+        assert!(!takes_too_long(10_000, 100, 0));
+        assert!(takes_too_long(10_001, 100, 0));
+        assert!(!takes_too_long(1_000_000, 10, 100));
+        assert!(takes_too_long(1_000_000, 10, 101));
+    }
+
+    #[test]
+    fn the_largest_ratio_leaves_terms_without_an_error_out() {
+        let serial = Serial {
+            order: "rows",
+            correlation: 0.5,
+            p: 0.001,
+            lags: Some(1),
+            standard_errors: vec![1.0, 3.0, 9.0, 9.0],
+            intervals: Vec::new(),
+        };
+        assert_eq!(serial.largest_ratio([Some(0.4), Some(2.0), None, Some(0.0)].into_iter()), Some(2.5));
+        assert_eq!(serial.largest_ratio([None; 4].into_iter()), None);
+    }
+
+    #[test]
+    fn the_correlation_of_neighbours_worked_by_hand() {
+        // 0 to 7 less their mean: squares 42, neighbours 8.75 + 3.75 + 0.75 - 0.25 + 0.75 + 3.75 + 8.75 = 26.25. Of 8! = 40,320 orders only few are as alike.
+        let rows: Vec<f64> = (0..8).map(f64::from).collect();
+        let (found, p) = of_neighbours(&rows).unwrap();
+        assert_eq!(found, 0.625);
+        assert!(p <= 0.005, "{p}");
+        assert_eq!(of_neighbours(&rows[1..]), None);
+        // 500 rows + + - - + + - -: of 499 pairs 250 have one sign, so 1/500 = 0.002. z = (1/500 + 1/499) sqrt(499) = 0.089443, and Student's t with 500
+        // degrees of freedom lies above it with 0.464383 (normal: 0.464365).
+        let signs: Vec<f64> = (0..MANY_ROWS).map(|row| if row % 4 < 2 { 1.0 } else { -1.0 }).collect();
+        let (found, p) = of_neighbours(&signs).unwrap();
+        assert_eq!(found, 0.002);
+        assert!((p - 0.464_383).abs() < 2e-6, "{p}");
+        let turns: Vec<f64> = (0..MANY_ROWS).map(|row| if row % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        assert!(of_neighbours(&turns).unwrap().1 > 0.999);
     }
 
     #[test]

@@ -9,20 +9,20 @@ use rsm_fit::constrain::{ConstraintStatistics, SHIFT};
 use rsm_fit::fit::{Outcome, Verdict};
 use rsm_fit::statistics::ResponseStatistics;
 
-use crate::data::{Scratch, fitted};
+use crate::data::{Files, fitted};
 
 /// Fits y of x (range as in the data) or of x and z.
-fn fit(name: &str, header: &str, rows: &[Vec<f64>], rest: &str) -> Outcome {
-    let scratch = Scratch::new(name);
+fn fit(header: &str, rows: &[Vec<f64>], rest: &str) -> Outcome {
+    let files = Files::default();
     let line = |row: &Vec<f64>| row.iter().map(|value| format!("{value:e}")).collect::<Vec<_>>().join(",") + "\n";
-    scratch.file("data.csv", &(header.to_string() + "\n" + &rows.iter().map(line).collect::<String>()));
+    files.file("data.csv", &(header.to_string() + "\n" + &rows.iter().map(line).collect::<String>()));
     let inputs: Vec<&str> =
         header.split(',').filter_map(|cell| cell.split_once('[').map(|(name, _)| name)).filter(|name| *name != "y").collect();
     let sections: String = inputs.iter().map(|input| format!("[inputs.{input}]\n")).collect();
     let names = inputs.iter().map(|input| format!("\"{input}\"")).collect::<Vec<_>>().join(", ");
     let text =
         format!("format = 1\nmodel = \"m\"\ndata = [\"data.csv\"]\n{sections}[responses.y]\ninputs = [{names}]\n{rest}\n");
-    fitted(&text, &scratch.0)
+    fitted(&text, &files)
 }
 
 fn statistics(outcome: &Outcome) -> &ResponseStatistics {
@@ -64,7 +64,7 @@ fn a_falling_line_that_must_not_fall_becomes_the_mean() {
     let rows: Vec<Vec<f64>> = (0..=10).map(|k| vec![f64::from(k), 5.0 - f64::from(k) + f64::from(k % 2)]).collect();
     let mean = rows.iter().map(|row| row[1]).sum::<f64>() / 11.0;
     let rest = format!("{LINE}\nconstraints = [{{ kind = \"monotone\", input = \"x\", direction = \"increasing\" }}]");
-    let outcome = fit("isotonic", "x[A],y[V]", &rows, &rest);
+    let outcome = fit("x[A],y[V]", &rows, &rest);
     let found = coefficients(&outcome);
     // Coded x sums to 0 over this grid, so the constant is the mean whatever the slope; the slope is the shift.
     assert!((found[0] - mean).abs() < 1e-15 * 10.0, "{found:?} {mean}");
@@ -73,7 +73,7 @@ fn a_falling_line_that_must_not_fall_becomes_the_mean() {
     let told = told(&outcome);
     assert!(told.active && told.constraints[0].distance >= 0.0 && !told.constraints[0].points.is_empty(), "{told:?}");
     // The largest change is at an end: the slope of the free line over half the range.
-    let free = fit("isotonic-free", "x[A],y[V]", &rows, LINE);
+    let free = fit("x[A],y[V]", &rows, LINE);
     let change = told.largest_change.as_ref().unwrap();
     assert!((change.value.abs() - coefficients(&free)[1].abs()).abs() < 1e-5, "{change:?}");
     assert!(change.at.0[0].1 == 0.0 || change.at.0[0].1 == 10.0, "{change:?}");
@@ -88,7 +88,7 @@ fn a_parabola_that_must_not_be_negative_touches_zero_where_it_was_least() {
     // y = x^2 - 0.1 at -1, -0.5, 0, 0.5, 1: by symmetry y = a + c x^2 with a = 0 and c = sum x^2 y/sum x^4 = 1.875/2.125.
     let rows: Vec<Vec<f64>> = grid(-1.0, 1.0, 5).into_iter().map(|x| vec![x, x * x - 0.1]).collect();
     let rest = format!("{PARABOLA}\nconstraints = [{{ kind = \"bounds\", min = 0.0 }}]");
-    let outcome = fit("touch", "x[A],y[V]", &rows, &rest);
+    let outcome = fit("x[A],y[V]", &rows, &rest);
     let found = coefficients(&outcome);
     // The spread is 1, so a is the shift, and c smaller by shift * sum x^2/sum x^4.
     assert!((found[0] - SHIFT).abs() < 1e-13 && found[1].abs() < 1e-13, "{found:?}");
@@ -105,8 +105,8 @@ fn constraints_that_hold_anyway_leave_every_bit() {
     let rows: Vec<Vec<f64>> =
         (0..=10).map(|k| vec![f64::from(k), 1.0 + 0.3 * f64::from(k) + 0.01 * f64::from(k * k % 7)]).collect();
     let constraints = "constraints = [{ kind = \"bounds\", min = 0.0, max = 9.0 }, { kind = \"monotone\", input = \"x\", direction = \"increasing\" }]";
-    let free = fit("anyway-free", "x[A],y[V]", &rows, PARABOLA);
-    let kept = fit("anyway", "x[A],y[V]", &rows, &format!("{PARABOLA}\n{constraints}"));
+    let free = fit("x[A],y[V]", &rows, PARABOLA);
+    let kept = fit("x[A],y[V]", &rows, &format!("{PARABOLA}\n{constraints}"));
     let bits = |outcome: &Outcome| coefficients(outcome).iter().map(|b| b.to_bits()).collect::<Vec<u64>>();
     assert_eq!(bits(&free), bits(&kept));
     assert!(!told(&kept).active && told(&kept).largest_change.is_none());
@@ -133,7 +133,7 @@ fn contradictions_are_an_outcome_with_names() {
             "bounds min 1; bounds max 0.5",
         ),
     ] {
-        let outcome = fit("contradiction", "x[A],y[V]", &rows, &rest);
+        let outcome = fit("x[A],y[V]", &rows, &rest);
         assert!(outcome.model.surfaces.is_empty() && !outcome.reached());
         let Verdict::Infeasible { constraints } = &outcome.responses[0].verdict else {
             panic!("{rest}: {}", outcome.responses[0].verdict)
@@ -148,7 +148,7 @@ fn a_bound_holds_on_both_sides_of_an_odd_input() {
     let rows: Vec<Vec<f64>> = grid(-2.0, 2.0, 9).into_iter().map(|x| vec![x, x]).collect();
     for bound in ["min = -1", "max = 1", "min = -1, max = 3"] {
         let rest = format!("symmetry = {{ x = \"odd\" }}\n{LINE}\nconstraints = [{{ kind = \"bounds\", {bound} }}]");
-        let outcome = fit("odd-bound", "x[A],y[V]", &rows, &rest);
+        let outcome = fit("x[A],y[V]", &rows, &rest);
         let mut value = evaluator(&outcome);
         let ends = [value(&[-2.0]).0, value(&[2.0]).0];
         // Spread 4.
@@ -163,7 +163,7 @@ fn a_kink_that_bends_the_wrong_way_is_straightened() {
     for (kind, sign) in [("convex", 1.0), ("concave", -1.0)] {
         let rows: Vec<Vec<f64>> = grid(0.0, 6.0, 13).into_iter().map(|x| vec![x, -sign * (x - 2.0).abs()]).collect();
         let rest = format!("{form}\nconstraints = [{{ kind = \"{kind}\" }}]");
-        let outcome = fit("kink", "x[A],y[V]", &rows, &rest);
+        let outcome = fit("x[A],y[V]", &rows, &rest);
         // Spread 4; without the constraint the hinge of -|x - 2| is -2 per unit of x, -6 per half range.
         let hinge = coefficients(&outcome)[2];
         assert!((sign * hinge - 4.0 * SHIFT).abs() < ROUNDING, "{kind}: {hinge}");
@@ -202,7 +202,7 @@ fn monotone_in_every_form_of_surface() {
     ] {
         for (direction, sign) in [("increasing", 1.0), ("decreasing", -1.0)] {
             let rest = format!("{form}\nconstraints = [{{ kind = \"monotone\", input = \"x\", direction = \"{direction}\" }}]");
-            let outcome = fit("monotone", "x[A],y[V]", rows, &rest);
+            let outcome = fit("x[A],y[V]", rows, &rest);
             assert!(told(&outcome).active, "{rest}");
             let mut value = evaluator(&outcome);
             let values: Vec<f64> = grid(rows[0][0], rows[rows.len() - 1][0], 5001).iter().map(|x| value(&[*x]).0).collect();
@@ -267,7 +267,7 @@ fn bounds_in_two_inputs_cost_what_brute_force_finds() {
     for order in [2, 3] {
         let rest =
             format!("select = {{ method = \"fixed\", order = {order} }}\nconstraints = [{{ kind = \"bounds\", min = 0.4 }}]");
-        let outcome = fit("brute", "x[A],z[A],y[V]", &corner(), &rest);
+        let outcome = fit("x[A],z[A],y[V]", &corner(), &rest);
         let mut value = evaluator(&outcome);
         let least = grid(0.0, 4.0, 201)
             .iter()
@@ -289,8 +289,8 @@ fn a_corner_that_the_support_leaves_out_is_not_constrained() {
     // Without the corner of high x and low z, where it is negative.
     let rows: Vec<Vec<f64>> = corner().into_iter().filter(|row| row[0] / 4.0 - row[1] / 3.0 < 1.1).collect();
     let rest = format!("{PARABOLA}\nconstraints = [{{ kind = \"bounds\", min = 0.75 }}]");
-    let whole = fit("corner-whole", "x[A],z[A],y[V]", &rows, &rest);
-    let supported = fit("corner-supported", "x[A],z[A],y[V]", &rows, &format!("support = \"data\"\n{rest}"));
+    let whole = fit("x[A],z[A],y[V]", &rows, &rest);
+    let supported = fit("x[A],z[A],y[V]", &rows, &format!("support = \"data\"\n{rest}"));
     let sd = |outcome: &Outcome| statistics(outcome).residual_sd.unwrap();
     assert!(told(&whole).active && told(&supported).active);
     assert!(sd(&supported) < 0.99 * sd(&whole), "{} {}", sd(&supported), sd(&whole));
@@ -329,7 +329,7 @@ fn convex_and_concave_hold_between_any_two_points() {
     for (header, rows, form) in cases {
         for (kind, sign) in [("convex", 1.0), ("concave", -1.0)] {
             let rest = format!("{form}\nconstraints = [{{ kind = \"{kind}\" }}]");
-            let outcome = fit("convex", header, rows, &rest);
+            let outcome = fit(header, rows, &rest);
             assert!(told(&outcome).active, "{rest}");
             let mut value = evaluator(&outcome);
             let inputs = rows[0].len() - 1;
@@ -349,7 +349,7 @@ fn convex_and_concave_hold_between_any_two_points() {
 #[test]
 fn the_evidence_and_the_report_say_what_the_constraints_cost() {
     let rest = format!("{PARABOLA}\nconstraints = [{{ kind = \"bounds\", min = 0.4 }}]");
-    let outcome = fit("evidence", "x[A],z[A],y[V]", &corner(), &rest);
+    let outcome = fit("x[A],z[A],y[V]", &corner(), &rest);
     let written = rsm_core::model_file::write(&outcome.model);
     for words in
         ["constraints = { active = true", "constraint = \"bounds min 0.4\"", "residual_sd_without = ", "largest_change = "]

@@ -1,9 +1,10 @@
-//! Fits of a specification given as text, and folders for tests that write files.
+//! Fits of a specification given as text.
 
-use std::path::{Path, PathBuf};
+use std::cell::RefCell;
+use std::path::Path;
 
 use rsm_core::source::Source;
-use rsm_fit::fit::{Outcome, fit};
+use rsm_fit::fit::{Outcome, fit, fit_sources};
 use rsm_fit::spec::Specification;
 
 /// The specification of a text whose paths are relative to a folder.
@@ -11,31 +12,40 @@ pub fn specification(text: &str, folder: &Path) -> Specification {
     Specification::from_source(Source::new("fit.toml", text), folder.to_path_buf()).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// The fit of a text.
-pub fn fitted(text: &str, folder: &Path) -> Outcome {
+/// The fit of a text whose data lie in a folder.
+pub fn fitted_in(text: &str, folder: &Path) -> Outcome {
     fit(&specification(text, folder), &mut |_| {}).unwrap_or_else(|refused| panic!("{refused}"))
 }
 
-/// A folder of its own for a test that writes files; removed when dropped.
-pub struct Scratch(pub PathBuf);
-
-impl Scratch {
-    /// `name` must be of one test alone.
-    pub fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("rsm-fit-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        Scratch(folder)
-    }
-
-    /// Writes a file.
-    pub fn file(&self, name: &str, text: &str) -> &Self {
-        std::fs::write(self.0.join(name), text).unwrap();
-        self
-    }
+/// The fit of a text whose data are in memory.
+pub fn fitted(text: &str, files: &Files) -> Outcome {
+    let sources = files.0.borrow();
+    fit_sources(&specification(text, Path::new("")), &sources, &mut |_| {}).unwrap_or_else(|refused| panic!("{refused}"))
 }
 
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+/// Files in memory.
+#[derive(Default)]
+pub struct Files(RefCell<Vec<Source>>);
+
+impl Files {
+    /// One file.
+    pub fn of(name: &str, text: &str) -> Self {
+        let files = Files::default();
+        files.file(name, text);
+        files
+    }
+
+    /// Adds a file, in the place of one with the same name.
+    pub fn file(&self, name: &str, text: &str) -> &Self {
+        let mut sources = self.0.borrow_mut();
+        sources.retain(|source| source.name() != name);
+        sources.push(Source::new(name, text));
+        drop(sources);
+        self
+    }
+
+    /// The file of a name.
+    pub fn get(&self, name: &str) -> Source {
+        self.0.borrow().iter().find(|source| source.name() == name).expect("a file in memory").clone()
     }
 }

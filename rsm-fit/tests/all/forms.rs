@@ -1,6 +1,6 @@
 //! Smooth steps that the data choose: on a measured flux map, on friction, and where there is nothing to bend.
 
-use crate::data::fitted;
+use crate::data::fitted_in;
 use crate::folders::shared;
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -30,7 +30,7 @@ symmetry = {{ i_q = "{symmetry}" }}
 {rest}
 "#
         );
-        let outcome = fitted(&text, folder);
+        let outcome = fitted_in(&text, folder);
         let statistics = outcome.responses[0].statistics.as_ref().unwrap();
         let all: Vec<f64> =
             [&outcome.fitted, outcome.test.as_ref().unwrap()].iter().flat_map(|rows| rows.responses[0].clone()).collect();
@@ -171,7 +171,7 @@ inputs = ["angle"]
 {rest}
 "#
         );
-        fitted(&text, &folder)
+        fitted_in(&text, &folder)
     };
     let explained = |outcome: &rsm_fit::Outcome| {
         let test = outcome.test.as_ref().unwrap().responses[0].clone();

@@ -7,7 +7,7 @@ use rsm_fit::random::Random;
 use rsm_fit::statistics::ResponseStatistics;
 use rsm_fit::{Fit, Select};
 
-use crate::data::{Scratch, fitted};
+use crate::data::{Files, fitted};
 use crate::truth::Truth;
 
 /// A specification of y on x0, x1, ... in [-1, 1].
@@ -243,12 +243,12 @@ const RIGHT: &str = "select = { method = \"fixed\" }\nterms = [[0, 0], [1, 0], [
 
 #[test]
 fn warnings_on_clean_data_are_as_rare_as_stated() {
-    let scratch = Scratch::new("clean");
+    let files = Files::default();
     let mut count = std::collections::BTreeMap::new();
     let fits = 300;
     for seed in 0..fits {
-        scratch.file("data.csv", &clean(seed, |_, y| y));
-        for kind in kinds(&fitted(&text(2, "", RIGHT), &scratch.0)) {
+        files.file("data.csv", &clean(seed, |_, y| y));
+        for kind in kinds(&fitted(&text(2, "", RIGHT), &files)) {
             *count.entry(kind).or_insert(0) += 1;
         }
     }
@@ -260,10 +260,10 @@ fn warnings_on_clean_data_are_as_rare_as_stated() {
 
 #[test]
 fn each_thing_wrong_is_warned_of_by_its_name() {
-    let scratch = Scratch::new("wrong");
+    let files = Files::default();
     let of = |name: &str, data: &str, top: &str, rest: &str| {
-        scratch.file("data.csv", data);
-        let found = fitted(&text(2, top, rest), &scratch.0);
+        files.file("data.csv", data);
+        let found = fitted(&text(2, top, rest), &files);
         let warnings = &statistics(&found).warnings;
         assert!(warnings.iter().any(|warning| warning.kind == name), "{name}: {warnings:?}");
         warnings.iter().find(|warning| warning.kind == name).unwrap().what.clone()
@@ -282,7 +282,7 @@ fn each_thing_wrong_is_warned_of_by_its_name() {
         let words = of("bounds-off-data", &data, "", &bounds);
         assert!(words.starts_with("40 of 40 responses lie far beyond the bounds [100, 101]"), "{words}");
         of("explains-little", &data, "", &bounds);
-        scratch.file("again.csv", &data);
+        files.file("again.csv", &data);
         let words = of("rows-seen", &data, "test = [\"again.csv\"]", RIGHT);
         assert!(words.contains("40 rows of `test`"), "{words}");
     }
@@ -290,13 +290,13 @@ fn each_thing_wrong_is_warned_of_by_its_name() {
 
 #[test]
 fn test_rows_choose_nothing_and_judge() {
-    let scratch = Scratch::new("touched");
+    let files = Files::default();
     let mut random = Random::new(5);
     let truth = Truth::random(2, 2, 0.3, &mut random);
-    scratch.file("data.csv", &truth.csv(40, &mut random)).file("test.csv", &truth.csv(20, &mut random));
-    let one = fitted(&text(2, "test = [\"test.csv\"]", &ladder(3, 90.0)), &scratch.0);
-    scratch.file("test.csv", &Truth { offset: 5.0, ..Truth::random(2, 2, 0.3, &mut random) }.csv(20, &mut random));
-    let other = fitted(&text(2, "test = [\"test.csv\"]", &ladder(3, 90.0)), &scratch.0);
+    files.file("data.csv", &truth.csv(40, &mut random)).file("test.csv", &truth.csv(20, &mut random));
+    let one = fitted(&text(2, "test = [\"test.csv\"]", &ladder(3, 90.0)), &files);
+    files.file("test.csv", &Truth { offset: 5.0, ..Truth::random(2, 2, 0.3, &mut random) }.csv(20, &mut random));
+    let other = fitted(&text(2, "test = [\"test.csv\"]", &ladder(3, 90.0)), &files);
     assert_eq!(one.model.surfaces[0].terms, other.model.surfaces[0].terms);
     let errors = [&one, &other].map(|outcome| statistics(outcome).test.as_ref().unwrap().rmse);
     assert!(errors[0] < 0.5 && errors[1] > 2.0, "{errors:?}");
@@ -313,12 +313,12 @@ fn test_rows_choose_nothing_and_judge() {
 
 #[test]
 fn the_words_say_who_chose() {
-    let scratch = Scratch::new("who");
+    let files = Files::default();
     let mut random = Random::new(6);
     let truth = Truth::random(2, 2, 0.3, &mut random);
-    scratch.file("data.csv", &truth.csv(40, &mut random)).file("more.csv", &truth.csv(20, &mut random));
+    files.file("data.csv", &truth.csv(40, &mut random)).file("more.csv", &truth.csv(20, &mut random));
     let used = |top: &str, rest: &str| {
-        let outcome = fitted(&text(2, top, rest), &scratch.0);
+        let outcome = fitted(&text(2, top, rest), &files);
         let evidence = rsm_core::model_file::write(&outcome.model);
         (statistics(&outcome).rows_used.clone(), evidence)
     };

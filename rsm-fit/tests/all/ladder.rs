@@ -7,11 +7,11 @@ use rsm_fit::fit::{ChosenBy, Outcome, Verdict};
 use rsm_fit::ladder::{Judge, Ladder};
 use rsm_fit::qr::Compressed;
 
-use crate::data::{Scratch, fitted};
+use crate::data::{Files, fitted};
 
 /// A grid of x in 0..10 and z in -3..3 with y = f(coded x, coded z), and a shifted grid for validation.
-fn grids(name: &str, f: impl Fn(f64, f64) -> f64) -> Scratch {
-    let scratch = Scratch::new(name);
+fn grids(f: impl Fn(f64, f64) -> f64) -> Files {
+    let files = Files::default();
     let grid = |shift: f64, steps: u32| {
         let mut text = "x[A],z[V],y[N*m]\n".to_string();
         for i in 0..=steps {
@@ -23,17 +23,17 @@ fn grids(name: &str, f: impl Fn(f64, f64) -> f64) -> Scratch {
         }
         text
     };
-    scratch.file("fit.csv", &grid(1.0, 6)).file("unseen.csv", &grid(0.9, 5));
-    scratch
+    files.file("fit.csv", &grid(1.0, 6)).file("unseen.csv", &grid(0.9, 5));
+    files
 }
 
-fn ladder(scratch: &Scratch, rest: &str, validate: bool) -> Outcome {
+fn ladder(files: &Files, rest: &str, validate: bool) -> Outcome {
     let validate = if validate { "validate = [\"unseen.csv\"]\n" } else { "" };
     let text = format!(
         "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\n{validate}[inputs.x]\nunit = \"A\"\n[inputs.z]\nunit = \"V\"\n\
          [responses.y]\nunit = \"N*m\"\ninputs = [\"x\", \"z\"]\n{rest}\n"
     );
-    fitted(&text, &scratch.0)
+    fitted(&text, &files)
 }
 
 fn powers(outcome: &Outcome) -> Vec<Vec<u32>> {
@@ -44,8 +44,8 @@ fn powers(outcome: &Outcome) -> Vec<Vec<u32>> {
 fn it_finds_the_terms_that_are_there_and_no_other() {
     // Six terms of order up to 4; the first-order term of z is not among them.
     let truth = |x: f64, z: f64| 2.0 + 3.0 * x - 1.5 * x * z + 0.75 * z * z + 0.5 * x * x * z - 0.25 * x * x * z * z;
-    let scratch = grids("there", truth);
-    let outcome = ladder(&scratch, "select = { method = \"ladder\", max_order = 5, confidence = 99.9999999 }", true);
+    let files = grids(truth);
+    let outcome = ladder(&files, "select = { method = \"ladder\", max_order = 5, confidence = 99.9999999 }", true);
     assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
     assert_eq!(powers(&outcome), [[0, 0], [1, 0], [1, 1], [0, 2], [2, 1], [2, 2]]);
     for (term, expected) in outcome.model.surfaces[0].terms.iter().zip([2.0, 3.0, -1.5, 0.75, 0.5, -0.25]) {
@@ -57,9 +57,9 @@ fn it_finds_the_terms_that_are_there_and_no_other() {
 #[test]
 fn it_stops_at_the_fewest_regressors_that_reach_the_confidence() {
     let truth = |x: f64, z: f64| 10.0 + 3.0 * x + 0.4 * z * z + 0.001 * x * z;
-    let scratch = grids("fewest", truth);
+    let files = grids(truth);
     let of = |confidence: f64| {
-        ladder(&scratch, &format!("select = {{ method = \"ladder\", max_order = 4, confidence = {confidence} }}"), true)
+        ladder(&files, &format!("select = {{ method = \"ladder\", max_order = 4, confidence = {confidence} }}"), true)
     };
     // C is taken about zero (15), where a constant alone has 90 % and more of it; so the ladder climbs until C about the mean reaches it too:
     // x leaves the variance of 0.4 z^2, a 200th of that of 3 x.
@@ -71,8 +71,8 @@ fn it_stops_at_the_fewest_regressors_that_reach_the_confidence() {
 
 #[test]
 fn what_cannot_be_reached_is_said_with_the_best_that_was_found() {
-    let scratch = grids("unreached", |x: f64, z: f64| (9.0 * x).sin() * (7.0 * z).cos());
-    let outcome = ladder(&scratch, "select = { method = \"ladder\", max_order = 3, confidence = 99.0 }", true);
+    let files = grids(|x: f64, z: f64| (9.0 * x).sin() * (7.0 * z).cos());
+    let outcome = ladder(&files, "select = { method = \"ladder\", max_order = 3, confidence = 99.0 }", true);
     assert!(!outcome.reached());
     let Verdict::NotReached { best, wanted } = outcome.responses[0].verdict else { panic!("{}", outcome.responses[0].verdict) };
     assert!(best < wanted && wanted == 99.0);
@@ -82,8 +82,8 @@ fn what_cannot_be_reached_is_said_with_the_best_that_was_found() {
 
 #[test]
 fn without_validation_data_fitted_rows_are_left_out_in_turn_and_it_says_so() {
-    let scratch = grids("seen", |x: f64, z: f64| 1.0 + x + z);
-    let outcome = ladder(&scratch, "select = { method = \"ladder\", max_order = 3, confidence = 99.0 }", false);
+    let files = grids(|x: f64, z: f64| 1.0 + x + z);
+    let outcome = ladder(&files, "select = { method = \"ladder\", max_order = 3, confidence = 99.0 }", false);
     assert_eq!(outcome.responses[0].chosen_by, ChosenBy::LeftOut { parts: 10 });
     let evidence = &outcome.model.surfaces[0].evidence;
     let judged = &evidence.iter().find(|(name, _)| name == "terms_chosen_on").unwrap().1;
@@ -92,21 +92,21 @@ fn without_validation_data_fitted_rows_are_left_out_in_turn_and_it_says_so() {
 
 #[test]
 fn a_hinge_is_found_where_the_response_has_a_kink() {
-    let scratch = grids("hinge", |x: f64, z: f64| 1.0 + 0.5 * z + 2.0 * (x - 0.5).max(0.0));
+    let files = grids(|x: f64, z: f64| 1.0 + 0.5 * z + 2.0 * (x - 0.5).max(0.0));
     let rest = "knots = [{ input = \"x\", at = 7.5 }]\nselect = { method = \"ladder\", max_order = 2, confidence = 99.99999 }";
-    let outcome = ladder(&scratch, rest, true);
+    let outcome = ladder(&files, rest, true);
     assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
     assert_eq!(powers(&outcome), [[0, 0, 0], [0, 1, 0], [0, 0, 1]]);
 }
 
 #[test]
 fn rows_beyond_the_range_are_fitted_as_measured_and_counted() {
-    let scratch = Scratch::new("beyond");
+    let files = Files::default();
     let rows: String = (-3i32..=3).map(|k| format!("{k},{}\n", 1 + 2 * k * k)).collect();
-    scratch.file("fit.csv", &format!("x[A],y[V]\n{rows}")).file("unseen.csv", "x[A],y[V]\n9,9\n");
+    files.file("fit.csv", &format!("x[A],y[V]\n{rows}")).file("unseen.csv", "x[A],y[V]\n9,9\n");
     let text = "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\nrange = [-2.0, 2.0]\n\
                 [responses.y]\ninputs = [\"x\"]\nselect = { method = \"fixed\", order = 2 }\n";
-    let outcome = fitted(text, &scratch.0);
+    let outcome = fitted(text, &files);
     let coefficients: Vec<f64> = outcome.model.surfaces[0].terms.iter().map(|term| term.coefficient).collect();
     // y = 1 + 2 xi^2 = 1 + 8 x^2 with x = xi/2, although the points at -3 and 3 are beyond the range.
     assert_eq!(coefficients, [1.0, 0.0, 8.0]);
@@ -117,12 +117,12 @@ fn rows_beyond_the_range_are_fitted_as_measured_and_counted() {
 
 #[test]
 fn columns_that_make_each_other_up_are_named_and_give_no_surface() {
-    let scratch = Scratch::new("dependent");
+    let files = Files::default();
     // z is 3 x + 1 in every row.
     let rows: String = (0..8).map(|k| format!("{k},{},{}\n", 3 * k + 1, k * k)).collect();
-    scratch.file("fit.csv", &format!("x[A],z[V],y[N*m]\n{rows}"));
+    files.file("fit.csv", &format!("x[A],z[V],y[N*m]\n{rows}"));
     for select in ["method = \"ladder\", max_order = 3, confidence = 99.0", "method = \"fixed\", order = 1"] {
-        let outcome = ladder(&scratch, &format!("select = {{ {select} }}"), false);
+        let outcome = ladder(&files, &format!("select = {{ {select} }}"), false);
         let Verdict::IllConditioned { condition, columns } = &outcome.responses[0].verdict else {
             panic!("{}", outcome.responses[0].verdict)
         };
@@ -136,16 +136,16 @@ fn columns_that_make_each_other_up_are_named_and_give_no_surface() {
 
 #[test]
 fn replicates_of_the_unseen_data_weigh_by_their_number() {
-    let scratch = Scratch::new("weights");
+    let files = Files::default();
     let rows: String = (-4i32..=4).map(|k| format!("{k},{}\n", 40 + k)).collect();
     let unseen = "0,40\n".repeat(9) + "4,44\n";
-    scratch.file("fit.csv", &format!("x[A],y[V]\n{rows}")).file("unseen.csv", &format!("x[A],y[V]\n{unseen}"));
+    files.file("fit.csv", &format!("x[A],y[V]\n{rows}")).file("unseen.csv", &format!("x[A],y[V]\n{unseen}"));
     let of = |select: &str| {
         let text = format!(
             "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\n[responses.y]\n\
              inputs = [\"x\"]\n{select}\n"
         );
-        fitted(&text, &scratch.0)
+        fitted(&text, &files)
     };
     // The constant 40 alone: SS_lof = 9 0^2 + 1 4^2 = 16, SS_y = 9 40^2 + 44^2 = 16336, C = 99.90206.
     // Without the n_i it would be 99.548.
@@ -185,11 +185,11 @@ fn one_term_takes_the_place_of_two() {
 
 #[test]
 fn validation_sees_the_saturation_of_the_written_model() {
-    let scratch = Scratch::new("saturation");
-    scratch.file("fit.csv", "x[A],y[V]\n-1,-1\n0,0\n1,1\n").file("unseen.csv", "x[A],y[V]\n-1,0\n0.5,0.5\n1,0.75\n");
+    let files = Files::default();
+    files.file("fit.csv", "x[A],y[V]\n-1,-1\n0,0\n1,1\n").file("unseen.csv", "x[A],y[V]\n-1,0\n0.5,0.5\n1,0.75\n");
     let text = "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\n[responses.y]\n\
                 inputs = [\"x\"]\noutput_range = [0.0, 0.75]\nselect = { method = \"fixed\", order = 1 }\n";
-    let outcome = fitted(text, &scratch.0);
+    let outcome = fitted(text, &files);
     let statistics = outcome.responses[0].statistics.as_ref().unwrap();
     assert_eq!(statistics.validation.as_ref().unwrap().max_abs_error, 0.0);
     assert_eq!(outcome.model.surfaces[0].output_range, Some([0.0, 0.75]));
@@ -203,10 +203,10 @@ fn the_judging_rows_do_not_pick_the_terms() {
         let x = |k: u32| from + (1.0 - from) * f64::from(k) / f64::from(steps);
         "x[A],y[V]\n".to_string() + &(0..=steps).map(|k| format!("{},{}\n", x(k), truth(x(k)))).collect::<String>()
     };
-    let scratch = Scratch::new("stuck");
-    scratch.file("fit.csv", &grid(-1.0, 12)).file("unseen.csv", &grid(0.5, 8));
+    let files = Files::default();
+    files.file("fit.csv", &grid(-1.0, 12)).file("unseen.csv", &grid(0.5, 8));
     let text = "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\n[responses.y]\n\
                 inputs = [\"x\"]\nselect = { method = \"ladder\", max_order = 5, confidence = 99.99 }\n";
-    let outcome = fitted(text, &scratch.0);
+    let outcome = fitted(text, &files);
     assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
 }

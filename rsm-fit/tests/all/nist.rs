@@ -7,7 +7,7 @@
 
 use serde_json::Value;
 
-use crate::data::fitted;
+use crate::data::fitted_in;
 use crate::folders::nist;
 
 /// Coefficients, standard errors, residual standard deviation, R^2.
@@ -50,7 +50,7 @@ fn agreement(set: &str, certified: &Value, folder: &std::path::Path) -> [f64; 4]
         "format = 1\nmodel = \"nist\"\ndata = [\"{set}.csv\"]\n{tables}[responses.y]\nunit = \"1\"\ninputs = {inputs:?}\n\
          coding = \"none\"\nselect = {{ method = \"fixed\" }}\nterms = {terms:?}\n"
     );
-    let outcome = fitted(&text, folder);
+    let outcome = fitted_in(&text, folder);
     let statistics =
         outcome.responses[0].statistics.as_ref().unwrap_or_else(|| panic!("{set}: {}", outcome.responses[0].verdict));
     let worst = |found: Vec<f64>, key: &str| {

@@ -10,7 +10,7 @@
 //! model file refuses it. The two continuous bases beside it also come within a tenth: i_q times the full third-order
 //! polynomial (10 terms), and third order in each variable (12 terms).
 
-use crate::data::fitted;
+use crate::data::fitted_in;
 use crate::folders::shared;
 
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=15;
@@ -44,7 +44,7 @@ inputs = ["i_d", "i_q"]
 {psi_q}
 "#
         );
-        let outcome = fitted(&text, folder);
+        let outcome = fitted_in(&text, folder);
         for (response, largest) in outcome.responses.iter().zip(&mut largest) {
             let validation = response.statistics.as_ref().unwrap().validation.as_ref().unwrap();
             // 0.3 of 567 rows is 170; the last group may be a pair.
@@ -114,7 +114,7 @@ inputs = ["i_d", "i_q"]
 symmetry = { i_q = "odd" }
 select = { method = "ladder", max_order = 5, confidence = 99.8 }
 "#;
-    let outcome = fitted(text, &folder);
+    let outcome = fitted_in(text, &folder);
     let surface = &outcome.model.surfaces[0];
     println!("{}: {} terms", outcome.responses[0].verdict, surface.terms.len());
     assert!(outcome.reached(), "{}", outcome.responses[0].verdict);

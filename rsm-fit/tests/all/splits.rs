@@ -1,23 +1,25 @@
 //! A split keeps declared rows on one side, and is the same for one seed.
 
+use std::path::Path;
+
 use rsm_core::model::Evidence;
 use rsm_fit::records::{Records, Rows, Units};
 use rsm_fit::spec::Validation;
 use rsm_fit::split::{Sides, split};
 
-use crate::data::{Scratch, fitted, specification};
+use crate::data::{Files, fitted_in, specification};
 
 /// A map of x from -4 to 4 and z from 0 to 3, in four runs.
-fn map(name: &str) -> Scratch {
-    let scratch = Scratch::new(name);
+fn map() -> Files {
+    let files = Files::default();
     let mut text = "x[A],z[V],y[1],run\n".to_string();
     for x in -4i32..=4 {
         for z in 0..=3 {
             text += &format!("{x},{z},{},run {}\n", x * x + 2 * z, (x + 4) % 4);
         }
     }
-    scratch.file("map.csv", &text);
-    scratch
+    files.file("map.csv", &text);
+    files
 }
 
 fn text(validate: &str) -> String {
@@ -27,10 +29,10 @@ fn text(validate: &str) -> String {
     )
 }
 
-fn sides(scratch: &Scratch, validate: &str) -> (Records, Sides) {
-    let specification = specification(&text(validate), &scratch.0);
+fn sides(files: &Files, validate: &str) -> (Records, Sides) {
+    let specification = specification(&text(validate), Path::new(""));
     let records = {
-        let mut open = |name: &str| rsm_core::source::Source::read(&specification.path_of(name));
+        let mut open = |name: &str| Ok(files.get(name));
         Records::read(&specification, &specification.data, Rows::ToFit, &mut Units::of(&specification), &mut open).unwrap()
     };
     let Validation::Split(wanted) = &specification.validation else { panic!("a split was asked for") };
@@ -40,9 +42,9 @@ fn sides(scratch: &Scratch, validate: &str) -> (Records, Sides) {
 
 #[test]
 fn mirror_pairs_and_runs_stay_on_one_side() {
-    let scratch = map("pairs");
+    let files = map();
     for seed in 0..20 {
-        let (records, sides) = sides(&scratch, &format!("{{ share = 0.4, seed = {seed}, mirror = [\"x\"] }}"));
+        let (records, sides) = sides(&files, &format!("{{ share = 0.4, seed = {seed}, mirror = [\"x\"] }}"));
         let of = |rows: &[usize]| -> Vec<(u64, u64)> {
             rows.iter().map(|row| (records.inputs[0][*row].abs().to_bits(), records.inputs[1][*row].to_bits())).collect()
         };
@@ -51,7 +53,7 @@ fn mirror_pairs_and_runs_stay_on_one_side() {
         // 0.4 of 36 rows is 14.4; the last pair may take one more.
         assert!((14..=15).contains(&unseen.len()) && sides.fit.len() + unseen.len() == 36);
     }
-    let (records, sides) = sides(&scratch, "{ share = 0.2, seed = 3, keep_together = [\"run\"] }");
+    let (records, sides) = sides(&files, "{ share = 0.2, seed = 3, keep_together = [\"run\"] }");
     let runs = |rows: &[usize]| -> std::collections::BTreeSet<String> {
         rows.iter().map(|row| records.labels[0][*row].clone()).collect()
     };
@@ -61,8 +63,8 @@ fn mirror_pairs_and_runs_stay_on_one_side() {
 
 #[test]
 fn one_seed_is_one_split_and_another_is_another() {
-    let scratch = map("seeds");
-    let of = |seed: u64| sides(&scratch, &format!("{{ share = 0.3, seed = {seed} }}")).1;
+    let files = map();
+    let of = |seed: u64| sides(&files, &format!("{{ share = 0.3, seed = {seed} }}")).1;
     assert_eq!(of(7), of(7));
     assert_ne!(of(7), of(8));
     // Fixed for good: another split would give other coefficients for the same specification.
@@ -73,9 +75,15 @@ const KNOWN: [usize; 11] = [0, 6, 12, 15, 22, 23, 24, 26, 28, 31, 34];
 
 #[test]
 fn the_evidence_names_data_specification_and_split() {
-    let scratch = Scratch::new("evidence");
-    scratch.file("map.csv", "x[A],z[V],y[1]\n0,0,1\n1,0,2\n2,0,5\n0,1,3\n1,1,2\n2,1,4\n0,2,2\n1,2,1\n2,2,0\n1,3,2\n");
-    let outcome = fitted(&text("{ share = 0.2, seed = 1 }"), &scratch.0);
+    let folder = std::env::temp_dir().join(format!("rsm-fit-evidence-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(
+        folder.join("map.csv"),
+        "x[A],z[V],y[1]\n0,0,1\n1,0,2\n2,0,5\n0,1,3\n1,1,2\n2,1,4\n0,2,2\n1,2,1\n2,2,0\n1,3,2\n",
+    )
+    .unwrap();
+    let outcome = fitted_in(&text("{ share = 0.2, seed = 1 }"), &folder);
+    std::fs::remove_dir_all(&folder).unwrap();
     let evidence = &outcome.model.surfaces[0].evidence;
     let keys: Vec<&str> = evidence.iter().map(|(name, _)| name.as_str()).collect();
     let expected =
@@ -86,8 +94,7 @@ fn the_evidence_names_data_specification_and_split() {
     assert_eq!(file[0].1, Evidence::Text("map.csv".into()));
     // sha256sum of the text above.
     assert_eq!(file[2].1, Evidence::Text(SHA256.into()));
-    let folder = scratch.0.display().to_string();
-    assert!(!format!("{evidence:?}").contains(&folder), "a path of this machine in the evidence");
+    assert!(!format!("{evidence:?}").contains(&folder.display().to_string()), "a path of this machine in the evidence");
 }
 
 const SHA256: &str = "895f00c9abfa4dfedd5e8ae55354fb994d3ae64bd4e306cb91d1f398ff7e638d";

@@ -6,11 +6,11 @@ use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_fit::fit::Outcome;
 
-use crate::data::{Scratch, fitted};
+use crate::data::{Files, fitted};
 
 /// A car's gears and speeds: in a gear the engine turns between 1200 and 4800 rpm, so that first gear at 30 m/s was never run.
-fn tip_in(name: &str) -> (Scratch, Vec<[f64; 2]>) {
-    let scratch = Scratch::new(name);
+fn tip_in() -> (Files, Vec<[f64; 2]>) {
+    let files = Files::default();
     let mut points = Vec::new();
     let mut text = "speed[m/s],gear[1],damping[1]\n".to_string();
     for gear in 1..=5u32 {
@@ -21,18 +21,18 @@ fn tip_in(name: &str) -> (Scratch, Vec<[f64; 2]>) {
             points.push([speed, f64::from(gear)]);
         }
     }
-    scratch.file("tip-in.csv", &text);
-    (scratch, points)
+    files.file("tip-in.csv", &text);
+    (files, points)
 }
 
-fn fit(scratch: &Scratch, rest: &str) -> Outcome {
+fn fit(files: &Files, rest: &str) -> Outcome {
     let text = format!(
         "format = 1\nmodel = \"car\"\ndata = [\"tip-in.csv\"]\n[inputs.speed]\n[inputs.gear]\n[responses.damping]\n\
          inputs = [\"speed\", \"gear\"]\n{rest}\n{}\n",
         // With a hinge, products of it and of its own input make each other up.
         if rest.contains("knots") { KNOT_TERMS } else { "select = { method = \"fixed\", order = 2 }" }
     );
-    fitted(&text, &scratch.0)
+    fitted(&text, &files)
 }
 
 const KNOT_TERMS: &str = "select = { method = \"fixed\" }\nterms = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]";
@@ -48,7 +48,7 @@ fn says(outcome: &Outcome, points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 
 #[test]
 fn every_row_is_inside_and_high_speed_in_low_gear_is_not() {
-    let (scratch, points) = tip_in("support");
+    let (files, points) = tip_in();
     for rest in [
         "support = \"data\"",
         "support = { from = \"data\", faces = 6 }",
@@ -57,7 +57,7 @@ fn every_row_is_inside_and_high_speed_in_low_gear_is_not() {
         "reciprocal = [\"speed\"]\nsupport = \"data\"",
         "knots = [{ input = \"speed\", at = 15.0 }]\nsupport = \"data\"",
     ] {
-        let outcome = fit(&scratch, rest);
+        let outcome = fit(&files, rest);
         assert!(says(&outcome, &points).iter().all(|found| *found == [1.0, 1.0]), "{rest}: {:?}", outcome.model.surfaces[0]);
         // High speed in low gear, low speed in high gear, beyond the range of both: never run.
         let outside = [[30.0, 1.0], [2.0, 5.0], [25.0, 2.0], [60.0, 6.0], [-5.0, 0.0]];
@@ -70,11 +70,11 @@ fn every_row_is_inside_and_high_speed_in_low_gear_is_not() {
 
 #[test]
 fn unseen_rows_outside_are_counted_and_told_in_the_evidence() {
-    let (scratch, _) = tip_in("support-unseen");
-    scratch.file("unseen.csv", "speed[m/s],gear[1],damping[1]\n30,1,0.2\n12,3,0.28\n3,5,0.4\n");
+    let (files, _) = tip_in();
+    files.file("unseen.csv", "speed[m/s],gear[1],damping[1]\n30,1,0.2\n12,3,0.28\n3,5,0.4\n");
     let text = "format = 1\nmodel = \"car\"\ndata = [\"tip-in.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.speed]\n[inputs.gear]\n\
                 [responses.damping]\ninputs = [\"speed\", \"gear\"]\nsupport = \"data\"\nselect = { method = \"fixed\", order = 1 }\n";
-    let outcome = fitted(text, &scratch.0);
+    let outcome = fitted(text, &files);
     let support = outcome.responses[0].statistics.as_ref().unwrap().support.as_ref().unwrap();
     assert_eq!(support.unseen_rows_outside, 2);
     assert_eq!(support.half_spaces, outcome.model.surfaces[0].support.len());

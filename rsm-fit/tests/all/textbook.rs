@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::data::{Scratch, fitted};
+use crate::data::{Files, fitted};
 use crate::folders::shared;
 
 struct Case {
@@ -55,12 +55,12 @@ fn close(what: &str, found: Option<f64>, expected: &Value) {
 }
 
 fn compare(case: &Case, folder: &Path, expected: &Value) {
-    let scratch = Scratch::new(case.name);
+    let files = Files::default();
     let text = std::fs::read_to_string(folder.join(case.file)).unwrap();
     let mut lines = text.lines();
     let header = lines.next().unwrap();
     let rows: Vec<&str> = lines.skip(case.rows.start).take(case.rows.len()).collect();
-    scratch.file("data.csv", &format!("{header}\n{}\n", rows.join("\n")));
+    files.file("data.csv", &format!("{header}\n{}\n", rows.join("\n")));
     let tables: String = case
         .inputs
         .iter()
@@ -73,7 +73,7 @@ fn compare(case: &Case, folder: &Path, expected: &Value) {
          select = {{ method = \"fixed\" }}\nterms = {terms:?}\n",
         case.response
     );
-    let outcome = fitted(&specification, &scratch.0);
+    let outcome = fitted(&specification, &files);
     let found = outcome.responses[0].statistics.as_ref().unwrap();
     for (term, (_, name)) in found.terms.iter().zip(case.terms) {
         close(name, Some(term.coefficient), &expected["coef"][*name]);
@@ -116,11 +116,11 @@ fn second_order_and_first_order_with_replicates_agree() {
 
 #[test]
 fn the_report_has_the_keys_of_the_contract_in_their_order() {
-    let scratch = Scratch::new("keys");
-    scratch.file("d.csv", "x[A],z[V],y[1]\n0,0,1\n1,0,2\n2,0,5\n0,1,3\n1,1,2\n2,1,4\n0,2,2\n1,2,1\n2,2,0\n1,1,2.5\n");
+    let files = Files::default();
+    files.file("d.csv", "x[A],z[V],y[1]\n0,0,1\n1,0,2\n2,0,5\n0,1,3\n1,1,2\n2,1,4\n0,2,2\n1,2,1\n2,2,0\n1,1,2.5\n");
     let text = "format = 1\nmodel = \"m\"\ndata = [\"d.csv\"]\nvalidate = [\"d.csv\"]\n[inputs.x]\n[inputs.z]\n[responses.y]\n\
                 inputs = [\"x\", \"z\"]\nselect = { method = \"fixed\", order = 2 }\n";
-    let outcome = fitted(text, &scratch.0);
+    let outcome = fitted(text, &files);
     let json = serde_json::to_value(outcome.report()).unwrap();
     let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     let response = &json["responses"]["y"];
@@ -154,12 +154,12 @@ fn the_report_has_the_keys_of_the_contract_in_their_order() {
 
 #[test]
 fn figures_that_do_not_exist_are_null() {
-    let scratch = Scratch::new("null");
+    let files = Files::default();
     // Two points and a line: no degree of freedom is left. Leverage 1 everywhere: PRESS does not exist.
-    scratch.file("d.csv", "x[A],y[1]\n0,1\n1,2\n");
+    files.file("d.csv", "x[A],y[1]\n0,1\n1,2\n");
     let text = "format = 1\nmodel = \"m\"\ndata = [\"d.csv\"]\n[inputs.x]\n[responses.y]\ninputs = [\"x\"]\n\
                 select = { method = \"fixed\", order = 1 }\n";
-    let outcome = fitted(text, &scratch.0);
+    let outcome = fitted(text, &files);
     let json = serde_json::to_value(outcome.report()).unwrap();
     let response = &json["responses"]["y"];
     for key in ["residual_sd", "r2_adjusted", "r2_predicted", "press", "lack_of_fit", "validation", "canonical"] {

@@ -2,14 +2,13 @@
 
 use rsm_fit::statistics::ResponseStatistics;
 
-use crate::data::{Scratch, fitted};
+use crate::data::{Files, fitted};
 
-fn fit(name: &str, data: &str, rest: &str) -> ResponseStatistics {
-    let scratch = Scratch::new(name);
-    scratch.file("data.csv", data);
+fn fit(data: &str, rest: &str) -> ResponseStatistics {
+    let files = Files::of("data.csv", data);
     let text =
         format!("format = 1\nmodel = \"m\"\ndata = [\"data.csv\"]\n[inputs.x]\n[responses.y]\ninputs = [\"x\"]\n{rest}\n");
-    fitted(&text, &scratch.0).responses[0].statistics.clone().unwrap()
+    fitted(&text, &files).responses[0].statistics.clone().unwrap()
 }
 
 const LINE: &str = "select = { method = \"fixed\", order = 1 }";
@@ -17,7 +16,7 @@ const LINE: &str = "select = { method = \"fixed\", order = 1 }";
 #[test]
 fn a_constant_is_the_weighted_mean() {
     let data = "x[1],y[V],w\n0,1,1\n1,2,2\n2,6,5\n";
-    let found = fit("weighted-mean", data, "select = { method = \"fixed\" }\nterms = [[0]]\nweights = \"w\"");
+    let found = fit(data, "select = { method = \"fixed\" }\nterms = [[0]]\nweights = \"w\"");
     // (1 + 4 + 30)/8 = 4.375. With weights of mean 1, w_i 3/8: rss = (3/8)(1 * 11.390625 + 2 * 5.640625 + 5 * 2.640625) = 13.453125,
     // two degrees of freedom; the variance of the mean is that over the sum of the weights, 3.
     let square: f64 = 13.453125 / 2.0;
@@ -37,7 +36,7 @@ fn a_constant_is_the_weighted_mean() {
 fn a_row_of_weight_two_is_a_row_twice() {
     let once = "x[1],y[V],w\n0,1,1\n1,2.5,2\n2,2.75,1\n3,5,2\n4,4.5,1\n";
     let twice = "x[1],y[V]\n0,1\n1,2.5\n1,2.5\n2,2.75\n3,5\n3,5\n4,4.5\n";
-    let (one, two) = (fit("weight-once", once, &format!("{LINE}\nweights = \"w\"")), fit("weight-twice", twice, LINE));
+    let (one, two) = (fit(once, &format!("{LINE}\nweights = \"w\"")), fit(twice, LINE));
     // 106 bits on both ways, rounded once.
     for (a, b) in one.terms.iter().zip(&two.terms) {
         assert_eq!(a.coefficient, b.coefficient);
@@ -50,28 +49,27 @@ fn a_row_of_weight_two_is_a_row_twice() {
 #[test]
 fn standard_errors_weigh_by_their_inverse_square_and_their_scale_does_not_matter() {
     let by_weight = "x[1],y[V],w\n0,1,4\n1,2.5,1\n2,2.75,0.25\n3,5,4\n";
-    let weighted = fit("by-weight", by_weight, &format!("{LINE}\nweights = \"w\""));
+    let weighted = fit(by_weight, &format!("{LINE}\nweights = \"w\""));
     for scale in [1.0, 8.0] {
         let rows: String = [(0.0, 1.0, 0.5), (1.0, 2.5, 1.0), (2.0, 2.75, 2.0), (3.0, 5.0, 0.5)]
             .map(|(x, y, s)| format!("{x},{y},{}\n", s * scale))
             .concat();
-        let found =
-            fit("by-error", &format!("x[1],y[V],s[V]\n{rows}"), &format!("{LINE}\nweights = {{ standard_error = \"s\" }}"));
+        let found = fit(&format!("x[1],y[V],s[V]\n{rows}"), &format!("{LINE}\nweights = {{ standard_error = \"s\" }}"));
         // Powers of two: the weights are the same to the bit.
         assert_eq!(found, weighted);
     }
     // And they matter.
-    let plain = fit("by-nothing", by_weight, LINE);
+    let plain = fit(by_weight, LINE);
     assert!((plain.terms[1].coefficient - weighted.terms[1].coefficient).abs() > 0.01);
 }
 
 #[test]
 fn unseen_rows_need_no_weights() {
-    let scratch = Scratch::new("weights-unseen");
-    scratch.file("data.csv", "x[1],y[V],w\n0,1,1\n1,2,2\n2,6,5\n").file("unseen.csv", "x[1],y[V]\n1,3\n");
+    let files = Files::default();
+    files.file("data.csv", "x[1],y[V],w\n0,1,1\n1,2,2\n2,6,5\n").file("unseen.csv", "x[1],y[V]\n1,3\n");
     let text = "format = 1\nmodel = \"m\"\ndata = [\"data.csv\"]\nvalidate = [\"unseen.csv\"]\n[inputs.x]\n[responses.y]\ninputs = [\"x\"]\n\
                 weights = \"w\"\nselect = { method = \"ladder\", max_order = 2, confidence = 50.0 }\n";
-    let outcome = fitted(text, &scratch.0);
+    let outcome = fitted(text, &files);
     assert_eq!(outcome.responses[0].statistics.as_ref().unwrap().validation.as_ref().unwrap().rows, 1);
     assert!(rsm_core::model_file::write(&outcome.model).contains("weights = \"column w\""));
 }
