@@ -33,6 +33,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use commands::equations::{effects, inspect, linearise};
 use commands::{
     check, completions, cosim, demo, design, diagnose, emit, eval, experiment, federate, fit, import, man, simulate, stream,
+    sweep,
 };
 
 /// From measured data to evaluators that a 1 kHz control loop can trust.
@@ -66,6 +67,8 @@ enum Command {
     Simulate(simulate::Arguments),
     /// What the compiler understood of a plant's equations
     Inspect(inspect::Arguments),
+    /// Many simulations or diagnoses as a list of tasks: Monte Carlo, designs, many machines
+    Sweep(sweep::Arguments),
     /// The catalogue of effects, and what can stand where on a plant
     Effects(effects::Arguments),
     /// The linear model of a plant of equations at a point: matrices, poles, damping
@@ -99,6 +102,7 @@ fn main() -> ExitCode {
         Command::Import(arguments) => import::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Effects(arguments) => effects::run(&arguments),
         Command::Linearise(arguments) => linearise::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),

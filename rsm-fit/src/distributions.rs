@@ -11,7 +11,13 @@ pub(crate) fn two_sided_t(t: f64, freedom: f64) -> Option<f64> {
 }
 
 /// The t that |T| stays below with a probability: by halving, to the last bit.
-pub(crate) fn quantile_t(level: f64, freedom: usize) -> f64 {
+///
+/// ```
+/// // A table has 2.262 for 95 % and 9 degrees of freedom.
+/// assert!((rsm_fit::distributions::quantile_t(0.95, 9) - 2.262).abs() < 1e-3);
+/// ```
+#[must_use]
+pub fn quantile_t(level: f64, freedom: usize) -> f64 {
     let is_below = |t: f64| two_sided_t(t, freedom as f64).is_some_and(|p| 1.0 - p < level);
     let (mut low, mut high) = (0.0, 1.0);
     while is_below(high) && high < 1e300 {

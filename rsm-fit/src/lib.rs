@@ -88,7 +88,7 @@ mod forms;
 
 mod observations;
 
-mod distributions;
+pub mod distributions;
 
 pub mod analysis;
 

@@ -262,12 +262,7 @@ impl Own {
         controller: Option<&mut Controller<'_>>,
         outputs: &mut Outputs,
     ) -> Result<(), Stopped> {
-        let all = self.kind.outputs();
-        let shown: &[Signal] = match record.drive {
-            Drive::HoldsDirectCurrent => &all[1..],
-            Drive::Open if self.kind == PlantKind::ServoAxis => &all[..1],
-            _ => all,
-        };
+        let shown = shown(self.kind, record.drive);
         outputs.signals.clear();
         outputs.signals.extend_from_slice(shown);
         outputs.values.resize_with(shown.len(), Vec::new);
@@ -294,6 +289,25 @@ impl Own {
         };
         self.taken = allowed - run.left;
         done
+    }
+}
+
+/// The outputs that a run along a record with this drive has, in the order of the plant.
+///
+/// ```
+/// use rsm_sim::{kind::PlantKind, record::Drive, simulate::shown};
+///
+/// // The command of an axis is an output of its controller.
+/// assert_eq!(shown(PlantKind::ServoAxis, Drive::Open).len(), 1);
+/// assert_eq!(shown(PlantKind::ServoAxis, Drive::Closed).len(), 2);
+/// ```
+#[must_use]
+pub fn shown(kind: PlantKind, drive: Drive) -> &'static [Signal] {
+    let all = kind.outputs();
+    match drive {
+        Drive::HoldsDirectCurrent => &all[1..],
+        Drive::Open if kind == PlantKind::ServoAxis => &all[..1],
+        _ => all,
     }
 }
 

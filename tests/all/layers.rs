@@ -43,6 +43,8 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "rsm", ours: &["rsm-core", "rsm-fit", "rsm-sim", "rsm-diagnose"], aside: &[], outside: Some(&["nalgebra"]) },
     // Between processes and hosts: it knows both loops, no mathematics of its own.
     Law { package: "rsm-link", ours: &["host-loop", "host-runners", "rsm-core", "rsm-sim"], aside: &[], outside: None },
+    // Lists of tasks: a diagnosis is a function that it is given.
+    Law { package: "rsm-sweep", ours: &["rsm-core", "rsm-fit", "rsm-model", "rsm-sim"], aside: &[], outside: None },
     Law {
         package: "rsm-cli",
         ours: &[
@@ -55,6 +57,7 @@ pub(super) const LAWS: &[Law] = &[
             "rsm-rigs",
             "rsm-diagnose",
             "rsm-link",
+            "rsm-sweep",
             "host-loop",
             "host-runners",
             "motor-loop",
@@ -99,7 +102,7 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "hidden-effects", ours: &[], aside: &[], outside: Some(&["serde_json"]) },
     Law {
         package: "fuzz",
-        ours: &["rsm-core", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-diagnose", "rsm-link"],
+        ours: &["rsm-core", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-diagnose", "rsm-link", "rsm-sweep"],
         aside: &[],
         outside: Some(&[]),
     },

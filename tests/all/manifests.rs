@@ -6,8 +6,8 @@ use rsm_tests::cases;
 use toml::de::{DeTable, DeValue};
 
 /// The libraries, in order of dependence.
-const LIBRARIES: [&str; 9] =
-    ["rsm-core", "rsm-macros", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-rigs", "rsm-diagnose", "rsm"];
+const LIBRARIES: [&str; 10] =
+    ["rsm-core", "rsm-macros", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-rigs", "rsm-diagnose", "rsm-sweep", "rsm"];
 
 fn manifest(folder: &Path) -> String {
     std::fs::read_to_string(folder.join("Cargo.toml")).unwrap_or_else(|error| panic!("{}: {error}", folder.display()))

@@ -7,6 +7,7 @@
 mod bench;
 mod bless;
 mod book;
+mod dask;
 mod federation;
 mod fuzz;
 mod generated;

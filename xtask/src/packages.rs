@@ -28,7 +28,7 @@ const NEEDED: [(&str, &str); 19] = [
     ("/usr/riscv64-linux-gnu/include/stdio.h", "libc6-dev-riscv64-cross"),
     ("s390x-linux-gnu-gcc", "gcc-s390x-linux-gnu"),
     ("/usr/s390x-linux-gnu/include/stdio.h", "libc6-dev-s390x-cross"),
-    // The wheel of HELICS.
+    // The wheels of HELICS and of Dask.
     ("pip3", "python3-pip"),
     // The pages of reports, opened and clicked through.
     ("chromium", "chromium"),

@@ -16,8 +16,8 @@ pub(crate) fn run() -> bool {
 }
 
 /// The libraries, in order of dependence; `tests/all/manifests.rs` looks at each.
-const LIBRARIES: [&str; 9] =
-    ["rsm-core", "rsm-macros", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-rigs", "rsm-diagnose", "rsm"];
+const LIBRARIES: [&str; 10] =
+    ["rsm-core", "rsm-macros", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-rigs", "rsm-diagnose", "rsm-sweep", "rsm"];
 
 /// Packs each library, a second for all: no registry is asked, so a machine without one can do it.
 pub(crate) fn quick() -> Command {

@@ -5,7 +5,7 @@
 
 use crate::stage::Run;
 use crate::workspace::cargo;
-use crate::{generated, helics, hidden_effects, mutants, packages, publish};
+use crate::{dask, generated, helics, hidden_effects, mutants, packages, publish};
 
 /// The libraries that must build without `std`, and the bare-metal machine to try first: a Cortex-M4F, what a motor drive has.
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
@@ -52,6 +52,7 @@ pub(crate) fn run() -> bool {
         .command("format", cargo(&["fmt", "--all", "--check"]))
         .command("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
         .check("helics", helics::ensure)
+        .check("dask", dask::ensure)
         .command("test", {
             let mut test = cargo(&["test", "--workspace", "--no-fail-fast"]);
             test.env("RSM_HELICS", helics::folder());

@@ -17,6 +17,7 @@ pub mod limits;
 pub mod man;
 pub mod simulate;
 pub mod stream;
+pub mod sweep;
 
 use std::io::Read as _;
 use std::path::Path;

@@ -8,7 +8,7 @@ const DATA: &str = "torque[N*m],speed[rpm],angle[deg]\n0,6500,14.1\n0,7500,34.8\
                     5,7000,25.8\n0,7000,24.7\n10,7000,32.2\n";
 
 /// The languages of the blocks of each page, in order. Who adds a block adds its test, here or where the comment says.
-const PAGES: [(&str, &[&str]); 12] = [
+const PAGES: [(&str, &[&str]); 13] = [
     // Its commands test the project itself: `the_commands_for_a_new_effect_exist`.
     ("add-effect.md", &["sh"]),
     ("constrain.md", &["toml"]),
@@ -24,6 +24,8 @@ const PAGES: [(&str, &[&str]); 12] = [
     ("fit.md", &["toml", "sh", "rust", "rust"]),
     ("import.md", &["sh"]),
     ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
+    // `the_guide_to_sweeps_does_what_it_says`, but for the last block: it installs packages and starts hosts. What its last line does is in `sweep.rs`.
+    ("sweep.md", &["toml", "sh", "toml", "toml", "sh", "toml", "sh", "sh", "sh", "sh"]),
 ];
 
 fn page(name: &str) -> Vec<Block> {
@@ -328,6 +330,41 @@ fn the_guide_to_federations_does_what_it_says() {
     assert!(told.contains("# on bench") && told.contains("# on controller"), "{told}");
     let told = run(&(set + "rsm cosim both-loops.toml --out both --check"), folder.path());
     assert!(told.contains("the records have the bits of one process"), "{told}");
+}
+
+#[test]
+fn the_guide_to_sweeps_does_what_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    for name in ["pmac.toml", "pmac.csv"] {
+        std::fs::copy(of_the_project("rsm-sim/plants").join(name), here.join(name)).unwrap();
+    }
+    for (name, place) in [("sweep.toml", 0), ("map.toml", 2), ("fit.toml", 3), ("fleet.toml", 5)] {
+        std::fs::write(here.join(name), block("sweep.md", place)).unwrap();
+    }
+    let text = run(&block("sweep.md", 1), here);
+    assert!(text.contains("200 tasks, 0 were there, 200 run") && text.contains("i_q_rms [A]"), "{text}");
+    let longer = block("sweep.md", 0).replace("runs = 200", "runs = 210");
+    std::fs::write(here.join("longer.toml"), longer).unwrap();
+    let text = run("rsm sweep longer.toml --out results", here);
+    assert!(text.contains("210 tasks, 200 were there, 10 run"), "{text}");
+    let text = run(&block("sweep.md", 4), here);
+    assert!(text.contains("speed_final") && here.join("final-speed.toml").is_file(), "{text}");
+    for record in ["machine-1.csv", "machine-2.csv"] {
+        run(&format!("rsm simulate pmac.toml --record pmac.csv --out {record}"), here);
+    }
+    let text = run(&block("sweep.md", 6), here);
+    assert!(text.contains("fleet: 2 tasks"), "{text}");
+    // As Slurm starts it.
+    std::fs::write(here.join("array.sh"), block("sweep.md", 7)).unwrap();
+    run("for k in 1 2 3 4; do SLURM_ARRAY_TASK_ID=$k SLURM_CPUS_PER_TASK=1 sh -e array.sh; done", here);
+    let text = run(&block("sweep.md", 8), here);
+    assert!(text.contains("200 were there, 0 run") && text.contains("200 merged"), "{text}");
+    let table = |folder: &str| std::fs::read(here.join(folder).join("table.csv")).unwrap();
+    assert!(table("shared") == table("merged"));
+    // The bits of the run in one.
+    run("rsm sweep sweep.toml --out results", here);
+    assert!(table("shared") == table("results"));
 }
 
 #[test]

@@ -21,4 +21,5 @@ mod shells;
 #[path = "../../../tests/src/skipped.rs"]
 mod skipped;
 mod streams;
+mod sweep;
 mod tutorial;

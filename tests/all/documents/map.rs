@@ -10,7 +10,7 @@ use crate::layers::LAWS;
 const MOST_WORDS: usize = 1500;
 
 /// Folders whose entries must all be named, each under a heading of its own.
-const COMPLETE: [&str; 11] = [
+const COMPLETE: [&str; 12] = [
     "rsm-core/src/",
     "rsm-macros/src/",
     "rsm-fit/src/",
@@ -20,6 +20,7 @@ const COMPLETE: [&str; 11] = [
     "rsm-model/src/",
     "rsm-sim/src/",
     "rsm-rigs/src/",
+    "rsm-sweep/src/",
     "rsm-diagnose/src/plant/",
     "rsm-cli/src/",
 ];

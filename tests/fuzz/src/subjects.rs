@@ -24,6 +24,8 @@ use rsm_sim::equations::{Entry, EquationFile, Inputs, Machine, Method, Setting, 
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
+use rsm_sweep::scenario::Scenario as Sweep;
+use rsm_sweep::tasks;
 
 use crate::mutate::Random;
 
@@ -171,6 +173,7 @@ pub fn all(root: &Path) -> Vec<Subject> {
             feed: design,
         },
         Subject { name: "scenario", texts: files(root, &["examples/federation"], "toml", "scenario"), feed: scenario },
+        Subject { name: "sweep", texts: files(root, &["rsm-sweep/tests/cases"], "toml", "sweep"), feed: sweep },
         Subject {
             name: "plan",
             texts: with(files(root, &["rsm-fit/tests/cases/rejected-plans"], "csv", ""), &["run,a[m]\n1,2\n2,3\n"]),
@@ -247,6 +250,25 @@ fn scenario(_: &Ground, text: &str, _: &mut Random) {
         // The broker, and a process for each of the file.
         assert_eq!(scenario.commands("out").len(), scenario.processes.len() + 1);
         assert!(scenario.loops().count() > 0 && scenario.federates() >= 2);
+    }
+}
+
+/// `rsm sweep`: the scenario changed, or one of its files.
+fn sweep(ground: &Ground, text: &str, random: &mut Random) {
+    let cases = ground.folder.join("../../../rsm-sweep/tests/cases");
+    let open = |name: &str| Source::read(&cases.join(name.rsplit('/').next().unwrap_or(name)));
+    let Ok(sweep) = Sweep::read(&Source::new("sweep.toml", text), &open) else { return };
+    // A million tasks are no fault, and take a second.
+    let is_long = text.split(|it: char| !it.is_ascii_digit()).any(|it| it.len() > 4);
+    if is_long && random.below(20) != 0 {
+        return;
+    }
+    if let Ok(tasks) = tasks::list(&sweep)
+        && random.below(4) == 0
+        && let Some(task) = tasks.first()
+    {
+        let result = task.run(&sweep, 1, &rsm_sweep::no_diagnosis);
+        assert_eq!(result["task"].as_str(), Some(task.hash.as_str()));
     }
 }
 

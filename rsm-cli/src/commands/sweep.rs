@@ -1,0 +1,327 @@
+//! `rsm sweep`: many simulations or diagnoses as a list of tasks, on all cores, as a shard, or on a Dask cluster.
+//!
+//! In: a scenario. Out: a folder with a JSON for each task, and then one table and one summary of all of them. A task whose result is there is not run again.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use rsm_core::source::Source;
+use rsm_diagnose::plant::{self, Options};
+use rsm_sim::threads::threads;
+use rsm_sweep::dask::Cluster;
+use rsm_sweep::scenario::Scenario;
+use rsm_sweep::store::Store;
+use rsm_sweep::summary::{self, CONFIDENCE, Summary};
+use rsm_sweep::table::Table;
+use rsm_sweep::tasks::{self, Task};
+use rsm_sweep::{Case, bundle, dask, engine, parquet};
+use serde_json::{Value, json};
+
+use crate::commands::diagnose;
+use crate::outcome::{Answer, Outcome, Refusal};
+use crate::output;
+use crate::page::number::{figure, short};
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The scenario
+    scenario: PathBuf,
+    /// The folder of results: tasks/HASH.json, and table.csv and summary.json of all tasks
+    #[arg(long, required_unless_present = "task", conflicts_with = "task")]
+    out: Option<PathBuf>,
+    /// Run one part of the list, without table and summary: K of N, as a task of a Slurm array does
+    #[arg(long, value_name = "K/N", conflicts_with_all = ["merge", "task"])]
+    shard: Option<String>,
+    /// Run nothing: take the results of these folders into the one of --out, and write table and summary; exit status 1 where tasks have no result
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "task")]
+    merge: Vec<PathBuf>,
+    /// Run one task by its hash, and print its result
+    #[arg(long, value_name = "HASH")]
+    task: Option<String>,
+    /// Where tasks run
+    #[arg(long, value_enum, default_value = "local", conflicts_with_all = ["merge", "task"])]
+    engine: Engine,
+    /// With --engine dask: the scheduler
+    #[arg(long, value_name = "HOST:PORT", required_if_eq("engine", "dask"))]
+    scheduler: Option<String>,
+    /// With --engine dask: Python on this machine, with the package rsm-sweep-dask
+    #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+    python: String,
+    /// With --engine dask: this command on the workers
+    #[arg(long, value_name = "PROGRAM", default_value = "rsm")]
+    worker: String,
+    /// Tasks side by side on this machine; all cores unless said. Results do not depend on it
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Write table.parquet, too; a build without the feature parquet cannot
+    #[arg(long, conflicts_with_all = ["shard", "task"])]
+    parquet: bool,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Engine {
+    /// The cores of this machine
+    Local,
+    /// A Dask cluster
+    Dask,
+}
+
+pub fn run(arguments: &Arguments) -> Outcome {
+    let source = Source::read(&arguments.scenario)?;
+    let scenario = if bundle::is_one(source.text()) {
+        bundle::read(&source)?
+    } else {
+        let folder = arguments.scenario.parent().unwrap_or(Path::new(""));
+        Scenario::read(&source, &|name| Source::read(&folder.join(name)))?
+    };
+    let tasks = tasks::list(&scenario)?;
+    match (&arguments.task, &arguments.out) {
+        (Some(hash), _) => alone(&scenario, &tasks, hash, arguments),
+        (None, Some(out)) => all(&scenario, &tasks, out, arguments),
+        // The parser lets no such arguments through.
+        (None, None) => Err(Refusal::new("--out: found none")),
+    }
+}
+
+/// What `rsm diagnose` answers of one case.
+fn diagnosis(case: &Case<'_>) -> Result<Value, String> {
+    let [training, validation, test] = case.records;
+    let options = Options { threads: case.threads, progress: &|_| {} };
+    let found = plant::diagnose_and_test(case.plant, training, validation, test, &options);
+    found.map(|found| diagnose::value(case.plant.kind, &found)).map_err(|why| why.to_string())
+}
+
+fn has_failed(result: &Value) -> bool {
+    !result["failed"].is_null()
+}
+
+/// One task: what a worker does.
+fn alone(scenario: &Scenario, tasks: &[Task], hash: &str, arguments: &Arguments) -> Outcome {
+    let Some(task) = tasks.iter().find(|it| it.hash == hash) else {
+        return Err(Refusal::new(format!(
+            "{}: no task of {} has the hash `{hash}`: another version of rsm, or other files?",
+            arguments.scenario.display(),
+            tasks.len()
+        )));
+    };
+    let result = task.run(scenario, arguments.threads.unwrap_or_else(threads), &diagnosis);
+    output::line(&result.to_string())?;
+    Ok(if has_failed(&result) { Answer::Negative } else { Answer::Positive })
+}
+
+/// `2/3`: the second of three.
+fn shard(words: &str) -> Result<[usize; 2], Refusal> {
+    let numbers = words.split_once('/').and_then(|(k, n)| Some([k.parse().ok()?, n.parse().ok()?]));
+    match numbers {
+        Some([shard, of]) if (1..=of).contains(&shard) => Ok([shard, of]),
+        _ => Err(Refusal::new(format!("--shard: found `{words}`, expected K/N with K from 1 to N"))),
+    }
+}
+
+fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -> Outcome {
+    if arguments.parquet && !parquet::IS_BUILT {
+        return Err(Refusal::new("--parquet: this build writes no Parquet: build rsm with `--features parquet`"));
+    }
+    if arguments.threads == Some(0) {
+        return Err(Refusal::new("--threads: found 0, expected at least 1"));
+    }
+    let part = arguments.shard.as_deref().map(shard).transpose()?;
+    let mine = part.map_or_else(|| tasks.iter().collect(), |part| tasks::shard(tasks, part));
+    let others: Vec<Store> = arguments.merge.iter().map(|it| Store::look(it)).collect::<Result<_, _>>().map_err(Refusal)?;
+    let store = Store::open(out).map_err(Refusal)?;
+    let left: Vec<&Task> = mine.iter().copied().filter(|it| store.get(it).is_none()).collect();
+    let there = mine.len() - left.len();
+    let began = Instant::now();
+    if arguments.merge.is_empty() {
+        make(scenario, &left, &store, there, arguments)?;
+    } else {
+        for task in &left {
+            if let Some(result) = others.iter().find_map(|it| it.get(task)) {
+                store.put(task, &result).map_err(Refusal)?;
+            }
+        }
+    }
+    let seconds = began.elapsed().as_secs_f64();
+    let results: Vec<Option<Value>> = mine.iter().map(|it| store.get(it)).collect();
+    let counts = Counts {
+        tasks: mine.len(),
+        there,
+        missing: results.iter().filter(|it| it.is_none()).count(),
+        failed: results.iter().flatten().filter(|it| has_failed(it)).count(),
+        others: store.count().saturating_sub(results.iter().flatten().count()),
+    };
+    let collected = if part.is_none() && counts.missing == 0 {
+        Some(collect(scenario, tasks, &results, out, arguments.parquet, &counts)?)
+    } else {
+        None
+    };
+    if arguments.json {
+        let path = |name: &str| collected.is_some().then(|| out.join(name).display().to_string());
+        output::json(&json!({
+            "sweep": scenario.name,
+            "program": rsm_sweep::PROGRAM,
+            "tasks": counts.tasks,
+            "there": counts.there,
+            "run": counts.made(),
+            "missing": counts.missing,
+            "failed": counts.failed,
+            "others": counts.others,
+            "shard": arguments.shard,
+            "seconds": seconds,
+            "out": out.display().to_string(),
+            "table": path("table.csv"),
+            "parquet": if arguments.parquet { path("table.parquet") } else { None },
+            "confidence": CONFIDENCE,
+            "summary": collected.as_ref().map(|found| found.iter().map(value).collect::<Vec<_>>()),
+        }))?;
+    }
+    tell(scenario, &counts, seconds, arguments, collected.as_deref());
+    for result in results.iter().flatten().filter(|it| has_failed(it)).take(1) {
+        tell!(
+            "  the first that failed, {}: {}",
+            result["task"].as_str().unwrap_or(""),
+            result["failed"].as_str().unwrap_or("")
+        );
+    }
+    Ok(if counts.missing == 0 && counts.failed == 0 { Answer::Positive } else { Answer::Negative })
+}
+
+/// How many tasks there are of each kind.
+struct Counts {
+    tasks: usize,
+    there: usize,
+    missing: usize,
+    failed: usize,
+    /// Results in the folder that are of other lists.
+    others: usize,
+}
+
+impl Counts {
+    fn made(&self) -> usize {
+        self.tasks - self.there - self.missing
+    }
+}
+
+/// Runs what is left, with a bar on a terminal.
+fn make(scenario: &Scenario, left: &[&Task], store: &Store, there: usize, arguments: &Arguments) -> Result<(), Refusal> {
+    if left.is_empty() {
+        return Ok(());
+    }
+    // Draws on standard error, and nothing at all when that is no terminal.
+    let bar = ProgressBar::new((there + left.len()) as u64);
+    let style = ProgressStyle::with_template("{elapsed_precise} {wide_bar} {pos} of {len} tasks, {eta} left");
+    bar.set_style(style.expect("the template is ours"));
+    bar.set_position(there as u64);
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
+    let threads = arguments.threads.unwrap_or_else(threads);
+    let done = |_: &Task, _: &Value| bar.inc(1);
+    let made = match (arguments.engine, arguments.scheduler.as_deref()) {
+        (Engine::Dask, Some(scheduler)) => {
+            let cluster = Cluster { scheduler, python: &arguments.python, program: &arguments.worker };
+            dask::run(scenario, left, store, &cluster, &done)
+        }
+        _ => engine::run(scenario, left, store, threads, &diagnosis, &done),
+    };
+    bar.finish_and_clear();
+    made.map_err(Refusal)
+}
+
+/// Writes the table and the summary.
+fn collect(
+    scenario: &Scenario,
+    tasks: &[Task],
+    results: &[Option<Value>],
+    out: &Path,
+    with_parquet: bool,
+    counts: &Counts,
+) -> Result<Vec<Summary>, Refusal> {
+    let table = Table::of(scenario, tasks, results);
+    let found = summary::of(scenario, &table);
+    let summary = json!({
+        "sweep": scenario.name,
+        "program": rsm_sweep::PROGRAM,
+        "tasks": counts.tasks,
+        "failed": counts.failed,
+        "confidence": CONFIDENCE,
+        "summary": found.iter().map(value).collect::<Vec<_>>(),
+    });
+    let text = serde_json::to_string_pretty(&summary)
+        .map_err(|error| Refusal::new(format!("summary.json cannot be written as JSON: {error}")))?;
+    let mut files =
+        vec![(out.join("table.csv"), table.csv().into_bytes()), (out.join("summary.json"), (text + "\n").into_bytes())];
+    if with_parquet {
+        files.push((out.join("table.parquet"), parquet::write(&table).map_err(Refusal)?));
+    }
+    output::write_all(&files)?;
+    Ok(found)
+}
+
+fn value(it: &Summary) -> Value {
+    let number = output::finite;
+    let quantile =
+        |it: &summary::Quantile| json!({ "share": it.share, "value": number(it.value), "low": it.low, "high": it.high });
+    json!({
+        "figure": it.figure,
+        "unit": it.unit,
+        "plant": it.plant,
+        "record": it.record,
+        "count": it.count,
+        "failed": it.failed,
+        "mean": number(it.mean),
+        "mean_interval": it.mean_interval,
+        "sd": number(it.sd),
+        "range": it.range,
+        "quantiles": it.quantiles.iter().map(quantile).collect::<Vec<_>>(),
+    })
+}
+
+fn tell(scenario: &Scenario, counts: &Counts, seconds: f64, arguments: &Arguments, collected: Option<&[Summary]>) {
+    let verb = if arguments.merge.is_empty() { "run" } else { "merged" };
+    let made = counts.made();
+    let rate = if made > 0 && seconds > 0.0 { format!(", {} a second", short(made as f64 / seconds)) } else { String::new() };
+    let shard = arguments.shard.as_ref().map_or(String::new(), |it| format!(", shard {it}"));
+    tell!(
+        "{}{shard}: {} tasks, {} were there, {made} {verb} in {seconds:.1} s{rate}; {} failed, {} missing",
+        scenario.name,
+        counts.tasks,
+        counts.there,
+        counts.failed,
+        counts.missing
+    );
+    if counts.others > 0 && arguments.shard.is_none() {
+        tell!("  {} results of other lists stand in the folder, and are in no table", counts.others);
+    }
+    let number = |value: f64| figure(Some(value));
+    for it in collected.into_iter().flatten() {
+        let interval = |low: Option<f64>, high: Option<f64>| match (low, high) {
+            (None, None) => String::new(),
+            (low, high) => {
+                let end = |it: Option<f64>| it.map_or("?".to_string(), number);
+                format!(" [{}, {}]", end(low), end(high))
+            }
+        };
+        let told = it
+            .quantiles
+            .iter()
+            .filter(|it| [0.05, 0.5, 0.95].contains(&it.share))
+            .map(|it| format!("{} % {}{}", it.share * 100.0, number(it.value), interval(it.low, it.high)));
+        let mean = interval(it.mean_interval.map(|it| it[0]), it.mean_interval.map(|it| it[1]));
+        tell!(
+            "  {} [{}], {} along {}: mean {}{mean}, {}",
+            it.figure,
+            it.unit.as_deref().unwrap_or("?"),
+            it.plant,
+            it.record,
+            number(it.mean),
+            told.collect::<Vec<_>>().join(", ")
+        );
+    }
+    if collected.is_some_and(|found| found.iter().any(|it| it.mean_interval.is_some())) {
+        tell!("  in brackets: intervals of {} % confidence", CONFIDENCE * 100.0);
+    }
+}

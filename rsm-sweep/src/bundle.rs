@@ -1,0 +1,40 @@
+//! A scenario with all its files in one text: what a worker on another host gets, so that no file system is shared.
+//!
+//! In: a scenario, or such a text. Out: such a text, or the scenario again: the same tasks with the same hashes.
+
+use rsm_core::source::{Fault, Faults, Source};
+use serde_json::{Map, Value, json};
+
+use crate::scenario::Scenario;
+
+/// The text.
+#[must_use]
+pub fn write(scenario: &Scenario) -> String {
+    let files: Map<String, Value> = scenario.files.iter().map(|(name, text)| (name.clone(), json!(text))).collect();
+    json!({ "bundle": 1, "scenario": scenario.source.text(), "name": scenario.source.name(), "files": files }).to_string()
+}
+
+/// Whether a text is a bundle: a scenario is TOML, which never begins so.
+#[must_use]
+pub fn is_one(text: &str) -> bool {
+    text.starts_with("{\"bundle\":")
+}
+
+/// Reads a bundle.
+///
+/// # Errors
+/// A text that is no bundle of this version; the faults of the scenario in it.
+pub fn read(source: &Source) -> Result<Scenario, Faults> {
+    let refuse = |what: &str| Faults::one(Fault::whole_file(source.name(), what));
+    let value: Value = serde_json::from_str(source.text()).map_err(|error| refuse(&format!("no bundle: {error}")))?;
+    let (Some(1), Some(scenario), Some(name), Some(files)) =
+        (value["bundle"].as_u64(), value["scenario"].as_str(), value["name"].as_str(), value["files"].as_object())
+    else {
+        return Err(refuse("no bundle of this version"));
+    };
+    let open = |wanted: &str| match files.get(wanted).and_then(Value::as_str) {
+        Some(text) => Ok(Source::new(wanted, text)),
+        None => Err(Faults::one(Fault::whole_file(wanted, "is not in the bundle"))),
+    };
+    Scenario::read(&Source::new(name, scenario), &open)
+}

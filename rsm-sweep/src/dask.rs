@@ -1,0 +1,95 @@
+//! Runs tasks on a Dask cluster.
+//!
+//! In: tasks that have no result yet, the address of a scheduler. Out: their results in a store on this machine, each as soon as it comes. The script `python/rsm_sweep_dask.py` speaks with the scheduler; it gets
+//! the bundle of the scenario and the hashes on its standard input, and prints a line for each task. Scheduling, lost workers and retries are Dask's.
+
+use std::collections::HashMap;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, Command, Stdio};
+
+use serde_json::{Value, json};
+
+use crate::bundle;
+use crate::scenario::Scenario;
+use crate::store::Store;
+use crate::tasks::Task;
+
+/// Where and how.
+#[derive(Debug, Clone)]
+pub struct Cluster<'a> {
+    /// HOST:PORT of the scheduler.
+    pub scheduler: &'a str,
+    /// Python on this machine, which has the script and the package `distributed`.
+    pub python: &'a str,
+    /// The command `rsm` on the workers.
+    pub program: &'a str,
+}
+
+/// A process that does not outlive a fault of ours.
+struct Guarded(Child);
+
+impl Drop for Guarded {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Runs tasks; `done` hears of each.
+///
+/// # Errors
+/// In words: the script cannot be started, tasks that failed on the workers (all others are kept), a result that cannot be written.
+pub fn run(
+    scenario: &Scenario,
+    tasks: &[&Task],
+    store: &Store,
+    cluster: &Cluster<'_>,
+    done: &dyn Fn(&Task, &Value),
+) -> Result<(), String> {
+    let mut command = Command::new(cluster.python);
+    command.args(["-m", "rsm_sweep_dask", cluster.scheduler]).stdin(Stdio::piped()).stdout(Stdio::piped());
+    let child = command.spawn().map_err(|error| format!("{} cannot be started: {error}", cluster.python))?;
+    let mut child = Guarded(child);
+    let hashes: Vec<&str> = tasks.iter().map(|it| it.hash.as_str()).collect();
+    let job = json!({ "program": cluster.program, "bundle": bundle::write(scenario), "tasks": hashes });
+    // A script that ends at once does not read it: what it says is told below.
+    if let Some(mut input) = child.0.stdin.take() {
+        let _ = input.write_all(job.to_string().as_bytes());
+    }
+    let by_hash: HashMap<&str, &Task> = tasks.iter().map(|it| (it.hash.as_str(), *it)).collect();
+    let mut left = by_hash.clone();
+    let mut failed = Vec::new();
+    let output = child.0.stdout.take().ok_or("the script has no standard output")?;
+    for line in BufReader::new(output).lines() {
+        let line = line.map_err(|error| format!("the script cannot be read: {error}"))?;
+        let told: Value = serde_json::from_str(&line).map_err(|error| format!("the script said `{line}`: {error}"))?;
+        let hash = told["task"].as_str().unwrap_or_default();
+        let task = by_hash.get(hash).ok_or_else(|| format!("the script told of a task that is none: `{hash}`"))?;
+        if let Some(why) = told["error"].as_str() {
+            failed.push(format!("task {hash}: {why}"));
+            continue;
+        }
+        let result: Value = serde_json::from_str(told["result"].as_str().unwrap_or_default())
+            .map_err(|error| format!("the result of the task {hash} is not whole: {error}"))?;
+        if result["task"].as_str() != Some(hash) {
+            return Err(format!("the result of the task {hash} is that of another one"));
+        }
+        store.put(task, &result)?;
+        if left.remove(hash).is_some() {
+            done(task, &result);
+        }
+    }
+    let status = child.0.wait().map_err(|error| format!("the script cannot be waited for: {error}"))?;
+    if let Some(first) = failed.first() {
+        return Err(format!("{} of {} tasks failed on the cluster; the first: {first}", failed.len(), tasks.len()));
+    }
+    if !status.success() || !left.is_empty() {
+        return Err(format!(
+            "{} -m rsm_sweep_dask ended with {status}, {} of {} tasks have no result\n  help: on this machine `pip install PROJECT/rsm-sweep/python` (with Dask's `distributed`), on the workers `rsm` of this version",
+            cluster.python,
+            left.len(),
+            tasks.len()
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,210 @@
+//! The list of tasks: what each of them is, and its hash.
+//!
+//! In: a scenario. Out: [`Task`]s in a fixed order: plants, records, settings, repeats. A hash is over everything that decides a result: version of the program, names and contents
+//! of files, numbers bit by bit, seed of the noise, what is wanted. It is not over the place in the list, so a longer list holds the tasks of a shorter one.
+
+use std::fmt::Write as _;
+
+use rsm_core::source::{Collector, Fault, Faults};
+use rsm_fit::random::Random;
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use sha2::{Digest as _, Sha256};
+
+use crate::PROGRAM;
+use crate::scenario::{Law, Number, Plant, Points, Scenario, Simulations, Work};
+
+/// A run or a diagnosis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Task {
+    /// Over all that decides its result: 32 hexadecimal digits of SHA-256.
+    pub hash: String,
+    /// Which part of the scenario.
+    pub what: What,
+}
+
+/// Which part of a scenario a task is.
+#[derive(Debug, Clone, PartialEq)]
+pub enum What {
+    /// A run.
+    Run {
+        /// Which plant.
+        plant: usize,
+        /// Which record.
+        record: usize,
+        /// A value for each factor, in the unit of the plant.
+        values: Vec<f64>,
+        /// The seed of its noise, where it has some.
+        noise: Option<u64>,
+    },
+    /// A diagnosis, by its place.
+    Diagnosis(usize),
+}
+
+/// All tasks of a scenario.
+///
+/// # Errors
+/// A number that is drawn or planned and that its plant cannot have; two tasks that are one.
+pub fn list(scenario: &Scenario) -> Result<Vec<Task>, Faults> {
+    let mut faults = Collector::new();
+    let files: Vec<String> = scenario.files.iter().map(|(name, text)| format!("{name}\n{}", digest(text.as_bytes()))).collect();
+    let tasks = match &scenario.work {
+        Work::Simulate(all) => runs(scenario, all, &files, &mut faults),
+        Work::Diagnose(all) => {
+            let one = |(k, it): (usize, &crate::scenario::Diagnosis)| {
+                let mut text = format!("{PROGRAM}\ndiagnosis\n{}\n", it.name);
+                for (role, places) in ["plant", "records", "validate", "test"].iter().zip(&it.files) {
+                    let _ = writeln!(text, "{role}");
+                    places.iter().for_each(|place| text += &format!("{}\n", files[*place]));
+                }
+                Task { hash: digest(text.as_bytes()), what: What::Diagnosis(k) }
+            };
+            all.iter().enumerate().map(one).collect()
+        }
+    };
+    let mut seen = std::collections::HashSet::new();
+    if let Some(twice) = tasks.iter().find(|it| !seen.insert(it.hash.as_str())) {
+        let what = format!("the task {} stands in the list twice", twice.hash);
+        let help = "two settings are the same: take one of them out of the plan, run lists as `design = \"full-factorial\"`, or set `noise = true`";
+        faults.push(Fault::whole_file(scenario.source.name(), what).help(help));
+    }
+    faults.finish(Some(tasks))
+}
+
+/// The tasks of a shard: those whose place in the list leaves a rest; shard 1 of 3 has the first, the fourth.
+#[must_use]
+pub fn shard(tasks: &[Task], [shard, of]: [usize; 2]) -> Vec<&Task> {
+    tasks.iter().skip(shard - 1).step_by(of).collect()
+}
+
+/// 32 hexadecimal digits: half of SHA-256, which a million tasks share by chance once in 10^27 lists.
+fn digest(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(digest: &[u8]) -> String {
+    digest[..16].iter().fold(String::with_capacity(32), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+/// A seed for one purpose, by the seed of the scenario and some counts.
+fn derived(purpose: &str, numbers: [u64; 3]) -> u64 {
+    let digest = Sha256::digest(format!("rsm sweep {purpose} {numbers:?}"));
+    u64::from_le_bytes(digest[..8].try_into().expect("a digest has 32 bytes"))
+}
+
+/// The numbers of a setting on a plant. Random ones depend on the seed and on the number of the setting alone: a longer list begins with the shorter one.
+fn setting(scenario: &Scenario, all: &Simulations, plant: &Plant, setting: usize) -> Vec<f64> {
+    let shares: Vec<f64> = match &all.points {
+        Points::Design(points) => points[setting].clone(),
+        Points::Random => {
+            let mut random = Random::new(derived("setting", [scenario.seed, setting as u64, 0]));
+            plant.places.iter().map(|_| random.share()).collect()
+        }
+    };
+    let value = |(place, share): (&crate::scenario::Place, f64)| match &place.law {
+        Law::Drawn(distribution) => distribution.quantile(share),
+        Law::Planned(values) => values[setting],
+    };
+    plant.places.iter().zip(shares).map(value).collect()
+}
+
+/// A plant with the numbers of a setting.
+pub(crate) fn set(plant: &Plant, values: &[f64]) -> PlantFile {
+    let mut file = plant.file.clone();
+    for (place, value) in plant.places.iter().zip(values) {
+        match place.of {
+            Number::Parameter(name) => file.parameters.set(name, *value),
+            Number::Effect(index, name) => {
+                let numbers = &mut file.effects[index].arguments.numbers;
+                numbers.iter_mut().filter(|it| it.0 == name).for_each(|it| it.1 = *value);
+            }
+        }
+    }
+    file
+}
+
+/// Of plants that are code: how much of the inertia the effects split off. A plant file with all of it is refused, and so is a setting.
+fn split(file: &PlantFile) -> f64 {
+    if matches!(file.kind, PlantKind::Equations(_)) {
+        return 0.0;
+    }
+    file.effects.iter().filter_map(|it| (it.description.build)(&it.arguments).split()).sum()
+}
+
+/// Tells the first number of each factor that its plant cannot have.
+fn check(scenario: &Scenario, all: &Simulations, plant: &Plant, settings: &[Vec<f64>], faults: &mut Collector) {
+    let mut good = true;
+    for (k, (place, factor)) in plant.places.iter().zip(&all.factors).enumerate() {
+        let is_bad = |value: f64| !value.is_finite() || !place.bound.holds(value);
+        let Some(run) = settings.iter().position(|values| is_bad(values[k])) else { continue };
+        let what = format!(
+            "setting {} of {} is {} {}, expected {}",
+            run + 1,
+            plant.name,
+            settings[run][k],
+            place.unit,
+            place.bound.words()
+        );
+        let fault = scenario.fault(factor, what);
+        faults.push(match place.law {
+            Law::Drawn(_) => fault.help("`within = [LOW, HIGH]` cuts a normal distribution"),
+            Law::Planned(_) => fault,
+        });
+        good = false;
+    }
+    let has_effects = plant.places.iter().any(|it| matches!(it.of, Number::Effect(..)));
+    if good
+        && has_effects
+        && let Some(run) = settings.iter().position(|values| split(&set(plant, values)) >= 1.0)
+    {
+        let what = format!("setting {} of {}: effects split off the whole inertia", run + 1, plant.name);
+        faults.push(Fault::whole_file(scenario.source.name(), what));
+    }
+}
+
+fn runs(scenario: &Scenario, all: &Simulations, files: &[String], faults: &mut Collector) -> Vec<Task> {
+    let mut tasks = Vec::new();
+    for (p, plant) in all.plants.iter().enumerate() {
+        let settings: Vec<Vec<f64>> = (0..all.settings).map(|it| setting(scenario, all, plant, it)).collect();
+        check(scenario, all, plant, &settings, faults);
+        for (r, record) in all.records.iter().enumerate() {
+            let common = common(all, plant, record, scenario, files);
+            for (s, values) in settings.iter().enumerate() {
+                for repeat in 0..all.repeats {
+                    let noise = all.noise.then(|| {
+                        // So many bits as every reader of JSON holds.
+                        derived("noise", [scenario.seed, s as u64, repeat as u64]) >> 11
+                    });
+                    let mut hash = common.clone();
+                    for value in values {
+                        hash.update(value.to_bits().to_le_bytes());
+                    }
+                    hash.update(format!("{noise:?}"));
+                    let what = What::Run { plant: p, record: r, values: values.clone(), noise };
+                    tasks.push(Task { hash: hex(&hash.finalize()), what });
+                }
+            }
+        }
+    }
+    tasks
+}
+
+/// The part of the hash that all settings of a plant and a record share.
+fn common(all: &Simulations, plant: &Plant, record: &str, scenario: &Scenario, files: &[String]) -> Sha256 {
+    let mut text = format!("{PROGRAM}\nrun\nplant\n");
+    plant.files.iter().for_each(|place| text += &format!("{}\n", files[*place]));
+    let of_record = scenario.files.iter().position(|it| it.0 == record);
+    let _ = writeln!(text, "record\n{}\nwanted", of_record.map_or("", |place| &files[place]));
+    for (name, statistics) in &all.outputs {
+        let words: Vec<&str> = statistics.iter().map(|it| it.name()).collect();
+        let _ = writeln!(text, "{name} {}", words.join(" "));
+    }
+    let _ = writeln!(text, "whole {}\nset", all.whole_records);
+    for (factor, place) in all.factors.iter().zip(&plant.places) {
+        let _ = writeln!(text, "{} {:?}", factor.name, place.of);
+    }
+    Sha256::new_with_prefix(text)
+}
