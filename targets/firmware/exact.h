@@ -78,6 +78,82 @@ EXACT_INLINE void exact_replace_two(float left, float right, float *first, float
 #endif
 }
 
+/* Where not left < right, also where either is NaN: *value becomes otherwise, and *count grows by one. */
+EXACT_INLINE void exact_unless(float left, float right, float *value, float otherwise, uint32_t *count, uint32_t one)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    float a = *value;
+    uint32_t counted = *count;
+    __asm__("vcmp.f32 %2, %3\n\tvmrs APSR_nzcv, fpscr\n\titt pl\n\tvmovpl.f32 %0, %4\n\taddpl %1, %1, %5"
+            : "+&t"(a), "+&r"(counted)
+            : "t"(left), "t"(right), "t"(otherwise), "rI"(one)
+            : "cc");
+    *value = a;
+    *count = counted;
+#else
+    uint32_t mask = (uint32_t)0 - (uint32_t)(left < right);
+    __asm__("" : "+r"(mask));
+    *value = exact_select(left, right, *value, otherwise);
+    *count += one & ~mask;
+#endif
+}
+
+/* The same for two values, and for three. */
+EXACT_INLINE void exact_unless_two(float left, float right, float *first, float other_first, float *second, float other_second, uint32_t *count, uint32_t one)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    float a = *first, b = *second;
+    uint32_t counted = *count;
+    __asm__("vcmp.f32 %3, %4\n\tvmrs APSR_nzcv, fpscr\n\tittt pl\n\tvmovpl.f32 %0, %5\n\tvmovpl.f32 %1, %6\n\taddpl %2, %2, %7"
+            : "+&t"(a), "+&t"(b), "+&r"(counted)
+            : "t"(left), "t"(right), "t"(other_first), "t"(other_second), "rI"(one)
+            : "cc");
+    *first = a;
+    *second = b;
+    *count = counted;
+#else
+    *first = exact_select(left, right, *first, other_first);
+    exact_unless(left, right, second, other_second, count, one);
+#endif
+}
+
+EXACT_INLINE void exact_unless_three(float left, float right, float *first, float other_first, float *second, float other_second, float *third, float other_third, uint32_t *count, uint32_t one)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    float a = *first, b = *second, c = *third;
+    uint32_t counted = *count;
+    __asm__("vcmp.f32 %4, %5\n\tvmrs APSR_nzcv, fpscr\n\titttt pl\n\tvmovpl.f32 %0, %6\n\tvmovpl.f32 %1, %7\n\tvmovpl.f32 %2, %8\n\taddpl %3, %3, %9"
+            : "+&t"(a), "+&t"(b), "+&t"(c), "+&r"(counted)
+            : "t"(left), "t"(right), "t"(other_first), "t"(other_second), "t"(other_third), "rI"(one)
+            : "cc");
+    *first = a;
+    *second = b;
+    *third = c;
+    *count = counted;
+#else
+    *first = exact_select(left, right, *first, other_first);
+    exact_unless_two(left, right, second, other_second, third, other_third, count, one);
+#endif
+}
+
+/* Three selections by one comparison: each value becomes what is given for it where left < right. */
+EXACT_INLINE void exact_replace_three(float left, float right, float *first, float then_first, float *second, float then_second, float *third, float then_third)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    float a = *first, b = *second, c = *third;
+    __asm__("vcmp.f32 %3, %4\n\tvmrs APSR_nzcv, fpscr\n\tittt mi\n\tvmovmi.f32 %0, %5\n\tvmovmi.f32 %1, %6\n\tvmovmi.f32 %2, %7"
+            : "+&t"(a), "+&t"(b), "+&t"(c)
+            : "t"(left), "t"(right), "t"(then_first), "t"(then_second), "t"(then_third)
+            : "cc");
+    *first = a;
+    *second = b;
+    *third = c;
+#else
+    exact_replace_two(left, right, first, then_first, second, then_second);
+    *third = exact_select(left, right, then_third, *third);
+#endif
+}
+
 /* bound where value < bound, else value: a NaN passes, and a tie keeps value. */
 EXACT_INLINE float exact_at_least(float value, float bound)
 {
@@ -187,6 +263,16 @@ EXACT_INLINE float exact_root(float value)
 #endif
 }
 
+/* 1 with the sign of value. */
+EXACT_INLINE float exact_sign(float value)
+{
+    uint32_t bits;
+    __builtin_memcpy(&bits, &value, sizeof bits);
+    bits = (bits & 0x80000000u) | 0x3F800000u;
+    __builtin_memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
 /* 0 for a number, NaN for a NaN or an infinity. */
 EXACT_INLINE float exact_nothing(float value)
 {
@@ -212,6 +298,12 @@ EXACT_INLINE uint32_t exact_opaque(uint32_t bits)
     return bits;
 }
 
+/* 1 where a count below 2^31 is not 0, else 0. */
+EXACT_INLINE uint32_t exact_any(uint32_t count)
+{
+    return exact_opaque((uint32_t)0 - count) >> 31;
+}
+
 /* How many bad samples there were: all of them, and those in a row that end now. Both stay at the largest number when they get there. */
 typedef struct {
     uint32_t all;
@@ -220,17 +312,27 @@ typedef struct {
 
 EXACT_INLINE uint32_t exact_add_up_to_the_largest(uint32_t count, uint32_t one)
 {
+#if defined(__arm__) && defined(__thumb2__)
+    __asm__("adds %0, %0, %1\n\tit cs\n\tsubcs %0, %0, #1" : "+&r"(count) : "r"(one) : "cc");
+    return count;
+#else
     uint32_t sum = count + one;
     /* A sum that went past the largest number is 0: its complement has no bit of it, and one is taken off again. */
     uint32_t past = one & (uint32_t)(((~sum & (sum - 1u)) >> 31) & 1u);
     return sum - past;
+#endif
+}
+
+/* one is 1 for a bad sample, 0 for a good one. */
+EXACT_INLINE void bad_samples_add(bad_samples *bad, uint32_t one)
+{
+    bad->all = exact_add_up_to_the_largest(bad->all, one);
+    bad->in_a_row = exact_add_up_to_the_largest(bad->in_a_row, one) & ((uint32_t)0 - one);
 }
 
 EXACT_INLINE void bad_samples_count(bad_samples *bad, uint32_t good)
 {
-    uint32_t one = good ^ 1u;
-    bad->all = exact_add_up_to_the_largest(bad->all, one);
-    bad->in_a_row = exact_add_up_to_the_largest(bad->in_a_row, one) & ((uint32_t)0 - one);
+    bad_samples_add(bad, good ^ 1u);
 }
 
 #endif

@@ -1,4 +1,8 @@
-/* The steps of targets/motor-loop, operation by operation: src/references.rs, src/currents.rs, src/plausible.rs and src/circle.rs say why each is as it is. */
+/* The steps of targets/motor-loop: src/references.rs, src/currents.rs, src/plausible.rs and src/circle.rs say why each is as it is.
+ *
+ * The bits are those of the Rust steps. Where several selections there ask the same, one comparison does it here: flags of good samples are counts of bad ones,
+ * signs are bits, and a bound that a value cannot reach a second time is left out.
+ */
 #include "motor_step.h"
 
 /* The evaluators as source: see EXACT_FLATTEN. */
@@ -45,28 +49,20 @@ EXACT_INLINE float other_leg(float square)
     return exact_root(HELD_BACK - square);
 }
 
+/* How much of a sample is believed whose rate is good, and of one whose rate is bad; and what the second counts for. */
 typedef struct {
-    float value;
     float good;
-} judged;
+    float bad;
+    uint32_t counts;
+} belief;
 
-/* value and 1 where left < right, else otherwise and 0. */
-EXACT_INLINE judged taken(float left, float right, float value, float otherwise)
+/* judge of plausible.rs by one comparison each for range and rate: of what is out of range nothing is left, and any share of it is nothing. */
+EXACT_INLINE float followed(const motor_band *band, float sample, float expected, const belief *how, uint32_t *bad)
 {
-    judged found = {otherwise, 0.0f};
-    exact_replace_two(left, right, &found.value, value, &found.good, 1.0f);
-    return found;
-}
-
-EXACT_INLINE judged judge(const motor_band *band, float sample, float expected, float open, float fresh)
-{
-    judged found;
-    const judged off = taken(exact_magnitude(sample - band->middle), band->half, sample - expected, 0.0f);
-    float believed;
-    found.good = exact_product(off.good, exact_select(exact_magnitude(sample - expected), band->rate, 1.0f, fresh));
-    believed = exact_select(0.0f, found.good, BELIEVED_LEVEL, open);
-    found.value = expected + exact_product(exact_at_least(believed, fresh), off.value);
-    return found;
+    float off = sample - expected, share = how->good;
+    exact_unless(exact_magnitude(off), band->rate, &share, how->bad, bad, how->counts);
+    exact_unless(exact_magnitude(sample - band->middle), band->half, &off, 0.0f, bad, 1u);
+    return expected + exact_product(share, off);
 }
 
 void motor_reference_init(motor_reference_state *state)
@@ -85,44 +81,48 @@ void motor_current_init(motor_current_state *state)
 EXACT_FLATTEN void motor_references(motor_reference_state *state, const motor_drive *drive, const motor_demand *demand)
 {
     const motor_limits *limits = &drive->limits;
-    const float coast = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, 1.0f, 0.0f);
-    const judged torque = taken(exact_magnitude(demand->torque_nm), limits->torque_nm, demand->torque_nm, state->torque_nm);
-    const float fresh = exact_select(0.0f, state->bus_voltage_v, 0.0f, 1.0f);
-    const judged speed = judge(&limits->speed_rad_s, demand->speed_rad_s, state->speed_rad_s, coast, fresh);
-    const judged bus = judge(&limits->bus_v, demand->bus_voltage_v, state->bus_voltage_v, coast, fresh);
-    const judged share_seen = taken(exact_magnitude(demand->voltage_share), 1e6f, exact_at_most(demand->voltage_share, TRIM_MOST), TRIM_FROM);
-    const float all_good = exact_product(exact_product(torque.good, share_seen.good), exact_product(speed.good, bus.good));
+    const float limit = drive->current_limit_a;
+    float torque = demand->torque_nm, share_seen = demand->voltage_share, coast = 0.0f, active = 1.0f;
+    belief how = {BELIEVED_LEVEL, 0.0f, 1u};
+    uint32_t bad = 0u;
+    exact_replace_two(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, &coast, 1.0f, &active, 0.0f);
+    /* Before the first good sample of the bus all that is in range is believed, and good. */
+    how.bad = coast;
+    exact_unless_two(0.0f, state->bus_voltage_v, &how.good, 1.0f, &how.bad, 1.0f, &how.counts, (uint32_t)-1);
+    exact_unless(exact_magnitude(torque), limits->torque_nm, &torque, state->torque_nm, &bad, 1u);
+    exact_unless(exact_magnitude(share_seen), 1e6f, &share_seen, TRIM_FROM, &bad, 1u);
+    share_seen = exact_at_most(share_seen, TRIM_MOST);
+    const float speed = followed(&limits->speed_rad_s, demand->speed_rad_s, state->speed_rad_s, &how, &bad);
+    const float bus = followed(&limits->bus_v, demand->bus_voltage_v, state->bus_voltage_v, &how, &bad);
 
     const float lowest_bus = limits->bus_v.middle - limits->bus_v.half;
-    const float circle_speed = exact_product(exact_magnitude(speed.value), drive->nominal_bus_v / exact_at_least(bus.value, lowest_bus));
+    const float circle_speed = exact_product(exact_magnitude(speed), drive->nominal_bus_v / exact_at_least(bus, lowest_bus));
     const float asked = exact_at_most(circle_speed, FOLD_SPEED);
     const float beyond = circle_speed - asked;
     const float fold = exact_at_least(1.0f - exact_product(beyond, FOLD_PER), 0.0f);
-    const float moved = exact_at_least(state->trim_a + exact_product(TRIM_A, share_seen.value - TRIM_FROM), 0.0f);
-    const float trim = exact_at_most(moved, drive->current_limit_a);
-    const float mirror = exact_select(speed.value, 0.0f, -1.0f, 1.0f);
-    const float forwards = exact_product(mirror, exact_product(torque.value, 1.0f - coast));
-    const float limit = drive->current_limit_a;
+    const float moved = exact_at_least(state->trim_a + exact_product(TRIM_A, share_seen - TRIM_FROM), 0.0f);
+    const float trim = exact_at_most(moved, limit);
+    const float mirror = exact_sign(speed), way = exact_sign(torque);
+    const float asked_a = exact_product(exact_product(exact_magnitude(torque), active), drive->amperes_per_newton_metre);
     const float most_weakening = exact_product(LONGEST_LEG, limit);
     const float last_nm = exact_product(drive->newton_metres_per_ampere, exact_product(mirror, state->last.i_q_a));
-    const float at_limit_a = exact_within(motor_limit_current_f32(last_nm, limit, asked), 0.0f, most_weakening);
+    const float at_limit_a = exact_at_most(motor_limit_current_f32(last_nm, limit, asked), most_weakening);
     const float at_limit = exact_product(at_limit_a, drive->per_ampere);
     const float most = exact_product(fold, exact_product(limit, other_leg(exact_product(at_limit, at_limit))));
-    const float wanted = exact_within(exact_product(forwards, drive->amperes_per_newton_metre), -most, most);
-    const float surface = motor_weakening_current_f32(exact_product(drive->newton_metres_per_ampere, wanted), asked);
+    const float wanted = exact_at_most(asked_a, most);
+    const float forwards_nm = exact_product(drive->newton_metres_per_ampere, exact_product(exact_product(mirror, way), wanted));
+    const float surface = motor_weakening_current_f32(forwards_nm, asked);
     const float weakening = surface + (exact_product(beyond, drive->weakening_per_speed) + trim);
-    const float i_d = -exact_within(weakening, 0.0f, most_weakening);
+    const float i_d = -exact_at_most(weakening, most_weakening);
     const float share = exact_product(i_d, drive->per_ampere);
     const float most_q = exact_product(limit, other_leg(exact_product(share, share)));
-    const float i_q = exact_product(mirror, exact_within(wanted, -most_q, most_q));
+    const float i_q = exact_product(way, exact_at_most(wanted, most_q));
 
-    const float sum = exact_nothing(i_d) + exact_nothing(i_q) + exact_nothing(circle_speed);
-    exact_replace_two(sum, 1.0f, &state->last.i_d_a, i_d, &state->last.i_q_a, i_q);
-    state->torque_nm = torque.value;
-    state->speed_rad_s = speed.value;
-    state->bus_voltage_v = bus.value;
-    state->trim_a = exact_select(sum, 1.0f, trim, state->trim_a);
-    bad_samples_count(&state->bad, (uint32_t)all_good);
+    exact_replace_three(exact_nothing((i_d + i_q) + circle_speed), 1.0f, &state->last.i_d_a, i_d, &state->last.i_q_a, i_q, &state->trim_a, trim);
+    state->torque_nm = torque;
+    state->speed_rad_s = speed;
+    state->bus_voltage_v = bus;
+    bad_samples_add(&state->bad, exact_any(bad));
 }
 
 EXACT_INLINE float per_root(float square)
@@ -161,15 +161,17 @@ EXACT_FLATTEN void motor_currents(motor_current_state *state, const motor_drive 
     const float a = measured->currents_a[0], b = measured->currents_a[1], c = measured->currents_a[2];
     const float turns = measured->angle_turns;
     const float open = exact_select(0.0f, state->waiting, 1.0f, 0.0f);
-    const float fresh = exact_select(0.0f, state->bus_voltage_v, 0.0f, 1.0f);
-    const judged bus = judge(&limits->bus_v, measured->bus_voltage_v, state->bus_voltage_v, open, fresh);
-    const judged speed = judge(&limits->speed_rad_s, measured->speed_rad_s, state->speed_rad_s, open, fresh);
+    belief how = {BELIEVED_LEVEL, open, 1u};
+    float off = part_of_turn(turns - state->angle_turns), angle_share = BELIEVED, doubted_angle = open;
+    uint32_t bad = 0u;
+    float bus, speed, angle;
+    exact_unless_three(0.0f, state->bus_voltage_v, &how.good, 1.0f, &how.bad, 1.0f, &doubted_angle, BELIEVED, &how.counts, (uint32_t)-1);
+    bus = followed(&limits->bus_v, measured->bus_voltage_v, state->bus_voltage_v, &how, &bad);
+    speed = followed(&limits->speed_rad_s, measured->speed_rad_s, state->speed_rad_s, &how, &bad);
 
-    const float off = part_of_turn(turns - state->angle_turns);
-    const float angle_in_range = exact_select(exact_magnitude(turns), limits->angle_turns, 1.0f, 0.0f);
-    const float angle_good = exact_product(angle_in_range, exact_select(exact_magnitude(off), limits->angle_rate_turns, 1.0f, fresh));
-    const float angle_believed = exact_select(0.0f, angle_good, BELIEVED, open);
-    const float angle = state->angle_turns + exact_product(angle_believed, exact_select(0.0f, angle_in_range, off, 0.0f));
+    exact_unless(exact_magnitude(off), limits->angle_rate_turns, &angle_share, doubted_angle, &bad, how.counts);
+    exact_unless(exact_magnitude(turns), limits->angle_turns, &off, 0.0f, &bad, 1u);
+    angle = state->angle_turns + exact_product(angle_share, off);
 
     const float alpha = exact_product(a - exact_product(0.5f, b + c), TWO_THIRDS);
     const float beta = exact_product(b - c, PER_ROOT_3);
@@ -177,38 +179,37 @@ EXACT_FLATTEN void motor_currents(motor_current_state *state, const motor_drive 
     const float sampled_d = exact_product(cos_now, alpha) + exact_product(sin_now, beta);
     const float sampled_q = exact_product(cos_now, beta) - exact_product(sin_now, alpha);
     const float square = exact_product(sampled_d, sampled_d) + exact_product(sampled_q, sampled_q);
-    const float small = exact_select(square, limits->current_square_a2, 1.0f, 0.0f);
-    const float in_range = exact_select(exact_magnitude((a + b) + c), limits->current_sum_a, small, 0.0f);
-    const float seen_d = exact_select(0.0f, in_range, sampled_d - state->expected_d_a, 0.0f);
-    const float seen_q = exact_select(0.0f, in_range, sampled_q - state->expected_q_a, 0.0f);
+    float seen_d = sampled_d - state->expected_d_a, seen_q = sampled_q - state->expected_q_a, now = square;
+    float taken = 1.0f, share_believed = BELIEVED;
+    exact_unless_three(square, limits->current_square_a2, &seen_d, 0.0f, &seen_q, 0.0f, &now, 0.0f, &bad, 1u);
+    exact_unless_three(exact_magnitude((a + b) + c), limits->current_sum_a, &seen_d, 0.0f, &seen_q, 0.0f, &now, 0.0f, &bad, 1u);
     const float seen = exact_product(seen_d, seen_d) + exact_product(seen_q, seen_q);
-    const float current_good = exact_product(in_range, exact_select(seen, limits->current_rate_square_a2, 1.0f, 0.0f));
-    const float taken = exact_at_least(current_good, open);
+    exact_unless_two(seen, limits->current_rate_square_a2, &taken, open, &share_believed, open, &bad, 1u);
     const float off_d = exact_product(taken, seen_d);
     const float off_q = exact_product(taken, seen_q);
     const float i_d = state->expected_d_a + off_d;
     const float i_q = state->expected_q_a + off_q;
 
-    const float believed = exact_select(0.0f, current_good, BELIEVED, open);
-    const float from_d = state->expected_d_a + exact_product(believed, off_d);
-    const float from_q = state->expected_q_a + exact_product(believed, off_q);
-    const float turned = exact_product(drive->turned_per_speed, speed.value);
+    const float from_d = state->expected_d_a + exact_product(share_believed, off_d);
+    const float from_q = state->expected_q_a + exact_product(share_believed, off_q);
+    const float turned = exact_product(drive->turned_per_speed, speed);
     const float half_d = from_d + exact_product(0.5f, move_d(drive, state, turned, from_d, from_q));
     const float half_q = from_q + exact_product(0.5f, move_q(drive, state, turned, from_d, from_q));
-    const float expected_d = from_d + exact_select(0.0f, open, 0.0f, move_d(drive, state, turned, half_d, half_q));
-    const float expected_q = from_q + exact_select(0.0f, open, 0.0f, move_q(drive, state, turned, half_d, half_q));
+    float moved_d = move_d(drive, state, turned, half_d, half_q), moved_q = move_q(drive, state, turned, half_d, half_q);
+    exact_replace_two(0.0f, open, &moved_d, 0.0f, &moved_q, 0.0f);
+    const float expected_d = from_d + moved_d;
+    const float expected_q = from_q + moved_q;
 
-    const float all_good = exact_product(exact_product(bus.good, speed.good), exact_product(angle_good, current_good));
-    const float now = exact_select(0.0f, in_range, square, 0.0f);
     const float then_d = expected_d + seen_d;
     const float then_q = expected_q + seen_q;
     const float then = exact_product(then_d, then_d) + exact_product(then_q, then_q);
-    const float tripped = exact_select(limits->trip_square_a2, exact_at_least(now, then), 1.0f, 0.0f);
-    float too_many, not_yet, waiting, closed;
-    bad_samples_count(&state->bad, (uint32_t)all_good);
-    too_many = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, 1.0f, 0.0f);
-    not_yet = (tripped + too_many) + exact_product(1.0f - all_good, open);
-    waiting = exact_select(0.0f, not_yet, limits->good_in_a_row + PERIODS_TO_CLOSE, exact_at_least(state->waiting - 1.0f, 0.0f));
+    const uint32_t one_bad = exact_any(bad);
+    const float wait = limits->good_in_a_row + PERIODS_TO_CLOSE;
+    float waiting, closed;
+    bad_samples_add(&state->bad, one_bad);
+    waiting = exact_select(limits->trip_square_a2, exact_at_least(now, then), wait, exact_at_least(state->waiting - 1.0f, 0.0f));
+    waiting = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, wait, waiting);
+    waiting = exact_select(0.0f, exact_product((float)one_bad, open), wait, waiting);
     closed = exact_select(waiting, PERIODS_TO_CLOSE + 0.5f, 1.0f, 0.0f);
 
     {
@@ -216,14 +217,14 @@ EXACT_FLATTEN void motor_currents(motor_current_state *state, const motor_drive 
         const float to_q = reference->i_q_a - state->reference_q_a;
         const float farther = exact_at_least(exact_magnitude(to_d), exact_magnitude(to_q));
         const float part = drive->slew_a / exact_at_least(farther, drive->slew_a);
-        const float step_d = exact_select(0.0f, open, 0.0f, exact_product(part, to_d));
-        const float step_q = exact_select(0.0f, open, 0.0f, exact_product(part, to_q));
-        const float wanted_d_a = exact_select(0.0f, open, i_d, state->reference_d_a + step_d);
-        const float wanted_q_a = exact_select(0.0f, open, i_q, state->reference_q_a + step_q);
+        float step_d = exact_product(part, to_d), step_q = exact_product(part, to_q);
+        float wanted_d_a = state->reference_d_a + step_d, wanted_q_a = state->reference_q_a + step_q;
+        exact_replace_two(0.0f, open, &step_d, 0.0f, &step_q, 0.0f);
+        exact_replace_two(0.0f, open, &wanted_d_a, i_d, &wanted_q_a, i_q);
 
-        const float per_bus = 1.0f / exact_at_least(bus.value, limits->bus_v.middle - limits->bus_v.half);
-        const float radius = exact_product(bus.value, PER_ROOT_3);
-        const float w_e = exact_product(drive->pole_pairs, speed.value);
+        const float per_bus = 1.0f / exact_at_least(bus, limits->bus_v.middle - limits->bus_v.half);
+        const float radius = exact_product(bus, PER_ROOT_3);
+        const float w_e = exact_product(drive->pole_pairs, speed);
         const float error_d = wanted_d_a - i_d;
         const float error_q = wanted_q_a - i_q;
         const float model_d = (exact_product(drive->resistance_ohm, wanted_d_a) - exact_product(w_e, exact_product(drive->inductance_h, wanted_q_a)))
@@ -234,20 +235,19 @@ EXACT_FLATTEN void motor_currents(motor_current_state *state, const motor_drive 
         const float wanted_q = (exact_product(drive->gain_v_per_a, error_q) + state->integral_q_v) + model_q;
 
         const float per_radius = exact_product(per_bus, ROOT_3);
-        const float share = exact_product(exact_product(wanted_d, wanted_d) + exact_product(wanted_q, wanted_q), exact_product(per_radius, per_radius));
+        float share = exact_product(exact_product(wanted_d, wanted_d) + exact_product(wanted_q, wanted_q), exact_product(per_radius, per_radius));
         const float scale = exact_select(1.0f, share, per_root(exact_at_least(share, 1.0f)), 1.0f);
         const float v_d = exact_product(scale, wanted_d);
         const float v_q = exact_product(scale, wanted_q);
         const float cross = exact_product(w_e, drive->inductance_h);
-        const float missing_d = exact_product(drive->gain_v_per_a, error_d) - exact_product(cross, error_q);
-        const float missing_q = exact_product(drive->gain_v_per_a, error_q) + exact_product(cross, error_d);
-        const float target_d = exact_select(1.0f, share, -state->integral_d_v, missing_d);
-        const float target_q = exact_select(1.0f, share, -state->integral_q_v, missing_q);
-        const float integral_d = state->integral_d_v + exact_product(drive->integral_share, target_d);
-        const float integral_q = state->integral_q_v + exact_product(drive->integral_share, target_q);
+        float target_d = exact_product(drive->gain_v_per_a, error_d) - exact_product(cross, error_q);
+        float target_q = exact_product(drive->gain_v_per_a, error_q) + exact_product(cross, error_d);
+        exact_replace_two(1.0f, share, &target_d, -state->integral_d_v, &target_q, -state->integral_q_v);
+        float integral_d = state->integral_d_v + exact_product(drive->integral_share, target_d);
+        float integral_q = state->integral_q_v + exact_product(drive->integral_share, target_q);
         const float most = exact_product(INTEGRAL_SHARE, radius);
 
-        const float later = angle + exact_product(drive->advance_turns_s, speed.value);
+        const float later = angle + exact_product(drive->advance_turns_s, speed);
         const float cos_then = cosine(later), sin_then = cosine(later - 0.25f);
         const float v_alpha = exact_product(cos_then, v_d) - exact_product(sin_then, v_q);
         const float v_beta = exact_product(sin_then, v_d) + exact_product(cos_then, v_q);
@@ -268,18 +268,21 @@ EXACT_FLATTEN void motor_currents(motor_current_state *state, const motor_drive 
         state->last.duties[2] = duty(drive, v_c, centre, per_bus, -flow_side - flow_half);
         state->last.closed = closed;
 
-        state->integral_d_v = exact_select(0.0f, open, 0.0f, exact_within(integral_d, -most, most));
-        state->integral_q_v = exact_select(0.0f, open, 0.0f, exact_within(integral_q, -most, most));
+        integral_d = exact_within(integral_d, -most, most);
+        integral_q = exact_within(integral_q, -most, most);
+        exact_replace_three(0.0f, open, &integral_d, 0.0f, &integral_q, 0.0f, &share, 0.0f);
+        state->integral_d_v = integral_d;
+        state->integral_q_v = integral_q;
         state->reference_d_a = wanted_d_a;
         state->reference_q_a = wanted_q_a;
         state->v_d_v = v_d;
         state->v_q_v = v_q;
         state->expected_d_a = expected_d;
         state->expected_q_a = expected_q;
-        state->angle_turns = part_of_turn(angle + exact_product(drive->turns_per_speed, speed.value));
-        state->speed_rad_s = speed.value;
-        state->bus_voltage_v = bus.value;
+        state->angle_turns = part_of_turn(angle + exact_product(drive->turns_per_speed, speed));
+        state->speed_rad_s = speed;
+        state->bus_voltage_v = bus;
         state->waiting = waiting;
-        state->voltage_share = exact_select(0.0f, open, 0.0f, share);
+        state->voltage_share = share;
     }
 }

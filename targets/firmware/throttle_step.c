@@ -1,4 +1,4 @@
-/* The steps of targets/throttle-loop, operation by operation: src/step.rs and src/raw.rs say why each is as it is. */
+/* The steps of targets/throttle-loop: src/step.rs and src/raw.rs say why each is as it is. The bits are theirs; one comparison does here what several selections ask there. */
 #include "throttle_step.h"
 
 /* The evaluators as source: see EXACT_FLATTEN. */
@@ -39,29 +39,33 @@ void throttle_raw_init(throttle_raw_state *state)
 
 EXACT_INLINE float advance(throttle_state *state, const throttle_inputs *inputs, float fault)
 {
-    const float pedal_good = exact_select(exact_magnitude(inputs->pedal - 0.5f), PEDAL_BAND, 1.0f, 0.0f);
-    const float lost = exact_product(state->lost + 1.0f, 1.0f - pedal_good);
-    const float closing = exact_select(HOLD_TICKS, lost, 1.0f, fault);
+    uint32_t bad = 0u, speed_bad = 0u, no_gear = 0u, above = 0u, counts = 1u;
+    float pedal = exact_within(inputs->pedal, 0.0f, 1.0f), lost = 0.0f;
+    exact_unless_two(exact_magnitude(inputs->pedal - 0.5f), PEDAL_BAND, &pedal, state->pedal, &lost, state->lost + 1.0f, &bad, 1u);
     const float shut = exact_at_least(exact_at_most(state->cap, state->pedal) - CLOSE_PER_TICK, 0.0f);
-    const float cap = exact_select(0.0f, closing, shut, exact_at_most(state->cap + REOPEN_PER_TICK, 1.0f));
-    const float pedal = exact_at_most(exact_select(0.0f, pedal_good, exact_within(inputs->pedal, 0.0f, 1.0f), state->pedal), cap);
+    float cap = exact_select(HOLD_TICKS, lost, shut, exact_at_most(state->cap + REOPEN_PER_TICK, 1.0f));
+    /* The step in physical units knows of no other fault, and the compiler knows that. */
+    if (!(__builtin_constant_p(0.0f < fault) && !(0.0f < fault))) {
+        cap = exact_select(0.0f, fault, shut, cap);
+    }
+    pedal = exact_at_most(pedal, cap);
 
     const float road = exact_magnitude(inputs->speed_m_s);
-    const float in_range = exact_select(road, SPEED_BAND, 1.0f, 0.0f);
-    const float any = exact_select(0.0f, state->share, 0.0f, 1.0f);
-    const float speed_good = exact_product(in_range, exact_select(exact_magnitude(road - state->speed_m_s), SPEED_PER_TICK, 1.0f, any));
-    const float speed = exact_select(0.0f, speed_good, road, state->speed_m_s);
+    float speed = road, kept = state->speed_m_s;
+    /* While there is no share any speed in the range is taken. */
+    exact_unless(0.0f, state->share, &kept, road, &counts, (uint32_t)-1);
+    exact_unless(exact_magnitude(road - state->speed_m_s), SPEED_PER_TICK, &speed, kept, &speed_bad, counts);
+    exact_unless(road, SPEED_BAND, &speed, state->speed_m_s, &speed_bad, 1u);
 
     const float lever = (float)inputs->gear;
-    const float not_above = exact_select(lever, (float)THROTTLE_GEARS + 0.5f, 1.0f, 0.0f);
-    const float in_gear = exact_product(exact_select(0.0f, lever, 1.0f, 0.0f), not_above);
-    const float wanted_gear = exact_select(0.0f, in_gear, lever, state->gear);
+    float wanted_gear = lever;
+    exact_unless(0.0f, lever, &wanted_gear, state->gear, &no_gear, 1u);
+    exact_unless(lever, (float)THROTTLE_GEARS + 0.5f, &wanted_gear, state->gear, &above, 1u);
     const float gear = state->gear + exact_within(wanted_gear - state->gear, -GEAR_PER_TICK, GEAR_PER_TICK);
 
-    const float closed = (float)(exact_opaque(inputs->clutch) ^ 1u);
-    const float known = exact_product(exact_product(speed_good, in_gear), closed);
-    const float supported = (float)driveline_damping_ratio_support_f32(speed, gear);
-    const float share = state->share + exact_within(exact_product(known, supported) - state->share, -FADE_PER_TICK, FADE_PER_TICK);
+    const uint32_t supported = (uint32_t)driveline_damping_ratio_support_f32(speed, gear);
+    const uint32_t known = exact_any(speed_bad + no_gear + above + inputs->clutch) ^ 1u;
+    const float share = state->share + exact_within((float)(known & supported) - state->share, -FADE_PER_TICK, FADE_PER_TICK);
 
     const float compensated = driveline_tip_in_step_f32(&state->compensator, pedal, speed, gear);
     const float throttle = exact_within(pedal + exact_product(share, compensated - pedal), 0.0f, cap);
@@ -72,7 +76,7 @@ EXACT_INLINE float advance(throttle_state *state, const throttle_inputs *inputs,
     state->share = share;
     state->lost = lost;
     state->cap = cap;
-    bad_samples_count(&state->bad, exact_less(0.0f, exact_product(pedal_good, speed_good)) & (uint32_t)not_above);
+    bad_samples_add(&state->bad, exact_any(bad + speed_bad + above));
     return throttle;
 }
 

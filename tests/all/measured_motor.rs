@@ -173,7 +173,7 @@ fn costs(made: &Path) -> [Cost; 3] {
     let script = format!("-T{}", board.join("mps2-an386.ld").display());
     let objects: Vec<&str> = objects.iter().map(String::as_str).collect();
     let last = ["-nostartfiles", "--specs=rdimon.specs", "-Wl,--gc-sections", &script, "-lm"];
-    let text = builds::emulate(&program(&line, &folder, "count", &objects, &last));
+    let text = builds::emulate(&program(&line, &folder, "count", &objects, &last), builds::SLOW);
     let found = [solver, table, surface].into_iter().zip(&text).map(|(flash, line)| {
         let numbers: Vec<u32> = line.split_whitespace().skip(1).map(|word| word.parse().expect("a number")).collect();
         Cost { mean: numbers[0], least: numbers[1], most: numbers[2], flash }

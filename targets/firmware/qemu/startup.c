@@ -1,4 +1,4 @@
-/* Reset of a Cortex-M4F: FPU on, data copied, bss cleared, main called. For the emulated board; a vendor's startup file does the same on a real one. */
+/* Reset of a Cortex-M4F: FPU on, data copied, bss cleared, main called; and the vectors. For the emulated board; a vendor's startup file does the same on a real one. */
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -34,9 +34,18 @@ void trap(void)
     exit(77);
 }
 
-__attribute__((section(".vectors"), used)) static const uintptr_t vectors[16] = {
-    (uintptr_t)stack_top, (uintptr_t)reset, (uintptr_t)trap, (uintptr_t)trap,
-    (uintptr_t)trap,      (uintptr_t)trap,  (uintptr_t)trap, 0,
-    0,                    0,                0,               (uintptr_t)trap,
-    (uintptr_t)trap,      0,                (uintptr_t)trap, (uintptr_t)trap,
+/* A program may have these; else they are faults. */
+void watchdog_alarm(void) __attribute__((weak, alias("trap")));
+void timer0_interrupt(void) __attribute__((weak, alias("trap")));
+void timer1_interrupt(void) __attribute__((weak, alias("trap")));
+
+__attribute__((section(".vectors"), used)) static const uintptr_t vectors[16 + 10] = {
+    (uintptr_t)stack_top, (uintptr_t)reset, (uintptr_t)watchdog_alarm, (uintptr_t)trap,
+    (uintptr_t)trap,      (uintptr_t)trap,  (uintptr_t)trap,           0,
+    0,                    0,                0,                         (uintptr_t)trap,
+    (uintptr_t)trap,      0,                (uintptr_t)trap,           (uintptr_t)trap,
+    /* Interrupts 0 to 9 of the board: 8 and 9 are the timers. */
+    (uintptr_t)trap,      (uintptr_t)trap,  (uintptr_t)trap,           (uintptr_t)trap,
+    (uintptr_t)trap,      (uintptr_t)trap,  (uintptr_t)trap,           (uintptr_t)trap,
+    (uintptr_t)timer0_interrupt, (uintptr_t)timer1_interrupt,
 };

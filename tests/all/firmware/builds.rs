@@ -23,8 +23,18 @@ const MODELS: [&str; 3] =
 /// The sources. Those of the steps include the evaluators.
 pub const OBJECTS: [&str; 3] = ["motor_step", "throttle_step", "tables"];
 
-/// What the firmware is compiled with; contraction is as the compiler has it, which is on.
-pub const CORTEX_M4F: &str = "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -ffunction-sections";
+/// Both loops as interrupts. Its programs have the functions of a board.
+pub const IMAGE: &str = "image";
+
+/// What the firmware is compiled with; contraction is as the compiler has it, which is on. Beside each object stands what its functions take of the stack.
+pub const CORTEX_M4F: &str =
+    "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -ffunction-sections -fstack-usage";
+
+/// An instruction takes 64 ns: the timer's tick of 40 ns is shorter.
+pub const SLOW: &str = "shift=6";
+
+/// An instruction takes 1 ns: a period of 0.1 ms has room for a plant in software double precision.
+pub const FAST: &str = "shift=0";
 
 /// `targets/firmware`.
 pub fn firmware() -> PathBuf {
@@ -64,18 +74,50 @@ pub fn emulated() -> bool {
 pub struct Build {
     folder: PathBuf,
     compiler: Compiler,
+    /// Where the sources of the image and of the programs are.
+    sources: PathBuf,
     /// Further objects that programs are linked with.
-    plants: Vec<String>,
+    further: Vec<String>,
 }
 
 impl Build {
     /// Compiles every source.
     pub fn new(line: &str, name: &str) -> Build {
-        let build = Build { folder: folder(&format!("firmware-{name}")), compiler: Compiler::new(line), plants: vec![] };
+        let build = Build {
+            folder: folder(&format!("firmware-{name}")),
+            compiler: Compiler::new(line),
+            sources: firmware(),
+            further: vec![],
+        };
         for object in OBJECTS {
             build.compile(&firmware().join(format!("{object}.c")), object);
         }
         build
+    }
+
+    /// Adds the image.
+    pub fn with_image(mut self) -> Build {
+        self.compile_image();
+        self.further.push(IMAGE.to_string());
+        self
+    }
+
+    /// Its object alone, which no program is linked with.
+    pub fn compile_image(&self) {
+        self.compile(&self.sources.join("image.c"), IMAGE);
+    }
+
+    /// Adds the image with another `handover.h`, from copies of everything that includes it.
+    pub fn with_image_and(mut self, handover: &str, program: &str) -> Build {
+        let copies = self.folder.join("copies");
+        std::fs::create_dir_all(copies.join("programs")).expect("the folder can be made");
+        let program = format!("programs/{program}.c");
+        for file in ["image.h", "image.c", program.as_str()] {
+            std::fs::copy(firmware().join(file), copies.join(file)).expect("a copy");
+        }
+        compilers::write(&copies, "handover.h", handover);
+        self.sources = copies;
+        self.with_image()
     }
 
     /// Adds plants as code.
@@ -85,23 +127,24 @@ impl Build {
             compilers::write(&self.folder, &format!("{name}.h"), &files.header);
             compilers::write(&self.folder, &format!("{name}.c"), &files.source);
             self.compile(&self.folder.join(format!("{name}.c")), &name);
-            self.plants.push(name);
+            self.further.push(name);
         }
         self
     }
 
     fn compile(&self, source: &Path, object: &str) {
-        let (include, source, object) = (firmware(), source.display().to_string(), format!("{object}.o"));
-        let include = format!("-I{}", include.display());
-        self.compiler.must(&["-I.", &include, "-c", &source, "-o", &object], &self.folder);
+        let (source, object) = (source.display().to_string(), format!("{object}.o"));
+        let include = |folder: &Path| format!("-I{}", folder.display());
+        let (own, loops, board) = (include(&self.sources), include(&firmware()), include(&firmware().join("qemu")));
+        self.compiler.must(&["-I.", &own, &loops, &board, "-c", &source, "-o", &object], &self.folder);
     }
 
     fn link(&self, program: &str, extra: &[&str]) {
-        self.compile(&firmware().join("programs").join(format!("{program}.c")), program);
-        let plants = self.plants.iter().map(String::as_str);
+        self.compile(&self.sources.join("programs").join(format!("{program}.c")), program);
+        let further = self.further.iter().map(String::as_str);
         let mut objects: Vec<String> =
-            OBJECTS.into_iter().chain(plants).chain([program]).map(|object| format!("{object}.o")).collect();
-        objects.extend(["-o".to_string(), program.to_string()]);
+            OBJECTS.into_iter().chain(further).chain([program]).map(|object| format!("{object}.o")).collect();
+        objects.extend(["-lm", "-o", program].map(str::to_string));
         let arguments: Vec<&str> = extra.iter().copied().chain(objects.iter().map(String::as_str)).collect();
         self.compiler.must(&arguments, &self.folder);
     }
@@ -132,11 +175,31 @@ impl Build {
 
     /// Links a program for the emulated board and runs it there: its lines.
     pub fn on_board(&self, program: &str) -> Vec<String> {
+        self.on_board_at(program, SLOW)
+    }
+
+    /// The same at a given speed.
+    pub fn on_board_at(&self, program: &str, speed: &str) -> Vec<String> {
         let board = firmware().join("qemu");
         self.compile(&board.join("startup.c"), "startup");
         let script = format!("-T{}", board.join("mps2-an386.ld").display());
         self.link(program, &["-nostartfiles", "--specs=rdimon.specs", "-Wl,--gc-sections", &script, "startup.o"]);
-        emulate(&self.folder.join(program))
+        emulate(&self.folder.join(program), speed)
+    }
+
+    /// A program that was linked.
+    pub fn program(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Bytes of stack that a function takes, without what it calls. Bounded for every input, or this fails.
+    pub fn stack(&self, object: &str, function: &str) -> u32 {
+        let text = std::fs::read_to_string(self.folder.join(format!("{object}.su"))).expect("gcc wrote it");
+        let of_function = |line: &&str| line.split('\t').next().is_some_and(|place| place.ends_with(&format!(":{function}")));
+        let line = text.lines().find(of_function).unwrap_or_else(|| panic!("{object}.su has no {function}: {text}"));
+        let words: Vec<&str> = line.split('\t').collect();
+        assert_eq!(words[2], "static", "{line}");
+        words[1].parse().expect("a number")
     }
 
     /// An object file.
@@ -146,9 +209,9 @@ impl Build {
 }
 
 /// Runs a program on the emulated board: its lines.
-pub fn emulate(program: &Path) -> Vec<String> {
+pub fn emulate(program: &Path, speed: &str) -> Vec<String> {
     let mut qemu = Command::new("qemu-system-arm");
-    qemu.args(["-machine", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-icount", "shift=6"]);
+    qemu.args(["-machine", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-icount", speed]);
     qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(program);
     lines(&mut qemu)
 }
@@ -177,6 +240,23 @@ pub fn cortex_functions(object: &Path) -> Vec<(String, Vec<String>)> {
                 lines.pop();
             }
             lines.push(format!("-> {}", text.trim()));
+        }
+    }
+    functions
+}
+
+/// Disassembly of a linked program: the instructions of each function, with their addresses. Constants between them are left out.
+pub fn cortex_instructions(program: &Path) -> Vec<(String, Vec<(u32, String)>)> {
+    let listing = lines(Command::new("arm-none-eabi-objdump").args(["-d", "--no-show-raw-insn"]).arg(program));
+    let mut functions: Vec<(String, Vec<(u32, String)>)> = vec![];
+    for line in listing {
+        if let Some(name) = line.strip_suffix(">:").and_then(|line| line.split_once(" <")) {
+            functions.push((name.1.to_string(), vec![]));
+        } else if let (Some((_, lines)), Some((address, text))) = (functions.last_mut(), line.split_once(":\t")) {
+            if !text.starts_with(".word") {
+                let address = u32::from_str_radix(address.trim(), 16).expect("an address");
+                lines.push((address, text.trim().to_string()));
+            }
         }
     }
     functions

@@ -2,6 +2,7 @@
 
 pub mod builds;
 mod faults;
+mod image;
 mod readme;
 mod rig;
 mod sequence;
@@ -250,7 +251,7 @@ fn the_steps_on_a_cortex_m4f_have_no_branch_and_call_evaluators_only() {
     assert_eq!(branches("f", &lines), [&lines[1], &lines[4], &lines[6]]);
 }
 
-/// What a step may cost: `budget.txt`, a line a step and level: instructions; and a line an object and level: bytes of flash and of RAM.
+/// What a step may cost: `budget.txt`, a line a step and level: instructions, and bytes of stack; and a line an object and level: bytes of flash and of RAM.
 #[test]
 fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
     if !builds::emulated() {
@@ -258,7 +259,11 @@ fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
     }
     let mut found: Vec<(String, Vec<u32>)> = vec![];
     for level in ["-O2", "-Os"] {
-        let build = Build::new(&format!("{CORTEX_M4F} -std=gnu99 {level}"), &format!("arm-count{level}"));
+        let line = format!("{CORTEX_M4F} -std=gnu99 {level}");
+        let nested = image::nested_stack(&image::interrupted(&Build::new(&line, &format!("arm-nested{level}")).with_image()));
+        found.push((format!("both-interrupts {level} stack"), vec![nested]));
+        let build = Build::new(&line, &format!("arm-count{level}"));
+        build.compile_image();
         let mut counts: BTreeMap<String, BTreeMap<u32, Vec<String>>> = BTreeMap::new();
         for line in build.on_board("count") {
             let words: Vec<&str> = line.split_whitespace().collect();
@@ -270,14 +275,20 @@ fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
             assert_eq!(kinds.len(), 1, "{level}: {step} costs what its input says: {kinds:?}");
             found.push((format!("{step} {level} instructions"), kinds.keys().copied().collect()));
         }
-        for object in builds::OBJECTS {
+        for (object, step) in STEPS {
+            found.push((format!("{step} {level} stack"), vec![build.stack(object, step)]));
+        }
+        for interrupt in image::INTERRUPTS {
+            found.push((format!("{interrupt} {level} stack"), vec![build.stack(builds::IMAGE, interrupt)]));
+        }
+        for object in builds::OBJECTS.into_iter().chain([builds::IMAGE]) {
             let (flash, ram) = builds::cortex_size(&build.object(object));
             found.push((format!("{object}.o {level} flash-and-ram"), vec![flash, ram]));
         }
     }
     found.sort();
     let mut text = String::from(
-        "# What the steps may cost on a Cortex-M4F: instructions of a call, evaluators included, the same for every input; bytes of flash and RAM of an object.\n\
+        "# What the steps may cost on a Cortex-M4F: instructions of a call, evaluators included, the same for every input; bytes of stack of a call; bytes of flash and RAM of an object.\n\
          # Counted by tests/all/firmware; RSM_BLESS=1 writes it. arm-none-eabi-gcc 12.2, the evaluators in f32.\n",
     );
     for (name, numbers) in &found {

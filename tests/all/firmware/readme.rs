@@ -5,19 +5,27 @@ use std::mem::size_of;
 use motor_loop::{CurrentState, Drive, ReferenceState};
 use throttle_loop::raw::RawState;
 
+use super::image::INTERRUPTS;
 use super::{STEPS, builds};
 
-/// The instructions of a step, from the budget.
-fn instructions(step: &str, level: &str) -> String {
+/// A number of the budget.
+fn budget(name: &str, level: &str, what: &str) -> String {
     let budget = std::fs::read_to_string(builds::firmware().join("budget.txt")).expect("the budget");
-    let name = format!("{step} {level} instructions");
+    let name = format!("{name} {level} {what}");
     let line = budget.lines().find_map(|line| line.strip_prefix(name.as_str()));
     line.unwrap_or_else(|| panic!("budget.txt has no line `{name}`")).trim().to_string()
 }
 
-/// The lines of the two tables, as they must stand.
+/// The lines of the tables, as they must stand.
 fn lines() -> Vec<String> {
-    let costs = STEPS.map(|(_, step)| format!("| `{step}` | {} | {} |", instructions(step, "-O2"), instructions(step, "-Os")));
+    let levels = ["-O2", "-Os"];
+    let costs = STEPS.map(|(_, step)| {
+        let numbers = ["instructions", "stack"].map(|what| levels.map(|level| budget(step, level, what)).join(" | "));
+        format!("| `{step}` | {} |", numbers.join(" | "))
+    });
+    let interrupts = INTERRUPTS.into_iter().chain(["both-interrupts"]);
+    let interrupts =
+        interrupts.map(|name| format!("| `{name}` | {} |", levels.map(|level| budget(name, level, "stack")).join(" | ")));
     // Words of 4 bytes only, in Rust and in C: neither has padding.
     let states = [
         ("motor_reference_state", size_of::<ReferenceState>()),
@@ -25,7 +33,7 @@ fn lines() -> Vec<String> {
         ("throttle_raw_state", size_of::<RawState>()),
         ("motor_drive", size_of::<Drive>()),
     ];
-    costs.into_iter().chain(states.map(|(state, bytes)| format!("| `{state}` | {bytes} |"))).collect()
+    costs.into_iter().chain(interrupts).chain(states.map(|(state, bytes)| format!("| `{state}` | {bytes} |"))).collect()
 }
 
 #[test]

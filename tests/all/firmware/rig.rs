@@ -9,8 +9,8 @@ use rsm_sim::equations::{EquationFile, Inputs, Machine, Method, Point, Setting, 
 use super::builds::{self, Build, CORTEX_M4F};
 
 /// A plant of the rig.
-struct Part {
-    plant: Plant,
+pub struct Part {
+    pub plant: Plant,
     machine: Machine,
     start: Point,
     /// From cycle to cycle of the firmware, and the step, in s.
@@ -19,7 +19,7 @@ struct Part {
 }
 
 impl Part {
-    fn new(name: &str, model: &str, given: &[(&str, f64)], inputs: &[f64], cycle: f64, step: f64) -> Part {
+    pub fn new(name: &str, model: &str, given: &[(&str, f64)], inputs: &[f64], cycle: f64, step: f64) -> Part {
         let open = |file: &str| {
             let path = builds::firmware().join("rig").join(file);
             Source::read(&path).map_err(|_| Faults::one(Fault::whole_file(file, "not there")))
@@ -36,7 +36,7 @@ impl Part {
     }
 
     /// Lines of the program: outputs have the bits of the simulation along the inputs. Gives the outputs.
-    fn check(&self, name: &str, lines: &[String]) -> Vec<Vec<f64>> {
+    pub fn check(&self, name: &str, lines: &[String]) -> Vec<Vec<f64>> {
         let bits = |word: &str| f64::from_bits(u64::from_str_radix(word, 16).expect("16 digits"));
         let rows: Vec<Vec<f64>> = lines
             .iter()
