@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A program or file whose presence tells that a package is installed, and the package.
-const NEEDED: [(&str, &str); 19] = [
+const NEEDED: [(&str, &str); 22] = [
     ("gcc", "gcc"),
     ("clang", "clang"),
     ("valgrind", "valgrind"),
@@ -17,6 +17,10 @@ const NEEDED: [(&str, &str); 19] = [
     ("arm-none-eabi-gcc", "gcc-arm-none-eabi"),
     ("/usr/lib/arm-none-eabi/lib/rdimon.specs", "libnewlib-arm-none-eabi"),
     ("qemu-system-arm", "qemu-system-arm"),
+    // The firmware in Rust: a compiler with the sources of `core` for another machine.
+    ("/usr/bin/rustc", "rustc-web"),
+    ("/usr/lib/rustlib/src/rust/library/core/Cargo.toml", "rust-web-src"),
+    ("/usr/lib/rustlib/x86_64-unknown-linux-gnu/lib", "libstd-rust-web-dev"),
     // Self-tests on emulated AArch64 and 32-bit Arm.
     ("aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu"),
     ("/usr/aarch64-linux-gnu/include/stdio.h", "libc6-dev-arm64-cross"),

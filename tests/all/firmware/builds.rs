@@ -252,11 +252,11 @@ pub fn cortex_instructions(program: &Path) -> Vec<(String, Vec<(u32, String)>)> 
     for line in listing {
         if let Some(name) = line.strip_suffix(">:").and_then(|line| line.split_once(" <")) {
             functions.push((name.1.to_string(), vec![]));
-        } else if let (Some((_, lines)), Some((address, text))) = (functions.last_mut(), line.split_once(":\t")) {
-            if !text.starts_with(".word") {
-                let address = u32::from_str_radix(address.trim(), 16).expect("an address");
-                lines.push((address, text.trim().to_string()));
-            }
+        } else if let (Some((_, lines)), Some((address, text))) = (functions.last_mut(), line.split_once(":\t"))
+            && !text.starts_with(".word")
+        {
+            let address = u32::from_str_radix(address.trim(), 16).expect("an address");
+            lines.push((address, text.trim().to_string()));
         }
     }
     functions

@@ -110,11 +110,29 @@ fn a_broken_handover_is_found() {
 }
 
 /// As in `rig.rs`, but for the step of the motor's plant: in software double precision a period has room for one.
-fn parts() -> [Part; 2] {
+pub fn parts() -> [Part; 2] {
     [
         Part::new("rig_motor", "motor.mo", &[], &[0.5; 3], 1e-4, 1e-4),
         Part::new("rig_car", "rsm:driveline", &[("road_speed", 5.0)], &[0.2], 1e-3, 1e-4),
     ]
+}
+
+/// The lines of `programs/board.c` on this host, where the calls stand in a row.
+pub fn on_host(name: &str, define: &str) -> Vec<String> {
+    let parts = parts();
+    let host = Build::new(&format!("gcc -std=gnu99 -O2 {define}"), &format!("board-host-{name}"));
+    host.with_plants(&[&parts[0].plant, &parts[1].plant]).with_image().on_host("board")
+}
+
+/// Interrupted often, nothing lost, the floating-point context as after reset.
+pub fn check_counts(name: &str, counts: &str) {
+    assert!(number(counts, "preempted") > 100 && number(counts, "lost") == 0, "{name}: {counts}");
+    assert_eq!(fpccr(counts) & LAZY, LAZY, "{name}: {counts}");
+}
+
+/// Instructions of a step at -O2.
+pub fn budget(step: &str) -> u32 {
+    super::readme::budget(step, "-O2", "instructions").parse().expect("a number")
 }
 
 #[test]
@@ -126,14 +144,12 @@ fn the_processor_in_the_loop_has_the_bits_of_the_host_and_of_a_simulation() {
     let plants = [&parts[0].plant, &parts[1].plant];
     let mut speeds = vec![];
     for (name, define) in [("aligned", ""), ("preempted", "-DPREEMPTED")] {
-        let host = Build::new(&format!("gcc -std=gnu99 -O2 {define}"), &format!("board-host-{name}"));
-        let host = host.with_plants(&plants).with_image().on_host("board");
+        let host = on_host(name, define);
         let board = Build::new(&format!("{CORTEX_M4F} -std=gnu99 -O2 {define}"), &format!("board-arm-{name}"));
         let mut board = board.with_plants(&plants).with_image().on_board_at("board", FAST);
         let counts = board.pop().expect("a line");
         println!("{name}: {counts}");
-        assert!(number(&counts, "preempted") > 100 && number(&counts, "lost") == 0, "{name}: {counts}");
-        assert_eq!(fpccr(&counts) & LAZY, LAZY, "{name}: {counts}");
+        check_counts(name, &counts);
         assert_eq!(board.len(), host.len(), "{name}");
         if let Some(k) = board.iter().zip(&host).position(|(board, host)| board != host) {
             panic!("{name}, line {k}: the board has `{}`, the host `{}`", board[k], host[k]);

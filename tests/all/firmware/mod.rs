@@ -5,6 +5,7 @@ mod faults;
 mod image;
 mod readme;
 mod rig;
+mod rust;
 mod sequence;
 
 use std::collections::BTreeMap;

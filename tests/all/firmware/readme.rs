@@ -9,7 +9,7 @@ use super::image::INTERRUPTS;
 use super::{STEPS, builds};
 
 /// A number of the budget.
-fn budget(name: &str, level: &str, what: &str) -> String {
+pub fn budget(name: &str, level: &str, what: &str) -> String {
     let budget = std::fs::read_to_string(builds::firmware().join("budget.txt")).expect("the budget");
     let name = format!("{name} {level} {what}");
     let line = budget.lines().find_map(|line| line.strip_prefix(name.as_str()));

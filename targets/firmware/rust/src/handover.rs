@@ -1,0 +1,44 @@
+//! Values that two interrupts of one processor hand over without tearing: `../../handover.h` in Rust.
+//!
+//! In: a value, from one writer. Out: the newest whole value, for one reader. Two slots, and an index that is written last. Never waits and never masks interrupts.
+
+use core::cell::UnsafeCell;
+use core::sync::atomic::{AtomicUsize, Ordering};
+
+/// Two slots and the index of the newest one.
+#[derive(Debug)]
+pub struct Handover<T> {
+    slots: [UnsafeCell<T>; 2],
+    newest: AtomicUsize,
+}
+
+// SAFETY: who calls `put` and `take` promises that there is one of each, and that no two `put` begin in one `take`; then no slot is written while it is read.
+unsafe impl<T: Copy + Send> Sync for Handover<T> {}
+
+impl<T: Copy> Handover<T> {
+    /// Both slots hold `value`.
+    pub const fn new(value: T) -> Self {
+        Handover { slots: [UnsafeCell::new(value), UnsafeCell::new(value)], newest: AtomicUsize::new(0) }
+    }
+
+    /// Makes `value` the newest one.
+    ///
+    /// # Safety
+    /// There is one writer, and it does not begin twice in one reading.
+    pub unsafe fn put(&self, value: T) {
+        let next = self.newest.load(Ordering::Relaxed) ^ 1;
+        // SAFETY: the index names the other slot, so the reader is there.
+        unsafe { *self.slots[next & 1].get() = value };
+        self.newest.store(next, Ordering::Release);
+    }
+
+    /// The newest value.
+    ///
+    /// # Safety
+    /// There is one reader, and the writer does not begin twice in one reading.
+    pub unsafe fn take(&self) -> T {
+        let newest = self.newest.load(Ordering::Acquire);
+        // SAFETY: the writer writes the other slot, and changes the index only after that.
+        unsafe { *self.slots[newest & 1].get() }
+    }
+}

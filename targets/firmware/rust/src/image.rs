@@ -1,0 +1,119 @@
+//! What the two interrupts do: `../../image.c` in Rust, with the same bits.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use motor_loop::{Command, CurrentState, Demand, Drive, Measured, ReferenceState, References, currents, references};
+use throttle_loop::raw::{Counts, RawState, Scaling, raw_step};
+
+use crate::handover::Handover;
+
+/// Periods of the currents between two calls of the references.
+pub const PERIODS: u32 = 10;
+
+/// What a board has for the currents' interrupt.
+pub trait Bridge {
+    /// Samples of the motor, at the centre of the PWM's period.
+    fn sample(&mut self) -> Measured;
+    /// What the bridge does from the next period on.
+    fn command(&mut self, command: &Command);
+}
+
+/// What a board has for the references' interrupt.
+pub trait Driver {
+    /// The torque demand, in N m.
+    fn torque_demand_nm(&mut self) -> f32;
+    /// Converters and lines of the throttle.
+    fn counts(&mut self) -> Counts;
+    /// The compare value of the throttle's PWM, and the cap: 0 where the drive of the plate is to be cut.
+    fn throttle(&mut self, compare: u16, cap: f32);
+    /// Begins the watchdog's count again.
+    fn feed_watchdog(&mut self);
+}
+
+/// What the outer step wants to know of the inner one's samples, taken together.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    speed_rad_s: f32,
+    bus_voltage_v: f32,
+    voltage_share: f32,
+}
+
+/// What is between the interrupts.
+#[derive(Debug)]
+pub struct Between {
+    reference: Handover<References>,
+    seen: Handover<Seen>,
+    periods: AtomicU32,
+}
+
+impl Between {
+    /// No current, nothing seen.
+    pub const fn new() -> Self {
+        Between {
+            reference: Handover::new(References { i_d_a: 0.0, i_q_a: 0.0 }),
+            seen: Handover::new(Seen { speed_rad_s: 0.0, bus_voltage_v: 0.0, voltage_share: 0.0 }),
+            periods: AtomicU32::new(0),
+        }
+    }
+}
+
+impl Default for Between {
+    fn default() -> Self {
+        Between::new()
+    }
+}
+
+/// Every 0.1 ms, with the higher priority.
+///
+/// # Safety
+/// No other than this interrupt calls it.
+pub unsafe fn current_interrupt(state: &mut CurrentState, drive: &Drive, between: &Between, board: &mut impl Bridge) {
+    // SAFETY: the references' interrupt is the only writer, and cannot run in between.
+    let reference = unsafe { between.reference.take() };
+    let measured = board.sample();
+    let command = currents(state, drive, &reference, &measured);
+    board.command(&command);
+    let seen = Seen {
+        speed_rad_s: measured.speed_rad_s,
+        bus_voltage_v: measured.bus_voltage_v,
+        voltage_share: state.voltage_share,
+    };
+    // SAFETY: the only writer; 0.1 ms pass until it comes again, and a reading takes some ten instructions.
+    unsafe { between.seen.put(seen) };
+    between.periods.store(between.periods.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+}
+
+/// What the references' interrupt remembers.
+#[derive(Debug, Default)]
+pub struct Slow {
+    references: ReferenceState,
+    throttle: RawState,
+    periods_before: u32,
+}
+
+/// Every millisecond, with the lower priority. Feeds the watchdog if the currents were controlled in the meantime.
+///
+/// # Safety
+/// No other than this interrupt calls it.
+pub unsafe fn reference_interrupt(state: &mut Slow, drive: &Drive, between: &Between, board: &mut impl Driver) {
+    // SAFETY: the only reader; the writer comes every 0.1 ms.
+    let seen = unsafe { between.seen.take() };
+    let periods = between.periods.load(Ordering::Relaxed);
+    let demand = Demand {
+        torque_nm: board.torque_demand_nm(),
+        speed_rad_s: seen.speed_rad_s,
+        bus_voltage_v: seen.bus_voltage_v,
+        voltage_share: seen.voltage_share,
+    };
+    let wanted = references(&mut state.references, drive, &demand);
+    // SAFETY: the only writer; its reader interrupts it and is never interrupted by it.
+    unsafe { between.reference.put(wanted) };
+
+    let compare = raw_step(&mut state.throttle, &Scaling::BOARD, &board.counts());
+    board.throttle(compare, state.throttle.step.cap);
+
+    if periods.wrapping_sub(state.periods_before) >= PERIODS / 2 {
+        board.feed_watchdog();
+    }
+    state.periods_before = periods;
+}

@@ -1,0 +1,77 @@
+//! `targets/firmware/rust`: the firmware in Rust for a Cortex-M4F, built and run on the emulated board.
+//!
+//! It is no member of the workspace: it wants `core` for another machine. Debian's compiler has the sources of `core`; without it these tests are left out, loudly, and fail in
+//! continuous integration.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rsm_core::emit::rust_plant;
+use rsm_tests::{cases, compilers};
+
+use super::builds::{self, FAST, SLOW};
+use super::image;
+
+/// Debian's compiler and the lock file of its `core`: from the package rust-web-src.
+const COMPILER: &str = "/usr/bin/rustc";
+
+fn there() -> bool {
+    let sources = Command::new(COMPILER).args(["--print", "sysroot"]).output().is_ok_and(|output| {
+        let root = String::from_utf8_lossy(&output.stdout).trim().to_string();
+        Path::new(&root).join("lib/rustlib/src/rust/library/core").exists()
+    });
+    if sources {
+        return builds::emulated();
+    }
+    let what = "NOT TESTED in Rust on a Cortex-M4F: apt-get install --no-install-recommends rustc-web rust-web-src libstd-rust-web-dev";
+    assert!(std::env::var_os("CI").is_none_or(|value| value != "true"), "{what}");
+    eprintln!("{what}");
+    false
+}
+
+/// Builds both programs: the folder that they are in.
+fn build() -> PathBuf {
+    let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let plants = scratch.join("firmware-rust-plants");
+    std::fs::create_dir_all(&plants).expect("the folder can be made");
+    for part in image::parts() {
+        compilers::write(&plants, &format!("{}.rs", part.plant.model), &rust_plant::emit(&part.plant));
+    }
+    // Kept from run to run: `core` and the evaluators' compiler take two minutes of processor time.
+    let target = scratch.join("firmware-rust");
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.current_dir(cases::root().join("targets/firmware/rust"));
+    cargo.args(["build", "--quiet", "--release", "--locked", "-Zbuild-std=core", "--target", "thumbv7em-none-eabihf"]);
+    cargo.env("RUSTC", COMPILER).env("RUSTC_BOOTSTRAP", "1").env("CARGO_TARGET_DIR", &target).env("RSM_RIG_PLANTS", &plants);
+    // What the outer cargo says of its own build, coverage for example, is not for this one.
+    for name in ["RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "RUSTC_WRAPPER", "RUSTC_WORKSPACE_WRAPPER", "RUSTUP_TOOLCHAIN"] {
+        cargo.env_remove(name);
+    }
+    let output = cargo.output().expect("cargo starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    target.join("thumbv7em-none-eabihf/release")
+}
+
+#[test]
+fn the_firmware_in_rust_has_the_bits_of_the_firmware_in_c() {
+    if !there() {
+        return;
+    }
+    let programs = build();
+    let mut board = builds::emulate(&programs.join("board"), FAST);
+    let counts = board.pop().expect("a line");
+    println!("{counts}");
+    image::check_counts("rust", &counts);
+    let host = image::on_host("rust", "");
+    assert_eq!(board.len(), host.len());
+    if let Some(k) = board.iter().zip(&host).position(|(board, host)| board != host) {
+        panic!("line {k}: Rust on the board has `{}`, C on the host `{}`", board[k], host[k]);
+    }
+    // What the steps cost in Rust is told, and held within half more than in C: beyond, something has gone wrong in the compiler's options.
+    for line in builds::emulate(&programs.join("count"), SLOW) {
+        println!("{line} instructions");
+        let (step, found) = line.split_once(' ').expect("two words");
+        let (found, in_c): (u32, u32) = (found.parse().expect("a number"), image::budget(step));
+        assert!(2 * found <= 3 * in_c, "{step}: {found} instructions in Rust, {in_c} in C");
+    }
+}
