@@ -6,7 +6,7 @@
 use std::ops::{Add, Mul, Neg, Sub};
 
 use crate::number::{Precision, Rational, exact, power_of_two};
-use crate::run::Scalar;
+use crate::scalar::Scalar;
 
 /// All reals from `low` to `high`, both included. Bounds may be infinite, never NaN.
 ///

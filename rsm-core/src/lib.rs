@@ -54,7 +54,9 @@ pub mod names;
 pub mod check;
 
 pub mod basis;
+mod function;
 pub mod number;
+mod scalar;
 pub mod tape;
 
 pub mod elementary;

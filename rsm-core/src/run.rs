@@ -3,63 +3,8 @@
 //! In: a tape and the arguments, for a compensator step by step. Out: the result, bit for bit what every emitted evaluator returns. An f32 tape is executed in f32,
 //! never in f64 and rounded at the end.
 
-use crate::number::Precision;
+pub use crate::scalar::Scalar;
 use crate::tape::{Op, Reg, Tape};
-
-/// A scalar type that a tape can be executed in.
-pub trait Scalar:
-    Copy
-    + PartialOrd
-    + std::ops::Neg<Output = Self>
-    + std::ops::Add<Output = Self>
-    + std::ops::Sub<Output = Self>
-    + std::ops::Mul<Output = Self>
-    + std::ops::Div<Output = Self>
-{
-    /// Which precision this is.
-    const PRECISION: Precision;
-    /// A constant of a tape, which is exact in this type.
-    fn from_constant(value: f64) -> Self;
-    /// Clears the sign bit.
-    fn absolute(self) -> Self;
-    /// The number in the place of the exponent, without its bias: [`Op::Exponent`].
-    fn exponent(self) -> Self;
-    /// A whole number moved into the place of the exponent: [`Op::PowerOfTwo`].
-    fn power_of_two(self) -> Self;
-    /// The bits, in the low end.
-    fn bits(self) -> u64;
-}
-
-macro_rules! scalar {
-    ($float:ty, $precision:expr) => {
-        impl Scalar for $float {
-            const PRECISION: Precision = $precision;
-            fn from_constant(value: f64) -> Self {
-                value as $float
-            }
-            fn absolute(self) -> Self {
-                self.abs()
-            }
-            fn exponent(self) -> Self {
-                const DIGITS: u32 = <$float>::MANTISSA_DIGITS - 1;
-                let field = (self.to_bits() << 1) >> (DIGITS + 1);
-                field as $float - (<$float>::MAX_EXP - 1) as $float
-            }
-            fn power_of_two(self) -> Self {
-                const DIGITS: u32 = <$float>::MANTISSA_DIGITS - 1;
-                // In [2^52, 2^53), in f32 [2^23, 2^24), the last bit of a number is worth 1. Sum and bias are exact.
-                let one_and_a_half = (3u64 << (DIGITS - 1)) as $float;
-                let biased = self + (one_and_a_half + (<$float>::MAX_EXP - 1) as $float);
-                <$float>::from_bits(biased.to_bits() << DIGITS)
-            }
-            fn bits(self) -> u64 {
-                u64::from(self.to_bits())
-            }
-        }
-    };
-}
-scalar!(f64, Precision::F64);
-scalar!(f32, Precision::F32);
 
 /// An interpreter with its registers, so that repeated evaluation allocates nothing.
 ///

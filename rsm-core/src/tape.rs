@@ -10,7 +10,7 @@ mod fold;
 
 use std::fmt;
 
-use crate::elementary::Computed;
+use crate::function::Function;
 use crate::number::{Precision, Rational};
 
 pub use builder::TapeBuilder;
@@ -34,6 +34,17 @@ pub struct Constant {
     pub value: f64,
     /// The number before rounding. The certificate charges the difference.
     pub exact: Rational,
+}
+
+/// A row of operations that computes a function: which one, of what, and where the result stands.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Computed {
+    /// The function.
+    pub function: Function,
+    /// The registers of its arguments.
+    pub arguments: Vec<Reg>,
+    /// The register of its result.
+    pub result: Reg,
 }
 
 /// One operation. Operands are registers of earlier operations.

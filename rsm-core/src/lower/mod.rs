@@ -14,10 +14,9 @@
 
 mod compensator;
 mod gradient;
-mod horner;
+mod levels;
 mod nest;
 mod polynomial;
-mod powers;
 mod saturation;
 mod scheme;
 mod variables;

@@ -1,7 +1,7 @@
 //! The nest of sums that a polynomial of several variables is, and where it is written.
 //!
-//! In: terms, a scheme (which variable is outermost, which form each level has). Out: values on a tape, or their count and readiness alone: both
-//! come from the same walk, so a scheme is judged by what it would write. Never chooses a scheme; see `scheme.rs`.
+//! In: parts of the nest. Out: their sums, products and powers on a tape, or their count and readiness alone: both come from the same
+//! walk (`levels.rs`), so a scheme is judged by what it would write. Never chooses a scheme; see `scheme.rs`.
 //!
 //! A product by 1 or by -1 is not written: the one is the factor, the other its opposite, whose sign waits for the sum that takes it. So a
 //! sum with an opposite is a difference, and a product of an opposite the opposite of a product, all exactly. (An opposite of a sum is not the
@@ -13,9 +13,6 @@ use std::collections::BTreeMap;
 
 use crate::number::{Rational, integer};
 use crate::tape::{Op, Reg, TapeBuilder};
-
-use super::scheme::{Form, Level};
-use super::{horner, powers};
 
 /// A term whose coefficient may carry the scales of its variables.
 pub(super) struct Leaf<'a> {
@@ -131,39 +128,6 @@ impl<'s, S: Sheet> Nest<'s, S> {
     pub(super) fn new(sheet: &'s mut S, variables: &[Option<S::Value>]) -> Self {
         let powers = variables.iter().map(|variable| variable.iter().map(|value| (1, *value)).collect()).collect();
         Nest { sheet, powers }
-    }
-
-    /// The sum of some terms as a value, nested as the levels say, the first outermost.
-    pub(super) fn value(&mut self, leaves: &[&Leaf<'_>], levels: &[Level]) -> S::Value {
-        let part = self.part(leaves, levels);
-        self.written(part)
-    }
-
-    /// The same, its sign or its constant not yet written.
-    pub(super) fn part<'l>(&mut self, leaves: &[&'l Leaf<'_>], levels: &[Level]) -> Part<'l, S::Value> {
-        let Some((level, inner)) = levels.split_first() else {
-            // Check refuses two terms of the same powers, so one leaf is left.
-            return Part::Constant(&leaves[0].coefficient);
-        };
-        match level.form {
-            Form::Horner => {
-                let addends = horner::addends(self, leaves, level.factor, inner);
-                addends.into_iter().reduce(|sum, addend| self.sum(sum, addend)).expect("there is at least one term")
-            }
-            Form::Powers => {
-                let addends = powers::addends(self, leaves, level.factor, inner);
-                powers::sum(self, addends)
-            }
-        }
-    }
-
-    /// The same, its last sum not yet taken: it may be taken together with others.
-    pub(super) fn addends<'l>(&mut self, leaves: &[&'l Leaf<'_>], levels: &[Level]) -> Vec<Part<'l, S::Value>> {
-        match levels.split_first() {
-            Some((Level { factor, form: Form::Horner }, inner)) => horner::addends(self, leaves, *factor, inner),
-            Some((Level { factor, form: Form::Powers }, inner)) => powers::addends(self, leaves, *factor, inner),
-            None => vec![self.part(leaves, levels)],
-        }
     }
 
     /// A part as a value.

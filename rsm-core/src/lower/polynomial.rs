@@ -1,4 +1,4 @@
-//! Lowers a polynomial: variables, scales, and the sums that `nest.rs` writes by the scheme that `scheme.rs` chooses.
+//! Lowers a polynomial: variables, scales, and the sums that `levels.rs` writes by the scheme that `scheme.rs` chooses.
 //!
 //! In: terms with the powers of their factors. Out: a register.
 //! The scales of the variables are folded into the coefficients, exactly, before these are rounded: one operation a variable

@@ -1,8 +1,9 @@
 //! Chooses how the sums of a polynomial are nested: which variable is outermost, and in which of two forms each level is written.
 //!
 //! In: the terms, when each variable is ready, and for which the form of powers may be used. Out: a scheme. Never writes a tape: candidates
-//! are walked through as if they were written (`nest.rs`), and the one of the lowest score is taken.
+//! are walked through as if they were written (`levels.rs`), and the one of the lowest score is taken.
 
+use super::levels::{Form, Level};
 use super::nest::{Counted, Leaf, Nest};
 
 /// Every order of nesting is tried up to this many factors (6! = 720 walks of a small tree, for each choice of forms); beyond it, orders that
@@ -11,22 +12,6 @@ const ALL_ORDERS_UP_TO: usize = 6;
 
 /// Every choice of forms is tried up to this many factors (3! 2^3 = 48 walks); beyond it at most one level has the form of powers.
 const ALL_FORMS_UP_TO: usize = 3;
-
-/// How a level is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Form {
-    /// `horner.rs`
-    Horner,
-    /// `powers.rs`
-    Powers,
-}
-
-/// A sum over the powers of one factor; its coefficients are the levels inside.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Level {
-    pub(super) factor: usize,
-    pub(super) form: Form,
-}
 
 /// What is known of a factor that a term has.
 #[derive(Debug, Clone, Copy)]

@@ -5,10 +5,9 @@
 
 use std::collections::HashMap;
 
-use crate::elementary::Computed;
 use crate::number::{Precision, Rational, integer};
 
-use super::{Constant, Named, Note, Op, Port, Reg, State, Tape};
+use super::{Computed, Constant, Named, Note, Op, Port, Reg, State, Tape};
 
 /// Writes a tape operation by operation: of a surface, or of anything else that a crate wants to compute with the same bits everywhere.
 ///

@@ -5,9 +5,9 @@
 //! choice between constants.
 
 use crate::number::{Precision, exact};
-use crate::run::Scalar;
+use crate::scalar::Scalar;
 
-use super::{Op, Reg, Tape, TapeBuilder};
+use super::{Computed, Op, Reg, Tape, TapeBuilder};
 
 /// Registers of the new tape.
 struct Folding {
@@ -173,7 +173,7 @@ impl Tape {
             if let (Some(arguments), Some(result)) = (arguments, of(row.result))
                 && !matches!(tape.op(result), Op::Constant(_))
             {
-                tape.mark(crate::elementary::Computed { function: row.function, arguments, result });
+                tape.mark(Computed { function: row.function, arguments, result });
             }
         }
         let named = |list: &[super::Named]| -> Vec<(String, Reg)> {

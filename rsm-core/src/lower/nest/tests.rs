@@ -79,7 +79,7 @@ fn no_other_order_of_a_sum_is_shallower() {
                     ready.push(0);
                     parts.push(Part::Constant(&one_half));
                 }
-                let sum = powers::sum(&mut nest, parts);
+                let sum = super::super::levels::shallowest_sum(&mut nest, parts);
                 let (found, operations) = (nest.written(sum), ready.len() - 1);
                 assert_eq!((found, counted.operations), (shallowest(&ready), operations), "{ready:?} {has_constant}");
             }

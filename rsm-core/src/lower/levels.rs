@@ -1,0 +1,118 @@
+//! The walk through the levels of a nest, each level in one of two forms.
+//!
+//! In: terms, and levels as `scheme.rs` chose them, the first outermost. Out: the sum of the terms on a sheet. The forms are in one file, since a level of one form holds levels of the other.
+
+use super::nest::{Leaf, Nest, Part, Sheet, degree, with_power};
+
+/// How a level is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Form {
+    /// (... (a_d v + a_{d-1}) v + ...) v + a_0. It has the fewest operations of the two forms, and every one of them waits for the one before.
+    Horner,
+    /// A sum over shared powers: a_0 + a_1 v + a_2 v^2 + ..., each power of v written once. The products do not wait for each other, so the chain grows with
+    /// the logarithm of the degree where Horner's grows with twice the degree, for an operation a power beyond the first.
+    /// (Estrin, "Organization of computer systems: the fixed plus variable structure computer", 1960, splits a sum likewise.)
+    ///
+    /// It may not stand where an infinity can come in: inf - inf is NaN where Horner gives an infinity. `scheme.rs` sees to it.
+    Powers,
+}
+
+/// A sum over the powers of one factor; its coefficients are the levels inside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Level {
+    pub(super) factor: usize,
+    pub(super) form: Form,
+}
+
+impl<S: Sheet> Nest<'_, S> {
+    /// The sum of some terms as a value, nested as the levels say, the first outermost.
+    pub(super) fn value(&mut self, leaves: &[&Leaf<'_>], levels: &[Level]) -> S::Value {
+        let part = self.part(leaves, levels);
+        self.written(part)
+    }
+
+    /// The same, its sign or its constant not yet written.
+    fn part<'l>(&mut self, leaves: &[&'l Leaf<'_>], levels: &[Level]) -> Part<'l, S::Value> {
+        let Some((level, inner)) = levels.split_first() else {
+            // Check refuses two terms of the same powers, so one leaf is left.
+            return Part::Constant(&leaves[0].coefficient);
+        };
+        match level.form {
+            Form::Horner => {
+                let addends = horner_addends(self, leaves, level.factor, inner);
+                addends.into_iter().reduce(|sum, addend| self.sum(sum, addend)).expect("there is at least one term")
+            }
+            Form::Powers => {
+                let addends = power_addends(self, leaves, level.factor, inner);
+                shallowest_sum(self, addends)
+            }
+        }
+    }
+
+    /// The same, its last sum not yet taken: it may be taken together with others.
+    fn addends<'l>(&mut self, leaves: &[&'l Leaf<'_>], levels: &[Level]) -> Vec<Part<'l, S::Value>> {
+        match levels.split_first() {
+            Some((Level { factor, form: Form::Horner }, inner)) => horner_addends(self, leaves, *factor, inner),
+            Some((Level { factor, form: Form::Powers }, inner)) => power_addends(self, leaves, *factor, inner),
+            None => vec![self.part(leaves, levels)],
+        }
+    }
+}
+
+/// The product with v, then a_0, either of which may be absent.
+fn horner_addends<'l, S: Sheet>(
+    nest: &mut Nest<'_, S>,
+    leaves: &[&'l Leaf<'_>],
+    factor: usize,
+    inner: &[Level],
+) -> Vec<Part<'l, S::Value>> {
+    let mut sum: Vec<Part<'l, S::Value>> = vec![];
+    for exponent in (0..=degree(leaves, factor)).rev() {
+        if let Some(total) = sum.into_iter().reduce(|product, here| nest.sum(product, here)) {
+            let variable = nest.variable(factor);
+            sum = vec![nest.product(total, variable)];
+        } else {
+            sum = vec![];
+        }
+        let group = with_power(leaves, factor, exponent);
+        if !group.is_empty() {
+            sum.push(nest.part(&group, inner));
+        }
+    }
+    sum
+}
+
+/// The products a_k v^k, the highest first, then the addends of a_0.
+fn power_addends<'l, S: Sheet>(
+    nest: &mut Nest<'_, S>,
+    leaves: &[&'l Leaf<'_>],
+    factor: usize,
+    inner: &[Level],
+) -> Vec<Part<'l, S::Value>> {
+    let exponents = 1..=degree(leaves, factor);
+    let groups: Vec<_> = exponents.map(|k| (k, with_power(leaves, factor, k))).filter(|(_, group)| !group.is_empty()).collect();
+    // Low powers first: the higher are made of them.
+    let powers: Vec<S::Value> = groups.iter().map(|(k, _)| nest.power(factor, *k)).collect();
+    let product = |((_, group), power): (&(u32, Vec<&'l Leaf<'_>>), S::Value)| {
+        let coefficient = nest.part(group, inner);
+        nest.product(coefficient, power)
+    };
+    let mut addends: Vec<Part<'l, S::Value>> = groups.iter().zip(powers).rev().map(product).collect();
+    let rest = with_power(leaves, factor, 0);
+    if !rest.is_empty() {
+        addends.extend(nest.addends(&rest, inner));
+    }
+    addends
+}
+
+/// The sum of addends: again and again the two that are ready first, of equal ones those that came first. No other order is shallower.
+pub(super) fn shallowest_sum<'l, S: Sheet>(nest: &mut Nest<'_, S>, mut addends: Vec<Part<'l, S::Value>>) -> Part<'l, S::Value> {
+    while addends.len() > 1 {
+        // The sort is stable.
+        addends.sort_by_key(|addend| nest.ready(addend));
+        let [a, b] = [addends.remove(0), addends.remove(0)];
+        let sum = nest.sum(a, b);
+        addends.push(sum);
+    }
+    addends.pop().expect("there is at least one term")
+}

@@ -1,0 +1,60 @@
+//! The numbers that a tape is executed in: f64 and f32, with the operations that arithmetic alone does not have.
+//!
+//! In: a number. Out: its sign, its exponent, its bits. Never rounds.
+
+use crate::number::Precision;
+
+/// A scalar type that a tape can be executed in.
+pub trait Scalar:
+    Copy
+    + PartialOrd
+    + std::ops::Neg<Output = Self>
+    + std::ops::Add<Output = Self>
+    + std::ops::Sub<Output = Self>
+    + std::ops::Mul<Output = Self>
+    + std::ops::Div<Output = Self>
+{
+    /// Which precision this is.
+    const PRECISION: Precision;
+    /// A constant of a tape, which is exact in this type.
+    fn from_constant(value: f64) -> Self;
+    /// Clears the sign bit.
+    fn absolute(self) -> Self;
+    /// The number in the place of the exponent, without its bias: [`crate::tape::Op::Exponent`].
+    fn exponent(self) -> Self;
+    /// A whole number moved into the place of the exponent: [`crate::tape::Op::PowerOfTwo`].
+    fn power_of_two(self) -> Self;
+    /// The bits, in the low end.
+    fn bits(self) -> u64;
+}
+
+macro_rules! scalar {
+    ($float:ty, $precision:expr) => {
+        impl Scalar for $float {
+            const PRECISION: Precision = $precision;
+            fn from_constant(value: f64) -> Self {
+                value as $float
+            }
+            fn absolute(self) -> Self {
+                self.abs()
+            }
+            fn exponent(self) -> Self {
+                const DIGITS: u32 = <$float>::MANTISSA_DIGITS - 1;
+                let field = (self.to_bits() << 1) >> (DIGITS + 1);
+                field as $float - (<$float>::MAX_EXP - 1) as $float
+            }
+            fn power_of_two(self) -> Self {
+                const DIGITS: u32 = <$float>::MANTISSA_DIGITS - 1;
+                // In [2^52, 2^53), in f32 [2^23, 2^24), the last bit of a number is worth 1. Sum and bias are exact.
+                let one_and_a_half = (3u64 << (DIGITS - 1)) as $float;
+                let biased = self + (one_and_a_half + (<$float>::MAX_EXP - 1) as $float);
+                <$float>::from_bits(biased.to_bits() << DIGITS)
+            }
+            fn bits(self) -> u64 {
+                u64::from(self.to_bits())
+            }
+        }
+    };
+}
+scalar!(f64, Precision::F64);
+scalar!(f32, Precision::F32);
