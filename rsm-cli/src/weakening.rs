@@ -70,12 +70,7 @@ pub fn for_motor(plant: &PlantFile) -> (Bench, String) {
     let known = Drive::default().known(plant);
     let current = known.current_limit;
     let torque = known.torque_constant() * current;
-    // (r I + w_e lambda)^2 + (w_e L I)^2 = V^2: all current in the q axis at the limit of what references may need.
-    let (r, l, flux) = (known.resistance * current, known.inductance * current, known.flux_linkage);
-    let voltage = known.reference_voltage(known.bus_voltage);
-    let square = flux * flux + l * l;
-    let base = (((r * flux).powi(2) - square * (r * r - voltage * voltage)).sqrt() - r * flux) / square / known.pole_pairs;
-    let low = rounded(BELOW_BASE * base);
+    let low = rounded(BELOW_BASE * known.base_speed());
     let high = rounded(SPAN * low);
     let text = FIT
         .replace("range = [-21.6, 21.6]", &format!("range = [{:?}, {:?}]", -rounded(torque), rounded(torque)))

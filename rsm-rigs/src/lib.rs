@@ -13,3 +13,5 @@ pub mod motor;
 pub mod bench;
 
 pub mod track;
+
+pub mod refit;

@@ -13,16 +13,6 @@ use rsm_tests::cases;
 const CRATES: &[&str] =
     &["rsm-core", "rsm-macros", "rsm-fit", "rsm-import", "rsm-sim", "rsm-model", "rsm-rigs", "rsm-diagnose", "rsm-sweep"];
 
-/// Circles that are still there, each as its folder and its modules.
-const DEBT: &[(&str, &[&str])] = &[
-    ("rsm-core/src", &["elementary", "interval", "run", "tape"]),
-    ("rsm-core/src/lower", &["horner", "nest", "powers", "scheme"]),
-    (
-        "rsm-diagnose/src/plant",
-        &["claims", "compete", "error_breakdown", "everywhere", "experiment", "selection", "tested", "verdict", "veto"],
-    ),
-];
-
 /// Names from the root of a crate on.
 type Names = Vec<String>;
 
@@ -218,14 +208,7 @@ fn modules_of_a_folder_do_not_use_each_other_in_a_circle() {
     let root = cases::root();
     let found: BTreeSet<(String, Vec<String>)> =
         CRATES.iter().flat_map(|name| circles_of(&root.join(name).join("src"), name)).collect();
-    let debt: BTreeSet<(String, Vec<String>)> = DEBT
-        .iter()
-        .map(|(folder, modules)| ((*folder).to_string(), modules.iter().map(|it| (*it).to_string()).collect()))
-        .collect();
-    let new: Vec<_> = found.difference(&debt).collect();
-    assert!(new.is_empty(), "circles of modules, each with its folder: {new:#?}");
-    let paid: Vec<_> = debt.difference(&found).collect();
-    assert!(paid.is_empty(), "no circle any more, so no debt: {paid:#?}");
+    assert!(found.is_empty(), "circles of modules, each with its folder: {found:#?}");
 }
 
 #[test]

@@ -9,6 +9,9 @@ use super::{CELLS, Map, Mark, Series, Words, along, finite, name_of, thinned};
 /// More points than this of one line make a page heavy: two a pixel of a wide screen. What is zoomed into is then coarse, and a plot of the stretch that matters has all its rows.
 const MOST_POINTS: usize = 3000;
 
+/// The same of a line that has many like it, of which one is shown at a time.
+const FEW_POINTS: usize = 600;
+
 /// Significant digits of a number in a plot.
 const DIGITS: usize = 7;
 
@@ -17,7 +20,8 @@ pub fn curves(words: &Words<'_>, series: &[Series], decades: bool) -> Value {
     let shown = |point: &&(f64, f64)| finite(point) && (!decades || (point.0 > 0.0 && point.1 > 0.0));
     let one = |it: &Series| {
         let points: Vec<(f64, f64)> = it.points.iter().filter(shown).copied().collect();
-        let points = if it.mark == Mark::Line { thinned(&points, MOST_POINTS) } else { points };
+        let points =
+            if it.mark == Mark::Line { thinned(&points, if it.is_light { FEW_POINTS } else { MOST_POINTS }) } else { points };
         let mut value = object(it, &points);
         if let Some(states) = &it.states {
             value.insert("states".to_string(), json!(states));

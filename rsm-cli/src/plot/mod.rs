@@ -43,11 +43,13 @@ pub struct Series {
     states: Option<Vec<usize>>,
     /// Whether the still picture has it.
     is_still: bool,
+    /// Whether the live plot has few points of it.
+    is_light: bool,
 }
 
 impl Series {
     pub fn new(name: &str, colour: RGBColor, mark: Mark, points: Vec<(f64, f64)>) -> Self {
-        Series { name: name.to_string(), colour, mark, points, states: None, is_still: true }
+        Series { name: name.to_string(), colour, mark, points, states: None, is_still: true, is_light: false }
     }
 
     /// Shown in one state of the switch beside the figure.
@@ -55,9 +57,9 @@ impl Series {
         Series { states: Some(vec![state]), ..self }
     }
 
-    /// In the live plot only.
+    /// In the live plot only, and with few points: there are many like it.
     pub fn only_live(self) -> Self {
-        Series { is_still: false, ..self }
+        Series { is_still: false, is_light: true, ..self }
     }
 }
 
@@ -126,21 +128,19 @@ pub fn explorer(pictures: &str, series: &[Series], spec: &Value) -> String {
     figure(None, pictures, series, Some(spec), "<div class=\"explorer\"></div>\n")
 }
 
-/// A switch with its states in order: a name, and what is told while it is chosen.
-pub fn switch(group: &str, of: &str, states: &[(String, String)]) -> String {
-    let button = |(state, (name, told)): (usize, &(String, String))| {
-        format!(
-            "<button type=\"button\" data-state=\"{state}\" data-told=\"{}\" aria-pressed=\"{}\">{}</button>\n",
-            escaped(told),
-            state == 0,
-            escaped(name)
-        )
-    };
+/// A button a cause: pressed while the cause is in what is shown, as all are in the beginning. The state of the switch is the set of the pressed ones, a bit each, the first the lowest;
+/// `told` has what is told in each state. Nothing without causes.
+pub fn switch(group: &str, of: &str, causes: &[String], told: &[String]) -> String {
+    if causes.is_empty() {
+        return String::new();
+    }
+    let button = |name: &String| format!("<button type=\"button\" aria-pressed=\"true\">{}</button>\n", escaped(name));
     format!(
-        "<div class=\"switch\" role=\"group\" data-group=\"{}\">{}\n{}<span class=\"told\" aria-live=\"polite\"></span></div>\n",
+        "<div class=\"switch\" role=\"group\" data-group=\"{}\" data-told=\"{}\">{}\n{}<span class=\"told\" aria-live=\"polite\"></span></div>\n",
         escaped(group),
+        escaped(&json!(told).to_string()),
         escaped(of),
-        states.iter().enumerate().map(button).collect::<String>()
+        causes.iter().map(button).collect::<String>()
     )
 }
 

@@ -1,7 +1,7 @@
 // Put into a copy of a page before its own scripts: notes every fault, then uses every control as a reader would, and
 // leaves what it saw in place of the page.
 "use strict";
-const told = { faults: [], figures: 0, clicks: 0, sliders: 0, hovered: 0, zoomed: 0, spaces: 0, turned: 0, dragged: 0, values: [], switched: 0 };
+const told = { faults: [], figures: 0, clicks: 0, sliders: 0, hovered: 0, zoomed: 0, spaces: 0, turned: 0, dragged: 0, values: [], switched: 0, groups: [] };
 addEventListener("error", (event) => told.faults.push("error: " + event.message));
 addEventListener("unhandledrejection", (event) => told.faults.push("rejection: " + event.reason));
 addEventListener("securitypolicyviolation", (event) => told.faults.push("not allowed: " + event.violatedDirective + " " + event.blockedURI));
@@ -105,17 +105,31 @@ addEventListener("load", async () => {
     for (const group of document.querySelectorAll(".switch")) {
       const figures = [...document.querySelectorAll("figure")].filter((figure) => figure.dataset.group === group.dataset.group);
       check(figures.length > 0, "a switch switches nothing");
-      const shown = () => figures.map((figure) => figure.querySelector(".js-plotly-plot")._fullData.map((trace) => trace.name + trace.y.slice(0, 50)).join()).join();
-      for (const button of [...group.querySelectorAll("button")].reverse()) {
+      const traces = (figure) => figure.querySelector(".js-plotly-plot")._fullData;
+      const shown = () => figures.map((figure) => traces(figure).map((trace) => trace.name + trace.y.slice(0, 50)).join()).join();
+      const buttons = [...group.querySelectorAll("button")];
+      const isIn = (button) => button.getAttribute("aria-pressed") === "true";
+      check(buttons.length > 0 && buttons.every(isIn), "a cause is out before a click");
+      const states = {};
+      // From one set of causes to the next by one click each (the code of Gray), through all of them and back to all.
+      for (let step = 0; step <= 2 ** buttons.length; step += 1) {
+        const state = buttons.reduce((set, button, k) => set + (isIn(button) ? 2 ** k : 0), 0);
+        states[state] = {
+          told: group.querySelector(".told").textContent,
+          shown: traces(figures[0]).map((trace) => ({ name: trace.name, y: [...trace.y] })),
+        };
         const before = shown();
-        const pressed = button.getAttribute("aria-pressed") === "true";
+        const gray = (n) => n ^ (n >> 1);
+        const change = gray(step) ^ gray((step + 1) % 2 ** buttons.length);
+        if (step === 2 ** buttons.length) break;
+        const button = buttons[Math.log2(change)];
+        const pressed = isIn(button);
         await click(button);
-        check(button.getAttribute("aria-pressed") === "true", "a switch is not pressed");
-        if (!pressed) {
-          await until(() => shown() !== before, "a click switched nothing: " + button.textContent);
-          told.switched += 1;
-        }
+        check(isIn(button) !== pressed, "a click neither took a cause out nor put it back");
+        await until(() => shown() !== before, "a click switched nothing: " + button.textContent);
+        told.switched += 1;
       }
+      told.groups.push({ name: group.dataset.group, causes: buttons.map((button) => button.textContent), states });
     }
     const paper = () => getComputedStyle(document.body).backgroundColor;
     for (let k = 0; k < 2; k += 1) {

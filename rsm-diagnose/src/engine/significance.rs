@@ -61,6 +61,11 @@ pub(crate) fn ln_upper_f(f: f64, d1: f64, d2: f64) -> f64 {
     if f <= 0.0 { 0.0 } else { ln_beta_reg(d2 / 2.0, d1 / 2.0, d2 / (d2 + d1 * f)) }
 }
 
+/// ln of the probability that `width` arbitrary columns take as much of noise: the F test of the squares that they take against those that are left, with their degrees of freedom.
+pub(crate) fn ln_p_of_squares(taken: f64, width: f64, left: f64, freedom: f64) -> f64 {
+    ln_upper_f(taken.max(0.0) / width / (left / freedom).max(f64::MIN_POSITIVE), width, freedom)
+}
+
 /// ln P(|T| >= |t|).
 pub(crate) fn ln_two_sided_t(t: f64, freedom: f64) -> f64 {
     ln_upper_f(t * t, 1.0, freedom)
@@ -144,6 +149,13 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
 /// ln of the probability that the best of so many trials shows as much by chance, from that of one trial (C. E. Bonferroni, 1936).
 pub(crate) fn among(ln_p: f64, trials: f64) -> f64 {
     (ln_p + trials.max(1.0).ln()).min(0.0)
+}
+
+/// Of all that was tried what chance does most rarely, the first of equal ones, with ln of the probability that chance does as much anywhere, in so many looks at as many trials.
+pub(crate) fn rarest<T>(tried: impl IntoIterator<Item = (f64, T)>, looks: f64) -> Option<(f64, T)> {
+    let mut count = 0_u32;
+    let best = tried.into_iter().inspect(|_| count += 1).min_by(|a, b| a.0.total_cmp(&b.0));
+    best.map(|(ln_p, what)| (among(ln_p, looks * f64::from(count)), what))
 }
 
 /// What the best of so many trials gains with the probability [`ALARM`], if each may fit so many numbers to noise: chi squared, shared out among the trials (C. E. Bonferroni, 1936).
@@ -259,6 +271,21 @@ mod tests {
         let steps = far.windows(2).map(|it| it[1] - it[0]);
         // d z = d value/(2 z), to a hundredth.
         assert!(steps.into_iter().all(|it| (it * 2.0 * 35.7 - 1.0).abs() < 0.02), "{far:?}");
+    }
+
+    #[test]
+    fn squares_are_compared_by_their_degrees_of_freedom() {
+        // 6 of 2 columns against 12 of 8: F = 3/1.5, of which (1 + 2 2/8)^-4 is the tail.
+        assert!((ln_p_of_squares(6.0, 2.0, 12.0, 8.0) + 4.0 * 1.5_f64.ln()).abs() < 1e-9);
+        assert_eq!(ln_p_of_squares(-1.0, 2.0, 12.0, 8.0), 0.0);
+    }
+
+    #[test]
+    fn the_rarest_of_all_that_was_tried_pays_for_the_others() {
+        let tried = [(-3.0, "a"), (-9.0, "b"), (-9.0, "c"), (0.0, "d")];
+        assert_eq!(rarest(tried, 2.0), Some((-9.0 + 8.0_f64.ln(), "b")));
+        assert_eq!(rarest([(-0.5, "a"), (-0.1, "b")], 1.0), Some((0.0, "a")));
+        assert_eq!(rarest(Vec::<(f64, ())>::new(), 1.0), None);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use rsm_sim::kind::{OUTPUTS, PlantKind};
 const FARTHEST: usize = 50;
 
 /// One row either way is the phase of sampling: a shift is more.
-const LEAST: usize = 2;
+const LEAST_SHIFT: usize = 2;
 
 /// A shifted channel fits the simulation better by this factor, in squares, where it should have stood: its own slope explains what it misses.
 const BETTER: f64 = 4.0;
@@ -87,8 +87,8 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
                 late.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, late)| *late).collect();
             let (least, most) = others.iter().fold((isize::MAX, isize::MIN), |(low, high), it| (low.min(*it), high.max(*it)));
             let usual = (least + most).div_euclid(2);
-            let agree = ((most - least) as usize) < LEAST;
-            let apart = (late[place] - usual).unsigned_abs() >= LEAST && late[place].unsigned_abs() < FARTHEST;
+            let agree = ((most - least) as usize) < LEAST_SHIFT;
+            let apart = (late[place] - usual).unsigned_abs() >= LEAST_SHIFT && late[place].unsigned_abs() < FARTHEST;
             let at = |late: isize| errors[place][(late + FARTHEST as isize) as usize];
             if agree && apart && at(usual) > BETTER * at(late[place]) {
                 found.push(Shift { record, output: k, late: late[place] - usual });

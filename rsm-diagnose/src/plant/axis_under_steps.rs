@@ -8,7 +8,7 @@ use rsm_sim::kind::OUTPUTS;
 use super::hypotheses::Hypothesis;
 use super::model::Model;
 use super::noise::Floor;
-use super::selection::{Effort, Search};
+use super::search::{Effort, Search};
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_fit::random::Random;
 use rsm_sim::effect::Survey;

@@ -45,7 +45,7 @@ const TURNS: usize = 6;
 const OF_A_CHANGE: f64 = 1.0 / 12.0;
 
 /// Offsets that gain less together, in squared standard deviations of the noise, are not worth another calibration.
-const GAINS: f64 = 1.0;
+const LEAST_GAIN: f64 = 1.0;
 
 /// What was bridged in a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -219,7 +219,7 @@ fn correct(whitened: &mut WhitenedResiduals, fit: &Fit) -> bool {
     for record in 0..whitened.records.len() {
         correct_one(whitened, fit, &nuisance, record, &mut residual);
     }
-    before - nuisance.left(&residual).0 > GAINS
+    before - nuisance.left(&residual).0 > LEAST_GAIN
 }
 
 /// The same for one record; the residual of all follows.
@@ -266,7 +266,7 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
             whitened.records[record] = tried;
         }
         (*residual, cost) = (moved, left);
-        if gain < GAINS {
+        if gain < LEAST_GAIN {
             return;
         }
     }

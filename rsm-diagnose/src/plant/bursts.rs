@@ -18,7 +18,7 @@ use crate::engine::significance::median;
 pub const BURST: &str = "burst of noise";
 
 /// Deviations from the neighbours beyond which a reading is large: one of 80 of normal noise.
-const LARGE: f64 = 2.5;
+const LARGE_READING: f64 = 2.5;
 
 /// Rows of a window.
 const WINDOW: usize = 8;
@@ -33,7 +33,7 @@ const BELONGS: usize = 3;
 const MARGIN: usize = 2;
 
 /// Bursts are a small part of a record: with more, noise simply changes.
-const MOST: f64 = 0.2;
+const MOST_IN_BURSTS: f64 = 0.2;
 
 /// Fewer rows in all bursts do not show whether they follow themselves.
 const LEAST_ROWS: usize = 20;
@@ -42,7 +42,7 @@ const LEAST_ROWS: usize = 20;
 const LATER: usize = 4;
 
 /// A sum of products of independent readings passes so many of its standard deviations once in a thousand cases.
-const FOLLOWS: f64 = 3.3;
+const CORRELATED: f64 = 3.3;
 
 /// What is left of an output of a record, and the rows that count.
 pub(super) type LeftOf<'a> = (&'a [f64], &'a [bool]);
@@ -58,7 +58,7 @@ pub(super) fn of_output(lists: &[LeftOf<'_>]) -> Vec<Vec<Range<usize>>> {
     let rows: usize = bursts.iter().flatten().map(ExactSizeIterator::len).sum();
     let few = |(bursts, (_, used)): (&Vec<Range<usize>>, &LeftOf<'_>)| {
         let counted = used.iter().filter(|used| **used).count();
-        bursts.iter().map(ExactSizeIterator::len).sum::<usize>() as f64 <= MOST * counted as f64
+        bursts.iter().map(ExactSizeIterator::len).sum::<usize>() as f64 <= MOST_IN_BURSTS * counted as f64
     };
     if rows < LEAST_ROWS || !bursts.iter().zip(lists).all(few) || follows(lists, &bursts) {
         return none;
@@ -70,7 +70,7 @@ pub(super) fn of_output(lists: &[LeftOf<'_>]) -> Vec<Vec<Range<usize>>> {
 fn loud(left: &[f64], used: &[bool], least: usize) -> Vec<Range<usize>> {
     let off = off_neighbours(left, used);
     let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return Vec::new() };
-    let large: Vec<bool> = off.iter().map(|off| off.is_some_and(|off| off.abs() > LARGE * size)).collect();
+    let large: Vec<bool> = off.iter().map(|off| off.is_some_and(|off| off.abs() > LARGE_READING * size)).collect();
     let mut bursts: Vec<Range<usize>> = Vec::new();
     for start in 0..large.len().saturating_sub(WINDOW - 1) {
         let window = &large[start..start + WINDOW];
@@ -109,7 +109,7 @@ fn follows(lists: &[LeftOf<'_>], bursts: &[Vec<Range<usize>>]) -> bool {
             }
         }
     }
-    sums.iter().any(|(sum, squares)| sum.abs() > FOLLOWS * squares.sqrt())
+    sums.iter().any(|(sum, squares)| sum.abs() > CORRELATED * squares.sqrt())
 }
 
 /// Leaves the rows of bursts out, in both sets of records; whether there were any.

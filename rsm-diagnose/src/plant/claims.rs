@@ -4,15 +4,18 @@
 //! records contradict becomes a cause itself, with the number of the records beside that of the file. The effects are part of the plant during the search, so two searches
 //! decide: one keeps the claims, and the other, run where different numbers fit clearly better, uses those. The simpler explanation is believed.
 
+use super::cause::{Cause, Interval};
 use super::confidence::{self, Case};
+pub use super::diagnosis::Claim;
+use super::diagnosis::Diagnosis;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::prepared::Piece;
 use super::ready::{HeavyTails, Ready};
-use super::selection::Believed;
-use super::verdict::{self, Cause, Diagnosis, Interval, NAMED, Verdict};
+use super::search::Believed;
+use super::verdict::{self, LEAST_CONFIDENCE};
 use super::whitened_residuals::WhitenedResiduals;
-use super::{Options, Refused, bootstrap, checks, effect_size, of_nominal, taming, tested, validation};
+use super::{Options, Refused, Verdict, bootstrap, checks, effect_size, of_nominal, taming, tested, validation};
 use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -22,21 +25,6 @@ const STEPS: usize = 40;
 
 /// What chance gains with one free number, in squared standard deviations of the noise, with a wide margin: one in 10^6 is beyond 24.
 const BY_CHANCE: f64 = 24.0;
-
-/// An effect of the plant file, judged.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Claim {
-    /// The kind of the catalogue.
-    pub kind: &'static str,
-    /// The named output, where it has one.
-    pub subject: Option<String>,
-    /// Its numbers as the records have them, in the order of the file.
-    pub records: Vec<Interval>,
-    /// Its numbers as the file has them.
-    pub file: Vec<f64>,
-    /// Whether the records let it stand.
-    pub stands: bool,
-}
 
 /// The plant as the search takes it: errors of parameters are the parameters, all other effects are given.
 fn as_given(file: &PlantFile) -> PlantFile {
@@ -181,7 +169,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
         };
         let mut cause = verdict::cause(&judged.fit, *place, &believed, Vec::new(), confidence::confidence(&case), None);
         cause.sentence = told(&cause.sentence, claim);
-        let list = if explained || cause.confidence >= NAMED { &mut anew.causes } else { &mut anew.helpers };
+        let list = if explained || cause.confidence >= LEAST_CONFIDENCE { &mut anew.causes } else { &mut anew.helpers };
         list.push(cause);
     }
     let strongest = |list: &mut Vec<Cause>| list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
@@ -193,7 +181,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.claims = judged.claims.clone();
     // Errors before are those of the file, with its own numbers.
     anew.nominal = before.nominal.clone();
-    anew.gain = verdict::gain(&anew.nominal, &anew.extended);
+    anew.gain = validation::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
     let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
     let whitened = taming::tamed(judged.noise.on(prepared), &judged.filed.model);
@@ -201,7 +189,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     let sds = judged.noise.floors.map(|floor| floor.sd);
     let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));
     if let (Some(filed), Some(extended)) = (validation::on(&whitened, &filed), validation::on(&whitened, &extended)) {
-        anew.gain_interval = bootstrap::gain_interval(&whitened, &filed.simulated, &extended.simulated, verdict::gain_of);
+        anew.gain_interval = bootstrap::gain_interval(&whitened, &filed.simulated, &extended.simulated, validation::gain_of);
     }
     anew.tested = tested::tested(setting.filed, setting.test, &judged.noise, &filed, &extended);
     anew

@@ -8,7 +8,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
 use super::screen::Screened;
-use super::selection::Search;
+use super::search::Search;
 use super::variable_projection::{Projected, project};
 use super::{effect_size, multistart, validation, waves, whiteness};
 use crate::engine::significance::best_of;

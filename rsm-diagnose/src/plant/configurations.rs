@@ -8,7 +8,7 @@ use super::model::{Model, Place};
 use super::noise::Floor;
 use super::posterior::Posterior;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
-use super::{validation, verdict, whiteness};
+use super::{own_noise, validation, whiteness};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::record::Record;
 
@@ -119,5 +119,5 @@ fn structure(whitened: &WhitenedResiduals, fit: &Fit, sds: &[Option<f64>]) -> Op
     }
     let there = validation::on(whitened, &fit.model)?;
     let moved = validation::within(whitened, &fit.model, sds, &there)?;
-    Some(verdict::left_there(whitened, moved, 1).excess)
+    Some(own_noise::left_there(whitened, moved, 1).excess)
 }

@@ -37,16 +37,16 @@ const HIGHEST_ORDER: u32 = 5;
 const PARTS: usize = 8;
 
 /// The fewest terms are wanted that explain this share of what the best choice explains: the rest is the path of one record.
-const AS_GOOD: f64 = 0.99;
+const SHARE_OF_BEST: f64 = 0.99;
 
 /// Blocks of a record over which the scatter of the gain is taken: long against the memory of a residual, enough for a standard deviation.
 const BLOCKS: usize = 10;
 
 /// One side of a normal distribution beyond which lie 5 % shared by three outputs.
-const SURE: f64 = 2.13;
+const ONE_SIDED_POINT: f64 = 2.13;
 
 /// What a surface removes of its output's error beyond noise, at least: less is not worth a file.
-const WORTH: f64 = 0.02;
+const LEAST_GAIN: f64 = 0.02;
 
 /// An output with its surface.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,7 +133,7 @@ pub fn correction(
         all += beyond;
         lost += judged.gain;
         let Some(surface) = fitted else { continue };
-        if judged.gain < WORTH * beyond || judged.gain < SURE * judged.variance.sqrt() {
+        if judged.gain < LEAST_GAIN * beyond || judged.gain < ONE_SIDED_POINT * judged.variance.sqrt() {
             continue;
         }
         won += judged.gain;
@@ -378,7 +378,7 @@ fn fit(
         let ladder = Ladder { fit: &even, judge: &judge, terms: &terms, max_order, wanted };
         ladder.climb(&mut |_, _, _| {}).ok().filter(|climb| climb.confidence > 0.0)
     };
-    let climb = climb(AS_GOOD * climb(100.0)?.confidence)?;
+    let climb = climb(SHARE_OF_BEST * climb(100.0)?.confidence)?;
     let whole = triangle(&|_| true);
     let coefficients = Growing::of(&whole, &climb.chosen).ok()?.coefficients();
     // Inputs that no chosen term contains are none.

@@ -6,12 +6,12 @@
 /// A cause must remove a twentieth of the error that is left above the noise, 2.5 % of its root mean square: one that is right removes most of what is left, but for what
 /// other causes do, and the strongest comes first. On the measured axis, dry friction removes 80 % of the squared error, its offset 60 % of what is then left, its
 /// asymmetry 20 %; the next best trace of the catalogue 1.5 %.
-const SHARE: f64 = 0.05;
+const OF_WHAT_IS_LEFT: f64 = 0.05;
 
 /// The least gain, for the error above the noise in a squared residual of so many rows.
 #[must_use]
 pub fn least(squared: f64, rows: usize) -> f64 {
-    SHARE * (squared - rows as f64).max(0.0)
+    OF_WHAT_IS_LEFT * (squared - rows as f64).max(0.0)
 }
 
 /// What decides between two explanations: what chance does, `threshold`, and where more than noise is left, a twentieth of that. One scale for naming a cause, for leaving it out

@@ -3,6 +3,9 @@
 //! In: the nominal, the calibrated and the extended plant along the records that judge, and the causes that are believed. Out: an [`ErrorBreakdown`]: errors by region, frequency and
 //! order, curves, the calibration, what each cause removes, what is left, and a correction of it. No verdict depends on it.
 
+pub use super::cause::Witness;
+use super::combinations::{self, Combinations, Combined};
+pub use super::compared::Compared;
 use super::correction::{self, Offer};
 use super::levenberg::Fit;
 use super::model::{Model, Place};
@@ -10,7 +13,7 @@ use super::orders::{self, Orders};
 use super::posterior::Posterior;
 use super::quantities;
 use super::regions::{self, Region, Side, Slice};
-use super::selection::Believed;
+use super::search::Believed;
 use super::spectrum::{self, Spectrum};
 use super::validation;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
@@ -71,19 +74,6 @@ pub struct Moved {
     pub sds: f64,
 }
 
-/// What a cause does on the records that judge, against the plant without it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Witness {
-    /// Root mean square error over the noise of each output: its place, without the cause, with it.
-    pub outputs: Vec<(usize, f64, f64)>,
-    /// Of each record: its name, squared residual without and with the cause, in squared standard deviations of the noise.
-    pub records: Vec<(String, f64, f64)>,
-    /// Where the plant without it is wrong.
-    pub places: Vec<Region>,
-    /// What the plant without it simulates, everything else fitted again: a list of values for each of [`ErrorBreakdown::traces`], in their order and unit.
-    pub without: Vec<Vec<f64>>,
-}
-
 /// Everything that a report shows.
 #[derive(Debug, Clone, Default)]
 pub struct ErrorBreakdown {
@@ -107,38 +97,53 @@ pub struct ErrorBreakdown {
     pub calibration: Vec<Moved>,
     /// The black-box correction, where structure is left.
     pub correction: Option<Offer>,
+    /// What each combination of the strongest causes does.
+    pub combinations: Combinations<Combined>,
 }
 
-/// What is compared.
-pub struct Compared<'a> {
-    /// Training records.
-    pub whitened: &'a WhitenedResiduals,
-    /// Records that no fit saw; may be empty.
-    pub unseen: &'a WhitenedResiduals,
-    /// The plant as its file says.
-    pub nominal: &'a Model,
-    /// The extended plant, as fitted to the training records.
-    pub fit: &'a Fit,
-    /// The nominal plant along the records that judge.
-    pub nominal_there: &'a Fit,
-    /// The same, calibrated within its tolerances: what causes are asked to explain.
-    pub before: &'a Fit,
-    /// The extended plant along them.
-    pub after: &'a Fit,
-    /// Whether structure is left, so that a correction is worth a try.
-    pub structure: bool,
-}
+/// An order that is told has a spectrum of more orders than this.
+const LEAST_ORDERS: usize = 5;
 
-impl Compared<'_> {
-    /// The records that judge.
-    fn judged(&self) -> &WhitenedResiduals {
-        if self.unseen.records.is_empty() { self.whitened } else { self.unseen }
+impl ErrorBreakdown {
+    /// Files and rows of the records that judge.
+    #[must_use]
+    pub fn judging(&self) -> &[(String, usize)] {
+        &self.records[usize::from(self.unseen)]
+    }
+
+    /// The curves of an output in the record where the calibrated plant is worst, with their place among all.
+    #[must_use]
+    pub fn worst(&self, output: usize) -> Option<(usize, &Trace)> {
+        let traces = self.traces.iter().enumerate().filter(|(_, it)| it.output == output);
+        traces.max_by(|a, b| a.1.error.total_cmp(&b.1.error))
+    }
+
+    /// Spectra over orders of the outputs in which an order is a place of the error, before or after.
+    pub fn telling_orders(&self) -> impl Iterator<Item = &Orders> {
+        let has_place = |it: &&Orders| {
+            let is_place = |region: &Region| region.output == it.output && region.quantity == "order";
+            self.before.iter().chain(&self.after).any(is_place)
+        };
+        self.orders.iter().filter(|it| it.order.len() >= LEAST_ORDERS).filter(has_place)
     }
 }
 
-/// Paints it. `before` and `after` of all that it holds are the calibrated and the extended plant.
+/// The breakdown, and what the strongest causes do on the records that judge, by their place among those that are believed. `before` and `after` of all that it holds are the calibrated
+/// and the extended plant.
 #[must_use]
-pub fn error_breakdown(it: &Compared<'_>) -> ErrorBreakdown {
+pub fn error_breakdown(it: &Compared<'_>, believed: &[Believed]) -> (ErrorBreakdown, Vec<Option<Witness>>) {
+    let strongest = combinations::strongest(believed);
+    let without: Vec<Option<Fit>> =
+        strongest.iter().map(|place| validation::on(it.judged(), &believed[*place].without)).collect();
+    let mut witnesses = vec![None; believed.len()];
+    for (place, without) in strongest.iter().zip(&without).take(CLOSELY) {
+        witnesses[*place] = without.as_ref().map(|without| witness(it, without));
+    }
+    (ErrorBreakdown { combinations: combinations::combinations(it, believed, &without), ..of_plants(it) }, witnesses)
+}
+
+/// The breakdown without any figure of a single cause.
+fn of_plants(it: &Compared<'_>) -> ErrorBreakdown {
     let judged = it.judged();
     let (before, after) = (&it.before.simulated, &it.after.simulated);
     let quantities = quantities::quantities(judged, &it.fit.model, after);
@@ -184,6 +189,7 @@ pub fn error_breakdown(it: &Compared<'_>) -> ErrorBreakdown {
         traces,
         calibration: calibration(it.nominal, it.fit),
         correction,
+        combinations: Combinations::default(),
     }
 }
 
@@ -237,47 +243,28 @@ fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
     moved.collect()
 }
 
-/// What the strongest causes do on the records that judge, by their place among those that are believed.
-#[must_use]
-pub fn witnesses(it: &Compared<'_>, believed: &[Believed]) -> Vec<Option<Witness>> {
-    let mut order: Vec<usize> = (0..believed.len()).collect();
-    order.sort_by(|a, b| believed[*b].gain.total_cmp(&believed[*a].gain));
-    order.truncate(CLOSELY);
+/// What a cause does on the records that judge, from the plant without it there.
+fn witness(it: &Compared<'_>, without: &Fit) -> Witness {
     let judged = it.judged();
-    let errors = validation::errors(judged, it.after);
-    (0..believed.len())
-        .map(|place| {
-            if !order.contains(&place) {
-                return None;
-            }
-            let without = validation::on(judged, &believed[place].without)?;
-            let quantities = quantities::quantities(judged, &it.fit.model, &it.after.simulated);
-            let slices = regions::slices(judged, &without.simulated, &it.after.simulated, &quantities);
-            let spectra = spectrum::spectra(judged, &without.simulated, &it.after.simulated);
-            let orders = orders::orders(judged, &it.fit.model, &without.simulated, &it.after.simulated);
-            let spectral = orders::spectral(judged, &slices, &spectra, &orders, Side::Before);
-            let places = regions::telling(&regions::regions(&slices, &spectral, Side::Before), PLACES);
-            let squared = |fit: &Fit, record: usize| {
-                let first = judged.first(record);
-                let own = &fit.residual[first..first + WhitenedResiduals::length(&judged.records[record])];
-                own.iter().map(|value| value * value).sum::<f64>()
-            };
-            Some(Witness {
-                outputs: validation::errors(judged, &without)
-                    .iter()
-                    .zip(&errors)
-                    .map(|(without, with)| (without.output, without.noise_ratio, with.noise_ratio))
-                    .collect(),
-                records: (0..judged.records.len())
-                    .map(|k| {
-                        let name = regions::name_of(&judged.records[k].record.file);
-                        (name, squared(&without, k), squared(it.after, k))
-                    })
-                    .collect(),
-                places,
-                // In the order in which the traces are made: record by record, output by output.
-                without: without.simulated.iter().flatten().cloned().collect(),
+    let quantities = quantities::quantities(judged, &it.fit.model, &it.after.simulated);
+    let slices = regions::slices(judged, &without.simulated, &it.after.simulated, &quantities);
+    let spectra = spectrum::spectra(judged, &without.simulated, &it.after.simulated);
+    let orders = orders::orders(judged, &it.fit.model, &without.simulated, &it.after.simulated);
+    let spectral = orders::spectral(judged, &slices, &spectra, &orders, Side::Before);
+    let squared = |fit: &Fit, record: usize| {
+        let first = judged.first(record);
+        let own = &fit.residual[first..first + WhitenedResiduals::length(&judged.records[record])];
+        own.iter().map(|value| value * value).sum::<f64>()
+    };
+    let outputs = validation::errors(judged, without).into_iter().zip(validation::errors(judged, it.after));
+    Witness {
+        outputs: outputs.map(|(without, with)| (without.output, without.noise_ratio, with.noise_ratio)).collect(),
+        records: (0..judged.records.len())
+            .map(|k| {
+                let name = regions::name_of(&judged.records[k].record.file);
+                (name, squared(without, k), squared(it.after, k))
             })
-        })
-        .collect()
+            .collect(),
+        places: regions::telling(&regions::regions(&slices, &spectral, Side::Before), PLACES),
+    }
 }

@@ -13,12 +13,12 @@ use super::posterior::Posterior;
 use super::prepared::Piece;
 use super::share;
 use super::whitened_residuals::WhitenedResiduals;
-use super::{regions, taming, validation, verdict, whiteness};
+use super::{own_noise, regions, taming, validation, whiteness};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
 /// Rows of a window that count: as long as records that a search takes whole.
-const WINDOW: usize = 8000;
+const WINDOW_ROWS: usize = 8000;
 
 /// Sub-steps that all windows may take together: a quarter of a minute of one core, at 150 ns each. What is beyond is not asked, and is said.
 const MOST_STEPS: u64 = 100_000_000;
@@ -50,12 +50,12 @@ pub struct Everywhere {
 }
 
 /// Windows that a sentence names.
-const NAMED: usize = 3;
+const NAMED_WINDOWS: usize = 3;
 
 impl fmt::Display for Everywhere {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "The answer was then asked on {} of all {} rows, in {} windows: ", self.rows, self.of, self.windows)?;
-        let names: Vec<String> = self.beyond.iter().take(NAMED).map(|it| regions::name_of(&it.record)).collect();
+        let names: Vec<String> = self.beyond.iter().take(NAMED_WINDOWS).map(|it| regions::name_of(&it.record)).collect();
         match (self.beyond.len(), self.excess > 0.0) {
             (0, false) => write!(f, "each leaves noise")?,
             (0, true) => write!(f, "each leaves noise, and all together {:.1} % more than noise", 100.0 * self.excess)?,
@@ -76,12 +76,12 @@ impl fmt::Display for Everywhere {
 /// Windows of a record, made as they are asked for, in an order in which the first ones are spread over it.
 fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterator<Item = Piece> + 'a> {
     let rows = record.rows();
-    let beginning = record.piece(0..WINDOW.min(rows));
-    let Some(settling) = share::settling(&beginning, file).filter(|settling| 2 * settling <= WINDOW) else {
+    let beginning = record.piece(0..WINDOW_ROWS.min(rows));
+    let Some(settling) = share::settling(&beginning, file).filter(|settling| 2 * settling <= WINDOW_ROWS) else {
         // A plant that does not forget its start goes on from the first one.
         return Box::new(std::iter::once_with(|| Piece::whole(record.clone())));
     };
-    let count = rows.div_ceil(WINDOW);
+    let count = rows.div_ceil(WINDOW_ROWS);
     let mut order: Vec<usize> = (0..count).collect();
     // Bits reversed: halves, quarters, eighths.
     order.sort_by_key(|k| k.reverse_bits());
@@ -125,15 +125,15 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
             }
             let there = taming::tamed(whitened.on(prepared), &fit.model);
             // From first readings straight on; where that leaves something, as carefully as an unseen record.
-            let quick = validation::at_once(&there, &fit.model).map(|started| verdict::left_there(&there, started, looks));
+            let quick = validation::at_once(&there, &fit.model).map(|started| own_noise::left_there(&there, started, looks));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
                 let started = validation::on(&there, &fit.model)?;
-                let left = verdict::left_there(&there, started.clone(), looks);
+                let left = own_noise::left_there(&there, started.clone(), looks);
                 if left.excess <= 0.0 {
                     return Some(left);
                 }
                 let moved = validation::within(&there, &fit.model, &sds, &started);
-                Some(moved.map_or(left, |moved| verdict::left_there(&there, moved, looks)))
+                Some(moved.map_or(left, |moved| own_noise::left_there(&there, moved, looks)))
             });
             let Some(left) = left else {
                 found.lost.push(name);

@@ -7,10 +7,10 @@
 use super::excitations::{self, Excitation, Limits};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
-use super::verdict::{Alias, Verdict};
 use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
+use crate::engine::verdict::Verdict;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -24,6 +24,19 @@ const SIGMAS: f64 = 2.0;
 
 /// Cells of each operating quantity in which an error without a cause is looked for: quarters hold enough rows for a mean.
 const CELLS: usize = 4;
+
+/// A rival that the records do not tell from a cause.
+#[derive(Debug, Clone)]
+pub struct Alias {
+    /// The cause that is believed.
+    pub cause: String,
+    /// The rival.
+    pub rival: String,
+    /// The plant with the rival in place of the cause, fitted to the same records.
+    pub model: Model,
+    /// By how much one of them has to do worse before it is refused, in squared standard deviations of the noise.
+    pub limit: f64,
+}
 
 /// Two plants along a record.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 
 use super::growth::Growth;
 use super::rounding::Rounding;
+use crate::engine::autoregression::innovations;
 
 /// The noise of an output.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,24 +58,11 @@ impl Floor {
     /// Whitened values of length one where the noise is as estimated. Rows that are not `used` give 0. What the last used row says of the next one falls with the rows between:
     /// after n of them the correlation is its n-th power.
     pub fn whiten(&self, values: &[f64], used: &[bool], into: &mut Vec<f64>) {
-        let innovation = self.innovation();
-        let mut last: Option<usize> = None;
-        for (row, value) in values.iter().enumerate() {
-            if !used[row] {
-                into.push(0.0);
-                continue;
-            }
-            into.push(match last {
-                None => value / self.sd,
-                Some(before) if before + 1 == row || self.correlation == 0.0 => {
-                    (value - self.correlation * values[before]) / innovation
-                }
-                Some(before) => {
-                    let correlation = self.correlation.powi(i32::try_from(row - before).unwrap_or(i32::MAX));
-                    (value - correlation * values[before]) / (self.sd * (1.0 - correlation * correlation).sqrt())
-                }
-            });
-            last = Some(row);
+        let first = into.len();
+        into.resize(first + values.len(), 0.0);
+        let kept = values.iter().enumerate().filter(|(row, _)| used[*row]).map(|(row, value)| (row, *value));
+        for new in innovations(self.correlation, kept) {
+            into[first + new.row] = new.value / (self.sd * new.sd);
         }
     }
 

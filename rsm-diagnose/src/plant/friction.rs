@@ -6,7 +6,7 @@ use super::compete::{count, within_tolerance};
 use super::hypotheses::{generalises, levels};
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::selection::Search;
+use super::search::Search;
 use crate::engine::significance::best_of;
 use rsm_sim::effect::declared::{Forms, Part};
 use rsm_sim::plant_file::Entry;

@@ -10,7 +10,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::multistart::escaped;
 use super::screen::{Screened, screen};
-use super::selection::Search;
+use super::search::Search;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::{Guess, Role};
 

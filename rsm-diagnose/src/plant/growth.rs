@@ -16,7 +16,7 @@ const LEAST_ROWS: usize = 50;
 const BESIDE: usize = 4;
 
 /// The variance of the logarithm of a deviation that comes from a median is this over the independent rows (P. J. Huber, "Robust statistics", 1981, section 5.1).
-const OF_MEDIAN: f64 = 1.36;
+const OF_DEVIATION: f64 = 1.36;
 
 /// Of second differences of white noise so many stand for an independent row: their correlations are -2/3 and 1/6, so that squares are correlated by 4/9 and 1/36, to both sides.
 const ROWS_A_DIFFERENCE: f64 = 1.94;
@@ -26,10 +26,10 @@ const OF_SECOND_DIFFERENCE: f64 = 0.826;
 
 /// The likelihood ratio that growth must reach. Chi squared with one degree of freedom passes 20 once in 130,000 cases. Two laws are tried at every rate, of three outputs, some ten times in a
 /// diagnosis: with four independent trials a look, a false alarm comes once in a thousand diagnoses, a tenth of what structure may have (`whiteness`).
-const SURE: f64 = 20.0;
+const LEAST_RATIO_OF_GROWTH: f64 = 20.0;
 
 /// Growth of less than this from the smallest to the largest reading changes no figure.
-const LEAST: f64 = 1.25;
+const LEAST_GROWTH: f64 = 1.25;
 
 /// Student's t with ten degrees of freedom passes this once in 1000, two-sided: twelve parts with a line through them.
 const OTHER_SHAPE: f64 = 4.59;
@@ -96,7 +96,7 @@ impl Growth {
             }
             parts.push((size, deviation.ln()));
         }
-        let variance = OF_MEDIAN * ROWS_A_DIFFERENCE / count as f64;
+        let variance = OF_DEVIATION * ROWS_A_DIFFERENCE / count as f64;
         // Squared misfit of the logarithms about their own level, in units of their error.
         let misfit = |law: &dyn Fn(f64) -> f64| {
             let off: Vec<f64> = parts.iter().map(|(size, log)| log - law(*size).ln()).collect();
@@ -105,7 +105,7 @@ impl Growth {
         };
         let even = misfit(&|_| 1.0);
         let largest = parts.last()?.0;
-        let (mut best, mut least) = (None, even - SURE);
+        let (mut best, mut least) = (None, even - LEAST_RATIO_OF_GROWTH);
         for sum in [true, false] {
             // From a tenth of its own to a hundred times as much at the largest readings, in steps of 5 %.
             for step in 0..=142 {
@@ -118,7 +118,7 @@ impl Growth {
             }
         }
         let best: Growth = best?;
-        if best.plain(largest) < LEAST * best.plain(parts[0].0) {
+        if best.plain(largest) < LEAST_GROWTH * best.plain(parts[0].0) {
             return None;
         }
         let squares = rows.iter().map(|it| best.plain(it.0).powi(2)).sum::<f64>() / rows.len() as f64;

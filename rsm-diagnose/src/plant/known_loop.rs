@@ -11,9 +11,9 @@
 //! A difference of readings is much noisier than the readings, and noise in a regressor makes its coefficient too small. The law a few rows earlier, whose noise is independent, serves as the
 //! instrument (P. G. Wright, 1928). Intervals come from leaving out parts of the records in turn (J. W. Tukey, 1958); so does the gain on rows that did not give the coefficients.
 
+use super::cause::{Cause, Interval};
 use super::confidence::EXPLAINED;
 use super::whitened_residuals::Prepared;
-use super::{Cause, Interval};
 use rsm_sim::effect::{Arguments, Role};
 use rsm_sim::plant_file::{Entry, PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
@@ -25,10 +25,10 @@ const OLDER: usize = 5;
 const PARTS: usize = 10;
 
 /// 97.5 % of Student's t with nine degrees of freedom.
-const REACH: f64 = 2.262;
+const T_POINT: f64 = 2.262;
 
 /// 99.95 % of it: a gain that is named as off lies so far from 1. Two gains are asked of every loop, and 95 % would name a sensor that is in order in one of twenty.
-const NAMED: f64 = 4.781;
+const OFF_POINT: f64 = 4.781;
 
 /// Fewer rows say nothing.
 const LEAST_ROWS: usize = 200;
@@ -40,10 +40,10 @@ const FARTHEST: isize = 4;
 const LATE: f64 = 0.25;
 
 /// A gain is wrong where the two lines leave less than this share of the squares on rows that did not make them: two thirds of the r.m.s.
-const WORTH: f64 = 0.45;
+const LEFT_BY_GAINS: f64 = 0.45;
 
 /// And where they leave less than this share of the command: a law of another controller would fit as badly with any gain.
-const FOLLOWS: f64 = 0.2;
+const LEFT_BY_LAW: f64 = 0.2;
 
 /// A reading of the command beyond this share of its largest one, or of its limit, may be the limit, its noise and a gain of its own, and is no law.
 const LIMITED: f64 = 0.9;
@@ -62,8 +62,8 @@ pub struct Known {
 impl Known {
     /// Whether a gain is surely not 1.
     fn is_off(&self) -> bool {
-        let sd = 0.5 * (self.high - self.low) / REACH;
-        (self.value - 1.0).abs() > NAMED * sd
+        let sd = 0.5 * (self.high - self.low) / T_POINT;
+        (self.value - 1.0).abs() > OFF_POINT * sd
     }
 }
 
@@ -87,7 +87,7 @@ pub struct KnownLoop {
 impl KnownLoop {
     /// Whether the law with these gains is the controller's, and as the file states it is not.
     fn is_worth(&self) -> bool {
-        self.left * self.left < WORTH * self.stated * self.stated && self.left < FOLLOWS * self.size
+        self.left * self.left < LEFT_BY_GAINS * self.stated * self.stated && self.left < LEFT_BY_LAW * self.size
     }
 
     /// The sensors that are off, as entries of the plant.
@@ -304,7 +304,7 @@ pub fn look(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
         let count = parts.len() as f64;
         let mean = parts.iter().map(|it| it[which]).sum::<f64>() / count;
         let sd = ((count - 1.0) / count * parts.iter().map(|it| (it[which] - mean).powi(2)).sum::<f64>()).sqrt();
-        Known { value, low: value - REACH * sd, high: value + REACH * sd }
+        Known { value, low: value - T_POINT * sd, high: value + T_POINT * sd }
     };
     let size = (rows.iter().map(|row| row.command * row.command).sum::<f64>() / rows.len() as f64).sqrt();
     let left = (squares / rows.len() as f64).sqrt();

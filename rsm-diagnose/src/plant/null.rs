@@ -6,7 +6,7 @@ use super::whitened_residuals::WhitenedResiduals;
 use rsm_fit::random::Random;
 
 /// Slower noise than this is a drift.
-const SLOWEST: f64 = 0.995;
+const SLOWEST_DRAWN: f64 = 0.995;
 
 /// Noise as it comes out of the whitening: white but for the error of the floor's correlation, which is drawn, too.
 #[must_use]
@@ -14,7 +14,9 @@ pub(super) fn noise(whitened: &WhitenedResiduals, random: &mut Random) -> Vec<f6
     let off: Vec<f64> = whitened
         .floors
         .iter()
-        .map(|floor| (floor.correlation + floor.error * random.normal()).clamp(-SLOWEST, SLOWEST) - floor.correlation)
+        .map(|floor| {
+            (floor.correlation + floor.error * random.normal()).clamp(-SLOWEST_DRAWN, SLOWEST_DRAWN) - floor.correlation
+        })
         .collect();
     let mut stack = Vec::with_capacity(whitened.rows());
     for prepared in &whitened.records {

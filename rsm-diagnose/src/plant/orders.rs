@@ -17,19 +17,19 @@ use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 
 /// Turns of a piece: a window over eight turns separates halves of an order.
-const TURNS: f64 = 8.0;
+const TURNS_A_PIECE: f64 = 8.0;
 
 /// Slower than this share of the greatest speed the angle does not move enough to be a ruler.
-const SLOWEST: f64 = 0.05;
+const SLOWEST_TURNING: f64 = 0.05;
 
 /// The highest frequency at which a wave is still followed, as a share of the sample rate.
-const HIGHEST: f64 = 0.45;
+pub(super) const HIGHEST_FREQUENCY: f64 = 0.45;
 
 /// Waves over the whole way of an axis, at most.
 const MOST_WAVES: usize = 400;
 
 /// Orders that are named at most, of an output.
-const NAMED: usize = 3;
+const NAMED_ORDERS: usize = 3;
 
 /// The orders of an output.
 #[derive(Debug, Clone, PartialEq)]
@@ -147,7 +147,7 @@ fn rotation(whitened: &WhitenedResiduals, of: &'static str, at: Vec<Vec<f64>>, m
         for run in runs(&speed) {
             let mut first = run.start;
             for row in run.clone() {
-                if (at[row] - at[first]).abs() >= TURNS {
+                if (at[row] - at[first]).abs() >= TURNS_A_PIECE {
                     pieces.push((record, first..row));
                     first = row;
                 }
@@ -189,7 +189,7 @@ fn travel(whitened: &WhitenedResiduals, at: Vec<Vec<f64>>) -> Option<Way> {
 
 /// Rows of motion in one direction.
 fn runs(speed: &[f64]) -> Vec<Range<usize>> {
-    let least = SLOWEST * speed.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    let least = SLOWEST_TURNING * speed.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     let mut list = Vec::new();
     let mut first = 0;
     for row in 0..=speed.len() {
@@ -225,7 +225,7 @@ fn of_one(whitened: &WhitenedResiduals, way: &Way, output: usize, before: &[Simu
         let period = prepared.record.period;
         let steps: Vec<f64> = piece.clone().map(|row| at[(row + 1).min(at.len() - 1)] - at[row]).collect();
         let fastest = steps.iter().fold(0.0_f64, |most, step| most.max(step.abs())) / period;
-        let reach = way.order.partition_point(|order| order * fastest < HIGHEST / period);
+        let reach = way.order.partition_point(|order| order * fastest < HIGHEST_FREQUENCY / period);
         let weights: Vec<f64> = piece
             .clone()
             .zip(&steps)
@@ -290,7 +290,7 @@ impl Orders {
     #[must_use]
     pub fn regions(&self, side: Side, own: f64, all: f64) -> Vec<Region> {
         let power = self.of(side);
-        let found = peaks(power, self.averages, self.apart).into_iter().take(NAMED);
+        let found = peaks(power, self.averages, self.apart).into_iter().take(NAMED_ORDERS);
         found
             .map(|peak| {
                 let beyond = power[peak.place] - power[peak.place] / peak.ratio;

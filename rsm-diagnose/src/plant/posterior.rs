@@ -25,7 +25,7 @@ const BEFORE: usize = 500;
 const NEXT_TO_NOTHING: f64 = 0.005;
 
 /// Share of the draws in an interval.
-const SHARE: f64 = 0.95;
+const SHARE_OF_DRAWS: f64 = 0.95;
 
 /// Standard deviations and intervals of a fit's unknowns, each on the scale of its search; `None` of what does not move.
 #[derive(Debug, Clone)]
@@ -239,7 +239,7 @@ fn truncated(random: &mut Random, low: f64, high: f64) -> f64 {
 fn shortest(mut list: Vec<f64>, bounds: (f64, f64)) -> (f64, f64, f64) {
     list.sort_by(f64::total_cmp);
     let count = list.len();
-    let held = (SHARE * count as f64).ceil() as usize;
+    let held = (SHARE_OF_DRAWS * count as f64).ceil() as usize;
     let width = |first: usize| list[first + held - 1] - list[first];
     let first = (0..=count - held).min_by(|a, b| width(*a).total_cmp(&width(*b))).unwrap_or(0);
     let mean = list.iter().sum::<f64>() / count as f64;

@@ -9,20 +9,14 @@
 use std::f64::consts::TAU;
 
 use super::levenberg::Fit;
-use super::orders::{self, Way};
+use super::orders::{self, HIGHEST_FREQUENCY, Way};
 use super::whitened_residuals::WhitenedResiduals;
-use crate::engine::columns::{Basis, dot};
-use crate::engine::normal::Normal;
-use crate::engine::significance::{among, chi_squared_of, ln_upper_chi_squared};
+use super::whiteness::LOOKS;
+use crate::engine::columns::Basis;
+use crate::engine::significance::{chi_squared_of, ln_upper_chi_squared, rarest};
 
 /// How rarely noise alone may be predicted, over all waves and powers of all outputs in both looks of a verdict.
-const ALARM: f64 = 0.005;
-
-/// A verdict looks at the records that were fitted, and at those that were not.
-const LOOKS: f64 = 2.0;
-
-/// The highest frequency at which a wave is followed, as a share of the sample rate.
-const HIGHEST: f64 = 0.45;
+const ALARM_OF_PREDICTION: f64 = 0.005;
 
 /// Neighbouring orders that say what noise is there, on either side.
 const NEIGHBOURS: usize = 12;
@@ -85,12 +79,10 @@ pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predicted> {
         }
         tried.extend(powers(whitened, fit, output, &parts));
     }
-    let count = LOOKS * tried.len().max(1) as f64;
-    let best = tried.iter().min_by(|a, b| a.ln_p().total_cmp(&b.ln_p()))?;
-    let ln_p = among(best.ln_p(), count);
+    let (ln_p, best) = rarest(tried.iter().map(|it| (it.ln_p(), it)), LOOKS as f64)?;
     let rows: usize = whitened.records.iter().flat_map(|it| &it.used).map(|used| used.iter().filter(|it| **it).count()).sum();
     let excess = (best.gain - best.level * best.freedom as f64) / rows.max(1) as f64;
-    (ln_p < ALARM.ln()).then(|| Predicted { output: best.output, what: best.what.clone(), excess, ln_p })
+    (ln_p < ALARM_OF_PREDICTION.ln()).then(|| Predicted { output: best.output, what: best.what.clone(), excess, ln_p })
 }
 
 /// The residual of an output in each record that holds it: the record, its place there, the residual.
@@ -120,7 +112,7 @@ fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize
         let (mut wave, mut white) = ([vec![0.0; at.len()], vec![0.0; at.len()]], [Vec::new(), Vec::new()]);
         for (sum, order) in sums.iter_mut().zip(&way.order) {
             // The step spans two rows but at the ends.
-            let seen = |row: usize| order * step[row] < 2.0 * HIGHEST;
+            let seen = |row: usize| order * step[row] < 2.0 * HIGHEST_FREQUENCY;
             if (0..at.len()).filter(|row| used[*row] && seen(*row)).count() < LEAST_ROWS {
                 continue;
             }
@@ -132,8 +124,8 @@ fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize
                 white.clear();
                 floor.whiten(wave, used, white);
             }
-            let (gain, freedom) = gain(&white, residual);
-            (sum.0, sum.1) = (sum.0 + gain, sum.1 + freedom);
+            let basis = Basis::of(&white);
+            (sum.0, sum.1) = (sum.0 + basis.takes(residual), sum.1 + basis.rank());
         }
     }
     let reached: Vec<usize> = (0..sums.len()).filter(|k| sums[*k].1 > 0).collect();
@@ -219,23 +211,13 @@ fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usiz
     list
 }
 
-/// What two columns take of a residual, and how many they are beside each other.
-fn gain(columns: &[Vec<f64>; 2], residual: &[f64]) -> (f64, usize) {
-    let [a, b] = columns;
-    let matrix = [dot(a, a), dot(a, b), dot(a, b), dot(b, b)];
-    let right = [dot(a, residual), dot(b, residual)];
-    if matrix[0] * matrix[3] - matrix[1] * matrix[1] <= 1e-6 * matrix[0] * matrix[3] {
-        return (0.0, 0);
-    }
-    (Normal::new(&matrix, 2, 0.0).gain(&right).1, 2)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::model::Model;
     use super::super::noise::Floor;
     use super::super::whitened_residuals::Prepared;
     use super::*;
+    use crate::engine::columns::dot;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
     use rsm_sim::kind::OUTPUTS;

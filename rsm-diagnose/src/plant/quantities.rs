@@ -9,7 +9,7 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::record::Drive;
 
 /// Below this share of the largest speed a plant rests or reverses.
-const REST: f64 = 0.05;
+const RESTING: f64 = 0.05;
 
 /// A class with fewer rows than this share of all says nothing of its own.
 const FEWEST: f64 = 0.01;
@@ -212,7 +212,7 @@ impl Quantity {
         }
         let mut moving = values.as_slice();
         if self.division == (Division::Size { rests: true }) {
-            let rest = rounded(REST * last);
+            let rest = rounded(RESTING * last);
             let at = values.partition_point(|value| *value < rest);
             if at as f64 > FEWEST * values.len() as f64 {
                 bounds.push(rest);

@@ -25,7 +25,7 @@ const BESIDE: usize = 20;
 const WHOLE: (f64, f64) = (0.01, 0.98);
 
 /// Fewer steps say nothing.
-const LEAST: usize = 20;
+const LEAST_STEPS: usize = 20;
 
 /// Which rows move: they are not in a run of equal readings.
 #[must_use]
@@ -110,7 +110,7 @@ fn step(values: &[f64]) -> Option<f64> {
     let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     // Below the digits of a number there is no step.
     let least = changes.iter().copied().filter(|change| *change > 1e-12 * largest).fold(f64::INFINITY, f64::min);
-    if changes.len() < LEAST || least.is_infinite() {
+    if changes.len() < LEAST_STEPS || least.is_infinite() {
         return None;
     }
     let whole =

@@ -13,7 +13,7 @@ use crate::engine::significance::normal;
 const NOISES: [f64; 10] = [0.02, 0.0286, 0.0409, 0.0585, 0.0836, 0.1196, 0.171, 0.2445, 0.3497, 0.5];
 
 /// The least probability of a reading: a wild one may not outweigh a thousand others.
-const LEAST: f64 = 1e-12;
+const LEAST_PROBABILITY: f64 = 1e-12;
 
 /// A sensor that rounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,7 +30,7 @@ impl Rounding {
     pub fn found(step: f64, pairs: &[(f64, f64)]) -> Option<Rounding> {
         let likelihood = |share: f64| {
             let it = Rounding { step, noise: share * step };
-            pairs.iter().map(|(reading, value)| it.probability(*reading, *value).max(LEAST).ln()).sum::<f64>()
+            pairs.iter().map(|(reading, value)| it.probability(*reading, *value).max(LEAST_PROBABILITY).ln()).sum::<f64>()
         };
         let all: Vec<f64> = NOISES.iter().map(|share| likelihood(*share)).collect();
         let best = (0..NOISES.len()).max_by(|a, b| all[*a].total_cmp(&all[*b]))?;

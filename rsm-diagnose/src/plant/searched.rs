@@ -2,13 +2,16 @@
 //!
 //! In: a plant file, records. Out: a [`Diagnosis`]. Brings the parts together in their order; what a cause is worth is decided in `selection`.
 
+use super::cause::Cause;
 use super::configurations::Apart;
+use super::diagnosis::{Diagnosis, Verdict};
 use super::equations::Said;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::ready::{HeavyTails, Ready};
-use super::selection::{Effort, Search, Selection};
-use super::verdict::{self, Cause, Diagnosis, Verdict};
+use super::search::{Effort, Search};
+use super::selection::Selection;
+use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{
     Options, Refused, calibration, configurations, effect_size, equations, everywhere, experiment, growth, hypotheses,

@@ -5,50 +5,19 @@
 
 use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::everywhere::Everywhere;
-use super::hypotheses::{Hypothesis, label};
+use super::hypotheses::label;
 use super::known_loop::KnownLoop;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
+use super::path::{Limit, Path};
 use super::screen::{Pair, Screened, null, pairs, screen};
+use super::search::{Believed, Search};
 use super::variable_projection::project;
 use super::veto::Refusal;
-use super::whitened_residuals::WhitenedResiduals;
-use super::{effect_size, waves, whiteness};
+use super::{waves, whiteness};
 use crate::engine::significance::best_of;
-use rsm_sim::effect::Survey;
 use rsm_sim::plant_file::Entry;
-
-/// How much work a stage may be. Counts, not seconds: the same records give the same answer on every machine.
-#[derive(Debug, Clone, Copy)]
-pub struct Effort {
-    /// Hypotheses whose own numbers are fitted.
-    pub profiled: usize,
-    /// Steps of those fits.
-    pub profile_steps: usize,
-    /// Hypotheses that are fitted together with everything else.
-    pub fitted: usize,
-    /// Steps of those fits.
-    pub fit_steps: usize,
-    /// Causes at most.
-    pub causes: usize,
-    /// Sub-steps of all simulations after which no cause is looked for any more.
-    pub steps: u64,
-    /// Further sub-steps that are kept back for the question what else could stand for each cause.
-    pub steps_for_rivals: u64,
-}
-
-/// Of the work of a search so much again is kept back for rivals. A competition takes 300 to 1000 runs of the plant, a search at most 4000: one or two causes are asked about all the same.
-const FOR_RIVALS: f64 = 0.25;
-
-impl Effort {
-    /// The usual counts, and so many sub-steps of simulations.
-    #[must_use]
-    pub fn within(steps: u64) -> Self {
-        let steps_for_rivals = (FOR_RIVALS * steps as f64) as u64;
-        Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps, steps_for_rivals }
-    }
-}
 
 /// A cause must remove this share of the whitened noise's energy: with 24,000 residuals of one output that are 24 beyond the noise's own, a tenth of a per cent of
 /// its r.m.s. error. What is smaller can be real and is not worth a sentence.
@@ -56,16 +25,6 @@ const WORTH: f64 = 0.0015;
 
 /// Guesses of each hypothesis that stand in pairs.
 const PAIR_GUESSES: usize = 2;
-
-/// Additions at most: all causes that an effort allows (four), two that a removal undid, and two more after a pair.
-const MOST_ADDITIONS: usize = 8;
-
-/// Competitions at most, a competition being a screen with its profiles and fits: every addition, and twice the question what else could stand for each of four
-/// causes, with two to spare. All other work lies between them, and each piece of it removes a cause.
-const MOST_COMPETITIONS: usize = 16;
-
-/// Exchanges of one cause for another at most; beyond, two causes are likely to take turns.
-const MOST_EXCHANGES: usize = 3;
 
 /// One cause that stands for two promises this share of what both gain, at least: first order sees most of it.
 const OF_BOTH: f64 = 0.8;
@@ -75,25 +34,6 @@ const MERGED: usize = 2;
 
 /// Draws of the null simulation: 60 know the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
 const DRAWS: usize = 60;
-
-/// A cause that is believed.
-#[derive(Debug, Clone)]
-pub struct Believed {
-    /// Its name in lists.
-    pub label: String,
-    /// How much worse the fit is without it.
-    pub gain: f64,
-    /// What competed, with how much worse it does: the best first.
-    pub rivals: Vec<(String, f64)>,
-    /// Hypotheses of the same trace that were not fitted for that.
-    pub alike: Vec<String>,
-    /// The rivals as models, for the next experiment.
-    pub rival_models: Vec<(String, Model)>,
-    /// Whether rivals were looked for; false where the limit of work came first.
-    pub asked: bool,
-    /// The plant without it, everything else fitted again: what the evidence compares with.
-    pub without: Model,
-}
 
 /// The outcome.
 #[derive(Debug, Clone)]
@@ -118,134 +58,6 @@ pub struct Selection {
     pub known_loop: Option<KnownLoop>,
     /// What all rows of records that are too long to be searched say of the answer.
     pub everywhere: Option<Everywhere>,
-}
-
-/// What ends a search that would go on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Limit {
-    /// Causes were added as often as is allowed.
-    Additions,
-    /// Competitions were held as often as is allowed.
-    Competitions,
-    /// Causes were exchanged as often as is allowed.
-    Exchanges,
-    /// Simulations took as many steps as are allowed.
-    Steps,
-    /// A set of causes came back that had been left: it goes round in a circle.
-    Circle,
-}
-
-impl std::fmt::Display for Limit {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Limit::Additions => write!(f, "after {MOST_ADDITIONS} additions of a cause"),
-            Limit::Competitions => write!(f, "after {MOST_COMPETITIONS} competitions between causes"),
-            Limit::Exchanges => write!(f, "after {MOST_EXCHANGES} exchanges of a cause"),
-            Limit::Steps => write!(f, "after as many steps of simulations as are allowed"),
-            Limit::Circle => write!(f, "at a set of causes that it had been at before"),
-        }
-    }
-}
-
-/// What a search has done, so that it ends: sets of causes where it was, and counts against the limits.
-#[derive(Debug, Default)]
-pub struct Path {
-    visited: Vec<Vec<String>>,
-    additions: usize,
-    competitions: usize,
-    exchanges: usize,
-    /// Sub-steps of simulations up to which a competition may begin.
-    until: Option<u64>,
-    /// Those up to which rivals may be asked.
-    until_rivals: Option<u64>,
-    stopped: Option<Limit>,
-}
-
-impl Path {
-    /// A path on which competitions begin until simulations have taken so many sub-steps, and those of rivals until so many more.
-    #[must_use]
-    pub fn until(steps: u64, for_rivals: u64) -> Self {
-        Path { until: Some(steps), until_rivals: Some(steps + for_rivals), ..Path::default() }
-    }
-
-    /// Whether simulations that have taken so many sub-steps may go on.
-    pub fn has_steps(&mut self, taken: u64) -> bool {
-        self.until.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
-    }
-
-    /// Whether there is work left to ask for rivals.
-    pub fn has_steps_for_rivals(&mut self, taken: u64) -> bool {
-        self.until_rivals.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
-    }
-
-    /// Goes to a set of causes; false where the search was there before. The order of causes is no difference.
-    pub fn visit(&mut self, mut causes: Vec<String>) -> bool {
-        causes.sort_unstable();
-        if self.visited.contains(&causes) {
-            return self.stop(Limit::Circle);
-        }
-        self.visited.push(causes);
-        true
-    }
-
-    /// Whether the search was at a set of causes, sorted.
-    #[must_use]
-    pub fn knows(&self, causes: &[String]) -> bool {
-        self.visited.iter().any(|known| known == causes)
-    }
-
-    /// Whether one more addition is allowed; counts it.
-    pub fn adds(&mut self) -> bool {
-        self.additions += 1;
-        self.additions <= MOST_ADDITIONS || self.stop(Limit::Additions)
-    }
-
-    /// Whether one more competition is allowed; counts it.
-    pub fn competes(&mut self) -> bool {
-        self.competitions += 1;
-        self.competitions <= MOST_COMPETITIONS || self.stop(Limit::Competitions)
-    }
-
-    /// Whether one more exchange is allowed; counts it.
-    pub fn exchanges(&mut self) -> bool {
-        self.exchanges += 1;
-        self.exchanges <= MOST_EXCHANGES || self.stop(Limit::Exchanges)
-    }
-
-    /// The first limit that was met.
-    #[must_use]
-    pub fn stopped(&self) -> Option<Limit> {
-        self.stopped
-    }
-
-    fn stop(&mut self, limit: Limit) -> bool {
-        self.stopped = self.stopped.or(Some(limit));
-        false
-    }
-}
-
-/// The search and what it needs.
-pub struct Search<'a> {
-    /// Training records.
-    pub whitened: &'a WhitenedResiduals,
-    /// Validation records; may be empty.
-    pub unseen: &'a WhitenedResiduals,
-    /// The nominal plant.
-    pub nominal: &'a Model,
-    /// The hypotheses.
-    pub hypotheses: &'a [Hypothesis],
-    /// Sizes of the records, by which numbers are plausible.
-    pub survey: &'a Survey,
-    /// How many more guesses were looked at before these were chosen.
-    pub looks: usize,
-    /// Outputs whose readings are rounded, with their steps.
-    pub rounded: &'a [(usize, f64)],
-    /// The plant with what the equations say along the recorded signals, term by term, fitted; all of it is asked here again.
-    pub said: &'a [Fit],
-    /// How much work.
-    pub effort: Effort,
-    /// Told what happens.
-    pub progress: &'a (dyn Fn(&str) + Sync),
 }
 
 impl Search<'_> {
@@ -393,11 +205,6 @@ impl Search<'_> {
             let effects = &it.model.file.effects;
             none && effects.len() > 1 && effects.iter().all(sound)
         })
-    }
-
-    /// By how much two explanations must differ, one of which is this, before the better one is believed.
-    pub(super) fn decides(&self, fit: &Fit, threshold: f64) -> f64 {
-        effect_size::decides(threshold, fit.cost, self.whitened.rows())
     }
 
     /// Whether there is work left for one more competition or pair.

@@ -5,16 +5,16 @@
 
 use std::f64::consts::TAU;
 
-use super::noise::Floor;
+use super::floor::{Floor, shape};
 use super::octave_spectrum::transform;
 use super::regions::{Region, SIGNIFICANT, Side};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 
 /// The longest segment: 2048 samples at 1 kHz resolve half a hertz.
-const LONGEST: usize = 2048;
+const LONGEST_SEGMENT: usize = 2048;
 
 /// The shortest that shows more than a slope.
-const SHORTEST: usize = 64;
+const SHORTEST_SEGMENT: usize = 64;
 
 /// Segments that an average has at least: eight scatter by a third.
 const SEGMENTS: usize = 8;
@@ -23,7 +23,7 @@ const SEGMENTS: usize = 8;
 const CHANCE: f64 = 0.01;
 
 /// Lines that are named at most, of an output.
-const NAMED: usize = 3;
+const NAMED_LINES: usize = 3;
 
 /// The spectra of an output.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,8 +60,8 @@ pub fn spectra(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simu
         (0..whitened.records.len()).filter(|k| (whitened.records[*k].record.period / period - 1.0).abs() < 0.01).collect();
     let rows: usize = alike.iter().map(|k| whitened.records[*k].record.rows()).sum();
     let shortest = alike.iter().map(|k| whitened.records[*k].record.rows()).min().unwrap_or(0);
-    let mut size = LONGEST;
-    while size > SHORTEST && (size > shortest || 2 * rows < (SEGMENTS + 1) * size) {
+    let mut size = LONGEST_SEGMENT;
+    while size > SHORTEST_SEGMENT && (size > shortest || 2 * rows < (SEGMENTS + 1) * size) {
         size /= 2;
     }
     let window: Vec<f64> = (0..size).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / size as f64).cos()).collect();
@@ -112,8 +112,8 @@ pub fn spectra(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simu
 #[must_use]
 pub fn of_noise(floor: &Floor, frequency: f64, period: f64) -> f64 {
     let r = floor.correlation;
-    let shape = (1.0 - r * r) / (1.0 - 2.0 * r * (TAU * frequency * period).cos() + r * r);
-    2.0 * period * floor.sd * floor.sd * shape
+    let innovation = (1.0 - r * r) / shape(r, (TAU * frequency * period).cos());
+    2.0 * period * floor.sd * floor.sd * innovation
 }
 
 /// Lines that stand out of what surrounds them, the strongest first. `apart` is how far a line reaches to either side: surroundings are the two lines beyond.
@@ -199,7 +199,7 @@ impl Spectrum {
             }
         }
         // A Hann window spreads a line over its two neighbours, and half of that to the next.
-        for peak in peaks(power, self.averages, 2).into_iter().take(NAMED) {
+        for peak in peaks(power, self.averages, 2).into_iter().take(NAMED_LINES) {
             let around = peak.place.saturating_sub(1)..(peak.place + 2).min(power.len());
             let beyond = energy(around);
             let region = format!("a line at {} Hz", shown(self.frequency[peak.place]));

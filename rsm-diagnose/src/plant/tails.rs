@@ -22,7 +22,7 @@ const LIGHT: f64 = 10.0;
 const LEAST_ROWS: usize = 2000;
 
 /// Twice the logarithm of the likelihood ratio that tails must reach. Chi squared with two degrees of freedom (scale and freedom) passes 40 twice in 10^9 cases: such noise is never near the limit, and normal noise is to stay untouched.
-const SURE: f64 = 40.0;
+const LEAST_RATIO_OF_TAILS: f64 = 40.0;
 
 /// The outermost rows that are asked whether they come together: one in fifty.
 const OUTERMOST: f64 = 0.02;
@@ -158,7 +158,7 @@ impl Tails {
         let normal = 0.5 * n * (1.0 + (all.iter().map(|it| it * it).sum::<f64>() / n).ln() + std::f64::consts::TAU.ln());
         let laws = FREEDOMS.map(|freedom| (freedom, scale(&all, freedom)));
         let (freedom, scale) = laws.into_iter().min_by(|a, b| cost(&all, *a).total_cmp(&cost(&all, *b)))?;
-        if 2.0 * (normal - cost(&all, (freedom, scale))) < SURE {
+        if 2.0 * (normal - cost(&all, (freedom, scale))) < LEAST_RATIO_OF_TAILS {
             return None;
         }
         let slope = all.iter().map(|it| (it / scale).powi(2) / freedom).map(|u| (1.0 - u) / ((1.0 + u) * (1.0 + u)));

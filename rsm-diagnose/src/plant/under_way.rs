@@ -18,7 +18,7 @@ use rsm_sim::record::Record;
 const STEPS: usize = 4;
 
 /// Three numbers of a start gain 3 in noise, and 30 once in a million records. Where more than noise is left, so many times that.
-const GAINS: f64 = 30.0;
+const LEAST_GAIN: f64 = 30.0;
 
 /// How long an axis with its drives and sensors remembers, s: delays and lags are tens of milliseconds, and a position loop of some 30/s forgets in as many.
 const REMEMBERED: f64 = 0.1;
@@ -74,7 +74,7 @@ fn gains(whitened: &WhitenedResiduals, steady: &Fit, free: &Fit) -> bool {
             |fit: &Fit| fit.residual[first..first + WhitenedResiduals::length(prepared)].iter().map(|it| it * it).sum::<f64>();
         let (before, after) = (energy(steady), energy(free));
         let rows: usize = prepared.used.iter().map(|used| used.iter().filter(|used| **used).count()).sum();
-        before - after > GAINS * (after / rows.max(1) as f64).max(1.0)
+        before - after > LEAST_GAIN * (after / rows.max(1) as f64).max(1.0)
     })
 }
 

@@ -45,7 +45,7 @@ const LEAVES: f64 = 0.2;
 const FOLLOWS: f64 = 0.5;
 
 /// A factor beside 1 that causes of the catalogue reach, too: nearer than a factor of three on either side only noise may be left.
-const LARGE: f64 = 3.0;
+const LARGE_FACTOR: f64 = 3.0;
 
 /// So many times the noise's energy is near noise, as in a calibration.
 const NEAR_NOISE: f64 = 4.0;
@@ -54,7 +54,7 @@ const NEAR_NOISE: f64 = 4.0;
 const ALIKE: f64 = 0.1;
 
 /// Sensors are off by per cents themselves: a gain so near is that factor.
-const NEAR: f64 = 0.02;
+const NEAR_FACTOR: f64 = 0.02;
 
 /// And a large factor before causes are known: units of one kind are farther apart.
 const ROUGHLY: f64 = 0.25;
@@ -66,7 +66,7 @@ const KNOWN: f64 = 0.1;
 const PARTS: (usize, f64) = (10, 2.262);
 
 /// Columns that may be wrong, one after another.
-const MOST: usize = 3;
+const MOST_COLUMNS: usize = 3;
 
 /// A column in another unit.
 #[derive(Debug, Clone, PartialEq)]
@@ -313,7 +313,7 @@ pub fn look(file: &PlantFile, training: &[Record], threads: usize) -> Vec<(InUni
     let all = candidates(&columns);
     let mut before: Vec<Candidate> = Vec::new();
     let mut found = Vec::new();
-    while before.len() < MOST {
+    while before.len() < MOST_COLUMNS {
         let Some((one, candidate)) = next(file, &records, &before, &all, threads) else { break };
         before.push(candidate.clone());
         found.push((one, PutRight(candidate)));
@@ -339,7 +339,7 @@ pub fn asked_again(
     let fit = calibrated(&whitened, &plant).map(|it| it.0);
     let of = |it: &PutRight| {
         let gain = gain(&whitened, fit.as_ref()?, &it.0)?;
-        let stands = gain[1] / (1.0 + NEAR) <= it.0.factor && it.0.factor <= gain[2] * (1.0 + NEAR);
+        let stands = gain[1] / (1.0 + NEAR_FACTOR) <= it.0.factor && it.0.factor <= gain[2] * (1.0 + NEAR_FACTOR);
         stands.then_some(gain)
     };
     found.iter().map(|it| of(&it.1)).collect()
@@ -391,7 +391,7 @@ fn next(
     fits.sort_by(|a, b| a.0.total_cmp(&b.0));
     let beyond = |left: f64| (left - noise).max(0.0);
     let stands = |left: f64, factor: f64| {
-        let large = factor.max(1.0 / factor) > LARGE;
+        let large = factor.max(1.0 / factor) > LARGE_FACTOR;
         beyond(left) < LEAVES * beyond(as_given) && left < FOLLOWS && (large || left < NEAR_NOISE * noise)
     };
     let (left, ..) = fits.first()?;
@@ -400,7 +400,7 @@ fn next(
     for (left, it, whitened, fit) in fits.iter().filter(|it| it.0 <= enough) {
         let Some(gain) = gain(whitened, fit, it) else { continue };
         // What else is wrong moves a gain: a large factor need be met roughly at first, and is asked again beside the causes that a search finds.
-        let about = if it.factor.max(1.0 / it.factor) > LARGE { ROUGHLY } else { NEAR };
+        let about = if it.factor.max(1.0 / it.factor) > LARGE_FACTOR { ROUGHLY } else { NEAR_FACTOR };
         let near = |factor: f64| gain[1] / (1.0 + about) <= factor && factor <= gain[2] * (1.0 + about);
         // Another factor of the list in the same interval: the records do not say which.
         let only = !all.iter().any(|one| one.which.names == it.which.names && one.factor != it.factor && near(one.factor))

@@ -22,7 +22,7 @@ pub(super) const MOST_CORRELATED: i32 = 97;
 pub(super) const WHITE: f64 = 1.96;
 
 /// The variance of a median over the variance of a mean, for exponential powers: 1/ln(2)^2.
-const OF_MEDIAN: f64 = 2.08;
+const OF_MEDIAN_POWER: f64 = 2.08;
 
 /// The 99.9 % point of chi squared with two degrees of freedom, -2 ln 0.001: correlation and level. A whole record that is refused without a reason leaves slow noise
 /// to the upper band, which hardly sees it: that is dearer than a trace of structure in the noise, which whiteness is asked about again.
@@ -43,8 +43,8 @@ pub(super) struct Band<'a> {
 impl<'a> Band<'a> {
     pub(super) fn upper(spectrum: &'a [f64], rows: f64) -> Self {
         let first = (LOWEST * (2 * spectrum.len()) as f64).ceil() as usize;
-        // Half a line a row over the whole band, of which a median uses the information of one in `OF_MEDIAN`.
-        Band { powers: &spectrum[first..], first, lines: 0.5 * rows * (1.0 - 2.0 * LOWEST) / OF_MEDIAN }
+        // Half a line a row over the whole band, of which a median uses the information of one in `OF_MEDIAN_POWER`.
+        Band { powers: &spectrum[first..], first, lines: 0.5 * rows * (1.0 - 2.0 * LOWEST) / OF_MEDIAN_POWER }
     }
 
     fn cosines(&self) -> impl Iterator<Item = f64> {

@@ -5,6 +5,7 @@
 use super::levenberg;
 use super::model::{Model, Place};
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
+use crate::engine::holdout::{above, gone};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::record::Record;
 
@@ -101,6 +102,12 @@ pub struct Error {
     pub noise_ratio: f64,
 }
 
+/// The worst of some errors, by their share of the noise.
+#[must_use]
+pub fn worst(errors: &[Error]) -> Option<&Error> {
+    errors.iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio))
+}
+
 /// Errors of a fit, by output.
 #[must_use]
 pub fn errors(whitened: &WhitenedResiduals, fit: &levenberg::Fit) -> Vec<Error> {
@@ -129,6 +136,18 @@ pub fn errors_of(whitened: &WhitenedResiduals, simulated: &[Simulated]) -> Vec<E
         Error { output, rmse, noise_ratio: rmse / whitened.floors[output].sd }
     })
     .collect()
+}
+
+/// Share of the squared error above the noise that is gone, pooled over outputs in units of their noise.
+pub fn gain(before: &[Error], after: &[Error]) -> f64 {
+    let [before, after] = [before, after].map(|errors| errors.iter().map(|it| above(it.noise_ratio * it.noise_ratio)).sum());
+    gone(before, after)
+}
+
+/// The same from sums of squares over the noise, before and after, and counts, by output.
+pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
+    let of = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| above(it[which] / it[2])).sum();
+    gone(of(0), of(1))
 }
 
 #[cfg(test)]
@@ -165,5 +184,32 @@ mod tests {
         // White noise in 4500 readings: four standard deviations, 4 sqrt(2 * 4500), and the four squared ones of the first.
         let left = squared_residual(&whitened, &model).unwrap();
         assert!((left - 4500.0).abs() < 384.0, "{left}");
+    }
+
+    /// Errors of so many times the noise, one an output.
+    fn times(ratios: &[f64]) -> Vec<Error> {
+        ratios.iter().enumerate().map(|(output, ratio)| Error { output, rmse: 0.1 * ratio, noise_ratio: *ratio }).collect()
+    }
+
+    #[test]
+    fn a_gain_is_the_share_of_the_energy_above_the_noise_that_is_gone() {
+        // 8 and 3 above the noise; 1.25 and nothing are left. What is below the noise counts as nothing.
+        assert_eq!(gain(&times(&[3.0, 2.0]), &times(&[1.5, 0.5])), 1.0 - 1.25 / 11.0);
+        // Above by 0.05 and 0.15 % of the noise's energy: the scatter of a million rows, and more.
+        assert_eq!(gain(&times(&[1.0005_f64.sqrt()]), &times(&[1.0])), 0.0);
+        assert_eq!(gain(&times(&[1.0015_f64.sqrt()]), &times(&[1.0])), 1.0);
+        // What is made worse many times is worse by all.
+        assert_eq!(gain(&times(&[2.0]), &times(&[10.0])), -1.0);
+    }
+
+    #[test]
+    fn the_gain_of_sums_is_that_of_their_errors_and_asks_for_rows() {
+        // Per row 9, 9 and 0.5 before, 2, 2 and 2 after. Of the second there is one row.
+        assert_eq!(gain_of(&[[90.0, 20.0, 10.0], [9.0, 2.0, 1.0], [5.0, 20.0, 10.0]]), 1.0 - 3.0 / 16.0);
+        // An output without rows says nothing.
+        assert_eq!(gain_of(&[[90.0, 20.0, 10.0], [5.0, 5.0, 0.0], [0.0; 3]]), 1.0 - 1.0 / 8.0);
+        assert_eq!(gain_of(&[[10.005, 10.0, 10.0], [0.0; 3], [0.0; 3]]), 0.0);
+        assert_eq!(gain_of(&[[10.015, 10.0, 10.0], [0.0; 3], [0.0; 3]]), 1.0);
+        assert_eq!(gain_of(&[[20.0, 1000.0, 10.0], [0.0; 3], [0.0; 3]]), -1.0);
     }
 }

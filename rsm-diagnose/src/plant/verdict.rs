@@ -2,7 +2,6 @@
 //!
 //! In: a selection and the records. Out: a [`Diagnosis`], with all its figures from the fits. Never fits a cause.
 
-mod own_noise;
 mod resolution;
 mod rivals;
 mod told;
@@ -10,37 +9,28 @@ mod told;
 use std::collections::BTreeSet;
 
 use super::bootstrap;
-use super::bridges::{self, Bridged};
-use super::bursts::BURST;
+use super::bridges;
+use super::cause::Cause;
 use super::checks::Finding;
-use super::claims::Claim;
 use super::confidence::{self, Case};
+use super::diagnosis::{Diagnosis, Practical};
 use super::effect_size;
-use super::equations::Said;
-use super::error_breakdown::{self, Compared, ErrorBreakdown, Witness};
-use super::everywhere::Everywhere;
-use super::experiment::NextExperiment;
-use super::known_loop::KnownLoop;
+use super::error_breakdown::{self, Compared};
+use super::experiment::Alias;
 use super::model::Model;
-use super::nested_models::{self, Step};
+use super::nested_models;
 use super::noise::Floor;
+use super::own_noise::by_own_noise;
+use super::path::Limit;
 use super::polish;
 use super::posterior::Posterior;
-use super::predicted::{self, Predicted};
-use super::selection::{Limit, Selection};
-use super::share::NotSeen;
-use super::tails::Tails;
-use super::tested::Tested;
-use super::units::InUnit;
-use super::validation::{self, Error};
-use super::veto::Refusal;
+use super::predicted;
+use super::selection::Selection;
+use super::validation::{self, gain, gain_of};
 use super::whitened_residuals::WhitenedResiduals;
-use super::whiteness::{self, Left};
+use super::whiteness;
 use crate::engine::probability::Probability;
-pub use crate::surface::Verdict;
-use own_noise::by_own_noise;
-pub(super) use own_noise::left_there;
-use rsm_sim::effect::Subject;
+use crate::engine::verdict::Verdict;
 use rsm_sim::plant_file::{Entry, PlantFile};
 pub(super) use told::{cause, numbers, with_unit};
 use told::{off_lattice, rounding, rounding_entry};
@@ -63,165 +53,7 @@ const FOR_PRACTICE: f64 = 0.01;
 const NEARLY_ALL: f64 = 0.999;
 
 /// Where structure is left, a cause is named that is at least as probable as all else together; any other helps, and is listed as a helper.
-pub(super) const NAMED: f64 = 0.5;
-
-/// A number with its 95 % interval.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Interval {
-    /// Its name.
-    pub name: &'static str,
-    /// The value.
-    pub value: f64,
-    /// The lower end.
-    pub low: f64,
-    /// The upper end.
-    pub high: f64,
-    /// The unit.
-    pub unit: String,
-}
-
-/// A cause.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cause {
-    /// The kind of the catalogue.
-    pub kind: &'static str,
-    /// The named parameter or output.
-    pub subject: Option<String>,
-    /// Which of the two it is.
-    pub of: Subject,
-    /// Its numbers.
-    pub parameters: Vec<Interval>,
-    /// The probability that it is right.
-    pub confidence: f64,
-    /// The probability that it, or one of those that leave the same trace, is right.
-    pub confidence_of_any: f64,
-    /// Causes that leave the same trace in these records.
-    pub indistinguishable_from: Vec<String>,
-    /// How much worse the fit is without it, in squared standard deviations of the noise.
-    pub gain: f64,
-    /// Its rivals and how much worse they do, in the same unit.
-    pub rivals: Vec<(String, f64)>,
-    /// Whether rivals were looked for; false where the limit of work came first.
-    pub asked: bool,
-    /// A sentence of plain words.
-    pub sentence: String,
-    /// What to measure or look at to be sure.
-    pub check: &'static str,
-    /// What it does on the records that judge; of the strongest causes.
-    pub witness: Option<Witness>,
-    /// The only record in which it acts, by its file; absent where it acts in all.
-    pub only_in: Option<String>,
-}
-
-/// What causes do, where they leave too little to matter for practice, though more than chance.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Practical {
-    /// Share of the error beyond the noise that is gone, in squares.
-    pub gone: f64,
-    /// Energy of what is left over that of the noise.
-    pub left: f64,
-}
-
-/// A rival that the records do not tell from a cause.
-#[derive(Debug, Clone)]
-pub struct Alias {
-    /// The cause that is believed.
-    pub cause: String,
-    /// The rival.
-    pub rival: String,
-    /// The plant with the rival in place of the cause, fitted to the same records.
-    pub model: Model,
-    /// By how much one of them has to do worse before it is refused, in squared standard deviations of the noise.
-    pub limit: f64,
-}
-
-/// A diagnosis.
-#[derive(Debug, Clone)]
-pub struct Diagnosis {
-    /// The verdict.
-    pub verdict: Verdict,
-    /// Causes, the strongest first.
-    pub causes: Vec<Cause>,
-    /// Entries of the extended plant that help against what nothing explains, and are not believed to be its causes; the strongest first.
-    pub helpers: Vec<Cause>,
-    /// The record that alone is of another configuration, by its file: the causes are its own.
-    pub own_record: Option<String>,
-    /// What was believed for a while, and why it was refused.
-    pub refused: Vec<Refusal>,
-    /// Where causes explain for practical purposes only.
-    pub practical: Option<Practical>,
-    /// Errors of the nominal plant on validation records (on training records where there are none).
-    pub nominal: Vec<Error>,
-    /// Errors of the extended plant there.
-    pub extended: Vec<Error>,
-    /// Share of the validation error above the noise floor that the extension removes.
-    pub gain: f64,
-    /// Its 95 % interval over blocks of the rows.
-    pub gain_interval: (f64, f64),
-    /// The plant file with the causes filled in.
-    pub plant: PlantFile,
-    /// What is wrong with the data.
-    pub findings: Vec<Finding>,
-    /// Rows that were not looked at, where records are longer than a diagnosis may take.
-    pub not_seen: Option<NotSeen>,
-    /// What all rows say of the answer, where the search did not look at all of them.
-    pub everywhere: Option<Everywhere>,
-    /// Columns that are in another unit than the records say; they were converted before anything else.
-    pub units: Vec<InUnit>,
-    /// Gaps of a few rows that were bridged.
-    pub bridged: Vec<Bridged>,
-    /// Noise of each output that the records hold: place, standard deviation, correlation from row to row.
-    pub noise: Vec<(usize, f64, f64)>,
-    /// Outputs whose noise grows with the reading: its standard deviation at a reading of 0 and at the largest one.
-    pub growing: Vec<(usize, f64, f64)>,
-    /// Outputs whose readings are multiples of a step as coarse as their noise, with the step.
-    pub rounded: Vec<(usize, f64)>,
-    /// Outputs whose noise has heavy tails, with the law by which their readings were made tame.
-    pub tails: Vec<(usize, Tails)>,
-    /// What a cause had to gain.
-    pub threshold: f64,
-    /// What the screen of the calibrated plant predicted.
-    pub ranking: Vec<(String, f64)>,
-    /// What the last screen predicted, with the causes in the plant.
-    pub remaining: Vec<(String, f64)>,
-    /// How the error falls on the records that judge, cause by cause.
-    pub steps: Vec<Step>,
-    /// The limit of work at which the search stopped, if it did.
-    pub stopped: Option<Limit>,
-    /// What is left at the end on training records.
-    pub left: Left,
-    /// And on validation records, where there are any.
-    pub left_unseen: Option<Left>,
-    /// What the law of a known loop says of its sensors.
-    pub known_loop: Option<KnownLoop>,
-    /// What the equations say along the recorded signals, without a free run.
-    pub equations: Option<Said>,
-    /// What predicts a part of what is left, on the records where it predicts more.
-    pub predicted: Option<Predicted>,
-    /// Rivals that leave the same trace, the strongest of the strongest cause first.
-    pub aliases: Vec<Alias>,
-    /// The record that would tell them apart, or look where an error has no cause.
-    pub next: Option<NextExperiment>,
-    /// What a report shows beside all this.
-    pub error_breakdown: ErrorBreakdown,
-    /// Figures of test records, where there are any.
-    pub tested: Option<Tested>,
-    /// The effects that the plant file came with, judged.
-    pub claims: Vec<Claim>,
-}
-
-impl Diagnosis {
-    /// The entries of the extended plant, causes and helpers.
-    pub fn entries(&self) -> impl Iterator<Item = &Cause> {
-        self.causes.iter().chain(&self.helpers)
-    }
-
-    /// Whether noise was made even: readings of heavy tails count less, and rows of bursts not at all.
-    #[must_use]
-    pub fn has_uneven_noise(&self) -> bool {
-        !self.tails.is_empty() || self.findings.iter().any(|it| it.what == BURST)
-    }
-}
+pub(super) const LEAST_CONFIDENCE: f64 = 0.5;
 
 /// Places of gains, the largest first.
 fn by_gain(gains: &[f64]) -> Vec<usize> {
@@ -295,8 +127,8 @@ pub fn conclude(
         }
         _ => None,
     };
-    let error_breakdown = compared.as_ref().map(error_breakdown::error_breakdown).unwrap_or_default();
-    let witnesses = compared.as_ref().map_or_else(Vec::new, |it| error_breakdown::witnesses(it, &believed));
+    let (error_breakdown, witnesses) =
+        compared.as_ref().map(|it| error_breakdown::error_breakdown(it, &believed)).unwrap_or_default();
     let mut aliases: Vec<(f64, Alias)> = Vec::new();
     let mut causes: Vec<Cause> = Vec::new();
     for (place, one) in believed.iter().enumerate() {
@@ -434,7 +266,7 @@ fn sure(confidence: Probability, by_law: bool) -> Probability {
 
 /// Whether a cause is named, and no helper.
 fn is_named(verdict: Verdict, confidence: f64) -> bool {
-    verdict != Verdict::Unexplained || confidence >= NAMED
+    verdict != Verdict::Unexplained || confidence >= LEAST_CONFIDENCE
 }
 
 /// Adds to a list, in place of those with the name of a new one.
@@ -451,23 +283,6 @@ fn judged_by(structure: bool, stopped: Option<Limit>, nothing: bool) -> Verdict 
         (true, true) => Verdict::NoDiscrepancy,
         (true, false) => Verdict::Explained,
     }
-}
-
-/// Share of the squared error above the noise that is gone, pooled over outputs in units of their noise.
-pub fn gain(before: &[Error], after: &[Error]) -> f64 {
-    let above = |errors: &[Error]| errors.iter().map(|it| (it.noise_ratio * it.noise_ratio - 1.0).max(0.0)).sum::<f64>();
-    let all = above(before);
-    // Without an error above the noise there is nothing to gain; 1e-3 of the noise's energy is its scatter over 10^6 rows.
-    // mutant `< to <=`: a number of at least 1, less 1, is a multiple of 2^-52, and so is a sum of them; 1e-3 is none.
-    if all < 1e-3 { 0.0 } else { (1.0 - above(after) / all).max(-1.0) }
-}
-
-/// The same from sums of squares over the noise and counts, by output.
-pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
-    let above = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| (it[which] / it[2] - 1.0).max(0.0)).sum::<f64>();
-    let all = above(0);
-    // mutant `< to <=`: as above.
-    if all < 1e-3 { 0.0 } else { (1.0 - above(1) / all).max(-1.0) }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::hypotheses::Hypothesis;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place, Unknown};
 use super::posterior::Posterior;
-use super::selection::{Believed, Search};
+use super::search::{Believed, Search};
 use super::whitened_residuals::WhitenedResiduals;
 use super::{effect_size, plausible, validation};
 use rsm_sim::plant_file::Entry;

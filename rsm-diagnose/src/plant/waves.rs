@@ -27,7 +27,7 @@ use rsm_sim::threads::in_threads;
 pub const MOST: usize = 400;
 
 /// Lines from none to the longest wave that comes again: one wave over the travel.
-const LONGEST: usize = 2;
+const LONGEST_WAVE: usize = 2;
 
 /// How many lines are looked at closely: half a line beside its best a wave has three quarters of its gain, and others stand higher.
 const LOOKED: usize = 8;
@@ -156,7 +156,8 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
     let Some(travel) = travel(whitened) else { return Vec::new() };
     let line = TAU * 0.5 / travel;
     let finest = LARGEST_NOISE / whitened.floors[0].sd;
-    let numbers: Vec<f64> = (LONGEST..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
+    let numbers: Vec<f64> =
+        (LONGEST_WAVE..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
     let gains = waves.gains(&numbers);
     // The longest wave may lie at the end of the list: beyond it is what does not come again, beyond the other end noise.
     let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
@@ -166,7 +167,7 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
     peaks.truncate(LOOKED);
     let mut found: Vec<(f64, Wave)> = Vec::new();
     for k in peaks {
-        let number = waves.best_between((numbers[k] - line).max(LONGEST as f64 * line), numbers[k] + line);
+        let number = waves.best_between((numbers[k] - line).max(LONGEST_WAVE as f64 * line), numbers[k] + line);
         let (gain, factors) = waves.gain(number);
         if gain > 0.0 {
             found.push((gain, wave(number, factors)));
@@ -276,7 +277,7 @@ fn led_once<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -
     let waves = Waves::new(traces, fit);
     let line = TAU * 0.5 / travel(waves.traces.whitened)?;
     let number = TAU / pitch;
-    let number = waves.best_between((number - reach * line).max(LONGEST as f64 * line), number + reach * line);
+    let number = waves.best_between((number - reach * line).max(LONGEST_WAVE as f64 * line), number + reach * line);
     let joint = Joint::new(fit, waves.traces.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 }));
     let (solved, cost) = joint.solved(&waves.curvatures);
     let model = fit.model.moved(&joint.unknowns, &solved);

@@ -25,7 +25,7 @@ const DIFFERENCE: f64 = 0.03;
 const MOST_CHANGE: f64 = 1.0;
 
 /// A difference is made shorter at most by this factor at a time: by how much it moves is known where it is in proportion only.
-const LEAST_SHARE: f64 = 0.01;
+const LEAST_SHORTENING: f64 = 0.01;
 
 /// How often: twice, down to 3e-6 of a scale.
 const SHORTER_STEPS: usize = 2;
@@ -104,6 +104,12 @@ impl Default for Pace {
 }
 
 impl Pace {
+    /// The same limit for each run, and a count of its own.
+    #[must_use]
+    pub fn anew(&self) -> Self {
+        Pace { most: self.most, ..Pace::default() }
+    }
+
     /// Sub-steps so far.
     #[must_use]
     pub fn taken(&self) -> u64 {
@@ -301,7 +307,7 @@ impl WhitenedResiduals {
                     .as_ref()
                     .map_or(f64::INFINITY, |it| step * (dot(&it.values, &it.values) / it.values.len().max(1) as f64).sqrt());
                 if shorter < SHORTER_STEPS && change > MOST_CHANGE {
-                    steps[at] = step * (MOST_CHANGE / change).max(LEAST_SHARE);
+                    steps[at] = step * (MOST_CHANGE / change).max(LEAST_SHORTENING);
                 }
                 columns[at] = column.or(columns[at].take());
             }

@@ -11,10 +11,10 @@ use crate::engine::significance::quantile;
 use rsm_sim::kind::OUTPUTS;
 
 /// How rarely noise alone may pass for structure, over all octaves of all outputs in both looks. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.
-const ALARM: f64 = 0.01;
+const ALARM_OF_STRUCTURE: f64 = 0.01;
 
 /// A verdict looks twice: at the records that were fitted, and at those that were not.
-const LOOKS: usize = 2;
+pub(super) const LOOKS: usize = 2;
 
 /// Records in which rounded readings scatter by less than this share of the floor's variance count as if they did by as much: a value that is off by a hundredth of a step
 /// changes what is left by more.
@@ -53,7 +53,7 @@ pub struct Left {
 /// What the largest of so many deviations of noise passes once in two hundred times, if there are so many such looks.
 #[must_use]
 pub fn point(bands: usize, looks: usize) -> f64 {
-    quantile(ALARM / (LOOKS * bands.max(1) * looks.max(1)) as f64)
+    quantile(ALARM_OF_STRUCTURE / (LOOKS * bands.max(1) * looks.max(1)) as f64)
 }
 
 /// Looks at the residual of a fit.

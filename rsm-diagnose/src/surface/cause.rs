@@ -59,8 +59,8 @@ pub struct Cause {
     pub indistinguishable_from: Vec<String>,
     /// In plain words.
     pub sentence: String,
-    /// What the mean becomes at each row inside without this cause, all others fitted again; in the order of `Shown` and the unit of the response. Empty for what does not move the mean.
-    pub without: Vec<f64>,
+    /// Its places in the explanation; none for what does not move the mean.
+    pub(super) members: Vec<usize>,
 }
 
 impl Cause {

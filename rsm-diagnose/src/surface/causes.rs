@@ -11,12 +11,13 @@ use super::narrative::Narrative;
 use super::null::Thresholds;
 use super::sample::Sample;
 use super::search::Search;
+use crate::engine::combinations::{self, Combinations};
 use crate::engine::probability::Probability;
 use crate::engine::significance::f_of;
 
 /// A rival that does worse by less than this is not ruled out: 2 ln 19, odds of 95 to 5. What is true is ahead of a rival by more only once in 20 times: the mean of a likelihood ratio under the
 /// truth is 1 (Markov's inequality).
-const NEAR: f64 = 5.9;
+const NOT_RULED_OUT: f64 = 5.9;
 
 /// All causes of an explanation.
 pub fn all(
@@ -51,10 +52,7 @@ pub fn all(
         };
         let (members, rest): (Vec<usize>, Vec<usize>) = set.iter().copied().partition(same);
         let mut cause = if key == "steps" { narrative.change_points(&members) } else { narrative.cause(&members) };
-        let kept: Vec<Hypothesis> = rest.iter().map(|member| found.set[*member].clone()).collect();
-        let mut without = Explained { set: kept, ..found.clone() };
-        explained::settle(sample, &mut without);
-        cause.without = without.fitted;
+        cause.members.clone_from(&members);
         let worths: Vec<Worth> = members.iter().map(|member| worth(&search, &candidates, &set, *member)).collect();
         cause.ln_p = worths.iter().map(|it| it.ln_p).fold(0.0, f64::min);
         let score = search.score(&set);
@@ -80,7 +78,7 @@ pub fn all(
             }
         }
         rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
-        cause.indistinguishable_from = rivals.iter().filter(|it| it.1 < NEAR).map(|it| it.0.clone()).collect();
+        cause.indistinguishable_from = rivals.iter().filter(|it| it.1 < NOT_RULED_OUT).map(|it| it.0.clone()).collect();
         // Chance: the probability of so good a hypothesis among all, in units of its threshold.
         let chance = (cause.ln_p - thresholds.ln_p_mean).min(0.0).exp() * 0.05;
         let evidence = likely.iter().map(|it| ((-it.1 / 2.0).exp(), cause.indistinguishable_from.contains(&it.0)));
@@ -94,6 +92,19 @@ pub fn all(
     causes.extend(narrative.following());
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     causes
+}
+
+/// What the mean becomes at each row with each combination of the strongest causes that move it, the others fitted again.
+pub fn combinations(sample: &Sample, found: &Explained, causes: &[Cause]) -> Combinations<Vec<f64>> {
+    let moving: Vec<&Cause> = causes.iter().filter(|it| !it.members.is_empty()).take(combinations::MOST).collect();
+    Combinations::of(moving.iter().map(|it| it.label.clone()).collect(), |is_in| {
+        let out = moving.iter().zip(is_in).filter(|(_, is_in)| !**is_in).flat_map(|(cause, _)| &cause.members);
+        let out: Vec<usize> = out.copied().collect();
+        let kept = found.set.iter().enumerate().filter(|(member, _)| !out.contains(member));
+        let mut some = Explained { set: kept.map(|it| it.1.clone()).collect(), ..found.clone() };
+        explained::settle(sample, &mut some);
+        Some(some.fitted)
+    })
 }
 
 /// Parts of one cause share this.

@@ -4,13 +4,13 @@
 //! shift are dropped, changes between runs are placed at their row, and a missing order is reported by its terms. Never changes outlying runs or the noise.
 
 use super::explained::{Explained, solved};
-use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_STEPS, Part, step};
+use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_CHANGES, Part, step};
 use super::null::Thresholds;
 use super::sample::Sample;
 use super::search::{Candidate, Search};
 use super::whitening::Space;
 use crate::engine::columns::dot;
-use crate::engine::significance::ln_upper_f;
+use crate::engine::significance::{ln_p_of_squares, ln_upper_f};
 use crate::engine::work::Work;
 
 /// What one cause of a set is worth.
@@ -144,8 +144,8 @@ fn is_shift(
     let unknowns: usize = with.iter().map(|it| candidates[*it].columns.len()).sum();
     let freedom = rows.saturating_sub(unknowns).max(1) as f64;
     let left = search.square(with);
-    let f = (search.square(&instead) - left).max(0.0) / more as f64 / (left / freedom).max(f64::MIN_POSITIVE);
-    let is_worth_nothing = ln_upper_f(f, more as f64, freedom) > thresholds.ln_p_mean - pool[member].prior / 2.0;
+    let ln_p = ln_p_of_squares(search.square(&instead) - left, more as f64, left, freedom);
+    let is_worth_nothing = ln_p > thresholds.ln_p_mean - pool[member].prior / 2.0;
     let is_far = || {
         let solved = search.coefficients(set, member);
         (solved[1] / solved[0]).abs() > FURTHEST_REFERENCE
@@ -180,16 +180,16 @@ fn singled_out(sample: &Sample, chosen: Vec<Hypothesis>, hypotheses: &[Hypothesi
     }
     let part = solved(sample, &set, space);
     let others = whole.rank.saturating_sub(part.rank) as f64;
-    let f = (dot(&part.residual, &part.residual) - square).max(0.0) / others.max(1.0) / (square / freedom);
-    let nothing_left = others == 0.0 || ln_upper_f(f, others, freedom) > LEVEL.ln();
+    let taken = dot(&part.residual, &part.residual) - square;
+    let nothing_left = others == 0.0 || ln_p_of_squares(taken, others, square, freedom) > LEVEL.ln();
     if powers.is_empty() || !nothing_left { chosen } else { set }
 }
 
 /// Changes at the rows between the places of the grid, about those that were chosen.
 fn finer_steps(sample: &Sample, chosen: &[Hypothesis], pool: &[Hypothesis]) -> Option<Vec<Hypothesis>> {
     let rows = sample.rows();
-    let reach = rows / MOST_STEPS + 1;
-    if rows <= MOST_STEPS + 2 * LEAST_SIDE {
+    let reach = rows / MOST_CHANGES + 1;
+    if rows <= MOST_CHANGES + 2 * LEAST_SIDE {
         return None;
     }
     let known: Vec<usize> = pool.iter().filter_map(|it| if let Claim::Step(at) = it.claim { Some(at) } else { None }).collect();
@@ -234,6 +234,5 @@ pub(super) fn worth(search: &Search, candidates: &[Candidate], set: &[usize], me
     let rows = candidates.first().and_then(|it| it.columns.first()).map_or(0, Vec::len);
     let width = (columns(set) - columns(&rest)) as f64;
     let freedom = rows.saturating_sub(columns(set)).max(1) as f64;
-    let f = (without - with).max(0.0) / width / (with / freedom).max(f64::MIN_POSITIVE);
-    Worth { gain: rows as f64 * (without / with).ln(), ln_p: ln_upper_f(f, width, freedom) }
+    Worth { gain: rows as f64 * (without / with).ln(), ln_p: ln_p_of_squares(without - with, width, with, freedom) }
 }

@@ -14,6 +14,8 @@ use super::extension::{Extension, evaluate, extend};
 use super::hypotheses;
 use super::null::Thresholds;
 use super::sample::{Extra, Sample, Taken};
+use crate::engine::holdout::above;
+pub(super) use crate::engine::holdout::gone;
 use crate::engine::work::Work;
 use rsm_fit::random::Random;
 
@@ -32,6 +34,13 @@ pub struct Errors {
     pub rmse: f64,
     /// That over the noise.
     pub noise_ratio: f64,
+}
+
+impl Errors {
+    /// The mean square above the noise, over that of the noise.
+    pub(super) fn excess(&self) -> f64 {
+        above(self.noise_ratio.powi(2))
+    }
 }
 
 /// Measured, nominal, extended file, extended file with the offsets that the rows name.
@@ -58,9 +67,8 @@ impl Judged {
 
     /// The share of the mean square above the noise that goes away; 0 where there was none above it.
     pub fn gain(&self, noise: f64) -> f64 {
-        let excess = |computed: &[f64]| (self.errors(computed, noise).noise_ratio.powi(2) - 1.0).max(0.0);
-        let before = excess(&self.nominal);
-        if before > 0.0 { 1.0 - excess(&self.extended) / before } else { 0.0 }
+        let [nominal, extended] = [&self.nominal, &self.extended].map(|it| self.errors(it, noise).excess());
+        gone(nominal, extended)
     }
 
     /// Where nothing is wrong the file stays as it is.

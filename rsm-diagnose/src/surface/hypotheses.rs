@@ -81,7 +81,7 @@ const ORDERS_ABOVE: u32 = 2;
 const MOST_TERMS: usize = 90;
 
 /// Changes between runs are looked for at no more than so many places; the best is then refined.
-pub(super) const MOST_STEPS: usize = 40;
+pub(super) const MOST_CHANGES: usize = 40;
 
 /// Rows on either side of a change.
 pub(super) const LEAST_SIDE: usize = 3;
@@ -416,10 +416,10 @@ fn step_places(rows: usize) -> Vec<usize> {
         return Vec::new();
     }
     let count = last - LEAST_SIDE + 1;
-    if count <= MOST_STEPS {
+    if count <= MOST_CHANGES {
         return (LEAST_SIDE..=last).collect();
     }
-    (0..MOST_STEPS).map(|k| LEAST_SIDE + k * (count - 1) / (MOST_STEPS - 1)).collect()
+    (0..MOST_CHANGES).map(|k| LEAST_SIDE + k * (count - 1) / (MOST_CHANGES - 1)).collect()
 }
 
 /// A change by 1 before a row: `before`, then `before` + 1.

@@ -36,6 +36,8 @@ mod whitening;
 use rsm_core::check::Checked;
 use rsm_core::model::{Evidence, Input, Model};
 
+pub use crate::engine::combinations::Combinations;
+pub use crate::engine::verdict::Verdict;
 use crate::engine::work::Work;
 use causes::Cause;
 use data::NewData;
@@ -62,29 +64,6 @@ const MOST_WORK_OF_FOLD: usize = 1_000_000_000;
 /// With fewer rows inside there is nothing to test.
 const LEAST_ROWS: usize = 6;
 
-/// How a diagnosis ends, of a surface as of a plant (docs/book/src/reference/formats.md 4.3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// The data are what the file says, within its tolerances, and noise.
-    NoDiscrepancy,
-    /// The causes leave noise and nothing else.
-    Explained,
-    /// Structure is left that no known cause explains, or the search met its limit of work.
-    Unexplained,
-}
-
-impl Verdict {
-    /// As files say it.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Verdict::NoDiscrepancy => "no-discrepancy",
-            Verdict::Explained => "explained",
-            Verdict::Unexplained => "unexplained",
-        }
-    }
-}
-
 /// Numbers of each row inside, for plots: in run order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shown {
@@ -100,6 +79,8 @@ pub struct Shown {
     pub explained: Vec<f64>,
     /// Whether the row counts: no outlying run.
     pub counts: Vec<bool>,
+    /// What the mean becomes with each combination of the strongest causes that move it, all else fitted again.
+    pub combinations: Combinations<Vec<f64>>,
 }
 
 /// One response.
@@ -242,10 +223,12 @@ pub fn diagnose_and_test(
     } else {
         Verdict::NoDiscrepancy
     };
-    let excess = |errors: &Errors| errors.rows as f64 * (errors.noise_ratio.powi(2) - 1.0).max(0.0);
-    let before: f64 = responses.iter().map(|it| excess(&it.nominal)).sum();
-    let after: f64 = responses.iter().map(|it| excess(&it.extended)).sum();
-    let gain = if before > 0.0 { 1.0 - after / before } else { 0.0 };
+    // A row counts as much as any other.
+    let rows = responses.iter().map(|it| it.nominal.rows).sum::<usize>().max(1) as f64;
+    let mean = |of: fn(&ResponseDiagnosis) -> &Errors| -> f64 {
+        responses.iter().map(of).map(|it| it.rows as f64 / rows * it.excess()).sum()
+    };
+    let gain = holdout::gone(mean(|it| &it.nominal), mean(|it| &it.extended));
     Ok(Diagnosis { verdict, responses, extended, gain })
 }
 
@@ -442,6 +425,7 @@ fn of_response(
             nominal: sample.nominal.clone(),
             explained: found.fitted.clone(),
             counts: (0..sample.rows()).map(|row| !found.outliers.contains(&row)).collect(),
+            combinations: causes::combinations(&sample, &found, &causes),
         },
         floor,
         causes,

@@ -59,7 +59,7 @@ impl Narrative<'_> {
             rivals: Vec::new(),
             indistinguishable_from: Vec::new(),
             sentence: String::new(),
-            without: Vec::new(),
+            members: Vec::new(),
         }
     }
 

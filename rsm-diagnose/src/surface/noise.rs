@@ -6,6 +6,8 @@
 //! Sources: Cook and Weisberg 1983 and Carroll and Ruppert 1988 for variance functions; a first-order autoregression for correlated errors, as in Durbin and
 //! Watson 1950, by exact likelihood.
 
+use crate::engine::autoregression::innovations;
+
 /// How the standard deviation of the noise follows the response.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Growth {
@@ -127,12 +129,9 @@ pub(super) fn correlation(residual: &[f64], places: &[usize]) -> (f64, f64) {
     let rows = residual.len() as f64;
     let misfit = |rho: f64| {
         let (mut square, mut logs) = (0.0, 0.0);
-        for (k, e) in residual.iter().enumerate() {
-            let (after, last) =
-                if k == 0 { (0.0, 0.0) } else { (rho.powi((places[k] - places[k - 1]) as i32), residual[k - 1]) };
-            let variance = 1.0 - after * after;
-            square += (e - after * last).powi(2) / variance;
-            logs += variance.ln();
+        for new in innovations(rho, places.iter().copied().zip(residual.iter().copied())) {
+            square += new.value.powi(2) / new.variance;
+            logs += new.variance.ln();
         }
         rows * (square / rows).max(f64::MIN_POSITIVE).ln() + logs
     };

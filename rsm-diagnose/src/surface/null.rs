@@ -5,7 +5,7 @@
 
 use super::noise;
 use crate::engine::columns::{Basis, dot};
-use crate::engine::significance::{f_of, ln_two_sided_t, ln_upper_f};
+use crate::engine::significance::{f_of, ln_p_of_squares, ln_two_sided_t};
 use rsm_fit::random::Random;
 
 /// Of all false alarms these shares fall to causes that move the mean, to outlying runs, to noise that grows, to errors that follow each other, and to structure left. The mean has by far the
@@ -96,7 +96,7 @@ impl Thresholds {
 /// ln of the probability that `width` arbitrary columns take this share of pure noise.
 fn ln_p_of_share(share: f64, width: usize, rows: usize) -> f64 {
     let freedom = rows.saturating_sub(width).max(1) as f64;
-    ln_upper_f(share / (1.0 - share).max(f64::MIN_POSITIVE) * freedom / width as f64, width as f64, freedom)
+    ln_p_of_squares(share, width as f64, 1.0 - share, freedom)
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ pub struct Region {
 const CONCENTRATED: f64 = 1.25;
 
 /// No more are named.
-const MOST: usize = 6;
+const MOST_REGIONS: usize = 6;
 
 /// The regions.
 pub fn regions(sample: &Sample, residual: &[f64], kept: &[usize]) -> Vec<Region> {
@@ -63,7 +63,7 @@ pub fn regions(sample: &Sample, residual: &[f64], kept: &[usize]) -> Vec<Region>
     let weight = |it: &Region| it.share_of_error / it.share_of_rows;
     found.retain(|it| weight(it) >= CONCENTRATED);
     found.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
-    found.truncate(MOST);
+    found.truncate(MOST_REGIONS);
     found
 }
 

@@ -9,7 +9,7 @@ use rsm_core::model::Evidence;
 use super::explained::Explained;
 use super::sample::Sample;
 use crate::engine::columns::{Basis, dot};
-use crate::engine::significance::{among, ln_upper_f, ln_upper_of_moments, lower_gamma};
+use crate::engine::significance::{ln_p_of_squares, ln_upper_of_moments, lower_gamma, rarest};
 use rsm_fit::random::Random;
 
 /// A test for structure left.
@@ -91,8 +91,7 @@ pub(super) fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
 fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) -> Vec<f64>) -> Option<Test> {
     let coded = (0..sample.inputs.len()).map(|input| (sample.inputs[input].name.clone(), sample.coded(input)));
     let extras = sample.extras.iter().filter(|it| !it.clock).filter_map(|it| Some((it.name.clone(), it.values.clone()?)));
-    let mut best: Option<(f64, String)> = None;
-    let mut tried = 0;
+    let mut tried = Vec::new();
     for (name, column) in coded.chain(extras) {
         let mut distinct: Vec<f64> = kept.iter().map(|row| column[*row]).collect();
         distinct.sort_by(f64::total_cmp);
@@ -105,15 +104,11 @@ fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: 
         for order in 1..=(distinct.len() / 2).min(HIGHEST_WAVE) {
             let turns = |x: f64| std::f64::consts::TAU * order as f64 * (x - low) / (high - low);
             let pair = [f64::cos, f64::sin].map(|of| predicted(&column.iter().map(|x| of(turns(*x))).collect::<Vec<_>>()));
-            let Some(ln_p) = ln_p_of(left, rank, &pair) else { continue };
-            tried += 1;
-            if best.as_ref().is_none_or(|it| ln_p < it.0) {
-                best = Some((ln_p, format!("a wave of order {order} over the range of {name}")));
-            }
+            tried.extend(ln_p_of(left, rank, &pair).map(|ln_p| (ln_p, (order, name.clone()))));
         }
     }
-    let (ln_p, what) = best?;
-    Some(Test { what, ln_p: among(ln_p, f64::from(tried)) })
+    let (ln_p, (order, name)) = rarest(tried, 1.0)?;
+    Some(Test { what: format!("a wave of order {order} over the range of {name}"), ln_p })
 }
 
 /// Powers of the inputs, all up to the second order, up to the third and so on: what a surface of too low an order lacks. Of these the one that predicts most, with Bonferroni's share.
@@ -122,8 +117,7 @@ fn bends(sample: &Sample, left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) 
     // The monomials of one degree, each with its last input, so that none comes twice.
     let mut degree: Vec<(Vec<f64>, usize)> = vec![(vec![1.0; sample.rows()], 0)];
     let mut new: Vec<Vec<f64>> = Vec::new();
-    let mut best: Option<(f64, usize)> = None;
-    let mut tried = 0;
+    let mut tried = Vec::new();
     for order in 1..=HIGHEST_BEND {
         let next = degree.iter().flat_map(|(values, from)| {
             let further = coded.iter().enumerate().skip(*from);
@@ -134,14 +128,10 @@ fn bends(sample: &Sample, left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) 
             break;
         }
         new.extend(degree.iter().map(|(column, _)| predicted(column)));
-        let Some(ln_p) = ln_p_of(left, rank, &new) else { continue };
-        tried += 1;
-        if best.is_none_or(|it| ln_p < it.0) {
-            best = Some((ln_p, order));
-        }
+        tried.extend(ln_p_of(left, rank, &new).map(|ln_p| (ln_p, order)));
     }
-    let (ln_p, order) = best?;
-    Some(Test { what: format!("powers of the inputs up to the order {order}"), ln_p: among(ln_p, f64::from(tried)) })
+    let (ln_p, order) = rarest(tried, 1.0)?;
+    Some(Test { what: format!("powers of the inputs up to the order {order}"), ln_p })
 }
 
 /// The F test of columns that are orthogonal to all that is known: ln of the chance that noise is predicted as well. `None` where they hold nothing new, or too few rows are left.
@@ -151,9 +141,7 @@ fn ln_p_of(left: &[f64], rank: usize, columns: &[Vec<f64>]) -> Option<f64> {
     let basis = Basis::of(columns.iter().filter(|it| dot(it, it).sqrt() > LEAST_NEW * length));
     let rest = left.len().checked_sub(rank + basis.rank()).filter(|rest| *rest > 0 && basis.rank() > 0)?;
     let explained = basis.takes(left);
-    let unexplained = (dot(left, left) - explained).max(f64::MIN_POSITIVE);
-    let f = (explained / basis.rank() as f64) / (unexplained / rest as f64);
-    Some(ln_upper_f(f, basis.rank() as f64, rest as f64))
+    Some(ln_p_of_squares(explained, basis.rank() as f64, dot(left, left) - explained, rest as f64))
 }
 
 /// Whether outlying runs lie beside each other, off to the same side: then they are a place that the surface misses, not errors of single runs. With n runs and k outliers in arbitrary places, some
@@ -270,10 +258,9 @@ fn replicates(sample: &Sample, found: &Explained, kept: &[usize], square: f64, r
     if freedom < 2 || pure <= 0.0 {
         return None;
     }
-    let f = ((square - pure).max(0.0) / lack as f64) / (pure / freedom as f64);
     Some(Test {
         what: format!("lack of fit against the scatter of {freedom} replicates"),
-        ln_p: ln_upper_f(f, lack as f64, freedom as f64),
+        ln_p: ln_p_of_squares(square - pure, lack as f64, pure, freedom as f64),
     })
 }
 

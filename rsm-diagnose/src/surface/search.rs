@@ -5,6 +5,7 @@
 //! decides how much a cause must gain: the costs say it.
 
 use crate::engine::columns::subtract;
+use crate::engine::normal::{Normal, symmetric};
 use crate::engine::work::Work;
 
 /// A hypothesis as the search sees it.
@@ -24,13 +25,13 @@ pub(super) struct Candidate {
 const BEAM: usize = 5;
 
 /// A set has at most so many: more causes than this in one data set are no longer told apart by anybody.
-const MOST: usize = 9;
+const MOST_CAUSES: usize = 9;
 
 /// Rows between two changes in the run order: fewer are outlying runs, each for itself.
 pub(super) const LEAST_BLOCK: usize = 3;
 
 /// A pivot below this share of a column's own square is rounding.
-const DEPENDENT: f64 = 1e-9;
+const DEPENDENT_PIVOT: f64 = 1e-9;
 
 /// Products of all columns and the residual, before any column is in a set.
 struct Start {
@@ -200,7 +201,7 @@ impl Search {
     fn with<'p>(&self, products: &Products<'p>, candidate: usize) -> Products<'p> {
         let mut grown = products.clone();
         for k in self.columns_of(candidate) {
-            if grown.own[k] > DEPENDENT * self.own[k] {
+            if grown.own[k] > DEPENDENT_PIVOT * self.own[k] {
                 grown.sweep(k);
             }
         }
@@ -215,7 +216,7 @@ impl Search {
             let k = columns.start;
             let own = products.own[k];
             let product = products.with_residual[k];
-            let taken = if own > DEPENDENT * self.own[k] { product * product / own } else { 0.0 };
+            let taken = if own > DEPENDENT_PIVOT * self.own[k] { product * product / own } else { 0.0 };
             return (products.own[last] - taken).max(1e-14 * self.own[last]);
         }
         // A small matrix of its own: its columns and the residual.
@@ -225,7 +226,7 @@ impl Search {
         let start = Start { width, values };
         let mut small = Products::new(&start);
         for (k, column) in columns.enumerate() {
-            if small.own[k] > DEPENDENT * self.own[column] {
+            if small.own[k] > DEPENDENT_PIVOT * self.own[column] {
                 small.sweep(k);
             }
         }
@@ -255,9 +256,9 @@ impl Search {
         let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
         let products = self.products_of(&rest);
         let columns: Vec<usize> = self.columns_of(member).collect();
-        let matrix = nalgebra::DMatrix::from_fn(columns.len(), columns.len(), |i, j| products.at(columns[i], columns[j]));
-        let right = nalgebra::DVector::from_fn(columns.len(), |i, _| products.with_residual[columns[i]]);
-        matrix.lu().solve(&right).map_or_else(|| vec![0.0; columns.len()], |it| it.as_slice().to_vec())
+        let matrix = symmetric(columns.len(), |i, j| products.at(columns[i], columns[j]));
+        let right: Vec<f64> = columns.iter().map(|column| products.with_residual[*column]).collect();
+        Normal::fine(&matrix, columns.len()).solve(&right)
     }
 
     fn may_join(&self, set: &[usize], candidate: usize) -> bool {
@@ -288,7 +289,7 @@ impl Search {
     pub(super) fn best(&self, work: &Work<'_>) -> Found {
         let mut best = Found { set: Vec::new(), score: self.score(&[]) };
         let mut paths = vec![(best.clone(), Products::new(&self.start))];
-        for depth in 1..=MOST {
+        for depth in 1..=MOST_CAUSES {
             if !work.goes_on() {
                 break;
             }
@@ -333,7 +334,7 @@ impl Search {
     /// difference (a drift that is right in the middle, and a bias), and neither goes without the other.
     fn improved(&self, mut best: Found, work: &Work<'_>) -> Found {
         // Each round lowers the criterion, and there are finitely many sets; a bound all the same, as rounding might circle.
-        for _ in 0..4 * MOST {
+        for _ in 0..4 * MOST_CAUSES {
             if !work.goes_on() {
                 break;
             }
@@ -347,7 +348,7 @@ impl Search {
                 let alone = self.misfit(self.residual(&products)) + self.cost(&rest);
                 // Less than a thousandth is rounding, and would circle.
                 let mut consider = |new: &[usize], score: f64| {
-                    if score < next.score - 1e-3 && rest.len() + new.len() <= MOST {
+                    if score < next.score - 1e-3 && rest.len() + new.len() <= MOST_CAUSES {
                         let mut set: Vec<usize> = rest.iter().chain(new).copied().collect();
                         set.sort_unstable();
                         next = Found { set, score };
@@ -389,7 +390,7 @@ impl Search {
         for (place, a) in narrow.iter().enumerate() {
             let i = self.first[*a];
             let (own, product) = (products.own[i], products.with_residual[i]);
-            if own <= DEPENDENT * self.own[i] {
+            if own <= DEPENDENT_PIVOT * self.own[i] {
                 continue;
             }
             let row = products.row(i);
@@ -398,7 +399,7 @@ impl Search {
                 let j = self.first[*b];
                 let factor = row[j] / own;
                 let other = products.own[j] - factor * row[j];
-                if other <= DEPENDENT * self.own[j] {
+                if other <= DEPENDENT_PIVOT * self.own[j] {
                     continue;
                 }
                 let taken = (products.with_residual[j] - factor * product).powi(2) / other;

@@ -6,6 +6,7 @@
 //! The coefficients of a file are estimates. Their error is assumed normal with a covariance sigma^2 C ([`super::sample`] says which). The covariance of y - f is then
 //! sigma^2 (I + X C X'), with X the terms at the new rows. With the eigenvectors u of X C X' and their eigenvalues d, its inverse root is I - sum (1 - 1/sqrt(1 + d)) u u'.
 
+use crate::engine::autoregression::innovations;
 use crate::engine::columns::{Basis, dot, subtract};
 
 /// What is known of the noise of each row, up to a common factor.
@@ -22,8 +23,8 @@ pub struct Shape {
 pub struct Space {
     kept: Vec<usize>,
     scale: Vec<f64>,
-    /// Correlation with the row before, by the distance in the run order.
-    after: Vec<f64>,
+    /// Correlation of neighbours in the run order.
+    rho: f64,
     /// Eigenvectors and eigenvalues of X C X'.
     directions: Vec<(Vec<f64>, f64)>,
     /// C.
@@ -35,16 +36,11 @@ pub struct Space {
 impl Space {
     /// `kept` are places among the rows, ascending; `terms` the columns of the present terms at all rows; `prior` is C.
     pub fn new(kept: &[usize], shape: &Shape, terms: &[Vec<f64>], prior: &[Vec<f64>]) -> Self {
-        let after: Vec<f64> = kept
-            .iter()
-            .enumerate()
-            .map(|(k, row)| if k == 0 || shape.rho == 0.0 { 0.0 } else { shape.rho.powi((row - kept[k - 1]) as i32) })
-            .collect();
         let scale: Vec<f64> = kept.iter().map(|row| shape.scale[*row]).collect();
-        let ln_determinant =
-            scale.iter().map(|s| 2.0 * s.ln()).sum::<f64>() + after.iter().map(|a| (1.0 - a * a).ln()).sum::<f64>();
+        let new = innovations(shape.rho, kept.iter().map(|row| (*row, 0.0)));
+        let ln_determinant = scale.iter().map(|s| 2.0 * s.ln()).sum::<f64>() + new.map(|it| it.variance.ln()).sum::<f64>();
         let mut space =
-            Space { kept: kept.to_vec(), scale, after, directions: Vec::new(), prior: prior.to_vec(), ln_determinant };
+            Space { kept: kept.to_vec(), scale, rho: shape.rho, directions: Vec::new(), prior: prior.to_vec(), ln_determinant };
         let whitened: Vec<Vec<f64>> = terms.iter().map(|term| space.whitened(term)).collect();
         let basis = Basis::of(&whitened).directions;
         if basis.is_empty() {
@@ -84,14 +80,8 @@ impl Space {
 
     /// A column in units of the noise and without its correlation, coefficients still exact.
     pub fn whitened(&self, column: &[f64]) -> Vec<f64> {
-        let mut last = 0.0;
-        let each = self.kept.iter().zip(&self.scale).zip(&self.after).map(|((row, scale), after)| {
-            let value = column[*row] / scale;
-            let white = (value - after * last) / (1.0 - after * after).sqrt();
-            last = value;
-            white
-        });
-        each.collect()
+        let values = self.kept.iter().zip(&self.scale).map(|(row, scale)| (*row, column[*row] / scale));
+        innovations(self.rho, values).map(|it| it.value / it.sd).collect()
     }
 
     /// A column in the space.

@@ -39,6 +39,29 @@ const SLOWEST: f64 = 0.25;
 /// Shortest current vector, as a share of the longest: the bench's smallest depth. A shorter one has no angle worth the name.
 const SHORTEST: f64 = 0.1;
 
+/// The mean and the 99th percentile of the magnitudes of angle errors, in degrees; 0 where there are none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AngleErrors {
+    /// The mean.
+    pub mean: f64,
+    /// The least that 99 of 100 do not exceed.
+    pub p99: f64,
+}
+
+impl AngleErrors {
+    /// Of magnitudes.
+    #[must_use]
+    pub fn of(mut errors: Vec<f64>) -> Self {
+        errors.sort_by(f64::total_cmp);
+        let count = errors.len().max(1);
+        let rank = (0.99 * count as f64).ceil() as usize;
+        AngleErrors {
+            mean: errors.iter().sum::<f64>() / count as f64,
+            p99: errors.get(rank.clamp(1, count) - 1).copied().unwrap_or(0.0),
+        }
+    }
+}
+
 /// The points of a bench that came to the limit.
 #[must_use]
 pub fn of_bench(outcomes: &[Outcome]) -> Vec<LimitPoint> {
@@ -131,6 +154,14 @@ pub fn speeds(model: &Checked) -> Result<[f64; 2], Faults> {
 mod tests {
     use super::*;
     use rsm_sim::record::Drive;
+
+    #[test]
+    fn of_a_hundred_errors_one_is_beyond_the_percentile() {
+        let errors = AngleErrors::of((1..=100).rev().map(f64::from).collect());
+        assert_eq!(errors, AngleErrors { mean: 50.5, p99: 99.0 });
+        assert_eq!(AngleErrors::of(vec![4.0, 2.0]), AngleErrors { mean: 3.0, p99: 4.0 });
+        assert_eq!(AngleErrors::of(Vec::new()), AngleErrors { mean: 0.0, p99: 0.0 });
+    }
 
     /// 0.08 ohm, 0.9 mH, 0.06 Wb, 4 pole pairs, 270 V, 60 A, 5 % of margin.
     fn known() -> Known {

@@ -108,6 +108,17 @@ impl Known {
         1.5 * self.pole_pairs * self.flux_linkage
     }
 
+    /// The speed, in rad/s, from which on the full current in the q axis needs more voltage than references may: with u the electrical speed,
+    /// (r I + u lambda)^2 + (u L I)^2 = V^2.
+    #[must_use]
+    pub fn base_speed(&self) -> f64 {
+        let current = self.current_limit;
+        let (r, l, flux) = (self.resistance * current, self.inductance * current, self.flux_linkage);
+        let voltage = self.reference_voltage(self.bus_voltage);
+        let square = flux * flux + l * l;
+        (((r * flux).powi(2) - square * (r * r - voltage * voltage)).sqrt() - r * flux) / square / self.pole_pairs
+    }
+
     /// The longest voltage vector that references may need at a bus voltage, in V: V_dc/sqrt 3 (20) less the margin.
     #[must_use]
     pub fn reference_voltage(&self, bus_voltage: f64) -> f64 {

@@ -182,6 +182,34 @@ pub fn zeta(measured: &[Measured]) -> (f64, f64) {
     (mean, zetas.map(|zeta| (zeta - TARGET).abs()).fold(0.0, f64::max))
 }
 
+/// What a car does in the runs of a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Driven {
+    /// Mean damping ratio of the response.
+    pub mean: f64,
+    /// Largest distance of it from 0.7.
+    pub largest_residual: f64,
+    /// Mean distance.
+    pub mean_residual: f64,
+    /// Largest overshoot, as a share.
+    pub largest_overshoot: f64,
+}
+
+impl Driven {
+    /// Of measured runs.
+    #[must_use]
+    pub fn of(measured: &[Measured]) -> Self {
+        let (mean, largest_residual) = zeta(measured);
+        let residuals = measured.iter().map(|it| it.damping_error().abs());
+        Driven {
+            mean,
+            largest_residual,
+            mean_residual: residuals.sum::<f64>() / measured.len().max(1) as f64,
+            largest_overshoot: measured.iter().map(|it| it.overshoot).fold(0.0, f64::max),
+        }
+    }
+}
+
 /// The overshoot of a compensated run over that of the same run without compensator; `None` where there was none to speak of.
 #[must_use]
 pub fn overshoot_ratio(uncompensated: &Measured, compensated: &Measured) -> Option<f64> {

@@ -2,6 +2,8 @@
 //!
 //! In: a diagnosis. Out: sentences. Decides nothing: every number is the diagnosis's own.
 
+use rsm_diagnose::plant::cause::Changes;
+use rsm_diagnose::plant::rejected::Why;
 use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
 use rsm_sim::kind::PlantKind;
 
@@ -20,11 +22,6 @@ pub struct Evidence {
     pub speaks_against: Vec<String>,
 }
 
-/// The name of a cause in lists (docs/book/src/reference/formats.md 4.3).
-pub fn label(cause: &Cause) -> String {
-    cause.subject.as_ref().map_or(cause.kind.to_string(), |subject| format!("{}:{subject}", cause.kind))
-}
-
 /// What speaks for and against a cause.
 pub fn of(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Evidence {
     let mut it = Evidence { supports: Vec::new(), speaks_against: Vec::new() };
@@ -35,7 +32,7 @@ pub fn of(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Evidence {
     if found.verdict == Verdict::Unexplained {
         let words = format!(
             "Structure is left that nothing in the catalogue explains ({} times the noise with it): the numbers of this cause may hold some of it.",
-            multiple(words::times(found))
+            multiple(found.times_noise())
         );
         it.speaks_against.push(words);
     }
@@ -53,36 +50,26 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
     }
     let Some(witness) = &cause.witness else { return };
     let records = if found.error_breakdown.unseen { "validation records" } else { "the records of the fit" };
-    let mut outputs = witness.outputs.clone();
-    outputs.sort_by(|a, b| (b.1 - b.2).total_cmp(&(a.1 - a.2)));
-    // Below a hundredth of the noise a difference is not worth a word.
-    let moved: Vec<String> = outputs
-        .iter()
-        .filter(|(_, without, with)| without - with > 0.01)
-        .map(|(k, without, with)| format!("{} from {} to {}", kind.outputs()[*k].name, multiple(*without), multiple(*with)))
-        .collect();
+    let words = |changes: &Changes| -> Vec<String> {
+        let each = changes.iter();
+        each.map(|(k, without, with)| format!("{} from {} to {}", kind.outputs()[*k].name, multiple(*without), multiple(*with)))
+            .collect()
+    };
+    let [moved, worse] = witness.changes().each_ref().map(words);
     if !moved.is_empty() {
         it.supports.push(format!("On {records} it lowers the error, in multiples of the noise: {}.", moved.join(", ")));
     }
-    let worse: Vec<String> = outputs
-        .iter()
-        .filter(|(_, without, with)| with - without > 0.01)
-        .map(|(k, without, with)| format!("{} from {} to {}", kind.outputs()[*k].name, multiple(*without), multiple(*with)))
-        .collect();
     if !worse.is_empty() {
         it.speaks_against.push(format!("On {records} it raises the error, in multiples of the noise: {}.", worse.join(", ")));
     }
-    let better = witness.records.iter().filter(|(_, without, with)| with < without).count();
-    let all = witness.records.len();
+    let (none, all) = (witness.without_gain(), witness.records.len());
     let judged = if found.error_breakdown.unseen { "validation record" } else { "record of the fit" };
     let plural = if all == 1 { "" } else { "s" };
-    if better == all {
+    if none.is_empty() {
         let each = if all == 1 { "The only".to_string() } else { format!("Every one of the {all}") };
         it.supports.push(format!("{each} {judged}{plural} is simulated better with it than without."));
     } else {
-        let names: Vec<&str> =
-            witness.records.iter().filter(|(_, without, with)| with >= without).map(|(name, _, _)| name.as_str()).collect();
-        it.speaks_against.push(format!("{} of {all} {judged}{plural} gain nothing by it: {}.", all - better, names.join(", ")));
+        it.speaks_against.push(format!("{} of {all} {judged}{plural} gain nothing by it: {}.", none.len(), none.join(", ")));
     }
     if let Some(place) = witness.places.first() {
         it.supports.push(format!("Without it {}.", words::place(kind, place)));
@@ -125,17 +112,10 @@ fn rivals(cause: &Cause, it: &mut Evidence) {
 
 fn numbers(cause: &Cause, it: &mut Evidence) {
     for number in &cause.parameters {
-        let half = 0.5 * (number.high - number.low);
-        if half <= 0.0 || !half.is_finite() || number.value == 0.0 {
-            continue;
-        }
-        let share = half / number.value.abs();
+        let Some(share) = Cause::relative_error(number) else { continue };
         let unit = if number.unit == "1" { String::new() } else { format!(" {}", number.unit) };
         let words = format!("{} = {}{unit}, give or take {} % (95 %)", number.name, figure(Some(number.value)), percent(share));
-        // A phase has no size to compare with.
-        if number.name == "phase" {
-            continue;
-        } else if share < WIDE {
+        if share < WIDE {
             it.supports.push(format!("Its number is well known: {words}."));
         } else {
             it.speaks_against.push(format!("Its number is poorly known: {words}."));
@@ -144,8 +124,7 @@ fn numbers(cause: &Cause, it: &mut Evidence) {
 }
 
 fn constants(found: &Diagnosis, it: &mut Evidence) {
-    let most = found.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()));
-    let Some(most) = most else { return };
+    let Some(most) = found.moved_most() else { return };
     let words = format!("{} moved most, by {:.1} standard deviations of its tolerance", most.name, most.sds.abs());
     if most.sds.abs() < PRESSED {
         it.supports.push(format!("Known constants stay within what the plant file allows: {words}."));
@@ -165,39 +144,17 @@ fn percent(share: f64) -> String {
     }
 }
 
-/// A hypothesis that was not believed.
-pub struct Rejected {
-    pub label: String,
-    /// What the screen of the calibrated plant promised.
-    pub promised: f64,
-    /// What the last screen promised, with the causes in the plant.
-    pub remaining: Option<f64>,
-    pub why: String,
-}
-
-/// Why the others were not believed, those that promised most first.
-pub fn rejected(found: &Diagnosis) -> Vec<Rejected> {
-    let causes: Vec<String> = found.causes.iter().chain(&found.helpers).map(label).collect();
-    let mut list = Vec::new();
-    for (name, promised) in found.ranking.iter().filter(|(name, _)| !causes.contains(name)) {
-        let remaining = found.remaining.iter().find(|(label, _)| label == name).map(|(_, gain)| *gain);
-        let refused = found.refused.iter().find(|it| it.cause == *name);
-        let as_rival = found.causes.iter().chain(&found.helpers).find_map(|cause| {
-            let rival = cause.rivals.iter().find(|(rival, _)| rival == name)?;
-            Some((label(cause), rival.1, cause.indistinguishable_from.contains(name)))
-        });
-        let least = format!("{:.0}", found.threshold);
-        let why = match (as_rival, remaining) {
-            _ if refused.is_some() => format!("tried and refused: {}", refused.map_or("", |it| it.why.as_str())),
-            (Some((cause, _, true)), _) => format!("not told from {cause} in these records"),
-            (Some((cause, behind, false)), _) => format!("fitted in place of {cause}: falls short by {}", figure(Some(behind))),
-            (None, _) if *promised < found.threshold => format!("promises less than the {least} that chance and worth ask"),
-            (None, Some(left)) if !causes.is_empty() && left < found.threshold => {
-                format!("what it promised is explained by the causes: {} is left for it", figure(Some(left)))
-            }
-            _ => format!("a promise in first order that no full fit kept: less than {least}, or no gain on validation records"),
-        };
-        list.push(Rejected { label: name.clone(), promised: *promised, remaining, why });
+/// Why a hypothesis was not believed, in words.
+pub fn why(found: &Diagnosis, why: &Why) -> String {
+    let least = format!("{:.0}", found.threshold);
+    match why {
+        Why::Refused(why) => format!("tried and refused: {why}"),
+        Why::Alike(cause) => format!("not told from {cause} in these records"),
+        Why::FallsShort { cause, by } => format!("fitted in place of {cause}: falls short by {}", figure(Some(*by))),
+        Why::PromisesLittle => format!("promises less than the {least} that chance and worth ask"),
+        Why::Explained(left) => format!("what it promised is explained by the causes: {} is left for it", figure(Some(*left))),
+        Why::NotKept => {
+            format!("a promise in first order that no full fit kept: less than {least}, or no gain on validation records")
+        }
     }
-    list
 }

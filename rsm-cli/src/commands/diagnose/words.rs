@@ -10,11 +10,11 @@ use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
 use rsm_diagnose::plant::nested_models::Step;
 use rsm_diagnose::plant::regions::{Region, telling};
 use rsm_diagnose::plant::tested::FIRST_PART;
+use rsm_diagnose::plant::validation::{Error, worst};
 use rsm_diagnose::plant::{Cause, Diagnosis, Interval, Verdict};
 use rsm_sim::effect::Subject;
 use rsm_sim::kind::PlantKind;
 
-use super::evidence::label;
 use super::next;
 use crate::page::{figure, multiple};
 
@@ -46,12 +46,11 @@ pub fn judging(error_breakdown: &ErrorBreakdown) -> String {
 /// The verdict with its numbers.
 pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
     let judging = judging(&found.error_breakdown);
-    let worst = |errors: &[rsm_diagnose::plant::validation::Error]| {
-        let worst = errors.iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio));
-        worst.map_or((String::new(), 0.0), |it| (kind.outputs()[it.output].name.to_string(), it.noise_ratio))
+    let worst = |errors: &[Error]| {
+        worst(errors).map_or((String::new(), 0.0), |it| (kind.outputs()[it.output].name.to_string(), it.noise_ratio))
     };
     let ((before, most), (after, least)) = (worst(&found.nominal), worst(&found.extended));
-    let names = and(&found.causes.iter().map(label).collect::<Vec<_>>());
+    let names = and(&found.causes.iter().map(Cause::label).collect::<Vec<_>>());
     let gain = format!(
         "On {judging} ({CHOSEN}) {:.1} % of the error beyond the noise is gone: the worst output was {before}, {} times its noise, and is {after} now, {} times.{}",
         100.0 * found.gain,
@@ -61,8 +60,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
     );
     match found.verdict {
         Verdict::NoDiscrepancy => {
-            let moved = found.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()));
-            let moved = moved.map_or(String::new(), |it| {
+            let moved = found.moved_most().map_or(String::new(), |it| {
                 format!(
                     " What moved most within its tolerance is {}, by {:.1} standard deviations of it.",
                     it.name,
@@ -108,7 +106,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             });
             let looks = format!("{looks}{predicted}");
             let stopped = found.stopped.map_or(String::new(), |limit| format!(" The search stopped {limit}."));
-            let helpers = and(&found.helpers.iter().map(label).collect::<Vec<_>>());
+            let helpers = and(&found.helpers.iter().map(Cause::label).collect::<Vec<_>>());
             let (some, one) = (found.helpers.len() + found.causes.len(), found.helpers.len() == 1);
             let helps = match (some, found.causes.len()) {
                 (0, _) => "No cause of the catalogue helps.".to_string(),
@@ -128,7 +126,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             };
             format!(
                 "The simulation gets something wrong that the catalogue does not explain: what is left is {} times the noise.{looks}{stopped} {helps}",
-                multiple(times(found))
+                multiple(found.times_noise())
             )
         }
     }
@@ -164,13 +162,6 @@ pub fn place(kind: PlantKind, region: &Region) -> String {
         kind.outputs()[region.output].name,
         region.region
     )
-}
-
-/// What is left over the noise, as root mean squares.
-pub fn times(found: &Diagnosis) -> f64 {
-    let unseen = found.left_unseen.as_ref().map_or(0.0, |it| it.excess);
-    let predicted = found.predicted.as_ref().map_or(0.0, |it| it.excess);
-    (1.0 + found.left.excess.max(unseen).max(predicted).max(0.0)).sqrt()
 }
 
 /// What the plant file said of what a cause changes.
@@ -252,7 +243,7 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     }
     tell!("{} ({seconds:.1} s). {}", found.verdict.name(), verdict(kind, found));
     for cause in &found.causes {
-        tell!("  {}: {} Confidence {:.2}.", label(cause), cause.sentence, cause.confidence);
+        tell!("  {}: {} Confidence {:.2}.", cause.label(), cause.sentence, cause.confidence);
         if !cause.indistinguishable_from.is_empty() {
             tell!(
                 "    In these records the same as {}. Confidence that one of these is right: {:.2}.",
@@ -265,7 +256,7 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for helper in &found.helpers {
         tell!(
             "  Helps, and is not sure to be a cause: {}: {} Confidence {:.2}.",
-            label(helper),
+            helper.label(),
             helper.sentence,
             helper.confidence
         );

@@ -48,22 +48,28 @@ rsm.library = async () => {
   return true;
 };
 
-// ---- switches: which cause is in the simulation ----
+// ---- switches: which causes are in what is shown ----
 rsm.switches = () => {
   for (const group of document.querySelectorAll(".switch")) {
     const buttons = [...group.querySelectorAll("button")];
-    const told = group.querySelector(".told");
-    const choose = (chosen) => {
-      buttons.forEach((button) => button.setAttribute("aria-pressed", String(button === chosen)));
-      told.textContent = chosen.dataset.told || "";
+    const isIn = (button) => button.getAttribute("aria-pressed") === "true";
+    const told = JSON.parse(group.dataset.told);
+    const show = () => {
+      const state = buttons.reduce((set, button, k) => set + (isIn(button) ? 2 ** k : 0), 0);
+      group.querySelector(".told").textContent = told[state];
       rsm.changes += 1;
-      rsm.states.set(group.dataset.group, Number(chosen.dataset.state));
+      rsm.states.set(group.dataset.group, state);
       for (const figure of document.querySelectorAll("figure[data-group]")) {
         if (figure.dataset.group === group.dataset.group) rsm.figures.get(figure)?.();
       }
     };
-    buttons.forEach((button) => button.addEventListener("click", () => choose(button)));
-    if (buttons.length > 0) choose(buttons[0]);
+    for (const button of buttons) {
+      button.addEventListener("click", () => {
+        button.setAttribute("aria-pressed", String(!isIn(button)));
+        show();
+      });
+    }
+    show();
   }
 };
 

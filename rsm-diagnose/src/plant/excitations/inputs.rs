@@ -11,7 +11,7 @@ use rsm_sim::record::Record;
 const STAIRS: [f64; 8] = [0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0];
 
 /// The highest frequency of a sweep as a share of the sample rate: ten rows a period still draw a wave.
-const HIGHEST: f64 = 0.1;
+const HIGHEST_OF_SWEEP: f64 = 0.1;
 
 /// Periods of a sweep's lowest frequency in a record.
 const LOWEST: f64 = 2.0;
@@ -108,7 +108,7 @@ fn ramps(rows: usize, period: f64) -> Vec<f64> {
 
 /// A sine whose frequency grows in proportion to itself.
 fn sweep(rows: usize) -> Vec<f64> {
-    let (first, last) = (LOWEST / rows as f64, HIGHEST);
+    let (first, last) = (LOWEST / rows as f64, HIGHEST_OF_SWEEP);
     let growth = (last / first).ln();
     let phase = |row: usize| {
         let share = row as f64 / rows as f64;

@@ -2,9 +2,9 @@
 //!
 //! In: a believed cause with its rivals. Out: those that the records do not separate from it, by name and as plants. Never fits one.
 
+use super::super::experiment::Alias;
 use super::super::hypotheses::generalises;
-use super::super::selection::Believed;
-use super::Alias;
+use super::super::search::Believed;
 
 /// Rivals are alike when they do worse by less than this share of the gain: between integrators and smoothings, formulas of one cause differ that much.
 const ALIKE: f64 = 1e-5;

@@ -1,38 +1,16 @@
 //! The parts of a verdict by hand: shares, limits, numbers with their units, sentences.
 
 use super::super::axis_under_steps;
+use super::super::cause::Interval;
 use super::super::levenberg;
 use super::*;
 mod whole;
 
 use super::super::levenberg::Fit;
-use super::super::selection::Believed;
-use super::own_noise::its_own;
+use super::super::search::Believed;
 use super::told::unit;
+use rsm_sim::effect::Subject;
 use rsm_sim::kind::PlantKind;
-
-#[test]
-fn louder_noise_on_unseen_records_is_no_structure_and_a_swing_is() {
-    use super::super::axis_under_steps;
-    let file = axis_under_steps::file("mass = 0.02", "");
-    let (whitened, nominal) = axis_under_steps::whitened(&file, &file, true);
-    let fit = levenberg::fit(&whitened, nominal, 4).unwrap();
-    // The residual times `louder`, and a swing of so many times the noise beside it, ten to the record.
-    let left = |louder: f64, swing: f64| {
-        let mut unseen = whitened.clone();
-        let measured = unseen.records[0].record.measured[0].as_mut().unwrap();
-        for (row, value) in measured.iter_mut().enumerate() {
-            let simulated = fit.simulated[0][0][row];
-            let swing = swing * whitened.floors[0].sd * (0.1 * row as f64).sin();
-            *value = simulated + louder * (*value - simulated) + swing;
-        }
-        left_there(&unseen, fit.clone(), 1).excess
-    };
-    assert_eq!(left(1.0, 0.0), 0.0);
-    assert_eq!(left(1.4, 0.0), 0.0);
-    assert!(left(1.8, 0.0) > 0.5, "{}", left(1.8, 0.0));
-    assert!(left(1.0, 0.7) > 0.05, "{}", left(1.0, 0.7));
-}
 
 #[test]
 fn numbers_in_sentences_have_four_digits_and_their_unit() {
@@ -58,33 +36,6 @@ fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {
     assert_eq!(judged_by(false, Some(Limit::Steps), false), Verdict::Explained);
     assert_eq!(judged_by(true, Some(Limit::Steps), false), Verdict::Unexplained);
     assert_eq!(judged_by(false, Some(Limit::Circle), false), Verdict::Unexplained);
-}
-
-/// Errors of so many times the noise, one an output.
-fn times(ratios: &[f64]) -> Vec<Error> {
-    ratios.iter().enumerate().map(|(output, ratio)| Error { output, rmse: 0.1 * ratio, noise_ratio: *ratio }).collect()
-}
-
-#[test]
-fn a_gain_is_the_share_of_the_energy_above_the_noise_that_is_gone() {
-    // 8 and 3 above the noise; 1.25 and nothing are left. What is below the noise counts as nothing.
-    assert_eq!(gain(&times(&[3.0, 2.0]), &times(&[1.5, 0.5])), 1.0 - 1.25 / 11.0);
-    // Above by 0.05 and 0.15 % of the noise's energy: the scatter of a million rows, and more.
-    assert_eq!(gain(&times(&[1.0005_f64.sqrt()]), &times(&[1.0])), 0.0);
-    assert_eq!(gain(&times(&[1.0015_f64.sqrt()]), &times(&[1.0])), 1.0);
-    // What is made worse many times is worse by all.
-    assert_eq!(gain(&times(&[2.0]), &times(&[10.0])), -1.0);
-}
-
-#[test]
-fn the_gain_of_sums_is_that_of_their_errors_and_asks_for_rows() {
-    // Per row 9, 9 and 0.5 before, 2, 2 and 2 after. Of the second there is one row.
-    assert_eq!(gain_of(&[[90.0, 20.0, 10.0], [9.0, 2.0, 1.0], [5.0, 20.0, 10.0]]), 1.0 - 3.0 / 16.0);
-    // An output without rows says nothing.
-    assert_eq!(gain_of(&[[90.0, 20.0, 10.0], [5.0, 5.0, 0.0], [0.0; 3]]), 1.0 - 1.0 / 8.0);
-    assert_eq!(gain_of(&[[10.005, 10.0, 10.0], [0.0; 3], [0.0; 3]]), 0.0);
-    assert_eq!(gain_of(&[[10.015, 10.0, 10.0], [0.0; 3], [0.0; 3]]), 1.0);
-    assert_eq!(gain_of(&[[20.0, 1000.0, 10.0], [0.0; 3], [0.0; 3]]), -1.0);
 }
 
 #[test]
@@ -253,7 +204,7 @@ fn what_the_law_shows_is_as_sure_as_what_has_nothing_against_it() {
 #[test]
 fn beside_structure_only_probable_causes_are_named() {
     assert!(is_named(Verdict::Explained, 0.1) && is_named(Verdict::NoDiscrepancy, 0.1));
-    assert!(is_named(Verdict::Unexplained, NAMED) && is_named(Verdict::Unexplained, 0.9));
+    assert!(is_named(Verdict::Unexplained, LEAST_CONFIDENCE) && is_named(Verdict::Unexplained, 0.9));
     assert!(!is_named(Verdict::Unexplained, 0.499));
 }
 
@@ -323,41 +274,4 @@ fn outputs_are_told_once_and_noise_that_grows_with_its_ends() {
     whitened.floors[1] = Floor { growth: Some(growth), ..Floor::white(0.2) };
     assert_eq!(growing(&whitened, &[0, 1]), [(0, 0.1, 0.1 * 2.5), (1, 0.2, 0.2 * 1.25)]);
     assert_eq!(growing(&whitened, &[1]), [(1, 0.2, 0.2 * 1.25)]);
-}
-
-#[test]
-fn records_have_their_own_noise_where_they_show_it_and_far_more_is_none() {
-    let others = Floor::white(2.0);
-    let rounded = Floor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..others };
-    assert_eq!(its_own(&others, None), others);
-    assert_eq!(its_own(&others, Some(Floor::white(2.9))), Floor::white(2.9));
-    assert_eq!(its_own(&others, Some(Floor::white(0.5))), Floor::white(0.5));
-    assert_eq!(its_own(&others, Some(Floor::white(3.0))), others);
-    assert_eq!(its_own(&rounded, Some(Floor::white(1.9))), rounded);
-}
-
-#[test]
-fn each_unseen_record_is_judged_by_its_own_noise_and_all_by_what_is_known_worst() {
-    let file = axis_under_steps::file("mass = 0.02", "");
-    let (whitened, nominal) = axis_under_steps::whitened(&file, &file, true);
-    let fit = levenberg::fit(&whitened, nominal, 4).unwrap();
-    // Another with noise that is louder by 0.3.
-    let mut louder = whitened.records[0].clone();
-    let simulated = &fit.simulated[0][0];
-    louder.record.measured[0] =
-        Some(whitened.records[0].measured(0).iter().zip(simulated).map(|(a, b)| b + 1.3 * (a - b)).collect());
-    let of = |records: Vec<super::super::whitened_residuals::Prepared>| {
-        let simulated = vec![fit.simulated[0].clone(); records.len()];
-        let (there, fit) = by_own_noise(&whitened.on(records), Fit { simulated, ..fit.clone() });
-        (there.floors[0], fit.residual)
-    };
-    let quiet = whitened.records[0].clone();
-    let [(one, own), (other, others)] = [&quiet, &louder].map(|it| of(vec![it.clone()]));
-    let (both, residual) = of(vec![quiet, louder]);
-    // Each residual is that of its record alone, and the level is that of both.
-    assert_eq!(residual, [own, others].concat());
-    assert!((other.sd / one.sd - 1.3).abs() < 1e-9 && both.sd > 1.1 * one.sd && both.sd < 0.95 * other.sd, "{one:?} {both:?}");
-    // Twice the rows know the correlation better; it counts as well as each record knows its own.
-    assert_eq!(both.error, one.error.max(other.error));
-    assert!(both.error > 0.0);
 }

@@ -2,13 +2,12 @@
 //!
 //! In: an entry of a fitted plant, or the rounding of an output. Out: a [`Cause`]. Never judges one.
 
-use super::super::error_breakdown::Witness;
+use super::super::cause::{Cause, Interval, Witness};
 use super::super::levenberg::Fit;
 use super::super::model::Place;
 use super::super::posterior::Posterior;
-use super::super::selection::Believed;
+use super::super::search::Believed;
 use super::super::whitened_residuals::WhitenedResiduals;
-use super::{Cause, Interval};
 use crate::engine::probability::Probability;
 use rsm_sim::effect::{Arguments, Role, Subject};
 use rsm_sim::kind::PlantKind;

@@ -4,16 +4,16 @@
 
 use rsm_core::check::Checked;
 use rsm_core::model::Model;
+use rsm_rigs::refit::{gain, usable};
 use rsm_rigs::track::experiment::experiment;
-use rsm_rigs::track::measure::Measured;
 use rsm_rigs::track::plan::TrackPlan;
-use rsm_rigs::track::rounds::{self, COMPENSATOR, Poles, Settings};
+use rsm_rigs::track::rounds::{self, COMPENSATOR, Driven, Poles, Settings};
 use rsm_rigs::track::run::Compensation;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::threads::threads;
 use serde_json::{Value, json};
 
-use super::{Refitted, Request, gain, usable};
+use super::{Refitted, Request};
 use crate::outcome::Refusal;
 use crate::{evaluators, output};
 
@@ -26,34 +26,13 @@ const JUDGE: u64 = 3000;
 /// A drift is nothing that a surface can learn.
 const NEVER: [&str; 1] = ["sensor-drift"];
 
-/// What a car does in the runs of a plan.
-struct Driven {
-    mean: f64,
-    largest_residual: f64,
-    mean_residual: f64,
-    largest_overshoot: f64,
-}
-
-impl Driven {
-    fn of(measured: &[Measured]) -> Driven {
-        let (mean, largest_residual) = rounds::zeta(measured);
-        let residuals = measured.iter().map(|it| it.damping_error().abs());
-        Driven {
-            mean,
-            largest_residual,
-            mean_residual: residuals.sum::<f64>() / measured.len().max(1) as f64,
-            largest_overshoot: measured.iter().map(|it| it.overshoot).fold(0.0, f64::max),
-        }
-    }
-
-    fn json(&self) -> Value {
-        json!({
-            "mean": output::finite(self.mean),
-            "mean_residual": output::finite(self.mean_residual),
-            "largest_residual": output::finite(self.largest_residual),
-            "largest_overshoot": output::finite(self.largest_overshoot),
-        })
-    }
+fn json_of(driven: &Driven) -> Value {
+    json!({
+        "mean": output::finite(driven.mean),
+        "mean_residual": output::finite(driven.mean_residual),
+        "largest_residual": output::finite(driven.largest_residual),
+        "largest_overshoot": output::finite(driven.largest_overshoot),
+    })
 }
 
 pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
@@ -110,9 +89,9 @@ fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusa
         "damping_ratio": {
             "target": 0.7,
             "runs": plan.runs.len(),
-            "uncompensated": without.json(),
-            "before": before.json(),
-            "after": after.json(),
+            "uncompensated": json_of(&without),
+            "before": json_of(&before),
+            "after": json_of(&after),
             "gain": output::finite(gain(before.mean_residual, after.mean_residual)),
         },
         "left_out": left_out,

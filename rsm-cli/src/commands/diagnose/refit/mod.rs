@@ -13,7 +13,6 @@ mod motor;
 
 use std::path::{Path, PathBuf};
 
-use rsm_sim::effect::Subject;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -69,27 +68,4 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
         PlantKind::Driveline => driveline::refit(request),
         _ => motor::refit(request),
     }
-}
-
-/// A plant as an experiment can take it: errors of parameters become the parameters, which is what a drive is told after a diagnosis; effects that an experiment cannot have are
-/// left out, and named.
-fn usable(plant: &PlantFile, never: &[&str]) -> (PlantFile, Vec<String>) {
-    let mut usable = plant.clone();
-    usable.initial.clear();
-    usable.effects.clear();
-    let mut left_out = Vec::new();
-    for entry in &plant.effects {
-        let kind = entry.description.kind;
-        match (entry.description.subject, entry.arguments.subject.as_deref(), entry.arguments.optional("value")) {
-            (Subject::Parameter, Some(name), Some(value)) => usable.parameters.set(name, value),
-            _ if never.contains(&kind) => left_out.push(kind.to_string()),
-            _ => usable.effects.push(entry.clone()),
-        }
-    }
-    (usable, left_out)
-}
-
-/// The share of an error that is gone.
-fn gain(before: f64, after: f64) -> f64 {
-    if before > 0.0 { 1.0 - after / before } else { 0.0 }
 }

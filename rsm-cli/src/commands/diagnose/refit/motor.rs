@@ -4,15 +4,16 @@
 //! and settings of its own, and which steady windows of the records show by their flux linkages.
 
 use rsm_core::check::Checked;
-use rsm_rigs::bench::limit_points::{self, LimitPoint};
+use rsm_rigs::bench::limit_points::{self, AngleErrors, LimitPoint};
 use rsm_rigs::motor::closed_loop::Drive;
 use rsm_rigs::motor::controller::Known;
 use rsm_rigs::motor::figures::{self, RUN_UP_SPEED};
 use rsm_rigs::motor::surface::{SurfaceController, Surfaces};
+use rsm_rigs::refit::{gain, usable};
 use rsm_sim::plant_file::PlantFile;
 use serde_json::{Value, json};
 
-use super::{Refitted, Request, gain, usable};
+use super::{Refitted, Request};
 use crate::outcome::Refusal;
 use crate::weakening::{self, PLANS, UNSEEN};
 use crate::{evaluators, output, report};
@@ -29,27 +30,8 @@ struct Controller {
     known: Known,
 }
 
-/// The mean and the 99th percentile of angle errors, in degrees.
-#[derive(Debug, Clone, Copy)]
-struct Errors {
-    mean: f64,
-    p99: f64,
-}
-
-impl Errors {
-    fn of(mut errors: Vec<f64>) -> Errors {
-        errors.sort_by(f64::total_cmp);
-        let count = errors.len().max(1);
-        let rank = (0.99 * count as f64).ceil() as usize;
-        Errors {
-            mean: errors.iter().sum::<f64>() / count as f64,
-            p99: errors.get(rank.clamp(1, count) - 1).copied().unwrap_or(0.0),
-        }
-    }
-
-    fn json(self) -> Value {
-        json!({ "mean": output::finite(self.mean), "p99": output::finite(self.p99) })
-    }
+fn json_of(errors: AngleErrors) -> Value {
+    json!({ "mean": output::finite(errors.mean), "p99": output::finite(errors.p99) })
 }
 
 pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
@@ -84,11 +66,11 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     let (_, unseen) = weakening::plan(UNSEEN.0, UNSEEN.1)?;
     let at_bench = within(limit_points::of_bench(&bench.run(&judge, &unseen, JUDGE)?));
     let recorded = within(request.records.iter().flat_map(|it| limit_points::of_record(it, &after.known)).collect());
-    let errors = |points: &[LimitPoint]| -> Result<Option<[Errors; 2]>, Refusal> {
+    let errors = |points: &[LimitPoint]| -> Result<Option<[AngleErrors; 2]>, Refusal> {
         if points.is_empty() {
             return Ok(None);
         }
-        let of = |it: &Controller| limit_points::angle_errors(&it.checked, &it.known, points).map(Errors::of);
+        let of = |it: &Controller| limit_points::angle_errors(&it.checked, &it.known, points).map(AngleErrors::of);
         Ok(Some([of(before)?, of(after)?]))
     };
     let (on_bench, on_records) = (errors(&at_bench)?, errors(&recorded)?);
@@ -113,11 +95,11 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     if !left_out.is_empty() {
         words.push(format!("Left out, as nothing that a surface can learn: {}.", left_out.join(", ")));
     }
-    let angles = |found: Option<[Errors; 2]>, points: &[LimitPoint]| match found {
+    let angles = |found: Option<[AngleErrors; 2]>, points: &[LimitPoint]| match found {
         Some([before, after]) => json!({
             "points": points.len(),
-            "before": before.json(),
-            "after": after.json(),
+            "before": json_of(before),
+            "after": json_of(after),
             "gain": output::finite(gain(before.mean, after.mean)),
         }),
         None => Value::Null,

@@ -1,17 +1,16 @@
-//! Curves before and after: whole records, the stretch that is worst, what is left over time, by frequency and by order. A switch takes each cause out of the simulation.
+//! Curves before and after: whole records, the stretch that is worst, what is left over time, by frequency and by order. A click takes a cause out of the simulation, or puts it back.
 //!
-//! In: a diagnosis. Out: figures. Decides nothing: which record, which stretch and what is simulated without a cause come from the diagnosis.
+//! In: a diagnosis. Out: figures. Decides nothing: which record, which stretch and what each combination of causes simulates come from the diagnosis.
 
 use std::fmt::Write as _;
 use std::ops::Range;
 
+use rsm_diagnose::plant::Diagnosis;
+use rsm_diagnose::plant::combinations::{Combinations, Combined};
 use rsm_diagnose::plant::error_breakdown::Trace;
 use rsm_diagnose::plant::orders::Orders;
-use rsm_diagnose::plant::validation::Error;
-use rsm_diagnose::plant::{Cause, Diagnosis};
 use rsm_sim::kind::PlantKind;
 
-use super::super::evidence::label;
 use super::super::words;
 use crate::outcome::Refusal;
 use crate::page::{escaped, multiple};
@@ -19,18 +18,14 @@ use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words, de
 
 /// The output that is worst before any cause: its worst stretch, with a switch. Nothing where there are no curves.
 pub fn summary(kind: PlantKind, found: &Diagnosis) -> Result<String, Refusal> {
-    let worst = calibrated(found).iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio));
-    let shown = worst.and_then(|worst| Shown::of(found, worst.output));
-    let Some(shown) = shown.or_else(|| (0..kind.outputs().len()).find_map(|output| Shown::of(found, output))) else {
-        return Ok(String::new());
-    };
+    let Some(shown) = found.worst_output().and_then(|output| Shown::of(found, output)) else { return Ok(String::new()) };
     let y = title(kind, shown.trace.output);
     let (from, to) = (shown.trace.time[shown.trace.worst.start], shown.trace.time[shown.trace.worst.end - 1]);
     let group = format!("summary of {y}");
     let words = format!("{y}, where it is worst: {from:.3} to {to:.3} s");
     Ok(format!(
         "{}<div class=\"plots one\">\n{}</div>\n<p class=\"note\">Of {}: the rows in which the plant without a cause is worst.</p>\n",
-        shown.switch(found, &group),
+        shown.switch(&group),
         shown.outputs(&group, &shown.trace.worst, &words, &y)?,
         escaped(shown.record)
     ))
@@ -50,7 +45,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
         let signal = kind.outputs()[output];
         let y = title(kind, output);
         let _ = writeln!(body, "<h3>{} in {}</h3>", escaped(&y), escaped(shown.record));
-        body.push_str(&shown.switch(found, &y));
+        body.push_str(&shown.switch(&y));
         body.push_str("<div class=\"plots\">\n");
         let whole = 0..trace.time.len();
         body.push_str(&shown.outputs(&y, &whole, "the whole record", &y)?);
@@ -70,15 +65,8 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
         }
         body.push_str("</div>\n");
     }
-    let telling: Vec<&Orders> = breakdown.orders.iter().filter(|it| it.order.len() > 4).collect();
-    let telling = telling.into_iter().filter(|orders| {
-        let named = |list: &[rsm_diagnose::plant::regions::Region]| {
-            list.iter().any(|region| region.output == orders.output && region.quantity == "order")
-        };
-        named(&breakdown.before) || named(&breakdown.after)
-    });
     let mut any = false;
-    for it in telling {
+    for it in breakdown.telling_orders() {
         if !any {
             body.push_str("<h3>What repeats with the motion</h3>\n<div class=\"plots\">\n");
             any = true;
@@ -96,12 +84,6 @@ fn title(kind: PlantKind, output: usize) -> String {
     format!("{} [{}]", signal.name, signal.unit)
 }
 
-/// Errors of the calibrated plant, which has no cause yet.
-fn calibrated(found: &Diagnosis) -> &[Error] {
-    let first = found.steps.first().filter(|step| step.causes.is_empty());
-    first.map_or(found.nominal.as_slice(), |step| step.errors.as_slice())
-}
-
 /// The points of a curve, from its values at all rows.
 type Points<'a> = dyn Fn(&[f64]) -> Vec<(f64, f64)> + 'a;
 
@@ -110,52 +92,28 @@ struct Shown<'a> {
     trace: &'a Trace,
     /// The name of its record.
     record: &'a str,
-    /// Where there are several causes: each of the strongest, and what the plant without it simulates.
-    without: Vec<(&'a Cause, &'a [f64])>,
+    /// Its place among the traces.
+    place: usize,
+    combinations: &'a Combinations<Combined>,
 }
 
 impl<'a> Shown<'a> {
     fn of(found: &'a Diagnosis, output: usize) -> Option<Self> {
         let breakdown = &found.error_breakdown;
-        let records = if breakdown.unseen { &breakdown.records[1] } else { &breakdown.records[0] };
-        let traces = breakdown.traces.iter().enumerate().filter(|(_, it)| it.output == output);
-        let (place, trace) = traces.max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
-        let record = records.get(trace.record).map_or("", |(name, _)| name.as_str());
-        let without = |cause: &'a Cause| Some((cause, cause.witness.as_ref()?.without.get(place)?.as_slice()));
-        // Without the only cause the plant is the calibrated one.
-        let several = found.entries().count() > 1;
-        let without = found.entries().filter_map(without).filter(|(_, values)| several && values.len() == trace.time.len());
-        Some(Shown { trace, record, without: without.collect() })
+        let (place, trace) = breakdown.worst(output)?;
+        let record = breakdown.judging().get(trace.record).map_or("", |(name, _)| name.as_str());
+        Some(Shown { trace, record, place, combinations: &breakdown.combinations })
     }
 
-    /// Buttons: all causes, without each, without any. Nothing where no cause was found.
-    fn switch(&self, found: &Diagnosis, group: &str) -> String {
-        let names: Vec<String> = found.entries().map(label).collect();
-        if names.is_empty() {
-            return String::new();
-        }
-        let output = self.trace.output;
-        let told = |errors: &[Error]| {
-            let error = errors.iter().find(|it| it.output == output);
-            error.map_or(String::new(), |it| format!("error {} times the noise", multiple(it.noise_ratio)))
+    /// A button a cause. Nothing where no cause can be taken out.
+    fn switch(&self, group: &str) -> String {
+        let told = |plant: &Option<Combined>| {
+            let errors = plant.iter().flat_map(|it| &it.errors);
+            let error = errors.filter(|it| it.output == self.trace.output).map(|it| multiple(it.noise_ratio)).next();
+            error.map_or("cannot be simulated".to_string(), |times| format!("error {times} times the noise"))
         };
-        let all = match names.as_slice() {
-            [one] => format!("With {one}"),
-            _ => "With all causes".to_string(),
-        };
-        let mut states = vec![(all, told(&found.extended))];
-        for (cause, _) in &self.without {
-            let outputs = cause.witness.iter().flat_map(|witness| &witness.outputs);
-            let error =
-                outputs.filter(|it| it.0 == output).map(|it| format!("error {} times the noise", multiple(it.1))).next();
-            states.push((format!("Without {}", label(cause)), error.unwrap_or_default()));
-        }
-        let none = match names.as_slice() {
-            [one] => format!("Without {one}"),
-            _ => "Without any".to_string(),
-        };
-        states.push((none, told(calibrated(found))));
-        plot::switch(group, "Simulated", &states)
+        let told: Vec<String> = self.combinations.of.iter().map(told).collect();
+        plot::switch(group, "Causes in the simulation:", &self.combinations.causes, &told)
     }
 
     /// Measured and simulated values over time.
@@ -180,17 +138,26 @@ impl<'a> Shown<'a> {
     /// What each plant simulates, in the state of the switch that has it. The still picture has the plants before and after.
     fn simulated(&self, points: &Points<'_>) -> Vec<Series> {
         let trace = self.trace;
-        let none = self.without.len() + 1;
-        let mut series = vec![
-            Series::new("nominal", PINK, Mark::Line, points(&trace.nominal)).in_state(none),
-            Series::new("calibrated", ORANGE, Mark::Line, points(&trace.before)).in_state(none),
-            Series::new("extended", BLUE, Mark::Line, points(&trace.after)).in_state(0),
-        ];
-        for (k, (cause, values)) in self.without.iter().enumerate() {
-            let name = format!("without {}", label(cause));
-            series.push(Series::new(&name, ORANGE, Mark::Line, points(values)).in_state(k + 1).only_live());
+        let line = |name: &str, colour, values: &[f64]| Series::new(name, colour, Mark::Line, points(values));
+        let none = [line("nominal", PINK, &trace.nominal), line("calibrated", ORANGE, &trace.before)];
+        let mut all = vec![line("extended", BLUE, &trace.after)];
+        all.extend(trace.corrected.as_ref().map(|it| line("corrected", BLACK, it)));
+        if self.combinations.causes.is_empty() {
+            return none.into_iter().chain(all).collect();
         }
-        series.extend(trace.corrected.as_ref().map(|it| Series::new("corrected", BLACK, Mark::Line, points(it)).in_state(0)));
+        let last = self.combinations.of.len() - 1;
+        let mut series: Vec<Series> =
+            none.into_iter().map(|it| it.in_state(0)).chain(all.into_iter().map(|it| it.in_state(last))).collect();
+        for (set, plant) in self.combinations.of.iter().enumerate().take(last) {
+            let values = plant.iter().filter_map(|it| it.simulated.get(self.place));
+            // Without any cause it is the calibrated plant, unless weaker causes stay in it.
+            for values in values.filter(|it| **it != trace.before) {
+                let names = self.combinations.names(set);
+                let name =
+                    if names.is_empty() { "without these causes".to_string() } else { format!("with {}", names.join(", ")) };
+                series.push(line(&name, ORANGE, values).in_state(set).only_live());
+            }
+        }
         series
     }
 }

@@ -10,12 +10,12 @@ use std::fmt::Write as _;
 
 use rsm_diagnose::plant::correction::Offer;
 use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
-use rsm_diagnose::plant::validation::Error;
+use rsm_diagnose::plant::validation::{Error, worst};
 use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
 use rsm_sim::kind::PlantKind;
 
 use super::equations;
-use super::evidence::{self, label};
+use super::evidence;
 use super::next;
 use super::words;
 use crate::outcome::Refusal;
@@ -60,7 +60,7 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
         Verdict::Explained => "explained",
         Verdict::Unexplained => "not explained",
     };
-    let worst = |errors: &[Error]| errors.iter().map(|it| it.noise_ratio).fold(0.0, f64::max);
+    let worst = |errors: &[Error]| worst(errors).map_or(0.0, |it| it.noise_ratio);
     let judging = words::judging(&found.error_breakdown);
     let mut numbers = Vec::new();
     if found.verdict == Verdict::NoDiscrepancy {
@@ -69,7 +69,7 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
             format!("{} × noise", multiple(worst(&found.extended))),
             format!("on {judging}"),
         ));
-        if let Some(it) = found.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs())) {
+        if let Some(it) = found.moved_most() {
             let moved = format!("{:.1} σ", it.sds.abs());
             numbers.push(Number::new("Largest move within a tolerance", moved, format!("of {} (2 σ are allowed)", it.name)));
         }
@@ -88,7 +88,7 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
             Some(cause) => {
                 let probability = [cause.confidence, cause.confidence_of_any];
                 let (equals, more) = (cause.indistinguishable_from.len(), found.entries().count() - 1);
-                numbers.push(Number::confidence(&label(cause), probability, equals, more));
+                numbers.push(Number::confidence(&cause.label(), probability, equals, more));
             }
             None => numbers.push(Number::new("Causes", "none", "of the catalogue helps")),
         }
@@ -188,7 +188,7 @@ fn listed(body: &mut String, kind: PlantKind, found: &Diagnosis, heading: &str, 
             body,
             "<h3>{}. {}</h3>\n<p>{} Confidence {:.2}.",
             number + 1,
-            escaped(&label(cause)),
+            escaped(&cause.label()),
             escaped(&cause.sentence),
             cause.confidence
         );
@@ -326,7 +326,7 @@ fn parameters(body: &mut String, found: &Diagnosis) {
             let half = 0.5 * (it.high - it.low);
             let interval = format!("{} to {}", known(it.low, half), known(it.high, half));
             let note = if it.high > it.low { interval } else { "not estimated".to_string() };
-            row(&label(cause), it.name, &it.unit, &words::before(found, cause), &known(it.value, half), &note);
+            row(&cause.label(), it.name, &it.unit, &words::before(found, cause), &known(it.value, half), &note);
         }
     }
     for it in &error_breakdown.calibration {
@@ -369,7 +369,7 @@ fn errors(body: &mut String, kind: PlantKind, found: &Diagnosis) {
 }
 
 fn ranking(body: &mut String, found: &Diagnosis) {
-    let rejected = evidence::rejected(found);
+    let rejected = found.rejected();
     if rejected.is_empty() {
         return;
     }
@@ -387,7 +387,7 @@ fn ranking(body: &mut String, found: &Diagnosis) {
             escaped(&it.label),
             rounded(Some(it.promised)),
             rounded(it.remaining),
-            escaped(&it.why)
+            escaped(&evidence::why(found, &it.why))
         );
     }
     body.push_str("</table>\n");

@@ -1,10 +1,9 @@
-//! Residuals of a surface against its inputs, the run order and its own value. A switch takes each cause out of the explanation.
+//! Residuals of a surface against its inputs, the run order and its own value. A click takes a cause out of the explanation, or puts it back.
 //!
-//! In: a model, the diagnosis of a response. Out: figures. Decides nothing: what the mean is without a cause comes from the diagnosis.
+//! In: a model, the diagnosis of a response. Out: figures. Decides nothing: what the mean is with some of the causes comes from the diagnosis.
 
 use rsm_core::model::{Model, Surface};
-use rsm_diagnose::surface::causes::Cause;
-use rsm_diagnose::surface::{ResponseDiagnosis, Verdict};
+use rsm_diagnose::surface::{Combinations, ResponseDiagnosis, Verdict};
 
 use crate::outcome::Refusal;
 use crate::plot::{self, BLUE, GREY, Mark, ORANGE, PINK, Series, Words, curves, switched};
@@ -25,26 +24,17 @@ impl Plots<'_> {
         format!("{of} of {}", self.surface().name)
     }
 
-    /// Where there are several causes: those without which the mean is another.
-    fn without(&self) -> Vec<&Cause> {
-        let moving: Vec<&Cause> = self.response.causes.iter().filter(|cause| !cause.without.is_empty()).collect();
-        if moving.len() > 1 { moving } else { Vec::new() }
+    /// What can be switched: nothing where the file holds.
+    fn combinations(&self) -> Option<&Combinations<Vec<f64>>> {
+        let combinations = &self.response.shown.combinations;
+        Some(combinations).filter(|it| self.response.verdict != Verdict::NoDiscrepancy && !it.causes.is_empty())
     }
 
-    /// Whether there is something to take out.
-    fn has_switch(&self) -> bool {
-        self.response.verdict != Verdict::NoDiscrepancy && !self.response.causes.is_empty()
-    }
-
-    /// Buttons: all causes, without each, the file. Nothing where the file holds.
+    /// A button a cause. Nothing where the file holds.
     pub fn switch(&self, of: &str) -> String {
-        if !self.has_switch() {
-            return String::new();
-        }
-        let mut states = vec![("With the causes".to_string(), String::new())];
-        states.extend(self.without().iter().map(|cause| (format!("Without {}", cause.label), String::new())));
-        states.push(("As the file is".to_string(), String::new()));
-        plot::switch(&self.group(of), "Computed", &states)
+        let Some(combinations) = self.combinations() else { return String::new() };
+        let told = vec![String::new(); combinations.of.len()];
+        plot::switch(&self.group(of), "Causes in what is computed:", &combinations.causes, &told)
     }
 
     /// What shows the strongest cause: residuals against the input that it is of, else against the run order.
@@ -94,17 +84,21 @@ impl Plots<'_> {
             let rows = (0..shown.measured.len()).filter(|row| shown.counts[*row] == counts);
             rows.map(|row| (x(row), shown.measured[row] - computed[row])).collect()
         };
-        let without = self.without();
         let file = Series::new("the file", ORANGE, Mark::Cross, points(&shown.nominal, true));
         let explained = Series::new("with the causes", BLUE, Mark::Circle, points(&shown.explained, true));
-        let mut series = match (self.has_switch(), self.response.verdict) {
-            (true, _) => vec![file.in_state(without.len() + 1), explained.in_state(0)],
-            (false, Verdict::NoDiscrepancy) => vec![file],
-            (false, _) => vec![file, explained],
-        };
-        for (k, cause) in without.iter().enumerate() {
-            let name = format!("without {}", cause.label);
-            series.push(Series::new(&name, ORANGE, Mark::Cross, points(&cause.without, true)).in_state(k + 1).only_live());
+        let mut series = Vec::new();
+        match (self.combinations(), self.response.verdict) {
+            (Some(combinations), _) => {
+                let last = combinations.of.len() - 1;
+                series.extend([file.in_state(0), explained.in_state(last)]);
+                for (set, mean) in combinations.of.iter().enumerate().take(last).skip(1) {
+                    let name = format!("with {}", combinations.names(set).join(", "));
+                    let some = mean.iter().map(|mean| Series::new(&name, ORANGE, Mark::Cross, points(mean, true)));
+                    series.extend(some.map(|it| it.in_state(set).only_live()));
+                }
+            }
+            (None, Verdict::NoDiscrepancy) => series.push(file),
+            (None, _) => series.extend([file, explained]),
         }
         let outlying = points(&shown.nominal, false);
         if !outlying.is_empty() {

@@ -1,6 +1,6 @@
 //! Whole diagnoses from a selection that is made by hand: which figure goes where.
 
-use super::super::super::known_loop::Known;
+use super::super::super::known_loop::{Known, KnownLoop};
 use super::*;
 
 const DRIFT: &str = "[[effects]]\nkind = \"sensor-drift\"\nparameters = { output = \"position\", rate = 0.01 }\n";
@@ -85,7 +85,7 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
     let case =
         Case { gain: 1e4, rivals: &[], same: unit, not_fitted: 0, unit, left: left * rows, explained: false, asked: true };
     assert_eq!(drift.confidence, confidence::confidence(&case).own);
-    assert!(drift.confidence > 0.0 && drift.confidence < NAMED, "{}", drift.confidence);
+    assert!(drift.confidence > 0.0 && drift.confidence < LEAST_CONFIDENCE, "{}", drift.confidence);
     // A gain of the command by the law alone: a cause and an entry of its own.
     let right = Known { value: 1.0, low: 0.99, high: 1.01 };
     let off = Known { value: 0.9, low: 0.89, high: 0.91 };
@@ -94,4 +94,43 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
     let told = |list: &[Cause]| list.iter().map(|it| it.kind).collect::<Vec<_>>();
     assert_eq!((told(&found.causes), told(&found.helpers)), (vec!["sensor-gain"], vec!["sensor-drift"]));
     assert_eq!(found.plant.effects.iter().map(|it| it.description.kind).collect::<Vec<_>>(), ["sensor-drift", "sensor-gain"]);
+}
+
+#[test]
+fn what_was_not_believed_has_the_first_reason_that_holds() {
+    use super::super::super::rejected::Why;
+    use super::super::super::veto::Refusal;
+    let (file, whitened, unseen, nominal) = axis();
+    let causes = vec![
+        believed("coulomb-friction", 2e5, &[("backlash", 10.0), ("ripple", 900.0)], &nominal),
+        believed("sensor-drift:position", 9e5, &[], &nominal),
+    ];
+    let mut selection = selection(&whitened, &nominal, &(axis_under_steps::friction(0.5) + DRIFT), causes);
+    let list = |list: &[(&str, f64)]| list.iter().map(|(name, gain)| ((*name).to_string(), *gain)).collect();
+    // What is believed is not rejected, and 30 is asked of a cause.
+    selection.ranking = list(&[
+        ("coulomb-friction", 1e5),
+        ("refused", 5e4),
+        ("backlash", 4e4),
+        ("ripple", 3e4),
+        ("taken", 2e4),
+        ("unkept", 1e4),
+        ("little", 29.0),
+    ]);
+    selection.remaining = list(&[("taken", 3.0), ("unkept", 500.0)]);
+    selection.refused = vec![Refusal { cause: "refused".to_string(), why: "it is worse".to_string() }];
+    let found = conclude(&file, &whitened, &unseen, &nominal, selection, Vec::new(), &[]);
+    let rejected = found.rejected();
+    let told: Vec<(&str, &Why)> = rejected.iter().map(|it| (it.label.as_str(), &it.why)).collect();
+    let friction = || "coulomb-friction".to_string();
+    let expected = [
+        ("refused", Why::Refused("it is worse".to_string())),
+        ("backlash", Why::Alike(friction())),
+        ("ripple", Why::FallsShort { cause: friction(), by: 900.0 }),
+        ("taken", Why::Explained(3.0)),
+        ("unkept", Why::NotKept),
+        ("little", Why::PromisesLittle),
+    ];
+    assert_eq!(told, expected.iter().map(|(name, why)| (*name, why)).collect::<Vec<_>>());
+    assert_eq!((rejected[4].promised, rejected[4].remaining, rejected[5].remaining), (1e4, Some(500.0), None));
 }

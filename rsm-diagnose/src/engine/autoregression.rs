@@ -1,0 +1,53 @@
+//! Noise of which each row follows the one before: a first-order autoregression.
+//!
+//! In: values of rows with their places, and the correlation of neighbours. Out: what is new in each row. Rows may be missing: over n rows the correlation is its n-th power. Never
+//! estimates a correlation.
+
+/// What is new in a row against the row before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Innovation {
+    /// The place of the row.
+    pub row: usize,
+    /// The value less what the row before says of it.
+    pub value: f64,
+    /// The variance of that, over the variance of the noise.
+    pub variance: f64,
+    /// The root of it.
+    pub sd: f64,
+}
+
+/// The innovations of rows in ascending places. The first row is all new.
+pub(crate) fn innovations(correlation: f64, rows: impl IntoIterator<Item = (usize, f64)>) -> impl Iterator<Item = Innovation> {
+    let follows = |after: f64| {
+        let variance = 1.0 - after * after;
+        (after, variance, variance.sqrt())
+    };
+    // Most rows follow their neighbour.
+    let neighbour = follows(correlation);
+    let mut last: Option<(usize, f64)> = None;
+    rows.into_iter().map(move |(row, value)| {
+        let ((after, variance, sd), before) = match last {
+            None => ((0.0, 1.0, 1.0), 0.0),
+            Some((place, before)) if place + 1 == row => (neighbour, before),
+            Some((place, before)) => (follows(correlation.powi(i32::try_from(row - place).unwrap_or(i32::MAX))), before),
+        };
+        last = Some((row, value));
+        Innovation { row, value: value - after * before, variance, sd }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_is_new_by_what_the_last_one_does_not_say() {
+        let found: Vec<Innovation> = innovations(0.5, [(3, 2.0), (4, 3.0), (6, 1.0)]).collect();
+        // 3 - 0.5 2; two rows on the correlation is 0.25: 1 - 0.25 3, of a variance of 15/16.
+        assert_eq!(found.iter().map(|it| it.value).collect::<Vec<_>>(), [2.0, 2.0, 0.25]);
+        assert_eq!(found.iter().map(|it| it.variance).collect::<Vec<_>>(), [1.0, 0.75, 0.9375]);
+        assert_eq!((found[2].row, found[1].sd), (6, 0.75_f64.sqrt()));
+        // Without a correlation each row is all new, whatever is missing.
+        assert!(innovations(0.0, [(0, 7.0), (9, 5.0)]).all(|it| it.variance == 1.0 && it.value >= 5.0));
+    }
+}

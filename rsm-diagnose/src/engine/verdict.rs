@@ -1,0 +1,24 @@
+//! How a diagnosis ends. Both diagnoses end in one of these ways.
+
+/// How a diagnosis ends, of a surface as of a plant (docs/book/src/reference/formats.md 4.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The data are what the file says, within its tolerances, and noise.
+    NoDiscrepancy,
+    /// The causes leave noise and nothing else.
+    Explained,
+    /// Structure is left that no known cause explains, or the search met its limit of work.
+    Unexplained,
+}
+
+impl Verdict {
+    /// As files say it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::NoDiscrepancy => "no-discrepancy",
+            Verdict::Explained => "explained",
+            Verdict::Unexplained => "unexplained",
+        }
+    }
+}

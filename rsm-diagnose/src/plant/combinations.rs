@@ -1,0 +1,123 @@
+//! The extended plant with some of its causes: what each combination of the strongest ones simulates along the records that judge.
+//!
+//! In: the compared plants, the causes that are believed. Out: [`Combinations`]. Without some causes everything else is fitted again to the training records. No verdict depends on it.
+
+use super::compared::Compared;
+use super::hypotheses::label;
+use super::levenberg::{self, Fit};
+use super::search::Believed;
+use super::validation::{self, Error};
+use super::whitened_residuals::WhitenedResiduals;
+pub use crate::engine::combinations::Combinations;
+use crate::engine::combinations::MOST;
+
+/// Steps of a fit without some causes, as many as a search takes for one without a single cause.
+const STEPS: usize = 8;
+
+/// What a plant does along the records that judge.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Combined {
+    /// Errors of its outputs.
+    pub errors: Vec<Error>,
+    /// What it simulates: a list of values for each of [`super::error_breakdown::ErrorBreakdown::traces`], in their order and unit.
+    pub simulated: Vec<Vec<f64>>,
+}
+
+/// Places of the strongest causes among those that are believed, the strongest first.
+pub(super) fn strongest(believed: &[Believed]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..believed.len()).collect();
+    order.sort_by(|a, b| believed[*b].gain.total_cmp(&believed[*a].gain));
+    order.truncate(MOST);
+    order
+}
+
+/// The combinations. `without` has for each of the strongest causes the plant without it alone, along the records that judge.
+pub(super) fn combinations(it: &Compared<'_>, believed: &[Believed], without: &[Option<Fit>]) -> Combinations<Combined> {
+    let order = strongest(believed);
+    let judged = it.judged();
+    // The search is over: its limit of work is not asked, and its count stays as it is.
+    let mut training = it.whitened.clone();
+    training.pace = it.whitened.pace.anew();
+    let effects = &it.fit.model.file.effects;
+    let names = order.iter().map(|place| label(effects[*place].description.kind, effects[*place].arguments.subject.as_deref()));
+    Combinations::of(names.collect(), |is_in| {
+        let mut out: Vec<usize> = (0..order.len()).filter(|k| !is_in[*k]).collect();
+        match out[..] {
+            [] => return Some(combined(judged, it.after)),
+            _ if out.len() == believed.len() => return Some(combined(judged, it.before)),
+            [alone] => return without[alone].as_ref().map(|fit| combined(judged, fit)),
+            _ => {}
+        }
+        // From the last place on, so that those before it keep theirs.
+        out.sort_by_key(|k| std::cmp::Reverse(order[*k]));
+        let model = out.iter().fold(it.fit.model.clone(), |model, k| model.minus(it.nominal, order[*k]));
+        let fit = levenberg::onward(&training, model, STEPS, Some(it.fit))?;
+        validation::on(judged, &fit.model).map(|fit| combined(judged, &fit))
+    })
+}
+
+/// In the order in which the traces are made: record by record, output by output.
+fn combined(judged: &WhitenedResiduals, fit: &Fit) -> Combined {
+    Combined { errors: validation::errors(judged, fit), simulated: fit.simulated.iter().flatten().cloned().collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{axis_under_steps, model::Model};
+    use super::*;
+
+    #[test]
+    fn each_combination_is_the_plant_with_these_causes_fitted_again() {
+        let drift = "[[effects]]\nkind = \"sensor-drift\"\nparameters = { output = \"position\", rate = 0.01 }\n";
+        let load = "[[effects]]\nkind = \"constant-load\"\nparameters = { force = 0.5 }\n";
+        let file = |effects: &str| axis_under_steps::file("mass = 0.02", effects);
+        let truth = file(&(axis_under_steps::friction(0.8) + drift + load));
+        let (whitened, nominal) = axis_under_steps::whitened(&file(""), &truth, true);
+        let fitted = |model: Model| levenberg::fit(&whitened, model, 12).unwrap();
+        let fit = fitted(nominal.with_effects(&nominal, truth.effects.clone()));
+        let calibrated = fitted(nominal.clone());
+        let without = |place: usize| fitted(fit.model.minus(&nominal, place)).model;
+        // The drift is said to be the strongest, then the load.
+        let believed: Vec<Believed> = [(0, 10.0), (1, 900.0), (2, 300.0)]
+            .map(|(place, gain)| Believed {
+                label: String::new(),
+                gain,
+                rivals: Vec::new(),
+                alike: Vec::new(),
+                rival_models: Vec::new(),
+                asked: true,
+                without: without(place),
+            })
+            .to_vec();
+        let none = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
+        let compared = Compared {
+            whitened: &whitened,
+            unseen: &none,
+            nominal: &nominal,
+            fit: &fit,
+            nominal_there: &calibrated,
+            before: &calibrated,
+            after: &fit,
+            structure: false,
+        };
+        let alone: Vec<Option<Fit>> =
+            strongest(&believed).iter().map(|place| validation::on(&whitened, &believed[*place].without)).collect();
+        let taken = whitened.pace.taken();
+        let found = combinations(&compared, &believed, &alone);
+        assert_eq!(found.causes, ["sensor-drift:position", "constant-load", "coulomb-friction"]);
+        let error = |set: usize| found.of[set].as_ref().unwrap().errors[0].noise_ratio;
+        // All causes leave noise (600 rows: 0.9 to 1.1), and none of them what the calibrated plant leaves.
+        assert!((0.9..1.1).contains(&error(7)), "{}", error(7));
+        let is_of = |set: usize, fit: &Fit| found.of[set].as_ref().unwrap().simulated == [fit.simulated[0][0].clone()];
+        // Six is all but the first, the drift.
+        assert!(is_of(0, &calibrated) && is_of(6, alone[0].as_ref().unwrap()));
+        // With the friction alone: fitted afresh it is the same plant, to a hundredth of its error.
+        let friction = fitted(nominal.with_effects(&nominal, truth.effects[..1].to_vec()));
+        let anew = validation::errors(&whitened, &friction)[0].noise_ratio;
+        assert!((error(4) / anew - 1.0).abs() < 0.01, "{} {anew}", error(4));
+        // A plant with more causes is never worse.
+        assert!((0..8).all(|set| (0..3).all(|cause| error(set | 1 << cause) < 1.01 * error(set))));
+        // What the search may still do does not depend on it, but for the look at the records that judge.
+        assert!(whitened.pace.taken() - taken < 40 * 600 * 8, "{}", whitened.pace.taken() - taken);
+    }
+}

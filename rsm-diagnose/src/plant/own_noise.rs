@@ -1,0 +1,120 @@
+//! The noise of holdout records, by which they are judged.
+//!
+//! In: holdout records with a fit to them. Out: their noise floors, the residual whitened by these, what is left. Never takes structure for noise.
+
+use super::calibration;
+use super::levenberg::Fit;
+use super::noise::Floor;
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use super::whiteness::{self, Left};
+use rsm_sim::kind::OUTPUTS;
+
+/// Unseen records may have so many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
+/// is beyond shows as structure.
+const MOST_NOISE: f64 = 1.5;
+
+/// What is left on unseen records, by the noise that they have themselves, as one of so many looks.
+pub(crate) fn left_there(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -> Left {
+    let (there, fit) = by_own_noise(unseen, moved);
+    whiteness::look_among(&there, &fit, looks)
+}
+
+/// Unseen records with the noise that they have themselves, and a fit by it: its level is known from the others to a per cent, and a day's is not that of the next.
+/// Far more of it is none, and records that are too short to show theirs have that of the others.
+pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedResiduals, Fit) {
+    let all_own = |floors: &[Floor; OUTPUTS], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
+        let mut floors = *floors;
+        for (floor, shown) in floors.iter_mut().zip(calibration::shown(whitened, simulated)) {
+            *floor = its_own(floor, shown.floor);
+        }
+        floors
+    };
+    let mut there = unseen.clone();
+    there.floors = all_own(&unseen.floors, unseen, &moved.simulated);
+    // A record may have noise of its own law, too: each is judged by its own, and what that is known worse by counts for all.
+    let mut residual = Vec::with_capacity(moved.residual.len());
+    let pooled = there.floors;
+    for (record, simulated) in unseen.records.iter().zip(&moved.simulated) {
+        let simulated = std::slice::from_ref(simulated);
+        let mut alone = unseen.on(vec![record.clone()]);
+        alone.floors = all_own(&pooled, &alone, simulated);
+        for (floor, own) in there.floors.iter_mut().zip(&alone.floors) {
+            floor.error = floor.error.max(own.error);
+        }
+        residual.extend(alone.residual(simulated));
+    }
+    (there, Fit { residual, ..moved })
+}
+
+/// Noise that a record shows, in place of that of the others, where it shows any and far more is none.
+fn its_own(others: &Floor, shown: Option<Floor>) -> Floor {
+    shown.filter(|own| others.rounding.is_none() && own.sd < MOST_NOISE * others.sd).unwrap_or(*others)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{axis_under_steps, levenberg};
+    use super::*;
+
+    #[test]
+    fn louder_noise_on_unseen_records_is_no_structure_and_a_swing_is() {
+        let file = axis_under_steps::file("mass = 0.02", "");
+        let (whitened, nominal) = axis_under_steps::whitened(&file, &file, true);
+        let fit = levenberg::fit(&whitened, nominal, 4).unwrap();
+        // The residual times `louder`, and a swing of so many times the noise beside it, ten to the record.
+        let left = |louder: f64, swing: f64| {
+            let mut unseen = whitened.clone();
+            let measured = unseen.records[0].record.measured[0].as_mut().unwrap();
+            for (row, value) in measured.iter_mut().enumerate() {
+                let simulated = fit.simulated[0][0][row];
+                let swing = swing * whitened.floors[0].sd * (0.1 * row as f64).sin();
+                *value = simulated + louder * (*value - simulated) + swing;
+            }
+            left_there(&unseen, fit.clone(), 1).excess
+        };
+        assert_eq!(left(1.0, 0.0), 0.0);
+        assert_eq!(left(1.4, 0.0), 0.0);
+        assert!(left(1.8, 0.0) > 0.5, "{}", left(1.8, 0.0));
+        assert!(left(1.0, 0.7) > 0.05, "{}", left(1.0, 0.7));
+    }
+
+    #[test]
+    fn records_have_their_own_noise_where_they_show_it_and_far_more_is_none() {
+        let others = Floor::white(2.0);
+        let rounded = Floor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..others };
+        assert_eq!(its_own(&others, None), others);
+        assert_eq!(its_own(&others, Some(Floor::white(2.9))), Floor::white(2.9));
+        assert_eq!(its_own(&others, Some(Floor::white(0.5))), Floor::white(0.5));
+        assert_eq!(its_own(&others, Some(Floor::white(3.0))), others);
+        assert_eq!(its_own(&rounded, Some(Floor::white(1.9))), rounded);
+    }
+
+    #[test]
+    fn each_unseen_record_is_judged_by_its_own_noise_and_all_by_what_is_known_worst() {
+        let file = axis_under_steps::file("mass = 0.02", "");
+        let (whitened, nominal) = axis_under_steps::whitened(&file, &file, true);
+        let fit = levenberg::fit(&whitened, nominal, 4).unwrap();
+        // Another with noise that is louder by 0.3.
+        let mut louder = whitened.records[0].clone();
+        let simulated = &fit.simulated[0][0];
+        louder.record.measured[0] =
+            Some(whitened.records[0].measured(0).iter().zip(simulated).map(|(a, b)| b + 1.3 * (a - b)).collect());
+        let of = |records: Vec<super::super::whitened_residuals::Prepared>| {
+            let simulated = vec![fit.simulated[0].clone(); records.len()];
+            let (there, fit) = by_own_noise(&whitened.on(records), Fit { simulated, ..fit.clone() });
+            (there.floors[0], fit.residual)
+        };
+        let quiet = whitened.records[0].clone();
+        let [(one, own), (other, others)] = [&quiet, &louder].map(|it| of(vec![it.clone()]));
+        let (both, residual) = of(vec![quiet, louder]);
+        // Each residual is that of its record alone, and the level is that of both.
+        assert_eq!(residual, [own, others].concat());
+        assert!(
+            (other.sd / one.sd - 1.3).abs() < 1e-9 && both.sd > 1.1 * one.sd && both.sd < 0.95 * other.sd,
+            "{one:?} {both:?}"
+        );
+        // Twice the rows know the correlation better; it counts as well as each record knows its own.
+        assert_eq!(both.error, one.error.max(other.error));
+        assert!(both.error > 0.0);
+    }
+}

@@ -1,0 +1,67 @@
+//! Hypotheses that were not believed, each with the reason.
+//!
+//! In: a diagnosis. Out: [`Rejected`]. Decides nothing: it reads what the search left.
+
+use super::cause::Cause;
+use super::diagnosis::Diagnosis;
+
+/// Why a hypothesis was not believed.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Why {
+    /// It was believed for a while and refused, in words.
+    Refused(String),
+    /// The records do not tell it from this cause.
+    Alike(String),
+    /// It was fitted in the place of this cause and does worse by so much, in squared standard deviations of the noise.
+    FallsShort {
+        /// The cause.
+        cause: String,
+        /// By how much.
+        by: f64,
+    },
+    /// The screen promised less than a cause has to gain.
+    PromisesLittle,
+    /// The causes explain what it promised: so much is left for it.
+    Explained(f64),
+    /// No full fit kept what the screen promised.
+    NotKept,
+}
+
+/// A hypothesis that was not believed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rejected {
+    /// Its name in lists.
+    pub label: String,
+    /// What the screen of the calibrated plant promised.
+    pub promised: f64,
+    /// What the last screen promised, with the causes in the plant.
+    pub remaining: Option<f64>,
+    /// The reason.
+    pub why: Why,
+}
+
+impl Diagnosis {
+    /// Hypotheses that were not believed, those that promised most first.
+    #[must_use]
+    pub fn rejected(&self) -> Vec<Rejected> {
+        let causes: Vec<String> = self.entries().map(Cause::label).collect();
+        let others = self.ranking.iter().filter(|(name, _)| !causes.contains(name));
+        let rejected = others.map(|(name, promised)| {
+            let remaining = self.remaining.iter().find(|(label, _)| label == name).map(|it| it.1);
+            let refused = self.refused.iter().find(|it| it.cause == *name).map(|it| Why::Refused(it.why.clone()));
+            let as_rival = |cause: &Cause| {
+                let by = cause.rivals.iter().find(|(rival, _)| rival == name)?.1;
+                let is_alike = cause.indistinguishable_from.contains(name);
+                Some(if is_alike { Why::Alike(cause.label()) } else { Why::FallsShort { cause: cause.label(), by } })
+            };
+            let otherwise = || match remaining {
+                _ if *promised < self.threshold => Why::PromisesLittle,
+                Some(left) if !causes.is_empty() && left < self.threshold => Why::Explained(left),
+                _ => Why::NotKept,
+            };
+            let why = refused.or_else(|| self.entries().find_map(as_rival)).unwrap_or_else(otherwise);
+            Rejected { label: name.clone(), promised: *promised, remaining, why }
+        });
+        rejected.collect()
+    }
+}
