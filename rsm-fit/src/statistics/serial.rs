@@ -14,6 +14,8 @@
 //! Heteroskedasticity and autocorrelation consistent covariance matrix estimation, (6.2) and (6.4): L for the Bartlett kernel, of an AR(1) series, here
 //! that of the errors, so that L does not depend on the units of the terms; Andrews, Monahan 1992: r at most 0.97; Wald, Wolfowitz 1943: random orders.
 
+use std::num::NonZeroUsize;
+
 use serde::Serialize;
 
 use crate::dd::Dd;
@@ -77,9 +79,12 @@ pub(crate) fn of_neighbours(errors: &[f64]) -> Option<(f64, f64)> {
     if errors.len() >= MANY_ROWS {
         let z = (found + 1.0 / (count - 1.0)) * (count - 1.0).sqrt();
         let p = two_sided_t(z, count)? / 2.0;
+        // mutant `> to >=`: at 0 both are a half.
         return Some((found, if z > 0.0 { p } else { 1.0 - p }));
     }
+    // mutant `1 up`, mutant `1 down`: other orders say the same, to what so many orders say.
     let mut random = Random::new(1);
+    // mutant `0 up`: so do orders but one.
     let as_much = (0..ORDERS).filter(|_| {
         random.shuffle(&mut errors);
         serial(&errors) >= found
@@ -119,7 +124,7 @@ pub(crate) fn newey_west(
 ) -> Option<(usize, Vec<f64>)> {
     let (rows, width) = (places.len(), design.width());
     let lags = lags(correlation, rows);
-    let freedom = rows.checked_sub(width).filter(|freedom| *freedom > 0)?;
+    let freedom = NonZeroUsize::new(rows.checked_sub(width)?)?;
     if takes_too_long(rows, width, lags) {
         return None;
     }
@@ -132,7 +137,7 @@ pub(crate) fn newey_west(
             part.push((moved * pushed).to_f64());
         }
     }
-    let few = rows as f64 / freedom as f64;
+    let few = rows as f64 / freedom.get() as f64;
     // Rounding may leave less than nothing of a variance of nothing.
     Some((lags, parts.iter().map(|parts| (few * variance_of_sum(parts, lags)).max(0.0).sqrt()).collect()))
 }
@@ -163,6 +168,39 @@ mod tests {
         assert_eq!(lags(-0.5, 486), 0);
         assert_eq!(lags(0.5, 8), 2);
         assert_eq!(lags(1.0, 8), 7);
+        // As at 0.97: alpha = 4 * 0.9409/(0.0009 * 3.8809) = 1077.5; (1.0775e8)^(1/3) = 475.86; times 1.1447: 544.7.
+        assert_eq!(lags(1.0, 100_000), 544);
+    }
+
+    /// What a fit says of twelve rows.
+    fn of_rows(response: impl Into<crate::in_memory::Responses>, terms: &[[u32; 1]]) -> Serial {
+        let turns: Vec<f64> = (0..12).map(|row| if row % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let outcome = crate::Fit::new(&turns, response).terms(terms.to_vec()).fit().unwrap();
+        outcome.responses[0].statistics.as_ref().unwrap().serial.clone().expect("neighbours that are alike")
+    }
+
+    fn near(found: &[f64], expected: &[f64]) {
+        assert_eq!(found.len(), expected.len());
+        // Some ten roundings of numbers near 1.
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-13), "{found:?} {expected:?}");
+    }
+
+    #[test]
+    fn standard_errors_worked_by_hand() {
+        // Six errors of 1, then six of -1: r = (5 - 1 + 5)/12, alpha = 4 * 0.5625/(0.0625 * 3.0625) = 11.755, L = 1.1447 * 5.206 = 5.96. Neighbours l apart: 12 - 3 l.
+        // Of the constant 12 + 2 (5/6 * 9 + 4/6 * 6 + 3/6 * 3 + 0 - 1/6 * 3) = 37; of an input that turns at each row the odd ones have the other sign: 3.
+        let halves: Vec<f64> = (0..12).map(|row| if row < 6 { 1.0 } else { -1.0 }).collect();
+        let found = of_rows(&halves, &[[0], [1]]);
+        assert_eq!((found.order, found.correlation, found.lags), ("rows", 0.75, Some(5)));
+        let expected = [37.0, 3.0].map(|sum: f64| (12.0 / 10.0 * sum).sqrt() / 12.0);
+        near(&found.standard_errors, &expected);
+        // Student's t with 10 degrees of freedom: 2.228139 at 95 %, seven digits of any table.
+        let wide = found.intervals[0];
+        assert!((wide[1] - 2.228139 * expected[0]).abs() < 1e-6 && (wide[0] + wide[1]).abs() < 1e-13, "{wide:?}");
+        // The second half weighs twice: the mean is -1/3, the errors 4/3 and -2/3, and what a row does to it +-(2/27).
+        let weights = halves.iter().map(|error| 1.5 - 0.5 * error).collect::<Vec<f64>>();
+        let found = of_rows(crate::Response::new("y", &halves).weights(weights), &[[0]]);
+        near(&found.standard_errors, &[(12.0_f64 / 11.0 * 37.0).sqrt() * 2.0 / 27.0]);
     }
 
     #[test]
@@ -196,6 +234,15 @@ mod tests {
         assert_eq!(found, 0.625);
         assert!(p <= 0.005, "{p}");
         assert_eq!(of_neighbours(&rows[1..]), None);
+        // Of 20! orders none is met that is as alike: the order itself, of 1000 with it.
+        let rows: Vec<f64> = (0..20).map(f64::from).collect();
+        assert_eq!(of_neighbours(&rows).unwrap().1, 0.001);
+        // Four of each sign have 70 orders; two of them have a single change, as many as this one: 2/70 = 0.029, which 999 orders find to 0.005.
+        let halves = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0];
+        let (found, p) = of_neighbours(&halves).unwrap();
+        assert_eq!(found, 0.625);
+        assert!((p - 2.0 / 70.0).abs() < 0.02, "{p}");
+        assert_eq!((p * 1000.0).round() / 1000.0, p);
         // 500 rows + + - - + + - -: of 499 pairs 250 have one sign, so 1/500 = 0.002. z = (1/500 + 1/499) sqrt(499) = 0.089443, and Student's t with 500
         // degrees of freedom lies above it with 0.464383 (normal: 0.464365).
         let signs: Vec<f64> = (0..MANY_ROWS).map(|row| if row % 4 < 2 { 1.0 } else { -1.0 }).collect();
@@ -208,15 +255,16 @@ mod tests {
 
     #[test]
     fn both_ways_to_a_probability_agree_and_follow_their_level() {
-        // 400 series of white noise on either side of the limit: 1 % alarms are 4, with a standard deviation of 2; five of them above.
-        for rows in [MANY_ROWS - 1, MANY_ROWS] {
-            let alarms = (0..400).filter(|seed| {
+        // Series of white noise on either side of the limit. 1 % of 400: 4 alarms, with a standard deviation of 2; 10 % of 60, as orders take time: 6 and 2.3.
+        // Five of them above, and at least one.
+        for (rows, series, level, most) in [(MANY_ROWS - 1, 60, 0.1, 17), (MANY_ROWS, 400, 0.01, 14)] {
+            let alarms = (0..series).filter(|seed| {
                 let mut random = Random::new(*seed);
                 let errors: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
-                of_neighbours(&errors).unwrap().1 <= 0.01
+                of_neighbours(&errors).unwrap().1 <= level
             });
             let alarms = alarms.count();
-            assert!((1..=14).contains(&alarms), "{rows} rows: {alarms}");
+            assert!((1..=most).contains(&alarms), "{rows} rows: {alarms}");
         }
         let mut random = Random::new(3);
         let errors: Vec<f64> = (0..MANY_ROWS).map(|_| random.normal()).collect();
