@@ -198,7 +198,7 @@ impl Scenario {
     }
 
     /// A fault at a factor.
-    pub(crate) fn fault(&self, factor: &Factor, what: String) -> Fault {
+    pub(crate) fn fault(&self, factor: &Factor, what: &str) -> Fault {
         self.source.fault(factor.span.clone(), format!("{}: {what}", factor.who))
     }
 

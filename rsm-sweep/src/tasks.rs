@@ -148,7 +148,7 @@ fn check(scenario: &Scenario, all: &Simulations, plant: &Plant, settings: &[Vec<
             place.unit,
             place.bound.words()
         );
-        let fault = scenario.fault(factor, what);
+        let fault = scenario.fault(factor, &what);
         faults.push(match place.law {
             Law::Drawn(_) => fault.help("`within = [LOW, HIGH]` cuts a normal distribution"),
             Law::Planned(_) => fault,
