@@ -1,6 +1,6 @@
 //! A table as a Parquet file.
 //!
-//! In: a [`Table`]. Out: bytes, the same for the same table. One row group, no compression. With the feature `parquet` alone, which the command has by default.
+//! In: a [`Table`]. Out: bytes, the same for the same table. One row group, no compression. With the feature `parquet` alone, which is off by default.
 
 use crate::table::Table;
 

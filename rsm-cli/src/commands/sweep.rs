@@ -55,7 +55,7 @@ pub struct Arguments {
     /// Tasks side by side on this machine; all cores unless said. Results do not depend on it
     #[arg(long)]
     threads: Option<usize>,
-    /// Write table.parquet, too; a build without the feature parquet cannot
+    /// Write table.parquet, too; needs a build with the feature parquet
     #[arg(long, conflicts_with_all = ["shard", "task"])]
     parquet: bool,
     /// One JSON object on standard output
