@@ -73,6 +73,8 @@ pub struct Done {
     pub late_ticks: u64,
     /// Ticks that ended after their period was over.
     pub deadlines_missed: u64,
+    /// How late the last tick began: what this side is behind the clock at its end, in ns.
+    pub skew_ns: u64,
     /// Whether the peer was heard at all.
     pub began: bool,
     /// Why it ended too soon.
@@ -274,6 +276,7 @@ fn nothing(side: Loop, mine: Side) -> Done {
         lateness: Summary::default(),
         late_ticks: 0,
         deadlines_missed: 0,
+        skew_ns: 0,
         began: false,
         lost: None,
     }
@@ -334,6 +337,7 @@ impl<'a> Ticks<'a> {
             Side::Step => self.step(side),
         }
         self.end_of_tick();
+        self.done.skew_ns = self.lateness_ns.last().copied().unwrap_or(0);
         self.done.lateness = Summary::of(&mut self.lateness_ns);
         self.done
     }

@@ -113,6 +113,7 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
             "lateness_us": micros(&done.lateness),
             "late_ticks": done.late_ticks,
             "deadlines_missed": done.deadlines_missed,
+            "skew_us": done.skew_ns as f64 * 1e-3,
             "record": record.map(|path| path.display().to_string()),
             "peer_lost": done.lost,
         }))?;
@@ -135,13 +136,14 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
         for (what, count) in others.into_iter().filter(|(_, count)| *count > 0) {
             tell!("  {count} datagrams {what}");
         }
-        if done.late_ticks > 0 {
-            tell!(
-                "  {} ticks began late on this machine, by up to {:.1} ms",
-                done.late_ticks,
-                done.lateness.max_ns as f64 * 1e-6
-            );
-        }
+        tell!(
+            "  {} ticks began after their period, {} ended after it; late by {:.0} us p99, {:.0} us at most, {:.0} us behind the clock at the end",
+            done.late_ticks,
+            done.deadlines_missed,
+            done.lateness.p99_ns as f64 * 1e-3,
+            done.lateness.max_ns as f64 * 1e-3,
+            done.skew_ns as f64 * 1e-3
+        );
     }
     if let Some(lost) = &done.lost {
         if !done.began {

@@ -76,16 +76,20 @@ pub struct Report {
 }
 
 impl Report {
-    /// One JSON object: counts, the two summaries in nanoseconds, and what was granted ("yes", "not asked for", "no: reason").
+    /// One JSON object: counts, the two summaries in nanoseconds, and what was granted ("yes", "not asked for", "no: reason"). A loop that drops ticks has
+    /// `ticks_lost`, one that catches up has `ticks_caught_up`: neither tells a number that is 0 by its nature.
     #[must_use]
     pub fn json(&self) -> String {
+        let late = if self.drops {
+            format!(r#""ticks_lost":{}"#, self.ticks_lost)
+        } else {
+            format!(r#""ticks_caught_up":{}"#, self.ticks_caught_up)
+        };
         format!(
-            r#"{{"period_ns":{},"ticks_wanted":{},"ticks_done":{},"ticks_lost":{},"ticks_caught_up":{},"deadlines_missed":{},"skew_ns":{},"compute":{},"lateness":{},"locked_memory":{},"priority":{}}}"#,
+            r#"{{"period_ns":{},"ticks_wanted":{},"ticks_done":{},{late},"deadlines_missed":{},"skew_ns":{},"compute":{},"lateness":{},"locked_memory":{},"priority":{}}}"#,
             self.period_ns,
             self.ticks_wanted,
             self.ticks_done,
-            self.ticks_lost,
-            self.ticks_caught_up,
             self.deadlines_missed,
             self.skew_ns,
             self.compute.json(),
@@ -216,9 +220,12 @@ memory    locked: yes";
     fn the_json_escapes_what_the_system_says() {
         let json = example().json();
         assert!(
-            json.starts_with(r#"{"period_ns":1000000,"ticks_wanted":10,"ticks_done":9,"ticks_lost":1,"ticks_caught_up":3,"deadlines_missed":4,"skew_ns":61000,"compute":{"p50_ns":51,"#),
+            json.starts_with(r#"{"period_ns":1000000,"ticks_wanted":10,"ticks_done":9,"ticks_lost":1,"deadlines_missed":4,"skew_ns":61000,"compute":{"p50_ns":51,"#),
             "{json}"
         );
+        let catching = Report { drops: false, ticks_lost: 0, ..example() }.json();
+        assert!(catching.contains(r#""ticks_done":9,"ticks_caught_up":3,"deadlines_missed":4"#), "{catching}");
+        assert!(!catching.contains("lost"), "nothing can be lost in a loop that catches up: {catching}");
         assert!(json.ends_with(r#""locked_memory":"yes","priority":"no: the \"limit\""}"#), "{json}");
     }
 }

@@ -130,11 +130,6 @@ pub fn check_counts(name: &str, counts: &str) {
     assert_eq!(fpccr(counts) & LAZY, LAZY, "{name}: {counts}");
 }
 
-/// Instructions of a step at -O2.
-pub fn budget(step: &str) -> u32 {
-    super::readme::budget(step, "-O2", "instructions").parse().expect("a number")
-}
-
 #[test]
 fn the_processor_in_the_loop_has_the_bits_of_the_host_and_of_a_simulation() {
     if !builds::emulated() {

@@ -9,19 +9,27 @@ use super::image::INTERRUPTS;
 use super::{STEPS, builds};
 
 /// A number of the budget.
-pub fn budget(name: &str, level: &str, what: &str) -> String {
+fn budget(name: &str, level: &str, what: &str) -> String {
     let budget = std::fs::read_to_string(builds::firmware().join("budget.txt")).expect("the budget");
     let name = format!("{name} {level} {what}");
     let line = budget.lines().find_map(|line| line.strip_prefix(name.as_str()));
     line.unwrap_or_else(|| panic!("budget.txt has no line `{name}`")).trim().to_string()
 }
 
+/// The instructions of a step in Rust.
+fn in_rust(step: &str) -> String {
+    let budget = std::fs::read_to_string(builds::firmware().join("rust/budget.txt")).expect("the budget in Rust");
+    let line = budget.lines().find_map(|line| line.strip_prefix(step)?.strip_prefix(' '));
+    line.unwrap_or_else(|| panic!("rust/budget.txt has no line `{step}`")).trim().to_string()
+}
+
 /// The lines of the tables, as they must stand.
 fn lines() -> Vec<String> {
     let levels = ["-O2", "-Os"];
     let costs = STEPS.map(|(_, step)| {
-        let numbers = ["instructions", "stack"].map(|what| levels.map(|level| budget(step, level, what)).join(" | "));
-        format!("| `{step}` | {} |", numbers.join(" | "))
+        let [instructions, stack] =
+            ["instructions", "stack"].map(|what| levels.map(|level| budget(step, level, what)).join(" | "));
+        format!("| `{step}` | {instructions} | {} | {stack} |", in_rust(step))
     });
     let interrupts = INTERRUPTS.into_iter().chain(["both-interrupts"]);
     let interrupts =

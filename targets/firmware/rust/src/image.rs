@@ -73,11 +73,8 @@ pub unsafe fn current_interrupt(state: &mut CurrentState, drive: &Drive, between
     let measured = board.sample();
     let command = currents(state, drive, &reference, &measured);
     board.command(&command);
-    let seen = Seen {
-        speed_rad_s: measured.speed_rad_s,
-        bus_voltage_v: measured.bus_voltage_v,
-        voltage_share: state.voltage_share,
-    };
+    let seen =
+        Seen { speed_rad_s: measured.speed_rad_s, bus_voltage_v: measured.bus_voltage_v, voltage_share: state.voltage_share };
     // SAFETY: the only writer; 0.1 ms pass until it comes again, and a reading takes some ten instructions.
     unsafe { between.seen.put(seen) };
     between.periods.store(between.periods.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);

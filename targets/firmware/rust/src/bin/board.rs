@@ -61,8 +61,7 @@ impl Bridge for MotorRig {
         self.duties = self.next_duties;
         let [a, b, c] = self.duties;
         let shown = rig_motor::step(&mut self.plant, a, b, c);
-        self.rows[self.sampled] =
-            [a, b, c, shown.current_a, shown.current_b, shown.current_c, shown.turns, shown.speed];
+        self.rows[self.sampled] = [a, b, c, shown.current_a, shown.current_b, shown.current_c, shown.turns, shown.speed];
         self.sampled += 1;
         Measured {
             currents_a: [shown.current_a as f32, shown.current_b as f32, shown.current_c as f32],
@@ -224,13 +223,7 @@ fn main() -> ! {
     // SAFETY: no interrupt is enabled yet.
     unsafe {
         *DRIVE.of() = Some(Drive::new(&motor, &tuning));
-        let motor = MotorRig {
-            plant: rig_motor::init(),
-            duties: half,
-            next_duties: half,
-            rows: [[0.0; 8]; ROWS],
-            sampled: 0,
-        };
+        let motor = MotorRig { plant: rig_motor::init(), duties: half, next_duties: half, rows: [[0.0; 8]; ROWS], sampled: 0 };
         *FAST.of() = Some(Fast(CurrentState::default(), motor));
         let car = CarRig {
             plant: rig_car::init(),

@@ -1,4 +1,4 @@
-//! Counts the instructions of the steps in Rust, as `../../../programs/count.c` does in C: "STEP INSTRUCTIONS", under `-icount shift=6`.
+//! Counts the instructions of the steps in Rust, as `../../../programs/count.c` does in C: "STEP KIND INSTRUCTIONS", for inputs of several kinds, under `-icount shift=6`.
 #![no_std]
 #![no_main]
 
@@ -41,25 +41,40 @@ fn main() -> ! {
         black_box(&drive);
     });
     let (mut outer, mut inner) = (ReferenceState::default(), CurrentState::default());
-    let demand = Demand { torque_nm: 9.0, speed_rad_s: 300.0, bus_voltage_v: 270.0, voltage_share: 0.5 };
-    let measured = Measured { currents_a: [1.0, 2.0, -3.0], angle_turns: 0.1, speed_rad_s: 300.0, bus_voltage_v: 270.0 };
-    let wanted = References { i_d_a: -3.0, i_q_a: 10.0 };
-    let print = |name: &str, instructions: u32| hprintln!("{} {}", name, instructions - nothing);
-    print("motor_references", count(|| {
-        black_box(references(black_box(&mut outer), black_box(&drive), black_box(&demand)));
-    }));
-    print("motor_currents", count(|| {
-        black_box(currents(black_box(&mut inner), black_box(&drive), black_box(&wanted), black_box(&measured)));
-    }));
     let (mut state, mut raw) = (State::default(), RawState::default());
-    let inputs = Inputs { pedal: 0.4, speed_m_s: 12.0, gear: 2, clutch: false };
-    print("throttle_step", count(|| {
-        black_box(step(black_box(&mut state), black_box(&inputs)));
-    }));
-    let counts = Counts { pedal: 2000, plate: 1000, speed: 800, lines: 2 };
-    print("throttle_raw_step", count(|| {
-        black_box(raw_step(black_box(&mut raw), black_box(&Scaling::BOARD), black_box(&counts)));
-    }));
+    let wanted = References { i_d_a: -3.0, i_q_a: 10.0 };
+    let kinds = [
+        ("zero", 0.0),
+        ("ordinary", 37.3),
+        ("negative", -37.3),
+        ("large", 1e30),
+        ("subnormal", f32::from_bits(1)),
+        ("nan", f32::NAN),
+        ("infinite", f32::INFINITY),
+    ];
+    for (gear, (kind, it)) in kinds.into_iter().enumerate() {
+        let print = |step: &str, instructions: u32| hprintln!("{} {} {}", step, kind, instructions - nothing);
+        let demand = Demand { torque_nm: it, speed_rad_s: it, bus_voltage_v: it, voltage_share: it };
+        let references_cost = count(|| {
+            black_box(references(black_box(&mut outer), black_box(&drive), black_box(&demand)));
+        });
+        print("motor_references", references_cost);
+        let measured = Measured { currents_a: [it; 3], angle_turns: it, speed_rad_s: it, bus_voltage_v: it };
+        let currents_cost = count(|| {
+            black_box(currents(black_box(&mut inner), black_box(&drive), black_box(&wanted), black_box(&measured)));
+        });
+        print("motor_currents", currents_cost);
+        let inputs = Inputs { pedal: it, speed_m_s: it, gear: gear as u8, clutch: gear == 3 };
+        let throttle_cost = count(|| {
+            black_box(step(black_box(&mut state), black_box(&inputs)));
+        });
+        print("throttle_step", throttle_cost);
+        let counts = Counts { pedal: gear as u16 * 700, plate: 1000, speed: 800, lines: 1 << gear };
+        let raw_cost = count(|| {
+            black_box(raw_step(black_box(&mut raw), black_box(&Scaling::BOARD), black_box(&counts)));
+        });
+        print("throttle_raw_step", raw_cost);
+    }
     debug::exit(debug::EXIT_SUCCESS);
     loop {}
 }
