@@ -54,6 +54,8 @@ pub mod code;
 
 pub mod equations;
 
+mod integrate;
+
 pub mod equation_plant;
 
 pub mod simulate;
