@@ -234,7 +234,7 @@ fn fault(seed: u64) -> Option<String> {
 }
 
 fn expect_none(seeds: impl Iterator<Item = u64>) {
-    let faults: Vec<String> = seeds.filter_map(|seed| fault(seed)).collect();
+    let faults: Vec<String> = seeds.filter_map(fault).collect();
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 

@@ -33,7 +33,7 @@ fn ladder(files: &Files, rest: &str, validate: bool) -> Outcome {
         "format = 1\nmodel = \"m\"\ndata = [\"fit.csv\"]\n{validate}[inputs.x]\nunit = \"A\"\n[inputs.z]\nunit = \"V\"\n\
          [responses.y]\nunit = \"N*m\"\ninputs = [\"x\", \"z\"]\n{rest}\n"
     );
-    fitted(&text, &files)
+    fitted(&text, files)
 }
 
 fn powers(outcome: &Outcome) -> Vec<Vec<u32>> {

@@ -32,7 +32,7 @@ fn fit(files: &Files, rest: &str) -> Outcome {
         // With a hinge, products of it and of its own input make each other up.
         if rest.contains("knots") { KNOT_TERMS } else { "select = { method = \"fixed\", order = 2 }" }
     );
-    fitted(&text, &files)
+    fitted(&text, files)
 }
 
 const KNOT_TERMS: &str = "select = { method = \"fixed\" }\nterms = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]";
