@@ -1,4 +1,4 @@
-//! What a simulation of a plant of equations costs, against the same plant in Rust.
+//! What a simulation of a plant of equations costs, against the same plant written in Rust by hand ([`crate::by_hand`]).
 //!
 //! In: the shipped plants as texts, records of [`crate::simulation`]. Out: rows a second at an error that is at most that of the plant in Rust, of one lane and of eight; the time from text to first row.
 //! The reference of both errors is the text at a tolerance of 1e-13.
@@ -10,8 +10,8 @@ use rsm_core::source::{Fault, Faults, Source};
 use rsm_sim::equations::{By, EquationFile, Inputs, Lane, Lanes, Machine, Method, Point, Sensitive, Setting, Signals};
 use rsm_sim::record::Record;
 use rsm_sim::schema;
-use rsm_sim::simulate::Simulator;
 
+use crate::by_hand;
 use crate::simulation::Subject;
 
 /// Runs of which the shortest counts.
@@ -89,7 +89,7 @@ impl Text {
     /// When the run ends early.
     #[must_use]
     pub fn outputs(&self, tolerance: f64) -> Vec<(String, Vec<f64>)> {
-        let setting = Setting { method: Method::Automatic, tolerance };
+        let setting = Setting::new(Method::Automatic, tolerance);
         let found = Lanes::new(&self.machine).run(std::slice::from_ref(&self.lane), self.inputs(), setting).remove(0);
         let found = found.unwrap_or_else(|stopped| panic!("{stopped}"));
         self.machine.outputs().into_iter().map(|it| it.0).zip(found).collect()
@@ -101,7 +101,7 @@ impl Text {
     /// When a run ends early.
     #[must_use]
     pub fn rows_per_second(&self, lanes: usize, tolerance: f64) -> f64 {
-        let setting = Setting { method: Method::Automatic, tolerance };
+        let setting = Setting::new(Method::Automatic, tolerance);
         let all = vec![self.lane.clone(); lanes];
         let mut code = Lanes::new(&self.machine);
         let seconds = shortest(|| {
@@ -119,7 +119,7 @@ impl Text {
     #[must_use]
     pub fn parameters(&self, most: usize) -> Vec<String> {
         let own = self.outputs(1e-4);
-        let setting = Setting { method: Method::Automatic, tolerance: 1e-4 };
+        let setting = Setting::new(Method::Automatic, 1e-4);
         let mut code = Lanes::new(&self.machine);
         let moves = |(name, value): &(String, f64)| {
             let mut machine = self.machine.clone();
@@ -178,7 +178,7 @@ impl Text {
         let by: Vec<By> = names.iter().map(|name| By::Parameter(name.clone())).collect();
         let of = Sensitive::new(&machine, &starts, self.signals.time[0], &first, &values, &by);
         let of = of.unwrap_or_else(|faults| panic!("{faults}"));
-        let setting = Setting { method: Method::Automatic, tolerance };
+        let setting = Setting::new(Method::Automatic, tolerance);
         let mut code = Lanes::new(&self.machine);
         let mut exact = None;
         let own =
@@ -257,9 +257,18 @@ pub fn error(found: &[(String, Vec<f64>)], reference: &[(String, Vec<f64>)]) -> 
 /// When it cannot run.
 #[must_use]
 pub fn in_rust(subject: &Subject, record: &Record) -> Vec<(String, Vec<f64>)> {
-    let found = Simulator::new(&subject.nominal(), record).unwrap_or_else(|faults| panic!("{faults}")).run(record);
-    let found = found.unwrap_or_else(|stopped| panic!("{stopped}"));
-    found.signals.iter().map(|it| it.name.to_string()).zip(found.values).collect()
+    let file = subject.nominal();
+    file.kind.outputs().iter().map(|it| it.name.to_string()).zip(by_hand::run(&file, record)).collect()
+}
+
+/// Rows a second of the plant in Rust.
+#[must_use]
+pub fn rows_per_second_in_rust(subject: &Subject, record: &Record) -> f64 {
+    let file = subject.nominal();
+    let seconds = shortest(|| {
+        std::hint::black_box(by_hand::run(&file, record));
+    });
+    record.rows() as f64 / seconds
 }
 
 /// The loosest of some tolerances at which a text is at least as exact as the plant in Rust; the error there, the error in Rust.

@@ -10,6 +10,7 @@
 //! foreign call in this package.
 
 pub mod budget;
+pub mod by_hand;
 pub mod counted;
 pub mod engines;
 pub mod horner;

@@ -12,7 +12,7 @@ use rsm_diagnose::plant::random::Random;
 use rsm_diagnose::plant::{Diagnosis, Options, diagnose};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
-use rsm_sim::simulate::{Outputs, Simulator};
+use rsm_sim::simulate::Simulator;
 
 /// Rows of a record.
 pub const ROWS: usize = 8000;
@@ -157,10 +157,9 @@ fn axis(random: &mut Random) -> String {
 #[must_use]
 pub fn rows_per_second(plant: &PlantFile, record: &Record) -> f64 {
     let mut simulator = Simulator::new(plant, record).unwrap_or_else(|faults| panic!("{faults}"));
-    let mut outputs = Outputs::default();
     let seconds = (0..RUNS).map(|_| {
         let start = Instant::now();
-        simulator.run_into(record, &mut outputs).unwrap_or_else(|stopped| panic!("{stopped}"));
+        simulator.run(record).unwrap_or_else(|stopped| panic!("{stopped}"));
         start.elapsed().as_secs_f64()
     });
     record.rows() as f64 / seconds.fold(f64::INFINITY, f64::min)

@@ -28,6 +28,9 @@ model Driveline "engine, clutch, transmission, driveshaft, wheel and vehicle, in
   parameter Real torque_lag(unit = "s", min = 0.0) = 0.1;
   parameter Real engine_friction_0(unit = "N.m", min = 0.0) = 15.0;
   parameter Real engine_friction_1(unit = "N.m.s/rad", min = 0.0) = 0.03;
+  parameter Real torque_offset(unit = "N.m") = 0.0 "at the start: torque of the engine beyond that of a steady roll";
+  parameter Real twist_offset(unit = "rad") = 0.0 "at the start: twist of the driveshaft beyond that of a steady roll";
+  parameter Real twist_rate(unit = "rad/s") = 0.0 "at the start: how fast the driveshaft twists";
   input Real throttle(unit = "1") "0 to 1";
   output Real engine_speed(unit = "rad/s", start = 0.0);
   output Real road_speed(unit = "m/s", start = 0.0);
@@ -48,13 +51,16 @@ model Driveline "engine, clutch, transmission, driveshaft, wheel and vehicle, in
   Real driveshaft_torque(unit = "N.m");
   Real resistance(unit = "N") "of the road and the air";
 initial equation
-  // A car that rolls steadily with what the engine gives: from the road speed alone.
-  shaft_speed = final_drive_ratio*wheel_speed;
+  // A car that rolls steadily with what the engine gives, from the road speed alone, and by how much it differs from that. The shaft between is light: the clutch carries what the driveshaft does.
+  shaft_speed = final_drive_ratio*(wheel_speed + twist_rate);
   engine_speed = gear_ratios[gear]*shaft_speed;
-  engine_torque = commanded_torque;
+  engine_torque = torque_offset + throttle*(torque_0 + torque_1*(gear_ratios[gear]*final_drive_ratio*wheel_speed)
+    + torque_2*(gear_ratios[gear]*final_drive_ratio*wheel_speed)^2);
   shaft_angle = 0.0;
-  clutch_stiffness*clutch_twist = engine_torque - engine_friction;
-  driveshaft_stiffness*driveshaft_twist = gear_ratios[gear]*final_drive_ratio*(engine_torque - engine_friction);
+  clutch_stiffness*clutch_twist = engine_torque - torque_offset - engine_friction_0 - engine_friction_1*(gear_ratios[gear]*final_drive_ratio*wheel_speed)
+    + driveshaft_stiffness*twist_offset/(gear_ratios[gear]*final_drive_ratio);
+  driveshaft_stiffness*driveshaft_twist = gear_ratios[gear]*final_drive_ratio*(engine_torque - torque_offset - engine_friction_0
+    - engine_friction_1*(gear_ratios[gear]*final_drive_ratio*wheel_speed)) + driveshaft_stiffness*twist_offset;
 equation
   commanded_torque = throttle*(torque_0 + torque_1*engine_speed + torque_2*engine_speed^2);
   torque_lag*der(engine_torque) = commanded_torque - engine_torque;

@@ -54,8 +54,6 @@ pub mod code;
 
 pub mod equations;
 
-mod integrate;
-
 pub mod equation_plant;
 
 pub mod simulate;

@@ -6,24 +6,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Does something with every item on so many threads; the answers stand in the order of the items.
 pub fn in_threads<T: Sync, A: Send>(items: &[T], threads: usize, work: impl Fn(&T) -> A + Sync) -> Vec<A> {
-    in_threads_with(items, threads, |(), item| work(item))
-}
-
-/// The same with memory that each thread keeps from item to item.
-pub fn in_threads_with<M: Default, T: Sync, A: Send>(
-    items: &[T],
-    threads: usize,
-    work: impl Fn(&mut M, &T) -> A + Sync,
-) -> Vec<A> {
     let next = AtomicUsize::new(0);
     let mut answers: Vec<(usize, A)> = std::thread::scope(|scope| {
         let worker = || {
-            let mut memory = M::default();
             let mut own = vec![];
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(item) = items.get(index) else { return own };
-                own.push((index, work(&mut memory, item)));
+                own.push((index, work(item)));
             }
         };
         let others: Vec<_> = (1..threads.min(items.len())).map(|_| scope.spawn(worker)).collect();

@@ -242,7 +242,7 @@ fn the_emitted_step_is_the_simulation() {
             (0..case.machine.inputs().len()).map(|k| case.inputs.iter().map(|row| row[k]).collect()).collect();
         let mut machine = Machine::new(&case.file).unwrap();
         let point = machine.start(&case.file, 0.0, case.inputs.first().map_or(&[], |it| it), &[]).unwrap();
-        let setting = Setting { method: Method::Fixed { step: STEP }, tolerance: 1e-8 };
+        let setting = Setting::new(Method::Fixed { step: STEP }, 1e-8);
         let found =
             run(&machine, point, Inputs { time: &time, values: &values }, setting).unwrap_or_else(|why| panic!("{why}"));
         let wanted = wanted(&case.plant, &case.inputs);

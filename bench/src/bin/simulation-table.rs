@@ -4,7 +4,7 @@
 //! seconds of a diagnosis of three records of 8000 rows, and how many runs along all three records would take as long. Then the same plants as texts of equations: rows a second at an error that is at most that of the plant
 //! in Rust, one lane and eight, against Rust and against one lane; the time from text to first row; exact sensitivities against differences; SciPy LSODA and diffsol at the same tolerance, or why they cannot be had. Judges nothing: times are of one machine.
 
-use rsm_bench::engines::{LANES, Text, comparable, error};
+use rsm_bench::engines::{LANES, Text, comparable, error, rows_per_second_in_rust};
 use rsm_bench::peers;
 use rsm_bench::simulation::{ROWS, SUBJECTS, diagnosed, rows_per_second};
 
@@ -50,7 +50,7 @@ fn texts() {
         let record = subject.record(1);
         let text = Text::of(&subject, &record);
         let (tolerance, own, rust) = comparable(&text, &subject, &record);
-        let old = rows_per_second(&subject.nominal(), &record);
+        let old = rows_per_second_in_rust(&subject, &record);
         let one = text.rows_per_second(1, tolerance);
         let eight = text.rows_per_second(LANES, tolerance);
         println!(

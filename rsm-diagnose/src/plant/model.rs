@@ -8,7 +8,6 @@ use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::{PlantKind, StartValues};
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::plants::driveline::{self, FIRST_OFFSET};
 use rsm_sim::record::Record;
 use rsm_sim::schema::Bound;
 use rsm_sim::simulate::{start_of, starting};
@@ -246,7 +245,7 @@ impl Model {
             return (!is_given && sd > 0.0).then_some((at, 0.1 * sd, Some((at, sd))));
         }
         if self.file.kind == PlantKind::Driveline {
-            let sd = driveline::start_scales(&self.file.parameters, record.gear)[place - FIRST_OFFSET];
+            let sd = equation_plant::offset_scales(&self.file.parameters, record.gear)[place];
             return Some((at, 0.1 * sd, Some((0.0, sd))));
         }
         let (speed, sd) = speed_of(record)?;

@@ -11,10 +11,9 @@ use crate::engine::columns::dot;
 use crate::engine::work::Count;
 use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::simulate::{Outputs, Simulator};
-use rsm_sim::threads::in_threads_with;
+use rsm_sim::threads::in_threads;
 
 /// The step of a difference, in units of an unknown's scale. A law with a kink (free play, a limit) is simulated with kinks that are placed to a share of
 /// a sub-step: its outputs jump by 1e-5 of what they move, and over a thousandth of a scale that was a tenth of the derivative. Over three hundredths
@@ -136,7 +135,7 @@ impl Pace {
     }
 }
 
-/// Jobs by the places of those that run side by side: plants of equations with the same effects at the same places, on one record. All others stand alone.
+/// Jobs by the places of those that run side by side: plants with the same effects at the same places, on one record.
 fn side_by_side(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
     let is_like = |one: &(usize, &Model), other: &(usize, &Model)| {
         let (mut a, mut b) = (one.1.file.acting(), other.1.file.acting());
@@ -155,9 +154,8 @@ fn side_by_side(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
     };
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (place, job) in jobs.iter().enumerate() {
-        let of_equations = matches!(job.1.file.kind, PlantKind::Equations(_));
         let fits = |group: &&mut Vec<usize>| group.len() < equation_plant::SIDE_BY_SIDE && is_like(&jobs[group[0]], job);
-        match groups.iter_mut().filter(|_| of_equations).find(fits) {
+        match groups.iter_mut().find(fits) {
             Some(group) => group.push(place),
             None => groups.push(vec![place]),
         }
@@ -182,7 +180,7 @@ impl WhitenedResiduals {
     #[must_use]
     pub fn simulate(&self, jobs: &[(usize, &Model)]) -> Vec<Option<Simulated>> {
         let groups = side_by_side(jobs);
-        let done = in_threads_with(&groups, self.threads, |outputs, group| self.group(jobs, group, outputs));
+        let done = in_threads(&groups, self.threads, |group| self.group(jobs, group));
         let mut answers: Vec<Option<Simulated>> = vec![None; jobs.len()];
         for (place, answer) in groups.into_iter().flatten().zip(done.into_iter().flatten()) {
             answers[place] = answer;
@@ -191,15 +189,12 @@ impl WhitenedResiduals {
     }
 
     /// Jobs on one record whose plants run side by side.
-    fn group(&self, jobs: &[(usize, &Model)], group: &[usize], outputs: &mut Outputs) -> Vec<Option<Simulated>> {
-        let first = jobs[group[0]];
-        let (PlantKind::Equations(kind), true) = (first.1.file.kind, group.len() > 1) else {
-            return group.iter().map(|place| self.one(jobs[*place].0, jobs[*place].1, outputs)).collect();
-        };
-        let prepared = &self.records[first.0];
-        let files: Vec<PlantFile> = group.iter().map(|place| jobs[*place].1.for_record(first.0, &prepared.record)).collect();
-        let found = equation_plant::together(kind, &files, &prepared.record);
-        self.pace.count.takes((group.len() * prepared.record.rows() * equation_plant::STEPS_A_ROW) as u64);
+    fn group(&self, jobs: &[(usize, &Model)], group: &[usize]) -> Vec<Option<Simulated>> {
+        let record = jobs[group[0]].0;
+        let prepared = &self.records[record];
+        let files: Vec<PlantFile> = group.iter().map(|place| jobs[*place].1.for_record(record, &prepared.record)).collect();
+        let (found, taken) = equation_plant::together(&files, &prepared.record, self.pace.most);
+        self.pace.count.takes(taken);
         let shown = |values: Vec<Vec<f64>>| -> Option<Simulated> {
             let shown: Simulated = prepared.outputs.iter().map(|output| values[*output].clone()).collect();
             shown.iter().flatten().all(|value| value.is_finite()).then_some(shown)
@@ -207,28 +202,14 @@ impl WhitenedResiduals {
         found.into_iter().map(|values| values.and_then(shown)).collect()
     }
 
-    fn one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<Simulated> {
-        self.run_one(record, model, outputs)?;
-        // The outputs of a run are those of the drive; a record may hold fewer.
-        let (prepared, names) = (&self.records[record], model.file.kind.outputs());
-        let values: Option<Vec<Vec<f64>>> =
-            prepared.outputs.iter().map(|output| outputs.of(names[*output].name).map(<[f64]>::to_vec)).collect();
-        values.filter(|values| values.iter().flatten().all(|value| value.is_finite()))
-    }
-
     /// All outputs of one model along one record, those that the record does not hold as well; `None` where the numbers left no way on.
     #[must_use]
     pub fn all_outputs(&self, record: usize, model: &Model) -> Option<Outputs> {
-        let mut outputs = Outputs::default();
-        self.run_one(record, model, &mut outputs).map(|()| outputs)
-    }
-
-    fn run_one(&self, record: usize, model: &Model, outputs: &mut Outputs) -> Option<()> {
         let prepared = &self.records[record];
         let file = model.for_record(record, &prepared.record);
         let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.pace.most);
-        let done = simulator.run_into(&prepared.record, outputs);
-        self.pace.count.takes(simulator.taken() as u64);
+        let done = simulator.run(&prepared.record);
+        self.pace.count.takes(simulator.taken());
         done.ok()
     }
 

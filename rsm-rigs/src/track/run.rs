@@ -15,7 +15,7 @@ use rsm_fit::random::Random;
 use rsm_sim::kind::{PlantKind, Signal};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{self, Drive, Record};
-use rsm_sim::simulate::{Outputs, Simulator, Stopped};
+use rsm_sim::simulate::{Simulator, Stopped};
 
 use super::plan::TipIn;
 
@@ -167,7 +167,7 @@ pub fn tip_in(plant: &PlantFile, run: &TipIn, seed: u64, compensation: Option<&C
     let mut filter = compensation.map(|it| (Interpreter::<f64>::new(&it.tape), &it.inputs));
     let mut arguments = Vec::new();
     let mut command = 0.0;
-    let mut each_row = |row: usize, outputs: &[f64; 3]| -> f64 {
+    let mut each_row = |row: usize, outputs: &[f64]| -> f64 {
         let [engine_speed, road_speed, acceleration] = [0, 1, 2].map(|k| outputs[k] + sigma[k] * normal(&mut random));
         let demand = if row < COAST_ROWS { 0.0 } else { 1.0 };
         command = match &mut filter {
@@ -193,9 +193,8 @@ pub fn tip_in(plant: &PlantFile, run: &TipIn, seed: u64, compensation: Option<&C
         trace.acceleration.push(acceleration);
         throttle
     };
-    let mut outputs = Outputs::default();
     Simulator::new(&plant, &record)?
-        .run_controlled(&record, &mut each_row, &mut outputs)
+        .run_controlled(&record, &mut each_row)
         .map_err(|stopped: Stopped| Faults::one(Fault::whole_file(&name, stopped.to_string())))?;
     Ok(trace)
 }

@@ -8,6 +8,7 @@
 //!
 //! In: a plant file of format 2. Out: the same types that the plants in code have. No name of a plant or of an effect stands here.
 
+mod built_in;
 mod describe;
 mod run;
 mod scales;
@@ -17,6 +18,7 @@ use std::sync::{Arc, OnceLock};
 
 use rsm_core::source::{Fault, Faults, Source};
 use rsm_model::effects::{Catalogue, Place};
+use rsm_model::expression::Symbol;
 use rsm_model::flat::Basic;
 
 use crate::effect::{Arguments, Description, Role, Subject};
@@ -31,14 +33,12 @@ use crate::plant_file::{Entry, PlantFile, Renamed};
 use crate::quantity::{Bound, Nominal, Signal};
 use crate::record::Record;
 
-pub use run::{Run, Values, together};
+pub use built_in::offset_scales;
+pub use run::{Run, Values, shown, together};
 pub use scales::scales;
 
 /// Plants that run side by side without a cost: as many as a register of the machine code holds.
 pub const SIDE_BY_SIDE: usize = crate::code::WIDE;
-
-/// Steps that a run is said to take a row: what limits of work count.
-pub const STEPS_A_ROW: usize = run::STEPS_A_ROW;
 
 /// A plant of equations, without effects.
 struct Plant {
@@ -204,7 +204,11 @@ fn decisions(file: &EquationFile) -> Vec<Decision> {
 /// The numbers of a plant that may be set: those that neither change the shape of the equations nor are decided by a record.
 fn nominals(machine: &Machine, decisions: &[Decision]) -> Vec<Nominal> {
     let system = machine.system();
-    let is_own = |name: &str| !equations::file::is_of_record(name) && !decisions.iter().any(|it| it.parameter == name);
+    let of_start = of_start_alone(machine);
+    let is_own = |name: &str| {
+        let is_decided = decisions.iter().any(|it| it.parameter == name) || equations::file::is_of_record(name);
+        !is_decided && !of_start.iter().any(|it| it == name)
+    };
     let variables = system.parameters().into_iter().map(|it| system.flat().variable(it));
     let one = |it: &rsm_model::flat::Variable| {
         let bound = match (it.basic, it.min, it.value.and_then(|id| system.flat().pool.value(id))) {
@@ -216,6 +220,25 @@ fn nominals(machine: &Machine, decisions: &[Decision]) -> Vec<Nominal> {
         Nominal { name: kept(&it.name), unit: kept(&spelled(it.unit.as_deref().unwrap_or_default())), bound, optional: false }
     };
     variables.filter(|it| it.basic != Basic::Boolean && is_own(&it.name)).map(one).collect()
+}
+
+/// Parameters that say where a plant starts and nothing else: no data sheet has them.
+fn of_start_alone(machine: &Machine) -> Vec<String> {
+    let flat = machine.system().flat();
+    let symbols = |list: &[rsm_model::flat::Equation]| -> Vec<Symbol> {
+        list.iter().flat_map(|it| [it.left, it.right]).flat_map(|id| flat.pool.symbols(id)).collect()
+    };
+    let (start, moving) = (symbols(&flat.initial_equations), symbols(&flat.equations));
+    let at_events: Vec<Symbol> = flat
+        .clauses
+        .iter()
+        .flat_map(|it| it.assigned.iter().chain(&it.restarted).map(|it| it.1).chain(it.conditions.iter().copied()))
+        .chain(flat.samples.iter().flat_map(|it| [it.start, it.period]))
+        .flat_map(|id| flat.pool.symbols(id))
+        .collect();
+    let is_alone = |it: &Symbol| start.contains(it) && !moving.contains(it) && !at_events.contains(it);
+    let parameters = machine.system().parameters().into_iter().filter(is_alone);
+    parameters.map(|it| machine.system().name(it).to_string()).collect()
 }
 
 /// The effects that can stand on a plant: of one in code those of its catalogue, of one of equations one for each place at which one can stand.

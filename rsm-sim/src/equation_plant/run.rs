@@ -1,25 +1,24 @@
-//! A plant of equations along a record.
+//! A plant along a record: those that come with the project, and those of plant files of format 2.
 //!
-//! In: a plant file of kind Equations, a record. Out: every output at every row. The same files give the same bits.
+//! In: a plant file, a record. Out: every output at every row. The same files give the same bits.
 //! Equations with the same effects at the same places are compiled once: another value of a number compiles nothing.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rsm_core::source::{Fault, Faults};
 
-use super::plant_of;
+use super::{built_in, plant_of};
 use crate::effect::Subject;
 use crate::equations::file::{EquationFile, Given, of_rows};
+use crate::equations::lanes::Controller;
 use crate::equations::{self, Inputs, Lane, Lanes, Machine, Point, Setting, Signals, Starts, Stopped, lanes};
-use crate::kind::Described;
+use crate::kind::{Described, PlantKind};
 use crate::plant_file::{Entry, PlantFile};
 use crate::quantity::Signal;
-use crate::record::Record;
-
-/// Steps that a run is said to take a row. The engine chooses its steps by their error; a row of a record takes one or a few.
-pub(super) const STEPS_A_ROW: usize = 4;
+use crate::record::{Drive, Record};
 
 /// Rows of a record at which sizes are looked at, evenly spread.
 const ROWS: usize = 400;
@@ -37,6 +36,8 @@ pub(super) struct Models {
 struct Model {
     file: EquationFile,
     machine: Machine,
+    /// The places of the parameters that can be set, by name.
+    places: HashMap<String, usize>,
     /// Programs of the start, by the names of what is given and of what is recorded.
     starts: Mutex<HashMap<[Vec<String>; 2], Arc<Starts>>>,
     /// Room and code for runs that go on side by side.
@@ -62,9 +63,16 @@ impl Models {
     }
 
     /// The equations of a plant file for a record.
-    fn of(&self, kind: &'static Described, file: &PlantFile, record: &Record) -> Result<&'static Model, Faults> {
+    fn of(&self, file: &PlantFile, record: &Record) -> Result<&'static Model, Faults> {
         let mut name = String::new();
-        for it in decided(record) {
+        let decides = match file.kind {
+            PlantKind::Equations(_) => decided(record),
+            _ => {
+                name.push_str(built_in::text(file, record));
+                built_in::shapes(file, record)
+            }
+        };
+        for it in decides {
             let _ = write!(name, "{}={:x};", it.name, it.value.to_bits());
         }
         for entry in in_equations(file) {
@@ -76,9 +84,13 @@ impl Models {
             return Ok(model);
         }
         // Compiled without the lock: two may do it at the same time, and the first counts.
-        let file = file_of(kind, file, record)?;
+        let file = match file.kind {
+            PlantKind::Equations(kind) => file_of(kind, file, record)?,
+            _ => built_in::equations(file, record, &placed(file))?,
+        };
         let machine = Machine::new(&file)?;
-        let model = Model { file, machine, starts: Mutex::default(), slots: Mutex::default() };
+        let places = machine.parameters().into_iter().enumerate().map(|(place, it)| (it.0, place)).collect();
+        let model = Model { file, machine, places, starts: Mutex::default(), slots: Mutex::default() };
         Ok(open(&self.built).entry(name).or_insert_with(|| Box::leak(Box::new(model))))
     }
 }
@@ -144,43 +156,62 @@ fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Resul
         .iter()
         .filter_map(|it| Some(Given { name: it.name.to_string(), value: parameters.optional(it.name)? }))
         .collect();
-    let effects: Vec<equations::Entry> = in_equations(file)
-        .map(|it| equations::Entry::new(it.description.kind, it.arguments.subject.as_deref(), &it.arguments.numbers))
-        .collect();
-    plant_of(kind).file.with(&numbers, &effects, &decided(record))
+    plant_of(kind).file.with(&numbers, &placed(file), &decided(record))
+}
+
+/// The effects that change equations, as these take them.
+fn placed(file: &PlantFile) -> Vec<equations::Entry> {
+    let one = |it: &Entry| equations::Entry::new(it.description.kind, it.arguments.subject.as_deref(), &it.arguments.numbers);
+    in_equations(file).map(one).collect()
+}
+
+/// What is known of the models of a kind.
+fn models(kind: PlantKind) -> &'static Models {
+    match kind {
+        PlantKind::Equations(kind) => &plant_of(kind).models,
+        kind => built_in::models(kind),
+    }
+}
+
+/// The inputs of a record, one value a row each.
+fn inputs(kind: PlantKind, record: &Record) -> Cow<'_, [Vec<f64>]> {
+    if matches!(kind, PlantKind::Equations(_)) { Cow::Borrowed(&record.inputs) } else { built_in::inputs(record) }
+}
+
+/// The instants of a record's rows. Plants of format 1 go by its period, as their controllers do: a clock that jitters by less than a hundredth of it moves nothing, and a gap that is not yet cut out counts as one row.
+fn instants(kind: PlantKind, record: &Record) -> Cow<'_, [f64]> {
+    if matches!(kind, PlantKind::Equations(_)) { Cow::Borrowed(&record.time) } else { built_in::instants(record) }
 }
 
 /// The first row of a record, which alone says where it starts.
-fn first_row(record: &Record) -> Signals {
+fn first_row(inputs: &[Vec<f64>], record: &Record) -> Signals {
     let first = |values: &Vec<f64>| values.iter().take(1).copied().collect::<Vec<f64>>();
     Signals {
         file: record.file.clone(),
         time: first(&record.time),
         period: record.period,
-        inputs: record.inputs.iter().map(first).collect(),
+        inputs: inputs.iter().map(first).collect(),
         measured: record.measured.iter().map(|it| it.as_ref().map(first)).collect(),
     }
 }
 
 /// A machine at its start along a record.
 fn started(file: &EquationFile, machine: &mut Machine, initial: &[(&str, f64)], record: &Record) -> Result<Point, Faults> {
-    let signals = first_row(record);
-    let (given, recorded) = start_of(machine, initial, &signals, record)?;
+    let signals = first_row(&record.inputs, record);
+    let (given, recorded) = start_of(machine, &named(initial), &signals)?;
     let inputs: Vec<f64> = signals.inputs.iter().flatten().copied().collect();
     machine.start_along(file, record.first_time(), &inputs, &given, &recorded)
 }
 
-fn start_of(
-    machine: &Machine,
-    initial: &[(&str, f64)],
-    signals: &Signals,
-    record: &Record,
-) -> Result<(Vec<Given>, Vec<Given>), Faults> {
-    if record.rows() == 0 || record.inputs.iter().any(Vec::is_empty) {
-        return Err(Faults::one(Fault::whole_file(&record.file, "the record has no rows")));
+fn named(initial: &[(&str, f64)]) -> Vec<Given> {
+    initial.iter().map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect()
+}
+
+fn start_of(machine: &Machine, initial: &[Given], signals: &Signals) -> Result<(Vec<Given>, Vec<Given>), Faults> {
+    if signals.time.is_empty() || signals.inputs.iter().any(Vec::is_empty) {
+        return Err(Faults::one(Fault::whole_file(&signals.file, "the record has no rows")));
     }
-    let initial: Vec<Given> = initial.iter().map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect();
-    Ok(signals.start_from(&initial, machine))
+    Ok(signals.start_from(initial, machine))
 }
 
 impl Model {
@@ -190,28 +221,35 @@ impl Model {
         free.unwrap_or_else(|| Slot { machine: self.machine.clone(), lanes: Lanes::new(&self.machine) })
     }
 
+    /// The place of a parameter.
+    fn place(&self, name: &str) -> Result<usize, Faults> {
+        self.places.get(name).copied().map_or_else(|| self.machine.place_of(name), Ok)
+    }
+
     /// Gives a machine the numbers of a plant file. Out: where it starts along a record.
-    fn begin(
-        &self,
-        kind: &'static Described,
-        machine: &mut Machine,
-        file: &PlantFile,
-        record: &Record,
-    ) -> Result<Point, Faults> {
+    fn begin(&self, machine: &mut Machine, file: &PlantFile, record: &Record) -> Result<Point, Faults> {
         let parameters = file.effective_parameters();
-        for nominal in &kind.parameters {
-            let value = parameters.optional(nominal.name);
-            value.map_or(Ok(()), |value| machine.set(nominal.name, value))?;
+        let (own, initial): (Vec<(&str, f64)>, Vec<Given>) = match file.kind {
+            PlantKind::Equations(kind) => {
+                let own = kind.parameters.iter().filter_map(|it| Some((it.name, parameters.optional(it.name)?)));
+                (own.collect(), named(&file.initial))
+            }
+            _ => (built_in::numbers(file, &parameters, record), built_in::initial(file, record)),
+        };
+        let mut values = Vec::with_capacity(own.len());
+        for (name, value) in own {
+            values.push((self.place(name)?, value));
         }
         for (place, entry) in in_equations(file).enumerate() {
             for (number, value) in &entry.arguments.numbers {
                 if let Some(name) = self.file.parameter_of(place, number) {
-                    machine.set(name, *value)?;
+                    values.push((self.place(name)?, *value));
                 }
             }
         }
-        let signals = first_row(record);
-        let (given, recorded) = start_of(machine, &file.initial, &signals, record)?;
+        machine.set_at(&values)?;
+        let signals = first_row(&inputs(file.kind, record), record);
+        let (given, recorded) = start_of(machine, &initial, &signals)?;
         let names = [&given, &recorded].map(|list| list.iter().map(|it| it.name.clone()).collect::<Vec<String>>());
         let known = open(&self.starts).get(&names).cloned();
         let starts = match known {
@@ -231,38 +269,72 @@ impl Model {
 /// Every output at every row.
 pub type Values = Vec<Vec<f64>>;
 
-/// Plants with the same effects at the same places, and other numbers, along one record, side by side: each has the bits that it has alone. `None` where a plant cannot follow the record.
+/// How a run goes that may take so many steps a row, on average over its record.
+fn setting(record: &Record, tolerance: f64, steps_a_row: usize) -> Setting {
+    let steps = u64::try_from(steps_a_row.saturating_mul(record.rows())).unwrap_or(u64::MAX);
+    Setting { tolerance, steps, ..Setting::default() }
+}
+
+/// Plants of one kind with the same effects at the same places, and other numbers, along one record, side by side: each has the bits that it has alone. By plant: every output of the kind at every row; `None` where it cannot follow the record, or takes more steps a row than it
+/// may. Beside that, the steps of all.
 ///
 /// # Panics
 /// Never: all that stand side by side have one model.
 #[must_use]
-pub fn together(kind: &'static Described, files: &[PlantFile], record: &Record) -> Vec<Option<Values>> {
+pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Vec<Option<Values>>, u64) {
     let mut done: Vec<Option<Values>> = vec![None; files.len()];
-    let Some(Ok(model)) = files.first().map(|file| plant_of(kind).models.of(kind, file, record)) else { return done };
+    let Some(first) = files.first() else { return (done, 0) };
+    let Ok(model) = models(first.kind).of(first, record) else { return (done, 0) };
     let mut slot = model.slot();
     let mut lanes = Vec::with_capacity(files.len());
     for (place, file) in files.iter().enumerate() {
-        debug_assert!(plant_of(kind).models.of(kind, file, record).is_ok_and(|it| std::ptr::eq(it, model)));
-        if let Ok(start) = model.begin(kind, &mut slot.machine, file, record) {
+        debug_assert!(models(file.kind).of(file, record).is_ok_and(|it| std::ptr::eq(it, model)));
+        if let Ok(start) = model.begin(&mut slot.machine, file, record) {
             lanes.push((place, Lane::new(&slot.machine, start)));
         }
     }
     let (places, lanes): (Vec<usize>, Vec<Lane>) = lanes.into_iter().unzip();
-    let inputs = Inputs { time: &record.time, values: &record.inputs };
-    for (place, found) in places.into_iter().zip(slot.lanes.run(&lanes, inputs, Setting::default())) {
+    let values = inputs(first.kind, record);
+    let setting = setting(record, Setting::default().tolerance, steps_a_row);
+    let time = instants(first.kind, record);
+    let inputs = Inputs { time: &time, values: &values };
+    for (place, found) in places.into_iter().zip(slot.lanes.run(&lanes, inputs, setting)) {
         done[place] = found.ok();
     }
+    let taken = slot.lanes.taken().iter().sum();
     open(&model.slots).push(slot);
-    done
+    (done, taken)
 }
 
-/// A plant of equations, ready for a record.
+/// The outputs that a run along a record with this drive has, in the order of the plant.
+///
+/// ```
+/// use rsm_sim::{kind::PlantKind, record::Drive, simulate::shown};
+///
+/// // The command of an axis is an output of its controller.
+/// assert_eq!(shown(PlantKind::ServoAxis, Drive::Open).len(), 1);
+/// assert_eq!(shown(PlantKind::ServoAxis, Drive::Closed).len(), 2);
+/// ```
+#[must_use]
+pub fn shown(kind: PlantKind, drive: Drive) -> &'static [Signal] {
+    let all = kind.outputs();
+    match (kind, drive) {
+        (PlantKind::Pmac, Drive::HoldsDirectCurrent) => &all[1..],
+        (PlantKind::ServoAxis, Drive::Open) => &all[..1],
+        _ => all,
+    }
+}
+
+/// A plant, ready for a record.
 pub struct Run {
-    kind: &'static Described,
+    kind: PlantKind,
     model: &'static Model,
     slot: Option<Slot>,
     start: Option<Point>,
-    rows: usize,
+    /// The error of a step, as [`Setting`] has it.
+    pub(crate) tolerance: f64,
+    /// Steps a row that a run may take, on average over its record.
+    pub(crate) steps_a_row: usize,
 }
 
 impl Run {
@@ -270,40 +342,48 @@ impl Run {
     ///
     /// # Errors
     /// Effects that cannot stand together; a start that has no solution.
-    pub fn new(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<Run, Faults> {
-        let model = plant_of(kind).models.of(kind, file, record)?;
+    pub fn new(file: &PlantFile, record: &Record) -> Result<Run, Faults> {
+        let model = models(file.kind).of(file, record)?;
         let mut slot = model.slot();
-        let start = model.begin(kind, &mut slot.machine, file, record);
-        let mut run = Run { kind, model, slot: Some(slot), start: None, rows: 0 };
+        let start = model.begin(&mut slot.machine, file, record);
+        let tolerance = Setting::default().tolerance;
+        let mut run = Run { kind: file.kind, model, slot: Some(slot), start: None, tolerance, steps_a_row: usize::MAX };
         run.start = Some(start?);
         Ok(run)
     }
 
-    /// The outputs that it gives, in their order.
+    /// The outputs that it gives for a record, in their order.
     #[must_use]
-    pub fn outputs(&self) -> &'static [Signal] {
-        &self.kind.outputs
+    pub fn outputs(&self, record: &Record) -> &'static [Signal] {
+        shown(self.kind, record.drive)
     }
 
-    /// Steps of the last run: a count that grows with its rows, not with their difficulty.
+    /// Steps of the last run, also of one that was given up.
     #[must_use]
-    pub fn taken(&self) -> usize {
-        STEPS_A_ROW * self.rows
+    pub fn taken(&self) -> u64 {
+        self.slot.iter().flat_map(|it| it.lanes.taken()).sum()
     }
 
-    /// Every output at every row.
+    /// The outputs of [`Run::outputs`] at every row. A controller says the first input row by row, if there is one.
     ///
     /// # Errors
     /// Why a row could not be reached.
     ///
     /// # Panics
     /// Never: a run has its room until it is dropped.
-    pub fn along(&mut self, record: &Record) -> Result<Vec<Vec<f64>>, Stopped> {
-        self.rows = record.rows();
+    pub fn along(&mut self, record: &Record, controller: Option<&mut Controller<'_>>) -> Result<Values, Stopped> {
+        let shown = self.outputs(record).len();
         let (slot, start) = self.slot.as_mut().zip(self.start.clone()).expect("room and a start until it is dropped");
         let lane = Lane::new(&slot.machine, start);
-        let inputs = Inputs { time: &record.time, values: &record.inputs };
-        slot.lanes.run(&[lane], inputs, Setting::default()).remove(0)
+        let values = inputs(self.kind, record);
+        let time = instants(self.kind, record);
+        let inputs = Inputs { time: &time, values: &values };
+        let setting = setting(record, self.tolerance, self.steps_a_row);
+        let mut found = match controller {
+            Some(controller) => slot.lanes.controlled(&lane, inputs, setting, controller)?,
+            None => slot.lanes.run(&[lane], inputs, setting).remove(0)?,
+        };
+        Ok(found.split_off(found.len() - shown))
     }
 }
 

@@ -23,10 +23,20 @@ pub struct Setting {
     pub method: Method,
     /// The error of a step, relative to the largest value that a state has had, or changes by in one row.
     pub tolerance: f64,
+    /// Steps of a whole run, at most: one that takes more is given up.
+    pub steps: u64,
+}
+
+impl Setting {
+    /// A method and the error of a step, with any number of steps.
+    #[must_use]
+    pub const fn new(method: Method, tolerance: f64) -> Setting {
+        Setting { method, tolerance, steps: u64::MAX }
+    }
 }
 
 impl Default for Setting {
     fn default() -> Self {
-        Setting { method: Method::Automatic, tolerance: 1e-8 }
+        Setting::new(Method::Automatic, 1e-8)
     }
 }

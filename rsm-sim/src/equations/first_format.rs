@@ -30,7 +30,7 @@ impl EquationFile {
     /// ```
     ///
     /// # Errors
-    /// A start that the text does not have: offsets of a car's start.
+    /// An effect that cannot stand where the file has it.
     pub fn of_first_format(plant: &PlantFile, closed: bool) -> Result<EquationFile, Faults> {
         let source = Source::new("plant.toml", text(plant, closed));
         let open = |name: &str| Ok::<_, Faults>(Source::new(name, ""));
@@ -55,6 +55,10 @@ fn text(plant: &PlantFile, closed: bool) -> String {
         for (k, ratio) in plant.parameters.gear_ratios.iter().enumerate() {
             let _ = writeln!(text, "\"gear_ratios[{}]\" = {}", k + 1, decimal(*ratio));
         }
+        // By how much its start differs from a steady roll.
+        for (key, value) in plant.initial.iter().filter(|it| plant.kind.output(it.0).is_none()) {
+            let _ = writeln!(text, "{key} = {}", decimal(*value));
+        }
     }
     if closed && plant.parameters.velocity_from == VelocityFrom::Difference {
         text.push_str("velocity_from_difference = true\n");
@@ -62,9 +66,7 @@ fn text(plant: &PlantFile, closed: bool) -> String {
     for (name, list) in [("tolerance", &plant.tolerance), ("noise", &plant.noise), ("initial", &plant.initial)] {
         let _ = write!(text, "\n[{name}]\n");
         // A car of format 1 starts from its road speed alone.
-        let counts = |key: &str| {
-            name != "initial" || plant.kind != PlantKind::Driveline || !matches!(key, "engine_speed" | "acceleration")
-        };
+        let counts = |key: &str| name != "initial" || plant.kind != PlantKind::Driveline || key == "road_speed";
         for (key, value) in list.iter().filter(|it| counts(it.0)) {
             let _ = writeln!(text, "{key} = {}", decimal(*value));
         }

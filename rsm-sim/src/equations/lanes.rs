@@ -18,16 +18,21 @@ pub struct Lanes<'m> {
     alone: Option<Walk<'m, 1>>,
     group: Option<Walk<'m, WIDE>>,
     pub(super) sensitive: Option<Along<'m>>,
+    /// Steps of each lane in the last run.
+    taken: Vec<u64>,
 }
 
 /// Outputs by place in the order of the text: the value at every row.
 pub type Outputs = Vec<Vec<f64>>;
 
+/// From a row and the outputs there to the first input from there on.
+pub type Controller<'a> = dyn FnMut(usize, &[f64]) -> f64 + 'a;
+
 impl<'m> Lanes<'m> {
     /// The code of a machine.
     #[must_use]
     pub fn new(machine: &'m Machine) -> Self {
-        Lanes { machine, way: Way::Fastest, alone: None, group: None, sensitive: None }
+        Lanes { machine, way: Way::Fastest, alone: None, group: None, sensitive: None, taken: Vec::new() }
     }
 
     /// The same by the interpreter of tapes, which gives the same bits: what machine code is compared with.
@@ -53,26 +58,82 @@ impl<'m> Lanes<'m> {
             return lanes.iter().map(one).collect();
         }
         let mut all = Vec::with_capacity(lanes.len());
+        self.taken.clear();
         // A nonlinear block is iterated for each lane alone, and a delayed signal comes to each lane alone.
         let width = if self.machine.has_blocks() || lanes.iter().any(has_late) { 1 } else { WIDE };
         // Lanes that run side by side share the instants of samples.
         for group in lanes.chunk_by(|a, b| a.numbers.samples == b.numbers.samples).flat_map(|it| it.chunks(width)) {
             let together = (group.len() > 1).then(|| self.together(group, inputs, setting)).flatten();
             match together {
-                Some(outputs) => all.extend(outputs.into_iter().map(Ok)),
-                None => all.extend(group.iter().map(|lane| self.alone(lane, inputs, setting))),
+                Some(outputs) => {
+                    let taken = self.group.iter().flat_map(|it| &it.taken).take(group.len());
+                    self.taken.extend(taken);
+                    all.extend(outputs.into_iter().map(Ok));
+                }
+                None => {
+                    for lane in group {
+                        all.push(self.alone(lane, inputs, setting, None));
+                        self.taken.extend(self.alone.iter().map(|it| it.taken[0]));
+                    }
+                }
             }
         }
         all
     }
 
-    fn alone(&mut self, lane: &Lane, inputs: Inputs<'_>, setting: Setting) -> Result<Outputs, Stopped> {
+    /// How many steps each lane took in the last run, also one that was given up: the same alone and in company.
+    #[must_use]
+    pub fn taken(&self) -> &[u64] {
+        &self.taken
+    }
+
+    /// Runs a lane with a controller in the loop: at every row it is told the row and the outputs, with the inputs as they were so far, and says the first input, which is held to the next row. What it says does not
+    /// move what it was told. The first input of `inputs` counts before the first row only.
+    ///
+    /// ```
+    /// use rsm_core::source::{Faults, Source};
+    /// use rsm_sim::equations::{EquationFile, Inputs, Lane, Lanes, Machine, Setting};
+    ///
+    /// let text = "model Tank\n  input Real rate;\n  output Real level(start = 1.0);\nequation\n  der(level) = rate;\nend Tank;\n";
+    /// let file = EquationFile::of_text(&Source::new("tank.mo", text))?;
+    /// let mut machine = Machine::new(&file)?;
+    /// let start = machine.start(&file, 0.0, &[0.0], &[])?;
+    /// let inputs = Inputs { time: &[0.0, 1.0, 2.0], values: &[vec![0.0; 3]] };
+    /// let mut half = |_: usize, outputs: &[f64]| -0.5 * outputs[0];
+    /// let found = Lanes::new(&machine).controlled(&Lane::new(&machine, start), inputs, Setting::default(), &mut half);
+    /// assert_eq!(found.unwrap()[0], [1.0, 0.5, 0.25]);
+    /// # Ok::<(), Faults>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Why a row could not be reached.
+    pub fn controlled(
+        &mut self,
+        lane: &Lane,
+        inputs: Inputs<'_>,
+        setting: Setting,
+        controller: &mut Controller<'_>,
+    ) -> Result<Outputs, Stopped> {
+        let found = self.alone(lane, inputs, setting, Some(controller));
+        self.taken.clear();
+        self.taken.extend(self.alone.iter().map(|it| it.taken[0]));
+        found
+    }
+
+    fn alone(
+        &mut self,
+        lane: &Lane,
+        inputs: Inputs<'_>,
+        setting: Setting,
+        mut controller: Option<&mut Controller<'_>>,
+    ) -> Result<Outputs, Stopped> {
         let has_late = has_late(lane);
         let walk = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
         walk.begin([lane], setting, period(inputs));
         let mut outputs = [room(self.machine, inputs)];
         let can_be_plain = walk.can_be_plain() && !has_late;
         let mut late = Late::new(&lane.numbers, inputs.time, period(inputs));
+        let mut said = 0.0;
         for (row, end) in inputs.time.iter().enumerate() {
             walk.row = row;
             let before = inputs.time[row.max(1) - 1];
@@ -80,6 +141,14 @@ impl<'m> Lanes<'m> {
                 walk.reach(*end, &mut late)?;
             }
             walk.set_inputs(inputs.values, row);
+            if let Some(controller) = &mut controller {
+                if row > 0 {
+                    walk.set_input(0, said);
+                }
+                let told: Vec<f64> = walk.look().iter().map(|it| it[0]).collect();
+                said = controller(row, &told);
+                walk.set_input(0, said);
+            }
             if has_late {
                 walk.exchange(&mut late);
             }

@@ -191,6 +191,39 @@ impl Machine {
         Ok(())
     }
 
+    /// Where a parameter stands for [`Machine::set_at`].
+    ///
+    /// # Errors
+    /// No parameter of this name; one that shapes the equations or follows from others.
+    pub fn place_of(&self, name: &str) -> Result<usize, Faults> {
+        // Every kind of parameter may be 1.
+        numbers::place_of(&self.system, name, 1.0)
+    }
+
+    /// Sets parameters by their places, together: what follows from them is computed once.
+    ///
+    /// # Errors
+    /// Values that the plant cannot have. Nothing is set then.
+    ///
+    /// # Panics
+    /// For a place that is none.
+    pub fn set_at(&mut self, values: &[(usize, f64)]) -> Result<(), Faults> {
+        let mut parameters = self.numbers.parameters.clone();
+        let fault = |what: String| Faults::one(Fault::whole_file(&self.system.flat().name, what));
+        for (place, value) in values {
+            if !value.is_finite() {
+                let name = self.system.name(self.system.parameters()[*place]).to_string();
+                return Err(fault(format!("`{name}`: found {value}, expected a finite number")));
+            }
+            parameters[*place] = *value;
+        }
+        let is_same = parameters.iter().zip(&self.numbers.parameters).all(|(a, b)| a.to_bits() == b.to_bits());
+        if !is_same {
+            self.numbers = self.following.numbers(parameters).map_err(fault)?;
+        }
+        Ok(())
+    }
+
     /// All numbers of a run.
     pub(super) fn numbers(&self) -> &Numbers {
         &self.numbers

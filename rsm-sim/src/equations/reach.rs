@@ -90,6 +90,7 @@ impl<const L: usize> Walk<'_, L> {
         }
         for lane in (0..L).filter(|lane| right[*lane]) {
             let next = if linear[lane] { rest } else { 2.0 * rest };
+            self.taken[lane] += 1;
             self.suggestion[lane] = self.suggestion[lane].max(next);
         }
         self.grow(right);
@@ -235,7 +236,8 @@ impl Walk<'_, 1> {
         self.kept[0].cost = 0;
         while self.time(0) < next {
             *steps += 1;
-            if *steps > MOST_STEPS {
+            self.taken[0] += 1;
+            if *steps > MOST_STEPS || self.taken[0] > self.setting.steps {
                 return Err(Stopped::TooManySteps { row: self.row });
             }
             self.choose(*steps - begin);

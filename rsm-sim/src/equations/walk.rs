@@ -46,6 +46,8 @@ pub(super) struct Walk<'m, const L: usize> {
     /// Whether an event is being located.
     pub is_locating: bool,
     pub row: usize,
+    /// Steps of the run so far. A lane has the same count alone and in company.
+    pub taken: [u64; L],
     /// Sensitivities, in a walk of one lane that carries them.
     pub carried: Option<Box<Carried>>,
 }
@@ -88,6 +90,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             segment: None,
             is_locating: false,
             row: 0,
+            taken: [0; L],
             carried: None,
             machine,
             programs,
@@ -123,7 +126,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.events.samples.clone_from(&lanes[0].numbers.samples);
         self.kept.iter_mut().for_each(Kept::clear);
         (self.loaded, self.segment) = ([None; L], None);
-        self.suggestion = [period; L];
+        (self.suggestion, self.taken) = ([period; L], [0; L]);
         self.is_stiff = [setting.method == Method::Stiff; L];
         for (code, _) in &self.programs.once {
             code.run(&mut self.slots, &mut self.spare);
@@ -157,6 +160,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             }
         }
         self.slots[layout.time as usize] = [end; L];
+        self.taken.iter_mut().for_each(|it| *it += 1);
     }
 
     /// Where a lane stands.
@@ -178,6 +182,13 @@ impl<'m, const L: usize> Walk<'m, L> {
         for (slot, values) in self.slots[begin..].iter_mut().zip(values) {
             *slot = [values[row]; L];
         }
+        self.refresh();
+    }
+
+    /// Gives all lanes another value of an input.
+    pub(super) fn set_input(&mut self, input: usize, value: f64) {
+        let begin = self.layout().inputs as usize;
+        self.slots[begin + input] = [value; L];
         self.refresh();
     }
 
@@ -237,6 +248,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         lists.into_iter().flatten().for_each(|it| it[place] = it[lane]);
         self.events.follow(place, lane);
         self.suggestion[place] = self.suggestion[lane];
+        self.taken[place] = self.taken[lane];
         self.is_stiff[place] = self.is_stiff[lane];
         if self.loaded[place] != self.loaded[lane] {
             let loaded = self.programs.block.loaded();
@@ -255,6 +267,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         }
         self.events.copy_from(&other.events, lane);
         self.suggestion = [other.suggestion[lane]; L];
+        self.taken = [other.taken[lane]; L];
         self.is_stiff = [other.is_stiff[lane]; L];
         (self.linear, self.segment) = (None, None);
         std::mem::swap(&mut self.kept[0], &mut other.kept[lane]);
@@ -273,6 +286,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         }
         self.events.copy_to(&mut other.events, lane);
         other.suggestion[lane] = self.suggestion[0];
+        other.taken[lane] = self.taken[0];
         other.is_stiff[lane] = self.is_stiff[0];
         std::mem::swap(&mut self.kept[0], &mut other.kept[lane]);
         other.load_current(lane);

@@ -75,23 +75,6 @@ impl Driveline {
     }
 }
 
-/// The first of the places of a start that no output shows.
-pub const FIRST_OFFSET: usize = 3;
-
-/// How large the offsets of a start may be, as standard deviations: torque as at full throttle in the middle of the map, the twist that carries it to the wheel, and the rate of a swing of that twist.
-#[must_use]
-pub fn start_scales(parameters: &Parameters, gear: usize) -> [f64; 3] {
-    let plant = Driveline::new(parameters, gear);
-    // The speed at which the map has its largest torque, where it has one.
-    let best = if plant.torque[2] < 0.0 { (-0.5 * plant.torque[1] / plant.torque[2]).max(0.0) } else { 0.0 };
-    let torque = plant.commanded(1.0, best).abs();
-    let ratio = plant.gear_ratio * plant.final_ratio;
-    let twist = ratio * torque / plant.driveshaft.0;
-    // The engine swings against the wheel through the driveshaft.
-    let swing = (plant.driveshaft.0 / (plant.engine_inertia * ratio * ratio)).sqrt();
-    [torque, twist, swing * twist]
-}
-
 /// The order of the states.
 const TORQUE: usize = 0;
 const ENGINE_ANGLE: usize = 1;

@@ -38,7 +38,7 @@ pub(super) fn outputs(
 }
 
 pub(super) fn by(method: Method, tolerance: f64) -> Setting {
-    Setting { method, tolerance }
+    Setting::new(method, tolerance)
 }
 
 const AXIS: &str = "model Axis\n  parameter Real mass(unit = \"kg\") = 95.1;\n  parameter Real friction(unit = \"N.s/m\") = 203.5;\n  \

@@ -20,7 +20,7 @@ mod skipped;
 const AGREE: f64 = 1e-8;
 
 /// What the engine is asked to hold.
-const TIGHT: Setting = Setting { method: Method::Explicit, tolerance: 1e-12 };
+const TIGHT: Setting = Setting::new(Method::Explicit, 1e-12);
 
 /// An input: its name, and its value at an instant of a row.
 type Drive<'f> = (&'f str, &'f dyn Fn(f64) -> f64);
@@ -272,7 +272,7 @@ fn a_capacitor_behind_a_diode() {
         }
         (u - v - low) / 10.0
     };
-    for setting in [TIGHT, Setting { method: Method::Stiff, tolerance: 1e-11 }] {
+    for setting in [TIGHT, Setting::new(Method::Stiff, 1e-11)] {
         let run = along(&text("diode"), 41, 1e-4, &[("u", &voltage)], setting);
         let judged = rows(&run.time, [0.0], |row, [v]| [current(voltage(run.time[row]), *v) / 1e-4]);
         run.agrees("i", &of(&judged, |row, x| current(voltage(run.time[row]), x[0])));
@@ -392,7 +392,7 @@ fn throttle(time: f64) -> f64 {
 fn the_shipped_driveline() {
     let file = shipped("driveline", "[parameters]\ngear = 2\n[initial]\nroad_speed = 8.0\n");
     // Its shaft forgets in 50 us, a car in minutes: the method for stiff plants follows it too, to its own order.
-    for (setting, count) in [(TIGHT, 151), (Setting { method: Method::Stiff, tolerance: 1e-10 }, 41)] {
+    for (setting, count) in [(TIGHT, 151), (Setting::new(Method::Stiff, 1e-10), 41)] {
         driveline(&along(&file, count, 2e-3, &[("throttle", &throttle)], setting));
     }
 }

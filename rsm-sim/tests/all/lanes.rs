@@ -44,7 +44,7 @@ fn check_at(text: &str, parameter: &str, values: [f64; 9], period: f64, toleranc
     let (_, shared) = machine(text, "");
     let mut lanes = Vec::new();
     let mut alone = Vec::new();
-    let setting = Setting { method: Method::Automatic, tolerance };
+    let setting = Setting::new(Method::Automatic, tolerance);
     for value in values {
         let (file, mut own) = machine(text, &format!("{parameter} = {value:?}\n"));
         let start = own.start(&file, 0.0, &[inputs.values[0][0]], &[]).unwrap_or_else(|faults| panic!("{faults}"));
@@ -106,7 +106,7 @@ fn a_lane_that_ends_early_says_why_and_the_others_go_on() {
     let start = own.start(&file, 0.0, &[], &[]).unwrap_or_else(|faults| panic!("{faults}"));
     let (_, slow) = machine(text, "k = 0.25\n");
     let lanes = [Lane::new(&slow, start.clone()), Lane::new(&own, start.clone()), Lane::new(&slow, start)];
-    let found = Lanes::new(&own).run(&lanes, inputs, Setting { method: Method::Explicit, tolerance: 1e-8 });
+    let found = Lanes::new(&own).run(&lanes, inputs, Setting::new(Method::Explicit, 1e-8));
     // x = 1/(1 - k t): of k = 1 there is none at 1 s.
     assert!(found[1].is_err() && found[0].is_ok() && found[2].is_ok());
     let last = found[0].as_ref().unwrap_or_else(|stopped| panic!("{stopped}"))[0][19];

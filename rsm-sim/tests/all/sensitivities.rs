@@ -13,7 +13,7 @@ fn by(names: &[&str]) -> Vec<By> {
     names.iter().map(|name| By::Parameter((*name).to_string())).collect()
 }
 
-const FINE: Setting = Setting { method: Method::Explicit, tolerance: 1e-15 };
+const FINE: Setting = Setting::new(Method::Explicit, 1e-15);
 
 fn found(file: &EquationFile, names: &[&str], inputs: Inputs<'_>, setting: Setting) -> Sensitivities {
     let mut machine = Machine::new(file).unwrap_or_else(|faults| panic!("{faults}"));
@@ -107,7 +107,7 @@ fn differences(file: &EquationFile, names: &[&str], inputs: Inputs<'_>, setting:
 
 fn compare(text: &str, names: &[&str], inputs: Inputs<'_>, (share, allowed): (f64, f64)) {
     let file = file(text, "");
-    let setting = Setting { method: Method::Explicit, tolerance: 1e-14 };
+    let setting = Setting::new(Method::Explicit, 1e-14);
     let all = found(&file, names, inputs, setting);
     let expected = differences(&file, names, inputs, setting, share);
     for ((name, found), expected) in names.iter().zip(&all.derivatives).zip(&expected) {
@@ -139,7 +139,7 @@ fn a_stiff_driveline_with_its_start_has_the_derivatives_that_central_differences
     let time = rows(12, 0.01);
     let values = vec![(0..12).map(|k| if k < 3 { 0.05 } else { 0.6 }).collect::<Vec<f64>>()];
     let inputs = Inputs { time: &time, values: &values };
-    let setting = Setting { method: Method::Explicit, tolerance: 1e-13 };
+    let setting = Setting::new(Method::Explicit, 1e-13);
     let mut machine = compiled.clone();
     let starts = machine.starts(&file, &["road_speed".to_string()], &[]).unwrap_or_else(|faults| panic!("{faults}"));
     let names = ["clutch_stiffness", "driveshaft_damping", "mass", "torque_lag", "drag_area", "final_drive_ratio"];
@@ -208,7 +208,7 @@ fn directions_have_the_bits_that_they_have_alone_by_the_interpreter_too() {
     let of = |names: &[&str]| {
         Sensitive::new(&machine, &starts, 0.0, &[0.0], &[], &by(names)).unwrap_or_else(|faults| panic!("{faults}"))
     };
-    let setting = Setting { method: Method::Explicit, tolerance: 1e-8 };
+    let setting = Setting::new(Method::Explicit, 1e-8);
     let mut lanes = Lanes::new(&machine);
     let bits = |list: &[Vec<f64>]| -> Vec<u64> { list.iter().flatten().map(|it| it.to_bits()).collect() };
     let all = lanes.sensitivities(&of(&names), inputs, setting).unwrap_or_else(|stopped| panic!("{stopped}"));
@@ -239,7 +239,7 @@ fn what_has_no_derivative_is_refused() {
     let of = ask("k").unwrap_or_else(|faults| panic!("{faults}"));
     let (time, values) = ([0.0, 0.1, 0.2], vec![vec![1.0, 2.0, 3.0]]);
     let inputs = Inputs { time: &time, values: &values };
-    let stiff = Lanes::new(&machine).sensitivities(&of, inputs, Setting { method: Method::Stiff, tolerance: 1e-6 });
+    let stiff = Lanes::new(&machine).sensitivities(&of, inputs, Setting::new(Method::Stiff, 1e-6));
     assert!(stiff.unwrap_err().to_string().contains("take the method `explicit`"));
     let found =
         Lanes::new(&machine).sensitivities(&of, inputs, Setting::default()).unwrap_or_else(|stopped| panic!("{stopped}"));

@@ -20,7 +20,7 @@ fn what_is_linear_is_exact_at_any_tolerance() {
     let text = "model Ramp\n  parameter Real rate = 1e4;\n  output Real x(start = 0.0);\n  output Real y(start = 0.0);\nequation\n  \
                 der(x) = rate*(time - x);\n  der(y) = x;\nend Ramp;\n";
     let time = rows(30, 0.1);
-    let found = outputs(text, &time, Setting { method: Method::Stiff, tolerance: 1e-2 });
+    let found = outputs(text, &time, Setting::new(Method::Stiff, 1e-2));
     for (row, t) in time.iter().enumerate() {
         let r = 1e4;
         let decayed = (-r * t).exp();
@@ -40,7 +40,7 @@ fn a_switch_inside_of_a_long_step_is_located() {
     let text = "model Passes\n  parameter Real rate = 1e4;\n  output Real x(start = 0.0);\n  discrete output Real seen(start = -1.0);\n  output Real y(start = 0.0);\nequation\n  \
                 der(x) = rate*(time - x);\n  der(y) = if x > 0.25 then 1 else 0;\n  when x > 0.25 then\n    seen = time;\n  end when;\nend Passes;\n";
     let time = rows(6, 0.1);
-    let found = outputs(text, &time, Setting { method: Method::Stiff, tolerance: 1e-3 });
+    let found = outputs(text, &time, Setting::new(Method::Stiff, 1e-3));
     // x = t - 1/r there: what decays is e^(-2500).
     let expected = 0.25 + 1e-4;
     // Instants are neighbours; x itself has the digits of the matrices.
@@ -56,7 +56,7 @@ fn the_error_follows_the_tolerance_where_the_rates_bend() {
     let time = rows(40, 0.2);
     let mut last = f64::INFINITY;
     for (tolerance, allowed) in [(1e-4, 1e-4), (1e-6, 1e-6), (1e-8, 1e-8)] {
-        let found = outputs(text, &time, Setting { method: Method::Stiff, tolerance });
+        let found = outputs(text, &time, Setting::new(Method::Stiff, tolerance));
         let mut worst = 0.0_f64;
         for (row, t) in time.iter().enumerate() {
             // ln(u/(1 - u)) grows by the integral of cos t.

@@ -46,7 +46,7 @@ impl Part {
         let count = self.machine.inputs().len();
         let time: Vec<f64> = (0..rows.len()).map(|k| k as f64 * self.cycle).collect();
         let values: Vec<Vec<f64>> = (0..count).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
-        let setting = Setting { method: Method::Fixed { step: self.step }, tolerance: 1e-8 };
+        let setting = Setting::new(Method::Fixed { step: self.step }, 1e-8);
         let inputs = Inputs { time: &time, values: &values };
         let wanted = run(&self.machine, self.start.clone(), inputs, setting).unwrap_or_else(|why| panic!("{name}: {why}"));
         for (k, row) in rows.iter().enumerate() {

@@ -9,7 +9,7 @@ use super::shapes::binary;
 use super::{Excitation, Limits, blank, fitting};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
-use rsm_sim::simulate::{Outputs, Simulator};
+use rsm_sim::simulate::Simulator;
 
 /// The foot turns round so far inside the range of the engine's speed, as a share of it: the driveline swings on.
 const INSIDE: f64 = 0.12;
@@ -35,14 +35,13 @@ impl Track<'_> {
         let mut record = blank("track", self.limits, rows, vec![vec![first; rows]], gear);
         record.measured[1] = Some(vec![road_speed; rows]);
         let throttle = RefCell::new(Vec::with_capacity(rows));
-        let mut each_row = |row: usize, outputs: &[f64; 3]| -> f64 {
+        let mut each_row = |row: usize, outputs: &[f64]| -> f64 {
             let value = if row == 0 { first } else { foot(row, outputs[0]).clamp(0.0, 1.0) };
             throttle.borrow_mut().push(value);
             value
         };
         let bare = PlantFile { initial: Vec::new(), ..self.plant.clone() };
-        let mut outputs = Outputs::default();
-        Simulator::new(&bare, &record).ok()?.run_controlled(&record, &mut each_row, &mut outputs).ok()?;
+        Simulator::new(&bare, &record).ok()?.run_controlled(&record, &mut each_row).ok()?;
         record.inputs[0] = throttle.into_inner();
         Some(record)
     }

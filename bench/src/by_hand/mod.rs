@@ -1,0 +1,79 @@
+//! The three plants as they were written in Rust, without effects: what the engine of equations is compared with.
+//!
+//! In: a plant file of format 1 without effects, a record. Out: every output at every row. `plants` has the equations and how fast they are, `steps` the classical and the exponential method of fourth order, with steps from these rates. A copy that nothing but
+//! the benchmark uses.
+
+mod phi;
+mod plants;
+mod steps;
+
+use rsm_sim::kind::PlantKind;
+use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::{Drive, Record};
+
+use plants::{Driveline, Plant, Pmac, ServoAxis};
+use steps::Work;
+
+/// Every output at every row, in the order of the plant.
+///
+/// # Panics
+/// For a plant of equations, or one with effects: they are not in the copy.
+#[must_use]
+pub fn run(file: &PlantFile, record: &Record) -> Vec<Vec<f64>> {
+    assert!(file.acting().next().is_none(), "the plants by hand have no effects");
+    match file.kind {
+        PlantKind::Pmac => along(&Pmac::new(&file.parameters), record),
+        PlantKind::Driveline => along(&Driveline::new(&file.parameters, record.gear), record),
+        PlantKind::ServoAxis => along(&ServoAxis::new(&file.parameters), record),
+        PlantKind::Equations(_) => panic!("a plant of equations is not written by hand"),
+    }
+}
+
+fn along<P: Plant>(plant: &P, record: &Record) -> Vec<Vec<f64>> {
+    let first = |output: usize| record.measured[output].as_ref().and_then(|it| it.first().copied()).unwrap_or(0.0);
+    let starts: Vec<f64> = (0..record.measured.len()).map(first).collect();
+    let mut work = Work::new(P::STATES);
+    plant.start(&starts, record.inputs[0][0], &mut work.x);
+    let mut values = vec![Vec::with_capacity(record.rows()); record.measured.len()];
+    let mut held = [work.x[0]; 3];
+    for row in 0..record.rows() {
+        let mut inputs = [0.0; 3];
+        for (to, from) in inputs.iter_mut().zip(&record.inputs) {
+            *to = from[row];
+        }
+        if record.drive == Drive::Closed {
+            held = if row == 0 { held } else { [work.x[0], held[0], held[1]] };
+            inputs[0] = plant.command(inputs[0], &work.x, held, record.period);
+        }
+        let mut outputs = [0.0; 3];
+        plant.evaluate(&inputs, &work.x, &mut work.k[0], &mut outputs);
+        for (values, value) in values.iter_mut().zip(outputs) {
+            values.push(value);
+        }
+        if row + 1 < record.rows() {
+            steps::hold(plant, inputs, &mut work, record.period);
+        }
+    }
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::run;
+    use crate::simulation::SUBJECTS;
+    use rsm_sim::simulate::Simulator;
+
+    #[test]
+    fn they_are_the_plants_that_the_engine_runs() {
+        for subject in SUBJECTS {
+            let (file, record) = (subject.nominal(), subject.record(1));
+            let wanted = Simulator::new(&file, &record).unwrap().run(&record).unwrap();
+            for (signal, (found, wanted)) in wanted.signals.iter().zip(run(&file, &record).iter().zip(&wanted.values)) {
+                let size = wanted.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
+                let off = found.iter().zip(wanted).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+                // Steps of a quarter of a radian leave 0.25^4/120, and swings add up.
+                assert!(off < 2e-3 * size, "{}, {}: {off} of {size}", subject.plant, signal.name);
+            }
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! The plants that come with the project, described in `schema` and `effects`: their equations, and what of a plant file of format 1 goes where.
+//!
+//! In: a plant file of kind Pmac, Driveline or ServoAxis, a record. Out: the text that computes it, and the numbers that it takes. Equations are made at the numbers of the text, so what is compiled does not depend on who asked first.
+
+use std::borrow::Cow;
+use std::sync::{Arc, OnceLock};
+
+use rsm_core::source::{Faults, Source};
+use rsm_model::effects::Catalogue;
+
+use super::run::Models;
+use crate::equations::extended::{Entry, Given};
+use crate::equations::file::{EquationFile, of_rows};
+use crate::kind::{PlantKind, StartValues};
+use crate::parameters::{Parameters, VelocityFrom};
+use crate::plant_file::PlantFile;
+use crate::record::{Drive, Record};
+use crate::schema;
+
+/// What an axis has only under its controller.
+const OF_CONTROLLER: [&str; 2] = ["position_gain", "velocity_gain"];
+
+/// What of a start stands beside the states of the text: by how much a car differs from one that rolls steadily.
+const OFFSETS: [&str; 3] = ["torque_offset", "twist_offset", "twist_rate"];
+
+/// The models of a plant that comes with the project.
+pub(super) fn models(kind: PlantKind) -> &'static Models {
+    static ALL: [OnceLock<Models>; 3] = [const { OnceLock::new() }; 3];
+    let place = PlantKind::NAMES.iter().position(|it| it.1 == kind).expect("a plant that comes with the project");
+    ALL[place].get_or_init(Models::default)
+}
+
+/// The texts, in the order of [`place`].
+const TEXTS: [&str; 4] = ["pmac", "driveline", "servo-axis#ServoAxis", "servo-axis#ServoAxisClosedLoop"];
+
+/// Which text it is for a record.
+fn place(kind: PlantKind, record: &Record) -> usize {
+    match (kind, record.drive) {
+        (PlantKind::Pmac, _) => 0,
+        (PlantKind::Driveline, _) => 1,
+        (_, Drive::Closed) => 3,
+        _ => 2,
+    }
+}
+
+/// What of a record and a file shapes the equations, beside effects.
+pub(super) fn shapes(file: &PlantFile, record: &Record) -> Vec<Given> {
+    let given = |name: &str, is: bool| vec![Given { name: name.to_string(), value: f64::from(u8::from(is)) }];
+    match (file.kind, record.drive) {
+        (PlantKind::Pmac, drive) => given("holds_i_d", drive == Drive::HoldsDirectCurrent),
+        (PlantKind::ServoAxis, Drive::Closed) => {
+            given("velocity_from_difference", file.parameters.velocity_from == VelocityFrom::Difference)
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// The name of the text that computes a file along a record.
+pub(super) fn text(file: &PlantFile, record: &Record) -> &'static str {
+    TEXTS[place(file.kind, record)]
+}
+
+/// The equations of a plant file for a record, with effects.
+pub(super) fn equations(file: &PlantFile, record: &Record, effects: &[Entry]) -> Result<EquationFile, Faults> {
+    static BARE: [OnceLock<EquationFile>; TEXTS.len()] = [const { OnceLock::new() }; TEXTS.len()];
+    let place = place(file.kind, record);
+    let bare = BARE[place].get_or_init(|| {
+        let source = Source::new("plant.toml", format!("format = 2\nmodel = \"rsm:{}\"\n", TEXTS[place]));
+        let open = |name: &str| Ok::<_, Faults>(Source::new(name, ""));
+        EquationFile::read_with(&source, &open, &Arc::new(Catalogue::shipped())).expect("a text of the project is right")
+    });
+    bare.with(&[], effects, &shapes(file, record))
+}
+
+/// The numbers of a plant along a record, by their names in the text.
+pub(super) fn numbers(file: &PlantFile, parameters: &Parameters, record: &Record) -> Vec<(&'static str, f64)> {
+    let is_closed = record.drive == Drive::Closed;
+    let own = schema::parameters(file.kind).iter().map(|it| it.name);
+    // Without its gains a controller says 0.
+    let own = own.filter(|name| is_closed || !OF_CONTROLLER.contains(name));
+    let mut list: Vec<(&'static str, f64)> = own.map(|name| (name, parameters.optional(name).unwrap_or(0.0))).collect();
+    match file.kind {
+        PlantKind::Driveline => {
+            // The text is in its first gear, whatever the gear of the record is: the ratio is a number, the gear would shape the equations.
+            list.push(("gear_ratios[1]", parameters.gear_ratios[record.gear - 1]));
+            let given = |name: &str| file.initial.iter().find(|it| it.0 == name).map_or(0.0, |it| it.1);
+            list.extend(OFFSETS.map(|name| (name, given(name))));
+        }
+        PlantKind::ServoAxis if is_closed => {
+            let [period, begin] = of_rows(record.period, record.first_time()).map(|it| it.value);
+            list.extend([("record_period", period), ("record_start", begin)]);
+        }
+        _ => {}
+    }
+    list
+}
+
+/// What is known of the start beside first readings.
+pub(super) fn initial(file: &PlantFile, record: &Record) -> Vec<Given> {
+    let counts = |name: &str| match file.kind {
+        // A car starts from its road speed alone.
+        PlantKind::Driveline => name == "road_speed",
+        PlantKind::Pmac => record.drive != Drive::HoldsDirectCurrent || name != "i_d",
+        _ => record.drive == Drive::Closed || name != "command",
+    };
+    let own = file.initial.iter().filter(|it| counts(it.0));
+    let mut list: Vec<Given> = own.map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect();
+    if file.kind == PlantKind::Pmac {
+        list.push(Given { name: "angle".to_string(), value: record.angle.unwrap_or(0.0) });
+    }
+    list
+}
+
+/// The inputs of a record: of a motor whose drive makes its direct voltage, that is 0.
+pub(super) fn inputs(record: &Record) -> Cow<'_, [Vec<f64>]> {
+    if record.rows() == 0 || record.inputs.iter().all(|it| !it.is_empty()) {
+        return Cow::Borrowed(&record.inputs);
+    }
+    let zeros = |it: &Vec<f64>| if it.is_empty() { vec![0.0; record.rows()] } else { it.clone() };
+    Cow::Owned(record.inputs.iter().map(zeros).collect())
+}
+
+/// The instants of the rows: one period after another.
+pub(super) fn instants(record: &Record) -> Cow<'_, [f64]> {
+    let begin = record.first_time();
+    Cow::Owned((0..record.rows()).map(|row| begin + row as f64 * record.period).collect())
+}
+
+/// How large the offsets of a car's start may be, as standard deviations, at their places of a start: torque as at full throttle in the middle of the map, the twist that carries it to the wheel, and the rate of a swing of that twist.
+#[must_use]
+pub fn offset_scales(parameters: &Parameters, gear: usize) -> StartValues {
+    let of = |name: &str| parameters.number(name);
+    let torque = |speed: f64| of("torque_0") + of("torque_1") * speed + of("torque_2") * speed * speed;
+    // The speed at which the map has its largest torque, where it has one.
+    let best = if of("torque_2") < 0.0 { (-0.5 * of("torque_1") / of("torque_2")).max(0.0) } else { 0.0 };
+    let torque = torque(best).abs();
+    let ratio = parameters.gear_ratios[gear - 1] * of("final_drive_ratio");
+    let twist = ratio * torque / of("driveshaft_stiffness");
+    // The engine swings against the wheel through the driveshaft.
+    let swing = (of("driveshaft_stiffness") / (of("engine_inertia") * ratio * ratio)).sqrt();
+    let mut scales = StartValues::default();
+    let starts = PlantKind::Driveline.starts();
+    for (name, scale) in OFFSETS.iter().zip([torque, twist, swing * twist]) {
+        let place = starts.iter().position(|it| it.name == *name).expect("an offset is a place of a start");
+        scales[place] = scale;
+    }
+    scales
+}
