@@ -10,6 +10,16 @@ use super::computed::Computed;
 use super::file::EquationFile;
 use super::machine::{Machine, Point, TURNS, stand_still};
 
+/// A start that does not come to the same bits is accepted after so many turns that change no more than rounding: Newton's method can go to and fro between
+/// two neighbours for ever. It comes to the same bits one turn after its digits stand, where it does.
+const QUIET_TURNS: usize = 3;
+
+/// Whether two points of one instant differ by rounding only.
+fn is_near(old: &Point, new: &Point) -> bool {
+    let pairs = [(&old.states, &new.states), (&old.memories, &new.memories), (&old.guesses, &new.guesses)];
+    old.held == new.held && pairs.iter().all(|(old, new)| stand_still(old, new))
+}
+
 /// The start of a machine from what is known of it.
 #[derive(Debug, Clone)]
 pub struct Starts {
@@ -131,6 +141,7 @@ impl Starts {
         self.memories.iter().zip(begins).for_each(|(k, value)| point.memories[*k] = *value);
         let mut guesses = guesses.to_vec();
         // Starts depend on comparisons and these on starts: a few turns settle both, or nothing does.
+        let mut quiet = 0;
         for _ in 0..TURNS {
             let last = point.clone();
             let found = self.program.values(&self.arguments(machine, &point, &guesses, values));
@@ -146,7 +157,8 @@ impl Starts {
             }
             machine.settle(&mut point);
             point.held = machine.rates_and_truths(&point).1;
-            if point == last && !moves {
+            quiet = if moves || !is_near(&last, &point) { 0 } else { quiet + 1 };
+            if quiet == QUIET_TURNS || point == last && !moves {
                 return Ok((point, guesses));
             }
         }

@@ -298,6 +298,29 @@ fn a_surface_stands_for_a_function_and_has_its_derivative() {
 }
 
 #[test]
+fn a_joint_with_free_play_starts_on_the_side_that_its_torque_presses() {
+    // The iteration ends for any torque and gap, although Newton's method may go to and fro between two neighbouring numbers.
+    let text = "model Joint\n  input Real torque(unit = \"N.m\");\n  input Real gap(unit = \"rad\");\n  output Real twist(unit = \"rad\");\n  \
+        parameter Real stiffness(unit = \"N.m/rad\") = 5000.0;\n  parameter Real lag(unit = \"s\") = 1.0;\ninitial equation\n  stiffness*(twist - sign(twist)*gap/2) = torque;\nequation\n  \
+        lag*der(twist) = -twist;\nend Joint;\n";
+    let (file, mut machine) = machine_of(text);
+    let mut state = 20_261_125_u64;
+    let mut uniform = || {
+        // The generator of Knuth, MMIX.
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    for _ in 0..400 {
+        let (torque, gap) = (2000.0 * uniform() - 1000.0, 0.1 * uniform());
+        let point = machine.start(&file, 0.0, &[torque, gap], &[]).unwrap_or_else(|faults| panic!("{torque} {gap}: {faults}"));
+        let expected = torque / 5000.0 + torque.signum() * gap / 2.0;
+        // Two roundings of the residual, of the size of the torque, and one of the result.
+        let bound = f64::EPSILON * (2.0 * torque.abs() / 5000.0 + expected.abs());
+        assert!((point.states[0] - expected).abs() <= bound, "{torque} {gap}: {} {expected}", point.states[0]);
+    }
+}
+
+#[test]
 fn a_linear_model_has_exact_derivatives_poles_and_damping() {
     // A mass on a spring whose force grows as its cube, pushed, with a velocity sensor.
     let text = "model M\n  input Real force(unit = \"N\");\n  Real x(start = 0.5);\n  Real v;\n  output Real speed;\n  output Real push;\nequation\n  \
