@@ -40,6 +40,10 @@ pub enum Kind {
     Step,
     /// The derivatives of the surface by its inputs.
     Gradient,
+    /// The surface without its clamps.
+    Inside,
+    /// What the inputs that change seldom give to the surface without its clamps.
+    Once,
 }
 
 /// The name of a function in Rust, within the module of the model.
@@ -50,6 +54,8 @@ pub fn rust_function(surface: &str, kind: Kind, precision: Precision) -> String 
         Kind::Support => "_support",
         Kind::Step => "_step",
         Kind::Gradient => "_gradient",
+        Kind::Inside => "_inside",
+        Kind::Once => "_once",
     };
     format!("{surface}{kind}{}", suffix(precision))
 }
@@ -191,11 +197,21 @@ pub fn gradient_argument(inputs: &[String]) -> &'static str {
 /// Why the gradients of the surfaces of one model cannot be emitted: a function would have the name of another one. `None`: they can.
 #[must_use]
 pub fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
+    clash_of_kind(surfaces, functions, Kind::Gradient, "gradient")
+}
+
+/// Why the parts without clamps of the surfaces of one model cannot be emitted, as [`clash_of_gradients`]. `None`: they can.
+#[must_use]
+pub fn clash_of_parts<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
+    [Kind::Inside, Kind::Once].into_iter().find_map(|kind| clash_of_kind(surfaces, functions, kind, "part without clamps"))
+}
+
+fn clash_of_kind<'n>(surfaces: &[&'n str], functions: &[&'n str], kind: Kind, what: &str) -> Option<(&'n str, String)> {
     for surface in surfaces {
-        for gradient in [format!("{surface}_gradient"), format!("{surface}_gradient_f32")] {
-            let all = |name: &str| SUFFIXES.iter().any(|suffix| format!("{name}{suffix}").eq_ignore_ascii_case(&gradient));
+        for function in Precision::ALL.map(|precision| rust_function(surface, kind, precision)) {
+            let all = |name: &str| SUFFIXES.iter().any(|suffix| format!("{name}{suffix}").eq_ignore_ascii_case(&function));
             if let Some(other) = functions.iter().find(|other| all(other)) {
-                return Some((surface, format!("its gradient and `{other}` would both have a function `{gradient}`")));
+                return Some((surface, format!("its {what} and `{other}` would both have a function `{function}`")));
             }
         }
     }
