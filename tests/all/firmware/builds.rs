@@ -215,9 +215,15 @@ impl Build {
 
 /// Runs a program on the emulated board: its lines.
 pub fn emulate(program: &Path, speed: &str) -> Vec<String> {
+    emulate_with(program, speed, "")
+}
+
+/// The same, with a word on the command line that the program sees.
+pub fn emulate_with(program: &Path, speed: &str, word: &str) -> Vec<String> {
+    let word = if word.is_empty() { String::new() } else { format!(",arg=program,arg={word}") };
     let mut qemu = Command::new("qemu-system-arm");
     qemu.args(["-machine", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-icount", speed]);
-    qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(program);
+    qemu.args(["-semihosting-config", &format!("enable=on,target=native{word}"), "-kernel"]).arg(program);
     lines(&mut qemu)
 }
 

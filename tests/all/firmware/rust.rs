@@ -31,7 +31,7 @@ fn there() -> bool {
     false
 }
 
-/// Builds both programs: the folder that they are in.
+/// Builds the programs: the folder that they are in.
 fn build() -> PathBuf {
     let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let plants = scratch.join("firmware-rust-plants");
@@ -69,6 +69,8 @@ fn the_firmware_in_rust_has_the_bits_of_the_firmware_in_c() {
     if let Some(k) = board.iter().zip(&host).position(|(board, host)| board != host) {
         panic!("line {k}: Rust on the board has `{}`, C on the host `{}`", board[k], host[k]);
     }
+
+    image::check_hangs(|hang| builds::emulate_with(&programs.join("hangs"), FAST, &hang.to_string()));
 
     // Constant time, as in C; what it is stands in a budget of its own.
     let mut costs: BTreeMap<String, BTreeSet<u32>> = BTreeMap::new();

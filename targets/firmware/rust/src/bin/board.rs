@@ -4,14 +4,14 @@
 #![no_std]
 #![no_main]
 
-use core::cell::UnsafeCell;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m_rt::{entry, exception};
 use cortex_m_semihosting::{debug, hprint, hprintln};
-use firmware::{board, nominal};
 use firmware::image::{Between, Bridge, Driver, PERIODS, Slow, current_interrupt, reference_interrupt};
+use firmware::own::Own;
+use firmware::{board, nominal};
 use motor_loop::{Command, CurrentState, Drive, Measured};
 use throttle_loop::raw::Counts;
 
@@ -26,26 +26,6 @@ const ROWS: usize = 600;
 const CAR_ROWS: usize = ROWS / PERIODS as usize;
 const CAR_STEPS: usize = 10;
 const PERIOD_TICKS: u32 = board::TICKS_A_SECOND / 10_000;
-
-/// What one context owns: an interrupt, or `main` while no interrupt is enabled.
-struct Own<T>(UnsafeCell<T>);
-
-// SAFETY: `of` is called from one context at a time only.
-unsafe impl<T> Sync for Own<T> {}
-
-impl<T> Own<T> {
-    const fn new(value: T) -> Self {
-        Own(UnsafeCell::new(value))
-    }
-
-    /// # Safety
-    /// The context that owns it calls, and holds no other reference to it.
-    #[allow(clippy::mut_from_ref)]
-    unsafe fn of(&self) -> &mut T {
-        // SAFETY: see above.
-        unsafe { &mut *self.0.get() }
-    }
-}
 
 /// The motor's plant, in the place of converters and power stage: it moves when the firmware samples.
 struct MotorRig {
