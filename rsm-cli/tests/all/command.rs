@@ -111,7 +111,10 @@ fn emit_writes_surfaces_without_clamps_and_what_an_input_gives_once() {
         assert!(!here.path().join("other").exists());
     };
     refused(&["--inside", "--once", "lod"], model, "no surface has the input `lod`");
-    let crossed = model.replace("powers = [1, 0]", "powers = [1, 1]");
+    let crossed = model.replace(
+        "{ powers = [1, 0], coefficient = 30.0 }",
+        "{ powers = [1, 1], coefficient = 30.0 }, { powers = [0, 2], coefficient = 1.5 }",
+    );
     refused(&["--inside", "--once", "load"], &crossed, "surface `drag`: load give it 2 numbers, expected one");
     let clash = model.to_string()
         + "[surfaces.drag_inside]\nunit = \"N\"\ninputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 5.0 }]\n";

@@ -87,11 +87,14 @@ pub fn safe_state(bridge: &mut impl Bridge, driver: &mut impl Driver) {
 }
 
 /// What the references' interrupt remembers.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Slow {
-    references: ReferenceState,
-    throttle: RawState,
-    periods_before: u32,
+    /// Of the motor.
+    pub references: ReferenceState,
+    /// Of the throttle.
+    pub throttle: RawState,
+    /// Periods of the currents up to the last call.
+    pub periods_before: u32,
 }
 
 /// Every millisecond, with the lower priority. Feeds the watchdog if the currents were controlled in the meantime.

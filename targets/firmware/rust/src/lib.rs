@@ -6,7 +6,7 @@
 //! - [`nominal`]: the motor and its drive.
 //! - [`own`]: statics that one context owns.
 //!
-//! `src/bin/board.rs` is the processor in the loop; `src/bin/count.rs` counts instructions; `src/bin/hangs.rs` hangs, and is reset by the watchdog.
+//! `src/bin/board.rs` is the processor in the loop; `src/bin/count.rs` counts instructions; `src/bin/interrupted.rs` interrupts at every one; `src/bin/hangs.rs` hangs, and is reset by the watchdog.
 #![no_std]
 
 pub mod board;
