@@ -238,7 +238,7 @@ fn define(unit: &Unit, function: &Function) -> String {
     match function.kind {
         Kind::Gradient => text.push_str(&c_gradient::end(function)),
         Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => {
-            text.push_str(&format!("    return {};\n}}\n", tape.output()))
+            text.push_str(&format!("    return {};\n}}\n", tape.output()));
         }
         Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output())),
     }
