@@ -220,11 +220,12 @@ fn add_up_to_the_largest(count: u32, one: u32) -> u32 {
     sum.wrapping_sub(one & (sum >> 31))
 }
 
-/// 1 where a count has reached `most`, else 0.
+/// 1 where a count has reached `most`, a number from 1 to 2^23, else 0. A comparison of floats, since a compiler makes a branch of one of whole numbers: up to 2^23 a half is
+/// exact beside `most`, and a larger count stays above it however it is rounded.
 #[inline(always)]
 #[must_use]
 pub fn reached(count: u32, most: u32) -> f32 {
-    f32::from(u8::from(most <= count))
+    select(most as f32 - 0.5, count as f32, 1.0, 0.0)
 }
 
 #[cfg(test)]
