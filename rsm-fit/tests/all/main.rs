@@ -10,6 +10,7 @@ mod honest;
 mod in_memory;
 mod ladder;
 mod nist;
+mod optimal;
 mod plans;
 mod real;
 mod recursive;
