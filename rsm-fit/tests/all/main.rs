@@ -14,6 +14,8 @@ mod optimal;
 mod plans;
 mod real;
 mod recursive;
+#[path = "../../../tests/src/refused.rs"]
+mod refused;
 mod rejected;
 mod selection;
 mod serial;
