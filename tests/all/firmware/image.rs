@@ -65,7 +65,7 @@ impl Interrupted {
     }
 
     /// Of the lines of a program.
-    pub fn of(lines: Vec<String>) -> Interrupted {
+    pub fn of(lines: &[String]) -> Interrupted {
         let address = |line: &String| Some(u32::from_str_radix(line.strip_prefix("at ")?, 16).expect("an address"));
         Interrupted {
             addresses: lines.iter().filter_map(address).collect(),
@@ -76,7 +76,7 @@ impl Interrupted {
 }
 
 pub fn interrupted(build: &Build) -> Interrupted {
-    Interrupted::of(build.on_board("interrupted"))
+    Interrupted::of(&build.on_board("interrupted"))
 }
 
 /// Bytes of stack with both interrupts on it. The program calls the outer one as a function: its own frame is added.

@@ -99,7 +99,7 @@ fn whatever_instruction_is_interrupted_in_rust_what_is_handed_over_is_whole() {
         return;
     }
     let program = build().join("interrupted");
-    let found = Interrupted::of(builds::emulate(&program, SLOW));
+    let found = Interrupted::of(&builds::emulate(&program, SLOW));
     assert_eq!(found.handed_over, "handed over: 1 1");
     // Mangled names. Whatever is inlined is in the one that calls it.
     let parts = ["10references10references", "3raw8raw_step", "11interrupted5outer", "5image19reference_interrupt"];
