@@ -59,7 +59,7 @@ pub fn subjects(unit: &Unit, variant: &str, name: impl Fn(&str) -> String, heade
     let subject = |function: &rsm_core::emit::Function| {
         let (suffix, result) = match function.kind {
             // No benchmark emits gradients: a subject has one result.
-            Kind::Surface | Kind::Step | Kind::Gradient => ("", c_type(function.tape.precision)),
+            Kind::Surface | Kind::Step | Kind::Gradient | Kind::Inside | Kind::Once => ("", c_type(function.tape.precision)),
             Kind::Support => ("_support", "int"),
         };
         Subject {

@@ -1,4 +1,4 @@
-//! The adversary of a certificate: looks for the point at which a tape errs most, measured by what was promised. For tests alone.
+//! Searches for the point at which a tape errs most, relative to its certified bound. For tests only.
 //!
 //! In: a tape, a box, a bound. Out: the worst ratio of seen error to bound. Errors are exact: the interpreter's result against the tape in
 //! rational arithmetic. Points are searched by random restarts and hill climbing from a seed; corners come first.

@@ -5,7 +5,8 @@
 //! coefficients at the corners are values themselves. The cell that looks widest is halved until the enclosure meets a corner value, or
 //! the budget is spent. All arithmetic is interval arithmetic, so rounding is enclosed too.
 //!
-//! The same for a [`Measure`] of several polynomials: what is concave in their values is nowhere less than at the worst of their joint coefficients.
+//! A [`Measure`] of several polynomials is bounded in the same way: a function that is concave in their values is, over
+//! a cell, at least its value at the worst of their joint coefficients.
 
 use std::collections::BinaryHeap;
 
@@ -31,7 +32,7 @@ pub struct Monomial {
 
 /// An enclosure of a polynomial's values over a box, and where in the box the least and the greatest value were seen.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Extent {
+pub(crate) struct Extent {
     /// Holds every value.
     pub range: Interval,
     /// Where the least value was seen, a share of each side: 0 at its low end, 1 at its high end.
@@ -42,7 +43,7 @@ pub struct Extent {
 
 /// The extent of the polynomial for variables in `sides`.
 #[must_use]
-pub fn extent(terms: &[Monomial], sides: &[Interval]) -> Extent {
+pub(crate) fn extent(terms: &[Monomial], sides: &[Interval]) -> Extent {
     let root = Cell::new(&[terms], sides);
     let (low, least_at) = lower_bound(&root);
     let (high, greatest_at) = lower_bound(&root.negated());

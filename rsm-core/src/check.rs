@@ -1,7 +1,8 @@
-//! Proves that the parts of a model fit together, once. Only this module makes a [`Checked`].
+//! Checks once that the parts of a model fit together. Only this module makes a [`Checked`].
 //!
-//! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages carry the proof and neither
-//! check again nor fail. One rule is one function. Whether f32 can hold the model at all is asked separately: [`Checked::refusal`].
+//! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages take a
+//! [`Checked`], so they need no checks of their own and do not fail. One rule is one function. Whether f32 can hold the
+//! model at all is asked separately: [`Checked::refusal`].
 
 mod in_memory;
 
@@ -116,7 +117,7 @@ impl Checked {
 
     /// A fault at one of a compensator's scheduled numbers, in the order of [`Compensator::parts`].
     #[must_use]
-    pub fn fault_at_part(&self, compensator: usize, part: usize, what: String) -> Fault {
+    pub(crate) fn fault_at_part(&self, compensator: usize, part: usize, what: String) -> Fault {
         let (line, column) = self.compensator_places[compensator][part];
         Fault::at_line(&self.file, line, column, what)
     }

@@ -5,11 +5,13 @@
 use crate::certificate;
 use crate::check::Checked;
 use crate::emit::{self, Function, Kind, Unit};
+use crate::interval::Interval;
 use crate::lower;
-use crate::model::{Input, Outside};
+use crate::model::{Input, Outside, Surface};
 use crate::names;
 use crate::number::{self, Precision};
 use crate::source::{Fault, Faults, Source};
+use crate::values::Values;
 
 /// A model as a Rust module.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,7 +39,7 @@ pub struct RustModule {
 /// # Ok::<(), rsm_core::source::Faults>(())
 /// ```
 pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults> {
-    functions(checked, precisions, false)
+    unit_with_parts(checked, precisions, &Parts::default())
 }
 
 /// The evaluators of a checked model as [`unit()`] gives them, and after each surface the function of its gradient.
@@ -58,18 +60,109 @@ pub fn unit(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults>
 /// # Ok::<(), rsm_core::source::Faults>(())
 /// ```
 pub fn unit_with_gradients(checked: &Checked, precisions: &[Precision]) -> Result<Unit, Faults> {
+    unit_with_parts(checked, precisions, &Parts { gradient: true, ..Parts::default() })
+}
+
+/// Which functions of a surface are wanted beside the surface itself and its support test.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// The gradient.
+    pub gradient: bool,
+    /// The surface without its clamps ([`lower::inside`]).
+    pub inside: bool,
+    /// The inputs of which `inside` takes what they give once: they change seldom.
+    pub once: Vec<String>,
+}
+
+/// The evaluators of a checked model as [`unit()`] gives them, and after each surface the parts that are wanted.
+///
+/// # Errors
+/// As [`unit()`]; a part that would have the name of another function; an input of `once` that no surface has, or whose share in a surface is not
+/// one number.
+///
+/// ```
+/// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[inputs.load]\nunit = \"t\"\nrange = [0.0, 2.0]\n\
+/// #     [surfaces.drag]\nunit = \"N\"\ninputs = [\"speed\", \"load\"]\nterms = [{ powers = [1, 0], coefficient = 35.0 }, { powers = [0, 1], coefficient = 30.0 }]\n";
+/// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
+/// // A car is loaded before it drives.
+/// use rsm_core::{compile, compile::Parts, number::Precision};
+///
+/// let parts = Parts { inside: true, once: vec!["load".to_string()], ..Parts::default() };
+/// let unit = compile::unit_with_parts(&checked, &[Precision::F64], &parts)?;
+/// let names: Vec<String> = unit.functions.iter().map(|function| function.rust_name()).collect();
+/// assert_eq!(names, ["drag", "drag_once", "drag_inside"]);
+/// assert_eq!(unit.functions[2].tape.inputs, ["speed", "drag_once"]);
+/// # Ok::<(), rsm_core::source::Faults>(())
+/// ```
+pub fn unit_with_parts(checked: &Checked, precisions: &[Precision], parts: &Parts) -> Result<Unit, Faults> {
     let model = checked.model();
+    let refuse = |what: String, help: &str| Faults::one(Fault::whole_file(checked.file(), what).help(help));
     let surfaces: Vec<&str> = model.surfaces.iter().map(|surface| surface.name.as_str()).collect();
     let compensators = model.compensators.iter().map(|compensator| compensator.name.as_str());
     let functions_of: Vec<&str> = surfaces.iter().copied().chain(compensators).collect();
-    if let Some((surface, why)) = names::clash_of_gradients(&surfaces, &functions_of) {
-        let fault = Fault::whole_file(checked.file(), format!("surface `{surface}`: {why}"));
-        return Err(Faults::one(fault.help("rename one of them, or emit without gradients")));
+    let clash_of_gradients = || parts.gradient.then(|| names::clash_of_gradients(&surfaces, &functions_of)).flatten();
+    if let Some((surface, why)) = clash_of_gradients() {
+        return Err(refuse(format!("surface `{surface}`: {why}"), "rename one of them, or emit without gradients"));
     }
-    functions(checked, precisions, true)
+    let clash_of_parts = || parts.inside.then(|| names::clash_of_parts(&surfaces, &functions_of)).flatten();
+    if let Some((surface, why)) = clash_of_parts() {
+        return Err(refuse(format!("surface `{surface}`: {why}"), "rename one of them, or emit without parts"));
+    }
+    for name in &parts.once {
+        let have = |surface: &Surface| surface.inputs.contains(name);
+        if !model.surfaces.iter().any(have) {
+            let inputs: Vec<&str> = model.inputs.iter().map(|input| input.name.as_str()).collect();
+            return Err(refuse(format!("no surface has the input `{name}`"), &format!("inputs are {}", inputs.join(", "))));
+        }
+        let own = |surface: &&Surface| surface.inputs.iter().any(|input| *input == format!("{}_once", surface.name));
+        if let Some(surface) = model.surfaces.iter().find(own) {
+            let what = format!("surface `{0}`: its input `{0}_once` has the name of what is to be given once", surface.name);
+            return Err(refuse(what, "rename the input"));
+        }
+    }
+    functions(checked, precisions, parts)
 }
 
-fn functions(checked: &Checked, precisions: &[Precision], gradients: bool) -> Result<Unit, Faults> {
+/// The functions without clamps of one surface.
+fn inside(checked: &Checked, index: usize, precision: Precision, once: &[String]) -> Result<Vec<Function>, Faults> {
+    let surface = &checked.model().surfaces[index];
+    let parts = lower::inside(checked, index, precision, once).map_err(|count| {
+        let what = format!("surface `{}`: {} give it {count} numbers, expected one", surface.name, once.join(", "));
+        let help = "an input can be given once where no term multiplies it with another input";
+        Faults::one(Fault::whole_file(checked.file(), what).help(help))
+    })?;
+    let inputs = checked.inputs_of(surface);
+    let of_names = |names: &[String]| -> Vec<Input> {
+        names.iter().filter_map(|name| inputs.iter().find(|input| input.name == *name).cloned()).collect()
+    };
+    let function = |kind, inputs, tape| Function {
+        surface: surface.name.clone(),
+        kind,
+        unit: surface.unit.clone(),
+        inputs,
+        saturation: None,
+        derivatives: vec![],
+        tape,
+    };
+    let mut rest = of_names(&parts.rest.inputs);
+    let mut all = vec![];
+    if let Some(tape) = parts.once {
+        let own = of_names(&tape.inputs);
+        let cell: Vec<Interval> = own.iter().map(|input| Interval::new(input.range[0], input.range[1])).collect();
+        let values = Values::new(&tape).over(&cell);
+        rest.push(Input {
+            name: tape.name.clone(),
+            unit: surface.unit.clone(),
+            range: [values.low, values.high],
+            outside: Outside::Extrapolate,
+        });
+        all.push(function(Kind::Once, own, tape));
+    }
+    all.push(function(Kind::Inside, rest, parts.rest));
+    Ok(all)
+}
+
+fn functions(checked: &Checked, precisions: &[Precision], parts: &Parts) -> Result<Unit, Faults> {
     let model = checked.model();
     for index in 0..model.compensators.len() {
         certificate::compensator::require_stable(checked, index)?;
@@ -91,8 +184,11 @@ fn functions(checked: &Checked, precisions: &[Precision], gradients: bool) -> Re
                 tape,
             };
             functions.push(function(Kind::Surface, lower::surface(checked, index, precision)));
-            if gradients {
+            if parts.gradient {
                 functions.push(function(Kind::Gradient, lower::gradient(checked, index, precision)));
+            }
+            if parts.inside {
+                functions.extend(inside(checked, index, precision, &parts.once)?);
             }
             functions.extend(lower::support(checked, index, precision).map(|tape| function(Kind::Support, tape)));
         }
@@ -170,6 +266,14 @@ pub fn rust(source: &Source, precisions: &[Precision]) -> Result<RustModule, Fau
 /// # Ok::<(), rsm_core::source::Faults>(())
 /// ```
 pub fn rust_with_gradients(source: &Source, precisions: &[Precision]) -> Result<RustModule, Faults> {
-    let unit = unit_with_gradients(&Checked::read(source)?, precisions)?;
+    rust_with_parts(source, precisions, &Parts { gradient: true, ..Parts::default() })
+}
+
+/// A model file as a Rust module as [`rust`] gives it, and after each surface the parts that are wanted.
+///
+/// # Errors
+/// Every fault of the file; as [`unit_with_parts`].
+pub fn rust_with_parts(source: &Source, precisions: &[Precision], parts: &Parts) -> Result<RustModule, Faults> {
+    let unit = unit_with_parts(&Checked::read(source)?, precisions, parts)?;
     Ok(RustModule { text: emit::rust::emit(&unit), model: unit.model })
 }

@@ -1,6 +1,6 @@
 //! The exact reference: what a surface means, in rational arithmetic.
 //!
-//! In: a checked surface and a point. Out: the value of the true polynomial, without any rounding. Slow on purpose, and it shares no
+//! In: a checked surface and a point. Out: the value of the true polynomial, without any rounding. It is slow, and it shares no
 //! decision with lowering: interpreter and emitters read the same tape, so their agreement says nothing about the tape itself.
 //! Also executes a tape in exact arithmetic, with its constants as they were before rounding: that must give the polynomial again.
 

@@ -1,4 +1,4 @@
-//! Divides a tape: what depends on held inputs alone is computed apart from the rest, once for many evaluations.
+//! Splits a tape in two: operations that depend only on held inputs are computed once for many evaluations.
 //!
 //! In: a tape, and which of its inputs are held. Out: [`Divided`]: the tape of what is held, and the tape of the rest, which takes its results as further inputs. Together they give the bits of
 //! the tape. [`turned`] writes a division by a held number as a product with its reciprocal first; that may move the last bit.

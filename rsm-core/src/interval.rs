@@ -1,4 +1,4 @@
-//! Intervals of reals with f64 bounds, rounded outward: whatever is computed with them encloses the exact result.
+//! Intervals of reals with f64 bounds, rounded outward: every computed interval encloses the exact result.
 //!
 //! Each operation is done to nearest and then moved one number outward, which is at most half a unit in the last place more than directed
 //! rounding would give and needs no change of rounding mode.

@@ -36,7 +36,7 @@ impl Precision {
 
     /// Significant bits, the hidden one included.
     #[must_use]
-    pub fn significand_bits(self) -> i64 {
+    pub(crate) fn significand_bits(self) -> i64 {
         match self {
             Precision::F64 => 53,
             Precision::F32 => 24,
@@ -45,7 +45,7 @@ impl Precision {
 
     /// Exponent of the smallest subnormal, a power of two.
     #[must_use]
-    pub fn smallest_exponent(self) -> i64 {
+    pub(crate) fn smallest_exponent(self) -> i64 {
         match self {
             Precision::F64 => -1074,
             Precision::F32 => -149,

@@ -35,7 +35,7 @@ pub fn range(surface: &Surface, inputs: &[Input]) -> Interval {
 
 /// An enclosure of the true polynomial, and points of the box where its least and its greatest value were seen, in natural units.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Extent {
+pub(crate) struct Extent {
     /// Holds every value.
     pub range: Interval,
     /// Where the least value was seen, in the order of the inputs.
@@ -47,7 +47,7 @@ pub struct Extent {
 /// The extent of the true polynomial over the box. The box is cut at the knots: in each piece a hinge is 0 or a plain difference, so
 /// the surface is a polynomial there, unless it has sigmoids (`range/bent.rs`).
 #[must_use]
-pub fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
+pub(crate) fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
     let factors = Factor::all(surface, inputs);
     let pieces = pieces::all(surface, inputs);
     let of_piece = |piece: &Piece| match surface.is_bent() {

@@ -41,7 +41,7 @@ pub fn error_bound(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
 
 /// The bound of every result of a tape, in the order of its `outputs`, as [`error_bound`] gives it for one.
 #[must_use]
-pub fn error_bounds(tape: &Tape, ranges: &[[f64; 2]]) -> Vec<f64> {
+pub(crate) fn error_bounds(tape: &Tape, ranges: &[[f64; 2]]) -> Vec<f64> {
     let outputs: Vec<Reg> = tape.outputs.iter().map(|output| output.reg).collect();
     worst_over_cells(tape, ranges, &outputs)
 }

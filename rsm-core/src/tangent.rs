@@ -2,7 +2,7 @@
 //!
 //! In: a tape and the inputs and states to differentiate by. Out: a tape with the values and their derivatives. Forward mode (R. E. Wengert, "A simple
 //! automatic derivative evaluation program", 1964): every operation is differentiated by its rule, exactly; zeros and ones are not written, numbers are
-//! multiplied as rationals and rounded once, and what two derivatives have in common stands on the tape once.
+//! multiplied as rationals and rounded once, and expressions that two derivatives share are on the tape once.
 //!
 //! A selection keeps its condition: the derivative is that of the side that was chosen, at a border too. An elementary function is differentiated as the
 //! function that it is, not row by row. `Exponent` and `PowerOfTwo` outside of such rows move in steps: their derivative is 0.

@@ -1,4 +1,4 @@
-//! The tape: one straight line of operations, each exactly defined by IEEE 754.
+//! The tape: a straight-line program whose operations are exactly defined by IEEE 754.
 //!
 //! Once lowering has written a tape, the tape is the meaning of the surface in that precision: the interpreter executes it, every
 //! emitter prints it, and the certificate bounds its rounding error. There is no branch, loop, call or allocation in it. A fused
@@ -91,7 +91,7 @@ pub enum Op {
 ///
 /// Printers give it the machine's own instruction, and the certificate knows that it moves errors without enlarging them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Extremum {
+pub(crate) enum Extremum {
     /// `bound` if `value < bound`, else `value`: NaN in `value` passes, and `value` wins a tie (so -0 against +0 stays -0).
     AtLeast {
         /// The number that is kept from falling.
@@ -175,7 +175,7 @@ impl Tape {
 
     /// Whether the select in a register is a maximum or a minimum.
     #[must_use]
-    pub fn extremum(&self, reg: Reg) -> Option<Extremum> {
+    pub(crate) fn extremum(&self, reg: Reg) -> Option<Extremum> {
         let Op::Select { condition, then, otherwise } = *self.op(reg) else { return None };
         let Op::Less(left, right) = *self.op(condition) else { return None };
         if (left, right) == (otherwise, then) {

@@ -3,7 +3,8 @@
 //! In: a tape and bounds of its arguments. Out: an interval that holds every result of the emitted evaluator there. Rounding is monotone, so
 //! the results at the ends of the operands' ranges, rounded as the tape rounds them, are the ends of the range of a result; for a cell that
 //! is a point they are the bits of the evaluator. Unlike the range of the certificate it is about the computed numbers and not about the
-//! true polynomial, and it searches nothing: its excess falls in proportion to the cell, for whoever halves cells.
+//! true polynomial, and it does not search: the excess of the enclosure is proportional to the width of the cell, so a caller who needs a
+//! tighter one halves cells.
 
 use crate::elementary::{self, Function};
 use crate::interval::Interval;

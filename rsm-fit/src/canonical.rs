@@ -39,7 +39,7 @@ pub enum Kind {
 
 /// Analyses a fitted surface. `inputs` are those of the surface, in its order.
 #[must_use]
-pub fn analyse(surface: &Surface, inputs: &[Input]) -> Option<Canonical> {
+pub(crate) fn analyse(surface: &Surface, inputs: &[Input]) -> Option<Canonical> {
     let plain = surface.symmetry.is_empty() && surface.width() == surface.inputs.len() && surface.reciprocal.is_empty();
     let highest = surface.terms.iter().map(|term| order(&term.powers)).max()?;
     if !plain || highest != 2 {

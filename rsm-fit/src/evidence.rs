@@ -1,4 +1,4 @@
-//! What a surface rests on, as it is written into the model file.
+//! The evidence for a surface, as it is written into the model file.
 //!
 //! In: the specification, the outcome and the records of one response. Out: named pieces of evidence: data files with hashes,
 //! the specification with its hash, the method, the figures that say how good the surface is. Never a path of the machine, a

@@ -1,7 +1,7 @@
 //! The whole way from a specification to a model.
 //!
-//! In: a [`Specification`]. Out: an [`Outcome`]: the model, and for every response what became of it and its figures. Bad input
-//! is an error with every fault; a numerical outcome (confidence not reached, columns that make each other up) is data. The way of one
+//! In: a [`Specification`]. Out: an [`Outcome`]: the model, and the outcome and the figures of every response. Bad input is an
+//! error with every fault; a numerical outcome (confidence not reached, linearly dependent columns) is data. The way of one
 //! response is in `response.rs`. Never writes a file.
 
 use rsm_core::check::Checked;

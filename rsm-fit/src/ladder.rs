@@ -1,4 +1,4 @@
-//! The ladder of figure 1: grow a model term by term until the confidence C is reached, then take out what it does not need.
+//! The ladder of figure 1: grow a model term by term until the confidence C is reached, then remove the terms that it does not need.
 //!
 //! In: the triangle of all candidate terms on the data to fit, and a [`Judge`]: rows that are not fitted, or parts of the fitted
 //! rows that are left out in turn. Out: the chosen terms and how they are rated. The paper starts with first order (13) and adds
@@ -42,7 +42,7 @@ struct Part {
 
 /// What a judge says of a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rating {
+pub(crate) struct Rating {
     /// C of (14), (15), in percent. NaN when every mean response is 0.
     pub confidence: f64,
     /// The same about the mean response in place of zero; `None` where the judge does not know it or the responses have no spread.
@@ -67,7 +67,7 @@ impl Judge {
 
     /// Asks for C about the mean too: sum n_i (ybar_i - mean)^2 of the judging rows.
     #[must_use]
-    pub fn about_the_mean(self, square: Dd) -> Self {
+    pub(crate) fn about_the_mean(self, square: Dd) -> Self {
         Judge { about_mean: Some(square).filter(|square| *square > Dd::ZERO), ..self }
     }
 
@@ -116,13 +116,13 @@ const MOST_FOR_EXCHANGE: usize = 12;
 
 /// The order of the first rung: 1, or the lowest that there is where odd symmetry asks for more.
 #[must_use]
-pub fn first_rung(terms: &[Vec<u32>]) -> u32 {
+pub(crate) fn first_rung(terms: &[Vec<u32>]) -> u32 {
     terms.iter().map(|powers| order(powers)).min().map_or(1, |lowest| lowest.max(1))
 }
 
 /// How many terms so many rows may have: one row stays for the residual, where there is one to spare.
 #[must_use]
-pub fn most_terms(rows: usize) -> usize {
+pub(crate) fn most_terms(rows: usize) -> usize {
     rows.saturating_sub(1).max(1)
 }
 
@@ -137,7 +137,7 @@ impl Ladder<'_> {
     /// Climbs. `progress` hears the order, the number of terms and C after each step.
     ///
     /// # Errors
-    /// When already the first-order columns make each other up: the data cannot tell the inputs apart.
+    /// If the first-order columns are linearly dependent already: the data cannot tell the inputs apart.
     pub fn climb(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<Climb, Dependent> {
         let first = first_rung(self.terms);
         let lowest: Vec<usize> = (0..self.terms.len()).filter(|k| order(&self.terms[*k]) <= first).collect();
@@ -223,7 +223,7 @@ impl Ladder<'_> {
         false
     }
 
-    /// How a set of terms is rated; `None` when they make each other up.
+    /// How a set of terms is rated; `None` if they are linearly dependent.
     fn rating_of(&self, terms: &[usize]) -> Option<Rating> {
         let left = |part: &Part| {
             let growing = Growing::of(part.fit.as_ref().unwrap_or(self.fit), terms).ok()?;

@@ -59,7 +59,7 @@ impl Observations<'_> {
 
     /// How much some rows count together.
     #[must_use]
-    pub fn weight_of(&self, rows: &[usize]) -> Dd {
+    pub(crate) fn weight_of(&self, rows: &[usize]) -> Dd {
         rows.iter().map(|row| self.weight(*row)).sum()
     }
 

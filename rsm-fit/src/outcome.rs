@@ -1,4 +1,4 @@
-//! What became of a response, and what a fit tells on the way there.
+//! The outcome of a response, and the progress that a fit reports.
 
 use crate::selection::ChosenBy;
 use crate::statistics::ResponseStatistics;

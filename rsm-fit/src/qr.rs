@@ -3,8 +3,8 @@
 //! In: rows of a design matrix with the response behind them. Out: coefficients, the triangular factor, the residual sum of
 //! squares. [`Compressed`] takes any number of rows and keeps a triangle: an orthogonal transformation of all candidate columns
 //! and of the response, which has the same least-squares solution for every choice of columns. [`Growing`] solves on that
-//! triangle and appends a column at the cost of one reflection. A column that the others make up (to within the rounding of the
-//! data) is refused by name, never solved in silence.
+//! triangle and appends a column at the cost of one reflection. A column that is a linear combination of the others (to within
+//! the rounding of the data) is refused by name, never solved silently.
 //!
 //! Source: Golub, Van Loan, Matrix Computations, 5.2 (Householder QR) and 6.5 (updating); Lawson, Hanson, Solving Least Squares
 //! Problems, chapter 27 (sequential accumulation).
@@ -121,7 +121,7 @@ impl Triangle {
 
     /// |response - sum of coefficient times column|^2 for some candidates.
     #[must_use]
-    pub fn sum_of_squares(&self, candidates: &[usize], coefficients: &[Dd]) -> Dd {
+    pub(crate) fn sum_of_squares(&self, candidates: &[usize], coefficients: &[Dd]) -> Dd {
         let mut residual = self.columns[self.width()].clone();
         for (candidate, coefficient) in candidates.iter().zip(coefficients) {
             for (entry, value) in residual.iter_mut().zip(&self.columns[*candidate]) {
@@ -133,7 +133,7 @@ impl Triangle {
 
     /// |response|^2.
     #[must_use]
-    pub fn response_square(&self) -> Dd {
+    pub(crate) fn response_square(&self) -> Dd {
         self.sum_of_squares(&[], &[])
     }
 }
@@ -218,7 +218,7 @@ impl Growing {
     }
 
     /// What a candidate more would do: how much it takes from the residual sum of squares of the fitted rows, and what would be
-    /// left on the rows that judge. `None` when the chosen ones make it up.
+    /// left on the rows that judge. `None` if it is linearly dependent on the chosen ones.
     #[must_use]
     pub fn ahead(&self, candidate: usize) -> Option<(Dd, Dd)> {
         let (own, last) = self.last_with(candidate)?;
@@ -243,7 +243,7 @@ impl Growing {
     /// A problem of some candidates alone: cheaper than one that carries all of them along.
     ///
     /// # Errors
-    /// The first of them that the ones before make up, numbered as in the triangle.
+    /// The first candidate that is linearly dependent on those before it, numbered as in the triangle.
     pub fn of(triangle: &Triangle, candidates: &[usize]) -> Result<Self, Dependent> {
         let mut small = Growing::new(&Triangle {
             columns: candidates.iter().chain([&triangle.width()]).map(|k| triangle.columns[*k].clone()).collect(),
@@ -267,7 +267,7 @@ impl Growing {
     /// Appends a candidate.
     ///
     /// # Errors
-    /// When the chosen ones make it up; nothing is changed then.
+    /// If it is linearly dependent on the chosen ones; nothing is changed then.
     pub fn add(&mut self, candidate: usize) -> Result<(), Dependent> {
         let k = self.chosen.len();
         self.own_part(candidate)?;
@@ -304,19 +304,7 @@ impl Growing {
         }
     }
 
-    /// What appending a candidate would give: the coefficients of the chosen ones and, last, its own.
-    #[must_use]
-    pub fn coefficients_with(&self, candidate: usize) -> Option<Vec<Dd>> {
-        let k = self.chosen.len();
-        let (_, last) = self.last_with(candidate)?;
-        let (column, response) = (&self.columns[candidate], &self.columns[self.columns.len() - 1]);
-        let mut rest: Vec<Dd> = response[..k].iter().zip(column).map(|(y, x)| *y - last * *x).collect();
-        self.back_substitute(&mut rest);
-        rest.push(last);
-        Some(rest)
-    }
-
-    /// The norm of the part of a candidate that the chosen ones do not make up. There are never more chosen ones than rows.
+    /// The norm of the part of a candidate that is orthogonal to the chosen ones. There are never more chosen ones than rows.
     fn own_part(&self, candidate: usize) -> Result<Dd, Dependent> {
         let k = self.chosen.len();
         let column = &self.columns[candidate];
@@ -325,7 +313,7 @@ impl Growing {
         if own.to_f64() > DEPENDENT * norm {
             return Ok(own);
         }
-        // How the chosen ones make it up: R w = column. Those with a share above the threshold's root count as involved.
+        // The candidate as a combination of the chosen ones: R w = column. Those with a share above the threshold's root count as involved.
         let mut weights: Vec<Dd> = column[..k].to_vec();
         self.back_substitute(&mut weights);
         let share = |(weight, chosen): &(&Dd, &usize)| weight.to_f64().abs() * self.norms[**chosen] > DEPENDENT.sqrt() * norm;
@@ -379,14 +367,14 @@ impl Growing {
 
     /// The b with R b = c.
     #[must_use]
-    pub fn coefficients_of(&self, mut c: Vec<Dd>) -> Vec<Dd> {
+    pub(crate) fn coefficients_of(&self, mut c: Vec<Dd>) -> Vec<Dd> {
         self.back_substitute(&mut c);
         c
     }
 
     /// The residual sum of squares.
     #[must_use]
-    pub fn residual_square(&self) -> Dd {
+    pub(crate) fn residual_square(&self) -> Dd {
         let response = &self.columns[self.columns.len() - 1];
         response[self.chosen.len()..].iter().map(|x| *x * *x).sum()
     }

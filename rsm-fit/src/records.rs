@@ -219,7 +219,7 @@ impl Records {
 
     /// Rows of which the other records have an exact copy, in every input and every response.
     #[must_use]
-    pub fn copies_of(&self, other: &Records) -> usize {
+    pub(crate) fn copies_of(&self, other: &Records) -> usize {
         let key = |records: &Records, row: usize| -> Vec<u64> {
             // + 0.0 makes one of the two zeros.
             records.inputs.iter().chain(&records.responses).map(|column| (column[row] + 0.0).to_bits()).collect()

@@ -65,7 +65,7 @@ impl Problem {
         .sum()
     }
 
-    /// None where the columns make each other up.
+    /// None if the columns are linearly dependent.
     pub(crate) fn solve(&self) -> Option<Answer> {
         let width = self.rows.first().map_or(0, Vec::len);
         let sum =

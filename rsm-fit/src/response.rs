@@ -1,7 +1,8 @@
 //! The way of one response from its rows to a surface with its figures.
 //!
-//! In: the rows of a response, its specification. Out: the terms of the surface, the figures and what became of it. Columns that make each other up and constraints that
-//! cannot be kept are outcomes; faults are rows too few and terms that are no finite numbers. Never reads a file.
+//! In: the rows of a response, its specification. Out: the terms of the surface, the figures and the outcome. Linearly
+//! dependent columns and constraints that cannot be kept are outcomes; too few rows and terms that are not finite are
+//! faults. Never reads a file.
 
 use rsm_core::model::{Input, Surface, Term};
 use rsm_core::source::Faults;

@@ -1,7 +1,7 @@
 //! Who chooses the terms of a response, and what the error is on rows that chose nothing.
 //!
 //! In: the design of all candidates and rows. Out: the chosen terms with what they were judged on; and the errors of
-//! cross-validation, in which the whole way (the choice of terms too) is gone again without each part of the rows. Never lets a
+//! cross-validation, in which the whole procedure (the choice of terms included) is repeated without each part of the rows. Never lets a
 //! part that judges take part in the choice, never puts rows of one group into two parts.
 //!
 //! Sources: Stone 1974, Cross-validatory choice and assessment (choosing and judging need rows of their own); Cawley, Talbot 2010,

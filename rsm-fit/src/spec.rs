@@ -292,7 +292,7 @@ impl Criterion {
 }
 
 /// Best subsets are searched among so many candidates at most: beyond it branch and bound finds no proof in a reasonable time.
-pub const MOST_FOR_SUBSETS: usize = 40;
+pub(crate) const MOST_FOR_SUBSETS: usize = 40;
 
 impl Specification {
     /// Reads a specification from a file.
@@ -354,7 +354,7 @@ impl Specification {
 
     /// Where a file that is named in it lies.
     #[must_use]
-    pub fn path_of(&self, file: &str) -> PathBuf {
+    pub(crate) fn path_of(&self, file: &str) -> PathBuf {
         self.folder.join(file)
     }
 

@@ -2,8 +2,8 @@
 //!
 //! In: records and what the specification says about the split. Out: the rows to fit and the rows set aside, both in the order of
 //! the data; or parts of nearly equal size, each to be left out in turn. The same seed gives the same split on every machine.
-//! Rows at the same point of all inputs (repetitions, and exact copies) belong together, always: one of them tells what the other
-//! is. Never puts a row on both sides; a group larger than what is still wanted is taken whole.
+//! Rows at the same point of all inputs (repetitions, and exact copies) belong together, always: the response of one is known
+//! from the other. Never puts a row on both sides; a group larger than what is still wanted is taken whole.
 
 use std::collections::BTreeMap;
 

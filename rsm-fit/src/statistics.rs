@@ -1,4 +1,4 @@
-//! What a fitted surface is worth: the figures of docs/book/src/reference/formats.md 4.1.
+//! The statistics of a fitted surface: the figures of docs/book/src/reference/formats.md 4.1.
 //!
 //! In: the design of the chosen terms, the solved problem, points and responses. Out: plain structs whose serialised keys are
 //! those of `rsm fit --json`. A figure that does not exist (no degree of freedom, a residual of exactly zero) is `None`, never
@@ -268,7 +268,7 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
 /// whose rows would each have to be left out in a constrained fit of its own. Degrees of freedom count every term, as if all were
 /// free: the residual standard deviation is rather too large.
 #[must_use]
-pub fn of_constrained(design: &Design, coefficients: &[f64], observations: Observations<'_>) -> ResponseStatistics {
+pub(crate) fn of_constrained(design: &Design, coefficients: &[f64], observations: Observations<'_>) -> ResponseStatistics {
     let exact: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
     let predictions = predictions(design, &exact, observations);
     let error = |(row, prediction): (usize, &Dd)| {

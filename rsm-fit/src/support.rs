@@ -2,8 +2,9 @@
 //!
 //! In: a surface without terms, its inputs, the rows to fit. Out: half-spaces for the model file. One input: from the least to the
 //! greatest value. Two: their box, and then one edge of the convex hull after the other, each time that which cuts off most, until
-//! the faces are used up or nothing is worth a cut. More: for each direction of {-1, 0, 1}^n the half-space that just holds the points. Never cuts a row off: bounds
-//! are rounded outward by more than the rounding of the emitted test. Never looks at a response.
+//! there are as many faces as allowed or no further edge cuts off enough. More: for each direction of {-1, 0, 1}^n the half-space
+//! that just holds the points. Never cuts a row off: bounds are rounded outward by more than the rounding of the emitted test.
+//! Never looks at a response.
 //!
 //! The convex hull is as far as interpolation goes for a surface without hidden extrapolation (Brooks, Carroll, Verdini 1988;
 //! Montgomery, Peck, Vining, Introduction to Linear Regression Analysis, 3.8).
@@ -114,7 +115,7 @@ pub fn holds(spaces: &[HalfSpace], coded: &[Dd]) -> bool {
 
 /// Half-spaces that hold all rows.
 #[must_use]
-pub fn of_data(surface: &Surface, inputs: &[Input], rows: Observations<'_>, wanted: SupportSpec) -> Vec<HalfSpace> {
+pub(crate) fn of_data(surface: &Surface, inputs: &[Input], rows: Observations<'_>, wanted: SupportSpec) -> Vec<HalfSpace> {
     let region = Region::new(surface, inputs);
     let coded: Vec<Vec<Dd>> = (0..rows.response.len()).map(|row| region.coded(&rows.point(row))).collect();
     let hull = if inputs.len() == 2 { hull_normals(&region, &coded, wanted.faces) } else { None };

@@ -1,8 +1,8 @@
 //! How the fit of a response ended.
 //!
-//! Data and their words: numerical outcomes are no failures. Two things are asked of a ladder. C of the paper, (14) and (15), is
-//! taken about zero: 350 K with 8 K of noise has 99.95 % of it and no surface, and the same data in degrees Celsius have less. So
-//! the second criterion is taken about the mean, and does not change with the zero of the scale:
+//! The outcomes as data, and their sentences. A numerical outcome is not a failure. Two things are asked of a ladder. C of the paper, (14) and (15), is
+//! taken about zero: a constant 350 K with 8 K of noise reaches 99.95 % without a surface, and the same data in degrees Celsius reach less. So the
+//! second criterion is taken about the mean, and does not change with the zero of the scale:
 //!
 //! 1. on rows that chose nothing the surface explains at least half of the spread about the mean ([`LEAST_EXPLAINED`]), and
 //! 2. C about the mean reaches the wanted confidence too, or what is left is noise as far as the data tell: no significant lack of
@@ -56,7 +56,7 @@ pub enum Verdict {
     NotProven(NotProven),
     /// The data cannot tell some columns apart. There is no surface.
     IllConditioned {
-        /// How much larger a column is than the part of it that the others do not make up.
+        /// The norm of a column divided by the norm of its part that is orthogonal to the others.
         condition: f64,
         /// The terms involved, the refused one last.
         columns: Vec<String>,

@@ -1,24 +1,25 @@
 //! The arguments of the macro.
 //!
-//! In: tokens. Out: the literal of the path, with its place, the precisions, and whether gradients are wanted. Never opens a file.
+//! In: tokens. Out: the literal of the path, with its place, the precisions, and which functions are wanted beside the surfaces. Never opens a file.
 
+use rsm_core::compile::Parts;
 use rsm_core::number::Precision;
 use syn::parse::{Parse, ParseStream};
 use syn::{Ident, LitBool, LitStr, Token};
 
-/// `"path"`, then `precision = "f64" | "f32" | "both"` and `gradient = true`, in any order, each at most once.
+/// `"path"`, then `precision = "f64" | "f32" | "both"`, `gradient = true`, `inside = true` and `once = "current, ..."`, in any order, each at most once.
 pub(crate) struct Arguments {
     pub(crate) path: LitStr,
     /// Empty: every precision that can hold the model.
     pub(crate) precisions: Vec<Precision>,
-    /// Whether each surface is to have its gradient.
-    pub(crate) gradient: bool,
+    /// What each surface is to have beside itself.
+    pub(crate) parts: Parts,
 }
 
 impl Parse for Arguments {
     fn parse(input: ParseStream<'_>) -> syn::Result<Self> {
         let path = input.parse()?;
-        let (mut precisions, mut gradient) = (None, None);
+        let (mut precisions, mut gradient, mut inside, mut once) = (None, None, None, None);
         while input.parse::<Option<Token![,]>>()?.is_some() && !input.is_empty() {
             let key: Ident = input.parse()?;
             let refuse = |what: &str| Err(syn::Error::new(key.span(), format!("found `{key}`, {what}")));
@@ -31,11 +32,26 @@ impl Parse for Arguments {
                     input.parse::<Token![=]>()?;
                     gradient = Some(input.parse::<LitBool>()?.value);
                 }
-                "precision" | "gradient" => return refuse("which is given twice"),
-                _ => return refuse("accepted are `precision = \"...\"` and `gradient = true`"),
+                "inside" if inside.is_none() => {
+                    input.parse::<Token![=]>()?;
+                    inside = Some(input.parse::<LitBool>()?.value);
+                }
+                "once" if once.is_none() => {
+                    input.parse::<Token![=]>()?;
+                    let names = input.parse::<LitStr>()?.value();
+                    once = Some(names.split(',').map(|name| name.trim().to_string()).collect::<Vec<_>>());
+                }
+                "precision" | "gradient" | "inside" | "once" => return refuse("which is given twice"),
+                _ => {
+                    return refuse(
+                        "accepted are `precision = \"...\"`, `gradient = true`, `inside = true` and `once = \"...\"`",
+                    );
+                }
             }
         }
-        Ok(Arguments { path, precisions: precisions.unwrap_or_default(), gradient: gradient.unwrap_or_default() })
+        let (gradient, once) = (gradient.unwrap_or_default(), once.unwrap_or_default());
+        let parts = Parts { gradient, inside: inside.unwrap_or(!once.is_empty()), once };
+        Ok(Arguments { path, precisions: precisions.unwrap_or_default(), parts })
     }
 }
 

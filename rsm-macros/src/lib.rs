@@ -8,6 +8,8 @@
 //! include_model!("models/pmac.toml");                       // every precision that can hold the model
 //! include_model!("models/pmac.toml", precision = "f32");    // or "f64", or "both": an error if it cannot hold the model
 //! include_model!("models/pmac.toml", gradient = true);      // also the derivatives of each surface by its inputs
+//! include_model!("models/pmac.toml", inside = true);        // also each surface without clamps, for a caller that keeps to the ranges
+//! include_model!("models/pmac.toml", once = "current");     // also without clamps, and what the current gives to it apart
 //!
 //! let angle = pmac::current_advance_f32(10.8, 400.0);
 //! ```
@@ -38,8 +40,7 @@ fn expand(arguments: &Arguments) -> syn::Result<TokenStream> {
     let path: PathBuf = Path::new(&package).join(&named);
     let source = Source::read(&path).and_then(|source| {
         // Messages name the file as the literal does.
-        let compile = if arguments.gradient { compile::rust_with_gradients } else { compile::rust };
-        compile(&Source::new(named.clone(), source.text()), &arguments.precisions)
+        compile::rust_with_parts(&Source::new(named.clone(), source.text()), &arguments.precisions, &arguments.parts)
     });
     let RustModule { model, text } = source.map_err(|faults| refuse(message(&named, &faults)))?;
 

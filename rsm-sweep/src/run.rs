@@ -26,11 +26,6 @@ pub struct Case<'a> {
 /// Makes a diagnosis: its JSON, or why there is none. Of one case it must be the same JSON, whatever the number of threads.
 pub type Diagnose<'a> = dyn Fn(&Case<'_>) -> Result<Value, String> + Sync + 'a;
 
-/// A number for JSON: what is not finite becomes null.
-fn finite(value: f64) -> Option<f64> {
-    value.is_finite().then_some(value)
-}
-
 impl Task {
     /// Runs it.
     ///
@@ -116,12 +111,12 @@ fn figures(all: &Simulations, record: &Record, file: &PlantFile, outputs: &Outpu
         let signal = outputs.signals.iter().find(|it| it.name == *name);
         let measured = file.kind.output(name).and_then(|place| record.measured[place].as_deref());
         let mut found = Map::from_iter([("unit".to_string(), json!(signal.map_or("1", |it| it.unit)))]);
+        // serde_json makes null of a number that is not finite.
         for it in statistics {
-            found.insert(it.name().into(), json!(finite(statistic(*it, values, measured.unwrap_or_default()))));
+            found.insert(it.name().into(), json!(statistic(*it, values, measured.unwrap_or_default())));
         }
         if all.whole_records {
-            let rows: Vec<Option<f64>> = values.iter().copied().map(finite).collect();
-            found.insert("values".into(), json!(rows));
+            found.insert("values".into(), json!(values));
         }
         (name.clone(), Value::Object(found))
     };
@@ -150,5 +145,7 @@ mod tests {
         let found = Statistic::ALL.map(|(_, it)| statistic(it, &values, &measured));
         // Squares: 9 + 16 + 0 + 25 = 50; differences 0, -2, 0, 4: 20.
         assert_eq!(found, [5.0, -4.0, 5.0, 1.0, 12.5f64.sqrt(), 5f64.sqrt()]);
+        // Of no rows: results hold null for it.
+        assert_eq!(json!([statistic(Statistic::Mean, &[], &[]), f64::INFINITY]), json!([null, null]));
     }
 }

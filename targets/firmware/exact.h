@@ -67,7 +67,7 @@ EXACT_INLINE void exact_replace_two(float left, float right, float *first, float
 #if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
     float a = *first, b = *second;
     __asm__("vcmp.f32 %2, %3\n\tvmrs APSR_nzcv, fpscr\n\titt mi\n\tvmovmi.f32 %0, %4\n\tvmovmi.f32 %1, %5"
-            : "+&t"(a), "+&t"(b)
+            : "+&t"(a), "+t"(b)
             : "t"(left), "t"(right), "t"(then_first), "t"(then_second)
             : "cc");
     *first = a;
@@ -85,7 +85,7 @@ EXACT_INLINE void exact_unless(float left, float right, float *value, float othe
     float a = *value;
     uint32_t counted = *count;
     __asm__("vcmp.f32 %2, %3\n\tvmrs APSR_nzcv, fpscr\n\titt pl\n\tvmovpl.f32 %0, %4\n\taddpl %1, %1, %5"
-            : "+&t"(a), "+&r"(counted)
+            : "+t"(a), "+r"(counted)
             : "t"(left), "t"(right), "t"(otherwise), "rI"(one)
             : "cc");
     *value = a;
@@ -105,7 +105,7 @@ EXACT_INLINE void exact_unless_two(float left, float right, float *first, float 
     float a = *first, b = *second;
     uint32_t counted = *count;
     __asm__("vcmp.f32 %3, %4\n\tvmrs APSR_nzcv, fpscr\n\tittt pl\n\tvmovpl.f32 %0, %5\n\tvmovpl.f32 %1, %6\n\taddpl %2, %2, %7"
-            : "+&t"(a), "+&t"(b), "+&r"(counted)
+            : "+&t"(a), "+t"(b), "+r"(counted)
             : "t"(left), "t"(right), "t"(other_first), "t"(other_second), "rI"(one)
             : "cc");
     *first = a;
@@ -123,7 +123,7 @@ EXACT_INLINE void exact_unless_three(float left, float right, float *first, floa
     float a = *first, b = *second, c = *third;
     uint32_t counted = *count;
     __asm__("vcmp.f32 %4, %5\n\tvmrs APSR_nzcv, fpscr\n\titttt pl\n\tvmovpl.f32 %0, %6\n\tvmovpl.f32 %1, %7\n\tvmovpl.f32 %2, %8\n\taddpl %3, %3, %9"
-            : "+&t"(a), "+&t"(b), "+&t"(c), "+&r"(counted)
+            : "+&t"(a), "+&t"(b), "+t"(c), "+r"(counted)
             : "t"(left), "t"(right), "t"(other_first), "t"(other_second), "t"(other_third), "rI"(one)
             : "cc");
     *first = a;
@@ -142,7 +142,7 @@ EXACT_INLINE void exact_replace_three(float left, float right, float *first, flo
 #if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
     float a = *first, b = *second, c = *third;
     __asm__("vcmp.f32 %3, %4\n\tvmrs APSR_nzcv, fpscr\n\tittt mi\n\tvmovmi.f32 %0, %5\n\tvmovmi.f32 %1, %6\n\tvmovmi.f32 %2, %7"
-            : "+&t"(a), "+&t"(b), "+&t"(c)
+            : "+&t"(a), "+&t"(b), "+t"(c)
             : "t"(left), "t"(right), "t"(then_first), "t"(then_second), "t"(then_third)
             : "cc");
     *first = a;
@@ -151,6 +151,36 @@ EXACT_INLINE void exact_replace_three(float left, float right, float *first, flo
 #else
     exact_replace_two(left, right, first, then_first, second, then_second);
     *third = exact_select(left, right, then_third, *third);
+#endif
+}
+
+/* Two selections, and one, where a count has reached most: by whole numbers. */
+EXACT_INLINE void exact_replace_two_from(uint32_t count, uint32_t most, float *first, float then_first, float *second, float then_second)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    float a = *first, b = *second;
+    __asm__("cmp %2, %3\n\titt cs\n\tvmovcs.f32 %0, %4\n\tvmovcs.f32 %1, %5"
+            : "+&t"(a), "+t"(b)
+            : "r"(count), "r"(most), "t"(then_first), "t"(then_second)
+            : "cc");
+    *first = a;
+    *second = b;
+#else
+    uint32_t flag = (uint32_t)(most <= count);
+    __asm__("" : "+r"(flag));
+    exact_replace_two(0.0f, (float)flag, first, then_first, second, then_second);
+#endif
+}
+
+EXACT_INLINE float exact_select_from(uint32_t count, uint32_t most, float then, float otherwise)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    __asm__("cmp %1, %2\n\tit cs\n\tvmovcs.f32 %0, %3" : "+t"(otherwise) : "r"(count), "r"(most), "t"(then) : "cc");
+    return otherwise;
+#else
+    uint32_t flag = (uint32_t)(most <= count);
+    __asm__("" : "+r"(flag));
+    return exact_select(0.0f, (float)flag, then, otherwise);
 #endif
 }
 
@@ -194,6 +224,27 @@ EXACT_INLINE float exact_magnitude(float value)
     bits &= 0x7FFFFFFFu;
     __builtin_memcpy(&value, &bits, sizeof bits);
     return value;
+#endif
+}
+
+/* Where the magnitude of *value is not below limit, also where it is NaN: *value becomes otherwise, and *count grows by one. limit is a number, 0 or more: the
+ * bits of such numbers, of infinity and of NaN stand in their order as whole numbers. */
+EXACT_INLINE void exact_unless_within(float limit, float *value, float otherwise, uint32_t *count)
+{
+#if defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & 4)
+    uint32_t bits, bound, other, magnitude, counted = *count;
+    __builtin_memcpy(&bits, value, sizeof bits);
+    __builtin_memcpy(&bound, &limit, sizeof bound);
+    __builtin_memcpy(&other, &otherwise, sizeof other);
+    magnitude = bits & 0x7FFFFFFFu;
+    __asm__("cmp %2, %3\n\titt cs\n\tmovcs %0, %4\n\taddcs %1, %1, #1"
+            : "+r"(bits), "+r"(counted)
+            : "r"(magnitude), "r"(bound), "r"(other)
+            : "cc");
+    __builtin_memcpy(value, &bits, sizeof bits);
+    *count = counted;
+#else
+    exact_unless(exact_magnitude(*value), limit, value, otherwise, count, 1u);
 #endif
 }
 
@@ -273,6 +324,17 @@ EXACT_INLINE float exact_sign(float value)
     return value;
 }
 
+/* value with its sign times that of sign. */
+EXACT_INLINE float exact_signed(float value, float sign)
+{
+    uint32_t bits, other;
+    __builtin_memcpy(&bits, &value, sizeof bits);
+    __builtin_memcpy(&other, &sign, sizeof other);
+    bits ^= other & 0x80000000u;
+    __builtin_memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
 /* 0 for a number, NaN for a NaN or an infinity. */
 EXACT_INLINE float exact_nothing(float value)
 {
@@ -304,7 +366,7 @@ EXACT_INLINE uint32_t exact_any(uint32_t count)
     return exact_opaque((uint32_t)0 - count) >> 31;
 }
 
-/* How many bad samples there were: all of them, and those in a row that end now. Both stay at the largest number when they get there. */
+/* How many bad samples there were: all of them, and those in a row that end now. Both stay at the largest number of an int32_t when they get there. */
 typedef struct {
     uint32_t all;
     uint32_t in_a_row;
@@ -312,22 +374,23 @@ typedef struct {
 
 EXACT_INLINE uint32_t exact_add_up_to_the_largest(uint32_t count, uint32_t one)
 {
-#if defined(__arm__) && defined(__thumb2__)
-    __asm__("adds %0, %0, %1\n\tit cs\n\tsubcs %0, %0, #1" : "+&r"(count) : "r"(one) : "cc");
-    return count;
-#else
-    uint32_t sum = count + one;
-    /* A sum that went past the largest number is 0: its complement has no bit of it, and one is taken off again. */
-    uint32_t past = one & (uint32_t)(((~sum & (sum - 1u)) >> 31) & 1u);
-    return sum - past;
-#endif
+    const uint32_t sum = count + one;
+    return sum - (one & exact_opaque(sum >> 31));
 }
 
-/* one is 1 for a bad sample, 0 for a good one. */
-EXACT_INLINE void bad_samples_add(bad_samples *bad, uint32_t one)
+/* The sample is good where faults is 0; faults is below 2^31. */
+EXACT_INLINE void bad_samples_add(bad_samples *bad, uint32_t faults)
 {
+#if defined(__arm__) && defined(__thumb2__) && defined(__ARM_FEATURE_DSP)
+    uint32_t all = bad->all, in_a_row = bad->in_a_row;
+    __asm__("cmp %2, #0\n\titte ne\n\tqaddne %0, %0, %3\n\tqaddne %1, %1, %3\n\tmoveq %1, #0" : "+&r"(all), "+&r"(in_a_row) : "r"(faults), "r"(1u) : "cc");
+    bad->all = all;
+    bad->in_a_row = in_a_row;
+#else
+    const uint32_t one = exact_any(faults);
     bad->all = exact_add_up_to_the_largest(bad->all, one);
     bad->in_a_row = exact_add_up_to_the_largest(bad->in_a_row, one) & ((uint32_t)0 - one);
+#endif
 }
 
 EXACT_INLINE void bad_samples_count(bad_samples *bad, uint32_t good)

@@ -11,8 +11,6 @@
 
 /* 1.5 * 2^23: what is added to it is rounded to a whole number. */
 #define WHOLE 12582912.0f
-/* sqrt(0.9), rounded down. */
-#define LONGEST_LEG 0.9486832f
 /* Of circle.rs: the square of the circle's radius, a little held back. */
 #define HELD_BACK 0.9996f
 #define ROOT_3 1.7320508f
@@ -21,6 +19,7 @@
 #define TWO_THIRDS 0.6666667f
 
 /* Of references.rs. */
+#define SLOWEST 440.0f
 #define FOLD_SPEED 780.0f
 #define FOLD_PER (1.0f / 780.0f)
 #define TRIM_FROM 0.96f
@@ -57,12 +56,23 @@ typedef struct {
 } belief;
 
 /* judge of plausible.rs by one comparison each for range and rate: of what is out of range nothing is left, and any share of it is nothing. */
-EXACT_INLINE float followed(const motor_band *band, float sample, float expected, const belief *how, uint32_t *bad)
+EXACT_INLINE float followed(float rate, float from_middle, float half, float off, float expected, const belief *how, uint32_t *bad)
 {
-    float off = sample - expected, share = how->good;
-    exact_unless(exact_magnitude(off), band->rate, &share, how->bad, bad, how->counts);
-    exact_unless(exact_magnitude(sample - band->middle), band->half, &off, 0.0f, bad, 1u);
+    float share = how->good;
+    exact_unless(exact_magnitude(off), rate, &share, how->bad, bad, how->counts);
+    exact_unless(exact_magnitude(from_middle), half, &off, 0.0f, bad, 1u);
     return expected + exact_product(share, off);
+}
+
+EXACT_INLINE float followed_bus(const motor_limits *limits, float sample, float expected, const belief *how, uint32_t *bad)
+{
+    const motor_band *band = &limits->bus_v;
+    return followed(band->rate, sample - band->middle, band->half, sample - expected, expected, how, bad);
+}
+
+EXACT_INLINE float followed_speed(const motor_limits *limits, float sample, float expected, const belief *how, uint32_t *bad)
+{
+    return followed(limits->speed_rate_rad_s, sample, limits->speed_rad_s, sample - expected, expected, how, bad);
 }
 
 void motor_reference_init(motor_reference_state *state)
@@ -82,47 +92,49 @@ EXACT_FLATTEN void motor_references(motor_reference_state *state, const motor_dr
 {
     const motor_limits *limits = &drive->limits;
     const float limit = drive->current_limit_a;
-    float torque = demand->torque_nm, share_seen = demand->voltage_share, coast = 0.0f, active = 1.0f;
+    float torque = demand->torque_nm, share_seen = demand->voltage_share, coast = 0.0f, amperes_per_newton_metre = drive->amperes_per_newton_metre;
     belief how = {BELIEVED_LEVEL, 0.0f, 1u};
     uint32_t bad = 0u;
-    exact_replace_two(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, &coast, 1.0f, &active, 0.0f);
+    exact_replace_two_from(state->bad.in_a_row, limits->bad_in_a_row, &coast, 1.0f, &amperes_per_newton_metre, 0.0f);
     /* Before the first good sample of the bus all that is in range is believed, and good. */
     how.bad = coast;
     exact_unless_two(0.0f, state->bus_voltage_v, &how.good, 1.0f, &how.bad, 1.0f, &how.counts, (uint32_t)-1);
-    exact_unless(exact_magnitude(torque), limits->torque_nm, &torque, state->torque_nm, &bad, 1u);
-    exact_unless(exact_magnitude(share_seen), 1e6f, &share_seen, TRIM_FROM, &bad, 1u);
+    exact_unless_within(limits->torque_nm, &torque, state->torque_nm, &bad);
+    exact_unless(share_seen, 1e6f, &share_seen, TRIM_FROM, &bad, 1u);
     share_seen = exact_at_most(share_seen, TRIM_MOST);
-    const float speed = followed(&limits->speed_rad_s, demand->speed_rad_s, state->speed_rad_s, &how, &bad);
-    const float bus = followed(&limits->bus_v, demand->bus_voltage_v, state->bus_voltage_v, &how, &bad);
+    const float speed = followed_speed(limits, demand->speed_rad_s, state->speed_rad_s, &how, &bad);
+    const float bus = followed_bus(limits, demand->bus_voltage_v, state->bus_voltage_v, &how, &bad);
 
     const float lowest_bus = limits->bus_v.middle - limits->bus_v.half;
     const float circle_speed = exact_product(exact_magnitude(speed), drive->nominal_bus_v / exact_at_least(bus, lowest_bus));
     const float asked = exact_at_most(circle_speed, FOLD_SPEED);
     const float beyond = circle_speed - asked;
+    const float inside = exact_at_least(asked, SLOWEST);
     const float fold = exact_at_least(1.0f - exact_product(beyond, FOLD_PER), 0.0f);
     const float moved = exact_at_least(state->trim_a + exact_product(TRIM_A, share_seen - TRIM_FROM), 0.0f);
     const float trim = exact_at_most(moved, limit);
-    const float mirror = exact_sign(speed), way = exact_sign(torque);
-    const float asked_a = exact_product(exact_product(exact_magnitude(torque), active), drive->amperes_per_newton_metre);
-    const float most_weakening = exact_product(LONGEST_LEG, limit);
-    const float last_nm = exact_product(drive->newton_metres_per_ampere, exact_product(mirror, state->last.i_q_a));
-    const float at_limit_a = exact_at_most(motor_limit_current_f32(last_nm, limit, asked), most_weakening);
+    const float mirrored = exact_signed(drive->newton_metres_per_ampere, speed), way = exact_sign(torque);
+    const float asked_a = exact_product(exact_magnitude(torque), amperes_per_newton_metre);
+    const float last_nm = exact_product(mirrored, state->last.i_q_a);
+    const float at_limit_a = exact_within(motor_limit_current_inside_f32(last_nm, inside, drive->limit_current_once_a), 0.0f, drive->most_weakening_a);
     const float at_limit = exact_product(at_limit_a, drive->per_ampere);
     const float most = exact_product(fold, exact_product(limit, other_leg(exact_product(at_limit, at_limit))));
     const float wanted = exact_at_most(asked_a, most);
-    const float forwards_nm = exact_product(drive->newton_metres_per_ampere, exact_product(exact_product(mirror, way), wanted));
-    const float surface = motor_weakening_current_f32(forwards_nm, asked);
+    const float forwards_nm = exact_product(mirrored, exact_product(way, wanted));
+    const float surface = exact_at_least(motor_weakening_current_inside_f32(forwards_nm, inside), 0.0f);
     const float weakening = surface + (exact_product(beyond, drive->weakening_per_speed) + trim);
-    const float i_d = -exact_at_most(weakening, most_weakening);
+    const float i_d = -exact_at_most(weakening, drive->most_weakening_a);
     const float share = exact_product(i_d, drive->per_ampere);
     const float most_q = exact_product(limit, other_leg(exact_product(share, share)));
     const float i_q = exact_product(way, exact_at_most(wanted, most_q));
 
-    exact_replace_three(exact_nothing((i_d + i_q) + circle_speed), 1.0f, &state->last.i_d_a, i_d, &state->last.i_q_a, i_q, &state->trim_a, trim);
+    state->last.i_d_a = i_d;
+    state->last.i_q_a = i_q;
+    state->trim_a = trim;
     state->torque_nm = torque;
     state->speed_rad_s = speed;
     state->bus_voltage_v = bus;
-    bad_samples_add(&state->bad, exact_any(bad));
+    bad_samples_add(&state->bad, bad);
 }
 
 EXACT_INLINE float per_root(float square)
@@ -166,8 +178,8 @@ EXACT_FLATTEN void motor_currents(motor_current_state *state, const motor_drive 
     uint32_t bad = 0u;
     float bus, speed, angle;
     exact_unless_three(0.0f, state->bus_voltage_v, &how.good, 1.0f, &how.bad, 1.0f, &doubted_angle, BELIEVED, &how.counts, (uint32_t)-1);
-    bus = followed(&limits->bus_v, measured->bus_voltage_v, state->bus_voltage_v, &how, &bad);
-    speed = followed(&limits->speed_rad_s, measured->speed_rad_s, state->speed_rad_s, &how, &bad);
+    bus = followed_bus(limits, measured->bus_voltage_v, state->bus_voltage_v, &how, &bad);
+    speed = followed_speed(limits, measured->speed_rad_s, state->speed_rad_s, &how, &bad);
 
     exact_unless(exact_magnitude(off), limits->angle_rate_turns, &angle_share, doubted_angle, &bad, how.counts);
     exact_unless(exact_magnitude(turns), limits->angle_turns, &off, 0.0f, &bad, 1u);
@@ -208,7 +220,7 @@ EXACT_FLATTEN void motor_currents(motor_current_state *state, const motor_drive 
     float waiting, closed;
     bad_samples_add(&state->bad, one_bad);
     waiting = exact_select(limits->trip_square_a2, exact_at_least(now, then), wait, exact_at_least(state->waiting - 1.0f, 0.0f));
-    waiting = exact_select(limits->bad_in_a_row - 0.5f, (float)state->bad.in_a_row, wait, waiting);
+    waiting = exact_select_from(state->bad.in_a_row, limits->bad_in_a_row, wait, waiting);
     waiting = exact_select(0.0f, exact_product((float)one_bad, open), wait, waiting);
     closed = exact_select(waiting, PERIODS_TO_CLOSE + 0.5f, 1.0f, 0.0f);
 

@@ -16,7 +16,8 @@ typedef struct {
 
 typedef struct {
     motor_band bus_v;
-    motor_band speed_rad_s;
+    float speed_rad_s;
+    float speed_rate_rad_s;
     float torque_nm;
     float angle_turns;
     float angle_rate_turns;
@@ -24,7 +25,7 @@ typedef struct {
     float current_square_a2;
     float current_rate_square_a2;
     float trip_square_a2;
-    float bad_in_a_row;
+    uint32_t bad_in_a_row;
     float good_in_a_row;
 } motor_limits;
 
@@ -33,6 +34,8 @@ typedef struct {
     float amperes_per_newton_metre;
     float current_limit_a;
     float per_ampere;
+    float limit_current_once_a;
+    float most_weakening_a;
     float nominal_bus_v;
     float weakening_per_speed;
     float resistance_ohm;

@@ -5,6 +5,8 @@ const motor_drive tables_drive = {
     .amperes_per_newton_metre = 2.777778f,
     .current_limit_a = 60.0f,
     .per_ampere = 0.016666668f,
+    .limit_current_once_a = 27.436113f,
+    .most_weakening_a = 56.920994f,
     .nominal_bus_v = 270.0f,
     .weakening_per_speed = 0.08451719f,
     .resistance_ohm = 0.08f,
@@ -29,11 +31,12 @@ const motor_drive tables_drive = {
     .limits.current_square_a2 = 14400.0f,
     .limits.current_rate_square_a2 = 225.0f,
     .limits.trip_square_a2 = 4121.6396f,
-    .limits.bad_in_a_row = 10.0f,
+    .limits.speed_rad_s = 1000.0f,
+    .limits.speed_rate_rad_s = 100.0f,
     .limits.good_in_a_row = 10.0f,
+    .limits.bad_in_a_row = 10u,
     /* middle and half of the range, and the most from what is expected */
     .limits.bus_v = {255.0f, 105.0f, 50.0f},
-    .limits.speed_rad_s = {0.0f, 1000.0f, 100.0f},
 };
 
 const throttle_scaling tables_scaling = {

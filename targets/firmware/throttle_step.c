@@ -76,7 +76,7 @@ EXACT_INLINE float advance(throttle_state *state, const throttle_inputs *inputs,
     state->share = share;
     state->lost = lost;
     state->cap = cap;
-    bad_samples_add(&state->bad, exact_any(bad + speed_bad + above));
+    bad_samples_add(&state->bad, bad + speed_bad + above);
     return throttle;
 }
 

@@ -6,7 +6,8 @@
 use std::collections::BTreeMap;
 
 use motor_loop::{
-    BadSamples, Demand, Drive, FOLD_SPEED_RAD_S, Motor, ReferenceState, References, TRIM_FROM, Tuning, references,
+    BadSamples, Demand, Drive, FOLD_SPEED_RAD_S, LARGEST_TORQUE_NM, Motor, ReferenceState, References, SLOWEST_RAD_S,
+    TRIM_FROM, Tuning, references,
 };
 use rsm_core::check::Checked;
 use rsm_core::source::Source;
@@ -65,7 +66,7 @@ impl Draw {
 /// A point where three in four numbers are anywhere in their range, and one is at an edge: of what is plausible, of the surfaces' speeds, of a sign.
 fn sample(drive: &Drive, draw: &mut Draw) -> Demand {
     let limits = &drive.limits;
-    let (speed, bus) = (limits.speed_rad_s.half, limits.bus_v);
+    let (speed, bus) = (limits.speed_rad_s, limits.bus_v);
     let (low, high) = (bus.middle - bus.half, bus.middle + bus.half);
     let at_edge: [bool; 4] = std::array::from_fn(|_| draw.bits().is_multiple_of(4));
     let bus_voltage_v = if at_edge[0] { draw.near(&[low, high, drive.nominal_bus_v]) } else { draw.between(low, high) };
@@ -101,7 +102,7 @@ fn compare(step: &mut Step<'_>, drive: &Drive, state: &mut ReferenceState, deman
     let before = state.clone();
     let found = references(state, drive, demand);
     let mirror = if state.speed_rad_s < 0.0 { -1.0 } else { 1.0 };
-    let coast = before.bad.in_a_row >= drive.limits.bad_in_a_row as u32;
+    let coast = before.bad.in_a_row >= drive.limits.bad_in_a_row;
     let torque = if coast { 0.0 } else { mirror * state.torque_nm };
     let last_torque = drive.newton_metres_per_ampere * (mirror * before.last.i_q_a);
     let circle_speed = step.circle_speed(Range::point(state.speed_rad_s.abs()), Range::point(state.bus_voltage_v));
@@ -177,11 +178,8 @@ fn the_proof_covers_what_the_drive_takes_for_plausible() {
     assert!(lowest < PROVED_FROM_V);
     let prove = |from: f32| {
         // The trim of the target ends at the current limit.
-        let operation = Operation {
-            top_speed_rad_s: limits.speed_rad_s.half,
-            bus_voltage_v: [from, highest],
-            trim_a: drive.current_limit_a,
-        };
+        let operation =
+            Operation { top_speed_rad_s: limits.speed_rad_s, bus_voltage_v: [from, highest], trim_a: drive.current_limit_a };
         limits::prove(&model, &parameters, &operation, limits::WORK).unwrap_or_else(|faults| panic!("{faults}"))
     };
     let found = prove(PROVED_FROM_V);
@@ -203,4 +201,39 @@ fn the_proof_covers_what_the_drive_takes_for_plausible() {
     };
     let given = references(&mut state, &drive, &demand);
     assert_eq!([given.i_d_a, given.i_q_a], [point.i_d_a, point.i_q_a], "{point:?}");
+}
+
+/// The surfaces are asked without clamps: the step's own limits keep to the ranges of the model.
+#[test]
+fn the_step_keeps_to_the_ranges_of_the_surfaces() {
+    let range = |name: &str| {
+        let model = model();
+        let input = model.model().inputs.iter().find(|input| input.name == name).expect("an input");
+        input.range.map(|bound| bound as f32)
+    };
+    assert_eq!(range("torque"), [-LARGEST_TORQUE_NM, LARGEST_TORQUE_NM]);
+    let [slowest, fastest] = range("speed");
+    assert!(slowest == SLOWEST_RAD_S && FOLD_SPEED_RAD_S <= fastest);
+    // The torque is k_t times at most sqrt(0.9996) of the current limit, also of a motor with more torque than the surfaces have.
+    let nominal = parameters();
+    let drive = drive(&nominal);
+    assert_eq!(drive.newton_metres_per_ampere, 1.5 * 4.0 * 0.06);
+    for (flux_linkage_wb, current_limit_a) in [(0.06, 60.0), (0.06, 75.0), (0.5, 60.0), (1e-3, 1e-3), (0.3, 3.0)] {
+        let motor = Motor {
+            phase_resistance_ohm: 0.08,
+            phase_inductance_h: 0.9e-3,
+            flux_linkage_wb,
+            pole_pairs: 4.0,
+            bus_voltage_v: 270.0,
+            current_limit_a,
+        };
+        let tuning = Tuning { pwm_period_s: 1e-4, bandwidth_rad_s: 1500.0, dead_time_s: 0.0, dead_time_current_a: 1.0 };
+        let drive = Drive::new(&motor, &tuning);
+        // Two roundings of the product at most, 6e-8 each: far less than the 2e-4 that the circle holds back.
+        let torque = drive.newton_metres_per_ampere * (drive.current_limit_a * 0.9998);
+        assert!(
+            drive.current_limit_a == current_limit_a && torque <= LARGEST_TORQUE_NM,
+            "{flux_linkage_wb} {current_limit_a}: {torque}"
+        );
+    }
 }

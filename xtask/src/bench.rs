@@ -1,19 +1,27 @@
 //! `cargo xtask bench`: times the evaluators with criterion, counts their instructions, prints one table; then one of simulations and diagnoses.
 //!
 //! In: further words for criterion (a filter, `--quick`), or `simulation` for the second table alone (`--quick` leaves out the diagnoses). Out: the tables of the
-//! package rsm-bench, which holds all that is measured. `loops`: instructions and flash of the control steps on an emulated Cortex-M4F, and errors and costs of the
-//! controllers of a measured motor; the tests that hold them to their budgets print them.
+//! package rsm-bench, which holds all that is measured. `loops`: instructions, stack and flash of the control steps on an emulated Cortex-M4F, in C and in Rust, errors and costs of the
+//! controllers of a measured motor, and rates and round trips of the loops between processes and hosts; the tests that hold them to their budgets print them.
 
+use crate::federation;
 use crate::stage::Run;
 use crate::workspace::cargo;
+
+/// How long each run between processes and hosts is, in s.
+const SECONDS: u32 = 10;
 
 /// Times, then prints the tables.
 pub(crate) fn run(words: &[&str]) -> bool {
     if words == ["loops"] {
-        let tests = ["every_step_costs_the_same_for_every_input", "the_surfaces_err_and_cost"];
+        let tests =
+            ["every_step_costs_the_same_for_every_input", "the_firmware_in_rust_has_the_bits", "the_surfaces_err_and_cost"];
         let mut loops = cargo(&["test", "--quiet", "--workspace", "--test", "across", "--"]);
         loops.args(tests).arg("--nocapture");
-        return Run::new().command("loops", loops).finish();
+        let mut run = Run::new();
+        run.command("loops", loops);
+        federation::add(&mut run, SECONDS);
+        return run.finish();
     }
     let mut simulation = cargo(&["run", "--quiet", "--release", "-p", "rsm-bench", "--bin", "simulation-table", "--"]);
     simulation.args(words.iter().filter(|word| **word == "--quick"));

@@ -6,16 +6,18 @@ use crate::helics;
 use crate::stage::Run;
 use crate::workspace::cargo;
 
-/// How long each run is, in s.
-const SECONDS: &str = "60";
-
-/// Runs the campaign: the tests of `rsm-cli/tests/hosts`, longer.
+/// Runs the campaign: a minute for each run.
 pub(crate) fn run() -> bool {
     let mut run = Run::new();
+    add(&mut run, 60);
+    run.finish()
+}
+
+/// Adds the tests of `rsm-cli/tests/hosts`, with so many seconds for each run.
+pub(crate) fn add(run: &mut Run, seconds: u32) {
     run.check("helics", helics::ensure).command("federation", {
         let mut test = cargo(&["test", "-p", "rsm-cli", "--test", "hosts", "--", "--nocapture", "--test-threads", "1"]);
-        test.env("RSM_HELICS", helics::folder()).env("RSM_FEDERATION_SECONDS", SECONDS);
+        test.env("RSM_HELICS", helics::folder()).env("RSM_FEDERATION_SECONDS", seconds.to_string());
         test
     });
-    run.finish()
 }

@@ -1,4 +1,4 @@
-//! `rsm completions`: what a shell must know to complete the command.
+//! `rsm completions`: scripts that let a shell complete the command.
 
 use clap::{Args, Command};
 use clap_complete::Shell;

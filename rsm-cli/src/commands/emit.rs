@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use rsm_core::check::Checked;
-use rsm_core::{compile, emit};
+use rsm_core::compile::{self, Parts};
+use rsm_core::emit;
 use serde_json::json;
 
 use super::{PrecisionName, equations, model_source, precisions, tell_left_out};
@@ -24,8 +25,14 @@ pub struct Arguments {
     /// Also the gradient of each surface: its derivatives by its inputs
     #[arg(long)]
     gradient: bool,
+    /// Also each surface without clamps, for a caller that keeps arguments and result in their ranges
+    #[arg(long)]
+    inside: bool,
+    /// Inputs that change seldom: what they give to the surface without clamps becomes a function of its own
+    #[arg(long, value_delimiter = ',', requires = "inside", value_name = "INPUT")]
+    once: Vec<String>,
     /// Of a plant: the length of a step in s. The emitted step has the bits of `rsm simulate --fixed-step`
-    #[arg(long, conflicts_with_all = ["precision", "gradient"])]
+    #[arg(long, conflicts_with_all = ["precision", "gradient", "inside"])]
     step: Option<f64>,
     /// Of a plant: where it starts, `speed=3,command=2`. An input that is not named is 0, a state has its start
     #[arg(long, requires = "step", allow_hyphen_values = true)]
@@ -88,8 +95,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
         }
     }
     let checked = Checked::read(&source)?;
-    let unit =
-        if arguments.gradient { compile::unit_with_gradients(&checked, &asked)? } else { compile::unit(&checked, &asked)? };
+    let parts = Parts { gradient: arguments.gradient, inside: arguments.inside, once: arguments.once.clone() };
+    let unit = compile::unit_with_parts(&checked, &asked, &parts)?;
     let model = &unit.model;
     let files: Vec<(PathBuf, String)> = match arguments.lang {
         Language::Rust => vec![(arguments.out.join(format!("{model}.rs")), emit::rust::emit(&unit))],

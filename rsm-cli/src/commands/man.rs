@@ -1,4 +1,4 @@
-//! `rsm man`: the page of the manual, of the command or of one of its subcommands.
+//! `rsm man`: the manual page of the command or of a subcommand.
 
 use clap::{Args, Command};
 use clap_mangen::Man;

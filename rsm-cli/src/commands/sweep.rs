@@ -134,7 +134,8 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
     let mine = part.map_or_else(|| tasks.iter().collect(), |part| tasks::shard(tasks, part));
     let others: Vec<Store> = arguments.merge.iter().map(|it| Store::look(it)).collect::<Result<_, _>>().map_err(Refusal)?;
     let store = Store::open(out).map_err(Refusal)?;
-    let left: Vec<&Task> = mine.iter().copied().filter(|it| store.get(it).is_none()).collect();
+    let mut results: Vec<Option<Value>> = mine.iter().map(|it| store.get(it)).collect();
+    let left: Vec<&Task> = mine.iter().zip(&results).filter_map(|(task, result)| result.is_none().then_some(*task)).collect();
     let there = mine.len() - left.len();
     let began = Instant::now();
     if arguments.merge.is_empty() {
@@ -147,7 +148,10 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
         }
     }
     let seconds = began.elapsed().as_secs_f64();
-    let results: Vec<Option<Value>> = mine.iter().map(|it| store.get(it)).collect();
+    // Each file is read once: what was there before, what is new now.
+    for (task, result) in mine.iter().zip(&mut results).filter(|(_, result)| result.is_none()) {
+        *result = store.get(task);
+    }
     let counts = Counts {
         tasks: mine.len(),
         there,

@@ -80,6 +80,48 @@ fn eval_prints_a_value_or_its_bits_a_line_a_point() {
 }
 
 #[test]
+fn emit_writes_surfaces_without_clamps_and_what_an_input_gives_once() {
+    let here = folder();
+    let model = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[inputs.load]\nunit = \"t\"\nrange = [0.0, 2.0]\n\
+                 [surfaces.drag]\nunit = \"N\"\ninputs = [\"speed\", \"load\"]\noutput_range = [0.0, 30.0]\n\
+                 terms = [{ powers = [0, 0], coefficient = 5.0 }, { powers = [1, 0], coefficient = 30.0 }, { powers = [0, 1], coefficient = 2.0 }]\n";
+    std::fs::write(here.path().join("car.toml"), model).unwrap();
+    for (lang, file, wanted) in [
+        ("c", "car.h", ["double car_drag_once(double load);", "float car_drag_inside_f32(float speed, float drag_once);"]),
+        (
+            "rust",
+            "car.rs",
+            ["pub fn drag_once(load: f64) -> f64 {", "pub fn drag_inside_f32(speed: f32, drag_once: f32) -> f32 {"],
+        ),
+    ] {
+        let emit = ["emit", "car.toml", "--lang", lang, "--out", ".", "--inside"];
+        assert_eq!(rsm(&emit, here.path()).status.code(), Some(0));
+        let whole = std::fs::read_to_string(here.path().join(file)).unwrap();
+        assert!(whole.contains("drag_inside") && !whole.contains("drag_once"), "{whole}");
+        assert_eq!(rsm(&[&emit[..], &["--once", "load"]].concat(), here.path()).status.code(), Some(0));
+        let parts = std::fs::read_to_string(here.path().join(file)).unwrap();
+        assert!(wanted.iter().all(|wanted| parts.contains(wanted)), "{parts}");
+    }
+    let refused = |more: &[&str], text: &str, wanted: &str| {
+        std::fs::write(here.path().join("other.toml"), text).unwrap();
+        let emit = ["emit", "other.toml", "--lang", "c", "--out", "other"];
+        let output = rsm(&[&emit[..], more].concat(), here.path());
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && said.contains(wanted), "{said}");
+        assert!(!here.path().join("other").exists());
+    };
+    refused(&["--inside", "--once", "lod"], model, "no surface has the input `lod`");
+    let crossed = model.replace(
+        "{ powers = [1, 0], coefficient = 30.0 }",
+        "{ powers = [1, 1], coefficient = 30.0 }, { powers = [0, 2], coefficient = 1.5 }",
+    );
+    refused(&["--inside", "--once", "load"], &crossed, "surface `drag`: load give it 2 numbers, expected one");
+    let clash = model.to_string()
+        + "[surfaces.drag_inside]\nunit = \"N\"\ninputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 5.0 }]\n";
+    refused(&["--inside"], &clash, "`drag_inside` would both have a function `drag_inside`");
+}
+
+#[test]
 fn eval_prints_gradients_with_the_bits_that_emitted_code_has() {
     let here = folder();
     // y = 5 + 30 x + 2 x z with x = (speed - 15)/15 and z = (load - 1)/1.

@@ -1,8 +1,8 @@
-//! What is certain about a compensator, over the whole box of the inputs that its surfaces use.
+//! The certificate of a compensator, over the whole box of the inputs that its surfaces use.
 //!
 //! In: `Checked`. Out: enclosures of natural frequency and of both damping ratios, and every condition that is not certain to hold, with the
-//! point of the box that breaks it. About the true surfaces, saturated as the evaluator saturates them; a surface that extrapolates is
-//! certain inside its range only. Never samples to prove: points are looked for only where an enclosure has failed already.
+//! point of the box that breaks it. The certificate holds for the true surfaces, saturated as the evaluator saturates them; for a surface
+//! that extrapolates it holds inside the range only. Nothing is proved by sampling: points are searched only after an enclosure has failed.
 //!
 //! The filter is stable, and so is its inverse, when damping and frequency are positive: the bilinear transform takes the left half plane into the unit
 //! circle, whatever the sample time. A natural frequency, of the zeros and of the poles, must also lie below a quarter of the sample rate, w < 2 pi/(4 T): there the transform

@@ -1,4 +1,4 @@
-//! What is certain about the gradient of a surface.
+//! The certificate of the gradient of a surface.
 //!
 //! In: a checked model, a surface, a precision. Out: for each input the range of the computed derivative over the whole box, and a bound of its distance
 //! from the exact derivative. The bound holds where the result does not saturate: at a bound of `output_range` the exact derivative jumps to 0,

@@ -1,4 +1,4 @@
-//! What is certain about a model: theorems over the whole input box, not samples.
+//! The certificates of a model: statements that are proved over the whole input box, not sampled.
 //!
 //! In: `Checked`. Out: for each surface an enclosure of the true polynomial's range (before `output_range`), and for each precision a bound
 //! of |tape - true polynomial, saturated alike| over all arguments of that type in the box, with operations and depth of the tape. Compensators have theirs in `compensator.rs`.

@@ -1,4 +1,4 @@
-//! Rules of a model that was made in memory: what the reader of a file refuses before there is a model.
+//! Rules for a model that was made in memory: faults that the reader of a file refuses before it makes a model.
 //!
 //! In: a model. Out: a fault for each number that is not finite, each power that is too high, and each name that stands twice in a table.
 //! A model that passes can be written to a file and read back.

@@ -1,4 +1,4 @@
-//! What needs no series: floor, the remainder of a division, the sign, minimum and maximum, whole powers.
+//! Functions that need no series: floor, the remainder of a division, the sign, minimum and maximum, whole powers.
 
 use super::exponential::with_sign_of;
 use super::pair::constant;

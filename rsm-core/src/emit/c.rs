@@ -152,7 +152,7 @@ fn in_precisions(unit: &Unit, text: &mut String, print: impl Fn(&Function) -> St
 fn signature(unit: &Unit, function: &Function) -> String {
     let float = c_type(function.tape.precision);
     let result = match function.kind {
-        Kind::Surface | Kind::Step => float,
+        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => float,
         Kind::Support => "int",
         Kind::Gradient => "void",
     };
@@ -237,7 +237,9 @@ fn define(unit: &Unit, function: &Function) -> String {
     }
     match function.kind {
         Kind::Gradient => text.push_str(&c_gradient::end(function)),
-        Kind::Surface | Kind::Step => text.push_str(&format!("    return {};\n}}\n", tape.output())),
+        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => {
+            text.push_str(&format!("    return {};\n}}\n", tape.output()));
+        }
         Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output())),
     }
     text
@@ -385,7 +387,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
         rest = format!("        {init}(&state);\n");
     }
     let judged = |value: &str| match function.kind {
-        Kind::Surface | Kind::Step | Kind::Gradient => {
+        Kind::Surface | Kind::Step | Kind::Gradient | Kind::Inside | Kind::Once => {
             format!("{}_rsm_differs{}({value}, points[k][{arity}])", unit.model, suffix(tape.precision))
         }
         // The tape's 1 or 0 as bits against the function's int.

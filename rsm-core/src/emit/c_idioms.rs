@@ -1,4 +1,4 @@
-//! What C needs so that a tape keeps its bits and has no branch: refusals of what cannot be survived, and one idiom per machine.
+//! What C needs so that a tape keeps its bits and has no branch: refusals of compilers and options that would change results, and one idiom per machine.
 //!
 //! In: which operations a unit uses, in which precision. Out: text for the head of the source file. The counts below are of gcc 12 and
 //! clang 14 at -O2, read from object code; `tests/all/object_code.rs` reads it again.

@@ -1,4 +1,4 @@
-//! What in a tape must be kept from a compiler of C: products that it could fuse into sums, and quotients that it may take for products.
+//! Which operations of a tape must be hidden from a C compiler: products that it could fuse into sums, and quotients that it could replace by products.
 
 use crate::tape::{Op, Reg, Tape};
 

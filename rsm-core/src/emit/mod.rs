@@ -83,6 +83,19 @@ impl Function {
                 unit(&self.unit),
                 precision.name()
             ),
+            Kind::Inside => format!(
+                "`{}` in {} before `output_range`, for arguments in their ranges: nothing is clamped. Evaluated in {}.",
+                self.surface,
+                unit(&self.unit),
+                precision.name()
+            ),
+            Kind::Once => {
+                format!(
+                    "What these inputs give to `{}_inside`: to be asked when one of them changes, in {}.",
+                    self.surface,
+                    precision.name()
+                )
+            }
             Kind::Step => format!("One step of the compensator `{}`, {}, in {}.", self.surface, self.unit, precision.name()),
         }];
         lines.push(String::new());
@@ -93,7 +106,7 @@ impl Function {
         for input in scheduled {
             let [low, high] = input.range.map(number::decimal);
             let outside = match (self.kind, input.outside) {
-                (Kind::Support, _) => "",
+                (Kind::Support | Kind::Inside, _) => "",
                 (Kind::Gradient, Outside::Clamp) => "; outside the derivative by it is 0",
                 (_, Outside::Clamp) => ", clamped outside",
                 (_, Outside::Extrapolate) => ", extrapolated outside",
@@ -105,7 +118,7 @@ impl Function {
             lines.extend(self.saturation.map(|saturation| saturation.words()));
         }
         match self.kind {
-            Kind::Surface => lines.push("NaN in gives NaN out.".to_string()),
+            Kind::Surface | Kind::Inside | Kind::Once => lines.push("NaN in gives NaN out.".to_string()),
             Kind::Support => {}
             Kind::Gradient => {
                 lines.extend(self.derivatives.iter().map(certified));

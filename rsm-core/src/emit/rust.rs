@@ -85,7 +85,7 @@ fn print(function: &Function) -> String {
         text.push_str("#[must_use]\n");
     }
     let result = match function.kind {
-        Kind::Surface | Kind::Step => float,
+        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => float,
         Kind::Support => "i32",
         Kind::Gradient => &format!("[{float}; {}]", tape.outputs.len()),
     };
@@ -115,7 +115,7 @@ fn print(function: &Function) -> String {
             let all: Vec<String> = tape.outputs.iter().map(|output| output.reg.to_string()).collect();
             text.push_str(&format!("    [{}]\n", all.join(", ")));
         }
-        Kind::Surface | Kind::Step => text.push_str(&format!("    {output}\n")),
+        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => text.push_str(&format!("    {output}\n")),
         // The tape ends in 1 or 0; a comparison converts it without the saturation of `as`.
         Kind::Support => text.push_str(&format!("    i32::from({output} > 0.5)\n")),
     }

@@ -14,6 +14,7 @@
 
 mod compensator;
 mod gradient;
+mod inside;
 mod levels;
 mod nest;
 mod polynomial;
@@ -32,6 +33,7 @@ pub use crate::names::SIGNAL;
 pub use compensator::compensator;
 pub use gradient::gradient;
 pub(crate) use gradient::gradient_before_saturation;
+pub use inside::{Inside, inside};
 pub use saturation::Saturation;
 
 /// The tape of a surface, by its index in the model.
@@ -72,11 +74,15 @@ fn value(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], arguments:
 
 /// The value of a surface before `output_range`.
 fn unsaturated(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], arguments: Vec<Reg>) -> Reg {
-    let mut variables = Variables::new(surface, inputs, arguments);
+    polynomial_of(tape, surface, inputs, &mut Variables::new(surface, inputs, arguments))
+}
+
+/// The polynomial of these variables, with the sign of odd inputs.
+fn polynomial_of(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], variables: &mut Variables<'_>) -> Reg {
     let terms = polynomial::terms(surface);
-    let polynomial = polynomial::lower(tape, &mut variables, surface, &terms);
-    let guarded = pass_nan_of_unused_inputs(tape, &mut variables, inputs, polynomial);
-    give_sign_of_odd_inputs(tape, &variables, surface, inputs, guarded)
+    let polynomial = polynomial::lower(tape, variables, surface, &terms);
+    let guarded = pass_nan_of_unused_inputs(tape, variables, inputs, polynomial);
+    give_sign_of_odd_inputs(tape, variables, surface, inputs, guarded)
 }
 
 /// What the tape of a surface does at the bounds of its `output_range`. `None` for a surface without.

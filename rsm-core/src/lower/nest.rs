@@ -3,9 +3,9 @@
 //! In: parts of the nest. Out: their sums, products and powers on a tape, or their count and readiness alone: both come from the same
 //! walk (`levels.rs`), so a scheme is judged by what it would write. Never chooses a scheme; see `scheme.rs`.
 //!
-//! A product by 1 or by -1 is not written: the one is the factor, the other its opposite, whose sign waits for the sum that takes it. So a
-//! sum with an opposite is a difference, and a product of an opposite the opposite of a product, all exactly. (An opposite of a sum is not the
-//! sum of opposites: it would be -0 where that is +0.)
+//! A product by 1 or by -1 is not written. A product by 1 is the factor itself. A product by -1 is its negative, and
+//! the sum that reads it becomes a difference. A product with a negative factor is the negative of the product. All of
+//! this is exact. (The negative of a sum is not the sum of the negatives: it is -0 where that is +0.)
 //!
 //! A value is ready when the longest chain of operations behind it is done; constants and arguments are ready at 0, as `Tape::depth` counts.
 

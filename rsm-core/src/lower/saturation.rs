@@ -1,7 +1,8 @@
 //! Which bounds of `output_range` are written on a tape: those that some argument could reach.
 //!
-//! In: a surface and its inputs, its tape without the clamp. Out: an enclosure of every value of that tape, and what follows for each bound. A bound that no value
-//! passes is left out, and no bit changes: the clamp would hand every value on as it is, a NaN too.
+//! In: a surface and its inputs, its tape without the clamp. Out: an enclosure of every value of that tape, and what
+//! follows for each bound. A bound that no value passes is left out. This changes no bit, because such a clamp returns
+//! every value unchanged, a NaN too.
 //!
 //! The enclosure is that of the true polynomial (`range.rs`), widened by the bound of the tape's rounding error (`rounding.rs`). Both hold
 //! for arguments in the box. An input that clamps brings every argument into it, an infinity too, and what an odd input adds is a sign, which

@@ -275,7 +275,7 @@ struct Waves {
     period: f64,
 }
 
-/// sin(2 pi b) for |b| <= 1/4, the polynomial of [`QUARTER_TURN`].
+/// sin(2 pi b) for |b| <= 1/4, the polynomial of `QUARTER_TURN`.
 fn quarter_turn(tape: &mut TapeBuilder, b: Reg) -> Reg {
     let square = tape.push(Op::Multiply(b, b));
     let mut coefficients = QUARTER_TURN.iter().rev().map(|k| exact(*k));

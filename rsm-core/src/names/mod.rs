@@ -40,16 +40,22 @@ pub enum Kind {
     Step,
     /// The derivatives of the surface by its inputs.
     Gradient,
+    /// The surface without its clamps.
+    Inside,
+    /// What the inputs that change seldom give to the surface without its clamps.
+    Once,
 }
 
 /// The name of a function in Rust, within the module of the model.
 #[must_use]
-pub fn rust_function(surface: &str, kind: Kind, precision: Precision) -> String {
+pub(crate) fn rust_function(surface: &str, kind: Kind, precision: Precision) -> String {
     let kind = match kind {
         Kind::Surface => "",
         Kind::Support => "_support",
         Kind::Step => "_step",
         Kind::Gradient => "_gradient",
+        Kind::Inside => "_inside",
+        Kind::Once => "_once",
     };
     format!("{surface}{kind}{}", suffix(precision))
 }
@@ -102,7 +108,7 @@ pub fn c_function(model: &str, surface: &str, kind: Kind, precision: Precision) 
 
 /// The name of the self-test of a model in C.
 #[must_use]
-pub fn c_self_test(model: &str) -> String {
+pub(crate) fn c_self_test(model: &str) -> String {
     format!("{model}_self_test")
 }
 
@@ -169,7 +175,7 @@ pub fn clash_of_functions(earlier: &str, later: &str) -> Option<String> {
 
 /// Why two compensators of one model cannot have these names together: the types of their states in Rust. `None`: they can.
 #[must_use]
-pub fn clash_of_states(earlier: &str, later: &str) -> Option<String> {
+pub(crate) fn clash_of_states(earlier: &str, later: &str) -> Option<String> {
     let (of_earlier, of_later) = (camel_case(earlier), camel_case(later));
     of_earlier
         .eq_ignore_ascii_case(&of_later)
@@ -178,24 +184,34 @@ pub fn clash_of_states(earlier: &str, later: &str) -> Option<String> {
 
 /// Why an input that a compensator uses cannot have this name: an argument of the step has it. `None`: it can.
 #[must_use]
-pub fn refuse_scheduled(name: &str) -> Option<String> {
+pub(crate) fn refuse_scheduled(name: &str) -> Option<String> {
     [SIGNAL, STATE].contains(&name).then(|| "is the name of another argument of its step; choose another name".to_string())
 }
 
 /// What the array of derivatives is called among the arguments of a gradient in C: `gradient`, unless an input has that name.
 #[must_use]
-pub fn gradient_argument(inputs: &[String]) -> &'static str {
+pub(crate) fn gradient_argument(inputs: &[String]) -> &'static str {
     if inputs.iter().any(|input| input == "gradient") { "gradient_out" } else { "gradient" }
 }
 
 /// Why the gradients of the surfaces of one model cannot be emitted: a function would have the name of another one. `None`: they can.
 #[must_use]
-pub fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
+pub(crate) fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
+    clash_of_kind(surfaces, functions, Kind::Gradient, "gradient")
+}
+
+/// Why the parts without clamps of the surfaces of one model cannot be emitted, as [`clash_of_gradients`]. `None`: they can.
+#[must_use]
+pub(crate) fn clash_of_parts<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
+    [Kind::Inside, Kind::Once].into_iter().find_map(|kind| clash_of_kind(surfaces, functions, kind, "part without clamps"))
+}
+
+fn clash_of_kind<'n>(surfaces: &[&'n str], functions: &[&'n str], kind: Kind, what: &str) -> Option<(&'n str, String)> {
     for surface in surfaces {
-        for gradient in [format!("{surface}_gradient"), format!("{surface}_gradient_f32")] {
-            let all = |name: &str| SUFFIXES.iter().any(|suffix| format!("{name}{suffix}").eq_ignore_ascii_case(&gradient));
+        for function in Precision::ALL.map(|precision| rust_function(surface, kind, precision)) {
+            let all = |name: &str| SUFFIXES.iter().any(|suffix| format!("{name}{suffix}").eq_ignore_ascii_case(&function));
             if let Some(other) = functions.iter().find(|other| all(other)) {
-                return Some((surface, format!("its gradient and `{other}` would both have a function `{gradient}`")));
+                return Some((surface, format!("its {what} and `{other}` would both have a function `{function}`")));
             }
         }
     }
@@ -206,7 +222,7 @@ pub fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Op
 pub const SIGNAL: &str = "input";
 
 /// What the state is called among the arguments of a step.
-pub const STATE: &str = "state";
+pub(crate) const STATE: &str = "state";
 
 /// What the outputs are called among the arguments of a plant's step in C.
 pub const OUTPUTS: &str = "outputs";

@@ -1,7 +1,8 @@
 //! Writes a tape operation by operation.
 //!
-//! In: operations, in order. Out: a [`Tape`]. Nothing is simplified, but for a factor of 1 or -1 in [`TapeBuilder::times`]: what is pushed is
-//! what the tape computes. A builder that shares finds an operation that stands there already.
+//! In: operations, in order. Out: a [`Tape`]. Nothing is simplified, except a factor of 1 or -1 in
+//! [`TapeBuilder::times`]: the tape computes what is pushed. A builder that shares reuses an operation that is on the
+//! tape already.
 
 use std::collections::HashMap;
 
@@ -93,7 +94,7 @@ impl TapeBuilder {
 
     /// The length of the longest chain of dependent operations up to a register, counted as [`Tape::depth`] counts.
     #[must_use]
-    pub fn depth_of(&self, reg: Reg) -> usize {
+    pub(crate) fn depth_of(&self, reg: Reg) -> usize {
         super::depths(&self.ops[..=reg.0 as usize])[reg.0 as usize]
     }
 
@@ -144,7 +145,7 @@ impl TapeBuilder {
     }
 
     /// A constant whose rounding was decided elsewhere (a bound that is rounded into the box).
-    pub fn rounded_constant(&mut self, value: f64, exact: Rational) -> Reg {
+    pub(crate) fn rounded_constant(&mut self, value: f64, exact: Rational) -> Reg {
         let constant = Op::Constant(Constant { value, exact });
         self.known(&constant).unwrap_or_else(|| self.push(constant))
     }
@@ -300,7 +301,13 @@ impl TapeBuilder {
 
     /// The finished tape of something that keeps states and has one result. The states are called s0, s1, ...
     #[must_use]
-    pub fn finish_with_states(self, name: impl Into<String>, inputs: Vec<String>, output: Reg, next_states: Vec<Reg>) -> Tape {
+    pub(crate) fn finish_with_states(
+        self,
+        name: impl Into<String>,
+        inputs: Vec<String>,
+        output: Reg,
+        next_states: Vec<Reg>,
+    ) -> Tape {
         let name = name.into();
         let states = next_states.into_iter().enumerate().map(|(k, reg)| (format!("s{k}"), reg));
         self.finish_with_results(name.clone(), inputs, [(name, output)], states)

@@ -1,6 +1,6 @@
-//! The same tape, shorter: what is known is computed, what nobody reads is left out.
+//! Simplifies a tape: constants are computed, and operations that nothing reads are left out.
 //!
-//! In: a tape. Out: a tape with the same results for the same arguments, bit for bit; any NaN is as good as another. Only what is exact is done: an operation of
+//! In: a tape. Out: a tape with the same results for the same arguments, bit for bit (all NaNs count as equal). Only what is exact is done: an operation of
 //! constants whose result is a number, a product with 1, a quotient by 1, a difference from 0, two changes of sign, a choice that is made, a choice by a
 //! choice between constants.
 

@@ -8,5 +8,7 @@ mod family;
 mod gradient;
 mod lowering;
 mod operations;
+#[path = "../../../tests/src/refused.rs"]
+mod refused;
 mod rejected;
 mod saturation;

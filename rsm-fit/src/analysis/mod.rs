@@ -1,7 +1,7 @@
 //! The analysis of a linear model: analysis of variance, variance inflation, influence of rows, information criteria, intervals.
 //!
-//! In: groups of columns (blocks, first order, interactions ...) and a response. Out: an [`Analysis`]. Sums are taken in double-double. Columns that make
-//! each other up are refused. Nothing here chooses a term or changes a coefficient.
+//! In: groups of columns (blocks, first order, interactions ...) and a response. Out: an [`Analysis`]. Sums are taken
+//! in double-double. Linearly dependent columns are refused. Nothing here chooses a term or changes a coefficient.
 //!
 //! ```
 //! use rsm_fit::analysis::{Analysis, Group};
@@ -65,7 +65,7 @@ pub enum Refusal {
     Lengths,
     /// A number that is not finite, or a weight that is not above 0.
     NotFinite,
-    /// Columns that the others make up; or as many columns as rows.
+    /// Columns that are linearly dependent, or as many columns as rows.
     Dependent,
 }
 

@@ -1,7 +1,8 @@
 //! The analysis of a fitted surface, as `rsm fit --json` has it.
 //!
-//! In: the design of the chosen terms and the fitted rows. Out: a [`Report`]. None where it would take too long, without a constant term, or without a row
-//! to spare. Terms enter by their kind: first order, interactions, squares, then order by order.
+//! In: the design of the chosen terms and the fitted rows. Out: a [`Report`]. There is none if it would take too long,
+//! if there is no constant term, or if no degree of freedom is left for the residual. Terms enter by their kind: first
+//! order, interactions, squares, then order by order.
 
 use serde::Serialize;
 

@@ -1,8 +1,8 @@
-//! The local minima of a claim: places where it may be broken, all at once.
+//! The local minima of a claim: all places where it may be violated.
 //!
 //! In: a claim with its coefficients and points to begin from. Out: where a descent from each of them ends. Values are plain f64 and
-//! prove nothing: [`rsm_core::bernstein::least`] alone does. A round of exchange that adds only the worst place makes the next
-//! minimum the worst one, and needs as many rounds as there are local minima for each digit.
+//! prove nothing: [`rsm_core::bernstein::least`] alone does. If a round of exchange added only the worst point, the next local
+//! minimum would become the worst one: each digit would cost as many rounds as there are local minima.
 
 use rsm_core::bernstein::Monomial;
 

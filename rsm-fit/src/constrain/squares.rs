@@ -3,8 +3,9 @@
 //! In: the entries of H(x), the box and the half-spaces of the region. Out: a number that no eigenvalue of H(x) is below anywhere in the region, or none. Never looks for a place where H is not positive
 //! semidefinite, never knows where H comes from.
 //!
-//! Branch and bound encloses H in cells. Where its least eigenvalue is next to 0 along whole curves and surfaces of x, the number of cells is a power of one over the distance from 0. A sum of squares
-//! has no cells: with x = c + h t, so that every t_k lies in [-1, 1],
+//! Branch and bound encloses H in cells. Where its least eigenvalue is close to 0 along whole curves and surfaces of x,
+//! the number of cells grows with a power of 1/distance from 0. A sum of squares needs no cells: with x = c + h t, so
+//! that every t_k lies in [-1, 1],
 //!
 //! ```text
 //! u'(H(x) - m I)u = sum over k of g_k(t) v_k'X_k v_k + u'R(t)u,    v_k = u times every monomial of t up to a degree
@@ -12,7 +13,7 @@
 //!
 //! with weights g_k that are not negative in the region (`region.rs`) and X_k that are positive semidefinite: m less the norm of R is a bound. For a matrix that is positive definite over the region there are such sums once
 //! the degree is high enough (Putinar 1993, Indiana Univ. Math. J. 42; of matrices Scherer, Hol 2006, Math. Programming 107). The largest m of a degree is a semidefinite program (Parrilo 2003, Math. Programming 96; `moments.rs`).
-//! Where the least degree and the next do not do, the region is halved: the squares of one half need not fit the other.
+//! Where the least degree and the next one do not suffice, the region is halved, and each half gets squares of its own.
 
 mod matrix;
 mod moments;

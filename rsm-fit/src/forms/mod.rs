@@ -1,8 +1,9 @@
-//! Which form a response takes: powers of its inputs alone, smooth steps of them too, or waves over an input with a period.
+//! Chooses the form of a response: powers of its inputs alone, sigmoids of them as well, or waves over an input with a period.
 //!
 //! In: a response, its rows, how its terms are chosen. Out: the sigmoids to add, if any, with what was tried and why. Sigmoids are found on the rows to
-//! fit ([`sigmoids`]), orders of waves too ([`waves`]). Both forms are then fitted without each of five parts of the rows in turn: there the sigmoids are refined and the
-//! terms are chosen anew, and the part judges. Sigmoids are taken where the error of the parts falls clearly. Rows that test choose nothing.
+//! fit ([`sigmoids`]), orders of waves too ([`waves`]). Both forms are then fitted without each of five parts of the rows in turn: the sigmoids are
+//! refined, the terms are chosen again, and the errors on the part that was left out are counted. Sigmoids are accepted where these errors fall
+//! clearly. Test rows choose nothing.
 
 mod sigmoids;
 mod waves;

@@ -1,8 +1,9 @@
 //! Finds the orders of waves over inputs with a period.
 //!
 //! In: rows to fit. Out: a surface with waves, or none. Every order up to a limit is tried: cosine and sine together, beside the powers of the other inputs and the
-//! orders that were taken before (orthogonal matching pursuit; a Lomb-Scargle periodogram is its first step). The order that takes most is
-//! taken while it takes more than the largest of so many orders of noise would in one of a thousand cases.
+//! orders that were taken before (orthogonal matching pursuit; a Lomb-Scargle periodogram is its first step). The order
+//! that reduces the residual most is accepted while it is significant: among as many orders of pure noise, the largest
+//! reduction is as large in one of a thousand cases only.
 
 use nalgebra::DVector;
 use rsm_core::basis::Factor;

@@ -1,7 +1,8 @@
 //! What `where` leaves of a design whose points are given: a factorial, a central composite, a Box-Behnken design.
 //!
-//! In: the points of the whole design and those that fulfil `where`. Out: how many fell away, and what they took with them. Such a design is good for what all of its
-//! points do together: without some of them factors are correlated, and its variance is not that of the textbook. Never makes a point.
+//! In: the points of the whole design and those that fulfil `where`. Out: how many points were removed, and what the
+//! design lost with them. The properties of such a design belong to the whole set of its points: without some of them
+//! factors are correlated, and the variance is not that of the textbook. Never makes a point.
 
 use nalgebra::DMatrix;
 

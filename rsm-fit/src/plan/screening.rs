@@ -1,4 +1,4 @@
-//! Definitive screening designs: three levels, twice the number of factors of runs and one.
+//! Definitive screening designs: three levels, 2 m + 1 runs for an even number m of factors.
 //!
 //! In: the number of factors. Out: points of -1, 0 and 1. Main effects are clear of squares and of interactions, and no two effects of second order are wholly aliased
 //! (Jones, Nachtsheim 2011). The folded rows of a conference matrix C, with C C' = (m - 1) I (Xiao, Lin, Bai 2012); an odd number of factors leaves a column out.

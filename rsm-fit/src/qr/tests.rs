@@ -50,11 +50,8 @@ fn a_line_through_points_that_lie_on_one() {
     assert_eq!(triangle.rows(), 1500);
     let mut growing = Growing::new(&triangle);
     growing.add(0).unwrap();
-    let ahead = growing.coefficients_with(1).unwrap();
     growing.add(1).unwrap();
-    for found in [ahead, growing.coefficients()] {
-        assert_eq!(found.iter().map(|x| x.to_f64()).collect::<Vec<_>>(), [3.0, -2.0]);
-    }
+    assert_eq!(growing.coefficients().iter().map(|x| x.to_f64()).collect::<Vec<_>>(), [3.0, -2.0]);
     assert!(growing.residual_square().to_f64() < 1e-40);
 }
 
@@ -93,9 +90,6 @@ fn every_figure_is_that_of_the_normal_equations() {
                 let (gain, left) = growing.ahead(candidate).unwrap();
                 is("gain", gain, &(&before.residual_square - &after.residual_square));
                 is("left", left, &judge.only(&with).left_by(&after.coefficients));
-                for (found, expected) in growing.coefficients_with(candidate).unwrap().iter().zip(&after.coefficients) {
-                    is("coefficient ahead", *found, expected);
-                }
             }
             growing.add(order[k]).unwrap();
             let chosen = &order[..=k];
@@ -131,7 +125,7 @@ fn every_figure_is_that_of_the_normal_equations() {
             is("projected", seen.iter().zip(&c).map(|(x, c)| *x * *c).sum(), &dot(&exact_x, &b));
         }
         // Nothing is left to choose from what is chosen already.
-        assert!(growing.ahead(0).is_none() && growing.coefficients_with(0).is_none());
+        assert!(growing.ahead(0).is_none());
     }
 }
 

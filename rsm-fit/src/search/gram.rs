@@ -2,8 +2,8 @@
 //!
 //! In: rows of a sample. Out: [`Gram`]: X'X of all candidates and the response, in plain f64, of columns that are centred and scaled once for all
 //! rows; parts of the rows add up and leave. [`Swept`]: the same matrix with some candidates fitted. Only the choice of terms rests on it: the
-//! coefficients of a model are computed again in double-double. A candidate whose own part is below 1e-5 of its norm counts as made up by the
-//! others; f64 cannot tell more from sums of products.
+//! coefficients of a model are computed again in double-double. A candidate counts as linearly dependent on the others if its part that is
+//! orthogonal to them is below 1e-5 of its norm: sums of products in f64 resolve no more.
 //!
 //! Source: Goodnight 1979, A tutorial on the SWEEP operator.
 
@@ -183,7 +183,7 @@ impl Swept {
         self.entries[row * self.width + column]
     }
 
-    /// Whether a candidate that is not in has a part that those in it do not make up.
+    /// Whether a candidate that is not fitted is linearly independent of those that are.
     pub(super) fn has_own_part(&self, candidate: usize) -> bool {
         self.at(candidate, candidate) > OWN * self.squares[candidate]
     }

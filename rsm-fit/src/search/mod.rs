@@ -2,7 +2,7 @@
 //!
 //! In: a design of all candidates and rows. Out: the chosen terms, with coefficients where these are drawn towards 0; and the errors on rows that
 //! took no part in the choice. Ladders of much work climb here too: with sums of products in f64, which [`gram`] holds, a choice among 495 terms takes a
-//! second where double-double takes minutes. Never lets a row judge a choice in which it had a part.
+//! second where double-double takes minutes. Never lets a row judge a choice in which it took part.
 
 mod gram;
 mod ladder;

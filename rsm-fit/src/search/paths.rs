@@ -200,7 +200,7 @@ impl Steps<'_> {
             }
         }
         let free: Vec<usize> = swept.terms().into_iter().filter(|term| Some(*term) != self.constant).collect();
-        // Candidates that are not in the largest model: rows too few for them, or made up by others.
+        // Candidates that are not in the largest model: too few rows for them, or linearly dependent on others.
         let is_whole = (0..swept.is_in.len()).all(|k| swept.is_in[k] || !swept.has_own_part(k));
         let mut left_nodes = nodes;
         self.branch(&swept, free, &mut best, &mut left_nodes);

@@ -1,8 +1,8 @@
-//! Errors of neighbouring rows that are alike, and standard errors that hold then.
+//! Serial correlation of the errors, and standard errors that allow for it.
 //!
-//! In: the fitted rows with their errors, in the order of the runs where it is known, else in the order in which they stand. Out: the correlation of
-//! neighbours with its probability under random orders; where they are alike, standard errors and intervals by Newey and West. Changes no
-//! coefficient.
+//! In: the fitted rows with their errors, in the order of the runs where it is known, else in the order in which they
+//! stand. Out: the correlation of neighbours with its probability under random orders; where they are correlated,
+//! standard errors and intervals by Newey and West. Changes no coefficient.
 //!
 //! ```text
 //! u_t = (X'WX)^-1 x_t w_t e_t                       what row t does to the coefficients

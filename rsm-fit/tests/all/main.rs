@@ -10,9 +10,12 @@ mod honest;
 mod in_memory;
 mod ladder;
 mod nist;
+mod optimal;
 mod plans;
 mod real;
 mod recursive;
+#[path = "../../../tests/src/refused.rs"]
+mod refused;
 mod rejected;
 mod selection;
 mod serial;

@@ -9,7 +9,7 @@ use std::path::Path;
 use rsm_core::source::Source;
 use rsm_fit::plan::{Alpha, DesignSpecification, Experiment, Factor, Plan};
 
-use crate::rejected::cases;
+use crate::refused::{ACCEPTED, assert_beside, files};
 
 fn made(text: &str) -> Plan {
     Plan::make(&DesignSpecification::from_source(Source::new("plan.toml", text)).unwrap()).unwrap()
@@ -208,28 +208,19 @@ fn a_plan_is_read_back_as_it_was_written_and_in_other_units() {
 #[test]
 fn every_bad_plan_gets_the_message_beside_it() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/rejected-plans");
-    let names = cases(&folder, "toml").into_iter().map(|name| (name, "toml"));
-    let names: Vec<(String, &str)> = names.chain(cases(&folder, "csv").into_iter().map(|name| (name, "csv"))).collect();
+    let names = files(&folder, &["toml", "csv"]);
     assert!(names.len() >= 16, "{} cases", names.len());
-    let mut wrong = Vec::new();
-    for (name, ending) in names {
-        let file = format!("{name}.{ending}");
+    let case = |file: String| {
         let source = Source::new(&file, std::fs::read_to_string(folder.join(&file)).unwrap());
+        let (name, ending) = file.rsplit_once('.').unwrap();
         let plan = match ending {
             "toml" => DesignSpecification::from_source(source).and_then(|specification| Plan::make(&specification)),
             _ => Plan::read(&source),
         };
-        let found = plan.map_or_else(|faults| faults.to_string(), |plan| format!("ACCEPTED: {plan:?}")) + "\n";
-        let path = folder.join(format!("{name}.txt"));
-        if std::env::var_os("RSM_BLESS").is_some() {
-            std::fs::write(&path, &found).unwrap();
-        }
-        let expected = std::fs::read_to_string(&path).unwrap_or_default();
-        if found != expected || found.starts_with("ACCEPTED") {
-            wrong.push(format!("--- {name}\nexpected:\n{expected}found:\n{found}"));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+        let found = plan.map_or_else(|faults| faults.to_string(), |plan| format!("{ACCEPTED}: {plan:?}"));
+        (format!("{name}.txt"), found)
+    };
+    assert_beside(&folder, names.into_iter().map(case));
 }
 
 #[test]

@@ -10,6 +10,8 @@ use rsm_core::source::Source;
 use rsm_fit::fit::fit;
 use rsm_fit::spec::Specification;
 
+use crate::refused::{ACCEPTED, assert_beside, files};
+
 /// What the data files of the cases are read with: the unit of x stands here, that of y must stand in the header.
 fn for_data(name: &str) -> String {
     format!(
@@ -24,21 +26,17 @@ fn message(name: &str, text: String, folder: &Path) -> String {
         Err(faults) => faults.to_string(),
         Ok(specification) => match fit(&specification, &mut |_| {}) {
             Err(refused) => refused.to_string(),
-            Ok(outcome) => format!("ACCEPTED: {:?}", outcome.responses),
+            Ok(outcome) => format!("{ACCEPTED}: {:?}", outcome.responses),
         },
     };
     // Data files are named with the folder in front: that is of this machine.
     let folder = format!("{}{}", folder.display(), std::path::MAIN_SEPARATOR);
-    message.replace(&folder, "") + "\n"
+    message.replace(&folder, "")
 }
 
-/// The names of the cases with an ending, sorted.
-pub(crate) fn cases(folder: &Path, ending: &str) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let of_ending = entries.filter(|path| path.extension().is_some_and(|found| found == ending));
-    let mut names: Vec<String> = of_ending.map(|path| path.file_stem().unwrap().to_str().unwrap().to_string()).collect();
-    names.sort();
-    names
+/// The names of the cases with an ending, without it.
+fn cases(folder: &Path, ending: &str) -> Vec<String> {
+    files(folder, &[ending]).iter().map(|name| name.rsplit_once('.').unwrap().0.to_string()).collect()
 }
 
 #[test]
@@ -49,19 +47,7 @@ fn every_bad_file_gets_the_message_beside_it() {
     assert!(specifications.len() >= 12 && data.len() >= 10, "{} and {} cases", specifications.len(), data.len());
     let read = |name: &String| std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
     let all = specifications.iter().map(|name| (name, read(name))).chain(data.iter().map(|name| (name, for_data(name))));
-    let mut wrong = Vec::new();
-    for (name, text) in all {
-        let found = message(name, text, &folder);
-        let path = folder.join(format!("{name}.txt"));
-        if std::env::var_os("RSM_BLESS").is_some() {
-            std::fs::write(&path, &found).unwrap();
-        }
-        let expected = std::fs::read_to_string(&path).unwrap_or_default();
-        if found != expected || found.starts_with("ACCEPTED") {
-            wrong.push(format!("--- {name}\nexpected:\n{expected}found:\n{found}"));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert_beside(&folder, all.map(|(name, text)| (format!("{name}.txt"), message(name, text, &folder))));
 }
 
 /// No text may make a reader panic: every case, and a good specification, cut off or with a character lost at many places.

@@ -1,6 +1,6 @@
 //! The file of an effect.
 //!
-//! In: a text of format 1. Out: [`Effect`], or every fault with line and column. What a role is, and whether units agree, is known only where it stands: there the rewriting tells.
+//! In: a text of format 1. Out: [`Effect`], or every fault with line and column. Roles and units can be checked only at a site: `rewrite` reports those faults.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Effects: what a plant may miss, as files, and the rewriting of a plant's equations by them.
+//! Effects: physics that the equations of a plant may lack. They are files, and rewrite the equations.
 //!
 //! ```text
 //! effects/*.toml --file--> Effect      [sites] --site--> Site

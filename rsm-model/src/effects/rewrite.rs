@@ -2,8 +2,9 @@
 //!
 //! In: flat equations, sites, placed effects. Out: flat equations that hold the effects, with a parameter for each of their numbers, and the delays that no equation can say.
 //!
-//! A signal that comes in is changed first, the inner laws follow, what is read is changed last; within these, effects act in the order of the file. A law that takes the
-//! place of a role speaks of the role as it was before: later effects stand outside of earlier ones.
+//! A signal that comes in is changed first, the inner laws follow, what is read is changed last; within these, effects
+//! act in the order of the file. A law that replaces a role refers to the role as it was before, so that later effects
+//! enclose earlier ones.
 
 mod laws;
 mod places;

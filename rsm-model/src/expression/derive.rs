@@ -1,6 +1,6 @@
 //! Exact derivatives of expressions.
 //!
-//! A derivative is told what each symbol becomes: 1 for the symbol by which one derives; the symbol's own derivative for a derivative by time.
+//! The caller gives the derivative of each symbol: 1 for the variable of differentiation, or the time derivative of the symbol.
 //! A condition has no derivative: between two events it does not change.
 
 use std::collections::HashMap;

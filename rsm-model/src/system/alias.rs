@@ -1,6 +1,6 @@
-//! Aliases: variables that are another one, or its negative.
+//! Aliases: variables that equal another variable or its negative.
 //!
-//! A flattened text is mostly aliases: each connector repeats what it connects. One of them stays, the others are remembered by it.
+//! A flattened text is mostly aliases: each connector repeats what it connects. One variable of each group stays, and the others refer to it.
 
 use std::collections::HashMap;
 

@@ -1,8 +1,8 @@
-//! Higher index: which equations must be derived by time, and which derivatives are then no states.
+//! Higher index: which equations must be differentiated by time, and which variables are then no longer states.
 //!
 //! Two inertias on a rigid shaft: their angles are tied by an equation without a derivative. C. C. Pantelides, "The consistent initialization of
-//! differential-algebraic systems", 1988, finds what to derive; S. E. Mattsson and G. Söderlind, "Index reduction in differential-algebraic
-//! equations using dummy derivatives", 1993, what then stops being a state. The choice is made once, near the start.
+//! differential-algebraic systems", 1988, finds which equations to differentiate; S. E. Mattsson and G. Söderlind, "Index reduction in differential-algebraic
+//! equations using dummy derivatives", 1993, which variables then stop being states. The choice is made once, near the start.
 
 use std::collections::{HashMap, HashSet};
 

@@ -6,6 +6,8 @@ mod equations;
 mod fixed_steps;
 mod judged;
 mod lanes;
+#[path = "../../../tests/src/refused.rs"]
+mod refused;
 mod rejected;
 mod sensitivities;
 mod shipped;

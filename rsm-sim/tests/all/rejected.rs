@@ -8,13 +8,14 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
 
+use super::refused::{ACCEPTED, assert_beside, files};
 use super::{path, plant};
 
 fn message(name: &str, text: &str) -> String {
     let Some(record) = name.strip_suffix(".csv") else {
         return match PlantFile::read(&Source::new(name, text)) {
             Err(faults) => faults.to_string(),
-            Ok(_) => "ACCEPTED".to_string(),
+            Ok(_) => ACCEPTED.to_string(),
         };
     };
     let plant = plant(record.split('.').next().unwrap(), "");
@@ -22,17 +23,13 @@ fn message(name: &str, text: &str) -> String {
         Err(faults) => faults.to_string(),
         Ok(record) => match Simulator::new(&plant, &record) {
             Err(fault) => fault.to_string(),
-            Ok(_) => "ACCEPTED".to_string(),
+            Ok(_) => ACCEPTED.to_string(),
         },
     }
 }
 
 fn cases() -> Vec<String> {
-    let entries = std::fs::read_dir(path("tests/cases/rejected")).unwrap().map(|entry| entry.unwrap().file_name());
-    let mut names: Vec<String> =
-        entries.map(|name| name.into_string().unwrap()).filter(|name| !name.ends_with(".txt")).collect();
-    names.sort();
-    names
+    files(&path("tests/cases/rejected"), &["toml", "csv"])
 }
 
 #[test]
@@ -40,19 +37,8 @@ fn every_bad_file_gets_the_message_beside_it() {
     let folder = path("tests/cases/rejected");
     let names = cases();
     assert!(names.len() >= 14, "{} cases", names.len());
-    let mut wrong = Vec::new();
-    for name in names {
-        let found = message(&name, &std::fs::read_to_string(folder.join(&name)).unwrap()) + "\n";
-        let expected_in = folder.join(format!("{name}.txt"));
-        if std::env::var_os("RSM_BLESS").is_some() {
-            std::fs::write(&expected_in, &found).unwrap();
-        }
-        let expected = std::fs::read_to_string(&expected_in).unwrap_or_default();
-        if found != expected || found.starts_with("ACCEPTED") {
-            wrong.push(format!("--- {name}\nexpected:\n{expected}found:\n{found}"));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let read = |name: &String| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert_beside(&folder, names.iter().map(|name| (format!("{name}.txt"), message(name, &read(name)))));
 }
 
 #[test]

@@ -91,7 +91,8 @@ fn parquet_reads_back_to_the_table() {
     use parquet::file::reader::{FileReader as _, SerializedFileReader};
     use parquet::record::RowAccessor as _;
 
-    let text = format!("{HEAD}runs = 5\n") + &vary("mass", "distribution = \"list\"\nvalues = [1e-9, 2.0]");
+    let text = format!("{HEAD}design = \"full-factorial\"\n")
+        + &vary("mass", "distribution = \"list\"\nvalues = [1e-9, 0.5, 1.0, 2.0, 4.0]");
     let table = table(&text);
     let bytes = rsm_sweep::parquet::write(&table).unwrap();
     let mut file = tempfile::tempfile().unwrap();

@@ -3,6 +3,8 @@
 mod bits;
 mod closed_form;
 mod designs;
+#[path = "../../../tests/src/refused.rs"]
+mod refused;
 mod rejected;
 
 use std::path::{Path, PathBuf};

@@ -4,20 +4,18 @@ use rsm_core::source::Source;
 use rsm_sweep::scenario::Scenario;
 use rsm_sweep::tasks;
 
+use super::refused::{ACCEPTED, assert_beside, files};
 use super::{open, path};
 
 fn message(name: &str, text: &str) -> String {
     match Scenario::read(&Source::new(name, text), &open).and_then(|scenario| tasks::list(&scenario)) {
         Err(faults) => faults.to_string(),
-        Ok(_) => "ACCEPTED".to_string(),
+        Ok(_) => ACCEPTED.to_string(),
     }
 }
 
 fn cases() -> Vec<String> {
-    let entries = std::fs::read_dir(path("cases/rejected")).unwrap().map(|entry| entry.unwrap().file_name());
-    let mut names: Vec<String> = entries.map(|name| name.into_string().unwrap()).filter(|it| it.ends_with(".toml")).collect();
-    names.sort();
-    names
+    files(&path("cases/rejected"), &["toml"])
 }
 
 #[test]
@@ -25,19 +23,8 @@ fn every_bad_scenario_gets_the_message_beside_it() {
     let folder = path("cases/rejected");
     let names = cases();
     assert!(names.len() >= 35, "{} cases", names.len());
-    let mut wrong = Vec::new();
-    for name in names {
-        let found = message(&name, &std::fs::read_to_string(folder.join(&name)).unwrap()) + "\n";
-        let expected_in = folder.join(format!("{name}.txt"));
-        if std::env::var_os("RSM_BLESS").is_some() {
-            std::fs::write(&expected_in, &found).unwrap();
-        }
-        let expected = std::fs::read_to_string(&expected_in).unwrap_or_default();
-        if found != expected || found.starts_with("ACCEPTED") {
-            wrong.push(format!("--- {name}\nexpected:\n{expected}found:\n{found}"));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let read = |name: &String| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert_beside(&folder, names.iter().map(|name| (format!("{name}.txt"), message(name, &read(name)))));
 }
 
 #[test]

@@ -196,7 +196,7 @@ pub fn if_good(sum_of_nothings: f32, then: f32, otherwise: f32) -> f32 {
 /// How many bad samples there were: all of them up to now, and those in a row that end now.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct BadSamples {
-    /// All of them; stays at the largest number when it gets there.
+    /// All of them; stays at the largest number of an `i32` when it gets there.
     pub all: u32,
     /// One after another up to now: 0 after a good one.
     pub in_a_row: u32,
@@ -213,11 +213,19 @@ impl BadSamples {
     }
 }
 
-/// `one` is 0 or 1. The sum that went past the largest number is 0: then one is taken off again.
+/// `one` is 0 or 1, a count at most the largest `i32`: a sum of such numbers that saturates is one instruction on a Cortex-M4.
 #[inline(always)]
 fn add_up_to_the_largest(count: u32, one: u32) -> u32 {
     let sum = count.wrapping_add(one);
-    sum.wrapping_sub(u32::from(sum < count))
+    sum.wrapping_sub(one & (sum >> 31))
+}
+
+/// 1 where a count has reached `most`, a number from 1 to 2^23, else 0. A comparison of floats, since a compiler makes a branch of one of whole numbers: up to 2^23 a half is
+/// exact beside `most`, and a larger count stays above it however it is rounded.
+#[inline(always)]
+#[must_use]
+pub fn reached(count: u32, most: u32) -> f32 {
+    select(most as f32 - 0.5, count as f32, 1.0, 0.0)
 }
 
 #[cfg(test)]
@@ -261,10 +269,14 @@ mod tests {
             bad.count(good);
         }
         assert_eq!(bad, BadSamples { all: 3, in_a_row: 1 });
-        let mut full = BadSamples { all: u32::MAX, in_a_row: u32::MAX };
-        full.count(false);
-        assert_eq!(full, BadSamples { all: u32::MAX, in_a_row: u32::MAX });
+        let largest = i32::MAX as u32;
+        let mut full = BadSamples { all: largest - 1, in_a_row: largest - 1 };
+        for _ in 0..3 {
+            full.count(false);
+            assert_eq!(full, BadSamples { all: largest, in_a_row: largest });
+        }
         full.count(true);
-        assert_eq!(full, BadSamples { all: u32::MAX, in_a_row: 0 });
+        assert_eq!(full, BadSamples { all: largest, in_a_row: 0 });
+        assert_eq!([9, 10, 11].map(|count| reached(count, 10)), [0.0, 1.0, 1.0]);
     }
 }

@@ -20,7 +20,7 @@
 //! current leaves the circle by 7 %, or is about to. The README of `targets/firmware` says why this and not a short circuit, and what the caller must do. The way back: that many good
 //! samples in a row; the control then begins with the measured currents as its references and with no integral, so it is no bump.
 
-use branch_free::{BadSamples, at_least, at_most, magnitude, select, within};
+use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
 use crate::circle::{Direction, WHOLE};
 use crate::drive::Drive;
@@ -162,7 +162,7 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     // 1 before the first good sample of the bus.
     let fresh = select(0.0, state.bus_voltage_v, 0.0, 1.0);
     let bus = judge(&limits.bus_v, bus_voltage_v, state.bus_voltage_v, open, fresh);
-    let speed = judge(&limits.speed_rad_s, speed_rad_s, state.speed_rad_s, open, fresh);
+    let speed = judge(&limits.speed(), speed_rad_s, state.speed_rad_s, open, fresh);
 
     let off = part_of_turn(angle_turns - state.angle_turns);
     let angle_in_range = select(magnitude(angle_turns), limits.angle_turns, 1.0, 0.0);
@@ -212,7 +212,7 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let then = then_d * then_d + then_q * then_q;
     let tripped = select(limits.trip_square_a2, at_least(now, then), 1.0, 0.0);
     state.bad.count(0.0 < all_good);
-    let too_many = select(limits.bad_in_a_row - 0.5, state.bad.in_a_row as f32, 1.0, 0.0);
+    let too_many = reached(state.bad.in_a_row, limits.bad_in_a_row);
     let not_yet = (tripped + too_many) + (1.0 - all_good) * open;
     let waiting = select(0.0, not_yet, limits.good_in_a_row + PERIODS_TO_CLOSE, at_least(state.waiting - 1.0, 0.0));
     let closed = select(waiting, PERIODS_TO_CLOSE + 0.5, 1.0, 0.0);

@@ -4,8 +4,10 @@
 
 use core::f32::consts::TAU;
 
+use crate::circle::LONGEST_LEG;
+use crate::motor;
 use crate::plausible::Band;
-use crate::references::FOLD_SPEED_RAD_S;
+use crate::references::{FOLD_SPEED_RAD_S, LARGEST_TORQUE_NM};
 
 /// The motor, nominal values (the parameters of a plant file).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,8 +46,10 @@ pub struct Tuning {
 pub struct Limits {
     /// Bus voltage, in V; its rate a call.
     pub bus_v: Band,
-    /// Mechanical speed, in rad/s; its rate a call.
-    pub speed_rad_s: Band,
+    /// The largest mechanical speed, either way, in rad/s.
+    pub speed_rad_s: f32,
+    /// Its rate a call, in rad/s.
+    pub speed_rate_rad_s: f32,
     /// The largest torque demand, in N m. A demand may step over its whole range.
     pub torque_nm: f32,
     /// The largest angle, in turns: the range of what comes from the encoder, not of the rotor.
@@ -61,12 +65,18 @@ pub struct Limits {
     /// Square of the current vector at which the bridge is opened at once, in A^2.
     pub trip_square_a2: f32,
     /// So many bad samples in a row open the bridge (inner step) and take the torque away (outer step).
-    pub bad_in_a_row: f32,
+    pub bad_in_a_row: u32,
     /// So many good samples in a row close the bridge again.
     pub good_in_a_row: f32,
 }
 
 impl Limits {
+    /// What the speed's sensor may say.
+    #[inline(always)]
+    pub(crate) fn speed(&self) -> Band {
+        Band { middle: 0.0, half: self.speed_rad_s, rate: self.speed_rate_rad_s }
+    }
+
     /// The limits of a drive on a bus of two thirds to four thirds of the nominal voltage, and of its speed up to that of the surface and a quarter.
     ///
     /// - Bus: 150 to 360 V of 270. 50 V a call: at 60 A a capacitor of 1 mF moves by 6 V in a period; a noise of 5 % has 19 V between two samples.
@@ -83,7 +93,8 @@ impl Limits {
         let Motor { current_limit_a: limit, bus_voltage_v: bus, pole_pairs, flux_linkage_wb, .. } = *motor;
         Limits {
             bus_v: Band { middle: bus * (17.0 / 18.0), half: bus * (7.0 / 18.0), rate: bus * (5.0 / 27.0) },
-            speed_rad_s: Band { middle: 0.0, half: 1.25 * 800.0, rate: 100.0 },
+            speed_rad_s: 1.25 * 800.0,
+            speed_rate_rad_s: 100.0,
             torque_nm: 2.0 * (1.5 * pole_pairs * flux_linkage_wb * limit),
             angle_turns: 4.0,
             angle_rate_turns: 0.04,
@@ -91,7 +102,7 @@ impl Limits {
             current_square_a2: 4.0 * (limit * limit),
             current_rate_square_a2: 0.0625 * (limit * limit),
             trip_square_a2: 1.1449 * (limit * limit),
-            bad_in_a_row: 10.0,
+            bad_in_a_row: 10,
             good_in_a_row: 10.0,
         }
     }
@@ -101,7 +112,8 @@ impl Limits {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Drive {
-    /// k_t = 1.5 pole_pairs lambda (21).
+    /// k_t = 1.5 pole_pairs lambda (21), but at most what takes the current limit to [`LARGEST_TORQUE_NM`]: the surfaces are asked at torques that it makes of
+    /// currents, and those are within the limit.
     pub newton_metres_per_ampere: f32,
     /// 1/k_t.
     pub amperes_per_newton_metre: f32,
@@ -109,6 +121,10 @@ pub struct Drive {
     pub current_limit_a: f32,
     /// 1/I.
     pub per_ampere: f32,
+    /// What the current limit gives to the surface `limit_current`, in A.
+    pub limit_current_once_a: f32,
+    /// The longest i_d: more would leave less than 0.32 of the circle for i_q.
+    pub most_weakening_a: f32,
     /// The bus voltage at which the surface was measured.
     pub nominal_bus_v: f32,
     /// How much weakening a speed beyond the surface takes, in A s/rad.
@@ -155,45 +171,113 @@ const SLEW_SHARE: f32 = 0.05;
 const STEEPER: f32 = 1.25;
 
 impl Drive {
+    /// Of no motor: every sample of the bus is bad, nothing is commanded, and all that the steps compute is finite.
+    const NONE: Drive = Drive {
+        newton_metres_per_ampere: 0.0,
+        amperes_per_newton_metre: 0.0,
+        current_limit_a: 0.0,
+        per_ampere: 0.0,
+        limit_current_once_a: 0.0,
+        most_weakening_a: 0.0,
+        nominal_bus_v: 0.0,
+        weakening_per_speed: 0.0,
+        resistance_ohm: 0.0,
+        inductance_h: 0.0,
+        flux_linkage_wb: 0.0,
+        pole_pairs: 0.0,
+        turned_per_speed: 0.0,
+        turns_per_speed: 0.0,
+        amperes_per_volt: 0.0,
+        characteristic_current_a: 0.0,
+        gain_v_per_a: 0.0,
+        integral_share: 0.0,
+        slew_a: 1.0,
+        slew_v_per_a: 0.0,
+        advance_turns_s: 0.0,
+        dead_time_share: 0.0,
+        per_dead_time_ampere: 0.0,
+        limits: Limits {
+            // No distance is less than one below 0.
+            bus_v: Band { middle: 0.0, half: -1.0, rate: 0.0 },
+            speed_rad_s: 0.0,
+            speed_rate_rad_s: 0.0,
+            torque_nm: 0.0,
+            angle_turns: 0.0,
+            angle_rate_turns: 0.0,
+            current_sum_a: 0.0,
+            current_square_a2: 0.0,
+            current_rate_square_a2: 0.0,
+            trip_square_a2: 0.0,
+            bad_in_a_row: 1,
+            good_in_a_row: 1.0,
+        },
+    };
+
     /// The constants of a motor and a tuning, with [`Limits::of`] that motor. Parameters that are no physical ones (zero, negative, NaN) give constants
-    /// with which every sample is bad: nothing is commanded, and the bridge stays open.
+    /// with which every sample is bad: nothing is commanded, and the bridge stays open. So do those of which a constant is no number.
     #[must_use]
     pub fn new(motor: &Motor, tuning: &Tuning) -> Self {
         let Motor { phase_resistance_ohm: r, phase_inductance_h: l, flux_linkage_wb: lambda, pole_pairs, .. } = *motor;
         let Tuning { pwm_period_s: period, bandwidth_rad_s: bandwidth, .. } = *tuning;
-        let positive = |value: f32| if value > 0.0 && value.is_finite() { value } else { f32::NAN };
-        let mut limits = Limits::of(motor);
-        // NaN where any of them is no physical one.
-        let product = positive(r) * positive(l) * positive(lambda) * positive(pole_pairs) * positive(motor.bus_voltage_v);
-        limits.bus_v.half = if (product * positive(motor.current_limit_a) * positive(period) * positive(bandwidth)).is_nan() {
-            f32::NAN
-        } else {
-            limits.bus_v.half
-        };
+        let (limit, bus) = (motor.current_limit_a, motor.bus_voltage_v);
         let edge = FOLD_SPEED_RAD_S * FOLD_SPEED_RAD_S;
-        Drive {
-            newton_metres_per_ampere: positive(1.5 * pole_pairs * lambda),
-            amperes_per_newton_metre: positive(1.0 / (1.5 * pole_pairs * lambda)),
-            current_limit_a: positive(motor.current_limit_a),
-            per_ampere: positive(1.0 / motor.current_limit_a),
-            nominal_bus_v: positive(motor.bus_voltage_v),
-            weakening_per_speed: positive(STEEPER * 0.95 * 0.577_350_26 * motor.bus_voltage_v / (pole_pairs * edge * l)),
-            resistance_ohm: positive(r),
-            inductance_h: positive(l),
-            flux_linkage_wb: positive(lambda),
-            pole_pairs: positive(pole_pairs),
-            turned_per_speed: positive(period * pole_pairs),
-            turns_per_speed: positive(period * pole_pairs / TAU),
-            amperes_per_volt: positive(period / l),
-            characteristic_current_a: positive(lambda / l),
-            gain_v_per_a: positive(bandwidth * l),
-            integral_share: positive(r * period / l),
-            slew_a: positive(SLEW_SHARE * motor.current_limit_a),
-            slew_v_per_a: positive(0.75 * l / period),
-            advance_turns_s: positive(1.5 * period * pole_pairs / TAU),
+        let drive = Drive {
+            newton_metres_per_ampere: (1.5 * pole_pairs * lambda).min(LARGEST_TORQUE_NM / limit),
+            amperes_per_newton_metre: 1.0 / (1.5 * pole_pairs * lambda),
+            current_limit_a: limit,
+            per_ampere: 1.0 / limit,
+            limit_current_once_a: motor::limit_current_once_f32(limit),
+            most_weakening_a: LONGEST_LEG * limit,
+            nominal_bus_v: bus,
+            weakening_per_speed: STEEPER * 0.95 * 0.577_350_26 * bus / (pole_pairs * edge * l),
+            resistance_ohm: r,
+            inductance_h: l,
+            flux_linkage_wb: lambda,
+            pole_pairs,
+            turned_per_speed: period * pole_pairs,
+            turns_per_speed: period * pole_pairs / TAU,
+            amperes_per_volt: period / l,
+            characteristic_current_a: lambda / l,
+            gain_v_per_a: bandwidth * l,
+            integral_share: r * period / l,
+            slew_a: SLEW_SHARE * limit,
+            slew_v_per_a: 0.75 * l / period,
+            advance_turns_s: 1.5 * period * pole_pairs / TAU,
             dead_time_share: if tuning.dead_time_s > 0.0 { tuning.dead_time_s / period } else { 0.0 },
-            per_dead_time_ampere: positive(1.0 / tuning.dead_time_current_a),
-            limits,
-        }
+            per_dead_time_ampere: 1.0 / tuning.dead_time_current_a,
+            limits: Limits::of(motor),
+        };
+        if drive.is_of_a_motor() { drive } else { Drive::NONE }
+    }
+
+    /// Whether the constants are those of a motor and a tuning that can be.
+    fn is_of_a_motor(&self) -> bool {
+        let positive = [
+            self.newton_metres_per_ampere,
+            self.amperes_per_newton_metre,
+            self.current_limit_a,
+            self.per_ampere,
+            self.most_weakening_a,
+            self.nominal_bus_v,
+            self.weakening_per_speed,
+            self.resistance_ohm,
+            self.inductance_h,
+            self.flux_linkage_wb,
+            self.pole_pairs,
+            self.turned_per_speed,
+            self.turns_per_speed,
+            self.amperes_per_volt,
+            self.characteristic_current_a,
+            self.gain_v_per_a,
+            self.integral_share,
+            self.slew_a,
+            self.slew_v_per_a,
+            self.advance_turns_s,
+            self.per_dead_time_ampere,
+        ];
+        // One surface may give either sign, and a drive without dead time has a share of 0.
+        positive.iter().all(|value| *value > 0.0 && value.is_finite())
+            && self.limit_current_once_a.is_finite()
+            && self.dead_time_share.is_finite()
     }
 }

@@ -56,7 +56,11 @@ pub use circle::Direction;
 pub use currents::{Command, CurrentState, Measured, currents};
 pub use drive::{Drive, Limits, Motor, Tuning};
 pub use plausible::Band;
-pub use references::{Demand, FOLD_PER_RAD_S, FOLD_SPEED_RAD_S, ReferenceState, References, TRIM_FROM, references};
+pub use references::{
+    Demand, FOLD_PER_RAD_S, FOLD_SPEED_RAD_S, LARGEST_TORQUE_NM, ReferenceState, References, SLOWEST_RAD_S, TRIM_FROM,
+    references,
+};
 
 // Single precision: the FPU of the drives that this is for (Cortex-M4F) has no other.
-rsm_macros::include_model!("../../generated/coefficients/motor.toml", precision = "f32");
+// Without clamps too: the outer step keeps to the ranges, and gives the current limit once.
+rsm_macros::include_model!("../../generated/coefficients/motor.toml", precision = "f32", once = "current");

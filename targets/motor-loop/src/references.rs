@@ -12,15 +12,22 @@
 //! the edge, and the weakening current grows along a straight line, the steepest that an ideal motor needs there. What that still misses, and whatever else the
 //! surfaces cannot know (a hot magnet, a wrong inductance), the voltage says: while the inner step wants nearly all of it, the weakening current is trimmed up.
 
-use branch_free::{BadSamples, at_least, at_most, magnitude, nothing, select, within};
+use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
-use crate::circle::{LONGEST_LEG, other_leg};
+use crate::circle::other_leg;
 use crate::drive::Drive;
 use crate::motor;
 use crate::plausible::judge;
 
 /// The fastest circle speed at which the surface has support at every torque within the limit; a test asks the support.
 pub const FOLD_SPEED_RAD_S: f32 = 780.0;
+
+/// The slowest speed of the surfaces: below, they are asked at it. With [`FOLD_SPEED_RAD_S`] and [`LARGEST_TORQUE_NM`] it keeps every argument in its range,
+/// so that the surfaces need no clamp; a test asks the model for its ranges.
+pub const SLOWEST_RAD_S: f32 = 440.0;
+
+/// The largest torque of the surfaces, either way. That of the largest current is below: see [`Drive::newton_metres_per_ampere`].
+pub const LARGEST_TORQUE_NM: f32 = 21.6;
 
 /// 1/the circle speed, beyond the edge, at which no torque is left: 780 rad/s beyond. At 1170 rad/s, 785 on a bus of 180 V, half of the edge's torque is left, two
 /// thirds of what an ideal motor has.
@@ -85,14 +92,15 @@ pub struct ReferenceState {
 #[inline(never)]
 pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) -> References {
     let limits = &drive.limits;
-    let coast = select(limits.bad_in_a_row - 0.5, state.bad.in_a_row as f32, 1.0, 0.0);
+    let coast = reached(state.bad.in_a_row, limits.bad_in_a_row);
     let good_torque = select(magnitude(demand.torque_nm), limits.torque_nm, 1.0, 0.0);
     let torque_nm = select(0.0, good_torque, demand.torque_nm, state.torque_nm);
     // 1 before the first good sample of the bus.
     let fresh = select(0.0, state.bus_voltage_v, 0.0, 1.0);
-    let speed = judge(&limits.speed_rad_s, demand.speed_rad_s, state.speed_rad_s, coast, fresh);
+    let speed = judge(&limits.speed(), demand.speed_rad_s, state.speed_rad_s, coast, fresh);
     let bus = judge(&limits.bus_v, demand.bus_voltage_v, state.bus_voltage_v, coast, fresh);
-    let good_share = select(magnitude(demand.voltage_share), 1e6, 1.0, 0.0);
+    // The square of a voltage: not below 0.
+    let good_share = select(demand.voltage_share, 1e6, 1.0, 0.0);
     let voltage_share = select(0.0, good_share, at_most(demand.voltage_share, TRIM_MOST), TRIM_FROM);
     let all_good = (good_torque * good_share) * (speed.good * bus.good);
 
@@ -100,6 +108,7 @@ pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) ->
     let circle_speed = magnitude(speed.value) * (drive.nominal_bus_v / at_least(bus.value, lowest_bus));
     let asked = at_most(circle_speed, FOLD_SPEED_RAD_S);
     let beyond = circle_speed - asked;
+    let asked = at_least(asked, SLOWEST_RAD_S);
     let fold = at_least(1.0 - beyond * FOLD_PER_RAD_S, 0.0);
     let trim_a = at_least(state.trim_a + TRIM_A * (voltage_share - TRIM_FROM), 0.0);
     let trim_a = at_most(trim_a, drive.current_limit_a);
@@ -108,29 +117,27 @@ pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) ->
     let mirror = select(speed.value, 0.0, -1.0, 1.0);
     let forwards = mirror * (torque_nm * (1.0 - coast));
     let limit = drive.current_limit_a;
-    let most_weakening = LONGEST_LEG * limit;
     // What weakening a vector as long as the limit needs leaves this much for torque. The torque moves it by the resistive drop only, so that of the last
     // tick does: the demand may be far beyond what there is, and would ask for too much weakening.
     let last_nm = drive.newton_metres_per_ampere * (mirror * state.last.i_q_a);
-    let at_limit = within(motor::limit_current_f32(last_nm, limit, asked), 0.0, most_weakening) * drive.per_ampere;
+    let at_limit =
+        within(motor::limit_current_inside_f32(last_nm, asked, drive.limit_current_once_a), 0.0, drive.most_weakening_a)
+            * drive.per_ampere;
     let most = fold * (limit * other_leg(at_limit * at_limit));
     let wanted = within(forwards * drive.amperes_per_newton_metre, -most, most);
-    let surface = motor::weakening_current_f32(drive.newton_metres_per_ampere * wanted, asked);
+    let surface = at_least(motor::weakening_current_inside_f32(drive.newton_metres_per_ampere * wanted, asked), 0.0);
     let weakening = surface + (beyond * drive.weakening_per_speed + trim_a);
-    let i_d_a = -within(weakening, 0.0, most_weakening);
+    let i_d_a = -at_most(weakening, drive.most_weakening_a);
     // Weakening comes first: without it the torque would not be there either.
     let share = i_d_a * drive.per_ampere;
     let most_q = limit * other_leg(share * share);
     let i_q_a = mirror * within(wanted, -most_q, most_q);
 
-    // A drive whose constants are none gives NaN, and no current.
-    let sum = nothing(i_d_a) + nothing(i_q_a) + nothing(circle_speed);
-    let keep = |new: f32, old: f32| select(sum, 1.0, new, old);
-    state.last = References { i_d_a: keep(i_d_a, state.last.i_d_a), i_q_a: keep(i_q_a, state.last.i_q_a) };
+    state.last = References { i_d_a, i_q_a };
     state.torque_nm = torque_nm;
     state.speed_rad_s = speed.value;
     state.bus_voltage_v = bus.value;
-    state.trim_a = keep(trim_a, state.trim_a);
+    state.trim_a = trim_a;
     state.bad.count(0.0 < all_good);
     state.last
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use rsm_core::check::Checked;
-use rsm_core::compile;
+use rsm_core::compile::{self, Parts};
 use rsm_core::emit::c_plant;
 use rsm_core::emit::plant::Plant;
 use rsm_core::number::Precision;
@@ -46,7 +46,12 @@ fn folder(name: &str) -> PathBuf {
     for model in MODELS {
         let read = Source::read(&cases::root().join(model)).and_then(|source| Checked::read(&source));
         let checked = read.unwrap_or_else(|faults| panic!("{faults}"));
-        let unit = compile::unit(&checked, &[Precision::F32]).unwrap_or_else(|faults| panic!("{faults}"));
+        // The motor's step keeps to the ranges itself.
+        let parts = match checked.model().name.as_str() {
+            "motor" => Parts { inside: true, once: vec!["current".to_string()], ..Parts::default() },
+            _ => Parts::default(),
+        };
+        let unit = compile::unit_with_parts(&checked, &[Precision::F32], &parts).unwrap_or_else(|faults| panic!("{faults}"));
         compilers::write_c([&unit], &folder);
     }
     folder
@@ -210,9 +215,15 @@ impl Build {
 
 /// Runs a program on the emulated board: its lines.
 pub fn emulate(program: &Path, speed: &str) -> Vec<String> {
+    emulate_with(program, speed, "")
+}
+
+/// The same, with a word on the command line that the program sees.
+pub fn emulate_with(program: &Path, speed: &str, word: &str) -> Vec<String> {
+    let word = if word.is_empty() { String::new() } else { format!(",arg=program,arg={word}") };
     let mut qemu = Command::new("qemu-system-arm");
     qemu.args(["-machine", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-icount", speed]);
-    qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(program);
+    qemu.args(["-semihosting-config", &format!("enable=on,target=native{word}"), "-kernel"]).arg(program);
     lines(&mut qemu)
 }
 

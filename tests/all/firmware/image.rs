@@ -5,6 +5,7 @@
 //! - The watchdog: a step that does not return, or no longer runs, leads to a reset into the safe state.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use super::builds::{self, Build, CORTEX_M4F, FAST};
 use super::rig::Part;
@@ -32,18 +33,50 @@ fn fpccr(line: &str) -> u32 {
 /// What `programs/interrupted.c` says.
 pub struct Interrupted {
     addresses: BTreeSet<u32>,
-    handed_over: String,
+    /// Which numbers that are handed over differ between before and after: 1 each.
+    pub handed_over: String,
     counts: String,
 }
 
-pub fn interrupted(build: &Build) -> Interrupted {
-    let lines = build.on_board("interrupted");
-    let address = |line: &String| Some(u32::from_str_radix(line.strip_prefix("at ")?, 16).expect("an address"));
-    Interrupted {
-        addresses: lines.iter().filter_map(address).collect(),
-        handed_over: lines.first().expect("lines").clone(),
-        counts: lines.last().expect("lines").clone(),
+impl Interrupted {
+    /// Nothing torn, nothing wrong, the floating-point context as after reset; and each instruction of these functions of the program was interrupted.
+    pub fn check(&self, name: &str, program: &Path, is_part: &dyn Fn(&str) -> bool) {
+        let counts = &self.counts;
+        assert_eq!(number(counts, "wrong"), 0, "{name}: {counts}");
+        assert!(number(counts, "before") > 100 && number(counts, "after") > 100, "{name}: {counts}");
+        // The outer step had begun to use the floating-point unit, or the program before it had: each interrupt left room for its registers.
+        assert_eq!(number(counts, "extended"), number(counts, "hits"), "{name}: {counts}");
+        assert_eq!(fpccr(counts) & LAZY, LAZY, "{name}: {counts}");
+        let mut instructions = 0;
+        for (function, lines) in builds::cortex_instructions(program) {
+            if is_part(&function) {
+                for (address, text) in &lines {
+                    // What fills up to the next constant is never reached.
+                    assert!(
+                        text == "nop" || self.addresses.contains(address),
+                        "{name}: {function} was not interrupted at {address:x}: {text}"
+                    );
+                }
+                instructions += lines.len();
+            }
+        }
+        println!("{name}: interrupted at each of {instructions} instructions: {counts}");
+        assert!(instructions > 500, "{name}: {instructions}");
     }
+
+    /// Of the lines of a program.
+    pub fn of(lines: &[String]) -> Interrupted {
+        let address = |line: &String| Some(u32::from_str_radix(line.strip_prefix("at ")?, 16).expect("an address"));
+        Interrupted {
+            addresses: lines.iter().filter_map(address).collect(),
+            handed_over: lines.first().expect("lines").clone(),
+            counts: lines.last().expect("lines").clone(),
+        }
+    }
+}
+
+pub fn interrupted(build: &Build) -> Interrupted {
+    Interrupted::of(&build.on_board("interrupted"))
 }
 
 /// Bytes of stack with both interrupts on it. The program calls the outer one as a function: its own frame is added.
@@ -61,28 +94,9 @@ fn whatever_instruction_is_interrupted_what_is_handed_over_is_whole() {
         let found = interrupted(&build);
         // Every number that is handed over differs between before and after, so that a mixture would be seen.
         assert_eq!(found.handed_over, "handed over: 1 1 1 1 1");
-        let counts = &found.counts;
-        assert!(number(counts, "torn") == 0 && number(counts, "wrong") == 0, "{level}: {counts}");
-        assert!(number(counts, "before") > 100 && number(counts, "after") > 100, "{level}: {counts}");
-        // The outer step had begun to use the floating-point unit, or the program before it had: each interrupt left room for its registers.
-        assert_eq!(number(counts, "extended"), number(counts, "hits"), "{level}: {counts}");
-        assert_eq!(fpccr(counts) & LAZY, LAZY, "{level}: {counts}");
-
-        let mut instructions = 0;
-        for (function, lines) in builds::cortex_instructions(&build.program("interrupted")) {
-            if ["image_reference_interrupt", "motor_references", "throttle_raw_step"].contains(&function.as_str()) {
-                for (address, text) in &lines {
-                    // What fills up to the next constant is never reached.
-                    assert!(
-                        text == "nop" || found.addresses.contains(address),
-                        "{level}: {function} was not interrupted at {address:x}: {text}"
-                    );
-                }
-                instructions += lines.len();
-            }
-        }
-        println!("{level}: interrupted at each of {instructions} instructions: {counts}");
-        assert!(instructions > 500, "{level}: {instructions}");
+        assert_eq!(number(&found.counts, "torn"), 0, "{level}: {}", found.counts);
+        let parts = ["image_reference_interrupt", "motor_references", "throttle_raw_step"];
+        found.check(level, &build.program("interrupted"), &|function| parts.contains(&function));
     }
 }
 
@@ -167,14 +181,10 @@ fn the_processor_in_the_loop_has_the_bits_of_the_host_and_of_a_simulation() {
     assert_ne!(speeds[0].to_bits(), speeds[1].to_bits());
 }
 
-#[test]
-fn a_step_that_does_not_return_leads_to_a_reset_into_the_safe_state() {
-    if !builds::emulated() {
-        return;
-    }
+/// What must follow when something hangs, on whichever of the firmwares: `run` gives the lines of its program for a kind of hang.
+pub fn check_hangs(run: impl Fn(u32) -> Vec<String>) {
     for (hang, what) in [(1, "the currents"), (2, "the references"), (3, "the timer of the currents")] {
-        let build = Build::new(&format!("{CORTEX_M4F} -std=gnu99 -O2 -DHANG={hang}"), &format!("arm-hang-{hang}")).with_image();
-        let lines = build.on_board_at("hangs", FAST);
+        let lines = run(hang);
         println!("{what}: {lines:?}");
         let [alarm, safe, reset] = lines.as_slice() else { panic!("{what}: {lines:?}") };
         // Until then the loops ran, and the bridge was closed. The alarm comes 3 ms after the last feed: at most so many periods after the 200th.
@@ -183,6 +193,16 @@ fn a_step_that_does_not_return_leads_to_a_reset_into_the_safe_state() {
         assert_eq!(safe, "safe: closed 0 cap 0", "{what}");
         assert_eq!(reset, "reset by the watchdog: closed 0 cap 0 sampled 0", "{what}");
     }
-    let build = Build::new(&format!("{CORTEX_M4F} -std=gnu99 -O2"), "arm-hang-not").with_image();
-    assert_eq!(build.on_board_at("hangs", FAST), ["no alarm in 400 periods: closed 1"]);
+    assert_eq!(run(0), ["no alarm in 400 periods: closed 1"]);
+}
+
+#[test]
+fn a_step_that_does_not_return_leads_to_a_reset_into_the_safe_state() {
+    if !builds::emulated() {
+        return;
+    }
+    check_hangs(|hang| {
+        let line = format!("{CORTEX_M4F} -std=gnu99 -O2 -DHANG={hang}");
+        Build::new(&line, &format!("arm-hang-{hang}")).with_image().on_board_at("hangs", FAST)
+    });
 }

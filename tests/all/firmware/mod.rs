@@ -63,6 +63,8 @@ fn tables_c() -> String {
         ("amperes_per_newton_metre", d.amperes_per_newton_metre),
         ("current_limit_a", d.current_limit_a),
         ("per_ampere", d.per_ampere),
+        ("limit_current_once_a", d.limit_current_once_a),
+        ("most_weakening_a", d.most_weakening_a),
         ("nominal_bus_v", d.nominal_bus_v),
         ("weakening_per_speed", d.weakening_per_speed),
         ("resistance_ohm", d.resistance_ohm),
@@ -87,18 +89,18 @@ fn tables_c() -> String {
         ("limits.current_square_a2", d.limits.current_square_a2),
         ("limits.current_rate_square_a2", d.limits.current_rate_square_a2),
         ("limits.trip_square_a2", d.limits.trip_square_a2),
-        ("limits.bad_in_a_row", d.limits.bad_in_a_row),
+        ("limits.speed_rad_s", d.limits.speed_rad_s),
+        ("limits.speed_rate_rad_s", d.limits.speed_rate_rad_s),
         ("limits.good_in_a_row", d.limits.good_in_a_row),
     ];
     let mut text = String::from("#include \"tables.h\"\n\nconst motor_drive tables_drive = {\n");
     for (name, value) in drive {
         writeln!(text, "    .{name} = {},", literal(value)).expect("text");
     }
+    writeln!(text, "    .limits.bad_in_a_row = {}u,", d.limits.bad_in_a_row).expect("text");
     text.push_str("    /* middle and half of the range, and the most from what is expected */\n");
-    for (name, Band { middle, half, rate }) in [("bus_v", d.limits.bus_v), ("speed_rad_s", d.limits.speed_rad_s)] {
-        let numbers = [middle, half, rate].map(literal).join(", ");
-        writeln!(text, "    .limits.{name} = {{{numbers}}},").expect("text");
-    }
+    let Band { middle, half, rate } = d.limits.bus_v;
+    writeln!(text, "    .limits.bus_v = {{{}}},", [middle, half, rate].map(literal).join(", ")).expect("text");
     text.push_str("};\n\nconst throttle_scaling tables_scaling = {\n    /* zero in counts, value of a count, lowest and highest counts of a whole wire */\n");
     let s = Scaling::BOARD;
     for (name, channel) in [("pedal", s.pedal), ("plate", s.plate), ("speed", s.speed)] {

@@ -12,7 +12,7 @@ use rsm_core::emit::rust_plant;
 use rsm_tests::{cases, compilers};
 
 use super::builds::{self, FAST, SLOW};
-use super::image;
+use super::image::{self, Interrupted};
 
 /// Debian's compiler and the lock file of its `core`: from the package rust-web-src.
 const COMPILER: &str = "/usr/bin/rustc";
@@ -31,7 +31,7 @@ fn there() -> bool {
     false
 }
 
-/// Builds both programs: the folder that they are in.
+/// Builds the programs: the folder that they are in.
 fn build() -> PathBuf {
     let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let plants = scratch.join("firmware-rust-plants");
@@ -70,6 +70,8 @@ fn the_firmware_in_rust_has_the_bits_of_the_firmware_in_c() {
         panic!("line {k}: Rust on the board has `{}`, C on the host `{}`", board[k], host[k]);
     }
 
+    image::check_hangs(|hang| builds::emulate_with(&programs.join("hangs"), FAST, &hang.to_string()));
+
     // Constant time, as in C; what it is stands in a budget of its own.
     let mut costs: BTreeMap<String, BTreeSet<u32>> = BTreeMap::new();
     for line in builds::emulate(&programs.join("count"), SLOW) {
@@ -89,4 +91,17 @@ fn the_firmware_in_rust_has_the_bits_of_the_firmware_in_c() {
         super::blessed("rust/budget.txt", &text),
         "targets/firmware/rust/budget.txt has other counts: run with RSM_BLESS=1"
     );
+}
+
+#[test]
+fn whatever_instruction_is_interrupted_in_rust_what_is_handed_over_is_whole() {
+    if !there() {
+        return;
+    }
+    let program = build().join("interrupted");
+    let found = Interrupted::of(&builds::emulate(&program, SLOW));
+    assert_eq!(found.handed_over, "handed over: 1 1");
+    // Mangled names. Whatever is inlined is in the one that calls it.
+    let parts = ["10references10references", "3raw8raw_step", "11interrupted5outer", "5image19reference_interrupt"];
+    found.check("rust", &program, &|function| parts.iter().any(|part| function.contains(part)));
 }

@@ -1,7 +1,7 @@
 //! The figures of the original work, and ours beside them.
 //!
-//! In: numbers that the demo measured. Out: one JSON object, and one table for the report. The bounds stand here and nowhere else; times are
-//! told and judged, but a busy machine's time is no reason to fail.
+//! In: numbers that the demo measured. Out: one JSON object, and one table for the report. The bounds are written here
+//! only. Times are reported and compared with their bounds, but a time on a busy machine is no reason to fail.
 
 use serde_json::{Map, Value, json};
 

@@ -1,7 +1,7 @@
 //! Times of the motor's controllers, each ratio within one run.
 //!
-//! In: the plant. Out: nanoseconds and ratios. What is compared is run in turns, many rounds, and the medians are taken: what else the machine does falls on
-//! both. Each call waits for the one before it.
+//! In: the plant. Out: nanoseconds and ratios. The compared functions run in turns for many rounds, and the medians are
+//! taken, so that other load of the machine affects both alike. Each call waits for the one before it.
 
 use std::hint::black_box;
 use std::time::Instant;

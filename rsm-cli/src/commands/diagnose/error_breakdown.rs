@@ -1,4 +1,4 @@
-//! What docs/book/src/reference/formats.md 4.3 leaves room for: evidence, calibration, what is left and its correction, as JSON.
+//! Further keys of docs/book/src/reference/formats.md 4.3: evidence, calibration, what is left and its correction, as JSON.
 //!
 //! In: a diagnosis. Out: values of diagnosis.json, and correction.toml. Decides nothing.
 

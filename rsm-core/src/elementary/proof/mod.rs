@@ -1,9 +1,10 @@
-//! Proofs of what the rows of each function err by at most, in units in the last place, over the whole range that is stated.
+//! Proves a bound of the error of each function, in units in the last place, over its whole stated range.
 //!
 //! An error has three parts: what the polynomials and split constants miss in exact arithmetic (`derive.rs` has it in rationals; each proof here adds it up by a formula),
 //! what the roundings do (`engine.rs`, cell by cell over all arguments), and the last rounding, at most half a unit at every argument. A cell's part of the first two
-//! is counted in units of the least true value in the cell. That the rows, computed exactly, are the formulas of which the first part speaks is read off them; the comparison with
-//! an arbitrary-precision library (`tests/all/elementary.rs`) would show where they are not.
+//! is counted in units of the least true value in the cell. That the rows, computed exactly, equal the formulas of the
+//! first part is checked by reading them; the comparison with an arbitrary-precision library
+//! (`tests/all/elementary.rs`) would show a difference.
 //!
 //! Cells of odd functions end at 2^-300. Below, every term behind the leading one is less than 2^-590 of it: each sum returns its leading term, and products that underflow are 0.
 

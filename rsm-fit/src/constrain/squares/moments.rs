@@ -4,8 +4,9 @@
 //! the coefficients b of u'Hu, among those of which u'u counts 1 and the matrices Z_k of the products g_k v_k v_k' are positive semidefinite. It starts from the moments of points in the region. Every such y bounds m from above.
 //!
 //! A primal-dual interior-point method leads there, in some 15 steps (Nesterov, Nemirovskii 1994, Interior-Point Polynomial Algorithms in Convex Programming; the direction is that of Helmberg, Rendl, Vanderbei, Wolkowicz 1996,
-//! SIAM J. Optimization 6; predictor and corrector of Mehrotra 1992, SIAM J. Optimization 2). All of it is plain f64 and proves nothing. What is proven is proven of the X_k as they are (Peyrl, Parrilo 2008, Theoretical Computer
-//! Science 409): they are positive semidefinite by their Cholesky factors, and what they leave of u'(H - m I)u is enclosed by intervals.
+//! SIAM J. Optimization 6; predictor and corrector of Mehrotra 1992, SIAM J. Optimization 2). This part is plain f64 and proves nothing.
+//! The proof uses the X_k as they were computed (Peyrl, Parrilo 2008, Theoretical Computer Science 409): they are positive semidefinite
+//! by their Cholesky factors, and what they leave of u'(H - m I)u is enclosed by intervals.
 
 use std::collections::HashMap;
 

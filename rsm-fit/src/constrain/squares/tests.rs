@@ -1,4 +1,4 @@
-//! Matrices whose least eigenvalue is known, most of them a hair above or below what is asked.
+//! Matrices whose least eigenvalue is known and, in most of them, slightly above or below the bound in question.
 
 use rsm_core::number::{Rational, exact};
 

@@ -80,12 +80,21 @@ pub unsafe fn current_interrupt(state: &mut CurrentState, drive: &Drive, between
     between.periods.store(between.periods.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
 }
 
+/// The safe state at once: bridge open, the plate's drive cut. For the watchdog's alarm, and after a reset by it.
+pub fn safe_state(bridge: &mut impl Bridge, driver: &mut impl Driver) {
+    bridge.command(&Command { duties: [0.5; 3], closed: 0.0 });
+    driver.throttle((Scaling::BOARD.compare_closed + 0.5) as u16, 0.0);
+}
+
 /// What the references' interrupt remembers.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Slow {
-    references: ReferenceState,
-    throttle: RawState,
-    periods_before: u32,
+    /// Of the motor.
+    pub references: ReferenceState,
+    /// Of the throttle.
+    pub throttle: RawState,
+    /// Periods of the currents up to the last call.
+    pub periods_before: u32,
 }
 
 /// Every millisecond, with the lower priority. Feeds the watchdog if the currents were controlled in the meantime.

@@ -94,7 +94,7 @@ fn grid(trips: bool, every: usize) {
                 let mut constants = drive();
                 if !trips {
                     constants.limits.trip_square_a2 = 1e30;
-                    constants.limits.bad_in_a_row = 1e9;
+                    constants.limits.bad_in_a_row = 1_000_000_000;
                 }
                 let mut rig = Rig::with_drive(Plant::new(speed, bus), constants);
                 rig.begin();

@@ -1,4 +1,4 @@
-//! The page of a diagnosis, for an engineer who has read nothing else.
+//! The page of a diagnosis. Its reader is an engineer who has read nothing else.
 //!
 //! In: a diagnosis. Out: one self-contained HTML page: the verdict, what is wrong with the data, the causes with their evidence, the extended parameters, where
 //! the plant is wrong, curves before and after, what is left. Decides nothing: every figure comes from the diagnosis.

@@ -4,15 +4,15 @@
 #![no_std]
 #![no_main]
 
-use core::cell::UnsafeCell;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m_rt::{entry, exception};
 use cortex_m_semihosting::{debug, hprint, hprintln};
-use firmware::board;
 use firmware::image::{Between, Bridge, Driver, PERIODS, Slow, current_interrupt, reference_interrupt};
-use motor_loop::{Command, CurrentState, Drive, Measured, Motor, Tuning};
+use firmware::own::Own;
+use firmware::{board, nominal};
+use motor_loop::{Command, CurrentState, Drive, Measured};
 use throttle_loop::raw::Counts;
 
 mod rig_motor {
@@ -26,26 +26,6 @@ const ROWS: usize = 600;
 const CAR_ROWS: usize = ROWS / PERIODS as usize;
 const CAR_STEPS: usize = 10;
 const PERIOD_TICKS: u32 = board::TICKS_A_SECOND / 10_000;
-
-/// What one context owns: an interrupt, or `main` while no interrupt is enabled.
-struct Own<T>(UnsafeCell<T>);
-
-// SAFETY: `of` is called from one context at a time only.
-unsafe impl<T> Sync for Own<T> {}
-
-impl<T> Own<T> {
-    const fn new(value: T) -> Self {
-        Own(UnsafeCell::new(value))
-    }
-
-    /// # Safety
-    /// The context that owns it calls, and holds no other reference to it.
-    #[allow(clippy::mut_from_ref)]
-    unsafe fn of(&self) -> &mut T {
-        // SAFETY: see above.
-        unsafe { &mut *self.0.get() }
-    }
-}
 
 /// The motor's plant, in the place of converters and power stage: it moves when the firmware samples.
 struct MotorRig {
@@ -209,20 +189,10 @@ fn print(name: &str, row: &[f64]) {
 
 #[entry]
 fn main() -> ! {
-    // The motor of rsm-sim/plants/pmac.toml, as in ../../../tables.c.
-    let motor = Motor {
-        phase_resistance_ohm: 0.08,
-        phase_inductance_h: 0.0009,
-        flux_linkage_wb: 0.06,
-        pole_pairs: 4.0,
-        bus_voltage_v: 270.0,
-        current_limit_a: 60.0,
-    };
-    let tuning = Tuning { pwm_period_s: 1e-4, bandwidth_rad_s: 1500.0, dead_time_s: 1e-6, dead_time_current_a: 1.0 };
     let half = [0.5; 3];
     // SAFETY: no interrupt is enabled yet.
     unsafe {
-        *DRIVE.of() = Some(Drive::new(&motor, &tuning));
+        *DRIVE.of() = Some(nominal::drive());
         let motor = MotorRig { plant: rig_motor::init(), duties: half, next_duties: half, rows: [[0.0; 8]; ROWS], sampled: 0 };
         *FAST.of() = Some(Fast(CurrentState::default(), motor));
         let car = CarRig {

@@ -7,8 +7,8 @@ use core::panic::PanicInfo;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
-use firmware::board;
-use motor_loop::{CurrentState, Demand, Drive, Measured, Motor, ReferenceState, References, Tuning, currents, references};
+use firmware::{board, nominal};
+use motor_loop::{CurrentState, Demand, Measured, ReferenceState, References, currents, references};
 use throttle_loop::raw::{Counts, RawState, Scaling, raw_step};
 use throttle_loop::{Inputs, State, step};
 
@@ -27,16 +27,7 @@ fn count(mut call: impl FnMut()) -> u32 {
 
 #[entry]
 fn main() -> ! {
-    let motor = Motor {
-        phase_resistance_ohm: 0.08,
-        phase_inductance_h: 0.0009,
-        flux_linkage_wb: 0.06,
-        pole_pairs: 4.0,
-        bus_voltage_v: 270.0,
-        current_limit_a: 60.0,
-    };
-    let tuning = Tuning { pwm_period_s: 1e-4, bandwidth_rad_s: 1500.0, dead_time_s: 1e-6, dead_time_current_a: 1.0 };
-    let drive = black_box(Drive::new(&motor, &tuning));
+    let drive = black_box(nominal::drive());
     let nothing = count(|| {
         black_box(&drive);
     });
