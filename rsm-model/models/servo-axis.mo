@@ -20,9 +20,10 @@ package ServoAxes
     discrete Real position_long_before(unit = "m", start = 0.0);
     discrete Real speed_seen(unit = "m/s", start = 0.0);
   initial equation
-    position_now = position;
-    position_before = position;
-    position_long_before = position;
+    // The drive came to its start at its start's speed.
+    position_now = position - speed*record_period;
+    position_before = position - 2*speed*record_period;
+    position_long_before = position - 3*speed*record_period;
   equation
     acting_command = command;
     mass*der(speed) = force_gain*acting_command - viscous_friction*speed;

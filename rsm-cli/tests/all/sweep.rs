@@ -217,7 +217,7 @@ fn a_run_that_stops_is_counted_and_the_status_is_1() {
     let here = motor(2);
     let here = here.path();
     let scenario = "format = 1\nsweep = \"s\"\nplants = [\"pmac.toml\"]\nrecords = [\"pmac.csv\"]\ndesign = \"full-factorial\"\n\
-                    outputs.speed = [\"final\"]\n[[vary]]\nparameter = \"inertia\"\ndistribution = \"list\"\nvalues = [1e-15, 0.01]\n";
+                    outputs.speed = [\"final\"]\n[[vary]]\nparameter = \"inertia\"\ndistribution = \"list\"\nvalues = [1e-30, 0.01]\n";
     std::fs::write(here.join("sweep.toml"), scenario).unwrap();
     let output = rsm(&["sweep", "sweep.toml", "--out", "out"], here);
     let told = text(&output.stderr);

@@ -8,7 +8,6 @@ use std::sync::{Arc, OnceLock};
 use rsm_core::source::{Faults, Source};
 use rsm_model::effects::Catalogue;
 
-use super::run::Models;
 use crate::equations::extended::{Entry, Given};
 use crate::equations::file::{EquationFile, of_rows};
 use crate::kind::{PlantKind, StartValues};
@@ -22,13 +21,6 @@ const OF_CONTROLLER: [&str; 2] = ["position_gain", "velocity_gain"];
 
 /// What of a start stands beside the states of the text: by how much a car differs from one that rolls steadily.
 const OFFSETS: [&str; 3] = ["torque_offset", "twist_offset", "twist_rate"];
-
-/// The models of a plant that comes with the project.
-pub(super) fn models(kind: PlantKind) -> &'static Models {
-    static ALL: [OnceLock<Models>; 3] = [const { OnceLock::new() }; 3];
-    let place = PlantKind::NAMES.iter().position(|it| it.1 == kind).expect("a plant that comes with the project");
-    ALL[place].get_or_init(Models::default)
-}
 
 /// The texts, in the order of [`place`].
 const TEXTS: [&str; 4] = ["pmac", "driveline", "servo-axis#ServoAxis", "servo-axis#ServoAxisClosedLoop"];

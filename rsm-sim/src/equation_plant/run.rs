@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Write as _;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use rsm_core::source::{Fault, Faults};
 
@@ -167,9 +167,14 @@ fn placed(file: &PlantFile) -> Vec<equations::Entry> {
 
 /// What is known of the models of a kind.
 fn models(kind: PlantKind) -> &'static Models {
+    /// Of the plants that come with the project.
+    static OWN: [OnceLock<Models>; 3] = [const { OnceLock::new() }; 3];
     match kind {
         PlantKind::Equations(kind) => &plant_of(kind).models,
-        kind => built_in::models(kind),
+        kind => {
+            let place = PlantKind::NAMES.iter().position(|it| it.1 == kind).expect("a plant that comes with the project");
+            OWN[place].get_or_init(Models::default)
+        }
     }
 }
 
