@@ -356,49 +356,49 @@ double driveline_damping_ratio(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = 1.57406190404054e-8; /* speed^5: 0.118943 */
+    const double r18 = 1.574060869856048e-8; /* speed^5: 0.118943 */
     const double r19 = driveline_rsm_keep(r18 * r9);
-    const double r20 = 6.157298844239426e-7; /* speed^4: 0.195905 */
+    const double r20 = 6.157295231188829e-7; /* speed^4: 0.195905 */
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = -1.137053827355677e-6; /* speed^3*gear: -0.030465 */
+    const double r23 = -1.1370549318676666e-6; /* speed^3*gear: -0.0304651 */
     const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = 4.901490441297844e-6; /* speed^3: 0.0656627 */
+    const double r25 = 4.901494074796831e-6; /* speed^3: 0.0656628 */
     const double r26 = r24 + r25;
     const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = 2.9578602329831946e-6; /* speed^2*gear^2: 0.00667367 */
+    const double r29 = 2.957920463550046e-6; /* speed^2*gear^2: 0.00667381 */
     const double r30 = r29 * r17;
     const double r31 = driveline_rsm_keep(r30 * r17);
-    const double r32 = -5.42454760380856e-5; /* speed^2: -0.0305978 */
+    const double r32 = -5.424536607884059e-5; /* speed^2: -0.0305978 */
     const double r33 = r31 + r32;
     const double r34 = r28 + r33;
     const double r35 = driveline_rsm_keep(r34 * r9);
-    const double r36 = 0.00011453468098139033; /* speed*gear^4: 0.0435232 */
+    const double r36 = 0.00011453465584171123; /* speed*gear^4: 0.0435232 */
     const double r37 = driveline_rsm_keep(r36 * r17);
-    const double r38 = -0.00016358183893049914; /* speed*gear^3: -0.0310805 */
+    const double r38 = -0.0001635833230828637; /* speed*gear^3: -0.0310808 */
     const double r39 = r37 + r38;
     const double r40 = r39 * r17;
     const double r41 = driveline_rsm_keep(r40 * r17);
-    const double r42 = 0.0005708796890515051; /* speed*gear: 0.0271168 */
+    const double r42 = 0.0005708837205091314; /* speed*gear: 0.027117 */
     const double r43 = r41 + r42;
     const double r44 = driveline_rsm_keep(r43 * r17);
-    const double r45 = -0.00015736974262753114; /* speed: -0.00373753 */
+    const double r45 = -0.00015736910239867318; /* speed: -0.00373752 */
     const double r46 = r44 + r45;
     const double r47 = r35 + r46;
     const double r48 = driveline_rsm_keep(r47 * r9);
-    const double r49 = 0.0021848668004246143; /* gear^4: 0.0349579 */
+    const double r49 = 0.002184863969810933; /* gear^4: 0.0349578 */
     const double r50 = driveline_rsm_keep(r49 * r17);
-    const double r51 = -0.004399028198022551; /* gear^3: -0.0351922 */
+    const double r51 = -0.00439904594962402; /* gear^3: -0.0351924 */
     const double r52 = r50 + r51;
     const double r53 = driveline_rsm_keep(r52 * r17);
-    const double r54 = -0.005005078244261219; /* gear^2: -0.0200203 */
+    const double r54 = -0.005005068764256459; /* gear^2: -0.0200203 */
     const double r55 = r53 + r54;
     const double r56 = driveline_rsm_keep(r55 * r17);
-    const double r57 = 0.023074481769132356; /* gear: 0.046149 */
+    const double r57 = 0.023074547188777692; /* gear: 0.0461491 */
     const double r58 = r56 + r57;
     const double r59 = driveline_rsm_keep(r58 * r17);
-    const double r60 = 0.14472818261724715; /* 1: 0.144728 */
+    const double r60 = 0.1447281912494186; /* 1: 0.144728 */
     const double r61 = r59 + r60;
     const double r62 = r48 + r61;
     return r62;
@@ -466,49 +466,49 @@ double driveline_damping_error(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = -4.034026813771664e-8; /* speed^5: -0.304829 */
+    const double r18 = -4.034028092374657e-8; /* speed^5: -0.304829 */
     const double r19 = driveline_rsm_keep(r18 * r9);
-    const double r20 = -4.513248967678777e-7; /* speed^4: -0.143596 */
+    const double r20 = -4.5132432338089987e-7; /* speed^4: -0.143596 */
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = -1.987275001536602e-7; /* speed^3*gear: -0.0053245 */
+    const double r23 = -1.9872785899316846e-7; /* speed^3*gear: -0.00532451 */
     const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = 9.762590620099044e-6; /* speed^3: 0.130784 */
+    const double r25 = 9.76260181197517e-6; /* speed^3: 0.130785 */
     const double r26 = r24 + r25;
     const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = 5.796432029345189e-6; /* speed^2*gear^2: 0.0130782 */
+    const double r29 = 5.79637882372026e-6; /* speed^2*gear^2: 0.0130781 */
     const double r30 = r29 * r17;
     const double r31 = driveline_rsm_keep(r30 * r17);
-    const double r32 = 1.9063951749016505e-5; /* speed^2: 0.0107533 */
+    const double r32 = 1.906380260848869e-5; /* speed^2: 0.0107532 */
     const double r33 = r31 + r32;
     const double r34 = r28 + r33;
     const double r35 = driveline_rsm_keep(r34 * r9);
-    const double r36 = -5.7746227026845584e-5; /* speed*gear^4: -0.0219436 */
+    const double r36 = -5.774634365289096e-5; /* speed*gear^4: -0.0219436 */
     const double r37 = driveline_rsm_keep(r36 * r17);
-    const double r38 = 5.506141795966225e-5; /* speed*gear^3: 0.0104617 */
+    const double r38 = 5.5063280238427276e-5; /* speed*gear^3: 0.010462 */
     const double r39 = r37 + r38;
     const double r40 = r39 * r17;
     const double r41 = driveline_rsm_keep(r40 * r17);
-    const double r42 = -0.0003654045580161986; /* speed*gear: -0.0173567 */
+    const double r42 = -0.0003654087885990002; /* speed*gear: -0.0173569 */
     const double r43 = r41 + r42;
     const double r44 = driveline_rsm_keep(r43 * r17);
-    const double r45 = -0.001359673343997495; /* speed: -0.0322922 */
+    const double r45 = -0.0013596754278011292; /* speed: -0.0322923 */
     const double r46 = r44 + r45;
     const double r47 = r35 + r46;
     const double r48 = driveline_rsm_keep(r47 * r9);
-    const double r49 = 0.001403696924051397; /* gear^4: 0.0224592 */
+    const double r49 = 0.0014036962439131836; /* gear^4: 0.0224591 */
     const double r50 = driveline_rsm_keep(r49 * r17);
-    const double r51 = -0.0030733473914173483; /* gear^3: -0.0245868 */
+    const double r51 = -0.003073322089919462; /* gear^3: -0.0245866 */
     const double r52 = r50 + r51;
     const double r53 = driveline_rsm_keep(r52 * r17);
-    const double r54 = 0.0012719403987994096; /* gear^2: 0.00508776 */
+    const double r54 = 0.0012719325212283545; /* gear^2: 0.00508773 */
     const double r55 = r53 + r54;
     const double r56 = driveline_rsm_keep(r55 * r17);
-    const double r57 = -0.01567043027166129; /* gear: -0.0313409 */
+    const double r57 = -0.015670502429630778; /* gear: -0.031341 */
     const double r58 = r56 + r57;
     const double r59 = driveline_rsm_keep(r58 * r17);
-    const double r60 = 0.5058164848315898; /* 1: 0.505816 */
+    const double r60 = 0.50581647746261; /* 1: 0.505816 */
     const double r61 = r59 + r60;
     const double r62 = r48 + r61;
     return r62;
@@ -533,26 +533,26 @@ double driveline_shuffle_frequency(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = -0.017325775715205608; /* speed*gear^3: -3.2919 rad/s */
+    const double r18 = -0.01732565654129698; /* speed*gear^3: -3.29187 rad/s */
     const double r19 = driveline_rsm_keep(r18 * r17);
-    const double r20 = -0.044513951014895525; /* speed*gear^2: -4.22883 rad/s */
+    const double r20 = -0.04451390125091522; /* speed*gear^2: -4.22882 rad/s */
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r17);
-    const double r23 = -0.07305104025616908; /* speed*gear: -3.46992 rad/s */
+    const double r23 = -0.07305140445638465; /* speed*gear: -3.46994 rad/s */
     const double r24 = r22 + r23;
     const double r25 = driveline_rsm_keep(r24 * r17);
-    const double r26 = 0.0002867617927331484; /* speed: 0.00681059 rad/s */
+    const double r26 = 0.0002866539430307178; /* speed: 0.00680803 rad/s */
     const double r27 = r25 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = -0.5011266446131966; /* gear^3: -4.00901 rad/s */
+    const double r29 = -0.5011253116185895; /* gear^3: -4.009 rad/s */
     const double r30 = driveline_rsm_keep(r29 * r17);
-    const double r31 = -0.3367643302457455; /* gear^2: -1.34706 rad/s */
+    const double r31 = -0.33676504314672184; /* gear^2: -1.34706 rad/s */
     const double r32 = r30 + r31;
     const double r33 = driveline_rsm_keep(r32 * r17);
-    const double r34 = 8.251520805083269; /* gear: 16.503 rad/s */
+    const double r34 = 8.25151473267167; /* gear: 16.503 rad/s */
     const double r35 = r33 + r34;
     const double r36 = driveline_rsm_keep(r35 * r17);
-    const double r37 = 30.35211710904166; /* 1: 30.3521 rad/s */
+    const double r37 = 30.352115896634025; /* 1: 30.3521 rad/s */
     const double r38 = r36 + r37;
     const double r39 = r28 + r38;
     return r39;
@@ -586,116 +586,116 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r18 = driveline_rsm_at_most(r15, r16);
     const double r19 = 3.0;
     const double r20 = r18 - r19;
-    const double r21 = -0.017325775715205608; /* speed*gear^3: -3.2919 rad/s */
+    const double r21 = -0.01732565654129698; /* speed*gear^3: -3.29187 rad/s */
     const double r22 = driveline_rsm_keep(r21 * r20);
-    const double r23 = -0.044513951014895525; /* speed*gear^2: -4.22883 rad/s */
+    const double r23 = -0.04451390125091522; /* speed*gear^2: -4.22882 rad/s */
     const double r24 = r22 + r23;
     const double r25 = driveline_rsm_keep(r24 * r20);
-    const double r26 = -0.07305104025616908; /* speed*gear: -3.46992 rad/s */
+    const double r26 = -0.07305140445638465; /* speed*gear: -3.46994 rad/s */
     const double r27 = r25 + r26;
     const double r28 = driveline_rsm_keep(r27 * r20);
-    const double r29 = 0.0002867617927331484; /* speed: 0.00681059 rad/s */
+    const double r29 = 0.0002866539430307178; /* speed: 0.00680803 rad/s */
     const double r30 = r28 + r29;
     const double r31 = driveline_rsm_keep(r30 * r12);
-    const double r32 = -0.5011266446131966; /* gear^3: -4.00901 rad/s */
+    const double r32 = -0.5011253116185895; /* gear^3: -4.009 rad/s */
     const double r33 = driveline_rsm_keep(r32 * r20);
-    const double r34 = -0.3367643302457455; /* gear^2: -1.34706 rad/s */
+    const double r34 = -0.33676504314672184; /* gear^2: -1.34706 rad/s */
     const double r35 = r33 + r34;
     const double r36 = driveline_rsm_keep(r35 * r20);
-    const double r37 = 8.251520805083269; /* gear: 16.503 rad/s */
+    const double r37 = 8.25151473267167; /* gear: 16.503 rad/s */
     const double r38 = r36 + r37;
     const double r39 = driveline_rsm_keep(r38 * r20);
-    const double r40 = 30.35211710904166; /* 1: 30.3521 rad/s */
+    const double r40 = 30.352115896634025; /* 1: 30.3521 rad/s */
     const double r41 = r39 + r40;
     const double r42 = r31 + r41;
-    const double r43 = 1.57406190404054e-8; /* speed^5: 0.118943 */
+    const double r43 = 1.574060869856048e-8; /* speed^5: 0.118943 */
     const double r44 = driveline_rsm_keep(r43 * r12);
-    const double r45 = 6.157298844239426e-7; /* speed^4: 0.195905 */
+    const double r45 = 6.157295231188829e-7; /* speed^4: 0.195905 */
     const double r46 = r44 + r45;
     const double r47 = driveline_rsm_keep(r46 * r12);
-    const double r48 = -1.137053827355677e-6; /* speed^3*gear: -0.030465 */
+    const double r48 = -1.1370549318676666e-6; /* speed^3*gear: -0.0304651 */
     const double r49 = driveline_rsm_keep(r48 * r20);
-    const double r50 = 4.901490441297844e-6; /* speed^3: 0.0656627 */
+    const double r50 = 4.901494074796831e-6; /* speed^3: 0.0656628 */
     const double r51 = r49 + r50;
     const double r52 = r47 + r51;
     const double r53 = driveline_rsm_keep(r52 * r12);
-    const double r54 = 2.9578602329831946e-6; /* speed^2*gear^2: 0.00667367 */
+    const double r54 = 2.957920463550046e-6; /* speed^2*gear^2: 0.00667381 */
     const double r55 = r54 * r20;
     const double r56 = driveline_rsm_keep(r55 * r20);
-    const double r57 = -5.42454760380856e-5; /* speed^2: -0.0305978 */
+    const double r57 = -5.424536607884059e-5; /* speed^2: -0.0305978 */
     const double r58 = r56 + r57;
     const double r59 = r53 + r58;
     const double r60 = driveline_rsm_keep(r59 * r12);
-    const double r61 = 0.00011453468098139033; /* speed*gear^4: 0.0435232 */
+    const double r61 = 0.00011453465584171123; /* speed*gear^4: 0.0435232 */
     const double r62 = driveline_rsm_keep(r61 * r20);
-    const double r63 = -0.00016358183893049914; /* speed*gear^3: -0.0310805 */
+    const double r63 = -0.0001635833230828637; /* speed*gear^3: -0.0310808 */
     const double r64 = r62 + r63;
     const double r65 = r64 * r20;
     const double r66 = driveline_rsm_keep(r65 * r20);
-    const double r67 = 0.0005708796890515051; /* speed*gear: 0.0271168 */
+    const double r67 = 0.0005708837205091314; /* speed*gear: 0.027117 */
     const double r68 = r66 + r67;
     const double r69 = driveline_rsm_keep(r68 * r20);
-    const double r70 = -0.00015736974262753114; /* speed: -0.00373753 */
+    const double r70 = -0.00015736910239867318; /* speed: -0.00373752 */
     const double r71 = r69 + r70;
     const double r72 = r60 + r71;
     const double r73 = driveline_rsm_keep(r72 * r12);
-    const double r74 = 0.0021848668004246143; /* gear^4: 0.0349579 */
+    const double r74 = 0.002184863969810933; /* gear^4: 0.0349578 */
     const double r75 = driveline_rsm_keep(r74 * r20);
-    const double r76 = -0.004399028198022551; /* gear^3: -0.0351922 */
+    const double r76 = -0.00439904594962402; /* gear^3: -0.0351924 */
     const double r77 = r75 + r76;
     const double r78 = driveline_rsm_keep(r77 * r20);
-    const double r79 = -0.005005078244261219; /* gear^2: -0.0200203 */
+    const double r79 = -0.005005068764256459; /* gear^2: -0.0200203 */
     const double r80 = r78 + r79;
     const double r81 = driveline_rsm_keep(r80 * r20);
-    const double r82 = 0.023074481769132356; /* gear: 0.046149 */
+    const double r82 = 0.023074547188777692; /* gear: 0.0461491 */
     const double r83 = r81 + r82;
     const double r84 = driveline_rsm_keep(r83 * r20);
-    const double r85 = 0.14472818261724715; /* 1: 0.144728 */
+    const double r85 = 0.1447281912494186; /* 1: 0.144728 */
     const double r86 = r84 + r85;
     const double r87 = r73 + r86;
-    const double r88 = -4.034026813771664e-8; /* speed^5: -0.304829 */
+    const double r88 = -4.034028092374657e-8; /* speed^5: -0.304829 */
     const double r89 = driveline_rsm_keep(r88 * r12);
-    const double r90 = -4.513248967678777e-7; /* speed^4: -0.143596 */
+    const double r90 = -4.5132432338089987e-7; /* speed^4: -0.143596 */
     const double r91 = r89 + r90;
     const double r92 = driveline_rsm_keep(r91 * r12);
-    const double r93 = -1.987275001536602e-7; /* speed^3*gear: -0.0053245 */
+    const double r93 = -1.9872785899316846e-7; /* speed^3*gear: -0.00532451 */
     const double r94 = driveline_rsm_keep(r93 * r20);
-    const double r95 = 9.762590620099044e-6; /* speed^3: 0.130784 */
+    const double r95 = 9.76260181197517e-6; /* speed^3: 0.130785 */
     const double r96 = r94 + r95;
     const double r97 = r92 + r96;
     const double r98 = driveline_rsm_keep(r97 * r12);
-    const double r99 = 5.796432029345189e-6; /* speed^2*gear^2: 0.0130782 */
+    const double r99 = 5.79637882372026e-6; /* speed^2*gear^2: 0.0130781 */
     const double r100 = r99 * r20;
     const double r101 = driveline_rsm_keep(r100 * r20);
-    const double r102 = 1.9063951749016505e-5; /* speed^2: 0.0107533 */
+    const double r102 = 1.906380260848869e-5; /* speed^2: 0.0107532 */
     const double r103 = r101 + r102;
     const double r104 = r98 + r103;
     const double r105 = driveline_rsm_keep(r104 * r12);
-    const double r106 = -5.7746227026845584e-5; /* speed*gear^4: -0.0219436 */
+    const double r106 = -5.774634365289096e-5; /* speed*gear^4: -0.0219436 */
     const double r107 = driveline_rsm_keep(r106 * r20);
-    const double r108 = 5.506141795966225e-5; /* speed*gear^3: 0.0104617 */
+    const double r108 = 5.5063280238427276e-5; /* speed*gear^3: 0.010462 */
     const double r109 = r107 + r108;
     const double r110 = r109 * r20;
     const double r111 = driveline_rsm_keep(r110 * r20);
-    const double r112 = -0.0003654045580161986; /* speed*gear: -0.0173567 */
+    const double r112 = -0.0003654087885990002; /* speed*gear: -0.0173569 */
     const double r113 = r111 + r112;
     const double r114 = driveline_rsm_keep(r113 * r20);
-    const double r115 = -0.001359673343997495; /* speed: -0.0322922 */
+    const double r115 = -0.0013596754278011292; /* speed: -0.0322923 */
     const double r116 = r114 + r115;
     const double r117 = r105 + r116;
     const double r118 = driveline_rsm_keep(r117 * r12);
-    const double r119 = 0.001403696924051397; /* gear^4: 0.0224592 */
+    const double r119 = 0.0014036962439131836; /* gear^4: 0.0224591 */
     const double r120 = driveline_rsm_keep(r119 * r20);
-    const double r121 = -0.0030733473914173483; /* gear^3: -0.0245868 */
+    const double r121 = -0.003073322089919462; /* gear^3: -0.0245866 */
     const double r122 = r120 + r121;
     const double r123 = driveline_rsm_keep(r122 * r20);
-    const double r124 = 0.0012719403987994096; /* gear^2: 0.00508776 */
+    const double r124 = 0.0012719325212283545; /* gear^2: 0.00508773 */
     const double r125 = r123 + r124;
     const double r126 = driveline_rsm_keep(r125 * r20);
-    const double r127 = -0.01567043027166129; /* gear: -0.0313409 */
+    const double r127 = -0.015670502429630778; /* gear: -0.031341 */
     const double r128 = r126 + r127;
     const double r129 = driveline_rsm_keep(r128 * r20);
-    const double r130 = 0.5058164848315898; /* 1: 0.505816 */
+    const double r130 = 0.50581647746261; /* 1: 0.505816 */
     const double r131 = r129 + r130;
     const double r132 = r118 + r131;
     const double r133 = r87 + r132;
@@ -764,49 +764,49 @@ float driveline_damping_ratio_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = 1.574062e-8f; /* speed^5: 0.118943 */
+    const float r18 = 1.5740609e-8f; /* speed^5: 0.118943 */
     const float r19 = driveline_rsm_keep_f32(r18 * r9);
-    const float r20 = 6.157299e-7f; /* speed^4: 0.195905 */
+    const float r20 = 6.157295e-7f; /* speed^4: 0.195905 */
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = -1.1370538e-6f; /* speed^3*gear: -0.030465 */
+    const float r23 = -1.1370549e-6f; /* speed^3*gear: -0.0304651 */
     const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = 4.9014902e-6f; /* speed^3: 0.0656627 */
+    const float r25 = 4.901494e-6f; /* speed^3: 0.0656628 */
     const float r26 = r24 + r25;
     const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = 2.9578603e-6f; /* speed^2*gear^2: 0.00667367 */
+    const float r29 = 2.9579205e-6f; /* speed^2*gear^2: 0.00667381 */
     const float r30 = r29 * r17;
     const float r31 = driveline_rsm_keep_f32(r30 * r17);
-    const float r32 = -5.4245476e-5f; /* speed^2: -0.0305978 */
+    const float r32 = -5.4245367e-5f; /* speed^2: -0.0305978 */
     const float r33 = r31 + r32;
     const float r34 = r28 + r33;
     const float r35 = driveline_rsm_keep_f32(r34 * r9);
-    const float r36 = 0.00011453468f; /* speed*gear^4: 0.0435232 */
+    const float r36 = 0.000114534654f; /* speed*gear^4: 0.0435232 */
     const float r37 = driveline_rsm_keep_f32(r36 * r17);
-    const float r38 = -0.00016358183f; /* speed*gear^3: -0.0310805 */
+    const float r38 = -0.00016358332f; /* speed*gear^3: -0.0310808 */
     const float r39 = r37 + r38;
     const float r40 = r39 * r17;
     const float r41 = driveline_rsm_keep_f32(r40 * r17);
-    const float r42 = 0.00057087967f; /* speed*gear: 0.0271168 */
+    const float r42 = 0.00057088374f; /* speed*gear: 0.027117 */
     const float r43 = r41 + r42;
     const float r44 = driveline_rsm_keep_f32(r43 * r17);
-    const float r45 = -0.00015736974f; /* speed: -0.00373753 */
+    const float r45 = -0.0001573691f; /* speed: -0.00373752 */
     const float r46 = r44 + r45;
     const float r47 = r35 + r46;
     const float r48 = driveline_rsm_keep_f32(r47 * r9);
-    const float r49 = 0.0021848667f; /* gear^4: 0.0349579 */
+    const float r49 = 0.002184864f; /* gear^4: 0.0349578 */
     const float r50 = driveline_rsm_keep_f32(r49 * r17);
-    const float r51 = -0.004399028f; /* gear^3: -0.0351922 */
+    const float r51 = -0.004399046f; /* gear^3: -0.0351924 */
     const float r52 = r50 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r17);
-    const float r54 = -0.0050050784f; /* gear^2: -0.0200203 */
+    const float r54 = -0.0050050686f; /* gear^2: -0.0200203 */
     const float r55 = r53 + r54;
     const float r56 = driveline_rsm_keep_f32(r55 * r17);
-    const float r57 = 0.023074482f; /* gear: 0.046149 */
+    const float r57 = 0.023074547f; /* gear: 0.0461491 */
     const float r58 = r56 + r57;
     const float r59 = driveline_rsm_keep_f32(r58 * r17);
-    const float r60 = 0.14472818f; /* 1: 0.144728 */
+    const float r60 = 0.1447282f; /* 1: 0.144728 */
     const float r61 = r59 + r60;
     const float r62 = r48 + r61;
     return r62;
@@ -874,46 +874,46 @@ float driveline_damping_error_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = -4.0340268e-8f; /* speed^5: -0.304829 */
+    const float r18 = -4.0340282e-8f; /* speed^5: -0.304829 */
     const float r19 = driveline_rsm_keep_f32(r18 * r9);
-    const float r20 = -4.513249e-7f; /* speed^4: -0.143596 */
+    const float r20 = -4.5132433e-7f; /* speed^4: -0.143596 */
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = -1.987275e-7f; /* speed^3*gear: -0.0053245 */
+    const float r23 = -1.9872786e-7f; /* speed^3*gear: -0.00532451 */
     const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = 9.762591e-6f; /* speed^3: 0.130784 */
+    const float r25 = 9.762602e-6f; /* speed^3: 0.130785 */
     const float r26 = r24 + r25;
     const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = 5.796432e-6f; /* speed^2*gear^2: 0.0130782 */
+    const float r29 = 5.796379e-6f; /* speed^2*gear^2: 0.0130781 */
     const float r30 = r29 * r17;
     const float r31 = driveline_rsm_keep_f32(r30 * r17);
-    const float r32 = 1.9063951e-5f; /* speed^2: 0.0107533 */
+    const float r32 = 1.9063802e-5f; /* speed^2: 0.0107532 */
     const float r33 = r31 + r32;
     const float r34 = r28 + r33;
     const float r35 = driveline_rsm_keep_f32(r34 * r9);
-    const float r36 = -5.7746227e-5f; /* speed*gear^4: -0.0219436 */
+    const float r36 = -5.7746343e-5f; /* speed*gear^4: -0.0219436 */
     const float r37 = driveline_rsm_keep_f32(r36 * r17);
-    const float r38 = 5.5061417e-5f; /* speed*gear^3: 0.0104617 */
+    const float r38 = 5.506328e-5f; /* speed*gear^3: 0.010462 */
     const float r39 = r37 + r38;
     const float r40 = r39 * r17;
     const float r41 = driveline_rsm_keep_f32(r40 * r17);
-    const float r42 = -0.00036540456f; /* speed*gear: -0.0173567 */
+    const float r42 = -0.00036540878f; /* speed*gear: -0.0173569 */
     const float r43 = r41 + r42;
     const float r44 = driveline_rsm_keep_f32(r43 * r17);
-    const float r45 = -0.0013596733f; /* speed: -0.0322922 */
+    const float r45 = -0.0013596754f; /* speed: -0.0322923 */
     const float r46 = r44 + r45;
     const float r47 = r35 + r46;
     const float r48 = driveline_rsm_keep_f32(r47 * r9);
-    const float r49 = 0.001403697f; /* gear^4: 0.0224592 */
+    const float r49 = 0.0014036963f; /* gear^4: 0.0224591 */
     const float r50 = driveline_rsm_keep_f32(r49 * r17);
-    const float r51 = -0.0030733475f; /* gear^3: -0.0245868 */
+    const float r51 = -0.0030733221f; /* gear^3: -0.0245866 */
     const float r52 = r50 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r17);
-    const float r54 = 0.0012719404f; /* gear^2: 0.00508776 */
+    const float r54 = 0.0012719325f; /* gear^2: 0.00508773 */
     const float r55 = r53 + r54;
     const float r56 = driveline_rsm_keep_f32(r55 * r17);
-    const float r57 = -0.01567043f; /* gear: -0.0313409 */
+    const float r57 = -0.015670503f; /* gear: -0.031341 */
     const float r58 = r56 + r57;
     const float r59 = driveline_rsm_keep_f32(r58 * r17);
     const float r60 = 0.50581646f; /* 1: 0.505816 */
@@ -941,26 +941,26 @@ float driveline_shuffle_frequency_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = -0.017325776f; /* speed*gear^3: -3.2919 rad/s */
+    const float r18 = -0.017325656f; /* speed*gear^3: -3.29187 rad/s */
     const float r19 = driveline_rsm_keep_f32(r18 * r17);
-    const float r20 = -0.044513952f; /* speed*gear^2: -4.22883 rad/s */
+    const float r20 = -0.0445139f; /* speed*gear^2: -4.22882 rad/s */
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r17);
-    const float r23 = -0.07305104f; /* speed*gear: -3.46992 rad/s */
+    const float r23 = -0.07305141f; /* speed*gear: -3.46994 rad/s */
     const float r24 = r22 + r23;
     const float r25 = driveline_rsm_keep_f32(r24 * r17);
-    const float r26 = 0.0002867618f; /* speed: 0.00681059 rad/s */
+    const float r26 = 0.00028665393f; /* speed: 0.00680803 rad/s */
     const float r27 = r25 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = -0.50112665f; /* gear^3: -4.00901 rad/s */
+    const float r29 = -0.50112534f; /* gear^3: -4.009 rad/s */
     const float r30 = driveline_rsm_keep_f32(r29 * r17);
-    const float r31 = -0.33676434f; /* gear^2: -1.34706 rad/s */
+    const float r31 = -0.33676505f; /* gear^2: -1.34706 rad/s */
     const float r32 = r30 + r31;
     const float r33 = driveline_rsm_keep_f32(r32 * r17);
-    const float r34 = 8.251521f; /* gear: 16.503 rad/s */
+    const float r34 = 8.251514f; /* gear: 16.503 rad/s */
     const float r35 = r33 + r34;
     const float r36 = driveline_rsm_keep_f32(r35 * r17);
-    const float r37 = 30.352118f; /* 1: 30.3521 rad/s */
+    const float r37 = 30.352116f; /* 1: 30.3521 rad/s */
     const float r38 = r36 + r37;
     const float r39 = r28 + r38;
     return r39;
@@ -994,113 +994,113 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r18 = driveline_rsm_at_most_f32(r15, r16);
     const float r19 = 3.0f;
     const float r20 = r18 - r19;
-    const float r21 = -0.017325776f; /* speed*gear^3: -3.2919 rad/s */
+    const float r21 = -0.017325656f; /* speed*gear^3: -3.29187 rad/s */
     const float r22 = driveline_rsm_keep_f32(r21 * r20);
-    const float r23 = -0.044513952f; /* speed*gear^2: -4.22883 rad/s */
+    const float r23 = -0.0445139f; /* speed*gear^2: -4.22882 rad/s */
     const float r24 = r22 + r23;
     const float r25 = driveline_rsm_keep_f32(r24 * r20);
-    const float r26 = -0.07305104f; /* speed*gear: -3.46992 rad/s */
+    const float r26 = -0.07305141f; /* speed*gear: -3.46994 rad/s */
     const float r27 = r25 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r20);
-    const float r29 = 0.0002867618f; /* speed: 0.00681059 rad/s */
+    const float r29 = 0.00028665393f; /* speed: 0.00680803 rad/s */
     const float r30 = r28 + r29;
     const float r31 = driveline_rsm_keep_f32(r30 * r12);
-    const float r32 = -0.50112665f; /* gear^3: -4.00901 rad/s */
+    const float r32 = -0.50112534f; /* gear^3: -4.009 rad/s */
     const float r33 = driveline_rsm_keep_f32(r32 * r20);
-    const float r34 = -0.33676434f; /* gear^2: -1.34706 rad/s */
+    const float r34 = -0.33676505f; /* gear^2: -1.34706 rad/s */
     const float r35 = r33 + r34;
     const float r36 = driveline_rsm_keep_f32(r35 * r20);
-    const float r37 = 8.251521f; /* gear: 16.503 rad/s */
+    const float r37 = 8.251514f; /* gear: 16.503 rad/s */
     const float r38 = r36 + r37;
     const float r39 = driveline_rsm_keep_f32(r38 * r20);
-    const float r40 = 30.352118f; /* 1: 30.3521 rad/s */
+    const float r40 = 30.352116f; /* 1: 30.3521 rad/s */
     const float r41 = r39 + r40;
     const float r42 = r31 + r41;
-    const float r43 = 1.574062e-8f; /* speed^5: 0.118943 */
+    const float r43 = 1.5740609e-8f; /* speed^5: 0.118943 */
     const float r44 = driveline_rsm_keep_f32(r43 * r12);
-    const float r45 = 6.157299e-7f; /* speed^4: 0.195905 */
+    const float r45 = 6.157295e-7f; /* speed^4: 0.195905 */
     const float r46 = r44 + r45;
     const float r47 = driveline_rsm_keep_f32(r46 * r12);
-    const float r48 = -1.1370538e-6f; /* speed^3*gear: -0.030465 */
+    const float r48 = -1.1370549e-6f; /* speed^3*gear: -0.0304651 */
     const float r49 = driveline_rsm_keep_f32(r48 * r20);
-    const float r50 = 4.9014902e-6f; /* speed^3: 0.0656627 */
+    const float r50 = 4.901494e-6f; /* speed^3: 0.0656628 */
     const float r51 = r49 + r50;
     const float r52 = r47 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r12);
-    const float r54 = 2.9578603e-6f; /* speed^2*gear^2: 0.00667367 */
+    const float r54 = 2.9579205e-6f; /* speed^2*gear^2: 0.00667381 */
     const float r55 = r54 * r20;
     const float r56 = driveline_rsm_keep_f32(r55 * r20);
-    const float r57 = -5.4245476e-5f; /* speed^2: -0.0305978 */
+    const float r57 = -5.4245367e-5f; /* speed^2: -0.0305978 */
     const float r58 = r56 + r57;
     const float r59 = r53 + r58;
     const float r60 = driveline_rsm_keep_f32(r59 * r12);
-    const float r61 = 0.00011453468f; /* speed*gear^4: 0.0435232 */
+    const float r61 = 0.000114534654f; /* speed*gear^4: 0.0435232 */
     const float r62 = driveline_rsm_keep_f32(r61 * r20);
-    const float r63 = -0.00016358183f; /* speed*gear^3: -0.0310805 */
+    const float r63 = -0.00016358332f; /* speed*gear^3: -0.0310808 */
     const float r64 = r62 + r63;
     const float r65 = r64 * r20;
     const float r66 = driveline_rsm_keep_f32(r65 * r20);
-    const float r67 = 0.00057087967f; /* speed*gear: 0.0271168 */
+    const float r67 = 0.00057088374f; /* speed*gear: 0.027117 */
     const float r68 = r66 + r67;
     const float r69 = driveline_rsm_keep_f32(r68 * r20);
-    const float r70 = -0.00015736974f; /* speed: -0.00373753 */
+    const float r70 = -0.0001573691f; /* speed: -0.00373752 */
     const float r71 = r69 + r70;
     const float r72 = r60 + r71;
     const float r73 = driveline_rsm_keep_f32(r72 * r12);
-    const float r74 = 0.0021848667f; /* gear^4: 0.0349579 */
+    const float r74 = 0.002184864f; /* gear^4: 0.0349578 */
     const float r75 = driveline_rsm_keep_f32(r74 * r20);
-    const float r76 = -0.004399028f; /* gear^3: -0.0351922 */
+    const float r76 = -0.004399046f; /* gear^3: -0.0351924 */
     const float r77 = r75 + r76;
     const float r78 = driveline_rsm_keep_f32(r77 * r20);
-    const float r79 = -0.0050050784f; /* gear^2: -0.0200203 */
+    const float r79 = -0.0050050686f; /* gear^2: -0.0200203 */
     const float r80 = r78 + r79;
     const float r81 = driveline_rsm_keep_f32(r80 * r20);
-    const float r82 = 0.023074482f; /* gear: 0.046149 */
+    const float r82 = 0.023074547f; /* gear: 0.0461491 */
     const float r83 = r81 + r82;
     const float r84 = driveline_rsm_keep_f32(r83 * r20);
-    const float r85 = 0.14472818f; /* 1: 0.144728 */
+    const float r85 = 0.1447282f; /* 1: 0.144728 */
     const float r86 = r84 + r85;
     const float r87 = r73 + r86;
-    const float r88 = -4.0340268e-8f; /* speed^5: -0.304829 */
+    const float r88 = -4.0340282e-8f; /* speed^5: -0.304829 */
     const float r89 = driveline_rsm_keep_f32(r88 * r12);
-    const float r90 = -4.513249e-7f; /* speed^4: -0.143596 */
+    const float r90 = -4.5132433e-7f; /* speed^4: -0.143596 */
     const float r91 = r89 + r90;
     const float r92 = driveline_rsm_keep_f32(r91 * r12);
-    const float r93 = -1.987275e-7f; /* speed^3*gear: -0.0053245 */
+    const float r93 = -1.9872786e-7f; /* speed^3*gear: -0.00532451 */
     const float r94 = driveline_rsm_keep_f32(r93 * r20);
-    const float r95 = 9.762591e-6f; /* speed^3: 0.130784 */
+    const float r95 = 9.762602e-6f; /* speed^3: 0.130785 */
     const float r96 = r94 + r95;
     const float r97 = r92 + r96;
     const float r98 = driveline_rsm_keep_f32(r97 * r12);
-    const float r99 = 5.796432e-6f; /* speed^2*gear^2: 0.0130782 */
+    const float r99 = 5.796379e-6f; /* speed^2*gear^2: 0.0130781 */
     const float r100 = r99 * r20;
     const float r101 = driveline_rsm_keep_f32(r100 * r20);
-    const float r102 = 1.9063951e-5f; /* speed^2: 0.0107533 */
+    const float r102 = 1.9063802e-5f; /* speed^2: 0.0107532 */
     const float r103 = r101 + r102;
     const float r104 = r98 + r103;
     const float r105 = driveline_rsm_keep_f32(r104 * r12);
-    const float r106 = -5.7746227e-5f; /* speed*gear^4: -0.0219436 */
+    const float r106 = -5.7746343e-5f; /* speed*gear^4: -0.0219436 */
     const float r107 = driveline_rsm_keep_f32(r106 * r20);
-    const float r108 = 5.5061417e-5f; /* speed*gear^3: 0.0104617 */
+    const float r108 = 5.506328e-5f; /* speed*gear^3: 0.010462 */
     const float r109 = r107 + r108;
     const float r110 = r109 * r20;
     const float r111 = driveline_rsm_keep_f32(r110 * r20);
-    const float r112 = -0.00036540456f; /* speed*gear: -0.0173567 */
+    const float r112 = -0.00036540878f; /* speed*gear: -0.0173569 */
     const float r113 = r111 + r112;
     const float r114 = driveline_rsm_keep_f32(r113 * r20);
-    const float r115 = -0.0013596733f; /* speed: -0.0322922 */
+    const float r115 = -0.0013596754f; /* speed: -0.0322923 */
     const float r116 = r114 + r115;
     const float r117 = r105 + r116;
     const float r118 = driveline_rsm_keep_f32(r117 * r12);
-    const float r119 = 0.001403697f; /* gear^4: 0.0224592 */
+    const float r119 = 0.0014036963f; /* gear^4: 0.0224591 */
     const float r120 = driveline_rsm_keep_f32(r119 * r20);
-    const float r121 = -0.0030733475f; /* gear^3: -0.0245868 */
+    const float r121 = -0.0030733221f; /* gear^3: -0.0245866 */
     const float r122 = r120 + r121;
     const float r123 = driveline_rsm_keep_f32(r122 * r20);
-    const float r124 = 0.0012719404f; /* gear^2: 0.00508776 */
+    const float r124 = 0.0012719325f; /* gear^2: 0.00508773 */
     const float r125 = r123 + r124;
     const float r126 = driveline_rsm_keep_f32(r125 * r20);
-    const float r127 = -0.01567043f; /* gear: -0.0313409 */
+    const float r127 = -0.015670503f; /* gear: -0.031341 */
     const float r128 = r126 + r127;
     const float r129 = driveline_rsm_keep_f32(r128 * r20);
     const float r130 = 0.50581646f; /* 1: 0.505816 */
@@ -1201,19 +1201,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc28673fd93469bULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fe10ac7649f15f2ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fe10ac7649f15f2ULL },
-            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
-            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fe10ac7649f15f2ULL },
-            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
-            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fafad4ac0fed108ULL }, /* other bits if fused */
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc28674101cdcbcULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fafad4ab9883e00ULL }, /* other bits if fused */
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fe10ac73e94f22dULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fe10ac73e94f22dULL },
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fafad4ab9883e00ULL }, /* other bits if fused */
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fe10ac73e94f22dULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fafad4ab9883e00ULL }, /* other bits if fused */
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fafad4ab9883e00ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fdaab48515a146aULL }, /* other bits if fused */
-            { 0x40166e1c2350b3ceULL, 0x400ae8083a2b5aebULL, 0x3fc224818d728ca0ULL }, /* other bits if fused */
-            { 0x4040e765ca8c2de1ULL, 0x40121774d56b0dc9ULL, 0x3fc5ea0b8414ea97ULL }, /* other bits if fused */
+            { 0x4011619a3a88ec9dULL, 0x4002a64e82c377f0ULL, 0x3fbdd45a76bd3caeULL }, /* other bits if fused */
+            { 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0x3fbf03415c1a28b2ULL }, /* other bits if fused */
+            { 0x40245f618a1608f0ULL, 0x3ff4a269a6017048ULL, 0x3fbacb834d551cbaULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_ratio;
         const uint64_t (*volatile rows)[3] = points;
@@ -1280,19 +1280,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe02fa60d8423b4ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe5f054c746584eULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fbdfee0f70103b8ULL }, /* other bits if fused */
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fbdfee0f70103b8ULL }, /* other bits if fused */
-            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fe5f054c746584eULL },
-            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fbdfee0f70103b8ULL }, /* other bits if fused */
-            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fe5f054c746584eULL },
-            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fe5f054c746584eULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe02fa6098f5ac7ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe5f054e45aad26ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fbdfee276d815d0ULL }, /* other bits if fused */
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fbdfee276d815d0ULL }, /* other bits if fused */
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fe5f054e45aad26ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fbdfee276d815d0ULL }, /* other bits if fused */
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fe5f054e45aad26ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fe5f054e45aad26ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4011619a3a88ec9dULL, 0x4002a64e82c377f0ULL, 0x3fe1919fb224dcf8ULL }, /* other bits if fused */
-            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fd63de58cdf5903ULL }, /* other bits if fused */
-            { 0x4046847b336de671ULL, 0x400a51d6e43da6c3ULL, 0x3fd93effe116e2feULL }, /* other bits if fused */
+            { 0x4048f6a4e41e633fULL, 0x3ff9804d27fbc21eULL, 0x3fcca58035bba61eULL }, /* other bits if fused */
+            { 0x40055da3212935beULL, 0x40132443b542bf81ULL, 0x3fe2b524a0a61c1aULL }, /* other bits if fused */
+            { 0x40477780aaa78c24ULL, 0x4009223397e3dd2fULL, 0x3fd55741d90b7364ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_error;
         const uint64_t (*volatile rows)[3] = points;
@@ -1321,19 +1321,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403e5a2458cbb22dULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf1444f6a3aa1ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e788e349e2ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x403e83e788e349e2ULL },
-            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x402bf1444f6a3aa1ULL },
-            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x403e83e788e349e2ULL },
-            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x402bf1444f6a3aa1ULL },
-            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x402bf1444f6a3aa1ULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403e5a24447471e2ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf144635ab520ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e7a9da0cc5ULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x403e83e7a9da0cc5ULL },
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x402bf144635ab520ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x403e83e7a9da0cc5ULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x402bf144635ab520ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x402bf144635ab520ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4048f6a4e41e633fULL, 0x3ff9804d27fbc21eULL, 0x4034f8d790f8a590ULL }, /* other bits if fused */
-            { 0x4031ed70740eaf9eULL, 0x3ffee89e28e590e8ULL, 0x40355c06652c08c5ULL }, /* other bits if fused */
-            { 0x4034c30fbe1fc594ULL, 0x3ff0515ee18b31ecULL, 0x403001ebe3c25469ULL }, /* other bits if fused */
+            { 0x4045889359664c64ULL, 0x3fffb4235672cfd0ULL, 0x4036ea4ef5cd51ebULL }, /* other bits if fused */
+            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x40338ba1509f95daULL }, /* other bits if fused */
+            { 0x40166e1c2350b3ceULL, 0x400ae8083a2b5aebULL, 0x4040fb1a2e80144fULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_shuffle_frequency;
         const uint64_t (*volatile rows)[3] = points;
@@ -1363,19 +1363,19 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][4] = {
             { 0x0000000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
-            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b1322f878962ULL },
-            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0798c56b6c634ULL }, /* other bits if fused */
-            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0c83573d790e0ULL }, /* other bits if fused */
-            { 0xc000000000000000ULL, 0xc035400000000000ULL, 0xbff0000000000000ULL, 0xbff3fb2721a7c03eULL },
+            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b132133e2069ULL },
+            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0798c33756e24ULL }, /* other bits if fused */
+            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0c8354f34fc68ULL },
+            { 0xc000000000000000ULL, 0xc035400000000000ULL, 0xbff0000000000000ULL, 0xbff3fb270552850cULL },
             { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0xfff8000000000000ULL },
             { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0xfff8000000000000ULL },
-            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3f28847327cb8402ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3f2884734356676cULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x0000000000000000ULL, 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x0000000000000000ULL, 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbfc5a5c159ed8648ULL }, /* other bits if fused */
-            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4ccd1e06de4e0ULL }, /* other bits if fused */
-            { 0xbfe04bdca98d3030ULL, 0x4032f2ca4e668e0aULL, 0x4004a358085f4f69ULL, 0xbfb59f745fc047d0ULL }, /* other bits if fused */
+            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbfc5a5c13e1e13c4ULL }, /* other bits if fused */
+            { 0xbfbe5ac92705bb60ULL, 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0xbf95246965735d98ULL }, /* other bits if fused */
+            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4db689072f4d0ULL }, /* other bits if fused */
         };
         double (*volatile function)(driveline_tip_in_state *, double, double, double) = driveline_tip_in_step;
         const uint64_t (*volatile rows)[4] = points;
@@ -1411,19 +1411,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3e1433a0UL },
-            { 0x40200000UL, 0x3f800000UL, 0x3d7d6a58UL }, /* other bits if fused */
-            { 0x42480000UL, 0x40a00000UL, 0x3f08563bUL }, /* other bits if fused */
-            { 0x42938000UL, 0x40e00000UL, 0x3f08563bUL }, /* other bits if fused */
-            { 0xc1aa0000UL, 0xbf800000UL, 0x3d7d6a58UL }, /* other bits if fused */
-            { 0x7f800000UL, 0x7f800000UL, 0x3f08563bUL }, /* other bits if fused */
-            { 0xff800000UL, 0xff800000UL, 0x3d7d6a58UL }, /* other bits if fused */
-            { 0x80000000UL, 0x80000000UL, 0x3d7d6a58UL }, /* other bits if fused */
+            { 0x41d20000UL, 0x40400000UL, 0x3e1433a1UL },
+            { 0x40200000UL, 0x3f800000UL, 0x3d7d6a52UL },
+            { 0x42480000UL, 0x40a00000UL, 0x3f08563aUL },
+            { 0x42938000UL, 0x40e00000UL, 0x3f08563aUL },
+            { 0xc1aa0000UL, 0xbf800000UL, 0x3d7d6a52UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x3f08563aUL },
+            { 0xff800000UL, 0xff800000UL, 0x3d7d6a52UL },
+            { 0x80000000UL, 0x80000000UL, 0x3d7d6a52UL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
-            { 0x422c449bUL, 0x3ffda11bUL, 0x3e4d2999UL }, /* other bits if fused */
-            { 0x42409348UL, 0x3fa4e790UL, 0x3ed55a44UL }, /* other bits if fused */
-            { 0x414eae97UL, 0x3fce58f2UL, 0x3de74972UL }, /* other bits if fused */
+            { 0x4122fb0cUL, 0x3fa5134dUL, 0x3dd65c1cUL }, /* other bits if fused */
+            { 0x410ef8c5UL, 0x3fda575dUL, 0x3ddf1ff5UL }, /* other bits if fused */
+            { 0x423423daUL, 0x40528eb7UL, 0x3e8d2e24UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_ratio_f32;
         const uint32_t (*volatile rows)[3] = points;
@@ -1491,18 +1491,18 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
             { 0x41d20000UL, 0x40400000UL, 0x3f017d30UL },
-            { 0x40200000UL, 0x3f800000UL, 0x3f2f82a6UL },
-            { 0x42480000UL, 0x40a00000UL, 0x3deff708UL }, /* other bits if fused */
-            { 0x42938000UL, 0x40e00000UL, 0x3deff708UL }, /* other bits if fused */
-            { 0xc1aa0000UL, 0xbf800000UL, 0x3f2f82a6UL },
-            { 0x7f800000UL, 0x7f800000UL, 0x3deff708UL }, /* other bits if fused */
-            { 0xff800000UL, 0xff800000UL, 0x3f2f82a6UL },
-            { 0x80000000UL, 0x80000000UL, 0x3f2f82a6UL },
+            { 0x40200000UL, 0x3f800000UL, 0x3f2f82a7UL },
+            { 0x42480000UL, 0x40a00000UL, 0x3deff70cUL }, /* other bits if fused */
+            { 0x42938000UL, 0x40e00000UL, 0x3deff70cUL }, /* other bits if fused */
+            { 0xc1aa0000UL, 0xbf800000UL, 0x3f2f82a7UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x3deff70cUL }, /* other bits if fused */
+            { 0xff800000UL, 0xff800000UL, 0x3f2f82a7UL },
+            { 0x80000000UL, 0x80000000UL, 0x3f2f82a7UL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
-            { 0x42409348UL, 0x3fa4e790UL, 0x3eb1ef2aUL }, /* other bits if fused */
-            { 0x421ae84dUL, 0x40352cd6UL, 0x3efb7fa2UL }, /* other bits if fused */
-            { 0x423423daUL, 0x40528eb7UL, 0x3ec9f7fcUL }, /* other bits if fused */
+            { 0x42409348UL, 0x3fa4e790UL, 0x3eb1ef26UL }, /* other bits if fused */
+            { 0x4247b527UL, 0x3fcc0269UL, 0x3e652bfeUL }, /* other bits if fused */
+            { 0x4028c842UL, 0x40874af7UL, 0x3f134cb0UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_error_f32;
         const uint32_t (*volatile rows)[3] = points;
@@ -1531,19 +1531,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x41f2d123UL },
-            { 0x40200000UL, 0x3f800000UL, 0x415f8a23UL },
+            { 0x41d20000UL, 0x40400000UL, 0x41f2d122UL },
+            { 0x40200000UL, 0x3f800000UL, 0x415f8a22UL },
             { 0x42480000UL, 0x40a00000UL, 0x41f41f3cUL },
             { 0x42938000UL, 0x40e00000UL, 0x41f41f3cUL },
-            { 0xc1aa0000UL, 0xbf800000UL, 0x415f8a23UL },
+            { 0xc1aa0000UL, 0xbf800000UL, 0x415f8a22UL },
             { 0x7f800000UL, 0x7f800000UL, 0x41f41f3cUL },
-            { 0xff800000UL, 0xff800000UL, 0x415f8a23UL },
-            { 0x80000000UL, 0x80000000UL, 0x415f8a23UL },
+            { 0xff800000UL, 0xff800000UL, 0x415f8a22UL },
+            { 0x80000000UL, 0x80000000UL, 0x415f8a22UL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
-            { 0x410ef8c5UL, 0x3fda575dUL, 0x41998d26UL }, /* other bits if fused */
+            { 0x4096f11fUL, 0x401eb7f9UL, 0x41cb628cUL }, /* other bits if fused */
+            { 0x4122fb0cUL, 0x3fa5134dUL, 0x41839756UL }, /* other bits if fused */
             { 0x42409348UL, 0x3fa4e790UL, 0x419c5d0aUL }, /* other bits if fused */
-            { 0x4247b527UL, 0x3fcc0269UL, 0x41a7c6bcUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_shuffle_frequency_f32;
         const uint32_t (*volatile rows)[3] = points;
@@ -1573,13 +1573,13 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][4] = {
             { 0x00000000UL, 0x41d20000UL, 0x40400000UL, 0x00000000UL },
-            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d8991UL },
+            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d8992UL }, /* other bits if fused */
             { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e03cc64UL }, /* other bits if fused */
             { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e8641acUL }, /* other bits if fused */
-            { 0xc0000000UL, 0xc1aa0000UL, 0xbf800000UL, 0xbf9fd938UL }, /* other bits if fused */
+            { 0xc0000000UL, 0xc1aa0000UL, 0xbf800000UL, 0xbf9fd939UL },
             { 0x7f800000UL, 0x7f800000UL, 0x7f800000UL, 0xffc00000UL },
             { 0xff800000UL, 0xff800000UL, 0xff800000UL, 0xffc00000UL },
-            { 0x80000000UL, 0x80000000UL, 0x80000000UL, 0x394423b3UL }, /* other bits if fused */
+            { 0x80000000UL, 0x80000000UL, 0x80000000UL, 0x394423b3UL },
             { 0x7fc00000UL, 0x41d20000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x00000000UL, 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x00000000UL, 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
