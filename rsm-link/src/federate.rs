@@ -157,17 +157,19 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> 
     done
 }
 
-/// Runs a broker until the federation of so many has ended.
+/// Runs a broker until the federation of so many has ended. `begins` is told once that all have joined.
 ///
 /// # Errors
 /// It cannot listen; not all have joined in time.
-pub fn broker(library: &'static Library, federates: usize, wish: &Wish) -> Result<(), String> {
+pub fn broker(library: &'static Library, federates: usize, wish: &Wish, begins: impl FnOnce()) -> Result<(), String> {
     let broker = library.broker(wish.core, &wish.broker, federates)?;
     let until = Instant::now() + wish.wait;
-    let mut begun = false;
+    let mut begins = Some(begins);
     while !broker.ended_within(Duration::from_millis(200))? {
-        begun = begun || broker.has_begun();
-        if !begun && Instant::now() > until {
+        if begins.is_some() && broker.has_begun() {
+            begins.take().into_iter().for_each(|begins| begins());
+        }
+        if begins.is_some() && Instant::now() > until {
             broker.disconnect();
             return Err(format!("not all of {federates} federates have joined within {:.0} s", wish.wait.as_secs_f64()));
         }

@@ -105,7 +105,9 @@ fn broker(arguments: &Arguments, wish: &Wish) -> Outcome {
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let federates = usize::from(arguments.federates.unwrap_or(1));
-    federate::broker(library, federates, wish).map_err(|words| Refusal::new(format!("broker at {}: {words}", wish.broker)))?;
+    let begins = || output::tell(format_args!("broker at {}: all have joined: {federates}\n", wish.broker));
+    federate::broker(library, federates, wish, begins)
+        .map_err(|words| Refusal::new(format!("broker at {}: {words}", wish.broker)))?;
     if arguments.json {
         output::json(&json!({ "broker": wish.broker.to_string(), "core": wish.core.name(), "federates": federates }))?;
     }

@@ -2,7 +2,7 @@
 //!
 //! Needs libhelics. Without it the tests say so and pass.
 
-use std::io::Read as _;
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -146,6 +146,18 @@ impl Federation {
         Federation { folder, children }
     }
 
+    /// Waits until the broker says that all have joined, and some milliseconds of the run more.
+    fn goes_on(&mut self) {
+        let (_, broker) = self.children.iter_mut().find(|(role, _)| *role == "broker").unwrap();
+        let mut words = BufReader::new(broker.stderr.take().unwrap());
+        let mut line = String::new();
+        words.read_line(&mut line).unwrap();
+        assert!(line.contains("all have joined: 3"), "{line}");
+        // What it says later has a reader, too.
+        std::thread::spawn(move || std::io::copy(&mut words, &mut std::io::sink()));
+        std::thread::sleep(Duration::from_millis(500));
+    }
+
     fn kill(&mut self, role: &str) {
         let place = self.children.iter().position(|(it, _)| *it == role).unwrap();
         let (_, mut child) = self.children.remove(place);
@@ -169,7 +181,7 @@ impl Federation {
                 }
             };
             let mut words = String::new();
-            child.stderr.take().unwrap().read_to_string(&mut words).unwrap();
+            child.stderr.take().map(|mut it| it.read_to_string(&mut words).unwrap());
             ended.push((role, status.code(), words));
         }
         ended
@@ -197,7 +209,7 @@ fn when_a_peer_dies_everybody_ends_within_5_s_with_whole_records() {
     let Some(helics) = helics("a peer dies") else { return };
     for (core, victim) in [("tcp_ss", "controller"), ("zmq", "motor"), ("ipc", "controller")] {
         let mut all = Federation::start(core, &helics, &["broker", "motor", "controller", "recorder"]);
-        std::thread::sleep(Duration::from_millis(3000));
+        all.goes_on();
         all.kill(victim);
         let survivors: Vec<&str> = ["motor", "controller", "recorder"].into_iter().filter(|it| *it != victim).collect();
         for (role, status, words) in all.ends_within(ALL_END) {
@@ -215,7 +227,7 @@ fn when_the_broker_vanishes_everybody_ends_within_5_s_with_whole_records() {
     let Some(helics) = helics("the broker vanishes") else { return };
     for core in ["tcp_ss", "ipc"] {
         let mut all = Federation::start(core, &helics, &["recorder", "motor", "broker", "controller"]);
-        std::thread::sleep(Duration::from_millis(3000));
+        all.goes_on();
         all.kill("broker");
         for (role, status, words) in all.ends_within(ALL_END) {
             assert_eq!(status, Some(1), "{core}, {role}: {words}");

@@ -268,11 +268,11 @@ impl Search<'_> {
         self.judged(fit, found)
     }
 
-    /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do, or where a wave no longer comes again.
+    /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do, or where any cause is beyond what is plausible or a wave that no longer comes again.
     pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
-        let come_again = fit.model.file.effects.iter().all(|it| waves::comes_again(self.whitened, it));
-        if within_tolerance(self.nominal, entry) || !self.may_be(entry) || !come_again {
+        let may_all_be = fit.model.file.effects.iter().all(|it| self.may_be(it) && waves::comes_again(self.whitened, it));
+        if within_tolerance(self.nominal, entry) || !may_all_be {
             return None;
         }
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
