@@ -157,7 +157,8 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> 
     done
 }
 
-/// Runs a broker until the federation of so many has ended. `begins` is told once that all have joined.
+/// Runs a broker until the federation of so many has ended, or one of its processes has and the library does not notice. `begins` is told once that all have joined. When it comes back, the library may still wait for
+/// somebody: end the process by [`crate::helics::exit_without_destructors`].
 ///
 /// # Errors
 /// It cannot listen; not all have joined in time.
@@ -165,9 +166,16 @@ pub fn broker(library: &'static Library, federates: usize, wish: &Wish, begins: 
     let broker = library.broker(wish.core, &wish.broker, federates)?;
     let until = Instant::now() + wish.wait;
     let mut begins = Some(begins);
+    let mut gone: Option<Instant> = None;
     while !broker.ended_within(Duration::from_millis(200))? {
         if begins.is_some() && broker.has_begun() {
             begins.take().into_iter().for_each(|begins| begins());
+        }
+        if wish.core == Core::Ipc && begins.is_none() && broker.has_lost_a_process() {
+            let since = *gone.get_or_insert_with(Instant::now);
+            if since.elapsed() > NOTICED {
+                return Ok(());
+            }
         }
         if begins.is_some() && Instant::now() > until {
             broker.disconnect();
@@ -176,6 +184,9 @@ pub fn broker(library: &'static Library, federates: usize, wish: &Wish, begins: 
     }
     Ok(())
 }
+
+/// The library notices a peer that is gone after 2 s, where it can; half a second more for its own end.
+const NOTICED: Duration = Duration::from_millis(2500);
 
 /// What a role tells and hears.
 struct Ends {

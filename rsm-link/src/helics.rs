@@ -12,6 +12,8 @@ use std::ptr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use crate::peers;
+
 /// The environment variable that names the library: the file, or a folder that `pip install --target` has filled.
 pub const VARIABLE: &str = "RSM_HELICS";
 
@@ -276,8 +278,7 @@ impl Library {
             Core::Ipc => format!("--broker_address={}", queue(broker)),
             _ => format!("--broker_address={} --brokerport={}", broker.host, broker.port),
         };
-        // A federation has each name once; the process keeps apart what a killed one has left in shared memory.
-        let core_name = format!("{name}-core-{}", std::process::id());
+        let core_name = peers::core_name(name);
         let wait = wait.as_millis().max(1);
         let options = text(&format!(
             "--federates=1 {place} {HEARTBEAT} --timeout={wait}ms --networktimeout={wait}ms --loglevel=no_print"
@@ -320,15 +321,27 @@ impl Broker {
     /// Whether all federates have joined. What cannot be asked counts as no.
     #[must_use]
     pub fn has_begun(&self) -> bool {
+        self.asked(c"isinit").is_some_and(|answer| answer == "true")
+    }
+
+    /// Whether a process of a federate on this host is gone. Cores in shared memory alone are on this host for sure.
+    #[must_use]
+    pub fn has_lost_a_process(&self) -> bool {
+        let cores = self.asked(c"current_state").unwrap_or_default();
+        peers::processes(&cores).into_iter().any(peers::is_gone)
+    }
+
+    /// The answer to a question about the broker itself.
+    fn asked(&self, question: &CStr) -> Option<String> {
         let functions = &self.library.functions;
         // SAFETY: both texts live until the call is over; an empty target is the broker itself.
-        let query = unsafe { (functions.create_query)(c"".as_ptr(), c"isinit".as_ptr()) };
+        let query = unsafe { (functions.create_query)(c"".as_ptr(), question.as_ptr()) };
         let answer = checked!(functions.query_broker, query, self.handle).ok().filter(|answer| !answer.is_null());
         // SAFETY: the answer lives as long as the query.
-        let begun = answer.is_some_and(|answer| unsafe { CStr::from_ptr(answer) }.to_bytes() == b"true");
+        let answer = answer.map(|answer| unsafe { CStr::from_ptr(answer) }.to_string_lossy().into_owned());
         // SAFETY: made above, and used no more.
         unsafe { (functions.free_query)(query) };
-        begun
+        answer
     }
 
     /// Waits up to a time for the end of the federation; whether it has ended.

@@ -19,6 +19,7 @@
 pub mod federate;
 pub mod helics;
 pub mod loops;
+mod peers;
 pub mod play_out;
 pub mod scenario;
 pub mod stream;

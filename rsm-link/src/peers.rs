@@ -1,0 +1,64 @@
+//! Whether the processes of a federation in shared memory still live.
+//!
+//! In: what the library says of a broker's cores. Out: their processes, and whether one of them is gone. A process that is killed while it holds the lock of a queue in shared memory leaves it locked:
+//! the broker then hears nobody any more, its heartbeats neither, and would never end.
+
+/// What stands in the name of a core before the number of its process.
+const BEFORE: &str = "-core-";
+
+/// The name of the core of a federate in this process. A federation has each name once; the process keeps apart what a killed one has left in shared memory.
+pub(crate) fn core_name(federate: &str) -> String {
+    format!("{federate}{BEFORE}{}", std::process::id())
+}
+
+/// The processes of the cores in a JSON text, by their names.
+pub(crate) fn processes(text: &str) -> Vec<u32> {
+    let number = |name: &str| name.rsplit_once(BEFORE).and_then(|(_, number)| number.parse().ok());
+    let mut found: Vec<u32> = text.split('"').filter_map(number).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// Whether a process of this host is gone. Without `/proc` nobody is known to be gone.
+pub(crate) fn is_gone(process: u32) -> bool {
+    if !std::path::Path::new("/proc/self/stat").exists() {
+        return false;
+    }
+    // The state stands behind the name, which is in brackets and may hold some. A zombie has ended.
+    let state = |stat: String| stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next());
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat"));
+    stat.ok().and_then(state).is_none_or(|state| matches!(state, 'Z' | 'X'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_core_is_named_by_its_federate_and_its_process() {
+        let names =
+            format!(r#"{{"cores":[{{"name":"{}"}},{{"name":"b-core-4"}},{{"name":"c-core-4"}}]}}"#, core_name("a-core"));
+        let mut expected = vec![4, std::process::id()];
+        expected.sort_unstable();
+        assert_eq!(processes(&names), expected);
+        assert!(processes("cores of others: core-7, x-core-y").is_empty());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_process_that_was_killed_is_gone_before_and_after_somebody_asks_for_its_status() {
+        assert!(!is_gone(std::process::id()));
+        let mut child = std::process::Command::new("sleep").arg("60").spawn().unwrap();
+        assert!(!is_gone(child.id()));
+        child.kill().unwrap();
+        // A signal takes its moment.
+        let until = std::time::Instant::now() + std::time::Duration::from_secs(20);
+        while !is_gone(child.id()) && std::time::Instant::now() < until {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        assert!(is_gone(child.id()));
+        child.wait().unwrap();
+        assert!(is_gone(child.id()));
+    }
+}
