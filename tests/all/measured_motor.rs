@@ -221,8 +221,8 @@ fn the_surfaces_err_and_cost_what_the_budget_and_the_book_say() {
     if builds::emulated() {
         let costs = costs(folder);
         let [solver, _, own] = costs;
-        // A time that a loop must keep is the longest one.
-        assert!(solver.most >= 50 * own.most, "{solver:?} {own:?}");
+        // In the mean, and so in the longest time too, which is what a loop must keep.
+        assert!(solver.mean >= 50 * own.most, "{solver:?} {own:?}");
         assert_eq!(own.least, own.most, "every input costs the same");
         // Smaller than the numbers alone of either table.
         assert!((own.flash as usize) < by_mean.1.min(by_p99.1), "{own:?} {by_mean:?} {by_p99:?}");
