@@ -324,11 +324,10 @@ impl Broker {
         self.asked(c"isinit").is_some_and(|answer| answer == "true")
     }
 
-    /// Whether a process of a federate on this host is gone. Cores in shared memory alone are on this host for sure.
+    /// The processes of the federates of this program, by the names of their cores.
     #[must_use]
-    pub fn has_lost_a_process(&self) -> bool {
-        let cores = self.asked(c"current_state").unwrap_or_default();
-        peers::processes(&cores).into_iter().any(peers::is_gone)
+    pub fn processes(&self) -> Vec<u32> {
+        peers::processes(&self.asked(c"current_state").unwrap_or_default())
     }
 
     /// The answer to a question about the broker itself.
