@@ -169,8 +169,8 @@ pub fn broker(library: &'static Library, federates: usize, wish: &Wish, begins: 
     let mut begins = Some(begins);
     let (mut processes, mut gone) = (Vec::new(), None::<Instant>);
     while !broker.ended_within(Duration::from_millis(200))? {
-        if begins.is_some() && broker.has_begun() {
-            begins.take().into_iter().for_each(|begins| begins());
+        if let Some(tell) = begins.take_if(|_| broker.has_begun()) {
+            tell();
             // Asked once: every question is a sign of life, and would keep the library from noticing that all else is silent. Shared memory alone is on this host for sure.
             processes = if wish.core == Core::Ipc { broker.processes() } else { Vec::new() };
         }

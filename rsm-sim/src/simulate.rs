@@ -8,6 +8,8 @@ use std::fmt;
 use rsm_core::source::{Fault, Faults};
 
 use crate::equation_plant;
+pub use crate::equation_plant::shown;
+pub use crate::equations::lanes::Controller;
 use crate::kind::{PlantKind, Signal};
 use crate::plant_file::PlantFile;
 use crate::record::{Drive, Record};
@@ -114,8 +116,7 @@ impl Simulator {
     /// # Errors
     /// [`Stopped`], when the numbers leave no way on.
     pub fn run(&mut self, record: &Record) -> Result<Outputs, Stopped> {
-        let values = self.0.along(record, None).map_err(|why| of_equations(&why))?;
-        Ok(Outputs { signals: self.0.outputs(record).to_vec(), values })
+        self.along(record, None)
     }
 
     /// Runs with a controller in the loop: at every row it reads the outputs and says the first input, which is held to the next row; the record gives the rows, the start and what was said before the first. What it says does not move what it reads at
@@ -124,13 +125,14 @@ impl Simulator {
     /// # Errors
     /// [`Stopped`], when the numbers leave no way on.
     pub fn run_controlled(&mut self, record: &Record, controller: &mut Controller<'_>) -> Result<Outputs, Stopped> {
-        let values = self.0.along(record, Some(controller)).map_err(|why| of_equations(&why))?;
+        self.along(record, Some(controller))
+    }
+
+    fn along(&mut self, record: &Record, controller: Option<&mut Controller<'_>>) -> Result<Outputs, Stopped> {
+        let values = self.0.along(record, controller).map_err(|why| of_equations(&why))?;
         Ok(Outputs { signals: self.0.outputs(record).to_vec(), values })
     }
 }
-
-/// A controller in the loop: from a row and the outputs as they are read there to the first input.
-pub use crate::equations::lanes::Controller;
 
 /// Why a plant stopped.
 fn of_equations(stopped: &crate::equations::Stopped) -> Stopped {
@@ -142,7 +144,6 @@ fn of_equations(stopped: &crate::equations::Stopped) -> Stopped {
     }
 }
 
-pub use crate::equation_plant::shown;
 /// The places of [`PlantKind::starts`] that decide where a record starts (docs/book/src/reference/plants.md, section 2).
 #[must_use]
 pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {

@@ -189,7 +189,9 @@ impl Federation {
                 }
             };
             let mut words = String::new();
-            child.stderr.take().map(|mut it| it.read_to_string(&mut words).unwrap());
+            if let Some(mut stderr) = child.stderr.take() {
+                stderr.read_to_string(&mut words).unwrap();
+            }
             ended.push((role, status.code(), words));
         }
         ended

@@ -4,6 +4,8 @@ mod cargo_project;
 mod edited;
 mod guide;
 mod refused;
+#[path = "../../../tests/src/refused.rs"]
+mod refused_files;
 
 rsm_macros::include_model!("tests/models/two_inputs.toml");
 

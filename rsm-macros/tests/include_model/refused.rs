@@ -1,8 +1,9 @@
 //! What the compiler says about a call that cannot be expanded: the whole message, in `tests/ui/*.stderr` beside the call. RSM_BLESS=1 writes it anew.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::cargo_project::Project;
+use super::refused_files;
 
 const MODELS: [(&str, &str); 3] = [
     ("models/two_inputs.toml", include_str!("../models/two_inputs.toml")),
@@ -13,32 +14,22 @@ const MODELS: [(&str, &str); 3] = [
 #[test]
 fn a_fault_is_a_compile_error_under_the_literal_with_the_files_line_and_column() {
     let ui = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ui");
-    let mut cases: Vec<PathBuf> = std::fs::read_dir(&ui).unwrap().map(|entry| entry.unwrap().path()).collect();
-    cases.retain(|path| path.extension().is_some_and(|extension| extension == "rs"));
-    cases.sort();
+    let cases = refused_files::files(&ui, &["rs"]);
     assert!(cases.len() >= 6, "a case went missing: {cases:?}");
 
     let project = Project::new("rsm-macros-refused");
     for (name, text) in MODELS {
         project.write(name, text);
     }
-    let mut wrong = Vec::new();
-    for case in cases {
-        let name = case.file_stem().unwrap().to_str().unwrap();
-        project.write(&format!("src/bin/{name}.rs"), &std::fs::read_to_string(&case).unwrap());
+    let message = |case: String| {
+        let name = case.strip_suffix(".rs").unwrap();
+        project.write(&format!("src/bin/{case}"), &std::fs::read_to_string(ui.join(&case)).unwrap());
         let output = project.cargo(&["check", "--bin", name]);
-        assert!(!output.status.success(), "{name}: compiled, but should not");
         let said = String::from_utf8(output.stderr).unwrap();
         // Cargo's own last words name nothing of ours.
-        let message = said.split("\nerror: could not compile").next().unwrap().trim_end().to_string() + "\n";
-        let golden = case.with_extension("stderr");
-        if std::env::var_os("RSM_BLESS").is_some() {
-            std::fs::write(&golden, &message).unwrap();
-        }
-        let expected = std::fs::read_to_string(&golden).unwrap_or_default();
-        if message != expected {
-            wrong.push(format!("{name}: expected\n{expected}\nfound\n{message}"));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+        let message = said.split("\nerror: could not compile").next().unwrap().trim_end();
+        let found = if output.status.success() { refused_files::ACCEPTED } else { message };
+        (format!("{name}.stderr"), found.to_string())
+    };
+    refused_files::assert_beside(&ui, cases.into_iter().map(message));
 }

@@ -179,15 +179,21 @@ impl Machine {
     /// No parameter of this name; one that shapes the equations or follows from others; a value that it cannot have. Nothing is set then.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), Faults> {
         let place = numbers::place_of(&self.system, name, value)?;
-        if self.numbers.parameters[place].to_bits() == value.to_bits() {
-            return Ok(());
-        }
         let mut parameters = self.numbers.parameters.clone();
         parameters[place] = value;
-        let found = self.following.numbers(parameters);
-        self.numbers = found.map_err(|what| {
-            Faults::one(Fault::whole_file(&self.system.flat().name, format!("with `{name}` = {value}: {what}")))
-        })?;
+        self.take(parameters).map_err(|what| self.fault(format!("with `{name}` = {value}: {what}")))
+    }
+
+    fn fault(&self, what: String) -> Faults {
+        Faults::one(Fault::whole_file(&self.system.flat().name, what))
+    }
+
+    /// Takes other parameters, and computes what follows from them where any bit differs. Where that fails, nothing is set.
+    fn take(&mut self, parameters: Vec<f64>) -> Result<(), String> {
+        let is_same = parameters.iter().zip(&self.numbers.parameters).all(|(a, b)| a.to_bits() == b.to_bits());
+        if !is_same {
+            self.numbers = self.following.numbers(parameters)?;
+        }
         Ok(())
     }
 
@@ -209,19 +215,14 @@ impl Machine {
     /// For a place that is none.
     pub fn set_at(&mut self, values: &[(usize, f64)]) -> Result<(), Faults> {
         let mut parameters = self.numbers.parameters.clone();
-        let fault = |what: String| Faults::one(Fault::whole_file(&self.system.flat().name, what));
         for (place, value) in values {
             if !value.is_finite() {
                 let name = self.system.name(self.system.parameters()[*place]).to_string();
-                return Err(fault(format!("`{name}`: found {value}, expected a finite number")));
+                return Err(self.fault(format!("`{name}`: found {value}, expected a finite number")));
             }
             parameters[*place] = *value;
         }
-        let is_same = parameters.iter().zip(&self.numbers.parameters).all(|(a, b)| a.to_bits() == b.to_bits());
-        if !is_same {
-            self.numbers = self.following.numbers(parameters).map_err(fault)?;
-        }
-        Ok(())
+        self.take(parameters).map_err(|what| self.fault(what))
     }
 
     /// All numbers of a run.
