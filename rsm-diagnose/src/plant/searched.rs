@@ -26,9 +26,6 @@ use rsm_sim::record::Record;
 /// to 1000; what takes more is outside the catalogue, and the search goes round among helpers.
 const MOST_RUNS: u64 = 4000;
 
-/// Sub-steps a row that such a run counts as, at least. An axis without effects takes one; a law with a kink (friction, free play) takes four and more, and those are what a search tries.
-const LEAST_STEPS_A_ROW: u64 = 4;
-
 /// Sub-steps that a search may take at most, however long records are or fast the plant: a minute of one core, at 150 ns each.
 const MOST_STEPS: u64 = 400_000_000;
 
@@ -76,7 +73,7 @@ impl<'a> Asked<'a> {
             hypotheses,
             survey: ready.survey.clone(),
             rounded: ready.rounded.clone(),
-            effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
+            effort: Effort::within((MOST_RUNS * run).min(most)),
             said,
             looks: waves + terms,
             progress: options.progress,
