@@ -36,11 +36,11 @@ use commands::{
     sweep,
 };
 
-/// From measured data to evaluators that a 1 kHz control loop can trust.
+/// Fits response surfaces to measured data, emits them as Rust or C, and diagnoses simulations.
 #[derive(Parser)]
 #[command(name = "rsm", version, max_term_width = 100)]
 struct Arguments {
-    /// Replace an output that stands there already, also where it is no output of rsm
+    /// Replace an existing output file, also if rsm did not write it
     #[arg(long, global = true)]
     force: bool,
     #[command(subcommand)]
@@ -61,31 +61,31 @@ enum Command {
     Check(check::Arguments),
     /// Emit evaluators as Rust or C
     Emit(emit::Arguments),
-    /// Make one clean record of files of other tools: MAT files, other encodings, jitter, two clocks
+    /// Convert files of other tools into one record: MAT files, other encodings, sampling jitter, two clocks
     Import(import::Arguments),
-    /// Run a plant, with its effects, along a record
+    /// Simulate a plant, with its effects, with the inputs of a record
     Simulate(simulate::Arguments),
-    /// What the compiler understood of a plant's equations
+    /// Show signals, states, parameters and equations of a plant as the compiler reads them
     Inspect(inspect::Arguments),
-    /// Many simulations or diagnoses as a list of tasks: Monte Carlo, designs, many machines
+    /// Run many simulations or diagnoses as a list of tasks: Monte Carlo, designs, many machines
     Sweep(sweep::Arguments),
-    /// The catalogue of effects, and what can stand where on a plant
+    /// List the catalogue of effects, and where each effect can act on a plant
     Effects(effects::Arguments),
-    /// The linear model of a plant of equations at a point: matrices, poles, damping
+    /// Linearise a plant of equations at an operating point: matrices, poles, damping
     Linearise(linearise::Arguments),
-    /// What a plant's simulation gets wrong, and why: causes, extended plant, gain
+    /// Find the causes of the error of a simulation or a surface, and measure what they gain
     Diagnose(diagnose::Arguments),
-    /// The whole chain on shipped data: fit, check, emit, compile, compare bits, run the motor loop
+    /// Run the whole tool chain on shipped data: fit, check, emit, compile, compare bits, run the motor loop
     Demo(demo::Arguments),
-    /// Take part in a lock-step of several processes or hosts on HELICS: a side of a loop, a recorder, the broker
+    /// Run one part of a HELICS co-simulation: one side of a loop, a recorder or the broker
     Federate(federate::Arguments),
-    /// Run a co-simulation by its scenario: broker and federates as processes, or the commands for each host
+    /// Run a co-simulation from its scenario: start broker and federates, or print the commands for each host
     Cosim(cosim::Arguments),
-    /// Run a side of a loop against the wall clock, joined to the other by UDP: hardware in the loop
+    /// Run one side of a loop in real time, connected to the other side by UDP: hardware in the loop
     Stream(stream::Arguments),
-    /// Print the completions of a shell
+    /// Print the script that completes rsm commands in a shell
     Completions(completions::Arguments),
-    /// Print the page of the manual, in roff
+    /// Print the manual page, in roff
     Man(man::Arguments),
 }
 

@@ -1,4 +1,4 @@
-//! May an output take the place of what stands there?
+//! Decides whether an output may replace an existing file.
 //!
 //! In: the text that stands there, the text that is to replace it. Out: yes where both are of one kind that rsm writes; else only `--force` replaces it. There is no
 //! list of files written in earlier runs: what a file is, its text says.

@@ -82,7 +82,7 @@ pub struct RowsUsed {
     pub terms: String,
     /// Rows on which `validation` is.
     pub validation: String,
-    /// Rows that chose nothing and on which the error is to be believed.
+    /// Rows that did not influence the fit or the choice of terms: the error estimate is computed on them.
     pub error: String,
 }
 

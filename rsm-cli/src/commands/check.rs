@@ -21,15 +21,15 @@ use crate::output;
 pub struct Arguments {
     /// The model file; - is standard input
     model: PathBuf,
-    /// The precisions to certify; all that can hold the model when not given
+    /// The precisions to certify [default: all that can represent the model]
     #[arg(long, value_delimiter = ',')]
     precision: Vec<PrecisionName>,
-    /// Print the tapes that the figures are about
+    /// Print the sequences of operations (tapes) that are certified
     #[arg(long)]
     explain: bool,
     #[command(flatten)]
     limits: limits::LimitsArguments,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
@@ -182,9 +182,9 @@ fn in_words(
     }
     for it in compensators {
         let state = if it.violations.is_empty() {
-            "stable over the whole box, rounding left aside"
+            "stable over the whole range of its inputs, in exact arithmetic"
         } else {
-            "not certain to be stable"
+            "not proved stable"
         };
         output::line(&format!("{}: {state}", it.name))?;
         let mut ranges = vec![

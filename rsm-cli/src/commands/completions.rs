@@ -8,7 +8,7 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The shell
+    /// The shell that runs the script
     shell: Shell,
 }
 

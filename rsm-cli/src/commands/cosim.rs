@@ -1,6 +1,6 @@
 //! `rsm cosim`: a co-simulation by its scenario: broker and federates as processes of this host, or the commands for each host.
 //!
-//! In: a scenario. Out: the records of all roles in one folder, the exit status of every process, and whether the records have the bits of one process. The processes are
+//! In: a scenario. Out: the records of all roles in one folder, the exit status of every process, and whether the records are identical, bit by bit, to those of one process. The processes are
 //! `rsm federate`, started by this same program.
 
 use std::io::Read as _;
@@ -20,27 +20,27 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The scenario
+    /// The scenario file
     scenario: PathBuf,
-    /// The folder in which each role writes its record, ROLE.csv
+    /// The folder for the records: each role writes ROLE.csv
     #[arg(long)]
     out: PathBuf,
-    /// Print the commands, host by host, and start nothing; so it is too where the scenario names several hosts and --host names none
+    /// Print the commands for each host and start nothing. This is the default if the scenario has several hosts and --host is not given
     #[arg(long, conflicts_with_all = ["host", "alone", "check"])]
     commands: bool,
-    /// Start what the scenario gives to this host
+    /// Start only the processes of this host of the scenario
     #[arg(long, conflicts_with_all = ["alone", "check"])]
     host: Option<String>,
-    /// Run all roles in this one process, without HELICS: the same records
+    /// Run all roles in one process, without HELICS. The records are the same
     #[arg(long, conflicts_with = "check")]
     alone: bool,
-    /// Compare the records with those of one process, bit by bit; exit status 1 where they differ
+    /// Compare the records bit by bit with those of one process; exit status 1 if they differ
     #[arg(long)]
     check: bool,
-    /// The library of HELICS, a file or a folder; else the variable RSM_HELICS, else what the system finds
+    /// The HELICS library, a file or a folder [default: the variable RSM_HELICS, then the system's library path]
     #[arg(long, value_name = "PATH")]
     helics: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let hosts = scenario.hosts();
     if let Some(host) = arguments.host.as_deref().filter(|host| !hosts.contains(host)) {
         let known = if hosts.is_empty() { "no host".to_string() } else { hosts.join(", ") };
-        return Err(Refusal::new(format!("{}: it has no host `{host}`; it names {known}", arguments.scenario.display())));
+        return Err(Refusal::new(format!("{}: found no host `{host}`, expected one of {known}", arguments.scenario.display())));
     }
     let starts = scenario.commands(&arguments.out.display().to_string());
     if arguments.commands || (arguments.host.is_none() && hosts.len() > 1) {
@@ -152,7 +152,7 @@ fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended
         running = still;
         if failed.is_some_and(|since| since.elapsed() > PATIENCE) {
             for (process, child) in running.drain(..) {
-                tell!("{process}: it did not end, and was ended");
+                tell!("{process}: did not end in time and was stopped");
                 drop(child);
                 ended.push(Ended { process, status: None, told: Value::Null });
             }
@@ -222,13 +222,13 @@ fn tell(arguments: &Arguments, scenario: &Scenario, ended: &[Ended]) -> Outcome 
         tell!("{}: {}", it.process, words(it));
     }
     match equal {
-        Some(true) => tell!("{}: the records have the bits of one process", scenario.name),
-        Some(false) => tell!("{}: not the bits of one process: {}", scenario.name, differ.join(", ")),
+        Some(true) => tell!("{}: the records are identical, bit by bit, to those of one process", scenario.name),
+        Some(false) => tell!("{}: the records differ from those of one process: {}", scenario.name, differ.join(", ")),
         None => tell!(
             "{}: {} processes, {}",
             scenario.name,
             ended.len(),
-            if good { "all ended well" } else { "not all ended well" }
+            if good { "all processes ended without an error" } else { "not all processes ended without an error" }
         ),
     }
     Ok(if good && equal != Some(false) { Answer::Positive } else { Answer::Negative })

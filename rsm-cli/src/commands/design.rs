@@ -16,13 +16,13 @@ use crate::output;
 pub struct Arguments {
     /// The design specification
     specification: PathBuf,
-    /// The CSV that is written
+    /// The CSV file to write
     #[arg(long)]
     out: PathBuf,
-    /// Runs that were made already (a CSV with the factors): an optimal design adds the best runs to them
+    /// A CSV file of runs that were already made, with the factors: an optimal design adds the best further runs
     #[arg(long)]
     augment: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
@@ -83,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let (runs, points) = (plan.runs.len(), plan.points());
         if let Some(fraction) = fraction {
             let resolution = fraction.resolution().map_or("full".to_string(), |length| length.to_string());
-            tell!("resolution {resolution}; effects that cannot be told apart:");
+            tell!("resolution {resolution}; aliased effects:");
             for class in effects(fraction) {
                 tell!("  {}", class.join(" = "));
             }

@@ -14,42 +14,42 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The model file, - is standard input; or a plant of equations: a plant file of format 2, or a text (.mo)
+    /// The model file (- is standard input), or a plant of equations: a plant file of format 2 or a text (.mo)
     model: PathBuf,
-    /// The language
+    /// The language of the emitted code
     #[arg(long)]
     lang: Language,
-    /// The precisions; all that can hold the model when not given
+    /// The precisions to emit [default: all that can represent the model]
     #[arg(long, value_delimiter = ',')]
     precision: Vec<PrecisionName>,
-    /// Also the gradient of each surface: its derivatives by its inputs
+    /// Also emit the gradient of each surface: its partial derivatives with respect to its inputs
     #[arg(long)]
     gradient: bool,
-    /// Also each surface without clamps, for a caller that keeps arguments and result in their ranges
+    /// Also emit each surface without clamps, for callers that keep arguments and result inside their ranges
     #[arg(long)]
     inside: bool,
-    /// Inputs that change seldom: what they give to the surface without clamps becomes a function of its own
+    /// With --inside: inputs that change rarely. Their contribution to the surface becomes a separate function
     #[arg(long, value_delimiter = ',', requires = "inside", value_name = "INPUT")]
     once: Vec<String>,
-    /// Of a plant: the length of a step in s. The emitted step has the bits of `rsm simulate --fixed-step`
+    /// For a plant: the length of a step in s. The emitted step gives the same bits as `rsm simulate --fixed-step`
     #[arg(long, conflicts_with_all = ["precision", "gradient", "inside"])]
     step: Option<f64>,
-    /// Of a plant: where it starts, `speed=3,command=2`. An input that is not named is 0, a state has its start
+    /// For a plant: the starting point, `speed=3,command=2`. Inputs that are not named are 0, states have their start values
     #[arg(long, requires = "step", allow_hyphen_values = true)]
     at: Option<String>,
-    /// Of a plant: a folder of further effects, a file each
+    /// For a plant: a folder of further effects, one TOML file each
     #[arg(long, requires = "step", value_name = "DIR")]
     effects: Option<PathBuf>,
-    /// Of a plant: a record whose first row gives the start, as for `rsm simulate`
+    /// For a plant: a record whose first row gives the starting point, as for `rsm simulate`
     #[arg(long, requires = "step", conflicts_with = "at")]
     record: Option<PathBuf>,
-    /// Of a plant: the name of the module, and what C names begin with; else the name of the model in its text
+    /// For a plant: the name of the module and the prefix of C names [default: the name of the model in its text]
     #[arg(long, requires = "step")]
     name: Option<String>,
     /// The folder for the files
     #[arg(long)]
     out: PathBuf,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
@@ -57,7 +57,7 @@ pub struct Arguments {
 /// A language to emit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Language {
-    /// one module that needs nothing outside core
+    /// Rust, one module that needs only `core`
     Rust,
     /// C99, a header and a source file
     C,
@@ -85,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         }
         (true, None) => {
             return Err(Refusal::new(format!(
-                "{shown}: this is a plant of equations: give the length of its step in s, such as --step 1e-4"
+                "{shown}: found a plant of equations without --step: give the length of its step in s, such as --step 1e-4"
             )));
         }
         (false, Some(_)) => {

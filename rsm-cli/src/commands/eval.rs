@@ -23,19 +23,19 @@ use crate::output;
 pub struct Arguments {
     /// The model file; - is standard input
     model: PathBuf,
-    /// The surface to evaluate; may be left out when the model has only one
+    /// The surface to evaluate; optional if the model has only one
     #[arg(long)]
     surface: Option<String>,
-    /// The compensator to run over a sequence: --data has the columns `input` and every input that it uses
+    /// The compensator to run over a sequence. --data must have the column `input` and a column for each of its scheduling inputs
     #[arg(long, conflicts_with_all = ["surface", "at"])]
     compensator: Option<String>,
-    /// The derivatives of the surface by its inputs, in the unit of the surface a unit of the input
+    /// Print the partial derivatives of the surface with respect to its inputs, each in the surface's unit per unit of the input
     #[arg(long, conflicts_with = "compensator")]
     gradient: bool,
-    /// A point, in the units of the model: a=1,b=2
+    /// One point, in the units of the model: a=1,b=2
     #[arg(long, required_unless_present_any = ["data", "compensator"], conflicts_with = "data", allow_hyphen_values = true)]
     at: Option<String>,
-    /// A CSV of points (of a compensator: a sequence), its columns named as the inputs
+    /// A CSV file of points (for a compensator: a sequence) whose columns have the names of the inputs
     #[arg(long)]
     data: Option<PathBuf>,
     /// The precision of the evaluation
@@ -44,7 +44,7 @@ pub struct Arguments {
     /// Print the IEEE bits in hexadecimal
     #[arg(long)]
     bits: bool,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }

@@ -30,9 +30,9 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Experiment {
-    /// The motor on a dynamometer: modulation depth and current advance at the voltage limit
+    /// Run a plan on the simulated motor dynamometer: the speed at the voltage limit for each modulation depth and current advance
     Pmac(Pmac),
-    /// The car on a track: tip-in runs, each reduced to delay, frequency and damping
+    /// Run a plan on the simulated test track: tip-in runs, each reduced to delay, frequency and damping
     Driveline(Driveline),
 }
 
@@ -44,38 +44,38 @@ struct Pmac {
     /// The plant file
     #[arg(long)]
     plant: PathBuf,
-    /// The CSV that is written
+    /// The CSV file to write
     #[arg(long)]
     out: PathBuf,
-    /// The seed of the sensors' noise
+    /// The seed of the simulated sensor noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Args)]
 struct Driveline {
-    /// The plan: factors `gear`, `engine_speed` and, where it varies, `load`
+    /// The plan: factors `gear`, `engine_speed` and, if it varies, `load`
     #[arg(long)]
     plan: PathBuf,
     /// The plant file
     #[arg(long)]
     plant: PathBuf,
-    /// The CSV that is written, a row a run
+    /// The CSV file to write, one row for each run
     #[arg(long)]
     out: PathBuf,
-    /// The seed of the sensors' noise
+    /// The seed of the simulated sensor noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// A folder for the record of every run, as `rsm simulate` reads it
+    /// A folder for the records of all runs, in the format that `rsm simulate` reads
     #[arg(long)]
     records: Option<PathBuf>,
-    /// Put a compensator between pedal and throttle: a model file, and a name where it has several
+    /// Put a compensator between pedal and throttle: MODEL.toml, or MODEL.toml:NAME if the file has several
     #[arg(long, value_name = "MODEL.toml[:NAME]")]
     compensator: Option<String>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
@@ -176,7 +176,7 @@ pub fn settings(plan: &Plan) -> Result<Vec<Setting>, Faults> {
     let mut of = |name: &str, unit: &str| plan.settings(name, unit).map_err(|fault| faults.push(fault)).unwrap_or_default();
     let (depths, advances) = (of("depth", "%"), of("advance", "deg"));
     for factor in plan.factors.iter().filter(|factor| !["depth", "advance"].contains(&factor.name.as_str())) {
-        faults.push(plan.fault_of_header(format!("the bench has no factor `{}`: it sets `depth` and `advance`", factor.name)));
+        faults.push(plan.fault_of_header(format!("found the factor `{}`, expected `depth` or `advance`", factor.name)));
     }
     for (row, (depth, advance)) in depths.iter().zip(&advances).enumerate() {
         if !(*depth > 0.0 && *depth <= 100.0) {

@@ -17,40 +17,40 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// Who takes part in this process: the sides of the motor's loop (`motor`, `controller`), of the car's (`driveline`, `throttle`), a `recorder`; or the `broker` alone
+    /// The roles of this process: sides of the motor's loop (`motor`, `controller`), sides of the car's loop (`driveline`, `throttle`), a `recorder`; or only the `broker`
     #[arg(required = true, value_parser = ["motor", "controller", "driveline", "throttle", "recorder", "broker"])]
     roles: Vec<String>,
-    /// Where the broker is, or is to listen: HOST:PORT
+    /// The address of the broker, HOST:PORT
     #[arg(long, value_parser = Address::parse)]
     broker: Address,
-    /// How the parts speak to each other: `tcp_ss` between hosts, `ipc` on one host (the port is then a name)
+    /// The transport: `tcp_ss` between hosts, `ipc` on one host (the port is then a name)
     #[arg(long, default_value = "tcp_ss", value_parser = core)]
     core: Core,
-    /// How long the run lasts, in s of the loop
+    /// Duration of the run, in s of simulated time
     #[arg(long, default_value_t = 2.0, value_parser = seconds)]
     seconds: f64,
-    /// Inertia of the load on the motor's shaft, in kg m^2
+    /// Moment of inertia of the load on the motor's shaft, in kg m^2
     #[arg(long, default_value_t = 0.0, value_parser = inertia)]
     load_inertia: f64,
-    /// The loop that a recorder listens to
+    /// The loop that a recorder records
     #[arg(long = "loop", default_value = "motor", value_parser = loop_of)]
     listened: Loop,
-    /// Of the broker: how many federates there are, a role each
+    /// For the broker: the number of federates, one for each role
     #[arg(long, value_name = "N", required_if_eq("roles", "broker"), value_parser = clap::value_parser!(u16).range(1..))]
     federates: Option<u16>,
-    /// The folder in which each role writes its record, ROLE.csv
+    /// The folder for the records: each role writes ROLE.csv
     #[arg(long)]
     out: Option<PathBuf>,
-    /// The library of HELICS, a file or a folder; else the variable RSM_HELICS, else what the system finds
+    /// The HELICS library, a file or a folder [default: the variable RSM_HELICS, then the system's library path]
     #[arg(long, value_name = "PATH")]
     helics: Option<PathBuf>,
-    /// How long the broker and all federates are waited for, in s
+    /// Time limit for the broker and all federates to join, in s
     #[arg(long, default_value_t = 30.0, value_parser = seconds)]
     wait: f64,
-    /// How long time may stand still before a peer counts as gone, in s
+    /// Time without progress after which a peer counts as lost, in s
     #[arg(long, default_value_t = 4.0, value_parser = seconds)]
     silence: f64,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
@@ -89,10 +89,13 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let roles: Option<Vec<Role>> = arguments.roles.iter().map(|word| Role::of(word, arguments.listened)).collect();
     let Some(roles) = roles else { return broker(arguments, &wish) };
     if let Some(twice) = roles.iter().enumerate().find(|(place, role)| roles[..*place].contains(role)) {
-        return Err(Refusal::new(format!("the role `{}` stands there twice: a federation has each once", twice.1.name())));
+        return Err(Refusal::new(format!(
+            "found the role `{}` twice, expected each role once in a federation",
+            twice.1.name()
+        )));
     }
     if arguments.federates.is_some() {
-        return Err(Refusal::new("--federates is for the broker: it waits for so many"));
+        return Err(Refusal::new("--federates: found without the role `broker`; only the broker takes this option"));
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let done = federate::run(library, &roles, &wish);
@@ -101,7 +104,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
 
 fn broker(arguments: &Arguments, wish: &Wish) -> Outcome {
     if arguments.roles.len() > 1 {
-        return Err(Refusal::new("the broker is a process of its own: it takes no role beside"));
+        return Err(Refusal::new("found `broker` with other roles, expected `broker` alone: it needs a process of its own"));
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let federates = usize::from(arguments.federates.unwrap_or(1));

@@ -20,13 +20,13 @@ use crate::{output, report};
 pub struct Arguments {
     /// The fit specification
     specification: PathBuf,
-    /// The model file to write; without it the model is printed
+    /// The model file to write [default: print the model]
     #[arg(long)]
     out: Option<PathBuf>,
-    /// A folder for a report: tables and plots in one HTML file
+    /// A folder for the report, one HTML file with tables and plots
     #[arg(long)]
     report: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
@@ -140,7 +140,7 @@ pub fn in_words(fitted: &Fitted) -> String {
             "  rows: coefficients from {}; terms by {}\n",
             statistics.rows_used.coefficients, statistics.rows_used.terms
         );
-        text += &format!("  error to be believed: {}\n", statistics.rows_used.error);
+        text += &format!("  error estimate: {}\n", statistics.rows_used.error);
         if let Some(forms) = &statistics.forms {
             text += &format!("  form: {}\n", forms.words());
         }

@@ -15,34 +15,34 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// Files of one run: the first gives the clock, further ones are aligned with it
+    /// Files of one run. The first gives the time base; the others are aligned with it
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// A column of the record: NAME=COLUMN, or NAME=COLUMN[unit]; without this option every column of numbers is taken
+    /// A column of the record: NAME=COLUMN, or NAME=COLUMN[unit] [default: every column of numbers]
     #[arg(long = "column", value_name = "NAME=COLUMN[unit]")]
     columns: Vec<Named>,
-    /// A column that no file has, such as `load_torque=0[N*m]` of an unloaded motor
+    /// A constant column that is in no file, such as `load_torque=0[N*m]` for an unloaded motor
     #[arg(long = "constant", value_name = "NAME=NUMBER[unit]")]
     constants: Vec<Named>,
-    /// The column of time, where its name does not say so
+    /// The time column, if its name does not show it
     #[arg(long, value_name = "COLUMN[unit]")]
     time: Option<String>,
-    /// A column that holds its value until the next sample
+    /// A column to resample with a zero-order hold
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
-    /// The period of the record, in s [default: the mean one of the first file]
+    /// The sampling period of the record, in s [default: the mean period of the first file]
     #[arg(long, value_name = "SECONDS")]
     period: Option<f64>,
-    /// A signal that two files have, under its name in each: what their clocks are aligned by
+    /// A signal that is in two files, by its name in each (FIRST=SECOND): it aligns their clocks
     #[arg(long, value_name = "FIRST=SECOND")]
     align: Option<Named>,
-    /// A plant file: the record is refused unless it can be read for this plant
+    /// A plant file: refuse a record that does not fit this plant
     #[arg(long)]
     plant: Option<PathBuf>,
-    /// The CSV that is written
+    /// The CSV file to write
     #[arg(long)]
     out: PathBuf,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }

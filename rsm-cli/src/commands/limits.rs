@@ -17,19 +17,19 @@ use crate::outcome::Refusal;
 
 #[derive(Args)]
 pub struct LimitsArguments {
-    /// Prove that the motor's loop keeps |v| <= V/sqrt 3 and |i| <= I over every torque, speed and bus voltage, or name a point where it does not
+    /// Prove |v| <= V/sqrt 3 and |i| <= I in the motor's loop for every torque, speed and bus voltage, or give a point that violates a limit
     #[arg(long, requires = "plant")]
     limits: bool,
     /// The plant file of the motor, for --limits
     #[arg(long, requires = "limits")]
     plant: Option<PathBuf>,
-    /// The highest speed of --limits, in rad/s; the top of the surface's range when not given
+    /// The highest speed for --limits, in rad/s [default: the upper end of the surface's range]
     #[arg(long, requires = "limits", value_name = "RAD_S")]
     speed: Option<f32>,
-    /// The lowest and the highest bus voltage of --limits, in V; 2/3 and 11/9 of the plant's when not given
+    /// The lowest and the highest bus voltage for --limits, in V [default: 2/3 and 11/9 of the plant's]
     #[arg(long, requires = "limits", value_name = "LOW,HIGH", value_delimiter = ',', num_args = 1)]
     bus: Vec<f32>,
-    /// Cells that --limits may look at before it says that it has not decided
+    /// The largest number of cells that --limits examines; beyond it the result is "not decided"
     #[arg(long, requires = "limits", value_name = "CELLS", default_value_t = limits::WORK)]
     work: usize,
 }

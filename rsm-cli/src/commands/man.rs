@@ -8,7 +8,7 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The words of a subcommand, such as `experiment pmac`; the command itself when not given
+    /// The subcommand, such as `experiment pmac` [default: the command `rsm` itself]
     subcommand: Vec<String>,
 }
 

@@ -20,25 +20,25 @@ use crate::output;
 pub struct Arguments {
     /// The plant file
     plant: PathBuf,
-    /// The record: inputs at every row, outputs at the first
+    /// The record: it gives the inputs of every row, and the outputs of the first row as the start
     #[arg(long)]
     record: PathBuf,
-    /// The CSV that is written
+    /// The CSV file to write
     #[arg(long)]
     out: PathBuf,
-    /// Of a plant of equations: `explicit` (orders 5 and 4), `stiff` (orders 3 and 2, with the exact Jacobian) or `automatic`
+    /// For a plant of equations: `explicit` (Taylor series), `stiff` (order 3 to 4, with the exact Jacobian) or `automatic`
     #[arg(long, value_parser = ["automatic", "explicit", "stiff"])]
     method: Option<String>,
-    /// Of a plant of equations: the error of a step, relative to the size of each state; 1e-8 unless said
+    /// For a plant of equations: the error of a step, relative to the size of each state [default: 1e-8]
     #[arg(long)]
     tolerance: Option<f64>,
-    /// Of a plant of equations: classical Runge-Kutta steps of this length, in s; the record's period must be a whole multiple of it
+    /// For a plant of equations: use classical Runge-Kutta steps of this length, in s; the record's period must be a whole multiple of it
     #[arg(long, conflicts_with_all = ["method", "tolerance"])]
     fixed_step: Option<f64>,
-    /// Of a plant of equations: a folder of further effects, a file each
+    /// For a plant of equations: a folder of further effects, one TOML file each
     #[arg(long, value_name = "DIR")]
     effects: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }

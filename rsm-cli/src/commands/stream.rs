@@ -18,40 +18,40 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The side that runs here: of the motor's loop (`motor`, `controller`), of the car's (`driveline`, `throttle`)
+    /// The side to run: `motor` or `controller` of the motor's loop, `driveline` or `throttle` of the car's loop
     #[arg(value_parser = ["motor", "controller", "driveline", "throttle"])]
     role: String,
-    /// Where this side listens: ADDRESS:PORT
+    /// The address at which this side listens, ADDRESS:PORT
     #[arg(long, value_name = "ADDRESS:PORT")]
     listen: String,
-    /// Where the other side listens: HOST:PORT
+    /// The address of the other side, HOST:PORT
     #[arg(long, value_name = "HOST:PORT")]
     peer: String,
-    /// The file with the secret of both sides, 16 bytes at least
+    /// The file with the secret key of both sides, at least 16 bytes
     #[arg(long, value_name = "FILE")]
     key: PathBuf,
-    /// How long the run lasts, in s
+    /// Duration of the run, in s
     #[arg(long, default_value_t = 2.0, value_parser = seconds)]
     seconds: f64,
     /// The length of the play-out buffer, in ms
     #[arg(long, value_name = "MS", default_value_t = 150, value_parser = clap::value_parser!(u16).range(1..=10_000))]
     buffer: u16,
-    /// How long the last value is held where values are missing, in ms; then comes the safe state
+    /// Time for which the last value is held if values are missing, in ms; after it the safe state applies
     #[arg(long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u16).range(0..=10_000))]
     hold: u16,
-    /// How long nothing may be heard until the peer counts as gone, in s
+    /// Time without a datagram after which the peer counts as lost, in s
     #[arg(long, default_value_t = 3.0, value_parser = seconds)]
     silence: f64,
-    /// How long the peer is waited for at the start, in s
+    /// Time limit for the first datagram of the peer, in s
     #[arg(long, default_value_t = 30.0, value_parser = seconds)]
     wait: f64,
-    /// Inertia of the load on the motor's shaft, in kg m^2; both buffers together delay the loop, and a light shaft is too fast for that
+    /// Moment of inertia of the load on the motor's shaft, in kg m^2. Both buffers delay the loop: a shaft of small inertia accelerates too fast for this delay
     #[arg(long, default_value_t = 0.1, value_parser = inertia)]
     load_inertia: f64,
-    /// The folder in which the record is written, ROLE.csv
+    /// The folder for the record, ROLE.csv
     #[arg(long)]
     out: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }

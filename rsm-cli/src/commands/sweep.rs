@@ -26,39 +26,39 @@ use crate::page::number::{figure, short};
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The scenario
+    /// The scenario file
     scenario: PathBuf,
-    /// The folder of results: tasks/HASH.json, and table.csv and summary.json of all tasks
+    /// The folder of results: tasks/HASH.json for each task, table.csv and summary.json for all tasks
     #[arg(long, required_unless_present = "task", conflicts_with = "task")]
     out: Option<PathBuf>,
-    /// Run one part of the list, without table and summary: K of N, as a task of a Slurm array does
+    /// Run part K of N of the list, without table and summary, for example as a task of a Slurm array
     #[arg(long, value_name = "K/N", conflicts_with_all = ["merge", "task"])]
     shard: Option<String>,
-    /// Run nothing: take the results of these folders into the one of --out, and write table and summary; exit status 1 where tasks have no result
+    /// Run nothing: copy the results of these folders into the folder of --out and write table and summary; exit status 1 if tasks have no result
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "task")]
     merge: Vec<PathBuf>,
     /// Run one task by its hash, and print its result
     #[arg(long, value_name = "HASH")]
     task: Option<String>,
-    /// Where tasks run
+    /// Where the tasks run
     #[arg(long, value_enum, default_value = "local", conflicts_with_all = ["merge", "task"])]
     engine: Engine,
-    /// With --engine dask: the scheduler
+    /// With --engine dask: the address of the scheduler, HOST:PORT
     #[arg(long, value_name = "HOST:PORT", required_if_eq("engine", "dask"))]
     scheduler: Option<String>,
-    /// With --engine dask: Python on this machine, with the package rsm-sweep-dask
+    /// With --engine dask: the Python interpreter of this machine, with the package rsm-sweep-dask
     #[arg(long, value_name = "PROGRAM", default_value = "python3")]
     python: String,
-    /// With --engine dask: this command on the workers
+    /// With --engine dask: the command `rsm` on the workers
     #[arg(long, value_name = "PROGRAM", default_value = "rsm")]
     worker: String,
-    /// Tasks side by side on this machine; all cores unless said. Results do not depend on it
+    /// The number of parallel tasks on this machine [default: all cores]. Results do not depend on it
     #[arg(long)]
     threads: Option<usize>,
-    /// Write table.parquet, too; needs a build with the feature parquet
+    /// Also write table.parquet; needs a build with the feature parquet
     #[arg(long, conflicts_with_all = ["shard", "task"])]
     parquet: bool,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }

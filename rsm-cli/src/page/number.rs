@@ -1,4 +1,4 @@
-//! Numbers for readers: rounded to what is known.
+//! Numbers for reports, rounded to the digits that their uncertainty supports.
 //!
 //! In: values, the half widths of their intervals, units. Out: text. Files and JSON keep all digits; pages do not.
 

@@ -1,4 +1,4 @@
-//! What a reader sees first: the verdict, three numbers, one plot that shows it.
+//! The summary of a report: the verdict, three numbers and one plot.
 //!
 //! In: words. Out: HTML. Decides nothing.
 
@@ -7,11 +7,11 @@ use super::escaped;
 /// How a verdict is coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tone {
-    /// What was asked for is there.
+    /// The goal is reached.
     Good,
-    /// It is there with a reservation.
+    /// The goal is reached with a reservation.
     Warn,
-    /// It is not there.
+    /// The goal is not reached.
     Bad,
 }
 
@@ -25,7 +25,7 @@ impl Tone {
     }
 }
 
-/// A number with what it is of and where it is from.
+/// A number with its name and its source.
 pub struct Number {
     pub of: String,
     pub value: String,

@@ -6,10 +6,10 @@ use serde_json::{Map as Object, Value, json};
 
 use super::{CELLS, Map, Mark, Series, Words, along, finite, name_of, thinned};
 
-/// More points than this of one line make a page heavy: two a pixel of a wide screen. What is zoomed into is then coarse, and a plot of the stretch that matters has all its rows.
+/// The largest number of points of one line: two for each pixel of a wide screen. A zoom then shows coarse data; a separate plot of the worst section has all its rows.
 const MOST_POINTS: usize = 3000;
 
-/// The same of a line that has many like it, of which one is shown at a time.
+/// The same for a line of a group of which one line is shown at a time.
 const FEW_POINTS: usize = 600;
 
 /// Significant digits of a number in a plot.

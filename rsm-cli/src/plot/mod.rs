@@ -1,6 +1,6 @@
-//! Plots of a page: each is a still picture, and beside it the numbers from which the page's script draws one that zooms, turns and tells its values.
+//! Plots of a page: each is a static SVG picture, with the numbers from which the page's script draws an interactive plot (zoom, rotation, values under the pointer).
 //!
-//! In: numbers, with the words for axes and legend. Out: a `<figure>` of HTML. Knows nothing of what is shown. The same numbers give the same text.
+//! In: numbers, with the words for axes and legend. Out: a `<figure>` of HTML. Independent of the meaning of the data. The same numbers give the same text.
 
 mod live;
 pub mod still;
@@ -15,13 +15,13 @@ use crate::page::{escaped, numbers};
 /// Cells of a map along each axis: the level lines are straight in a cell.
 pub const CELLS: usize = 48;
 
-/// Colours that stay apart for readers who see fewer of them (Okabe and Ito 2008), in the order of use.
+/// Colours that readers with a colour vision deficiency can distinguish (Okabe and Ito 2008), in the order of use.
 pub const BLUE: RGBColor = RGBColor(0, 114, 178);
 /// The second.
 pub const ORANGE: RGBColor = RGBColor(213, 94, 0);
 /// For marks on a map, whose dark end is blue.
 pub const PINK: RGBColor = RGBColor(255, 150, 200);
-/// For what is only there to compare with.
+/// For reference curves.
 pub const GREY: RGBColor = RGBColor(140, 140, 140);
 
 /// How a series is drawn.
@@ -32,7 +32,7 @@ pub enum Mark {
     Cross,
 }
 
-/// Numbers that belong together.
+/// A data series.
 #[derive(Debug, Clone)]
 pub struct Series {
     pub name: String,
@@ -81,7 +81,7 @@ pub struct Map {
 }
 
 impl Map {
-    /// Asks for the value at every corner of the cells.
+    /// Evaluates a function at every corner of the cells.
     pub fn new(x: (f64, f64), y: (f64, f64), value: &mut dyn FnMut(f64, f64) -> Option<f64>) -> Self {
         let corners = (0..=CELLS).map(|i| (0..=CELLS).map(|j| value(along(x, i), along(y, j))).collect()).collect();
         Map { x, y, corners }
@@ -123,7 +123,7 @@ pub fn map(
     Ok(figure(None, &picture, series, Some(&live::surface(words, value_words, &map, value, series)), ""))
 }
 
-/// A still picture, and the surface to look into whose numbers are given.
+/// A static picture and the numbers of an interactive surface plot.
 pub fn explorer(pictures: &str, series: &[Series], spec: &Value) -> String {
     figure(None, pictures, series, Some(spec), "<div class=\"explorer\"></div>\n")
 }

@@ -1,4 +1,4 @@
-//! Still pictures as SVG text: for paper, for pages without a script, and for documents.
+//! Static plots as SVG text: for print, for pages without a script, and for documents.
 //!
 //! In: series, with the words for the axes. Out: SVG. The same numbers give the same text.
 
@@ -15,7 +15,7 @@ use crate::outcome::Refusal;
 /// Size of a plot in pixels.
 const PLOT: (u32, u32) = (480, 340);
 
-/// More points than this are no longer seen apart on the width of a plot.
+/// The largest number of points of a line; the width of a plot cannot resolve more.
 const MOST_POINTS: usize = 1200;
 
 /// Level lines between the least and the greatest value.
@@ -202,7 +202,7 @@ fn span(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
     (low - margin * (high - low), high + margin * (high - low))
 }
 
-/// A tick's number: as many decimals as the span asks for, and no more.
+/// The label of a tick, with the number of decimals that the span requires.
 fn label(value: f64, (low, high): (f64, f64)) -> String {
     let decimals = (2.0 - (high - low).abs().log10()).ceil().clamp(0.0, 9.0) as usize;
     let text = format!("{value:.decimals$}");

@@ -1,4 +1,4 @@
-//! The page of a fit: for each response the verdict, three numbers and the surface itself; below them how well it fits, its constraints and its terms.
+//! The report of a fit. For each response: verdict, three numbers and a plot of the surface, then statistics of the fit, constraints and terms.
 //!
 //! In: what a fit found. Out: text. Predictions come from the interpreter, so a report shows what an evaluator will return.
 
@@ -27,7 +27,7 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
     let reached = outcome.responses.iter().filter(|it| matches!(it.verdict, Verdict::Fitted | Verdict::Reached { .. })).count();
     if outcome.responses.len() > 1 {
         body += &format!(
-            "<p class=\"lead\">{reached} of {} responses are fitted as was asked.</p>\n{}",
+            "<p class=\"lead\">{reached} of {} responses reach their target.</p>\n{}",
             outcome.responses.len(),
             overview(outcome)
         );
@@ -42,7 +42,7 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
         let (checked, statistics) = match (&checked, &response.statistics) {
             (Some(checked), Some(statistics)) => (checked, statistics),
             _ => {
-                body += "<p>There is no surface of it.</p>\n</section>\n";
+                body += "<p>This response has no surface.</p>\n</section>\n";
                 continue;
             }
         };
@@ -88,11 +88,11 @@ fn overview(outcome: &Outcome) -> String {
     };
     let lines: String = outcome.responses.iter().map(line).collect();
     format!(
-        "<table>\n<tr><th>response</th><th>verdict</th><th>error to be believed (root mean square)</th></tr>\n{lines}</table>\n"
+        "<table>\n<tr><th>response</th><th>verdict</th><th>error estimate (root mean square)</th></tr>\n{lines}</table>\n"
     )
 }
 
-/// The error that is to be believed (root mean square), and on which rows it is: those that chose least.
+/// The error estimate (root mean square) and its rows: those with the least influence on the choice of terms.
 fn believed(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Option<(f64, String)> {
     let on = |errors: &ValidationStatistics, of: &str| (errors.rmse, format!("on {} {of}", errors.rows));
     let test = statistics.test.as_ref().map(|it| on(it, "test rows"));
@@ -186,7 +186,7 @@ fn of_response(
     text += &errors(statistics, is_unseen, &unit);
     text += "<h3>Statistics of the fit</h3>\n";
     text += &of_the_fit(statistics, &inputs, !apart.is_empty());
-    text += "</div>\n<div>\n<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. A coefficient is rounded to what its 95 % interval supports; the model file has all digits.</p>\n";
+    text += "</div>\n<div>\n<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. Each coefficient is rounded to the digits that its 95 % interval supports; the model file has all digits.</p>\n";
     text += &terms(surface, statistics, &unit);
     text += "</div>\n</div>\n";
     if let Some(told) = &statistics.constraints {
@@ -223,7 +223,7 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> Strin
     }
     let mut said = vec![
         ("terms chosen by".to_string(), escaped(&statistics.rows_used.terms)),
-        ("error to be believed".to_string(), escaped(&statistics.rows_used.error)),
+        ("error estimate".to_string(), escaped(&statistics.rows_used.error)),
     ];
     said.extend(statistics.forms.as_ref().map(|forms| ("form".to_string(), escaped(&forms.words()))));
     text + "</table>\n" + &rows(&said)
@@ -253,7 +253,7 @@ fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart:
         let words = format!("{:.1} % of the box, by {} half-spaces", 100.0 * support.share_of_box, support.half_spaces);
         row("supported by the data", words);
         if has_rows_apart {
-            row("rows outside that were not fitted", support.unseen_rows_outside.to_string());
+            row("holdout rows outside the support", support.unseen_rows_outside.to_string());
         }
     }
     rows(&list)
@@ -282,9 +282,9 @@ fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> Stri
     text + "</table>\n"
 }
 
-/// What is proven, and what it cost.
+/// The proved constraints, and the increase of the error that they cause.
 fn constraints(told: &ConstraintStatistics, inputs: &[Input], unit: &str) -> String {
-    let mut text = String::from("<table>\n<tr><th>constraint</th><th>proven distance</th><th>holds the surface at</th></tr>\n");
+    let mut text = String::from("<table>\n<tr><th>constraint</th><th>proved distance</th><th>active at</th></tr>\n");
     for report in &told.constraints {
         let places: Vec<String> = report.points.iter().map(|point| place(point, inputs)).collect();
         let places = if places.is_empty() { "nowhere".to_string() } else { places.join("; ") };

@@ -1,4 +1,4 @@
-//! A fitted surface to look into: the still pictures of it, and the numbers from which the page's script turns and cuts it.
+//! Plots of a fitted surface: static pictures, and the numbers from which the page's script rotates and cuts it.
 //!
 //! In: a model, one of its surfaces, the rows. Out: a figure. Values come from the tape, so a page shows what an evaluator will return.
 
@@ -17,7 +17,7 @@ use crate::outcome::Refusal;
 use crate::page::number;
 use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
 
-/// More rows than this of one kind are not drawn: every so many is.
+/// The largest number of rows of one kind in a plot. From more rows, a regular selection is drawn.
 const MOST_ROWS: usize = 2000;
 
 /// Points of a cut in a still picture.
@@ -32,7 +32,7 @@ pub struct Shown<'a> {
     /// Its place among the responses of the rows.
     pub response: usize,
     pub constraints: Option<&'a ConstraintStatistics>,
-    /// The error that is to be believed, and what it is, for a reader.
+    /// The error estimate, with its rows in words.
     pub error: Option<(f64, String)>,
 }
 

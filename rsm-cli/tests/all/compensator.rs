@@ -87,7 +87,7 @@ fn check_certifies_a_compensator() {
     let [low, high] = [0, 1].map(|k| certified["zero_damping"][k].as_f64().unwrap());
     assert!(low <= 0.1 && low > 0.1 - 1e-12 && (0.2..0.2 + 1e-12).contains(&high), "{low} {high}");
     let words = text(&rsm(&["check", "car.toml"], here.path()).stdout);
-    assert!(words.contains("tip_in: stable over the whole box, rounding left aside"), "{words}");
+    assert!(words.contains("tip_in: stable over the whole range of its inputs, in exact arithmetic"), "{words}");
 }
 
 #[test]

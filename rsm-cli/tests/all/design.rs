@@ -146,7 +146,7 @@ fn a_fraction_tells_its_aliases_and_screening_and_sobol_have_their_runs() {
     assert_eq!((&found["runs"], &found["fraction"]["resolution"]), (&8.into(), &4.into()));
     assert_eq!(found["fraction"]["words"], serde_json::json!(["a*b*c*d"]));
     assert_eq!(found["fraction"]["aliases"], serde_json::json!([["a*b", "c*d"], ["a*c", "b*d"], ["a*d", "b*c"]]));
-    assert!(text(&design(&[]).stderr).contains("resolution 4; effects that cannot be told apart:\n  a*b = c*d\n"));
+    assert!(text(&design(&[]).stderr).contains("resolution 4; aliased effects:\n  a*b = c*d\n"));
     written("design = \"fractional-factorial\"\nruns = 12", &["a", "b", "c", "d", "e"]);
     let words = text(&design(&[]).stderr);
     assert!(

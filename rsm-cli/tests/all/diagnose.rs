@@ -133,15 +133,15 @@ fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
     let written = std::fs::read_to_string(here.path().join("found/diagnosis.json")).unwrap();
     assert_eq!(serde_json::from_str::<serde_json::Value>(&written).unwrap(), value);
     let page = std::fs::read_to_string(here.path().join("found/report.html")).unwrap();
-    assert!(page.contains("Nothing is wrong with the simulation that these records show"), "{page}");
+    assert!(page.contains("These records show no error of the simulation"), "{page}");
     // The worst output's figure stands in the verdict; without unseen records the page says so; there is nothing to say of causes, and no place of an error.
     let ratio = |key: &str| value["extended"]["validate"][key]["noise_ratio"].as_f64().unwrap();
     let worst = ["i_d", "i_q", "speed"].map(ratio).into_iter().fold(0.0, f64::max);
     assert!(
-        page.contains(&format!("is {worst:.2} times its noise")) && page.contains("No record was kept for validation"),
+        page.contains(&format!("is {worst:.2} times its noise")) && page.contains("There is no validation record"),
         "{worst}"
     );
-    assert!(!page.contains("<h2>Causes") && page.contains("Nowhere: in every region"));
+    assert!(!page.contains("<h2>Causes") && page.contains("In every region that was examined"));
     assert_eq!((&value["where"], &value["left"]), (&serde_json::json!([]), &serde_json::json!([])));
     assert!(value["correction"].is_null() && !here.path().join("found/correction.toml").exists());
     let again = rsm(&["simulate", "found/extended.toml", "--record", "noisy.csv", "--out", "again.csv"], here.path());
@@ -224,7 +224,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     assert!(at("What is wrong with the data") < at("<td>speed</td><td>jump</td><td>78 to 78</td>"));
     assert!(at("78 to 78") < at("<h2>Causes") && at("<h2>Causes") < at("<h2>Before and after, on 1 validation record</h2>"));
     at(&format!(
-        "On 1 validation record (on the records that chose it) {:.1} % of the error beyond the noise is gone",
+        "On 1 validation record (on the records that chose it) {:.1} % of the error above the noise is removed",
         100.0 * value["gain"].as_f64().unwrap()
     ));
     // What the causes were chosen by is called so; the test record has figures of its own, beside the others.
@@ -237,10 +237,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
         assert_eq!(keys(&value[plant]), ["test", "validate"]);
         assert_eq!(keys(&value[plant]["test"]), keys(&value[plant]["validate"]));
     }
-    at(&format!(
-        "On 1 test record, which nothing has seen before, {:.1} % is gone",
-        100.0 * value["test"]["gain"].as_f64().unwrap()
-    ));
+    at(&format!("On 1 test record, not used before, {:.1} % is removed", 100.0 * value["test"]["gain"].as_f64().unwrap()));
     // Every sentence of the evidence stands in both, and the cause is what lowers the error of the speed.
     let evidence = &value["causes"][0]["evidence"];
     let sentences: Vec<&str> = evidence["for"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
@@ -277,7 +274,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     assert!(at(">coulomb-friction</button>") < at("<h2>"));
     // Standard error is short.
     let words = text(&output.stderr);
-    assert!(words.lines().count() < 12 && words.contains("To be sure: Drive slowly both ways"), "{words}");
+    assert!(words.lines().count() < 12 && words.contains("Check: Drive slowly both ways"), "{words}");
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn no_block_of_a_guide_is_without_a_test() {
 fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     let (folder, text) = fitted();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    assert!(text.contains("reached (99 % wanted)") && text.contains("error to be believed"), "{text}");
+    assert!(text.contains("reached (99 % wanted)") && text.contains("error estimate"), "{text}");
     assert!(folder.path().join("report/report.html").is_file());
     // The response of the guide to constraints, in a specification.
     let inputs = "format = 1\nmodel = \"constrained\"\ndata = [\"dyno.csv\"]\n[inputs.torque]\n[inputs.speed]\n\n";
@@ -325,11 +325,11 @@ fn the_guide_to_federations_does_what_it_says() {
     }
     let set = format!("export RSM_HELICS={}\n", helics.display());
     let told = run(&(set.clone() + &block("federation.md", 1)), folder.path());
-    assert!(told.contains("the records have the bits of one process"), "{told}");
+    assert!(told.contains("the records are identical, bit by bit, to those of one process"), "{told}");
     let told = run(&block("federation.md", 2), folder.path());
     assert!(told.contains("# on bench") && told.contains("# on controller"), "{told}");
     let told = run(&(set + "rsm cosim both-loops.toml --out both --check"), folder.path());
-    assert!(told.contains("the records have the bits of one process"), "{told}");
+    assert!(told.contains("the records are identical, bit by bit, to those of one process"), "{told}");
 }
 
 #[test]

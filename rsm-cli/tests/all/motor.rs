@@ -96,7 +96,11 @@ fn what_the_bench_cannot_set_is_refused_with_its_line() {
          plan.csv:4: `advance`: found 180 deg, expected 0 to below 180 deg"
     );
     let found = refused("run[1],depth[%],angle[deg]\n1,10,0\n", PLANT);
-    assert!(found.contains("the plan has no factor `advance`") && found.contains("the bench has no factor `angle`"), "{found}");
+    assert!(
+        found.contains("the plan has no factor `advance`")
+            && found.contains("found the factor `angle`, expected `depth` or `advance`"),
+        "{found}"
+    );
     let found = refused("run[1],depth[%],advance[deg]\n1,10,0\n", "../../../rsm-sim/plants/driveline.toml");
     assert!(found.contains("driveline.toml") && found.contains("found \"driveline\", expected \"pmac\""), "{found}");
     // Units are converted: half a turn in rad is beyond the last advance all the same.

@@ -151,8 +151,8 @@ fn diagnosis(report: &Path) -> String {
     svg += "<rect width=\"960\" height=\"430\" fill=\"#FFFFFF\"/>\n";
     svg += &text(24, 30, 20, "#000000", title);
     svg += &text(24, 54, 14, "#000000", &format!("{cause}: {sentence}"));
-    svg += &at(0, of("measured less simulated"));
-    svg += &at(480, of("what is left, by frequency"));
+    svg += &at(0, of("measured minus simulated"));
+    svg += &at(480, of("residual, by frequency"));
     // The colours of the report's captions.
     svg += &text(60, 420, 13, "#D55E00", "before (calibrated within its tolerances)");
     svg += &text(340, 420, 13, "#0072B2", "after (with the cause)");

@@ -1,4 +1,4 @@
-//! The part of the chain that both cases share: a fitted model is certified, emitted, compiled by the machine's compilers and compared.
+//! The steps that both cases share: certify a fitted model, emit it, compile it with the machine's compilers, and compare the results.
 //!
 //! In: a model. Out: its files in a folder, what was found as JSON, and whether all of it is good.
 
@@ -55,7 +55,7 @@ pub fn compiled(tell: &Teller, folder: &Path, model: &Model, results: &mut Map<S
     // Refuses a compensator that is not certain to be stable.
     let (unit, files) = evaluators::files(&checked, folder)?;
     for compensator in &model.compensators {
-        tell.say(&format!("check    {}: stable over the whole box, rounding left aside", compensator.name))?;
+        tell.say(&format!("check    {}: stable over the whole range of its inputs, in exact arithmetic", compensator.name))?;
     }
     output::write_all(&files)?;
     tell.say(&format!("emit     {} functions in C and Rust", unit.functions.len()))?;

@@ -1,4 +1,4 @@
-//! Case 2 of the demo: a driveline's shuffle, from tip-in runs to the compensated car.
+//! Case 2 of the demo: driveline oscillation (shuffle), from tip-in runs to the compensated car.
 //!
 //! plan -> track -> estimator -> fit -> compensator -> rounds, for the car without lash and the car with it; then check, emit and compare bits of the latter.
 
@@ -92,15 +92,15 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
     Ok(Section { good, plot: String::new(), html: text, json: Value::Object(results) })
 }
 
-/// What surfaces against the gear ratio say of a gearbox that was never run, and surfaces with the load of other loads.
+/// Errors of surfaces over the gear ratio for a gearbox without runs, and of surfaces with the load as input for other loads.
 fn other_cars(tell: &Teller, plant: &PlantFile, study: &Study, results: &mut Map<String, Value>) -> Result<String, Refusal> {
     let Prediction { unseen, other, by_gear_other, .. } = gearbox::prediction(plant, OTHER_RATIOS, study)?;
     let loaded = gearbox::loaded(plant, study)?;
     let lines = [
-        ("against the gear ratio, unseen runs", &unseen),
-        ("against the gear ratio, a gearbox that was never run", &other),
-        ("against the gear number, a gearbox that was never run", &by_gear_other),
-        ("with the load as third factor, unseen loads", &loaded.unseen),
+        ("over the gear ratio, holdout runs", &unseen),
+        ("over the gear ratio, a gearbox without runs", &other),
+        ("over the gear number, a gearbox without runs", &by_gear_other),
+        ("with the load as third factor, holdout loads", &loaded.unseen),
     ];
     let mut table =
         "<table>\n<tr><th>surfaces</th><th>damping, mean residual</th><th>frequency, mean residual</th></tr>\n".to_string();
@@ -195,7 +195,7 @@ fn html(found: &Figures, checked: &Checked) -> Result<String, Refusal> {
         forms += &format!("<tr><td>{name}</td><td>6, second order as the paper has it</td><td>{second:.2} %</td></tr>\n");
     }
     forms += "</table>\n";
-    let mut rounds = "<table>\n<tr><th>car</th><th>round</th><th>mean damping ratio</th><th>largest residual</th><th>worst overshoot, of before</th></tr>\n".to_string();
+    let mut rounds = "<table>\n<tr><th>car</th><th>round</th><th>mean damping ratio</th><th>largest residual</th><th>largest overshoot, relative to before</th></tr>\n".to_string();
     for (name, car) in [("without lash", without_lash), ("with lash", with_lash)] {
         for (k, round) in car.tuned.rounds.iter().enumerate() {
             let best = if k == car.tuned.best { " (kept)" } else { "" };
@@ -210,7 +210,7 @@ fn html(found: &Figures, checked: &Checked) -> Result<String, Refusal> {
     }
     rounds += "</table>\n";
     let mut rest =
-        "<table>\n<tr><th>taken away</th><th>mean damping ratio</th><th>largest residual</th><th>largest overshoot</th></tr>\n"
+        "<table>\n<tr><th>removed</th><th>mean damping ratio</th><th>largest residual</th><th>largest overshoot</th></tr>\n"
             .to_string();
     for it in left {
         rest += &format!(

@@ -1,4 +1,4 @@
-//! `rsm demo`: both experiments of the original work, end to end, each link real.
+//! `rsm demo`: both experiments of the original work, from the plan to the controller, without a shortcut.
 //!
 //! Motor: plan -> bench -> fit -> check -> emit -> compare bits -> closed loop. Driveline: plan -> track -> fit -> compensator -> rounds. Then the 1 kHz
 //! loop against a simulated motor in real time, and one page with the figures. Plants, plans and specifications are part of the program,
@@ -29,21 +29,21 @@ const LOOP_S: [f64; 2] = [2.0, 60.0];
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The folder for everything that the demo makes
+    /// The folder for all files of the demo
     #[arg(long, default_value = "rsm-demo")]
     out: PathBuf,
-    /// A minute of the real-time loop, all 180 points of the bench, longer profiles, other gearboxes and loads, and the campaign of faults on the motor's loop
+    /// Run the long demo: one minute of the real-time loop, all 180 bench points, longer profiles, other gearboxes and loads, and sensor faults in the motor's loop
     #[arg(long)]
     full: bool,
-    /// Seconds of the real-time loop (2; with --full 60)
+    /// Duration of the real-time loop in s [default: 2, with --full 60]
     #[arg(long)]
     seconds: Option<f64>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
 
-/// Says a line: on standard output, or on standard error when that belongs to JSON.
+/// Prints a line on standard output, or on standard error with `--json`.
 struct Teller {
     json: bool,
 }
@@ -59,9 +59,9 @@ impl Teller {
     }
 }
 
-/// What a case leaves.
+/// The result of a case.
 struct Section {
-    /// Whether every link held.
+    /// Whether every step succeeded.
     good: bool,
     /// The one plot that shows the result; empty where the case has none for the head of the page.
     plot: String,
@@ -127,21 +127,21 @@ fn report(paper: &Paper, good: bool, motor: &Section, driveline: &Section, loope
         (true, _) => (
             Tone::Good,
             "all kept",
-            "Every figure keeps its bound, times apart, and every link from plan to controller held.".to_string(),
+            "Every figure except the times is inside its bound, and every step from plan to controller succeeded.".to_string(),
         ),
         (false, 0) => (
             Tone::Bad,
-            "a link failed",
-            "Every figure keeps its bound, but a link from plan to controller failed: see below.".to_string(),
+            "a step failed",
+            "Every figure is inside its bound, but a step from plan to controller failed: see below.".to_string(),
         ),
-        (false, count) => (Tone::Bad, "missed", format!("{count} of the figures below do not keep their bounds.")),
+        (false, count) => (Tone::Bad, "missed", format!("{count} of the figures below are outside their bounds.")),
     };
     let body = format!(
         "<h1>Both experiments, measured again</h1>\n\
          <p class=\"lead\">Two experiments of \"Real-time simulation and control systems design by the Response Surface Methodology and designed experiments\", on \
-         simulated plants with sensor noise: a motor controller whose flux weakening is a response surface, and a car that surfaces keep from shuffling. This simple motor has a closed form, which is cheaper \
+         simulated plants with sensor noise: a motor controller whose flux weakening is a response surface, and a car whose driveline oscillation (shuffle) is damped with response surfaces. This simple motor has a closed form, which is cheaper \
          than its surfaces. A measured motor has none: there the surfaces take about a hundredth of the solver's instructions (the book, <i>Speed and accuracy</i>). With lash \
-         the car's damping ratio stays above the 0.7 that was asked for: see the table.</p>\n\
+         the car's damping ratio stays above the target of 0.7: see the table.</p>\n\
          {}{}<div class=\"plots one\">{}</div>\n<h2>All figures</h2>\n\
          <p>The rows with a colour do not keep their bound.</p>\n{}{}{}<h2>The loop in real time</h2>\n<pre>{}</pre>\n{}",
         summary::verdict(tone, state, &sentence),

@@ -1,4 +1,4 @@
-//! What the equations say along the recorded signals, for the page and as JSON.
+//! Errors of the plant's equations, evaluated with the recorded signals, for the report and as JSON.
 //!
 //! In: what the screen by equation error found. Out: sentences and a value. Decides nothing.
 
@@ -19,13 +19,17 @@ pub fn value(it: &Said) -> Value {
     json!({ "of": it.equations, "calibrated": output::finite(it.calibrated), "terms": terms.collect::<Vec<Value>>() })
 }
 
-/// A sentence a term; none where calibration does it.
+/// One sentence for each term; none if calibration alone explains the error.
 pub fn sentences(it: &Said) -> Vec<String> {
     let sentence = |term: &Term| {
         let numbers = term.entry.arguments.numbers.iter();
         let numbers: Vec<String> = numbers.map(|(name, value)| format!("{name} {}", figure(Some(*value)))).collect();
         let left = 100.0 * term.left;
-        format!("{} ({}): {left:.2} % of what the plant file misses is left with it.", term.label, numbers.join(", "))
+        format!(
+            "{} ({}): with this term, {left:.2} % of the equation error of the plant file remains.",
+            term.label,
+            numbers.join(", ")
+        )
     };
     it.terms.iter().map(sentence).collect()
 }

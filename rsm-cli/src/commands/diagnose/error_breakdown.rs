@@ -28,7 +28,7 @@ pub fn regions(kind: PlantKind, regions: &[Region]) -> Value {
     Value::Array(each.collect())
 }
 
-/// What speaks for and against a cause, and what to do about it.
+/// Evidence for and against a cause, and how to check it.
 pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
     let it = evidence::of(kind, found, cause);
     json!({

@@ -1,6 +1,6 @@
-//! What speaks for a cause and what against it, in plain sentences with numbers; and why other hypotheses were not believed.
+//! Evidence for and against a cause, in sentences with numbers, and the reasons for rejecting other hypotheses.
 //!
-//! In: a diagnosis. Out: sentences. Decides nothing: every number is the diagnosis's own.
+//! In: a diagnosis. Out: sentences. Decides nothing: all numbers come from the diagnosis.
 
 use rsm_diagnose::plant::cause::Changes;
 use rsm_diagnose::plant::rejected::Why;
@@ -10,10 +10,10 @@ use rsm_sim::kind::PlantKind;
 use super::words;
 use crate::page::{figure, multiple};
 
-/// An interval whose half is this share of its value or more is told as wide.
+/// An interval is called wide if its half width is at least this share of the value.
 const WIDE: f64 = 0.3;
 
-/// A parameter that used this much of its two standard deviations of tolerance is told as pressed.
+/// A parameter is called close to its limit if it used this share of its two standard deviations of tolerance.
 const PRESSED: f64 = 1.8;
 
 /// Sentences for and against a cause.
@@ -22,7 +22,7 @@ pub struct Evidence {
     pub speaks_against: Vec<String>,
 }
 
-/// What speaks for and against a cause.
+/// Evidence for and against a cause.
 pub fn of(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Evidence {
     let mut it = Evidence { supports: Vec::new(), speaks_against: Vec::new() };
     errors(kind, found, cause, &mut it);
@@ -31,7 +31,7 @@ pub fn of(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Evidence {
     constants(found, &mut it);
     if found.verdict == Verdict::Unexplained {
         let words = format!(
-            "Structure is left that nothing in the catalogue explains ({} times the noise with it): the numbers of this cause may hold some of it.",
+            "The residuals have structure that nothing in the catalogue explains (error {} times the noise with this cause): the parameters of this cause may be biased by it.",
             multiple(found.times_noise())
         );
         it.speaks_against.push(words);
@@ -42,7 +42,7 @@ pub fn of(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Evidence {
 fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) {
     if let ("sensor-quantisation", Some(step)) = (cause.kind, cause.parameters.first()) {
         let words = format!(
-            "Its readings are multiples of {} {}: nothing but rounding makes them so.",
+            "Its readings are multiples of {} {}: only rounding produces such readings.",
             figure(Some(step.value)),
             step.unit
         );
@@ -69,42 +69,43 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
         let each = if all == 1 { "The only".to_string() } else { format!("Every one of the {all}") };
         it.supports.push(format!("{each} {judged}{plural} is simulated better with it than without."));
     } else {
-        it.speaks_against.push(format!("{} of {all} {judged}{plural} gain nothing by it: {}.", none.len(), none.join(", ")));
+        it.speaks_against.push(format!("{} of {all} {judged}{plural} gain nothing from it: {}.", none.len(), none.join(", ")));
     }
     if let Some(place) = witness.places.first() {
         it.supports.push(format!("Without it {}.", words::place(kind, place)));
     }
     if !found.error_breakdown.unseen {
-        it.speaks_against.push("No record was kept for validation: the gain is that of a fit.".to_string());
+        it.speaks_against.push("There is no validation record: the gain is computed on the records of the fit.".to_string());
     }
 }
 
 fn rivals(cause: &Cause, it: &mut Evidence) {
     if !cause.indistinguishable_from.is_empty() {
         let names = cause.indistinguishable_from.join(", ");
-        it.speaks_against
-            .push(format!("In these records the same as {names}: a simulation with it in its place fits as well."));
+        it.speaks_against.push(format!(
+            "These records do not distinguish it from {names}: a simulation with that in its place fits equally well."
+        ));
     }
     let behind = cause.rivals.iter().find(|(name, _)| !cause.indistinguishable_from.contains(name));
     match behind {
         Some((name, behind)) => it.supports.push(format!(
-            "The best of the others, {name}, put in its place with everything fitted again, reaches {:.0} % of what this cause gains.",
+            "The best alternative, {name}, in its place and with all parameters fitted again, gains {:.0} % of what this cause gains.",
             // A rival that was fitted badly may do worse than nothing.
             100.0 * (1.0 - behind / cause.gain).max(0.0)
         )),
         _ if !cause.asked => {
-            let words = "What else could stand in its place was not asked: the search met its limit of work before.";
+            let words = "Alternatives in its place were not tested: the search reached its work limit before.";
             it.speaks_against.push(words.to_string());
         }
         None if cause.indistinguishable_from.is_empty() && cause.witness.is_some() => {
-            it.supports.push("No other entry of the catalogue promised enough to be fitted in its place.".to_string());
+            it.supports.push("No other entry of the catalogue had a first-order gain large enough to be fitted in its place.".to_string());
         }
         None => {}
     }
     // What half of the evidence would be is a coin.
     if cause.confidence < 0.5 {
         it.speaks_against.push(format!(
-            "Its rivals, and what the catalogue does not hold, are together more probable than it is: confidence {:.2}.",
+            "Its rivals and causes outside the catalogue are together more probable than this cause: confidence {:.2}.",
             cause.confidence
         ));
     }
@@ -114,11 +115,11 @@ fn numbers(cause: &Cause, it: &mut Evidence) {
     for number in &cause.parameters {
         let Some(share) = Cause::relative_error(number) else { continue };
         let unit = if number.unit == "1" { String::new() } else { format!(" {}", number.unit) };
-        let words = format!("{} = {}{unit}, give or take {} % (95 %)", number.name, figure(Some(number.value)), percent(share));
+        let words = format!("{} = {}{unit} +- {} % (95 %)", number.name, figure(Some(number.value)), percent(share));
         if share < WIDE {
-            it.supports.push(format!("Its number is well known: {words}."));
+            it.supports.push(format!("Its parameter is well determined: {words}."));
         } else {
-            it.speaks_against.push(format!("Its number is poorly known: {words}."));
+            it.speaks_against.push(format!("Its parameter is poorly determined: {words}."));
         }
     }
 }
@@ -127,9 +128,9 @@ fn constants(found: &Diagnosis, it: &mut Evidence) {
     let Some(most) = found.moved_most() else { return };
     let words = format!("{} moved most, by {:.1} standard deviations of its tolerance", most.name, most.sds.abs());
     if most.sds.abs() < PRESSED {
-        it.supports.push(format!("Known constants stay within what the plant file allows: {words}."));
+        it.supports.push(format!("The constants of the plant stay within the tolerances of the plant file: {words}."));
     } else {
-        it.speaks_against.push(format!("A known constant is pressed to the edge of what the plant file allows: {words}."));
+        it.speaks_against.push(format!("A constant of the plant is at the limit of its tolerance in the plant file: {words}."));
     }
 }
 
@@ -144,17 +145,19 @@ fn percent(share: f64) -> String {
     }
 }
 
-/// Why a hypothesis was not believed, in words.
+/// The reason for rejecting a hypothesis, in words.
 pub fn why(found: &Diagnosis, why: &Why) -> String {
     let least = format!("{:.0}", found.threshold);
     match why {
-        Why::Refused(why) => format!("tried and refused: {why}"),
-        Why::Alike(cause) => format!("not told from {cause} in these records"),
-        Why::FallsShort { cause, by } => format!("fitted in place of {cause}: falls short by {}", figure(Some(*by))),
-        Why::PromisesLittle => format!("promises less than the {least} that chance and worth ask"),
-        Why::Explained(left) => format!("what it promised is explained by the causes: {} is left for it", figure(Some(*left))),
+        Why::Refused(why) => format!("tried and rejected: {why}"),
+        Why::Alike(cause) => format!("not distinguishable from {cause} in these records"),
+        Why::FallsShort { cause, by } => format!("fitted in place of {cause}: its gain is smaller by {}", figure(Some(*by))),
+        Why::PromisesLittle => {
+            format!("its first-order gain is less than {least}, the threshold of significance and effect size")
+        }
+        Why::Explained(left) => format!("the causes explain most of its first-order gain: {} is left", figure(Some(*left))),
         Why::NotKept => {
-            format!("a promise in first order that no full fit kept: less than {least}, or no gain on validation records")
+            format!("the full fit did not confirm its first-order gain: less than {least}, or no gain on validation records")
         }
     }
 }

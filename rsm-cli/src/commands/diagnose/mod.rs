@@ -44,31 +44,31 @@ pub struct Arguments {
     /// The nominal plant file, or a model file (then with --data)
     #[arg(value_name = "PLANT.toml|MODEL.toml")]
     plant: PathBuf,
-    /// A record from which causes are estimated; may be repeated
+    /// A training record: causes and their parameters are estimated from it; may be repeated
     #[arg(long)]
     record: Vec<PathBuf>,
-    /// A record by which causes are chosen, too, though no number is estimated from it; may be repeated. With a model file: data on which the surface is judged
+    /// A validation record: it takes part in the choice of causes, no parameter is estimated from it; may be repeated. With a model file: holdout data for the error before and after
     #[arg(long)]
     validate: Vec<PathBuf>,
-    /// A record (with a model file: data) that nothing sees but the last figures: what the extension gains on it; may be repeated
+    /// A test record (with a model file: test data): only the final gain is computed on it; may be repeated
     #[arg(long)]
     test: Vec<PathBuf>,
-    /// New data for a model file; may be repeated
+    /// New data to compare with a model file; may be repeated
     #[arg(long)]
     data: Vec<PathBuf>,
     /// The folder for diagnosis.json, extended.toml and report.html
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Repeat the designed experiment on the extended plant: new surfaces and evaluators in OUT/refit, and what the controller gains
+    /// Repeat the designed experiment on the extended plant: writes new surfaces and evaluators to OUT/refit and reports what the controller gains
     #[arg(long, requires = "out")]
     refit: bool,
-    /// With --refit: the true plant of a simulated study, which judges the surfaces (without it the extended plant does)
+    /// With --refit: the true plant of a simulated study, on which the surfaces are tested [default: the extended plant]
     #[arg(long, requires = "refit")]
     truth: Option<PathBuf>,
-    /// Of a plant of equations: a folder of further effects, one TOML file each
+    /// For a plant of equations: a folder of further effects, one TOML file each
     #[arg(long, value_name = "DIR")]
     effects: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
@@ -77,7 +77,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let source = Source::read(&arguments.plant)?;
     if arguments.plant.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
         return Err(Refusal::new(format!(
-            "{}: found a text of equations, expected a plant file that names it (`format = 2`, `model = \"{0}\"`): tolerances, noise and sites stand there",
+            "{}: found a text of equations, expected a plant file that names it (`format = 2`, `model = \"{0}\"`) and gives tolerances, noise and sites",
             source.name()
         )));
     }

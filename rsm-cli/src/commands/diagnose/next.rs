@@ -1,4 +1,4 @@
-//! The next experiment in words, as JSON and as a file.
+//! The proposed next experiment: as a sentence, as JSON and as a file.
 //!
 //! In: a diagnosis. Out: a sentence, an object, next_experiment.csv. Chooses nothing: the record comes from rsm-diagnose.
 
@@ -12,7 +12,7 @@ use crate::output;
 /// The name of the file.
 pub const FILE: &str = "next_experiment.csv";
 
-/// The record that is to be made, if there is one.
+/// The proposed record, if there is one.
 fn excitation(found: &Diagnosis) -> Option<&Excitation> {
     match found.next.as_ref()? {
         NextExperiment::Separates { excitation, .. } | NextExperiment::Looks { excitation, .. } => Some(excitation),
@@ -25,7 +25,7 @@ pub fn csv(found: &Diagnosis) -> Option<String> {
     excitation(found).map(|it| excitations::csv(&found.plant, it))
 }
 
-/// What to do next: which record, what for, and by how many times the noise.
+/// The next experiment in words: which record to make, its purpose, and the expected difference as a multiple of the noise.
 pub fn sentence(found: &Diagnosis) -> Option<String> {
     Some(match found.next.as_ref()? {
         NextExperiment::Separates { excitation, apart } => {
@@ -36,14 +36,14 @@ pub fn sentence(found: &Diagnosis) -> Option<String> {
                 .map(|it| format!("{} from {} ({:.2} times the noise)", it.cause, it.rival, it.times_noise))
                 .collect();
             let mut text = format!(
-                "Make the record \"{}\" ({}; {record}, in {FILE}): it would tell {}.",
+                "Make the record \"{}\" ({}; {record}, in {FILE}): it would distinguish {}.",
                 excitation.name,
                 excitation.words,
                 told.join(", and ")
             );
             if !not.is_empty() {
                 let pairs: Vec<String> = not.iter().map(|it| format!("{} from {}", it.cause, it.rival)).collect();
-                text += &format!(" It would not tell {}.", pairs.join(", nor "));
+                text += &format!(" It would not distinguish {}.", pairs.join(", nor "));
             }
             text
         }
@@ -53,13 +53,13 @@ pub fn sentence(found: &Diagnosis) -> Option<String> {
                 .map(|it| format!("{} from {} (at most {:.2} times the noise)", it.cause, it.rival, it.times_noise))
                 .collect();
             format!(
-                "No record of the library ({tried} were tried) tells {}: another plant has to be measured, one with a known change of what the two do differently \
+                "No record of the library ({tried} were tried) distinguishes {}. Measure another plant, with a known change of a quantity on which the two act differently \
                  (another mass, load or inertia, the same road in the other direction), or the quantity itself.",
                 pairs.join(", nor ")
             )
         }
         NextExperiment::Looks { excitation, expected, present } => format!(
-            "Make the record \"{}\" ({}; {}, in {FILE}): it spends most of its time where the error without a cause is. The squared error expected in it beyond the noise is {:.2} \
+            "Make the record \"{}\" ({}; {}, in {FILE}): most of its rows are in the region of the unexplained error. Its expected squared error above the noise is {:.2} \
              of the noise's own, {:.2} in the present records.",
             excitation.name,
             excitation.words,

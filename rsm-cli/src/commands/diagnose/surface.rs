@@ -82,7 +82,7 @@ pub fn run(task: &Task<'_>) -> Outcome {
 /// Verdict and causes on standard error.
 fn words(model: &Model, data: &NewData, found: &Diagnosis) {
     for (column, why) in &data.ignored {
-        tell!("column `{column}` takes no part: {why}");
+        tell!("column `{column}` is not used: {why}");
     }
     tell!("{}", found.verdict.name());
     for response in &found.responses {
@@ -93,7 +93,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             let places: Vec<String> = response.outside.iter().take(5).map(|row| data.place_of(*row)).collect();
             let more = if response.outside.len() > 5 { " ..." } else { "" };
             tell!(
-                "  {} rows are outside the ranges or the support, and take no part: {}{more}",
+                "  {} rows are outside the ranges or the support and are not used: {}{more}",
                 response.outside.len(),
                 places.join(", ")
             );
@@ -102,7 +102,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             tell!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
             if !cause.indistinguishable_from.is_empty() {
                 tell!(
-                    "    These data do not tell it from {}. Confidence that one of these is right: {:.2}.",
+                    "    These data do not distinguish it from {}. Confidence that one of these is right: {:.2}.",
                     cause.indistinguishable_from.join(", "),
                     cause.confidence_of_any
                 );
@@ -121,7 +121,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
         );
         if let Some(it) = &response.tested {
             tell!(
-                "  on {} test rows, which nothing has seen before: {:.2} times the noise before, {:.2} after",
+                "  on {} test rows, not used before: {:.2} times the noise before, {:.2} after",
                 it.nominal.rows,
                 it.nominal.noise_ratio,
                 it.extended.noise_ratio

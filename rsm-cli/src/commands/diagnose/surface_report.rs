@@ -1,6 +1,6 @@
 //! The page of a diagnosis of surfaces.
 //!
-//! In: a model, new data, a diagnosis. Out: one self-contained HTML page: first what is wrong and what to do about it, then the evidence. Decides nothing: every figure comes from the diagnosis.
+//! In: a model, new data, a diagnosis. Out: one self-contained HTML page: first the causes and what to do about them, then the evidence. Decides nothing: every figure comes from the diagnosis.
 
 mod plots;
 
@@ -34,7 +34,7 @@ pub fn html(model: &Model, data: &NewData, found: &Diagnosis) -> Result<String, 
     }
     let _ = writeln!(body, "<h2>Data</h2>\n<p>Compared with {}, runs {order}.</p>", files.join("; "));
     for (column, why) in &data.ignored {
-        let _ = writeln!(body, "<p>Column <code>{}</code> takes no part: {}.</p>", escaped(column), escaped(why));
+        let _ = writeln!(body, "<p>Column <code>{}</code> is not used: {}.</p>", escaped(column), escaped(why));
     }
     Ok(page(&format!("Diagnosis: {}", found.verdict.name()), &body))
 }
@@ -49,9 +49,9 @@ fn of_response(body: &mut String, model: &Model, data: &NewData, response: &Resp
     what_to_do(body, response);
     let of_file = response.rows_of_file.map_or_else(
         || {
-            "The file does not say how well its coefficients are known: they are taken as exact or as fitted to as many rows as are new, whichever explains the data better".to_string()
+            "The file does not give the number of rows of its fit. Its coefficients are assumed exact, or fitted to as many rows as the new data have, whichever explains the data better".to_string()
         },
-        |rows| format!("The file was made from {rows} rows, so its coefficients are known that well and no better"),
+        |rows| format!("The file was fitted to {rows} rows; the uncertainty of its coefficients follows from this number"),
     );
     let _ = writeln!(
         body,
@@ -67,7 +67,7 @@ fn of_response(body: &mut String, model: &Model, data: &NewData, response: &Resp
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         let _ = writeln!(
             body,
-            "<p>{} rows lie outside the ranges or the support of the surface, or where it saturates, and take no part: {}{more}.</p>",
+            "<p>{} rows lie outside the ranges or the support of the surface, or where it saturates, and are not used: {}{more}.</p>",
             response.outside.len(),
             places.join(", ")
         );
@@ -94,7 +94,7 @@ fn of_response(body: &mut String, model: &Model, data: &NewData, response: &Resp
 /// The verdict and three numbers.
 fn in_short(response: &ResponseDiagnosis) -> String {
     let (tone, state) = match response.verdict {
-        Verdict::NoDiscrepancy => (Tone::Good, "the surface holds"),
+        Verdict::NoDiscrepancy => (Tone::Good, "no error found"),
         Verdict::Explained => (Tone::Good, "explained"),
         Verdict::Unexplained => (Tone::Bad, "not explained"),
     };
@@ -106,22 +106,22 @@ fn in_short(response: &ResponseDiagnosis) -> String {
         numbers.push(Number::new(
             "Rows compared",
             response.rows.to_string(),
-            format!("{} more take no part", response.outside.len()),
+            format!("{} more are not used", response.outside.len()),
         ));
         let worst = response.tests.iter().min_by(|a, b| a.ln_p.total_cmp(&b.ln_p));
         numbers.extend(worst.map(|it| {
             Number::new(
-                "Most unlike noise",
+                "Least similar to noise",
                 format!("p = {}", short(it.ln_p.exp())),
                 format!("{} (structure below {})", it.what, short(response.threshold_p_structure)),
             )
         }));
     } else {
         let (gain, on) = response.tested.as_ref().map_or((response.gain, rows.clone()), |it| {
-            (it.gain, format!("on {} test rows, which nothing has seen before", it.nominal.rows))
+            (it.gain, format!("on {} test rows, which were not used before", it.nominal.rows))
         });
         let gone = if gain >= 0.0 { format!("{:.0} %", 100.0 * gain) } else { "none".to_string() };
-        numbers.push(Number::new("Squared error above the noise that is gone", gone, on));
+        numbers.push(Number::new("Removed squared error above the noise", gone, on));
         numbers.push(Number::new(
             "Error",
             format!("{} → {} × noise", short(before), short(after)),
@@ -133,7 +133,7 @@ fn in_short(response: &ResponseDiagnosis) -> String {
                 let (equals, more) = (cause.indistinguishable_from.len(), response.causes.len() - 1);
                 Number::confidence(&cause.label, probability, equals, more)
             }
-            None => Number::new("Causes", "none", "that is known helps"),
+            None => Number::new("Causes", "none", "of the catalogue reduces the error"),
         });
     }
     summary::verdict(tone, state, &verdict(response)) + &summary::numbers(&numbers)
@@ -142,13 +142,13 @@ fn in_short(response: &ResponseDiagnosis) -> String {
 /// So many rows are listed by file and line; diagnosis.json has them all.
 const PLACES: usize = 12;
 
-/// A probability in words where it is next to nothing.
+/// A probability; in words if it is below one in a million.
 fn chance(ln_p: f64) -> String {
     // ln 10^-6.
     if ln_p < -13.8 { "under one in a million".to_string() } else { short(ln_p.exp()) }
 }
 
-/// Each cause with what can be done about it.
+/// Each cause with a recommendation.
 fn what_to_do(body: &mut String, response: &ResponseDiagnosis) {
     if response.causes.is_empty() {
         return;
@@ -158,7 +158,7 @@ fn what_to_do(body: &mut String, response: &ResponseDiagnosis) {
         let rivals = if cause.indistinguishable_from.is_empty() {
             String::new()
         } else {
-            " It may be another cause, see below: have that decided first.".to_string()
+            " The data do not exclude another cause (see below): decide this first.".to_string()
         };
         let _ = writeln!(
             body,
@@ -177,22 +177,22 @@ fn remedy(cause: &Cause) -> String {
     let detail = |key: &str| cause.details.iter().find(|it| it.0 == key).map(|it| it.1.as_str());
     match cause.kind {
         "missing-term" => "Use extended.toml, which has it.".to_string(),
-        "coefficient-error" => "Find out what has changed since the file was made; if it stays so, use extended.toml.".to_string(),
+        "coefficient-error" => "Find out what has changed since the fit of the file. If the change is permanent, use extended.toml.".to_string(),
         "missing-input" => format!("Use extended.toml, which takes {name} as an input, or hold {name} constant."),
         "drift" if detail("shape") == Some("step") => {
-            "Look up what was changed before that run. The model file does not hold it: put it right and measure again.".to_string()
+            "Find out what was changed before that run. The model file cannot represent it: correct it and measure again.".to_string()
         }
-        "drift" => "Find what moves with time (warming up, wear, a zero that creeps) and make the runs in random order. The model file does not hold it.".to_string(),
-        "block-offset" => format!("Find what differs with {name} (set-up, batch, day), and put one same point into every block. The model file does not hold it."),
+        "drift" => "Find out what changes with time (warm-up, wear, zero drift of a sensor) and make the runs in random order. The model file cannot represent it.".to_string(),
+        "block-offset" => format!("Find out what differs with {name} (set-up, batch, day), and measure one common point in every block. The model file cannot represent it."),
         "sensor-gain" | "sensor-bias" => {
-            format!("Compare the sensor of {name} with a reference and put it right; then the file as it was holds. Until then extended.toml takes its readings.")
+            format!("Compare the sensor of {name} with a reference and correct it; after that, the original file is valid. Until then use extended.toml with its readings.")
         }
-        "outlying-runs" => "Look these runs up in the log, and repeat them.".to_string(),
+        "outlying-runs" => "Look for these runs in the test log, and repeat them.".to_string(),
         "growing-noise" => {
             let weights = detail("weights").map_or(String::new(), |weights| format!(" {weights}"));
             format!("Fit with the weights{weights}, and repeat the runs where the noise is large.")
         }
-        "correlated-errors" => "Make the runs in random order; so many rows in this order say less than as many independent ones.".to_string(),
+        "correlated-errors" => "Make the runs in random order. Correlated rows contain less information than the same number of independent rows.".to_string(),
         _ => "See the evidence.".to_string(),
     }
 }
@@ -200,14 +200,14 @@ fn remedy(cause: &Cause) -> String {
 fn verdict(response: &ResponseDiagnosis) -> String {
     match response.verdict {
         Verdict::NoDiscrepancy => {
-            "The new data are what the file says, and noise. There is nothing to do; extended.toml is the file as it is."
+            "The new data agree with the file within the noise. There is nothing to do; extended.toml equals the file."
                 .to_string()
         }
-        Verdict::Explained => "The causes below leave noise and nothing else.".to_string(),
+        Verdict::Explained => "With the causes below, the residuals are noise.".to_string(),
         Verdict::Unexplained => {
             let worst = response.tests.iter().min_by(|a, b| a.ln_p.total_cmp(&b.ln_p));
             let what = worst.map_or(String::new(), |it| {
-                format!(": {} are too much alike for noise (probability by chance: {})", it.what, chance(it.ln_p))
+                format!(": {} are not consistent with noise (probability by chance: {})", it.what, chance(it.ln_p))
             });
             let regions: Vec<String> = response.regions_left.iter().take(2).map(|it| it.region.clone()).collect();
             let regions =
@@ -215,10 +215,10 @@ fn verdict(response: &ResponseDiagnosis) -> String {
             let helps = if response.causes.is_empty() {
                 ""
             } else {
-                " What is named below helps, and is not the whole; its numbers may stand for something else."
+                " The causes below reduce the error, but do not explain all of it; another cause may bias their parameters."
             };
             format!(
-                "Structure is left that no known cause explains{what}.{regions}{helps} Look at the residual plots, and measure more points there: a polynomial of this order does not bend so."
+                "The residuals have structure that no known cause explains{what}.{regions}{helps} Look at the residual plots, and measure more points there: a polynomial of this order cannot follow this shape."
             )
         }
     }
@@ -228,14 +228,14 @@ fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cau
     let _ = write!(body, "<div>\n<h3>{}</h3>\n<p>{} ", escaped(&cause.label), escaped(&cause.sentence));
     let _ = write!(
         body,
-        "For it: evidence {} (2 ln of the likelihood ratio), where a cause of one unknown needs {}; probability by chance: {}. Confidence {:.2}.",
+        "For it: evidence {} (2 ln of the likelihood ratio; a cause with one unknown needs {}); probability by chance: {}. Confidence {:.2}.",
         short(cause.gain),
         short(response.threshold),
         chance(cause.ln_p),
         cause.confidence
     );
     if let Some((rival, behind)) = cause.rivals.first() {
-        let _ = write!(body, " Against it: in its place {} does worse by {} only of that.", escaped(rival), short(*behind));
+        let _ = write!(body, " Against it: {} in its place has only {} less evidence.", escaped(rival), short(*behind));
         for (rival, behind) in cause.rivals.iter().skip(1).take(2) {
             let _ = write!(body, " Then {}: {}.", escaped(rival), short(*behind));
         }
@@ -243,7 +243,7 @@ fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cau
     if !cause.indistinguishable_from.is_empty() {
         let _ = write!(
             body,
-            " <b>These data do not tell it from {}. Confidence that one of these is right: {:.2}.</b>",
+            " <b>These data do not distinguish it from {}. Confidence that one of these is right: {:.2}.</b>",
             escaped(&cause.indistinguishable_from.join(", ")),
             cause.confidence_of_any
         );
@@ -286,16 +286,16 @@ fn errors(body: &mut String, surface: &Surface, response: &ResponseDiagnosis) {
     let gain = if is_as_it_was {
         String::new()
     } else if response.gain >= 0.0 {
-        format!(" {:.1} % of the squared error above the noise is gone.", 100.0 * response.gain)
+        format!(" {:.1} % of the squared error above the noise is removed.", 100.0 * response.gain)
     } else {
-        " The extension makes these rows worse: what it corrects (a drift, a block, another state of a sensor) is not in them."
+        " The extension increases the error of these rows: they do not contain what it corrects (a drift, a block, another state of a sensor)."
             .to_string()
     };
     let _ = write!(
         body,
         "<h3>{}</h3>\n<p>{} rows, {}.{}</p>\n\
          <table><tr><th></th><th>r.m.s. error [{}]</th><th>over the noise</th></tr>\n",
-        if is_as_it_was { "On unseen rows" } else { "Before and after on unseen rows" },
+        if is_as_it_was { "On holdout rows" } else { "Before and after on holdout rows" },
         response.nominal.rows,
         escaped(&response.judged_on),
         gain,
@@ -306,7 +306,7 @@ fn errors(body: &mut String, surface: &Surface, response: &ResponseDiagnosis) {
         rows.push(("extended file", &response.extended_file));
     }
     if response.has_offsets {
-        rows.push(("extended file, with drift and offsets where a row names them", &response.extended));
+        rows.push(("extended file, with drift and offsets for rows that give run and block", &response.extended));
     }
     for (name, errors) in rows {
         let _ = writeln!(body, "<tr><td>{name}</td><td>{}</td><td>{:.2}</td></tr>", short(errors.rmse), errors.noise_ratio);
@@ -316,10 +316,10 @@ fn errors(body: &mut String, surface: &Surface, response: &ResponseDiagnosis) {
 
 fn regions(body: &mut String, response: &ResponseDiagnosis) {
     if response.verdict != Verdict::NoDiscrepancy {
-        of_regions(body, "Where the file is wrong", &response.regions);
+        of_regions(body, "Regions with a large error of the file", &response.regions);
     }
     if response.verdict == Verdict::Unexplained {
-        of_regions(body, "Where it is wrong still, with all causes", &response.regions_left);
+        of_regions(body, "Regions with a large error after all causes", &response.regions_left);
     }
 }
 
@@ -341,7 +341,7 @@ fn of_regions(body: &mut String, title: &str, regions: &[Region]) {
 fn evidence(body: &mut String, response: &ResponseDiagnosis) {
     let _ = writeln!(
         body,
-        "<h3>What each cause alone would explain</h3>\n<p>Evidence is 2 ln of the likelihood ratio; causes of several unknowns need more. So many causes are tried that chance brings some of them low: what counts is below {}.</p>\n\
+        "<h3>What each cause alone would explain</h3>\n<p>Evidence is 2 ln of the likelihood ratio; causes with several unknowns need more. Many causes are tried, so some have a small probability by chance: only values below {} are significant.</p>\n\
          <table><tr><th>cause</th><th>evidence</th><th>probability by chance</th></tr>",
         chance(response.ln_p_threshold)
     );
@@ -351,11 +351,12 @@ fn evidence(body: &mut String, response: &ResponseDiagnosis) {
             writeln!(body, "<tr><td>{}{class}</td><td>{}</td><td>{}</td></tr>", escaped(label), short(*gain), chance(*ln_p));
     }
     body.push_str(
-        "</table>\n</div>\n<div>\n<h3>Is noise left?</h3>\n<table><tr><th>test</th><th>probability by chance</th></tr>\n",
+        "</table>\n</div>\n<div>\n<h3>Are the residuals noise?</h3>\n<table><tr><th>test</th><th>probability by chance</th></tr>\n",
     );
     for it in &response.tests {
         let class = if it.ln_p < response.threshold_p_structure.ln() { " class=\"missed\"" } else { "" };
         let _ = writeln!(body, "<tr{class}><td>{}</td><td>{}</td></tr>", escaped(&it.what), chance(it.ln_p));
     }
-    let _ = writeln!(body, "</table>\n<p>Below {} it is structure, not noise.</p>", short(response.threshold_p_structure));
+    let _ =
+        writeln!(body, "</table>\n<p>Values below {} show structure, not noise.</p>", short(response.threshold_p_structure));
 }

@@ -1,4 +1,4 @@
-//! The verdict in a sentence, for the page and for standard error.
+//! The verdict in sentences, for the report and for standard error.
 //!
 //! In: a diagnosis. Out: sentences with its numbers. Decides nothing.
 
@@ -18,13 +18,13 @@ use rsm_sim::kind::PlantKind;
 use super::next;
 use crate::page::{figure, multiple};
 
-/// What the figures of training and validation records rest on: validation records give no number, and choose among causes.
+/// The basis of the figures of training and validation records: no parameter is estimated from validation records, but they take part in the choice of causes.
 pub const CHOSEN: &str = "on the records that chose it";
 
-/// Noise of which so much stays from row to row is called slow: it takes more than ten rows to forget itself.
+/// Noise with at least this lag-one autocorrelation is called slow: its correlation lasts for more than ten rows.
 const SLOW_NOISE: f64 = 0.9;
 
-/// What the figures of test records rest on.
+/// The basis of the figures of test records.
 pub fn tested_on() -> String {
     format!(
         "on test records, which nothing has seen before: their starts are estimated on the first {} % of each, errors are of the rest",
@@ -32,7 +32,7 @@ pub fn tested_on() -> String {
     )
 }
 
-/// The records that judge, in words.
+/// The records on which the errors are computed, in words.
 pub fn judging(error_breakdown: &ErrorBreakdown) -> String {
     let count = if error_breakdown.unseen { error_breakdown.records[1].len() } else { error_breakdown.records[0].len() };
     let plural = if count == 1 { "" } else { "s" };
@@ -52,7 +52,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
     let ((before, most), (after, least)) = (worst(&found.nominal), worst(&found.extended));
     let names = and(&found.causes.iter().map(Cause::label).collect::<Vec<_>>());
     let gain = format!(
-        "On {judging} ({CHOSEN}) {:.1} % of the error beyond the noise is gone: the worst output was {before}, {} times its noise, and is {after} now, {} times.{}",
+        "On {judging} ({CHOSEN}) {:.1} % of the error above the noise is removed. Before, the worst output was {before}, at {} times its noise; now it is {after}, at {} times its noise.{}",
         100.0 * found.gain,
         multiple(most),
         multiple(least),
@@ -62,13 +62,13 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
         Verdict::NoDiscrepancy => {
             let moved = found.moved_most().map_or(String::new(), |it| {
                 format!(
-                    " What moved most within its tolerance is {}, by {:.1} standard deviations of it.",
+                    " The largest change within a tolerance is that of {}: {:.1} standard deviations of the tolerance.",
                     it.name,
                     it.sds.abs()
                 )
             });
             format!(
-                "Nothing is wrong with the simulation that these records show: with its parameters inside their tolerances it leaves noise. On {judging} the worst \
+                "These records show no error of the simulation: with all parameters inside their tolerances, the residuals are noise. On {judging} the worst \
                  output, {after}, is {} times its noise.{moved}{}",
                 multiple(least),
                 test(kind, found)
@@ -77,20 +77,20 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
         Verdict::Explained => {
             let explain = if found.causes.len() == 1 { "explains" } else { "explain" };
             let stopped =
-                found.stopped.map_or(String::new(), |it| format!(" The search stopped {it}: not every rival was tried."));
+                found.stopped.map_or(String::new(), |it| format!(" The search stopped {it}, before every rival was tried."));
             if let Some(record) = &found.own_record {
                 return format!(
-                    "One record is of another configuration: {names} {explain} {record}, and the simulation of all other records leaves noise.{stopped}"
+                    "One record is of another configuration: {names} {explain} {record}, and the residuals of all other records are noise.{stopped}"
                 );
             }
             match found.practical {
                 Some(it) => format!(
-                    "{names} {explain} what the simulation gets wrong for practical purposes: {:.2} % of the error beyond the noise is gone, and {:.2} % of the \
+                    "{names} {explain} the error of the simulation for practical purposes: {:.2} % of the error above the noise is removed, and {:.2} % of the \
                      noise's energy is left that is more than chance.{stopped} {gain}",
                     100.0 * it.gone,
                     100.0 * it.left
                 ),
-                None => format!("{names} {explain} what the simulation gets wrong; noise is left.{stopped} {gain}"),
+                None => format!("{names} {explain} the error of the simulation; the residuals are noise.{stopped} {gain}"),
             }
         }
         Verdict::Unexplained => {
@@ -99,7 +99,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             let predicted = found.predicted.as_ref().map_or(String::new(), |it| {
                 let output = kind.outputs()[it.output].name;
                 format!(
-                    " What is left of {output} is predicted by {}: {:.2} % of the noise's energy.",
+                    " The residual of {output} depends on {}, by {:.2} % of the noise's energy.",
                     it.what,
                     100.0 * it.excess
                 )
@@ -109,30 +109,30 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             let helpers = and(&found.helpers.iter().map(Cause::label).collect::<Vec<_>>());
             let (some, one) = (found.helpers.len() + found.causes.len(), found.helpers.len() == 1);
             let helps = match (some, found.causes.len()) {
-                (0, _) => "No cause of the catalogue helps.".to_string(),
+                (0, _) => "No cause of the catalogue reduces the error.".to_string(),
                 (_, 0) => format!(
-                    "{helpers} {} in the extended plant, though something that the catalogue does not hold may be behind {}. {gain}",
+                    "{helpers} {} in the extended plant, but a cause outside the catalogue may produce the effect of {}. {gain}",
                     if one { "helps" } else { "help" },
                     if one { "it" } else { "them" }
                 ),
                 (_, named) => {
                     let (explain, does) = if named == 1 { ("removes", "does") } else { ("remove", "do") };
-                    format!("{names} {explain} most of it and {does} not explain it all. {gain}")
+                    format!("{names} {explain} most of the error, but {does} not explain all of it. {gain}")
                 }
             };
             let looks = match &found.own_record {
-                Some(record) => format!(" Only {record} has it: the simulation of all other records leaves noise.{looks}"),
+                Some(record) => format!(" Only {record} shows it: the residuals of all other records are noise.{looks}"),
                 None => looks,
             };
             format!(
-                "The simulation gets something wrong that the catalogue does not explain: what is left is {} times the noise.{looks}{stopped} {helps}",
+                "The simulation has an error that the catalogue does not explain: the remaining error is {} times the noise.{looks}{stopped} {helps}",
                 multiple(found.times_noise())
             )
         }
     }
 }
 
-/// What test records say, where there are any.
+/// The result on test records, if there are any.
 fn test(kind: PlantKind, found: &Diagnosis) -> String {
     let Some(it) = &found.tested else { return String::new() };
     let count = it.files.len();
@@ -142,7 +142,7 @@ fn test(kind: PlantKind, found: &Diagnosis) -> String {
         format!("; the worst output, {}, is {} times its noise", kind.outputs()[it.output].name, multiple(it.noise_ratio))
     });
     format!(
-        " On {count} test record{plural}, which nothing has seen before, {:.1} % is gone ({:.1} to {:.1} %){worst}. Starts are estimated on the first {} % of each, errors are of the rest.",
+        " On {count} test record{plural}, not used before, {:.1} % is removed ({:.1} to {:.1} %){worst}. The initial states are estimated on the first {} % of each record, errors are computed on the rest.",
         100.0 * it.gain,
         100.0 * it.gain_interval.0,
         100.0 * it.gain_interval.1,
@@ -164,7 +164,7 @@ pub fn place(kind: PlantKind, region: &Region) -> String {
     )
 }
 
-/// What the plant file said of what a cause changes.
+/// The values in the plant file of the parameters that a cause changes.
 pub fn before(found: &Diagnosis, cause: &Cause) -> String {
     let subject = cause.subject.as_deref().filter(|_| cause.of == Subject::Parameter);
     let value = subject.and_then(|name| found.plant.parameters.optional(name));
@@ -180,7 +180,7 @@ fn and(names: &[String]) -> String {
     }
 }
 
-/// What was done about gaps of a few rows.
+/// How gaps of a few rows were filled.
 pub fn bridged(it: &Bridged) -> String {
     let gaps = match (it.gaps, it.longest) {
         (1, 1) => "a lost row was bridged".to_string(),
@@ -188,10 +188,10 @@ pub fn bridged(it: &Bridged) -> String {
         (gaps, 1) => format!("{gaps} lost rows were bridged"),
         (gaps, longest) => format!("{gaps} gaps of 1 to {longest} rows, {} rows in all, were bridged", it.rows),
     };
-    format!("{gaps}: readings there do not count, inputs go from the row before to the row after as later readings say")
+    format!("{gaps}: outputs there are not compared, inputs are interpolated with the help of later readings")
 }
 
-/// An effect of the plant file, and what the records say of it.
+/// An effect of the plant file, with its parameters as estimated from the records.
 pub fn claim(it: &Claim) -> String {
     let number = |(number, file): (&Interval, &f64)| {
         format!("{} {file}, in the records {:.4} ({:.4} to {:.4})", number.name, number.value, number.low, number.high)
@@ -202,11 +202,11 @@ pub fn claim(it: &Claim) -> String {
     format!("{}{subject} {judged}: {}.", it.kind, numbers.join("; "))
 }
 
-/// What standard error tells.
+/// The lines on standard error.
 pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for it in &found.findings {
         let rows = (it.rows.0 + 1, it.rows.1 + 1);
-        let done = if it.what == SWAPPED { "put right here" } else { "left out" };
+        let done = if it.what == SWAPPED { "corrected here" } else { "left out" };
         tell!("{}: data rows {} to {}: {} {}, {done}", it.record, rows.0, rows.1, it.channel, it.what);
     }
     for (output, low, high) in &found.growing {
@@ -219,11 +219,11 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         tell!("The readings of {} are rounded to multiples of {} {}.", signal.name, figure(Some(*step)), signal.unit);
     }
     for (output, _, correlation) in found.noise.iter().filter(|it| it.2 > SLOW_NOISE) {
-        tell!("The noise of {} is slow: from row to row {correlation:.2} of it stays.", kind.outputs()[*output].name);
+        tell!("The noise of {} is slow: its correlation from row to row is {correlation:.2}.", kind.outputs()[*output].name);
     }
     for (output, law) in &found.tails {
         tell!(
-            "The noise of {} has heavy tails (Student's t with {} degrees of freedom; {:.2} % of its readings are far off their neighbours): such readings count less.",
+            "The noise of {} has heavy tails (Student's t with {} degrees of freedom; {:.2} % of its readings are far from their neighbours): such readings have a lower weight.",
             kind.outputs()[*output].name,
             law.freedom,
             100.0 * law.outlying
@@ -246,16 +246,16 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         tell!("  {}: {} Confidence {:.2}.", cause.label(), cause.sentence, cause.confidence);
         if !cause.indistinguishable_from.is_empty() {
             tell!(
-                "    In these records the same as {}. Confidence that one of these is right: {:.2}.",
+                "    These records do not distinguish it from {}. Confidence that one of these is right: {:.2}.",
                 cause.indistinguishable_from.join(", "),
                 cause.confidence_of_any
             );
         }
-        tell!("    To be sure: {}", cause.check);
+        tell!("    Check: {}", cause.check);
     }
     for helper in &found.helpers {
         tell!(
-            "  Helps, and is not sure to be a cause: {}: {} Confidence {:.2}.",
+            "  Reduces the error, but is not a confirmed cause: {}: {} Confidence {:.2}.",
             helper.label(),
             helper.sentence,
             helper.confidence
@@ -265,7 +265,7 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         tell!("  The plant file's {}", claim(it));
     }
     for it in &found.refused {
-        tell!("  Tried and refused: {}: {}.", it.cause, it.why);
+        tell!("  Tried and rejected: {}: {}.", it.cause, it.why);
     }
     let forces: Vec<String> = found.steps.iter().filter_map(force).collect();
     if !forces.is_empty() {
@@ -276,12 +276,12 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     }
     match &found.error_breakdown.correction {
         Some(Offer::Gains(it)) => tell!(
-            "  A black-box correction (correction.toml) removes {:.0} % of what is left on {}.",
+            "  A black-box correction (correction.toml) removes {:.0} % of the remaining error on {}.",
             100.0 * it.gain,
             judging(&found.error_breakdown)
         ),
         Some(Offer::Nothing { .. }) => {
-            tell!("  A black-box correction of what is left gains nothing on {}.", judging(&found.error_breakdown));
+            tell!("  A black-box correction of the remaining error gains nothing on {}.", judging(&found.error_breakdown));
         }
         None => {}
     }

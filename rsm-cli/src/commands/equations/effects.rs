@@ -14,12 +14,12 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The plant file: lists what can stand where on it
+    /// A plant file: list the effects that can act on this plant, and where
     plant: Option<PathBuf>,
-    /// A folder of further effects, a file each
+    /// A folder of further effects, one TOML file each
     #[arg(long, value_name = "DIR")]
     effects: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }

@@ -18,10 +18,10 @@ use crate::output;
 pub struct Arguments {
     /// The plant file (format 2), or a text of equations (.mo)
     plant: PathBuf,
-    /// A folder of further effects, a file each
+    /// A folder of further effects, one TOML file each
     #[arg(long, value_name = "DIR")]
     effects: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }

@@ -17,16 +17,16 @@ use crate::output;
 pub struct Arguments {
     /// The plant file (format 2), or a text of equations (.mo)
     plant: PathBuf,
-    /// The point: inputs, states or outputs, `speed=3,command=2`. An input that is not named is 0, a state has its start
+    /// The operating point: inputs, states or outputs, `speed=3,command=2`. Inputs that are not named are 0, states have their start values
     #[arg(long, default_value = "", allow_hyphen_values = true)]
     at: String,
-    /// The CSV of the matrices: a row for each derivative and each output, a column for each state and each input
+    /// The CSV file of the matrices: a row for each derivative and each output, a column for each state and each input
     #[arg(long)]
     out: Option<PathBuf>,
-    /// A folder of further effects, a file each
+    /// A folder of further effects, one TOML file each
     #[arg(long, value_name = "DIR")]
     effects: Option<PathBuf>,
-    /// One JSON object on standard output
+    /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }

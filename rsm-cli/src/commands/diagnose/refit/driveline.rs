@@ -1,6 +1,6 @@
 //! The driveline's part of a refit: damping and frequency of the shuffle from the track, and the compensator that they schedule.
 //!
-//! Judged by the damping ratio of the compensated response, whose target is 0.7, in the runs of the plan with noise of their own.
+//! Tested by the damping ratio of the compensated response, whose target is 0.7, in the runs of the plan with noise of their own.
 
 use rsm_core::check::Checked;
 use rsm_core::model::Model;
@@ -20,10 +20,10 @@ use crate::{evaluators, output};
 /// Of the noise and the run order, as in the demo.
 const SEED: u64 = 1;
 
-/// The judge's noise: a seed that no round had, there are fewer than 1000 rounds.
+/// The seed of the test's noise. No round has it, because there are fewer than 1000 rounds.
 const JUDGE: u64 = 3000;
 
-/// A drift is nothing that a surface can learn.
+/// A surface cannot represent a drift.
 const NEVER: [&str; 1] = ["sensor-drift"];
 
 fn json_of(driven: &Driven) -> Value {
@@ -81,7 +81,7 @@ fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusa
         100.0 * after.largest_overshoot
     )];
     if !left_out.is_empty() {
-        words.push(format!("Left out, as nothing that a surface can learn: {}.", left_out.join(", ")));
+        words.push(format!("Left out, because a surface cannot represent it: {}.", left_out.join(", ")));
     }
     let value = json!({
         "experiment": "track",
@@ -100,7 +100,7 @@ fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusa
     Ok(Refitted { files, value, words })
 }
 
-/// What is asked of the poles: with lash they are slower.
+/// The required poles. With lash they are slower.
 fn poles(plant: &PlantFile) -> Poles {
     let lash = plant.effects.iter().any(|entry| entry.description.kind == "backlash");
     if lash { Poles::WITH_LASH } else { Poles::WITHOUT_LASH }

@@ -1,4 +1,4 @@
-//! `rsm diagnose --refit`: the designed experiment again, on the extended plant; its surfaces, its evaluators, and what the controller gains by them.
+//! `rsm diagnose --refit`: repeats the designed experiment on the extended plant, fits and emits its surfaces, and reports what the controller gains.
 //!
 //! ```text
 //!   nominal plant  --experiment--> data --fit--> surfaces of before --.
@@ -6,7 +6,7 @@
 //!                                                                     '--emitted (C, Rust)
 //! ```
 //!
-//! In: a diagnosis, the nominal plant, records, and for simulated studies the true plant. Out: files for DIR/refit, the key `refit`, words. The true plant judges, and no surface sees it.
+//! In: a diagnosis, the nominal plant, records, and for simulated studies the true plant. Out: files for DIR/refit, the key `refit`, words. The true plant is used only for the test, never for a fit.
 
 mod driveline;
 mod motor;
@@ -20,7 +20,7 @@ use serde_json::Value;
 
 use crate::outcome::Refusal;
 
-/// What is asked for.
+/// The inputs of a refit.
 pub struct Request<'a> {
     /// The plant file of the diagnosis.
     pub nominal: &'a PlantFile,
@@ -36,7 +36,7 @@ pub struct Request<'a> {
     pub progress: &'a dyn Fn(&str),
 }
 
-/// What came of it.
+/// The results of a refit.
 pub struct Refitted {
     /// Files, relative to nothing: their places.
     pub files: Vec<(PathBuf, String)>,
@@ -46,7 +46,7 @@ pub struct Refitted {
     pub words: Vec<String>,
 }
 
-/// Whether there is a designed experiment for the plant; asked before any work.
+/// Whether there is a designed experiment for the plant. Called before any work.
 pub fn refuse(nominal: &PlantFile, truth: Option<&PlantFile>) -> Result<(), Refusal> {
     let found = nominal.kind.name();
     if !matches!(nominal.kind, PlantKind::Pmac | PlantKind::Driveline) {
@@ -62,7 +62,7 @@ pub fn refuse(nominal: &PlantFile, truth: Option<&PlantFile>) -> Result<(), Refu
     }
 }
 
-/// Does it.
+/// Repeats the experiment.
 pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     match request.nominal.kind {
         PlantKind::Driveline => driveline::refit(request),

@@ -1,6 +1,6 @@
 //! The motor's part of a refit: surfaces of the weakening current from the bench.
 //!
-//! Judged by the angle error: the current advance that a surface asks for against that of points at the voltage limit, which the bench finds on the judged plant with noise
+//! Tested by the angle error: the current advance of a surface minus that of points at the voltage limit, which the bench finds on the tested plant with noise
 //! and settings of its own, and which steady windows of the records show by their flux linkages.
 
 use rsm_core::check::Checked;
@@ -18,13 +18,13 @@ use crate::outcome::Refusal;
 use crate::weakening::{self, PLANS, UNSEEN};
 use crate::{evaluators, output, report};
 
-/// Delays are those of a record: in closed loop the drive has its own. A drift is nothing that a surface can learn.
+/// Delays are those of a record: in closed loop the drive has its own. A surface cannot represent a drift.
 const NEVER: [&str; 3] = ["input-delay", "sensor-delay", "sensor-drift"];
 
-/// The seed of the judge's noise: another than those that are fitted.
+/// The seed of the test's noise. It differs from the seeds of the fitted runs.
 const JUDGE: u64 = 3;
 
-/// A controller's surfaces and what it is told.
+/// The surfaces of a controller and its settings.
 struct Controller {
     checked: Checked,
     known: Known,
@@ -86,14 +86,14 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
                 "Angle error {what}: {:.2} deg mean (99th percentile {:.2}) with the nominal surfaces, {:.2} ({:.2}) with the refitted ones.",
                 before.mean, before.p99, after.mean, after.p99
             ),
-            None => format!("No angle error {what}: {} of them lie where the surfaces are asked.", points.len()),
+            None => format!("No angle error {what}: {} of them are in the range in which the controller evaluates the surfaces.", points.len()),
         });
     }
     if let Some([first, second]) = run_ups {
         words.push(format!("Run-up to {RUN_UP_SPEED:.0} rad/s on the {on}: {first:.3} s with the nominal surfaces, {second:.3} s with the refitted ones."));
     }
     if !left_out.is_empty() {
-        words.push(format!("Left out, as nothing that a surface can learn: {}.", left_out.join(", ")));
+        words.push(format!("Left out, because a surface cannot represent it: {}.", left_out.join(", ")));
     }
     let angles = |found: Option<[AngleErrors; 2]>, points: &[LimitPoint]| match found {
         Some([before, after]) => json!({
@@ -116,13 +116,13 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     Ok(Refitted { files, value, words })
 }
 
-/// The speeds at which both controllers ask their surfaces.
+/// The speeds at which both controllers evaluate their surfaces.
 fn asked(before: &Controller, after: &Controller) -> Result<(f64, f64), Refusal> {
     let [one, other] = [limit_points::speeds(&before.checked)?, limit_points::speeds(&after.checked)?];
     Ok((one[0].max(other[0]), one[1].min(other[1])))
 }
 
-/// How long both take to the speed of a run-up; `None` where it is beyond what the surfaces know, or one of them never gets there.
+/// The time of both controllers to the speed of a run-up. `None` if it is outside the range of the surfaces, or if one controller does not reach it.
 fn run_ups(judge: &PlantFile, before: &Controller, after: &Controller) -> Result<Option<[f64; 2]>, Refusal> {
     let (_, high) = asked(before, after)?;
     if high < RUN_UP_SPEED {

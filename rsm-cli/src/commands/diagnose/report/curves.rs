@@ -22,9 +22,9 @@ pub fn summary(kind: PlantKind, found: &Diagnosis) -> Result<String, Refusal> {
     let y = title(kind, shown.trace.output);
     let (from, to) = (shown.trace.time[shown.trace.worst.start], shown.trace.time[shown.trace.worst.end - 1]);
     let group = format!("summary of {y}");
-    let words = format!("{y}, where it is worst: {from:.3} to {to:.3} s");
+    let words = format!("{y}, section with the largest error: {from:.3} to {to:.3} s");
     Ok(format!(
-        "{}<div class=\"plots one\">\n{}</div>\n<p class=\"note\">Of {}: the rows in which the plant without a cause is worst.</p>\n",
+        "{}<div class=\"plots one\">\n{}</div>\n<p class=\"note\">Of {}: the rows with the largest error of the plant without a cause.</p>\n",
         shown.switch(&group),
         shown.outputs(&group, &shown.trace.worst, &words, &y)?,
         escaped(shown.record)
@@ -38,7 +38,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
         return Ok(());
     }
     let _ = writeln!(body, "<h2>Before and after, on {}</h2>", words::judging(breakdown));
-    body.push_str("<p>Of each output the record in which the plant is worst, calibrated within its tolerances: all of it, the stretch that is worst, and what is left over time. Without a cause, everything else is fitted again.</p>\n");
+    body.push_str("<p>For each output: the record with the largest error of the plant, calibrated within its tolerances. The plots show the whole record, its section with the largest error, and the residual over time. If a cause is switched off, all other parameters are fitted again.</p>\n");
     for output in 0..kind.outputs().len() {
         let Some(shown) = Shown::of(found, output) else { continue };
         let trace = shown.trace;
@@ -50,8 +50,13 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
         let whole = 0..trace.time.len();
         body.push_str(&shown.outputs(&y, &whole, "the whole record", &y)?);
         let (from, to) = (trace.time[trace.worst.start], trace.time[trace.worst.end - 1]);
-        body.push_str(&shown.outputs(&y, &trace.worst, &format!("where it is worst: {from:.3} to {to:.3} s"), &y)?);
-        body.push_str(&shown.residuals(&y, &whole, "measured less simulated", &y)?);
+        body.push_str(&shown.outputs(
+            &y,
+            &trace.worst,
+            &format!("section with the largest error: {from:.3} to {to:.3} s"),
+            &y,
+        )?);
+        body.push_str(&shown.residuals(&y, &whole, "measured minus simulated", &y)?);
         if let Some(spectrum) = breakdown.spectra.iter().find(|it| it.output == output) {
             let pairs = |values: &[f64]| spectrum.frequency.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
             let series = [
@@ -60,7 +65,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
                 Series::new("noise", BLACK, Mark::Line, pairs(&spectrum.noise)),
             ];
             let density = format!("({})^2/Hz", signal.unit);
-            let title = "what is left, by frequency";
+            let title = "residual, by frequency";
             body.push_str(&decades(&Words { title, x: "frequency [Hz]", y: &density }, &series)?);
         }
         body.push_str("</div>\n");
@@ -68,7 +73,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
     let mut any = false;
     for it in breakdown.telling_orders() {
         if !any {
-            body.push_str("<h3>What repeats with the motion</h3>\n<div class=\"plots\">\n");
+            body.push_str("<h3>Residuals that repeat with the motion</h3>\n<div class=\"plots\">\n");
             any = true;
         }
         body.push_str(&of_order(kind, it)?);
@@ -173,5 +178,5 @@ fn of_order(kind: PlantKind, it: &Orders) -> Result<String, Refusal> {
         "position" => (format!("{} over the position", kind.outputs()[it.output].name), "waves per metre".to_string()),
         of => (format!("{} over the angle: {of}", kind.outputs()[it.output].name), format!("order ({of})")),
     };
-    decades(&Words { title: &title, x: &x, y: "power over noise" }, &series)
+    decades(&Words { title: &title, x: &x, y: "power divided by noise" }, &series)
 }

@@ -1,4 +1,4 @@
-//! The page of a diagnosis. Its reader is an engineer who has read nothing else.
+//! The report of a diagnosis. It needs no other document to be understood.
 //!
 //! In: a diagnosis. Out: one self-contained HTML page: the verdict, what is wrong with the data, the causes with their evidence, the extended parameters, where
 //! the plant is wrong, curves before and after, what is left. Decides nothing: every figure comes from the diagnosis.
@@ -22,13 +22,13 @@ use crate::outcome::Refusal;
 use crate::page::summary::{self, Number, Tone};
 use crate::page::{escaped, known, multiple, page, short};
 
-/// Causes whose evidence is told in full.
+/// The number of causes with full evidence.
 const CLOSELY: usize = 3;
 
-/// Lines of the ranking.
+/// The number of lines of the ranking.
 const RANKED: usize = 12;
 
-/// The whole page. `refitted` is what a refit has to say.
+/// The whole page. `refitted`: the sentences of a refit.
 pub fn html(kind: PlantKind, found: &Diagnosis, refitted: &[String]) -> Result<String, Refusal> {
     let title = format!("Diagnosis of a {}: {}", kind.name(), found.verdict.name());
     let mut body = format!("<h1>{title}</h1>\n");
@@ -56,7 +56,7 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
         Verdict::Unexplained => Tone::Bad,
     };
     let state = match found.verdict {
-        Verdict::NoDiscrepancy => "the simulation holds",
+        Verdict::NoDiscrepancy => "no error found",
         Verdict::Explained => "explained",
         Verdict::Unexplained => "not explained",
     };
@@ -71,17 +71,17 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
         ));
         if let Some(it) = found.moved_most() {
             let moved = format!("{:.1} σ", it.sds.abs());
-            numbers.push(Number::new("Largest move within a tolerance", moved, format!("of {} (2 σ are allowed)", it.name)));
+            numbers.push(Number::new("Largest change within a tolerance", moved, format!("of {} (2 σ are allowed)", it.name)));
         }
         let rows: usize = found.error_breakdown.records.iter().flatten().map(|(_, rows)| rows).sum();
         numbers.push(Number::new("Rows compared", rows.to_string(), "in all records"));
     } else {
         let ((gain, (low, high)), on) = match &found.tested {
-            Some(it) => ((it.gain, it.gain_interval), "on test records, which nothing has seen before".to_string()),
+            Some(it) => ((it.gain, it.gain_interval), "on test records, which were not used before".to_string()),
             None => ((found.gain, found.gain_interval), format!("on {judging}")),
         };
         let from = format!("{on}; 95 % interval {:.1} to {:.1} %", 100.0 * low, 100.0 * high);
-        numbers.push(Number::new("Error beyond the noise that is gone", percent(gain, high - low), from));
+        numbers.push(Number::new("Removed error above the noise", percent(gain, high - low), from));
         let moved = format!("{} → {} × noise", multiple(worst(&found.nominal)), multiple(worst(&found.extended)));
         numbers.push(Number::new("Worst output", moved, format!("plant file, then with what was found, on {judging}")));
         match found.entries().next() {
@@ -90,7 +90,7 @@ fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
                 let (equals, more) = (cause.indistinguishable_from.len(), found.entries().count() - 1);
                 numbers.push(Number::confidence(&cause.label(), probability, equals, more));
             }
-            None => numbers.push(Number::new("Causes", "none", "of the catalogue helps")),
+            None => numbers.push(Number::new("Causes", "none", "of the catalogue reduces the error")),
         }
     }
     summary::verdict(tone, state, &words::verdict(kind, found)) + &summary::numbers(&numbers)
@@ -102,7 +102,7 @@ fn percent(share: f64, width: f64) -> String {
     format!("{:.*} %", decimals, 100.0 * share)
 }
 
-/// What was compared, and what is wrong with it.
+/// The records of the comparison, and faults of their data.
 fn data(body: &mut String, found: &Diagnosis) {
     let list = |records: &[(String, usize)]| -> String {
         let each: Vec<String> = records.iter().map(|(name, rows)| format!("{} ({rows} rows)", escaped(name))).collect();
@@ -111,18 +111,18 @@ fn data(body: &mut String, found: &Diagnosis) {
     let [training, unseen] = &found.error_breakdown.records;
     body.push_str("<h2>What was compared</h2>\n<p>The simulation of the plant file, free running, against ");
     if unseen.is_empty() {
-        let _ = write!(body, "{}. No record was kept for validation: every figure below is one of the fit.", list(training));
+        let _ = write!(body, "{}. There is no validation record: all figures below are those of the fit.", list(training));
     } else {
         let _ = write!(
             body,
-            "{}, from which causes and numbers were found, and {}, from which no number was estimated, and by which causes were chosen, too: figures below are of these, the records that chose it.",
+            "{} (training: causes and parameters are estimated from these), and {} (validation: no parameter is estimated from these, but they take part in the choice of causes). The figures below are those of the validation records.",
             list(training),
             list(unseen)
         );
     }
     if let Some(tested) = &found.tested {
         let files: Vec<String> = tested.files.iter().map(|name| escaped(name)).collect();
-        let _ = write!(body, " Nothing has seen the test records before the last figures: {}.", files.join(", "));
+        let _ = write!(body, " Test records, used only for the final figures: {}.", files.join(", "));
     }
     body.push_str("</p>\n");
     for it in &found.units {
@@ -138,10 +138,12 @@ fn data(body: &mut String, found: &Diagnosis) {
         let _ = writeln!(body, "<p>{}: {}.</p>", escaped(&it.record), words::bridged(it));
     }
     if found.findings.is_empty() {
-        body.push_str("<p>The data are in order: no channel hangs, is clipped or jumps, no row stands twice.</p>\n");
+        body.push_str(
+            "<p>No fault was found in the data: no channel is stuck, is clipped or jumps, and no row occurs twice.</p>\n",
+        );
         return;
     }
-    body.push_str("<p><b>What is wrong with the data.</b> These rows are left out of every figure below, and swapped columns are put right; mend the measurement first.</p>\n<table><tr><th>record</th><th>channel</th><th>what</th><th>data rows</th></tr>\n");
+    body.push_str("<p><b>What is wrong with the data.</b> All figures below leave these rows out, and swapped columns are exchanged. Correct the measurement first.</p>\n<table><tr><th>record</th><th>channel</th><th>what</th><th>data rows</th></tr>\n");
     for it in &found.findings {
         let _ = writeln!(
             body,
@@ -158,18 +160,18 @@ fn data(body: &mut String, found: &Diagnosis) {
 
 fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     listed(body, kind, found, "Causes, the strongest first", &found.causes);
-    listed(body, kind, found, "What helps, and is not sure to be a cause", &found.helpers);
+    listed(body, kind, found, "Effects that reduce the error, but are not confirmed causes", &found.helpers);
     let claims: Vec<String> = found.claims.iter().map(words::claim).collect();
     list(body, "Effects of the plant file", &claims);
     let refused: Vec<String> = found.refused.iter().map(|it| format!("{}: {}.", it.cause, it.why)).collect();
-    list(body, "Tried and refused", &refused);
+    list(body, "Tried and rejected", &refused);
     if let Some(said) = &found.equations {
         let sentences = equations::sentences(said);
         if !sentences.is_empty() {
             let _ = writeln!(
                 body,
-                "<h3>What the equations say</h3>\n<p>Along the recorded signals, without a simulation: what each equation ({}) misses, judged on blocks of rows that gave no number. \
-                 Calibration leaves {:.2} %. The search asked them in a free run beside all others; they are no answer.</p>",
+                "<h3>Errors of the equations</h3>\n<p>The equations are evaluated with the recorded signals, without a simulation. Their errors ({}) are computed on holdout blocks of rows. \
+                 Calibration leaves {:.2} %. The search also tries these terms in free-running simulations, beside all other causes. They are candidates, not results.</p>",
                 escaped(&said.equations.join(", ")),
                 100.0 * said.calibrated
             );
@@ -196,7 +198,7 @@ fn listed(body: &mut String, kind: PlantKind, found: &Diagnosis, heading: &str, 
             let names = cause.indistinguishable_from.join(", ");
             let _ = write!(
                 body,
-                " <b>In these records it is the same as {}: one of them is enough. Confidence that one of these is right: {:.2}.</b>",
+                " <b>These records do not distinguish it from {}: one of them is enough. Confidence that one of these is right: {:.2}.</b>",
                 escaped(&names),
                 cause.confidence_of_any
             );
@@ -209,15 +211,15 @@ fn listed(body: &mut String, kind: PlantKind, found: &Diagnosis, heading: &str, 
             body.push_str("</div>\n<div>\n");
             list(body, "Against it", &evidence.speaks_against);
             if evidence.speaks_against.is_empty() {
-                body.push_str("<p>Against it nothing was found in these records.</p>\n");
+                body.push_str("<p>These records show no evidence against it.</p>\n");
             }
             body.push_str("</div>\n</div>\n");
         }
-        let _ = writeln!(body, "<p><b>To be sure:</b> {}</p>", escaped(cause.check));
+        let _ = writeln!(body, "<p><b>Check:</b> {}</p>", escaped(cause.check));
     }
 }
 
-/// The record that would tell causes apart.
+/// The record that would distinguish the causes.
 fn next_record(body: &mut String, found: &Diagnosis) {
     if let Some(sentence) = next::sentence(found) {
         let _ = write!(body, "<h2>What to measure next</h2>\n<p>{}</p>\n", escaped(&sentence));
@@ -232,7 +234,7 @@ fn refit(body: &mut String, lines: &[String]) {
     for line in lines {
         let _ = writeln!(body, "<p>{}</p>", escaped(line));
     }
-    body.push_str("<p>Its surfaces and evaluators stand in the folder <code>refit</code>.</p>\n");
+    body.push_str("<p>Its surfaces and evaluators are in the folder <code>refit</code>.</p>\n");
 }
 
 fn list(body: &mut String, title: &str, sentences: &[String]) {
@@ -246,17 +248,17 @@ fn list(body: &mut String, title: &str, sentences: &[String]) {
     body.push_str("</ul>\n");
 }
 
-/// What nothing explains, and the black box over it.
+/// The unexplained error, and its black-box correction.
 fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
-    body.push_str("<h2>What nothing in the catalogue explains</h2>\n");
+    body.push_str("<h2>Error that the catalogue does not explain</h2>\n");
     if let Some(limit) = found.stopped {
-        let _ = writeln!(body, "<p>The search stopped {limit}: what it found may not be all, or not be right.</p>");
+        let _ = writeln!(body, "<p>The search stopped {limit}: its result may be incomplete or wrong.</p>");
     }
     let error_breakdown = &found.error_breakdown;
     if error_breakdown.after.is_empty() {
-        body.push_str("<p>What is left is spread too thin to have a place.</p>\n");
+        body.push_str("<p>The remaining error is spread over all regions.</p>\n");
     } else {
-        body.push_str("<p>What the extended plant still gets wrong beyond the noise lies here:</p>\n");
+        body.push_str("<p>The remaining error of the extended plant above the noise is in these regions:</p>\n");
         where_wrong::table(body, kind, &error_breakdown.after);
     }
     match &error_breakdown.correction {
@@ -264,8 +266,8 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
         Some(Offer::Nothing { gain }) => {
             let _ = writeln!(
                 body,
-                "<p>A black-box response surface of what is left, over what is simulated and what drives it, gains nothing on {} ({:.0} % of the error beyond \
-                 noise): what is left does not hang on these quantities alone. No correction is offered.</p>",
+                "<p>A black-box response surface of the remaining error, over inputs and simulated quantities, gains nothing on {} ({:.0} % of the error above \
+                 noise): the remaining error does not depend on these quantities alone. There is no correction.</p>",
                 words::judging(error_breakdown),
                 100.0 * gain
             );
@@ -273,8 +275,8 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
         Some(Offer::Gains(correction)) => {
             let _ = writeln!(
                 body,
-                "<p><b>A black-box correction</b> stands in correction.toml: it is no explanation, and holds only where the records went. Added to what the \
-                 extended plant simulates, it removes {:.0} % of the error beyond noise that is left on {} (at least {:.0} %, one-sided 95 %).</p>",
+                "<p><b>A black-box correction</b> is in correction.toml. It is not an explanation, and it is valid only in the range of the records. Added to the output that the \
+                 extended plant simulates, it removes {:.0} % of the remaining error above the noise on {} (at least {:.0} %, one-sided 95 %).</p>",
                 100.0 * correction.gain,
                 words::judging(error_breakdown),
                 100.0 * correction.low
@@ -300,14 +302,14 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     }
 }
 
-/// The numbers of the extended plant: those of causes with intervals, calibrated ones with their tolerance.
+/// The numbers of the extended plant: those of causes with intervals, calibrated ones with their tolerances.
 fn parameters(body: &mut String, found: &Diagnosis) {
     let error_breakdown: &ErrorBreakdown = &found.error_breakdown;
     if found.causes.is_empty() && found.helpers.is_empty() && error_breakdown.calibration.is_empty() {
         return;
     }
     body.push_str(
-        "<h2>Parameters of the extended plant</h2>\n<p>extended.toml holds them; <code>rsm simulate</code> runs it.</p>\n\
+        "<h2>Parameters of the extended plant</h2>\n<p>They are in extended.toml; <code>rsm simulate</code> runs it.</p>\n\
          <table><tr><th>of</th><th>parameter</th><th>unit</th><th>plant file</th><th>now</th><th>95 % interval, or move within tolerance</th></tr>\n",
     );
     let mut row = |of: &str, name: &str, unit: &str, was: &str, is: &str, note: &str| {
@@ -340,8 +342,8 @@ fn parameters(body: &mut String, found: &Diagnosis) {
 fn errors(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     let _ = write!(
         body,
-        "<h2>Errors and noise</h2>\n<p>Root mean square errors on {}. The noise is estimated from the records themselves: what is left at high frequencies, \
-         continued downwards. 1.00 times the noise is as good as a simulation can be.</p>\n\
+        "<h2>Errors and noise</h2>\n<p>Root mean square errors on {}. The noise level is estimated from the records themselves: the residual at high frequencies, \
+         extrapolated to low frequencies. No simulation can be better than 1.00 times the noise.</p>\n\
          <table><tr><th>output</th><th>noise</th><th>from row to row</th><th>nominal</th><th>over noise</th><th>extended</th><th>over noise</th></tr>\n",
         words::judging(&found.error_breakdown)
     );
@@ -375,8 +377,8 @@ fn ranking(body: &mut String, found: &Diagnosis) {
     }
     let _ = write!(
         body,
-        "<h2>What was not believed, and why</h2>\n<p>Gains are squared errors in units of the noise; {:.0} is what chance and worth ask of a cause. The first \
-         column is what the catalogue's screen promised in first order.</p>\n\
+        "<h2>Rejected hypotheses</h2>\n<p>Gains are squared errors in units of the noise. A cause needs at least {:.0} (significance and effect size). The first \
+         column is the first-order gain of the screening.</p>\n\
          <table><tr><th>hypothesis</th><th>promised</th><th>with the causes in</th><th>why not</th></tr>\n",
         found.threshold
     );
@@ -392,11 +394,11 @@ fn ranking(body: &mut String, found: &Diagnosis) {
     }
     body.push_str("</table>\n");
     if rejected.len() > RANKED {
-        let _ = writeln!(body, "<p class=\"note\">{} more promised less.</p>", rejected.len() - RANKED);
+        let _ = writeln!(body, "<p class=\"note\">{} more had a smaller first-order gain.</p>", rejected.len() - RANKED);
     }
 }
 
-/// Gains are counts of thousands: one decimal says too much already.
+/// Gains are in the thousands: decimals have no meaning.
 fn rounded(value: Option<f64>) -> String {
     value.map_or(String::new(), |value| format!("{value:.0}"))
 }

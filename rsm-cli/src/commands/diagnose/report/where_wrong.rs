@@ -1,4 +1,4 @@
-//! Where the plant is wrong: the telling regions, and the error by region before and after.
+//! Regions with a large error, and the error by region before and after.
 //!
 //! In: a diagnosis. Out: tables with bars. Decides nothing.
 
@@ -18,11 +18,11 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     let breakdown = &found.error_breakdown;
     body.push_str("<h2>Where the plant is wrong, calibrated within its tolerances</h2>\n");
     if breakdown.before.is_empty() {
-        body.push_str("<p>Nowhere: in every region that was looked at, the error is that of the noise.</p>\n");
+        body.push_str("<p>In every region that was examined, the error is at the noise level.</p>\n");
         return;
     }
     body.push_str(
-        "<p>Shares of the squared error beyond the noise, all outputs together in units of their noise. Regions overlap: their shares do not sum to one.</p>\n",
+        "<p>Shares of the squared error above the noise, summed over all outputs in units of their noise. Regions overlap, so their shares do not sum to one.</p>\n",
     );
     table(body, kind, &breakdown.before);
     let quantities = quantities(found);
@@ -31,8 +31,8 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     }
     let _ = writeln!(
         body,
-        "<h3>Error by region, before and after</h3>\n<p>Root mean square error over the noise; <span class=\"colour-before\">calibrated</span>, \
-         <span class=\"colour-after\">extended</span>; the grey line stands for the noise.</p>"
+        "<h3>Error by region, before and after</h3>\n<p>Root mean square error divided by the noise; <span class=\"colour-before\">calibrated</span>, \
+         <span class=\"colour-after\">extended</span>; the grey line is the noise level.</p>"
     );
     for (output, quantity) in quantities {
         let slices: Vec<&Slice> = breakdown.slices.iter().filter(|it| it.output == output && it.quantity == quantity).collect();
@@ -82,7 +82,7 @@ pub fn table(body: &mut String, kind: PlantKind, regions: &[Region]) {
     body.push_str("</table>\n");
 }
 
-/// Outputs and quantities that have a telling region, in the order of their telling.
+/// Outputs and quantities with a region of large error, in the order of the list of regions.
 fn quantities(found: &Diagnosis) -> Vec<(usize, &'static str)> {
     let mut list = Vec::new();
     for it in &found.error_breakdown.before {
