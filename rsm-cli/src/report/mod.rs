@@ -87,9 +87,7 @@ fn overview(outcome: &Outcome) -> String {
         )
     };
     let lines: String = outcome.responses.iter().map(line).collect();
-    format!(
-        "<table>\n<tr><th>response</th><th>verdict</th><th>error estimate (root mean square)</th></tr>\n{lines}</table>\n"
-    )
+    format!("<table>\n<tr><th>response</th><th>verdict</th><th>error estimate (root mean square)</th></tr>\n{lines}</table>\n")
 }
 
 /// The error estimate (root mean square) and its rows: those with the least influence on the choice of terms.
