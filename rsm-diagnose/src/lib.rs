@@ -1,4 +1,4 @@
-//! What a model gets wrong, which cause explains it, and what that gains on rows that nothing has seen.
+//! Finds the causes of a model's error, and measures on holdout rows what they gain.
 //!
 //! ```text
 //!   surface: model file + new rows  --> residual --+
@@ -6,9 +6,9 @@
 //!   plant:   plant file + records --> residual ----+
 //! ```
 //!
-//! `surface` judges a fitted response surface: its hypotheses are columns beside the terms of the fit. `plant` judges a simulated plant: its
-//! hypotheses are the effects of the catalogue. Both say "nothing is wrong" when nothing is, and "unexplained" when no cause that they know explains it.
-//! Nothing here prints or writes.
+//! `surface` diagnoses a fitted response surface: its hypotheses are columns beside the terms of the fit. `plant` diagnoses a simulated plant: its
+//! hypotheses are the effects of the catalogue. Both also have the verdicts "no discrepancy" and "unexplained" (no known cause explains the error).
+//! The crate does not print and does not write files.
 
 // What is public is what a user of the library needs.
 #![cfg_attr(not(test), warn(unreachable_pub))]

@@ -1,4 +1,4 @@
-//! Noise of which each row follows the one before: a first-order autoregression.
+//! Autocorrelated noise: a first-order autoregressive process.
 //!
 //! In: values of rows with their places, and the correlation of neighbours. Out: what is new in each row. Rows may be missing: over n rows the correlation is its n-th power. Never
 //! estimates a correlation.

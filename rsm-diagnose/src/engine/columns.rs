@@ -1,6 +1,6 @@
 //! Columns of numbers: products, orthonormal bases, least squares.
 //!
-//! In: columns of one length, in a space where the noise is white. Out: bases, coefficients, what a basis takes of a residual. Never knows what a column stands for.
+//! In: columns of one length, in a space where the noise is white. Out: bases, coefficients, projections of a residual. Independent of the meaning of a column.
 
 /// A part of a column below this share of it is what rounding leaves of nothing: columns of powers up to seven on [-1, 1] keep some ten digits of 16.
 const DEPENDENT: f64 = 1e-6;

@@ -1,6 +1,6 @@
-//! Every combination of the strongest causes, for a reader who switches them on and off.
+//! Every combination of the strongest causes, for a report in which a reader switches causes on and off.
 //!
-//! In: names of causes, and what a model says with some of them. Out: [`Combinations`]. Never chooses a cause.
+//! In: names of causes, and the outputs of a model with some of them. Out: [`Combinations`]. Never chooses a cause.
 
 /// Causes that can be combined: four have sixteen combinations, and a fifth that is weaker than these changes little of what is seen.
 pub(crate) const MOST: usize = 4;

@@ -1,6 +1,6 @@
-//! What an extension gains on rows that it was not made from.
+//! The gain of an extension on holdout rows.
 //!
-//! In: mean squared errors over the variance of the noise. Out: a share. Never sees a row.
+//! In: mean squared errors over the variance of the noise. Out: the gain, as a share of the error above the noise.
 
 /// Less than this above the noise is nothing to gain: a thousandth of its energy is its scatter over 10^6 rows.
 const LEAST_ERROR: f64 = 1e-3;

@@ -1,6 +1,6 @@
 //! Levenberg-Marquardt: damped steps of least squares (K. Levenberg, 1944; D. W. Marquardt, 1963).
 //!
-//! In: a [`Problem`], which knows its unknowns and their bounds, and [`Rules`]. Out: the best place that was found. Never knows what an unknown or a residual is.
+//! In: a [`Problem`], which knows its unknowns and their bounds, and [`Rules`]. Out: the best point that was found. Independent of the meaning of unknowns and residuals.
 
 /// The first damping, as a share of each unknown's own curvature.
 const FIRST_DAMPING: f64 = 1e-3;

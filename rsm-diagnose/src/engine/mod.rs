@@ -1,6 +1,6 @@
-//! What both diagnoses need of statistics, once: a surface and a plant are providers of columns and residuals to it.
+//! Statistics for both diagnoses. The diagnosis of a surface and the diagnosis of a plant provide the columns and residuals.
 //!
-//! In: columns, residuals, counts of trials. Out: bases, solutions, probabilities, limits of work. Knows neither surfaces nor plants nor effects.
+//! In: columns, residuals, counts of trials. Out: bases, solutions, probabilities, limits of work. Independent of surfaces, plants and effects.
 
 pub(crate) mod autoregression;
 pub(crate) mod columns;

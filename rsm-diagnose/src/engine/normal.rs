@@ -1,7 +1,7 @@
 //! Small systems of normal equations.
 //!
 //! In: inner products of a few columns. Out: solutions and the diagonal of the inverse. Columns are scaled to length one first; a column without
-//! length gets the solution 0. Never sees more than some tens of columns, and never a data row.
+//! length gets the solution 0. For some tens of columns at most.
 
 /// Added to the unit diagonal. Columns that are equal to nine digits are one column: finite differences hold no more.
 const RIDGE: f64 = 1e-9;

@@ -1,7 +1,7 @@
 //! The probability that a cause is right: Bayes' rule over a cause, chance and its rivals. Both diagnoses use it.
 //!
-//! In: the evidence of each rival, relative to that of the cause, and whether the data tell the two apart. Out: the probability of the cause by itself, and that of the
-//! cause or a rival that the data do not tell from it. How often the true cause is not in the catalogue is a rate that each diagnosis brings.
+//! In: the evidence of each rival, relative to that of the cause, and whether the data distinguish the two. Out: the probability of the cause by itself, and that of the
+//! cause or a rival that the data do not distinguish from it. Each diagnosis gives the rate at which the true cause is not in the catalogue.
 
 /// How probable a cause is.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
-//! Significance: how rarely chance gives as much or more, and what it gives with a probability.
+//! Significance: tail probabilities of test statistics, and their quantiles.
 //!
 //! In: a statistic with its degrees of freedom, or a probability; counts of trials. Out: the logarithm of the probability of as much or more by chance, or the statistic. Logarithms are used
-//! because the probability may lie below the smallest f64. Never NaN for finite arguments and positive degrees of freedom. Never looks at a residual.
+//! because the probability may be smaller than the smallest f64. Never NaN for finite arguments and positive degrees of freedom.
 
 use statrs::function::beta::{beta_reg, ln_beta};
 use statrs::function::erf::{erfc, erfc_inv};

@@ -1,4 +1,4 @@
-//! How a diagnosis ends. Both diagnoses end in one of these ways.
+//! The possible verdicts of both diagnoses.
 
 /// How a diagnosis ends, of a surface as of a plant (docs/book/src/reference/formats.md 4.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

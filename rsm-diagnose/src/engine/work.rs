@@ -1,6 +1,6 @@
-//! The limit of work of a diagnosis, a count and not seconds: the same data give the same answer on every machine.
+//! The work limit of a diagnosis. It counts operations, not seconds, so the same data give the same answer on every machine.
 //!
-//! In: the work done so far, multiplications or steps. Out: whether to go on. Knows nothing of what the work is.
+//! In: the work done so far, multiplications or steps. Out: whether to go on. Independent of the kind of work.
 
 use std::cell::Cell;
 use std::sync::Arc;

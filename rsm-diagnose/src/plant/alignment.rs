@@ -1,6 +1,6 @@
 //! A second check of the data, made with the calibrated simulation: it finds what the readings alone do not show.
 //!
-//! In: prepared records and their simulation. Out: jumps that turn out to be motion count again; a channel that is late or early in one record only is reported and
+//! In: prepared records and their simulation. Out: findings. Jumps that the simulation shows as motion are accepted again. A channel that is late or early in one record only is reported and
 //! left out of that record. A delay that all records share belongs to the plant or to a sensor, so the search deals with it. Never corrects a sample.
 
 use super::checks::{Finding, jumps};

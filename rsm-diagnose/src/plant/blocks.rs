@@ -1,6 +1,6 @@
 //! Blocks of rows that occur twice in a record, because a recorder wrote its buffer again.
 //!
-//! In: the noisy channels of a record. Out: the rows of each second block. The test knows how often equal rows occur by chance. Never looks at time or at a plant.
+//! In: the noisy channels of a record. Out: the rows of each second block. The test includes the probability of equal rows by chance. It uses neither time nor a plant.
 
 use std::collections::HashMap;
 

@@ -1,8 +1,8 @@
-//! Gaps of a few rows, as a logger leaves that loses a row now and then.
+//! Gaps of a few rows, for example from a logger that loses single rows.
 //!
 //! In: a prepared record with gaps. Out: the same record with rows in the gaps, so that a simulation can run through. Outputs in these rows do not count. Inputs are interpolated
 //! linearly from the row before the gap to the row after it. Where the readings after a gap show that an input was higher or lower inside it, the line is moved by that amount. Three
-//! kinds of gap are not bridged: a long one, one that is no whole number of rows, and time that goes back. Never changes a recorded row.
+//! kinds of gap are not bridged: a long gap, a gap that is not a whole number of rows, and a step back in time. Never changes a recorded row.
 
 use super::levenberg::{self, Fit};
 use super::model::Model;

@@ -1,7 +1,7 @@
-//! Bursts of noise: some rows in which a channel is far noisier than in all others, as beside a relay that switches or a loose contact.
+//! Bursts of noise: some rows in which a channel is far noisier than in all others, for example from a switching relay or a loose contact.
 //!
-//! In: what a simulation leaves of an output, in each record. Out: the rows of its bursts. Those rows are left out and told, because readings of them say little and a least squares fit would believe them most.
-//! A plant can be loud for some rows, too: a contact rings, a corner is missed. That follows itself from row to row, and noise does not: bursts that follow themselves are structure, and stay.
+//! In: the residuals of an output, in each record. Out: the rows of its bursts. Those rows are left out and reported, because they contain little information and would dominate a least squares fit.
+//! A real motion can look like a burst, too: a contact vibrates, or the simulation misses a fast transient. Such residuals are autocorrelated from row to row, and noise is not. Autocorrelated bursts are structure and are kept.
 
 use std::ops::Range;
 

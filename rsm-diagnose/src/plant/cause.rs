@@ -1,6 +1,6 @@
-//! A cause as a report tells it.
+//! A cause, with the data that a report shows.
 //!
-//! In: what a diagnosis believes. Out: [`Cause`], with its numbers and its evidence. Never judges one.
+//! In: the accepted causes of a diagnosis. Out: [`Cause`], with its parameters and its evidence. No decision is taken here.
 
 use super::hypotheses::label;
 use super::regions::Region;

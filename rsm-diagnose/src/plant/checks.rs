@@ -1,6 +1,6 @@
-//! Checks of the data before any physics: samples that a working sensor cannot have read.
+//! Checks of the data before the first simulation: samples that an intact sensor cannot produce.
 //!
-//! In: a prepared record. Out: findings. Their rows count in no later figure. Where time is missing, or a block of rows occurs twice, the inputs are missing too, and
+//! In: a prepared record. Out: findings. Their rows are left out of all later figures. Where time is missing, or a block of rows occurs twice, the inputs are missing too, and
 //! the state of the plant afterwards is unknown: one part without such a break is kept. Never corrects a sample.
 
 use super::blocks::{STUCK, twice};

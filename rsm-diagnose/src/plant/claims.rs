@@ -1,8 +1,8 @@
-//! A plant file that already has effects: the records judge what the file claims.
+//! A plant file that already has effects (claims): the records confirm or contradict them.
 //!
-//! In: a plant file with `[[effects]]`, written by an earlier diagnosis or by an engineer. Out: a diagnosis that starts from them. A cause is what they do not explain. A claim that the
-//! records contradict becomes a cause itself, with the number of the records beside that of the file. The effects are part of the plant during the search, so two searches
-//! decide: one keeps the claims, and the other, run where different numbers fit clearly better, uses those. The simpler explanation is believed.
+//! In: a plant file with `[[effects]]`, written by an earlier diagnosis or by an engineer. Out: a diagnosis that starts from them. Further causes explain what the claims do not. A claim that the
+//! records contradict becomes a cause itself, with the value from the records beside the value of the file. The effects are part of the plant during the search, so two searches
+//! decide: one keeps the claims, and the other, run where different numbers fit clearly better, uses those. The simpler explanation is accepted.
 
 use super::cause::{Cause, Interval};
 use super::confidence::{self, Case};

@@ -1,6 +1,6 @@
-//! The extended plant with some of its causes: what each combination of the strongest ones simulates along the records that judge.
+//! The extended plant with some of its causes: the simulated outputs of each combination of the strongest ones, along the judging records.
 //!
-//! In: the compared plants, the causes that are believed. Out: [`Combinations`]. Without some causes everything else is fitted again to the training records. No verdict depends on it.
+//! In: the compared plants, the accepted causes. Out: [`Combinations`]. Without some causes everything else is fitted again to the training records. No verdict depends on it.
 
 use super::compared::Compared;
 use super::hypotheses::label;

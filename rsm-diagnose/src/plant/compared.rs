@@ -1,4 +1,4 @@
-//! What a report compares: the nominal, the calibrated and the extended plant along the records that judge.
+//! The nominal, the calibrated and the extended plant along the judging records, for the comparison in a report.
 //!
 //! In: fits. Out: [`Compared`]. Never simulates.
 

@@ -1,7 +1,7 @@
-//! The choice of one more cause: guesses are refined, the best hypotheses are fitted in full, and at most one of them is believed.
+//! The choice of one more cause: guesses are refined, the best hypotheses are fitted in full, and at most one of them is accepted.
 //!
 //! In: a fit, and what the screen found about it. Out: candidates, the best first, and the one to believe, if any. A candidate is judged on training and
-//! validation records together; numbers are fitted to training records only. Never looks at how the fit came about.
+//! validation records together; numbers are fitted to training records only. Independent of how the fit was found.
 
 use super::hypotheses::{Hypothesis, label};
 use super::levenberg::{self, Fit};

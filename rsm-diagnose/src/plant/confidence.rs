@@ -1,7 +1,7 @@
 //! The confidence of a cause: the probability that it is right.
 //!
-//! In: what a cause gains, how far each fitted rival falls short of it, what is left unexplained, whether rivals were asked, the verdict. Out: a probability. Four things
-//! can make a cause wrong: chance, a rival, a cause that is not in the catalogue, and a rival that was not asked. The records give the odds against the first two. The other two are rates, counted on
+//! In: what a cause gains, by how much each fitted rival gains less, the unexplained error, whether rivals were fitted, the verdict. Out: a probability. Four things
+//! can make a cause wrong: chance, a rival, a cause that is not in the catalogue, and a rival that was not fitted. The records give the odds against the first two. The other two are rates, counted on
 //! hidden effects of seeds that the tables of `cargo xtask hidden-effects` do not use.
 
 use crate::engine::probability::Probability;

@@ -1,7 +1,7 @@
-//! A record of another configuration, for example on a steep road or with a heavier load. What one record alone shows is no fault of the plant, and it would bias every cause that is fitted to all records.
+//! A record of another configuration, for example on a steep road or with a heavier load. An effect that only one record shows is not a fault of the plant, and it would bias every cause that is fitted to all records.
 //!
 //! In: records, the nominal plant. Out: the one record without which the calibrated plant leaves only noise in all others, prepared for a search of its own. Where two records differ from the
-//! rest, nobody can say which configuration is the usual one, and no record is set apart. Never looks for a cause.
+//! rest, the usual configuration is unknown, and no record is separated. This module does not search for causes.
 
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};

@@ -1,7 +1,7 @@
 //! A black-box correction: a response surface of the error that an extended simulation still has, over its outputs and inputs.
 //!
 //! In: the extended plant along training and holdout records. Out: a model file with a surface for each output whose error it reduces on holdout rows, or how much
-//! the best surface would have gained. The file means `measured = simulated + surface`. It names no cause, and it is valid only where the records went.
+//! the best surface would have gained. The file means `measured = simulated + surface`. It names no cause, and it is valid only in the range of the records.
 //!
 //! The surface is static, so it cannot represent what depends on the past alone, such as a resonance or a lag. The ladder of the fitter chooses the terms on every second
 //! training record and judges them on the records between (a single record is divided into eighths). The coefficients are then fitted to all training records. Never uses a holdout row before it is judged.

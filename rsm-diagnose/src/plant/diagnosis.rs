@@ -1,4 +1,4 @@
-//! The diagnosis of a plant as a value: everything that a page, a file or a program may ask of it.
+//! The diagnosis of a plant as a value: all data for reports, files and programs.
 //!
 //! In: figures of a verdict. Out: [`Diagnosis`]. Never computes one.
 

@@ -1,7 +1,7 @@
-//! The least gain that a cause must have where a model stays far from its records.
+//! The minimum gain of a cause (effect size) while the model still has a large error.
 //!
-//! In: a squared residual in which the noise has one unit a row. Out: the gain below which a cause is not named. A real machine has parts that no catalogue holds, and what they leave has a shape.
-//! Among tens of hypotheses, one always shares a few per cent with any shape, on holdout records too, and far above the noise. Never looks at a record.
+//! In: a squared residual in which the noise has one unit a row. Out: the gain below which a cause is not named. A real machine has effects that no catalogue contains, and they leave structure in the residual.
+//! Among tens of hypotheses, one always explains a few per cent of any structure, also on holdout records, and far above the noise.
 
 /// A cause must remove a twentieth of the error that is left above the noise, 2.5 % of its root mean square: one that is right removes most of what is left, but for what
 /// other causes do, and the strongest comes first. On the measured axis, dry friction removes 80 % of the squared error, its offset 60 % of what is then left, its

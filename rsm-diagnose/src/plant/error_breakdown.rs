@@ -1,6 +1,6 @@
-//! The breakdown of the error: the data of the report beside the verdict.
+//! The breakdown of the error: further data for the report.
 //!
-//! In: the nominal, the calibrated and the extended plant along the records that judge, and the causes that are believed. Out: an [`ErrorBreakdown`]: errors by region, frequency and
+//! In: the nominal, the calibrated and the extended plant along the judging records, and the accepted causes. Out: an [`ErrorBreakdown`]: errors by region, frequency and
 //! order, curves, the calibration, what each cause removes, what is left, and a correction of it. No verdict depends on it.
 
 pub use super::cause::Witness;

@@ -1,7 +1,7 @@
-//! The answer, checked on all rows of records that are too long for the search.
+//! Checks the result of a search on all rows of records that are too long for the search.
 //!
 //! In: whole records, the plant at the end of a search. Out: the error in each window of rows. Each window has a start of its own, so the memory needed is that of one window. A window is judged as a
-//! holdout record is: against its own noise, with the numbers of the plant free within their uncertainty. Never changes or names a cause.
+//! holdout record is: against its own noise, with the numbers of the plant free within their uncertainty. This module does not change or name causes.
 
 use rsm_sim::kind::OUTPUTS;
 use std::fmt;

@@ -1,8 +1,8 @@
-//! The next experiment: the record that separates causes which the present records cannot separate, or that looks where an error has no cause.
+//! The next experiment: the record that separates causes which the present records cannot separate, or that covers the region of an unexplained error.
 //!
 //! In: the fitted plant, its rivals, the library of excitations. Out: a [`NextExperiment`]. Two plants that agree on the present records are simulated along each
 //! excitation. What counts is the difference that remains after the wrong plant has moved everything that it may move: its parameters as far as the present
-//! records allow (their information matrix), and the start of the new record freely. All this is to first order about the fits, in units of the noise. Never sees the true plant.
+//! records allow (their information matrix), and the start of the new record freely. All this is to first order about the fits, in units of the noise. The true plant is not used.
 
 use super::excitations::{self, Excitation, Limits};
 use super::levenberg::{self, Fit};

@@ -1,6 +1,6 @@
-//! The noise floor of an output: how large its noise is, how it follows itself, how it grows with the reading.
+//! The noise floor of an output: standard deviation, autocorrelation, and growth with the reading.
 //!
-//! In: values of rows. Out: whitened values, standard deviations. [`super::noise`] estimates it. Never looks at a spectrum.
+//! In: values of rows. Out: whitened values, standard deviations. [`super::noise`] estimates it.
 
 use std::f64::consts::TAU;
 

@@ -35,7 +35,7 @@ pub fn why_not(entry: &Entry, survey: &Survey, file: &PlantFile) -> Option<Strin
         let may_be_unit = declared(entry, name).is_some_and(|it| it.plausible == Plausible::FactorOrUnit);
         let of_unit = may_be_unit && is_unit(*value);
         (!(low..=high).contains(value) && !of_unit)
-            .then(|| format!("{name} = {value:.4} is beyond what is plausible, {low:.4} to {high:.4}"))
+            .then(|| format!("{name} = {value:.4} is outside its plausible range, {low:.4} to {high:.4}"))
     });
     beyond.next()
 }

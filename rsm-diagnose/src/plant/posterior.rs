@@ -1,8 +1,8 @@
-//! What records and tolerances together say of each number: standard deviations and 95 % intervals.
+//! The posterior of each parameter from records and tolerances: standard deviations and 95 % intervals.
 //!
 //! In: a fit with its derivatives. Out: a standard deviation and an interval for each unknown. Three assumptions: readings are normal about the simulation, which is linear near the fit; tolerances are normal up to two
-//! standard deviations, where a cause begins; and a number is never beyond its physical bound. An unknown at a bound is known no better because of it: it stays in the
-//! covariance, and its interval is the shortest one that holds 95 % of the truncated normal distribution. Without a bound in reach this is 1.96 standard deviations to both sides.
+//! standard deviations, where a cause begins; and a number is never beyond its physical bound. A bound does not reduce the uncertainty of an unknown: it stays in the
+//! covariance, and its interval is the shortest one that holds 95 % of the truncated normal distribution. If no bound is close, this is 1.96 standard deviations to both sides.
 
 use super::levenberg::{self, Fit};
 use super::model::{Place, Unknown};

@@ -1,6 +1,6 @@
-//! Records as a diagnosis takes them.
+//! Records, prepared for a diagnosis.
 //!
-//! In: records. Out: parts of them, the outputs that are compared, the rows that count. Never decides which rows do.
+//! In: records. Out: parts of them, the outputs that are compared, the rows that count. Other modules decide which rows count.
 
 use rsm_sim::kind::OUTPUTS;
 use std::ops::Range;

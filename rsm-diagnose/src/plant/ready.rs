@@ -1,7 +1,7 @@
 //! The preparation of records for a search, with the plant that is calibrated to them.
 //!
 //! In: a plant file, records. Out: the rows that count, noise floors, starts, the calibrated plant, the scales of the records. Every fit of causes or claims starts here, so
-//! all of them use the same rows, the same noise and the same starts. Never asks for a cause.
+//! all of them use the same rows, the same noise and the same starts. This module does not search for causes.
 
 use super::calibration::{calibrate, floors, with_rounding};
 use super::checks::{self, Finding};

@@ -1,7 +1,7 @@
-//! Where a plant is wrong: the error's energy by operating region and by record.
+//! The energy of the error by operating region and by record.
 //!
 //! In: simulations before and after, along the same records. Out: mean squared errors by region, and the regions that hold more of the error than of the rows.
-//! Energies are in units of the noise, and what noise alone has is taken off. Never names a cause.
+//! Energies are in units of the noise, and the energy of the noise is subtracted.
 
 use super::noise::Floor;
 use super::quantities::{Classes, Quantity};

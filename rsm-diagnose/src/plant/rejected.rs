@@ -1,6 +1,6 @@
-//! Hypotheses that were not believed, each with the reason.
+//! Rejected hypotheses, each with the reason.
 //!
-//! In: a diagnosis. Out: [`Rejected`]. Decides nothing: it reads what the search left.
+//! In: a diagnosis. Out: [`Rejected`]. Decides nothing: it only reads the results of the search.
 
 use super::cause::Cause;
 use super::diagnosis::Diagnosis;

@@ -1,7 +1,7 @@
-//! A plant at rest is no fault: an encoder, a dead band or a coarse step gives readings that repeat.
+//! Distinguishes a plant at rest from a stuck sensor: at rest, an encoder, a dead band or a coarse step also gives equal readings.
 //!
-//! In: the readings of a channel, the nominal plant along it. Out: whether equal readings are rest. Three signs tell a sensor that hangs from rest: its readings end with a jump, because the plant has moved on; its
-//! noise is gone while that of neighbouring rows is not; and it may stop at any value. Rest begins and ends gently. The nominal plant is used last, because it may lack the friction that holds the true one.
+//! In: the readings of a channel, the nominal plant along it. Out: whether equal readings are rest. A stuck sensor has three signs: its readings end with a jump, because the plant has moved on; its
+//! noise vanishes while that of neighbouring rows does not; and it may stop at any value. Rest begins and ends without a jump. The nominal plant is used last, because it may lack the friction that holds the true one.
 
 use std::ops::Range;
 

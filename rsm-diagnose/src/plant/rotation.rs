@@ -1,7 +1,7 @@
-//! What repeats with the rotation: amplitude and phase of a signal at orders of a revolution.
+//! Order analysis: amplitude and phase of a signal at orders of a revolution.
 //!
 //! In: a signal and the angle at which each value was taken, however unevenly. Out: the wave at each order, by least squares.
-//! Never decides what makes a wave.
+//! The cause of a wave is not decided here.
 
 use crate::engine::normal::Normal;
 

@@ -1,4 +1,4 @@
-//! The screen: how much each hypothesis could explain, from one simulation a guess.
+//! Screening: the first-order gain of each hypothesis, from one simulation for each first guess.
 //!
 //! In: a fitted model and the hypotheses. Out: the predicted gain in squared residual of each guess, jointly with everything that is free anyway
 //! (starts, calibration, causes already believed): their derivatives are projected out, through normal equations, so that a cause gets no credit

@@ -1,6 +1,6 @@
-//! What the parts of a search for causes share: its setting, its limits of work, the causes that it believes.
+//! Types that the parts of a search for causes share: settings, work limits, accepted causes.
 //!
-//! In: nothing. Out: types. `selection`, `compete` and `veto` say what a search does with them.
+//! In: nothing. Out: types. `selection`, `compete` and `veto` use them.
 
 use super::effect_size;
 use super::hypotheses::Hypothesis;

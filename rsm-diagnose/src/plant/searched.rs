@@ -1,6 +1,6 @@
-//! From records to an answer: the rounds of a search, and what is asked of its outcome.
+//! The whole diagnosis, from records to the result: the rounds of a search, and the tests of its result.
 //!
-//! In: a plant file, records. Out: a [`Diagnosis`]. Brings the parts together in their order; what a cause is worth is decided in `selection`.
+//! In: a plant file, records. Out: a [`Diagnosis`]. Calls the parts in their order; `selection` decides whether a cause is accepted.
 
 use super::cause::Cause;
 use super::configurations::Apart;

@@ -1,7 +1,7 @@
-//! The selection of causes: a cause is added while it pays, exchanged where another does better, and removed when it no longer pays.
+//! The selection of causes: a cause is added while it is significant, exchanged if another one fits better, and removed if it is no longer significant.
 //!
 //! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the least effect size give the gain that a cause
-//! must have. Ties go to the simpler cause. Validation records judge; they never fit a number.
+//! must have. Ties go to the simpler cause. Validation records take part in decisions; no parameter is fitted to them.
 
 use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::everywhere::Everywhere;

@@ -1,6 +1,6 @@
 //! A survey of the records: the sizes from which first guesses are made.
 //!
-//! In: prepared records and the calibrated plant's residuals. Out: a [`Survey`]. Only scales: nothing here decides between causes.
+//! In: prepared records and the calibrated plant's residuals. Out: a [`Survey`]. It contains only scales and decides nothing between causes.
 
 use super::levenberg::Fit;
 use super::rounding;

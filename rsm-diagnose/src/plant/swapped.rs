@@ -1,7 +1,7 @@
-//! Columns that stand under each other's headers.
+//! Swapped columns: two columns with exchanged headers.
 //!
-//! In: the nominal plant, a record. Out: the pair of outputs, or of inputs, whose exchange makes the record follow the plant. Each record is asked by itself: one logger may have been set up wrong.
-//! Nothing is decided where the record follows the plant as it is, or where an exchange leaves more than a fifth of what is wrong: then it is a cause's to explain.
+//! In: the nominal plant, a record. Out: the pair of outputs, or of inputs, whose exchange makes the record follow the plant. Each record is tested separately, because the set-up of one logger may be wrong.
+//! No exchange is reported if the record follows the plant as it is, or if an exchange leaves more than a fifth of the error: then the search for causes has to explain it.
 
 use super::checks::{Finding, SWAPPED};
 use super::units;

@@ -1,6 +1,6 @@
-//! Records with heavy tails in their noise, made tame.
+//! Records whose noise has heavy tails, with corrected readings.
 //!
-//! In: records and a fit along them. Out: the same records with readings as the laws of [`super::tails`] move them. Never moves a reading of an output without tails.
+//! In: records and a fit along them. Out: the same records, with outliers moved by the rules of [`super::tails`]. Readings of outputs without heavy tails are not changed.
 
 use super::alignment;
 use super::checks::Finding;

@@ -4,7 +4,7 @@
 //! seconds, and so does the part of a missing cause that they absorb. Never changes anything else.
 //!
 //! All records of a machine usually come from one kind of log. If one of them clearly begins in motion, the starting speed is unknown in all of them, because a small speed is not 0. What effects
-//! remember from before the record (delayed commands, a lagging reading, a twisted shaft) is unknown too, but soon forgotten: the first rows run the simulation in and judge nothing.
+//! remember from before the record (delayed commands, a lagging reading, a twisted shaft) is unknown too, but soon forgotten: the first rows only let the simulation settle and are not compared.
 
 use super::levenberg::{self, Fit};
 use super::model::{self, AtStart, Model};

@@ -1,6 +1,6 @@
-//! Judges a model on records that no fit has used.
+//! Computes the errors of a model on holdout records.
 //!
-//! In: a model, validation records. Out: errors of each output, with the starts of the records as the only unknowns. Never moves a number of the plant.
+//! In: a model, validation records. Out: errors of each output, with the starts of the records as the only unknowns. The parameters of the plant are fixed.
 
 use super::levenberg;
 use super::model::{Model, Place};

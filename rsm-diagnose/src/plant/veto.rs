@@ -1,6 +1,6 @@
-//! The final veto on a set of causes: each holdout record judges the set by itself, and so do the intervals of the causes.
+//! The final test of a set of causes, on each holdout record separately and on the intervals of the causes.
 //!
-//! In: the fit of a search with its causes, holdout records. Out: the causes that stand, and those that were tried and refused, with the reason. A set that improves one record and worsens another may
+//! In: the fit of a search with its causes, holdout records. Out: the accepted causes, and those that were tried and rejected, with the reason. A set that improves one record and worsens another may
 //! have a better sum and is still no explanation, so sums do not count here. Never adds a cause.
 
 use super::hypotheses::Hypothesis;
@@ -161,7 +161,7 @@ fn at_its_end(fit: &Fit, entry: usize) -> Option<String> {
         let at = unknown.inward(fit.model.value(k));
         let near = |end: f64| (at - unknown.inward(end)).abs() < AT_THE_END * unknown.scale;
         (near(unknown.low) || near(unknown.high))
-            .then(|| format!("{number} ran to the end of its search, {:.4}", fit.model.value(k)))
+            .then(|| format!("{number} reached the bound of its search, {:.4}", fit.model.value(k)))
     });
     ends.next()
 }
@@ -175,7 +175,9 @@ fn neutral(fit: &Fit, entry: usize, hypotheses: &[Hypothesis]) -> Option<String>
     let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry, number: name })?;
     let (low, high) = Posterior::of(fit).interval(fit, unknown)?;
     (low <= without && without <= high).then(|| {
-        format!("{name} = {value:.4}, and its 95 % interval, {low:.4} to {high:.4}, holds {without}, at which it does nothing")
+        format!(
+            "{name} = {value:.4}, and its 95 % interval, {low:.4} to {high:.4}, contains {without}, at which it has no effect"
+        )
     })
 }
 

@@ -1,7 +1,7 @@
-//! Tests whether what is left after all causes is noise.
+//! Tests whether the residuals with all causes are noise.
 //!
 //! In: the whitened residual of a fit. Out: for each output and octave of frequencies its energy relative to noise, and whether it exceeds what noise
-//! shows in 199 of 200 cases. Never says what the structure is.
+//! shows in 199 of 200 cases. The kind of structure is not identified here.
 
 use super::levenberg::Fit;
 use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};

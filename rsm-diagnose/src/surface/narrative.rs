@@ -1,6 +1,6 @@
-//! Causes in plain words with their numbers: kind, name, unit, interval.
+//! Causes in sentences, with their parameters: kind, name, unit, interval.
 //!
-//! In: a sample, its explanation, estimates. Out: the list of [`Cause`]s without rivals; [`super::causes`] adds the confidence and what else would leave the same trace. Decides nothing.
+//! In: a sample, its explanation, estimates. Out: the list of [`Cause`]s without rivals; [`super::causes`] adds the confidence and the rivals with the same trace. Decides nothing.
 
 use super::cause::{Cause, OutlyingRun, Parameter};
 use super::estimate::Estimates;
@@ -15,7 +15,7 @@ use rsm_fit::design;
 /// The standard normal's 97.5 % point.
 const NORMAL: f64 = 1.96;
 
-/// What is told of.
+/// The data for the sentences.
 pub(super) struct Narrative<'a> {
     /// The rows.
     pub sample: &'a Sample,
@@ -34,7 +34,7 @@ fn number(value: f64) -> String {
     if (-4..7).contains(&magnitude) { format!("{value:.*}", (3 - magnitude).max(0) as usize) } else { format!("{value:.3e}") }
 }
 
-/// The word for a number's sign, and the number with its interval without it: nobody reads -3 too much.
+/// The word for a number's sign ("higher" or "lower"), and its magnitude with interval. "3 too low" is easier to read than "-3 too high".
 fn either_way<'a>(it: &Parameter, [positive, negative]: [&'a str; 2]) -> (&'a str, f64, f64, f64) {
     if it.value < 0.0 { (negative, -it.value, -it.high, -it.low) } else { (positive, it.value, it.low, it.high) }
 }
@@ -86,7 +86,7 @@ impl Narrative<'_> {
                 let term = name_of(sample, &Monomial { powers: powers.clone(), extra: None });
                 let parameter = self.parameter("coefficient", member, 0, (1.0, 0.0), self.unit());
                 let sentence = format!(
-                    "The surface lacks the term {term}: in coded variables it stands with {} ({} to {}).",
+                    "The surface lacks the term {term}: its coefficient in coded variables is {} ({} to {}).",
                     self.with_unit(parameter.value),
                     number(parameter.low),
                     number(parameter.high)
@@ -110,7 +110,7 @@ impl Narrative<'_> {
                 let term = name_of(sample, &Monomial { powers: sample.surface.terms[*k].powers.clone(), extra: None });
                 let parameter = self.parameter("coefficient", member, 0, (1.0, old), self.unit());
                 let sentence = format!(
-                    "The coefficient of {term} is {} ({} to {}), where the file has {}.",
+                    "The coefficient of {term} is {} ({} to {}); the file has {}.",
                     self.with_unit(parameter.value),
                     number(parameter.low),
                     number(parameter.high),
@@ -165,7 +165,7 @@ impl Narrative<'_> {
         let parameter = self.parameter(name, member, 0, (1.0, offset), unit);
         let sentence = if kind == "sensor-gain" {
             format!(
-                "The sensor of {channel} reads {} times the truth ({} to {}).",
+                "The sensor of {channel} reads {} times the true value ({} to {}).",
                 number(parameter.value),
                 number(parameter.low),
                 number(parameter.high)
@@ -184,7 +184,7 @@ impl Narrative<'_> {
         }
     }
 
-    /// A whole order that is missing, or all coefficients that have changed.
+    /// A whole missing order, or a change of all coefficients.
     fn several_terms(&self, member: usize, label: String) -> Cause {
         let sample = self.sample;
         let hypothesis = &self.found.set[member];
@@ -204,13 +204,19 @@ impl Narrative<'_> {
                 "missing-term",
                 format!("order {order}"),
                 Some(("order", order.to_string())),
-                format!("The surface lacks its terms of order {order}, none of which stands out alone: {}.", words.join(", ")),
+                format!(
+                    "The surface lacks the terms of order {order}; no single one is significant alone: {}.",
+                    words.join(", ")
+                ),
             ),
             _ => (
                 "coefficient-error",
                 "all terms".to_string(),
                 None,
-                format!("The coefficients have changed, more than a sensor or a single one explains: {}.", words.join(", ")),
+                format!(
+                    "The coefficients have changed, by more than a sensor fault or a single coefficient explains: {}.",
+                    words.join(", ")
+                ),
             ),
         };
         let details = order.into_iter().collect();
@@ -246,7 +252,7 @@ impl Narrative<'_> {
         }
         let mut details = vec![("terms", terms.join(", ")), ("range", format!("{} to {}", middle - half, middle + half))];
         let mut sentence = format!(
-            "{} acts on {} and is no input of the surface; coded to -1..1 over {} to {} {} its terms are {}.",
+            "{} acts on {} but is not an input of the surface. Coded to -1..1 over {} to {} {}, its terms are {}.",
             it.name,
             sample.surface.name,
             number(middle - half),
@@ -261,7 +267,7 @@ impl Narrative<'_> {
         {
             let reference = middle - half * offset / slope;
             details.push(("reference", reference.to_string()));
-            sentence += &format!(" The file as it is holds at {} {}.", number(reference), it.unit);
+            sentence += &format!(" The original file is valid at {} {}.", number(reference), it.unit);
         }
         Cause { subject: Some(("input", it.name.clone())), parameters, details, sentence, ..self.empty("missing-input", label) }
     }
@@ -310,13 +316,13 @@ impl Narrative<'_> {
         let words: Vec<String> = parameters.iter().map(|it| format!("{} {}", it.name, self.with_unit(it.value))).collect();
         let mut sentence = format!("{} differs by levels of {}: {}.", self.sample.surface.name, it.name, words.join(", "));
         if let Some(reference) = hypothesis.reference {
-            sentence += &format!(" The file holds for {}, which has no offset here by that choice.", names[reference]);
+            sentence += &format!(" The file is valid for {}; this choice sets its offset to 0.", names[reference]);
         }
         let details = vec![("shape", "levels".to_string())];
         Cause { subject: Some(("column", it.name.clone())), parameters, details, sentence, ..self.empty("block-offset", label) }
     }
 
-    /// Several changes between runs: blocks that no column names.
+    /// Several level changes between runs: blocks without a column.
     pub(super) fn change_points(&self, members: &[usize]) -> Cause {
         let mut steps: Vec<(usize, usize)> = members
             .iter()
@@ -371,7 +377,7 @@ impl Narrative<'_> {
             confidence_of_any: 1.0 - worst.min(1.0),
             gain,
             ln_p: worst.max(1e-300).ln(),
-            sentence: format!("Outlying runs, left out of every other figure: {}.", words.join(", ")),
+            sentence: format!("Outlying runs, left out of all other figures: {}.", words.join(", ")),
             runs,
             ..self.empty("outlying-runs", "outlying-runs".to_string())
         })
@@ -384,7 +390,7 @@ impl Narrative<'_> {
         (residual, kept.iter().map(|row| self.found.fitted[*row]).collect(), kept)
     }
 
-    /// Noise that follows the response.
+    /// Noise that grows with the response.
     pub(super) fn growing(&self) -> Option<Cause> {
         let growth = self.found.noise.growth?;
         let (residual, fitted, _) = self.kept();
@@ -417,7 +423,7 @@ impl Narrative<'_> {
             Parameter { name: name.into(), value: growth.exponent(), low: ends[0], high: ends[1], unit: "1".into() },
         ];
         let sentence = format!(
-            "The noise changes with {}: its standard deviation at the highest fitted value is {} times that at the lowest. Fit with weights {weights}.",
+            "The noise changes with {}: its standard deviation at the highest fitted value is {} times that at the lowest. Fit with the weights {weights}.",
             self.sample.surface.name,
             number(of_sd)
         );
@@ -436,7 +442,7 @@ impl Narrative<'_> {
         })
     }
 
-    /// Noise that follows itself.
+    /// Autocorrelated noise.
     pub(super) fn following(&self) -> Option<Cause> {
         let rho = self.found.noise.rho?;
         let (residual, _, kept) = self.kept();
@@ -449,7 +455,7 @@ impl Narrative<'_> {
         let parameters =
             vec![Parameter { name: "correlation".into(), value: rho, low: ends[0], high: ends[1], unit: "1".into() }];
         let sentence = format!(
-            "Errors follow each other in the run order: neighbours have a correlation of {}, Durbin and Watson's d is {} where 2 is none. Intervals here count that.",
+            "Errors are correlated in the run order: neighbours have a correlation of {}, and the Durbin-Watson statistic is {} (2 without correlation). The intervals here take this into account.",
             number(rho),
             number(watson)
         );
