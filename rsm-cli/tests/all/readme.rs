@@ -26,7 +26,7 @@ fn the_example_of_the_readme_gives_the_header_that_it_promises() {
 
 #[test]
 fn the_diagnosis_of_the_readme_names_the_cause_that_it_promises() {
-    let script = block("## What a simulation gets wrong");
+    let script = block("## The error of a simulation");
     let folder = tempfile::tempdir().unwrap();
     let (plants, example) = (folder.path().join("rsm-sim/plants"), folder.path().join("example"));
     std::fs::create_dir_all(&plants).unwrap();
