@@ -2,16 +2,16 @@
 //!
 //! In: which side of which loop runs here, and where the other one is. Out: the table of what happened, a row a millisecond, and what became of the link. Two ways:
 //!
-//! - [`federate`]: lock-step on HELICS. Time goes on when all sides are ready, so a run has the bits of one process, and takes as long as it takes.
-//! - [`stream`]: UDP datagrams by the wall clock, as hardware in the loop wants it. Nobody waits: what does not come in time is missing, and is counted.
+//! - [`federate`]: lock-step on HELICS. Simulated time advances when all sides are ready, so a run gives the same bits as one process. It is not real-time.
+//! - [`stream`]: UDP datagrams in real time, for hardware in the loop. No side waits: values that arrive too late are missing, and are counted.
 //!
 //! ```text
 //!   loops      the sides as functions: plant (sample -> command -> sample ...), step (sample -> command)
-//!   federate   loops on helics                      scenario   who runs where, as a file
+//!   federate   loops on helics                      scenario   roles, processes and hosts, as a file
 //!   stream     loops on wire + play_out + UDP
 //! ```
 //!
-//! No mathematics of a plant or a step stands here: both ways call what the one-process simulation calls. Nothing here prints or writes files.
+//! This crate has no plant and no control step of its own: it calls the functions of the one-process simulation. It does not print or write files.
 
 // What is public is what the command needs.
 #![cfg_attr(not(test), warn(unreachable_pub))]

@@ -1,7 +1,7 @@
-//! The sides of both loops as functions of what the other side says.
+//! The sides of both loops as functions of the data from the other side.
 //!
-//! In: a run (how many ticks, what hangs on the shaft), and a way to exchange a sample for a command. Out: tables. A sample is what the plant's sensors say at the start of tick k; the
-//! command that acts in tick k answers sample k - 1, on every way that joins the sides. [`alone`] joins them in one process: what every other way is compared with.
+//! In: a run (number of ticks, load on the shaft), and a way to exchange a sample for a command. Out: tables. A sample has the sensor readings at the start of tick k; the
+//! command that acts in tick k answers sample k - 1, on every way that joins the sides. [`alone`] connects them in one process; it is the reference for all other ways.
 
 use host_runners::{motor, throttle};
 use rsm_sim::kind::Signal;

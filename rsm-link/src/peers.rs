@@ -1,7 +1,7 @@
-//! Whether the processes of a federation in shared memory still live.
+//! Checks whether the processes of a federation in shared memory are still running.
 //!
-//! In: what the library says of a broker's cores. Out: their processes, and whether one of them is gone. A process that is killed while it holds the lock of a queue in shared memory leaves it locked:
-//! the broker then hears nobody any more, its heartbeats neither, and would never end.
+//! In: the library's data about the cores of a broker. Out: their processes, and whether one of them is gone. A process that is killed while it holds the lock of a queue in shared memory leaves it locked:
+//! the broker then receives no messages and no heartbeats, and would never end.
 
 /// What stands in the name of a core before the number of its process.
 const BEFORE: &str = "-core-";

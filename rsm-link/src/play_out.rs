@@ -1,7 +1,7 @@
-//! The buffer between a network and a loop: what came unevenly is played out evenly, some time later.
+//! The play-out buffer between a network and a loop: values that arrive with jitter are delayed and played out at a constant rate.
 //!
-//! In: numbered values as they arrive. Out: one each tick: the value of that tick, or the last one held, or word that it is time for the safe state. Datagram s is played at the time at which it would have been
-//! heard by the fastest way, plus the length of the buffer: whatever is delayed by less is not noticed. Knows no sockets and no clock of its own.
+//! In: numbered values as they arrive. Out: one each tick: the value of that tick, or the last one held, or the safe state. Datagram s is played at the time at which it would have been
+//! heard by the fastest way, plus the length of the buffer: smaller delays have no influence. The buffer has no sockets and no clock.
 //!
 //! ```
 //! use rsm_link::play_out::{PlayOut, Played};

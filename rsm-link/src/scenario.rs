@@ -1,6 +1,6 @@
-//! Who runs where: the file of a co-simulation.
+//! The scenario of a co-simulation: roles, processes and hosts.
 //!
-//! In: TOML. Out: a [`Scenario`] in which both sides of every loop take part, each role once, or faults with line and column. Starts nothing: [`Scenario::commands`] says what to start.
+//! In: TOML. Out: a [`Scenario`] in which both sides of every loop take part, each role once, or faults with line and column. No process is started here: [`Scenario::commands`] gives the commands.
 //!
 //! ```
 //! use rsm_core::source::Source;

@@ -1,12 +1,12 @@
-//! A side of a loop against the wall clock, joined to the other by UDP: what hardware in the loop wants.
+//! One side of a loop in real time, connected to the other side by UDP, for hardware in the loop.
 //!
-//! In: which side, where it listens and where the other one is, a key, how long the play-out buffer is. Out: a table and counts. Nobody waits for anybody: each tick has what the buffer
-//! plays, sends its own and goes on. What is missing is held ([`Wish::hold`]), then there is the safe state:
+//! In: the side, its address and the address of the other side, a key, the length of the play-out buffer. Out: a table and counts. No side waits: each tick takes the value that the buffer
+//! plays and sends its own. For a missing value, the last one is held ([`Wish::hold`]), then the safe state applies:
 //!
-//! - the plant of the motor asks for no torque and keeps the weakening current, the car closes its throttle;
-//! - a step is told a sample that is none, and does what it does with a bad sample of a sensor.
+//! - the motor's plant sets its torque reference to zero and keeps the weakening current, the car closes its throttle;
+//! - a step gets an invalid sample, and treats it like a bad sample of a sensor.
 //!
-//! Both sides say hello until each has heard the other, so that the order of start does not matter. After [`Wish::silence`] without a datagram the peer counts as gone.
+//! Both sides send hello datagrams until each has received one, so the order of start does not matter. After [`Wish::silence`] without a datagram the peer counts as lost.
 
 use std::net::{SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,10 +1,10 @@
-//! Plants as equations: Base Modelica text to a system that is sorted, solved and reduced.
+//! Compiles plants from Base Modelica text to a sorted and reduced system of equations.
 //!
 //! ```text
 //! plant.mo --syntax--> tree --flat--> scalar equations --system--> states, rates, outputs, switches --> programs
 //! ```
 //!
-//! Whoever changes a plant (an effect) rewrites the flat equations; whoever runs it takes programs from the system.
+//! An effect changes a plant by a rewrite of its flat equations. A simulator gets programs from the system.
 
 // What is public is what a user of the library needs.
 #![cfg_attr(not(test), warn(unreachable_pub))]

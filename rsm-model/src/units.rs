@@ -1,10 +1,10 @@
-//! Units through every equation.
+//! Checks the units of every equation.
 //!
-//! In: a flat system. Out: how many equations were checked, or a fault for each sum, comparison, argument or equation whose parts measure different things.
+//! In: a flat system. Out: how many equations were checked, or a fault for each sum, comparison, argument or equation whose parts have different units.
 //!
-//! A variable without a unit fits everything, and what is computed with it is not checked. A number in a sum or a comparison fits everything too: in `T - 293.15`
+//! A variable without a unit matches every unit, and results computed from it are not checked. A number in a sum or a comparison matches every unit too: in `T - 293.15`
 //! it has the unit of `T`. In a product it is a pure number where it is a quarter of a whole number up to 16, as in `0.5*m*v^2`; any other may carry a unit that the
-//! text does not state, as 9.81 does in `9.81*m`. Sizes count as well as kinds: km/h is not m/s. `rsm-fit` interprets the units, by a library.
+//! text does not state, as 9.81 does in `9.81*m`. Scale factors are checked too: km/h is not m/s. `rsm-fit` interprets the units, by a library.
 
 use std::collections::HashMap;
 use std::ops::Range;

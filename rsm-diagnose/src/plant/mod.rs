@@ -1,13 +1,13 @@
-//! Diagnosis of a plant: what its simulation gets wrong, which cause of the catalogue explains it, and what that gains.
+//! Diagnosis of a plant: the error of its simulation, the causes of the catalogue that explain it, and their gain.
 //!
 //! ```text
 //!   records --units, checks--> rows that count --noise--> floor --levenberg--> calibrated plant
 //!      --screen--> ranked hypotheses --variable_projection--> best numbers --selection--> causes --validation--> gain
-//!      --excitations--> records that could be made --experiment--> the one that tells causes apart
+//!      --excitations--> records that could be made --experiment--> the one that separates the causes
 //! ```
 //!
-//! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Sees the records and the nominal plant alone: nobody may look
-//! into the plant that made a record. Never prints, never writes.
+//! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Only the records and the nominal plant are inputs: no code here may look
+//! into the plant that made a record. Does not print or write files.
 
 pub mod alignment;
 #[cfg(test)]

@@ -1,6 +1,6 @@
-//! The plant that the diagnosis believes in, and what of it is unknown.
+//! The current plant model of the diagnosis, and its unknowns.
 //!
-//! In: a plant file, records. Out: the same plant with other values of its unknowns. Knows neither residuals nor hypotheses.
+//! In: a plant file, records. Out: the same plant with other values of its unknowns. Independent of residuals and hypotheses.
 
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;

@@ -1,4 +1,4 @@
-//! Several starts for a fit that may stand at a local minimum.
+//! Multistart for a fit that may be at a local minimum.
 //!
 //! In: a fit that leaves structure. Out: a better fit of the same unknowns, if one is found. Effects that accumulate along a record, and contacts that bounce, stick or slip at another
 //! moment for slightly other numbers, give the cost many narrow local minima. A start is judged by the sum of squares over all rows. Never changes which unknowns there are.

@@ -1,7 +1,7 @@
 //! The error, cause by cause: a sequence of nested plants from the calibrated one to the extended one.
 //!
-//! In: the causes, the records. Out: for each step, what is in the plant and its errors on the records that judge; for an axis also the error of the inverse model. A cause that
-//! holds simpler ones as special cases comes after them, so that a reader sees what each part contributes. Never decides which causes are believed.
+//! In: the causes, the records. Out: for each step, the causes in the plant and its errors on the judging records; for an axis also the error of the inverse model. A cause that
+//! holds simpler ones as special cases comes after them, so that a reader sees what each part contributes. The set of causes is not changed here.
 
 use super::hypotheses::label;
 use super::levenberg::{self, Fit};

@@ -1,7 +1,7 @@
 //! All unknowns that are free in any case (starts, calibration, causes already believed), prepared so that they can be projected out of traces and residuals.
 //!
-//! In: a fit with its derivatives. Out: inner products without what the free unknowns can do, to first order. An unknown that is held at its bound counts as free to
-//! come back: a missing cause may have pressed it there, and would otherwise get no credit for what the bound costs. Never simulates.
+//! In: a fit with its derivatives. Out: inner products after the projection onto the complement of the free unknowns, to first order. An unknown that is held at its bound counts as free to
+//! come back: a missing cause may have pressed it there, and its gain would otherwise not include the cost of the bound. Never simulates.
 
 use super::levenberg::Fit;
 use super::whitened_residuals::Column;

@@ -1,6 +1,6 @@
 //! Null draws: noise with the statistics of the noise floors.
 //!
-//! In: records with noise floors. Out: whitened residuals of a plant without any discrepancy. Never looks at a residual.
+//! In: records with noise floors. Out: whitened residuals of a plant without any discrepancy. Residuals are not used.
 
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_fit::random::Random;

@@ -1,6 +1,6 @@
 //! The power of whitened residuals in octaves of frequency.
 //!
-//! In: whitened values. Out: for each octave its power, how many independent lines it holds, and how far that is above noise. Never says whether that is too far.
+//! In: whitened values. Out: for each octave its power, how many independent lines it holds, and how far that is above noise. Other modules decide whether that is too much.
 
 use std::f64::consts::TAU;
 

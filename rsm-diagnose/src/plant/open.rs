@@ -1,7 +1,7 @@
-//! Directions in the parameters that the records leave open. Example: a force, a mass and a friction that grow together change nothing, so only tolerances fix their common size.
+//! Directions in parameter space that the records do not determine. Example: if a force, a mass and a friction grow by the same factor, no output changes, so only tolerances determine this factor.
 //!
 //! In: a fit. Out: the same fit, converged within a tenth of a standard deviation in every direction, with derivatives that are valid along open directions too. A one-sided derivative by a single unknown
-//! has an error, the curvature over its step. Along a direction in which the contributions of several unknowns cancel, these errors are all that is left, and they look like information that the records do not have.
+//! has an error, the curvature over its step. Along a direction in which the contributions of several unknowns cancel, only these errors are left, and they look like information that the records do not contain.
 //! Derivatives are therefore taken again along those directions, as central differences over one standard deviation. Never changes which unknowns there are.
 
 use super::levenberg::{Equations, Fit};

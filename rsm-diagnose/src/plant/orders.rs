@@ -1,4 +1,4 @@
-//! The error by order: what repeats with the rotation of a shaft, or with the position of an axis.
+//! Order analysis of the error: components that repeat with the rotation of a shaft, or with the position of an axis.
 //!
 //! In: simulations before and after, along the same records. Out: for each output a spectrum over orders (waves a turn; waves a metre), averaged over pieces
 //! of motion in one direction, and the orders that stand out of their neighbours. Never names a cause.

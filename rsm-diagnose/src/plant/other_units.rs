@@ -1,6 +1,6 @@
-//! Units that a column may be in, beside the one that its record states.
+//! Alternative units of a column whose record may state a wrong unit.
 //!
-//! In: a unit. Out: other units of the same quantity with their factors. Knows nothing of plants and records.
+//! In: a unit. Out: other units of the same quantity with their factors. Independent of plants and records.
 
 use rsm_fit::units::Conversion;
 

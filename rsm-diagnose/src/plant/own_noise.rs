@@ -1,6 +1,6 @@
-//! The noise of holdout records, by which they are judged.
+//! The noise floors of holdout records, estimated from these records.
 //!
-//! In: holdout records with a fit to them. Out: their noise floors, the residual whitened by these, what is left. Never takes structure for noise.
+//! In: holdout records with a fit to them. Out: their noise floors, the residual whitened by these, the remaining error. Structure is kept out of the noise floors.
 
 use super::calibration;
 use super::levenberg::Fit;

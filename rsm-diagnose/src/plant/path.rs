@@ -1,6 +1,6 @@
 //! The path of a search through sets of causes, and the limits at which it ends.
 //!
-//! In: what a search does. Out: whether it may. Never knows what a cause is.
+//! In: the steps of a search. Out: whether the next step is allowed. Independent of the meaning of a cause.
 
 /// Additions at most: all causes that an effort allows (four), two that a removal undid, and two more after a pair.
 const MOST_ADDITIONS: usize = 8;

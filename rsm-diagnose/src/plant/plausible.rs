@@ -1,7 +1,7 @@
-//! Numbers that no real plant or sensor has: a thousand times the resistance of a winding, a bias beyond the readings, a wind in which nobody drives.
+//! Implausible parameters: for example a thousand times the resistance of a winding, a bias larger than the readings, or a storm as headwind.
 //!
 //! In: an entry with its numbers, a survey of the records. Out: the reason why it is refused, in words, or `None`. A number that a fit has moved so far compensates for an error
-//! that the catalogue does not hold. The effects declare which range a number has. Never moves a number.
+//! that the catalogue does not contain. The effects declare the range of each parameter.
 
 use super::hypotheses::declared;
 use rsm_sim::effect::declared::STEEPEST_ROAD;

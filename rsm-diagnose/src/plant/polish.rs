@@ -1,4 +1,4 @@
-//! The last fit, with the noise that it leaves itself and with every number in the form in which people write it; and the file of the extended plant.
+//! The final fit, with noise floors from its own residual and with parameters in their usual form; and the file of the extended plant.
 //!
 //! In: the fit of a search. Out: the same causes, fitted with the noise floors of their own residual. Never adds or removes a cause.
 

@@ -1,4 +1,4 @@
-//! A cause as it is reported: kind, numbers, words, rivals.
+//! A cause in a report: kind, parameters, sentence, rivals.
 
 use crate::engine::probability::Probability;
 

@@ -1,6 +1,6 @@
-//! Causes as they are reported: the confidence of each, and what else would leave the same trace.
+//! The causes of a report, with their confidence and the rivals with the same trace.
 //!
-//! In: a sample, its explanation, estimates, all hypotheses. Out: the list of [`Cause`]s, the strongest first; `narrative` gives their words and numbers. Never decides which causes there are.
+//! In: a sample, its explanation, estimates, all hypotheses. Out: the list of [`Cause`]s, the strongest first; `narrative` gives their sentences and parameters. The set of causes is not changed here.
 
 pub use super::cause::{Cause, OutlyingRun, Parameter};
 use super::choice::{Worth, candidates, worth};

@@ -1,4 +1,4 @@
-//! An explanation of a sample: causes, outlying runs, noise; and what least squares says of it.
+//! An explanation of a sample (causes, outlying runs, noise) with its least squares solution.
 //!
 //! In: a sample and an explanation. Out: the white space of its rows, the coefficients of its causes, its mean at all rows. Never changes which causes, outliers or noise there are.
 

@@ -1,4 +1,4 @@
-//! The extended surface: what the causes write into the model file, and what they mean for rows outside it.
+//! The extended surface: the model file with the causes, and the offsets that a model file cannot represent.
 //!
 //! In: a sample, its explanation and the estimates. Out: [`Extension`]: a surface and its inputs, for readings as the new data have them, and offsets (drift, blocks) that a model file cannot
 //! hold. Coding, symmetry, reciprocals, knots and support stay. A correction of an input's sensor is applied to powers and knots by exact expansion. Never changes another surface.

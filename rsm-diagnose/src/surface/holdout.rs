@@ -1,7 +1,7 @@
-//! The gain on rows that no estimate has used.
+//! The gain on holdout rows.
 //!
 //! In: the nominal surface, extensions, and rows that were not used for them: separate files, or folds of the new data. Each fold is left out in turn while everything, including the choice of causes, is
-//! repeated without it. Out: errors before and after. Never looks at a holdout row before it is judged.
+//! repeated without it. Out: errors before and after. A holdout row is used only for its error.
 
 use rsm_core::model::{Input, Model, Surface};
 

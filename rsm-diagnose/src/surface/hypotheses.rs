@@ -1,8 +1,8 @@
-//! What may be wrong with a surface or with the data: one hypothesis for each cause and shape.
+//! The possible faults of a surface and of its data: one hypothesis for each cause and shape.
 //!
 //! In: a [`Sample`]. Out: the list of [`Hypothesis`] values, each with its columns (what it adds to the response, one column for each unknown number) and with what it would write
-//! into the model file. A cause has several shapes where the data must decide: a missing term that the old fit partly absorbed into its coefficients, or a sensor gain of 0.8 or 1.2.
-//! Never looks at the response.
+//! into the model file. A cause has several shapes if only the data can decide between them: a missing term that the old fit partly absorbed into its coefficients, or a sensor gain of 0.8 or 1.2.
+//! The response is not used.
 
 use super::sample::Sample;
 use crate::engine::columns::{Basis, dot, solve, subtract};

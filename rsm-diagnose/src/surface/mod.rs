@@ -1,17 +1,17 @@
-//! What new data show about a fitted surface: where it is wrong, the cause with its confidence, and the extended surface.
+//! Diagnosis of a fitted surface with new data: its error by region, the causes with their confidence, and the extended surface.
 //!
 //! ```text
 //!   model.toml, new.csv --data--> NewData --sample--> Sample (rows inside box and support)
 //!       hypotheses: every cause as columns ----+
-//!       null: what chance shows on these rows -+--explain, choice--> causes, outlying runs, noise
-//!                                                 |  residual_tests: is the rest noise?
-//!                                                 |  estimate, narrative, causes: numbers, words, rivals
+//!       null: distribution of chance alone ----+--explain, choice--> causes, outlying runs, noise
+//!                                                 |  residual_tests: are the residuals noise?
+//!                                                 |  estimate, narrative, causes: parameters, sentences, rivals
 //!                                                 v
-//!       extension: the surface that says it --holdout--> gain on rows that nothing was estimated from
+//!       extension: the surface with the causes --holdout--> gain on holdout rows
 //! ```
 //!
-//! In: a checked model, new data. Out: [`Diagnosis`]. Coefficients of the file are estimates and may move within what the rows that made them leave open; that is calibration, not a cause. Thresholds come
-//! from noise drawn on the data's own rows, at most 5 % of false alarms in all. Never prints or writes.
+//! In: a checked model, new data. Out: [`Diagnosis`]. Coefficients of the file are estimates. A change within their uncertainty is calibration, not a cause. Thresholds come
+//! from noise drawn on the data's own rows, at most 5 % of false alarms in all. Does not print or write files.
 
 mod cause;
 pub mod causes;

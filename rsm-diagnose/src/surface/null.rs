@@ -1,7 +1,7 @@
-//! The null distribution: what chance alone shows on these very rows.
+//! The null distribution of the search on the rows of the data.
 //!
 //! In: the columns of the hypotheses in the whitened space, the allowed rate of false alarms. Out: [`Thresholds`]. Pure noise is drawn many times, from a fixed seed, and analysed as
-//! the data are. The number of hypotheses and their similarity therefore need no formula. Never uses the response.
+//! the data are. So the number of hypotheses and their correlation need no formula. The response is not used.
 
 use super::noise;
 use crate::engine::columns::{Basis, dot};

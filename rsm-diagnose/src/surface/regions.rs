@@ -1,7 +1,7 @@
-//! Where a surface is wrong: the runs that hold the squared error.
+//! The squared error of a surface by region.
 //!
-//! In: a sample, measured less computed (by the nominal file or after the causes), the rows that count. Out: regions (a third of an input's range, a third of the run order, a level of a further column); those that hold more than their share come first.
-//! Never names a cause.
+//! In: a sample, measured minus computed (by the nominal file or after the causes), the rows that count. Out: regions (a third of an input's range, a third of the run order, a level of a further column); those that hold more than their share come first.
+//! No cause is named here.
 
 use super::sample::Sample;
 

@@ -2,7 +2,7 @@
 //!
 //! In: hypotheses as columns in the space of [`super::whitening`], the residual there, the cost of each. Out: the set with the least n ln(sum of squares) plus costs. A beam search
 //! grows several sets at once, so two causes that mask each other are found together. The sets are then improved by leaving out and exchanging members. Never
-//! decides how much a cause must gain: the costs say it.
+//! decides how much a cause must gain: the costs give it.
 
 use crate::engine::columns::subtract;
 use crate::engine::normal::{Normal, symmetric};

@@ -1,9 +1,9 @@
 //! The space in which the residuals of new data are white if nothing is wrong.
 //!
 //! In: the rows that are kept, the scale and the correlation of the noise, the columns of the present terms, and the uncertainty of the file's coefficients. Out: [`Space`],
-//! which transforms a column (one value for each row) into a space where ordinary least squares is optimal. Never looks at a response.
+//! which transforms a column (one value for each row) into a space where ordinary least squares is optimal. The response is not used.
 //!
-//! The coefficients of a file are estimates. Their error is assumed normal with a covariance sigma^2 C ([`super::sample`] says which). The covariance of y - f is then
+//! The coefficients of a file are estimates. Their error is assumed normal with a covariance sigma^2 C ([`super::sample`] gives C). The covariance of y - f is then
 //! sigma^2 (I + X C X'), with X the terms at the new rows. With the eigenvectors u of X C X' and their eigenvalues d, its inverse root is I - sum (1 - 1/sqrt(1 + d)) u u'.
 
 use crate::engine::autoregression::innovations;

@@ -1,6 +1,6 @@
-//! Where a search for the numbers of an effect begins.
+//! First guesses for the parameters of an effect.
 //!
-//! In: an effect, scales of the records and of the site. Out: lists of its numbers, and the values with which it changes nothing. Never looks at a record.
+//! In: an effect, scales of the records and of the site. Out: lists of its parameters, and the values at which it has no effect. Records are not used.
 
 use std::collections::HashMap;
 

@@ -5,7 +5,7 @@
 //!         Flat + sites + placed effects --rewrite--> Extended (Flat, delays)
 //! ```
 //!
-//! In: the equations of a plant, its sites, effects with the numbers that they have there. Out: equations again. No effect and no plant is known here by its name.
+//! In: the equations of a plant, its sites, effects with the numbers that they have there. Out: equations again. No code here depends on the name of an effect or a plant.
 
 mod file;
 mod guesses;

@@ -1,4 +1,4 @@
-//! What a search needs of every place at which effects can stand: which effects, in which units, and how large the quantities of the place are.
+//! The data that a search needs about each place where effects can act: the possible effects, their units, and the scales of the quantities there.
 //!
 //! In: equations, sites, a catalogue. Out: [`Places`]. Never evaluates anything.
 

@@ -1,6 +1,6 @@
-//! What sites a plant seems to have, and which effects can stand where.
+//! Proposes sites of a plant, and lists the effects that can act at each place.
 //!
-//! In: equations with units. Out: proposals, ready to paste into a plant file, and lists of kinds. Never declares a site: units and forms say what a part may be, not what it is.
+//! In: equations with units. Out: proposals, ready to paste into a plant file, and lists of kinds. The user declares the sites: units and forms of equations show what a part may be, not what it is.
 
 use std::fmt::Write as _;
 

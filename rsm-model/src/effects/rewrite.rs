@@ -1,8 +1,8 @@
 //! Rewrites the equations of a plant by effects.
 //!
-//! In: flat equations, sites, placed effects. Out: flat equations that hold the effects, with a parameter for each of their numbers, and the delays that no equation can say.
+//! In: flat equations, sites, placed effects. Out: flat equations that hold the effects, with a parameter for each of their numbers, and the delays, which equations cannot express.
 //!
-//! A signal that comes in is changed first, the inner laws follow, what is read is changed last; within these, effects
+//! Input signals are changed first, then the inner laws, then the readings. Within each group, effects
 //! act in the order of the file. A law that replaces a role refers to the role as it was before, so that later effects
 //! enclose earlier ones.
 

@@ -1,4 +1,4 @@
-//! Sites: what a part of the equations is, so that an effect can stand there.
+//! Sites: the physical meaning of a part of the equations, at which an effect can act.
 //!
 //! ```toml
 //! [sites.carriage]

@@ -1,4 +1,4 @@
-//! Where in the equations a role stands: the equation that gives a variable, the balance of a derivative.
+//! Finds the equation of a role: the equation that defines a variable, or the balance that contains a derivative.
 //!
 //! In: flat equations, a symbol. Out: the place of the equation, with what multiplies the derivative. Never changes an equation.
 
