@@ -158,7 +158,7 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> 
     done
 }
 
-/// Runs a broker until the federation of so many has ended, or one of its processes has and the library does not notice. `begins` is told once that all have joined. When it comes back, the library may still wait for
+/// Runs a broker until the federation of this many has ended, or one of its processes has and the library does not notice. `begins` is called when all have joined. When it comes back, the library may still wait for
 /// somebody: end the process by [`crate::helics::exit_without_destructors`].
 ///
 /// # Errors

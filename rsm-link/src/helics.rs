@@ -250,7 +250,7 @@ impl Library {
         unsafe { (self.functions.has_core)(text(core.name()).as_ptr()) == TRUE }
     }
 
-    /// Starts a broker for so many federates.
+    /// Starts a broker for this many federates.
     ///
     /// # Errors
     /// The words of the library: the port is taken, the host is not this one.

@@ -49,7 +49,7 @@ pub enum Played {
 }
 
 impl Played {
-    /// The values that are believed.
+    /// The values that are accepted.
     #[must_use]
     pub fn values(self) -> Option<[f64; WIDEST]> {
         match self {
@@ -125,7 +125,7 @@ enum Slot {
 pub struct PlayOut {
     period_ns: u64,
     buffer_ns: u64,
-    /// So many ticks are held.
+    /// This many ticks are held.
     hold: u64,
     /// The slots of numbers from `from` on, by their remainder.
     slots: Vec<Slot>,

@@ -204,7 +204,7 @@ impl Link<'_> {
 /// Between two hellos.
 const HELLO: Duration = Duration::from_millis(5);
 
-/// So many datagrams say that the run is over; each may be lost.
+/// This many datagrams say that the run is over; each may be lost.
 const FAREWELLS: u32 = 5;
 
 /// Runs a side.

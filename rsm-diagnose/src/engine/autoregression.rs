@@ -8,7 +8,7 @@
 pub(crate) struct Innovation {
     /// The place of the row.
     pub row: usize,
-    /// The value less what the row before says of it.
+    /// The innovation: the value minus its prediction from the row before.
     pub value: f64,
     /// The variance of that, over the variance of the noise.
     pub variance: f64,

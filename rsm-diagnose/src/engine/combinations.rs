@@ -5,12 +5,12 @@
 /// Causes that can be combined: four have sixteen combinations, and a fifth that is weaker than these changes little of what is seen.
 pub(crate) const MOST: usize = 4;
 
-/// What a model says with each combination of some causes. Causes that are not among them stay in the model.
+/// The outputs of a model for each combination of some causes. All other causes stay in the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Combinations<T> {
     /// The causes, the strongest first: at most four.
     pub causes: Vec<String>,
-    /// By the set of causes in the model, a bit each, the first cause the lowest bit. `None` where the model says nothing with them.
+    /// By the set of causes in the model, a bit each, the first cause the lowest bit. `None` where the model cannot be simulated with them.
     pub of: Vec<Option<T>>,
 }
 
@@ -21,7 +21,7 @@ impl<T> Default for Combinations<T> {
 }
 
 impl<T> Combinations<T> {
-    /// Asks for each combination; nothing where there is no cause. `with` says of each cause whether it is in the model.
+    /// Evaluates each combination; empty without causes. `with` has for each cause whether it is in the model.
     pub(crate) fn of(causes: Vec<String>, mut with: impl FnMut(&[bool]) -> Option<T>) -> Self {
         if causes.is_empty() {
             return Self::default();

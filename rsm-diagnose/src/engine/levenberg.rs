@@ -46,7 +46,7 @@ pub(crate) trait Problem {
     }
 }
 
-/// An amount of the cost: so much, or this share of it where that is more.
+/// An amount of the cost: the larger of an absolute value and a share of the cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Amount {
     /// So much.

@@ -6,7 +6,7 @@
 /// Added to the unit diagonal. Columns that are equal to nine digits are one column: finite differences hold no more.
 const RIDGE: f64 = 1e-9;
 
-/// The same where columns are known better than that, and priors tell equal ones apart: what rounding of sums over a million rows leaves.
+/// The same where columns are known better than that, and priors distinguish equal ones: what rounding of sums over a million rows leaves.
 const FINE_RIDGE: f64 = 1e-13;
 
 /// A symmetric matrix, row by row, from its lower triangle: row, then column.

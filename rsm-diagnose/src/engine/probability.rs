@@ -8,7 +8,7 @@
 pub(crate) struct Probability {
     /// That it is right itself. Of causes that leave the same trace each has its share.
     pub(crate) own: f64,
-    /// That it, or one of those which the data do not tell from it, is right.
+    /// That it, or one of those which the data do not distinguish from it, is right.
     pub(crate) of_any: f64,
 }
 

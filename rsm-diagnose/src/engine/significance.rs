@@ -146,19 +146,19 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
 }
 
-/// ln of the probability that the best of so many trials shows as much by chance, from that of one trial (C. E. Bonferroni, 1936).
+/// ln of the probability that the best of this many trials shows as much by chance, from that of one trial (C. E. Bonferroni, 1936).
 pub(crate) fn among(ln_p: f64, trials: f64) -> f64 {
     (ln_p + trials.max(1.0).ln()).min(0.0)
 }
 
-/// Of all that was tried what chance does most rarely, the first of equal ones, with ln of the probability that chance does as much anywhere, in so many looks at as many trials.
+/// The trial with the smallest probability by chance (the first of equal ones), with ln of the probability of such a value in any trial, in this many series of trials.
 pub(crate) fn rarest<T>(tried: impl IntoIterator<Item = (f64, T)>, looks: f64) -> Option<(f64, T)> {
     let mut count = 0_u32;
     let best = tried.into_iter().inspect(|_| count += 1).min_by(|a, b| a.0.total_cmp(&b.0));
     best.map(|(ln_p, what)| (among(ln_p, looks * f64::from(count)), what))
 }
 
-/// What the best of so many trials gains with the probability [`ALARM`], if each may fit so many numbers to noise: chi squared, shared out among the trials (C. E. Bonferroni, 1936).
+/// The gain that the best of `trials` on noise exceeds with the probability [`ALARM`], if each fits `numbers` parameters: chi squared with Bonferroni's bound (C. E. Bonferroni, 1936).
 /// It sees what first-order draws do not: numbers that bend a trace, and trials that were chosen by looking at the residual.
 pub(crate) fn best_of(trials: usize, numbers: usize) -> f64 {
     chi_squared_of((ALARM / trials.max(1) as f64).ln(), numbers.max(1) as f64)

@@ -3,7 +3,7 @@
 /// How a diagnosis ends, of a surface as of a plant (docs/book/src/reference/formats.md 4.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// The data are what the file says, within its tolerances, and noise.
+    /// The data agree with the file, within its tolerances and the noise.
     NoDiscrepancy,
     /// The causes leave noise and nothing else.
     Explained,
@@ -12,7 +12,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// As files say it.
+    /// The name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -34,7 +34,7 @@ impl Count {
         self.end.store(end, Ordering::Relaxed);
     }
 
-    /// Whether that is used up. To be asked between jobs, never beside them: the answer is then the same for any number of threads.
+    /// Whether the limit is used up. Call this between jobs, never in parallel with them: then the answer does not depend on the number of threads.
     pub(crate) fn is_spent(&self) -> bool {
         self.taken() >= self.end.load(Ordering::Relaxed)
     }
@@ -53,12 +53,12 @@ pub(crate) struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    /// So many multiplications, and no more begun.
+    /// This many multiplications, and no more begun.
     pub(crate) fn within(limit: usize) -> Self {
         Work { count: Count::within(limit as u64), refused: Cell::new(false), told: None }
     }
 
-    /// The same, and somebody hears at every whole per cent of the limit.
+    /// The same, with a progress call at every whole per cent of the limit.
     pub(crate) fn telling(limit: usize, told: &'a dyn Fn(usize)) -> Self {
         Work { told: Some(told), ..Work::within(limit) }
     }
@@ -78,7 +78,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Whether there is work left; once it is asked for and is not there, the answer remembers.
+    /// Whether there is work left. If not, the limit remembers that it stopped something.
     pub(crate) fn goes_on(&self) -> bool {
         let goes_on = !self.count.is_spent();
         if !goes_on {

@@ -7,7 +7,7 @@ use super::checks::{Finding, jumps};
 use super::whitened_residuals::{Prepared, Simulated};
 use rsm_sim::kind::{OUTPUTS, PlantKind};
 
-/// Shifts up to so many rows are looked for, either way.
+/// Shifts up to this many rows are looked for, either way.
 const FARTHEST: usize = 50;
 
 /// One row either way is the phase of sampling: a shift is more.
@@ -59,7 +59,7 @@ pub struct Shift {
     pub late: isize,
 }
 
-/// Channels that stand at other instants than the same channel of the other records. Two other records at least must agree: of two, nobody knows which.
+/// Channels with a time shift against the same channel of the other records. At least two other records must agree, because with only two records the shifted one is unknown.
 #[must_use]
 pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
     let mut found = Vec::new();
@@ -126,7 +126,7 @@ mod tests {
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
 
-    /// Five records of a speed that wanders, late by so many rows; what a simulation says of them is on time.
+    /// Five records of a speed that wanders, late by this many rows; what a simulation says of them is on time.
     fn records(late: [usize; 5]) -> Vec<(Prepared, Simulated)> {
         let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../rsm-sim/plants/pmac.toml")).unwrap();
         let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();

@@ -28,7 +28,7 @@ pub(super) fn file(tolerances: &str, effects: &str) -> PlantFile {
     PlantFile::read(&Source::new("axis.toml", text)).unwrap()
 }
 
-/// Dry friction of so many newtons.
+/// Dry friction of this many newtons.
 pub(super) fn friction(force: f64) -> String {
     format!("[[effects]]\nkind = \"coulomb-friction\"\nparameters = {{ force = {force} }}\n")
 }

@@ -58,7 +58,7 @@ pub fn gain_interval(
     (gains[DRAWS / 40], gains[DRAWS - 1 - DRAWS / 40])
 }
 
-/// Rows after which errors know nothing of each other: twice the first lag at which the correlation of what the extension changes is below a tenth, over all
+/// Rows after which errors are uncorrelated: twice the first lag at which the correlation of what the extension changes is below a tenth, over all
 /// records and outputs.
 fn block(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated]) -> usize {
     let mut longest = 1;

@@ -50,7 +50,7 @@ const LEAST_GAIN: f64 = 1.0;
 /// What was bridged in a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Bridged {
-    /// The record, as messages speak of it.
+    /// The name of the record in messages.
     pub record: String,
     /// Gaps.
     pub gaps: usize,
@@ -164,7 +164,7 @@ fn open(prepared: &Prepared) -> Vec<Place> {
     list
 }
 
-/// The mean square by which the mean of so many values is off the line between those beside them.
+/// The mean square by which the mean of this many values is off the line between those beside them.
 fn off_a_line(values: &[f64], rows: usize) -> f64 {
     let off = values.windows(rows + 2).map(|w| {
         let mean = w[1..=rows].iter().sum::<f64>() / rows as f64;

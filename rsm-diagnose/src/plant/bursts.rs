@@ -23,10 +23,10 @@ const LARGE_READING: f64 = 2.5;
 /// Rows of a window.
 const WINDOW: usize = 8;
 
-/// So many large readings in a window show that a channel has bursts: of normal noise one window in 10^8 has as many, of noise six times as large four of five.
+/// This many large readings in a window show that a channel has bursts: of normal noise one window in 10^8 has as many, of noise six times as large four of five.
 const SHOWS: usize = 5;
 
-/// So many are enough in a channel that has bursts: of normal noise one window in 10,000.
+/// This many are enough in a channel that has bursts: of normal noise one window in 10,000.
 const BELONGS: usize = 3;
 
 /// The first and the last readings of a burst may be small by chance: a reading of noise six times as large is in one of three cases.
@@ -41,7 +41,7 @@ const LEAST_ROWS: usize = 20;
 /// Rows later that are asked whether they follow.
 const LATER: usize = 4;
 
-/// A sum of products of independent readings passes so many of its standard deviations once in a thousand cases.
+/// A sum of products of independent readings passes this many of its standard deviations once in a thousand cases.
 const CORRELATED: f64 = 3.3;
 
 /// What is left of an output of a record, and the rows that count.
@@ -66,7 +66,7 @@ pub(super) fn of_output(lists: &[LeftOf<'_>]) -> Vec<Vec<Range<usize>>> {
     bursts
 }
 
-/// Rows of a record in which so many readings of a window are far off their neighbours.
+/// Rows of a record in which this many readings of a window are far off their neighbours.
 fn loud(left: &[f64], used: &[bool], least: usize) -> Vec<Range<usize>> {
     let off = off_neighbours(left, used);
     let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return Vec::new() };

@@ -48,7 +48,7 @@ pub struct Cause {
     pub sentence: String,
     /// What to measure or look at to be sure.
     pub check: &'static str,
-    /// What it does on the records that judge; of the strongest causes.
+    /// What it does on the evaluation records; of the strongest causes.
     pub witness: Option<Witness>,
     /// The only record in which it acts, by its file; absent where it acts in all.
     pub only_in: Option<String>,
@@ -70,7 +70,7 @@ impl Cause {
     }
 }
 
-/// What a cause does on the records that judge, against the plant without it.
+/// What a cause does on the evaluation records, against the plant without it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Witness {
     /// Root mean square error over the noise of each output: its place, without the cause, with it.

@@ -15,7 +15,7 @@ use rsm_sim::simulate::Simulator;
 /// A channel counts as noisy when fewer than this share of its readings equal the one before: rounding to coarse steps repeats far more.
 const REPEATS: f64 = 0.02;
 
-/// A sample so many robust standard deviations of second differences off its neighbours' line is a jump: normal noise passes 12 once in 10^32.
+/// A sample this many robust standard deviations of second differences off its neighbours' line is a jump: normal noise passes 12 once in 10^32.
 const JUMP: f64 = 12.0;
 
 /// The part of a record from its beginning is kept where it has at least this share of the rows: its first state is known best.
@@ -30,16 +30,16 @@ const STAYS: usize = 4;
 /// Readings below a limit for fewer rows than this stand between two that were clipped by noise, not by another motion: noise of a signal at the limit passes it in half of the rows, and 2^-20 of such times are longer.
 const BETWEEN_CLIPPED: usize = 20;
 
-/// A channel is judged noisy beside its longest run of equal readings where so many others are left.
+/// A channel is judged noisy beside its longest run of equal readings where this many others are left.
 const ENOUGH_BESIDE: usize = 50;
 
-/// What a finding says of columns that stand under each other's headers.
+/// The text of a finding for columns with exchanged headers.
 pub const SWAPPED: &str = "swapped with another column";
 
 /// What was found in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
-    /// The record, as messages speak of it.
+    /// The name of the record in messages.
     pub record: String,
     /// The channel, "row" or "time".
     pub channel: String,

@@ -1,4 +1,4 @@
-//! The extended plant with some of its causes: the simulated outputs of each combination of the strongest ones, along the judging records.
+//! The extended plant with some of its causes: the simulated outputs of each combination of the strongest ones, along the evaluation records.
 //!
 //! In: the compared plants, the accepted causes. Out: [`Combinations`]. Without some causes everything else is fitted again to the training records. No verdict depends on it.
 
@@ -14,7 +14,7 @@ use crate::engine::combinations::MOST;
 /// Steps of a fit without some causes, as many as a search takes for one without a single cause.
 const STEPS: usize = 8;
 
-/// What a plant does along the records that judge.
+/// What a plant does along the evaluation records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Combined {
     /// Errors of its outputs.
@@ -23,7 +23,7 @@ pub struct Combined {
     pub simulated: Vec<Vec<f64>>,
 }
 
-/// Places of the strongest causes among those that are believed, the strongest first.
+/// Places of the strongest causes among the accepted causes, the strongest first.
 pub(super) fn strongest(believed: &[Believed]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..believed.len()).collect();
     order.sort_by(|a, b| believed[*b].gain.total_cmp(&believed[*a].gain));
@@ -31,7 +31,7 @@ pub(super) fn strongest(believed: &[Believed]) -> Vec<usize> {
     order
 }
 
-/// The combinations. `without` has for each of the strongest causes the plant without it alone, along the records that judge.
+/// The combinations. `without` has for each of the strongest causes the plant without it alone, along the evaluation records.
 pub(super) fn combinations(it: &Compared<'_>, believed: &[Believed], without: &[Option<Fit>]) -> Combinations<Combined> {
     let order = strongest(believed);
     let judged = it.judged();
@@ -117,7 +117,7 @@ mod tests {
         assert!((error(4) / anew - 1.0).abs() < 0.01, "{} {anew}", error(4));
         // A plant with more causes is never worse.
         assert!((0..8).all(|set| (0..3).all(|cause| error(set | 1 << cause) < 1.01 * error(set))));
-        // What the search may still do does not depend on it, but for the look at the records that judge.
+        // What the search may still do does not depend on it, but for the look at the evaluation records.
         assert!(whitened.pace.taken() - taken < 40 * 600 * 8, "{}", whitened.pace.taken() - taken);
     }
 }

@@ -1,4 +1,4 @@
-//! The nominal, the calibrated and the extended plant along the judging records, for the comparison in a report.
+//! The nominal, the calibrated and the extended plant along the evaluation records, for the comparison in a report.
 //!
 //! In: fits. Out: [`Compared`]. Never simulates.
 
@@ -16,7 +16,7 @@ pub struct Compared<'a> {
     pub nominal: &'a Model,
     /// The extended plant, as fitted to the training records.
     pub fit: &'a Fit,
-    /// The nominal plant along the records that judge.
+    /// The nominal plant along the evaluation records.
     pub nominal_there: &'a Fit,
     /// The same, calibrated within its tolerances: what causes are asked to explain.
     pub before: &'a Fit,

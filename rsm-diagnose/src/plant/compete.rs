@@ -25,7 +25,7 @@ const STARTS: usize = 6;
 /// (Z. Karnin, T. Koren, O. Somekh, 2013).
 const ROUNDS: [usize; 2] = [1, 2];
 
-/// Once more so many times the steps for the best: a law with kinks converges by a factor of three a step, not by a hundred.
+/// Once more this many times the steps for the best: a law with kinks converges by a factor of three a step, not by a hundred.
 const SETTLE: usize = 3;
 
 /// What promises a third of what is needed may hold more: the screen sees the first order only.

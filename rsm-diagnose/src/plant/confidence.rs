@@ -34,7 +34,7 @@ pub(super) const EXPLAINED: f64 = 100.0 / 102.0;
 /// holds a share s of the r.m.s. is as probable for every s: the odds of the cause are s/(1 - s) of this.
 const NONE_OF_THESE: f64 = 49.0 / 2.0;
 
-/// No more than even odds for a cause whose rivals nobody asked.
+/// At most even odds for a cause whose rivals were not fitted.
 const NOT_ASKED: f64 = 0.5;
 
 /// The probability that a cause is right.

@@ -21,7 +21,7 @@ const SLIGHT: f64 = 0.0015;
 /// Structure of the one record, at least: a twentieth of the noise's energy.
 const CLEAR: f64 = 0.05;
 
-/// The others are at least so many: of two records nobody knows which is usual.
+/// The others are at least this many: with two records the usual configuration is unknown.
 const LEAST_OTHERS: usize = 2;
 
 /// One record apart from all others.

@@ -24,7 +24,7 @@ use rsm_sim::effect::{sign_width, smooth_sign};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::record::Drive;
 
-/// Rows that are fitted, at most: runs of rows are averaged to so many. Double-double least squares of fifty terms over 4000 rows takes half a second.
+/// Rows that are fitted, at most: runs of rows are averaged to this many. Double-double least squares of fifty terms over 4000 rows takes half a second.
 const MOST_ROWS: usize = 4000;
 
 /// Candidate terms at most: the order is as high as they allow.
@@ -59,7 +59,7 @@ pub struct Corrected {
     pub inputs: Vec<String>,
     /// Its terms, in words.
     pub terms: Vec<String>,
-    /// Root mean square error over the noise without it, on the rows that judge.
+    /// Root mean square error over the noise without it, on the evaluation rows.
     pub before: f64,
     /// With it.
     pub after: f64,
@@ -72,20 +72,20 @@ pub struct Correction {
     pub model: Model,
     /// The outputs that have a surface.
     pub outputs: Vec<Corrected>,
-    /// Share of the error beyond noise of the extended plant that it removes on the rows that judge, pooled over outputs in units of their noise.
+    /// Share of the error beyond noise of the extended plant that it removes on the evaluation rows, pooled over outputs in units of their noise.
     pub gain: f64,
     /// The same, less its scatter: the lower end of a one-sided 95 % interval.
     pub low: f64,
-    /// Whether unseen records judged; otherwise the last third of every training record, which was held back.
+    /// Whether holdout records judged; otherwise the last third of every training record, which was held back.
     pub unseen: bool,
 }
 
 /// What came of it.
 #[derive(Debug, Clone)]
 pub enum Offer {
-    /// It gains on unseen rows.
+    /// It gains on holdout rows.
     Gains(Box<Correction>),
-    /// Nothing gains on unseen rows.
+    /// Nothing gains on holdout rows.
     Nothing {
         /// The share of the error beyond noise that the surfaces would have removed; negative where they do harm.
         gain: f64,
@@ -101,7 +101,7 @@ struct Rows<'a> {
     to: usize,
 }
 
-/// Fits and judges. `unseen` may be without records.
+/// Fits the correction and computes its errors. `unseen` may be without records.
 #[must_use]
 pub fn correction(
     kind: PlantKind,

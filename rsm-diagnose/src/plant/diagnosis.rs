@@ -55,11 +55,11 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Causes, the strongest first.
     pub causes: Vec<Cause>,
-    /// Entries of the extended plant that help against what nothing explains, and are not believed to be its causes; the strongest first.
+    /// Entries of the extended plant that reduce an unexplained error, but are not accepted as its causes; the strongest first.
     pub helpers: Vec<Cause>,
     /// The record that alone is of another configuration, by its file: the causes are its own.
     pub own_record: Option<String>,
-    /// What was believed for a while, and why it was refused.
+    /// What was accepted temporarily, and why it was rejected.
     pub refused: Vec<Refusal>,
     /// Where causes explain for practical purposes only.
     pub practical: Option<Practical>,
@@ -77,9 +77,9 @@ pub struct Diagnosis {
     pub findings: Vec<Finding>,
     /// Rows that were not looked at, where records are longer than a diagnosis may take.
     pub not_seen: Option<NotSeen>,
-    /// What all rows say of the answer, where the search did not look at all of them.
+    /// The check of the result on all rows, if the search did not use all of them.
     pub everywhere: Option<Everywhere>,
-    /// Columns that are in another unit than the records say; they were converted before anything else.
+    /// Columns whose unit differs from the one in the record. They were converted before all other steps.
     pub units: Vec<InUnit>,
     /// Gaps of a few rows that were bridged.
     pub bridged: Vec<Bridged>,
@@ -97,7 +97,7 @@ pub struct Diagnosis {
     pub ranking: Vec<(String, f64)>,
     /// What the last screen predicted, with the causes in the plant.
     pub remaining: Vec<(String, f64)>,
-    /// How the error falls on the records that judge, cause by cause.
+    /// How the error falls on the evaluation records, cause by cause.
     pub steps: Vec<Step>,
     /// The limit of work at which the search stopped, if it did.
     pub stopped: Option<Limit>,
@@ -105,15 +105,15 @@ pub struct Diagnosis {
     pub left: Left,
     /// And on validation records, where there are any.
     pub left_unseen: Option<Left>,
-    /// What the law of a known loop says of its sensors.
+    /// The check of the sensors by the known law of the control loop.
     pub known_loop: Option<KnownLoop>,
-    /// What the equations say along the recorded signals, without a free run.
+    /// The equation errors with the recorded signals, without a free run.
     pub equations: Option<Said>,
     /// What predicts a part of what is left, on the records where it predicts more.
     pub predicted: Option<Predicted>,
     /// Rivals that leave the same trace, the strongest of the strongest cause first.
     pub aliases: Vec<Alias>,
-    /// The record that would tell them apart, or look where an error has no cause.
+    /// The record that would distinguish them, or that covers the region of an unexplained error.
     pub next: Option<NextExperiment>,
     /// What a report shows beside all this.
     pub error_breakdown: ErrorBreakdown,
@@ -129,7 +129,7 @@ impl Diagnosis {
         self.causes.iter().chain(&self.helpers)
     }
 
-    /// Errors of the calibrated plant, which has no cause yet, on the records that judge; of the nominal plant where it was not asked.
+    /// Errors of the calibrated plant, which has no cause yet, on the evaluation records; of the nominal plant where it was not asked.
     #[must_use]
     pub fn calibrated(&self) -> &[Error] {
         let first = self.steps.first().filter(|step| step.causes.is_empty());

@@ -8,14 +8,14 @@
 /// asymmetry 20 %; the next best trace of the catalogue 1.5 %.
 const OF_WHAT_IS_LEFT: f64 = 0.05;
 
-/// The least gain, for the error above the noise in a squared residual of so many rows.
+/// The least gain, for the error above the noise in a squared residual of this many rows.
 #[must_use]
 pub fn least(squared: f64, rows: usize) -> f64 {
     OF_WHAT_IS_LEFT * (squared - rows as f64).max(0.0)
 }
 
 /// What decides between two explanations: what chance does, `threshold`, and where more than noise is left, a twentieth of that. One scale for naming a cause, for leaving it out
-/// again, for its rivals and for what an unseen record says.
+/// again, for its rivals and for what a holdout record says.
 #[must_use]
 pub fn decides(threshold: f64, squared: f64, rows: usize) -> f64 {
     threshold.max(least(squared, rows))

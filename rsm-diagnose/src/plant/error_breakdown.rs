@@ -1,6 +1,6 @@
 //! The breakdown of the error: further data for the report.
 //!
-//! In: the nominal, the calibrated and the extended plant along the judging records, and the accepted causes. Out: an [`ErrorBreakdown`]: errors by region, frequency and
+//! In: the nominal, the calibrated and the extended plant along the evaluation records, and the accepted causes. Out: an [`ErrorBreakdown`]: errors by region, frequency and
 //! order, curves, the calibration, what each cause removes, what is left, and a correction of it. No verdict depends on it.
 
 pub use super::cause::Witness;
@@ -31,7 +31,7 @@ const CLOSER: usize = 25;
 /// Simulated outputs along one record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
-    /// The record's place among those that judge.
+    /// The record's place among the evaluation records.
     pub record: usize,
     /// The output, by its place in the plant.
     pub output: usize,
@@ -62,7 +62,7 @@ pub struct Moved {
     pub name: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// What the plant file says.
+    /// The value in the plant file.
     pub nominal: f64,
     /// What it came out as.
     pub value: f64,
@@ -77,9 +77,9 @@ pub struct Moved {
 /// Everything that a report shows.
 #[derive(Debug, Clone, Default)]
 pub struct ErrorBreakdown {
-    /// Whether the records that judge are unseen ones; otherwise they are those of the fit.
+    /// Whether the evaluation records are unseen ones; otherwise they are those of the fit.
     pub unseen: bool,
-    /// Files and rows of training and of judging records.
+    /// Files and rows of training and of evaluation records.
     pub records: [Vec<(String, usize)>; 2],
     /// Errors by output and region.
     pub slices: Vec<Slice>,
@@ -105,7 +105,7 @@ pub struct ErrorBreakdown {
 const LEAST_ORDERS: usize = 5;
 
 impl ErrorBreakdown {
-    /// Files and rows of the records that judge.
+    /// Files and rows of the evaluation records.
     #[must_use]
     pub fn judging(&self) -> &[(String, usize)] {
         &self.records[usize::from(self.unseen)]
@@ -128,7 +128,7 @@ impl ErrorBreakdown {
     }
 }
 
-/// The breakdown, and what the strongest causes do on the records that judge, by their place among those that are believed. `before` and `after` of all that it holds are the calibrated
+/// The breakdown, and what the strongest causes do on the evaluation records, by their place among the accepted causes. `before` and `after` of all that it holds are the calibrated
 /// and the extended plant.
 #[must_use]
 pub fn error_breakdown(it: &Compared<'_>, believed: &[Believed]) -> (ErrorBreakdown, Vec<Option<Witness>>) {
@@ -243,7 +243,7 @@ fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
     moved.collect()
 }
 
-/// What a cause does on the records that judge, from the plant without it there.
+/// What a cause does on the evaluation records, from the plant without it there.
 fn witness(it: &Compared<'_>, without: &Fit) -> Witness {
     let judged = it.judged();
     let quantities = quantities::quantities(judged, &it.fit.model, &it.after.simulated);

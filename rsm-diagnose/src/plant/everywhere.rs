@@ -124,7 +124,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
                 continue;
             }
             let there = taming::tamed(whitened.on(prepared), &fit.model);
-            // From first readings straight on; where that leaves something, as carefully as an unseen record.
+            // From first readings straight on; where that leaves something, as carefully as a holdout record.
             let quick = validation::at_once(&there, &fit.model).map(|started| own_noise::left_there(&there, started, looks));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
                 let started = validation::on(&there, &fit.model)?;

@@ -25,10 +25,10 @@ const SIGMAS: f64 = 2.0;
 /// Cells of each operating quantity in which an error without a cause is looked for: quarters hold enough rows for a mean.
 const CELLS: usize = 4;
 
-/// A rival that the records do not tell from a cause.
+/// A rival that the records do not distinguish from a cause.
 #[derive(Debug, Clone)]
 pub struct Alias {
-    /// The cause that is believed.
+    /// The accepted cause.
     pub cause: String,
     /// The rival.
     pub rival: String,
@@ -41,7 +41,7 @@ pub struct Alias {
 /// Two plants along a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Apart {
-    /// The cause that is believed.
+    /// The accepted cause.
     pub cause: String,
     /// Its rival.
     pub rival: String,

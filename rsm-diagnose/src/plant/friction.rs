@@ -67,7 +67,7 @@ impl Search<'_> {
         self.or_plainer(fit, model, best_of(1, fewer))
     }
 
-    /// A law with more numbers gives way to the one that it holds as a special case, where the records do not tell them apart: a Stribeck curve, or two levels, to one level.
+    /// A law with more numbers gives way to the one that it holds as a special case, where the records do not distinguish them: a Stribeck curve, or two levels, to one level.
     pub(super) fn narrowed(&self, fit: Fit, threshold: f64) -> Fit {
         let entries = &fit.model.file.effects;
         let special =

@@ -18,7 +18,7 @@ const BESIDE: usize = 4;
 /// The variance of the logarithm of a deviation that comes from a median is this over the independent rows (P. J. Huber, "Robust statistics", 1981, section 5.1).
 const OF_DEVIATION: f64 = 1.36;
 
-/// Of second differences of white noise so many stand for an independent row: their correlations are -2/3 and 1/6, so that squares are correlated by 4/9 and 1/36, to both sides.
+/// Of second differences of white noise this many stand for an independent row: their correlations are -2/3 and 1/6, so that squares are correlated by 4/9 and 1/36, to both sides.
 const ROWS_A_DIFFERENCE: f64 = 1.94;
 
 /// The median of the size of a reading less the mean of its neighbours over the standard deviation of white noise: 0.6745 sqrt(1.5).

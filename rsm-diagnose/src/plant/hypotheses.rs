@@ -110,7 +110,7 @@ impl Hypothesis {
         }
     }
 
-    /// Whether numbers have the signs that physics asks for; how large they are is the search's to find.
+    /// Whether the parameters have physically possible signs; the search determines their size.
     #[must_use]
     pub fn has_signs(&self, kind: PlantKind, values: &[f64]) -> bool {
         let entry = self.entry(kind, values);
@@ -140,7 +140,7 @@ pub(super) fn levels(entry: &Entry) -> Vec<usize> {
     entry.arguments.numbers.iter().enumerate().filter(is_level).map(|(place, _)| place).collect()
 }
 
-/// What physics says of a number of an entry.
+/// The physical limits of a parameter of an entry.
 fn bound_of(entry: &Entry, name: &str) -> Bound {
     let plant = entry.arguments.plant;
     if entry.description.subject == Subject::Parameter {

@@ -18,7 +18,7 @@ use rsm_sim::effect::{Arguments, Role};
 use rsm_sim::plant_file::{Entry, PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
 
-/// The instrument is so many rows older: the velocity holds readings of three.
+/// The instrument is this many rows older: the velocity holds readings of three.
 const OLDER: usize = 5;
 
 /// Parts that are left out in turn.
@@ -30,7 +30,7 @@ const T_POINT: f64 = 2.262;
 /// 99.95 % of it: a gain that is named as off lies so far from 1. Two gains are asked of every loop, and 95 % would name a sensor that is in order in one of twenty.
 const OFF_POINT: f64 = 4.781;
 
-/// Fewer rows say nothing.
+/// Fewer rows are not sufficient.
 const LEAST_ROWS: usize = 200;
 
 /// Rows by which the position may be late or early, either way.
@@ -67,7 +67,7 @@ impl Known {
     }
 }
 
-/// What the controller's law says of the sensors.
+/// The check of the sensors by the control law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KnownLoop {
     /// The gain of the position's sensor.
@@ -170,7 +170,7 @@ struct Row {
     older: f64,
 }
 
-/// The law's rows where the position is read so many rows late.
+/// The law's rows where the position is read this many rows late.
 fn rows(records: &[Prepared], file: &PlantFile, late: isize) -> Vec<Row> {
     let Some((position_gain, velocity_gain)) =
         file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"))
@@ -331,12 +331,12 @@ mod tests {
         }
     }
 
-    /// An axis in closed loop with friction that its file does not have, whose readings are off by these gains and late by so many rows.
+    /// An axis in closed loop with friction that its file does not have, whose readings are off by these gains and late by this many rows.
     fn found(gains: [f64; 2], late: usize, noise: f64, seed: u64) -> (KnownLoop, PlantFile) {
         found_beside(0.0, gains, late, noise, seed)
     }
 
-    /// The same where the position reads too much as well, by so many metres.
+    /// The same where the position reads too much as well, by this many metres.
     fn found_beside(bias: f64, gains: [f64; 2], late: usize, noise: f64, seed: u64) -> (KnownLoop, PlantFile) {
         let text = include_str!("../../../rsm-sim/plants/servo-axis.toml").to_string();
         let file = PlantFile::read(&Source::new("axis.toml", text.clone())).unwrap();

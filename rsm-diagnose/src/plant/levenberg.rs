@@ -73,7 +73,7 @@ impl Fit {
         Some(self.columns[column].clone())
     }
 
-    /// The gradient's negative: what the residual and the priors ask of each free unknown.
+    /// The negative gradient of the cost, from residual and priors, for each free unknown.
     #[must_use]
     pub fn pull(&self) -> Vec<f64> {
         pull(&self.model, &self.free, &self.columns, &self.residual)
@@ -119,7 +119,7 @@ pub fn here(whitened: &WhitenedResiduals, model: Model) -> Option<Fit> {
     fit(whitened, model, 0)
 }
 
-/// Fits all unknowns, in at most so many steps.
+/// Fits all unknowns, in at most this many steps.
 #[must_use]
 pub fn fit(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Fit> {
     onward(whitened, model, steps, None)
@@ -357,7 +357,7 @@ fn released(model: &Model, pressed: &[usize], asked: &[f64], columns: &[Column])
     }
 }
 
-/// Whether an unknown stands at a bound and is asked to go beyond.
+/// Whether an unknown is at a bound and the gradient points outwards.
 fn pressed(model: &Model, k: usize, pull: f64) -> bool {
     let unknown = &model.unknowns[k];
     if matches!(unknown.place, Place::Start { .. }) {

@@ -182,8 +182,8 @@ pub fn diagnose(
     diagnose_and_test(file, training, validation, &[], options)
 }
 
-/// Diagnoses a plant. Effects in its file are claims: the records judge them too. Training records give the numbers of causes. Training and validation records together choose the
-/// causes. Test records choose nothing: they say at the end what the extended plant gains.
+/// Diagnoses a plant. Effects in its file are claims, and the records test them too. The parameters of causes are estimated from training records. Training and validation records together choose the
+/// causes. Test records choose nothing: the final gain is computed on them.
 ///
 /// # Errors
 /// [`Refused`], when there is nothing to compare.

@@ -34,7 +34,7 @@ fn speed_at_start(positions: &[f64], period: f64) -> Option<(f64, f64)> {
     Some((cubic / seconds, sd.hypot(cubic - parabola) / seconds))
 }
 
-/// The slope of a polynomial of so many terms at the first of evenly spaced values, over all of them, and its standard deviation by what the polynomial leaves.
+/// The slope of a polynomial of this many terms at the first of evenly spaced values, over all of them, and its standard deviation by what the polynomial leaves.
 fn slope_at_start(values: &[f64], terms: usize) -> (f64, f64) {
     let last = (values.len() - 1) as f64;
     let powers: Vec<Vec<f64>> =
@@ -162,7 +162,7 @@ fn speed_of(record: &Record) -> Option<(f64, f64)> {
 /// A plant with its starts.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// The plant; effects are the causes that are believed.
+    /// The plant; effects are the accepted causes.
     pub file: PlantFile,
     /// Where each record starts.
     pub starts: Vec<StartValues>,

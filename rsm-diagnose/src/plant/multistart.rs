@@ -214,7 +214,7 @@ pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model
 }
 
 /// Out of a valley of several numbers by hops (D. J. Wales, J. P. K. Doye, 1997): to fits from where most parts of the records lead and from where the fit is, and from places
-/// near the two. It ends where noise is left or so many `hops` are in vain; what gains no more than `enough` does not count.
+/// near the two. It ends where noise is left or this many `hops` are in vain; what gains no more than `enough` does not count.
 #[must_use]
 pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize, enough: f64) -> Fit {
     let mut random = Random::new(SEED);

@@ -1,6 +1,6 @@
 //! The error, cause by cause: a sequence of nested plants from the calibrated one to the extended one.
 //!
-//! In: the causes, the records. Out: for each step, the causes in the plant and its errors on the judging records; for an axis also the error of the inverse model. A cause that
+//! In: the causes, the records. Out: for each step, the causes in the plant and its errors on the evaluation records; for an axis also the error of the inverse model. A cause that
 //! holds simpler ones as special cases comes after them, so that a reader sees what each part contributes. The set of causes is not changed here.
 
 use super::hypotheses::label;
@@ -19,7 +19,7 @@ const FIT_STEPS: usize = 8;
 pub struct Step {
     /// The causes in it, in lists' names; none at first.
     pub causes: Vec<String>,
-    /// Its errors on the records that judge.
+    /// Its errors on the evaluation records.
     pub errors: Vec<Error>,
     /// For an axis: the relative error of the force that the measured motion asks for (root mean square over those records), where the causes have one.
     pub force_error: Option<f64>,

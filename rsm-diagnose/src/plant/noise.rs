@@ -263,7 +263,7 @@ mod tests {
         let found = |left: &[f64]| Floor::of_growing(&[(&readings, left, &used)]);
         let noisy = grown(noise(0.0, 0.1, 6000));
         let floor = found(&noisy).unwrap();
-        // Twelve parts of 500 rows know their deviations to 5 %, three of each. The sum of both parts and the root of the sum of their squares are not told apart by so few, and at a reading of 0 one is a third above the other.
+        // Twelve parts of 500 rows know their deviations to 5 %, three of each. The sum of both parts and the root of the sum of their squares are not distinguished by so few, and at a reading of 0 one is a third above the other.
         assert!((floor.sd_at(20.0) / 0.5 - 1.0).abs() < 0.15 && (floor.sd_at(0.0) / 0.1 - 1.0).abs() < 0.5, "{floor:?}");
         // A ripple of a tenth of the sample rate whose amplitude grows with the reading.
         let wave = grown((0..6000).map(|k| 0.1 * (0.2 * PI * k as f64).sin()).collect());

@@ -1,4 +1,4 @@
-//! All unknowns that are free in any case (starts, calibration, causes already believed), prepared so that they can be projected out of traces and residuals.
+//! All unknowns that are free in any case (starts, calibration, causes already accepted), prepared so that they can be projected out of traces and residuals.
 //!
 //! In: a fit with its derivatives. Out: inner products after the projection onto the complement of the free unknowns, to first order. An unknown that is held at its bound counts as free to
 //! come back: a missing cause may have pressed it there, and its gain would otherwise not include the cost of the bound. Never simulates.
@@ -24,7 +24,7 @@ struct Part {
     /// Their places among all columns.
     columns: Vec<usize>,
     normal: Normal,
-    /// What residual and priors ask of them.
+    /// The negative gradient of the cost, from residual and priors.
     pull: Vec<f64>,
 }
 

@@ -9,11 +9,11 @@ use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use super::whiteness::{self, Left};
 use rsm_sim::kind::OUTPUTS;
 
-/// Unseen records may have so many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
+/// Unseen records may have this many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
 /// is beyond shows as structure.
 const MOST_NOISE: f64 = 1.5;
 
-/// What is left on unseen records, by the noise that they have themselves, as one of so many looks.
+/// What is left on holdout records, by the noise that they have themselves, as one of this many looks.
 pub(crate) fn left_there(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -> Left {
     let (there, fit) = by_own_noise(unseen, moved);
     whiteness::look_among(&there, &fit, looks)
@@ -61,7 +61,7 @@ mod tests {
         let file = axis_under_steps::file("mass = 0.02", "");
         let (whitened, nominal) = axis_under_steps::whitened(&file, &file, true);
         let fit = levenberg::fit(&whitened, nominal, 4).unwrap();
-        // The residual times `louder`, and a swing of so many times the noise beside it, ten to the record.
+        // The residual times `louder`, and a swing of this many times the noise beside it, ten to the record.
         let left = |louder: f64, swing: f64| {
             let mut unseen = whitened.clone();
             let measured = unseen.records[0].record.measured[0].as_mut().unwrap();

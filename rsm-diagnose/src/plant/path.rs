@@ -54,13 +54,13 @@ pub struct Path {
 }
 
 impl Path {
-    /// A path on which competitions begin until simulations have taken so many sub-steps, and those of rivals until so many more.
+    /// A path on which competitions begin until simulations have taken this many sub-steps, and those of rivals until this many more.
     #[must_use]
     pub fn until(steps: u64, for_rivals: u64) -> Self {
         Path { until: Some(steps), until_rivals: Some(steps + for_rivals), ..Path::default() }
     }
 
-    /// Whether simulations that have taken so many sub-steps may go on.
+    /// Whether simulations that have taken this many sub-steps may go on.
     pub fn has_steps(&mut self, taken: u64) -> bool {
         self.until.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
     }

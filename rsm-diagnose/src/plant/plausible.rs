@@ -14,7 +14,7 @@ const FACTOR: f64 = 5.0;
 /// Losses (frictions, dampings) are known by their order of magnitude only.
 const FACTOR_OF_LOSSES: f64 = 30.0;
 
-/// A force or torque may be so many times the usual effort of the drive, which is a root mean square: a peak is three to four times that.
+/// A force or torque may be this many times the usual effort of the drive, which is a root mean square: a peak is three to four times that.
 const TIMES_THE_EFFORT: f64 = 4.0;
 
 /// What lags or comes late by more than this share of a record cannot be told from a drift.

@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn a_bell_that_bounds_cut_at_two_deviations_holds_95_of_100_within_1_68() {
         let told = bell(0.0).told();
-        // erf(2/sqrt 2) = 0.9545, of which 95 % is 0.9068 = erf(1.68/sqrt 2). The ends are known to some hundredths by so many draws, more where the bell is flat.
+        // erf(2/sqrt 2) = 0.9545, of which 95 % is 0.9068 = erf(1.68/sqrt 2). The ends are known to some hundredths by this many draws, more where the bell is flat.
         for (k, scale) in [(0, 1.0), (1, 10.0)] {
             let (deviation, low, high) = told[k];
             assert!((low / scale + 1.68).abs() < 0.1 && (high / scale - 1.68).abs() < 0.1, "{low} {high}");

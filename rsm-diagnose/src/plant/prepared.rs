@@ -14,7 +14,7 @@ pub struct Piece {
     pub record: Record,
     /// Rows of the file before it.
     pub from: usize,
-    /// Its first rows, which do not count: they come from a state that nobody knows.
+    /// Its first rows, which do not count: they start from an unknown state.
     pub settling: usize,
 }
 

@@ -167,7 +167,7 @@ impl Ready {
         any
     }
 
-    /// The same of unseen records alone.
+    /// The same of holdout records alone.
     pub fn correct_unseen(&mut self, model: &Model) {
         correct_unseen(&mut self.unseen, model);
     }
@@ -182,7 +182,7 @@ impl Ready {
     }
 }
 
-/// What readings of unseen records say of their own gaps, the plant being that of a model.
+/// What readings of holdout records say of their own gaps, the plant being that of a model.
 fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
     if unseen.records.iter().all(|it| it.bridges.is_empty()) {
         return;

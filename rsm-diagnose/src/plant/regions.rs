@@ -49,7 +49,7 @@ pub struct Slice {
 /// A region is worth a line when its share of the error is this many times its share of the rows.
 pub const STANDS_OUT: f64 = 1.3;
 
-/// An error counts from so many standard deviations of the noise's energy on: some fifty regions are looked at, and normal scatter passes four of them
+/// An error counts from this many standard deviations of the noise's energy on: some fifty regions are looked at, and normal scatter passes four of them
 /// once in 600 times.
 pub const SIGNIFICANT: f64 = 4.0;
 

@@ -5,14 +5,14 @@
 use super::cause::Cause;
 use super::diagnosis::Diagnosis;
 
-/// Why a hypothesis was not believed.
+/// Why a hypothesis was not accepted.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Why {
-    /// It was believed for a while and refused, in words.
+    /// It was accepted temporarily and rejected, in words.
     Refused(String),
-    /// The records do not tell it from this cause.
+    /// The records do not distinguish it from this cause.
     Alike(String),
-    /// It was fitted in the place of this cause and does worse by so much, in squared standard deviations of the noise.
+    /// It was fitted in place of this cause and gains less by this amount, in squared standard deviations of the noise.
     FallsShort {
         /// The cause.
         cause: String,
@@ -21,13 +21,13 @@ pub enum Why {
     },
     /// The screen promised less than a cause has to gain.
     PromisesLittle,
-    /// The causes explain what it promised: so much is left for it.
+    /// The causes explain its first-order gain, except for this rest.
     Explained(f64),
     /// No full fit kept what the screen promised.
     NotKept,
 }
 
-/// A hypothesis that was not believed.
+/// A hypothesis that was not accepted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rejected {
     /// Its name in lists.
@@ -41,7 +41,7 @@ pub struct Rejected {
 }
 
 impl Diagnosis {
-    /// Hypotheses that were not believed, those that promised most first.
+    /// Hypotheses that were not accepted, those that promised most first.
     #[must_use]
     pub fn rejected(&self) -> Vec<Rejected> {
         let causes: Vec<String> = self.entries().map(Cause::label).collect();

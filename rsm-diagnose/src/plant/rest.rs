@@ -14,7 +14,7 @@ const GENTLE: f64 = 0.1;
 /// And where the nominal plant, which may have no dry friction, is slower than this share of its largest reading.
 const SLOW: f64 = 0.1;
 
-/// So many of the smallest steps a coarse sensor moves from row to row into a rest and out of it, and so many its motion changes from row to row beside one: three readings that
+/// This many of the smallest steps a coarse sensor moves from row to row into a rest and out of it, and this many its motion changes from row to row beside one: three readings that
 /// are rounded bend by two.
 const STEPS: f64 = 2.5;
 
@@ -24,7 +24,7 @@ const BESIDE: usize = 20;
 /// Steps of a sensor are whole to this share of one, nearly all of them.
 const WHOLE: (f64, f64) = (0.01, 0.98);
 
-/// Fewer steps say nothing.
+/// Fewer steps are not sufficient.
 const LEAST_STEPS: usize = 20;
 
 /// Which rows move: they are not in a run of equal readings.
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
     use rsm_fit::random::Random;
 
-    /// A speed that comes to rest for 100 rows and goes on, in steps, with noise of so many of them.
+    /// A speed that comes to rest for 100 rows and goes on, in steps, with noise of this many of them.
     fn readings(step: f64, noise: f64) -> Vec<f64> {
         let mut random = Random::new(2);
         let value = |k: usize| match k {

@@ -1,7 +1,7 @@
 //! Screening: the first-order gain of each hypothesis, from one simulation for each first guess.
 //!
 //! In: a fitted model and the hypotheses. Out: the predicted gain in squared residual of each guess, jointly with everything that is free anyway
-//! (starts, calibration, causes already believed): their derivatives are projected out, through normal equations, so that a cause gets no credit
+//! (starts, calibration, causes already accepted): their derivatives are projected out, through normal equations, so that a cause gets no credit
 //! for what they can do. Also the gain that noise alone would give the best of them. Never fits.
 
 use super::hypotheses::{Hypothesis, generalises};
@@ -156,7 +156,7 @@ fn traces(
 }
 
 /// A guess about what the fit has already. A parameter error begins at the value that calibration left, not at what the plant file says: it may be pressed
-/// against the end of its tolerance. A general case takes the level of the special case that is believed.
+/// against the end of its tolerance. A general case takes the level of the special case that is accepted.
 fn about_now(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
     let mut special = fit.model.file.effects.iter().filter(|it| generalises(hypothesis.description.kind, it.description.kind));
     if let Some(level) = special.next().and_then(|it| it.arguments.numbers.first()).map(|number| number.1) {
@@ -168,7 +168,7 @@ fn about_now(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
     Guess { values: guess.values.iter().map(|value| value - without + now).collect(), neutral: Some((0, now)), ..guess.clone() }
 }
 
-/// A guess whose lowest level is the one that is believed, and whose others are higher by half of it: near enough for a first order.
+/// A guess whose lowest level is the one that is accepted, and whose others are higher by half of it: near enough for a first order.
 fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64, kind: PlantKind) -> Guess {
     let is_level: Vec<bool> = hypothesis.description.arguments_on(kind).map(|it| it.is_level).collect();
     let levels = guess.values.iter().zip(&is_level).filter(|(_, is)| **is).map(|(value, _)| *value);

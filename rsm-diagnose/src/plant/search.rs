@@ -32,7 +32,7 @@ pub struct Effort {
 const FOR_RIVALS: f64 = 0.25;
 
 impl Effort {
-    /// The usual counts, and so many sub-steps of simulations.
+    /// The usual counts, and this many sub-steps of simulations.
     #[must_use]
     pub fn within(steps: u64) -> Self {
         let steps_for_rivals = (FOR_RIVALS * steps as f64) as u64;
@@ -40,7 +40,7 @@ impl Effort {
     }
 }
 
-/// A cause that is believed.
+/// An accepted cause.
 #[derive(Debug, Clone)]
 pub struct Believed {
     /// Its name in lists.
@@ -84,7 +84,7 @@ pub struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// By how much two explanations must differ, one of which is this, before the better one is believed.
+    /// The difference of cost at which the better of two explanations is accepted.
     pub(super) fn decides(&self, fit: &Fit, threshold: f64) -> f64 {
         effect_size::decides(threshold, fit.cost, self.whitened.rows())
     }

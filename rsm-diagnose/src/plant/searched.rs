@@ -22,8 +22,8 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 
-/// A search may take as much as so many runs of the calibrated plant: half a minute on two cores for three records of 8000 rows. A cause that stands alone takes 500
-/// to 1000; what takes more is outside the catalogue, and the search goes round among helpers.
+/// A search may take as much as this many runs of the calibrated plant: half a minute on two cores for three records of 8000 rows. A cause that stands alone takes 500
+/// to 1000; a search that takes more has a cause outside the catalogue and only tries combinations of helpers.
 const MOST_RUNS: u64 = 4000;
 
 /// Sub-steps that a search may take at most, however long records are or fast the plant: a minute of one core, at 150 ns each.
@@ -38,7 +38,7 @@ struct Asked<'a> {
     survey: Survey,
     rounded: Vec<(usize, f64)>,
     effort: Effort,
-    /// What the equations say along the recorded signals.
+    /// The equation errors with the recorded signals.
     said: Option<Said>,
     /// Guesses that were looked at beside those of the catalogue.
     looks: usize,

@@ -44,7 +44,7 @@ pub struct Selection {
     pub fit: Fit,
     /// The causes, in the order of the effects of the fit.
     pub causes: Vec<Believed>,
-    /// What was believed for a while and refused at the end.
+    /// What was accepted temporarily and rejected at the end.
     pub refused: Vec<Refusal>,
     /// What a cause has to gain.
     pub threshold: f64,
@@ -54,9 +54,9 @@ pub struct Selection {
     pub remaining: Vec<(String, f64)>,
     /// The limit of work at which the search stopped before it was through.
     pub stopped: Option<Limit>,
-    /// What a known law says of its sensors, whatever the search found.
+    /// The check of the sensors by a known control law, independent of the search.
     pub known_loop: Option<KnownLoop>,
-    /// What all rows of records that are too long to be searched say of the answer.
+    /// The check of the result on all rows of records that are too long for the search.
     pub everywhere: Option<Everywhere>,
 }
 
@@ -184,7 +184,7 @@ impl Search<'_> {
         stages
     }
 
-    /// What the equations say by one cause competes for the first place.
+    /// A single cause from the equation errors competes with the other candidates for the first place.
     fn add_said(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
         let alone = self.said.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
         let Some(said) = alone.and_then(|it| self.judged(fit, it.clone())) else { return };
@@ -196,7 +196,7 @@ impl Search<'_> {
         candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
     }
 
-    /// What the equations say by several causes, in the place of none, where each of them may be; the fewest first.
+    /// Sets of several causes from the equation errors, as starting points without other causes, if each cause is allowed; the smallest sets first.
     fn said_together(&self, fit: &Fit) -> impl Iterator<Item = &Fit> {
         let none = fit.model.file.effects.is_empty();
         let sound =

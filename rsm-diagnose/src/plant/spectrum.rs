@@ -19,7 +19,7 @@ const SHORTEST_SEGMENT: usize = 64;
 /// Segments that an average has at least: eight scatter by a third.
 const SEGMENTS: usize = 8;
 
-/// A line may stand out of its neighbours by chance once in so many reports.
+/// A line may stand out of its neighbours by chance once in this many reports.
 const CHANCE: f64 = 0.01;
 
 /// Lines that are named at most, of an output.

@@ -83,7 +83,7 @@ fn of_record(file: &PlantFile, record: &Record, threads: usize) -> Option<Pair> 
     best.map(|it| it.1)
 }
 
-/// Puts records right whose columns are exchanged, and says so: a finding for each of the two columns.
+/// Corrects records with exchanged columns, and returns a finding for each of the two columns.
 pub(super) fn put_right(file: &PlantFile, records: &mut [Record], threads: usize) -> Vec<Finding> {
     let mut findings = Vec::new();
     for record in records {

@@ -15,7 +15,7 @@ const BESIDE: usize = 4;
 /// Degrees of freedom that are tried. Beyond ten a least squares fit loses less than 4 % of what readings say (3 f/((f + 3)(f - 2)) of it; R. A. Fisher, 1922); lighter laws say only whether there are tails at all.
 const FREEDOMS: [f64; 12] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, LIGHT, 14.0, 20.0, 30.0];
 
-/// From so many degrees of freedom on tails are not worth a law.
+/// From this many degrees of freedom on tails are not worth a law.
 const LIGHT: f64 = 10.0;
 
 /// Fewer rows say too little about what stands beside their outermost fiftieth.
@@ -289,7 +289,7 @@ mod tests {
     use rsm_fit::random::Random;
     use rsm_sim::record::Record;
 
-    /// Student's t with so many degrees of freedom, of scale one.
+    /// Student's t with this many degrees of freedom, of scale one.
     fn student(random: &mut Random, freedom: usize) -> f64 {
         let chi: f64 = (0..freedom).map(|_| random.normal().powi(2)).sum();
         random.normal() / (chi / freedom as f64).sqrt()

@@ -13,7 +13,7 @@ use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// The start of a record is estimated on one row in so many, from its beginning; errors are of the rows after that.
+/// The start of a record is estimated on one row in this many, from its beginning; errors are of the rows after that.
 pub const FIRST_PART: usize = 4;
 
 /// Figures of test records.

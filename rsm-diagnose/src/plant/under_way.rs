@@ -17,7 +17,7 @@ use rsm_sim::record::Record;
 /// Steps of a fit with starts that are not steady: the plant is nearly linear in them.
 const STEPS: usize = 4;
 
-/// Three numbers of a start gain 3 in noise, and 30 once in a million records. Where more than noise is left, so many times that.
+/// Three numbers of a start gain 3 in noise, and 30 once in a million records. Where more than noise is left, this many times that.
 const LEAST_GAIN: f64 = 30.0;
 
 /// How long an axis with its drives and sensors remembers, s: delays and lags are tens of milliseconds, and a position loop of some 30/s forgets in as many.

@@ -47,7 +47,7 @@ const FOLLOWS: f64 = 0.5;
 /// A factor beside 1 that causes of the catalogue reach, too: nearer than a factor of three on either side only noise may be left.
 const LARGE_FACTOR: f64 = 3.0;
 
-/// So many times the noise's energy is near noise, as in a calibration.
+/// This many times the noise's energy is near noise, as in a calibration.
 const NEAR_NOISE: f64 = 4.0;
 
 /// Candidates are alike where their squared errors differ by less than this share.
@@ -59,7 +59,7 @@ const NEAR_FACTOR: f64 = 0.02;
 /// And a large factor before causes are known: units of one kind are farther apart.
 const ROUGHLY: f64 = 0.25;
 
-/// A gain that is known worse than this says no unit.
+/// A gain with a larger relative uncertainty than this does not identify a unit.
 const KNOWN: f64 = 0.1;
 
 /// Parts of the rows over which the scatter of a gain is taken, and 97.5 % of Student's t with nine degrees of freedom.

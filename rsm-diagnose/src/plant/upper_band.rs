@@ -18,7 +18,7 @@ pub(super) const LOWEST: f64 = 0.1;
 /// Correlations that are tried: beyond 0.97 the noise is slower than its band shows.
 pub(super) const MOST_CORRELATED: i32 = 97;
 
-/// A correlation within so many standard errors of 0 is none: the two-sided 95 % point of a normal distribution.
+/// A correlation within this many standard errors of 0 is none: the two-sided 95 % point of a normal distribution.
 pub(super) const WHITE: f64 = 1.96;
 
 /// The variance of a median over the variance of a mean, for exponential powers: 1/ln(2)^2.
@@ -28,7 +28,7 @@ const OF_MEDIAN_POWER: f64 = 2.08;
 /// to the upper band, which hardly sees it: that is dearer than a trace of structure in the noise, which whiteness is asked about again.
 const REFUSED: f64 = 13.82;
 
-/// The logarithm of a line's power passes so many of its standard deviations once in 10^5 cases, with a normal distribution (and a Hann window makes lines scatter by a fifth more): a tenth of a per cent for all
+/// The logarithm of a line's power passes this many of its standard deviations once in 10^5 cases, with a normal distribution (and a Hann window makes lines scatter by a fifth more): a tenth of a per cent for all
 /// lines of the band.
 const STANDS_OUT: f64 = 5.3;
 
@@ -131,7 +131,7 @@ pub(super) fn positive(level: f64) -> Option<f64> {
 pub(super) fn spectrum(residuals: &[(&[f64], &[bool])]) -> Option<Vec<f64>> {
     let rows: usize = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum();
     let starts = SEGMENTS.map(|size| starts(residuals, size));
-    // Half-overlapping segments: so many hold half of the rows.
+    // Half-overlapping segments: this many hold half of the rows.
     let enough = |k: &usize| starts[*k].len() * SEGMENTS[*k] >= rows;
     let most = || (0..SEGMENTS.len()).max_by_key(|k| starts[*k].len() * SEGMENTS[*k]);
     let chosen = (0..SEGMENTS.len()).find(enough).or_else(most)?;

@@ -186,7 +186,7 @@ mod tests {
         assert!((left - 4500.0).abs() < 384.0, "{left}");
     }
 
-    /// Errors of so many times the noise, one an output.
+    /// Errors of this many times the noise, one an output.
     fn times(ratios: &[f64]) -> Vec<Error> {
         ratios.iter().enumerate().map(|(output, ratio)| Error { output, rmse: 0.1 * ratio, noise_ratio: *ratio }).collect()
     }

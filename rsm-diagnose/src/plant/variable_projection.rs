@@ -98,7 +98,7 @@ impl Problem for OwnNumbers<'_> {
     }
 }
 
-/// Improves the numbers of the causes from `first` on, in at most so many steps; also their cost. `None` where it cannot be simulated.
+/// Improves the numbers of the causes from `first` on, in at most this many steps; also their cost. `None` where it cannot be simulated.
 #[must_use]
 pub fn project(
     whitened: &WhitenedResiduals,

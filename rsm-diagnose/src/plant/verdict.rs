@@ -67,7 +67,7 @@ fn of_rounding<'a>(mut rounded: impl Iterator<Item = &'a Floor>) -> f64 {
     if rounded.all(|floor| floor.rounding.is_some() && floor.correlation == 0.0) { 0.0 } else { OF_ROUNDING }
 }
 
-/// Everything that there is to say.
+/// The whole diagnosis.
 #[must_use]
 pub fn conclude(
     file: &PlantFile,
@@ -104,7 +104,7 @@ pub fn conclude(
     let order = by_gain(&believed.iter().map(|it| it.gain).collect::<Vec<_>>());
     let steps = nested_models::steps(whitened, judged, nominal, &calibrated, &fit, &order);
     let left = whiteness::look(whitened, &fit);
-    // On unseen records the numbers of the plant may move as far as they are unsure.
+    // On holdout records the numbers of the plant may move as far as they are unsure.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
     let moved = moved.and_then(|after| validation::within(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
     let there = moved.map(|moved| by_own_noise(unseen, moved));

@@ -25,7 +25,7 @@ pub struct Refusal {
 const AT_THE_END: f64 = 1e-6;
 
 impl Search<'_> {
-    /// What of a set stands: no member without an effect of its own, none with a number at the end of its search or beyond what is plausible, none that makes an unseen record
+    /// What of a set stands: no member without an effect of its own, none with a number at the end of its search or beyond what is plausible, none that makes a holdout record
     /// worse. Members go one at a time, the one with the worst reason first; the others are fitted again.
     pub(super) fn vetoed(
         &self,
@@ -77,7 +77,7 @@ impl Search<'_> {
             .or_else(|| self.harmful(calibrated, fit, causes, threshold))
     }
 
-    /// The member that makes an unseen record worse by more than what decides there, or by which the set does.
+    /// The member that makes a holdout record worse by more than what decides there, or by which the set does.
     fn harmful(&self, calibrated: &Fit, fit: &Fit, causes: &[Believed], threshold: f64) -> Option<(usize, String)> {
         if causes.is_empty() || self.unseen.records.is_empty() {
             return None;
@@ -188,7 +188,7 @@ mod tests {
 
     const TOLERANCES: &str = "mass = 0.02\nviscous_friction = 0.02";
 
-    /// What is refused of dry friction that was fitted to an axis with so much of it, where an unseen record is of an axis with so much.
+    /// What is refused of dry friction that was fitted to an axis with so much of it, where a holdout record is of an axis with so much.
     fn refused(seen: f64, unseen: f64) -> Vec<String> {
         let file = |force: f64| {
             let effects = if force == 0.0 { String::new() } else { axis_under_steps::friction(force) };

@@ -69,7 +69,7 @@ impl<'k> Waves<'k> {
     fn new(traces: PositionTraces<'k>, fit: &Fit) -> Self {
         let curvatures = curvatures(traces.whitened, fit);
         let mut waves = Waves { traces, free: Vec::new(), residual: fit.residual.clone(), curvatures };
-        // Starts, calibration, causes already believed; and what a load, frictions and a gain would do, which may be causes beside the wave.
+        // Starts, calibration, causes already accepted; and what a load, frictions and a gain would do, which may be causes beside the wave.
         let held = fit.held.iter().map(|held| &held.column);
         for column in fit.columns.iter().chain(held) {
             let mut dense = vec![0.0; fit.residual.len()];
@@ -215,7 +215,7 @@ pub fn of(arguments: &Arguments) -> Option<Wave> {
 }
 
 /// A plant with a wave, near the best of both: everything that is free in the fit, and the wave, as least squares along the measured positions has them; and
-/// the squared residual that this promises; turned over by so many of `REACHES`. A free run with the wave alone would begin where nothing else fits it.
+/// the squared residual that this promises; turned over by this many of `REACHES`. A free run with the wave alone would begin where nothing else fits it.
 #[must_use]
 pub fn led(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, entry: &Entry, reaches: &[usize]) -> Option<(Model, f64)> {
     let mut traces = PositionTraces::new(whitened, fit);
@@ -235,7 +235,7 @@ pub fn led(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, entry: &Ent
     Some((found.model.joined(nominal, said(entry, &found.wave)), found.cost))
 }
 
-/// A plant with a wave whose free run ended beside the record, led again along what it lacked over so many rows on either side: `place` is that of the
+/// A plant with a wave whose free run ended beside the record, led again along what it lacked over this many rows on either side: `place` is that of the
 /// wave among its effects.
 #[must_use]
 pub fn led_again(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, place: usize, reach: usize) -> Option<Model> {
@@ -272,7 +272,7 @@ struct Led<'k> {
     cost: f64,
 }
 
-/// The wave within so many lines of a pitch, with the plant.
+/// The wave within this many lines of a pitch, with the plant.
 fn led_once<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<Led<'k>> {
     let waves = Waves::new(traces, fit);
     let line = TAU * 0.5 / travel(waves.traces.whitened)?;
@@ -367,7 +367,7 @@ mod tests {
 
     const NOISE: [f64; 2] = [1e-5, 0.01];
 
-    /// An axis that is 4 % and 8 % off, over a wave of so many metres, its record, and the calibrated plant. In closed loop under moves of 0.1 m.
+    /// An axis that is 4 % and 8 % off, over a wave of this many metres, its record, and the calibrated plant. In closed loop under moves of 0.1 m.
     fn axis(closed: bool, pitch: f64) -> (WhitenedResiduals, Model, Fit) {
         let text = |mass: f64, friction: f64| {
             let gains = if closed { "position_gain = 20\nvelocity_gain = 25\n" } else { "" };

@@ -38,7 +38,7 @@ const MOST_STEPS_A_ROW: usize = 250;
 /// band, where they are seen.
 const LEAST_ALLOWED: usize = 64;
 
-/// A candidate may take so many times the sub-steps of the calibrated plant: a cause makes a plant faster by its own mode, not by an order. What goes beyond is a
+/// A candidate may take this many times the sub-steps of the calibrated plant: a cause makes a plant faster by its own mode, not by an order. What goes beyond is a
 /// time constant on its way to nothing.
 const TIMES_THE_PLANT: usize = 8;
 
@@ -127,7 +127,7 @@ impl Pace {
         self.count.is_spent()
     }
 
-    /// For candidates beside a plant whose run over so many rows took so many sub-steps.
+    /// For candidates beside a plant whose run over this many rows took this many sub-steps.
     #[must_use]
     pub fn beside(&self, steps: u64, rows: usize) -> Self {
         let own = usize::try_from(steps / rows.max(1) as u64).unwrap_or(usize::MAX);

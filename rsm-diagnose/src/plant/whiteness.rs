@@ -50,7 +50,7 @@ pub struct Left {
     pub excess: f64,
 }
 
-/// What the largest of so many deviations of noise passes once in two hundred times, if there are so many such looks.
+/// What the largest of this many deviations of noise passes once in two hundred times, if there are this many such looks.
 #[must_use]
 pub fn point(bands: usize, looks: usize) -> f64 {
     quantile(ALARM_OF_STRUCTURE / (LOOKS * bands.max(1) * looks.max(1)) as f64)
@@ -62,7 +62,7 @@ pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Left {
     look_among(whitened, fit, 1)
 }
 
-/// The same, as one of so many looks that may not raise a false alarm together.
+/// The same, as one of this many looks that may not raise a false alarm together.
 #[must_use]
 pub fn look_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> Left {
     let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];

@@ -26,7 +26,7 @@ pub struct OutlyingRun {
     pub residual: f64,
     /// That over its standard deviation, which it has no part in.
     pub studentised: f64,
-    /// Probability of as much among so many runs.
+    /// Probability of as much among this many runs.
     pub p: f64,
 }
 

@@ -59,7 +59,7 @@ pub fn all(
         let odds: f64 = members.iter().map(|member| pool[*member].prior).sum();
         cause.gain = candidates[0].columns[0].len() as f64 * (search.square(&rest) / search.square(&set)).ln();
         let label = cause.label.clone();
-        // What is to be told apart is told apart by the data: the odds before them (one of many places of a change, a high order) count for the confidence only.
+        // What is to be distinguished is distinguished by the data: the odds before them (one of many places of a change, a high order) count for the confidence only.
         let mut rivals: Vec<(String, f64)> = Vec::new();
         let mut likely: Vec<(String, f64)> = Vec::new();
         for (candidate, of_rival) in search.joined(&rest) {

@@ -18,13 +18,13 @@ use crate::engine::work::Work;
 /// A tenth of the runs may be outliers; more are a part of the process.
 const MOST_OUTLIERS: f64 = 0.1;
 
-/// Below so many degrees of freedom two halves of the residuals have ten each, and their variances differ by a factor of 6 by chance (F, 0.5 %): kinds of noise are not told apart then.
+/// Below this many degrees of freedom two halves of the residuals have ten each, and their variances differ by a factor of 6 by chance (F, 0.5 %): kinds of noise are not distinguished then.
 const LEAST_FREEDOM: usize = 20;
 
-/// So many runs in a row that do not stand out hide no further ones: scatter does not grow when they are left out.
+/// This many runs in a row that do not stand out hide no further ones: scatter does not grow when they are left out.
 const HIDING: usize = 15;
 
-/// Up to so many rows outlying runs are taken out one by one, as Rosner does; of more rows as many at once as keep the rounds, each of which is a fit to all rows, from growing with them.
+/// Up to this many rows outlying runs are taken out one by one, as Rosner does; of more rows as many at once as keep the rounds, each of which is a fit to all rows, from growing with them.
 const ONE_BY_ONE: usize = 400;
 
 /// Turns until causes, outliers and noise stay; where they circle, the best turn counts.

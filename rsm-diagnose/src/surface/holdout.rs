@@ -22,10 +22,10 @@ use rsm_fit::random::Random;
 /// Folds of the cross-validation: a fifth is left out at a time (Hastie, Tibshirani, Friedman, The Elements of Statistical Learning, 7.10).
 pub const FOLDS: usize = 5;
 
-/// Up to so many rows every kind of noise is tried again in each fold.
+/// Up to this many rows every kind of noise is tried again in each fold.
 const ALL_NOISE: usize = 200;
 
-/// Errors of one response on unseen rows.
+/// Errors of one response on holdout rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Errors {
     /// Rows.

@@ -74,13 +74,13 @@ pub struct Hypothesis {
     pub group: usize,
 }
 
-/// Terms are looked for up to so many orders above the highest of the file,
+/// Terms are looked for up to this many orders above the highest of the file,
 const ORDERS_ABOVE: u32 = 2;
 
 /// as long as there are no more than this many: beyond, all have partners that data of a usual size do not tell them from.
 const MOST_TERMS: usize = 90;
 
-/// Changes between runs are looked for at no more than so many places; the best is then refined.
+/// Changes between runs are looked for at no more than this many places; the best is then refined.
 pub(super) const MOST_CHANGES: usize = 40;
 
 /// Rows on either side of a change.
@@ -95,7 +95,7 @@ const BIASES: [f64; 4] = [-0.35, -0.15, 0.15, 0.35];
 /// Two shapes whose columns are this parallel are one.
 const PARALLEL: f64 = 0.9999;
 
-/// A whole order is asked for where there are so many rows for each of its terms.
+/// A whole order is asked for where there are this many rows for each of its terms.
 const LEAST_ROWS_PER_TERM: usize = 2;
 
 /// Odds of one order more: effects become rarer as their order grows (the hierarchy of effects; Wu, Hamada, Experiments, 4.6). 2 ln e.

@@ -55,10 +55,10 @@ use sample::{Sample, Taken};
 /// False alarms of a whole diagnosis. 5 % are allowed; a fifth is kept back for the draws, which know a threshold to some 15 %.
 const FALSE_ALARMS: f64 = 0.04;
 
-/// The search for causes of a response may take so many multiplications, each of two explanations where there are two: some ten seconds. A hundred rows take a hundredth of it.
+/// The search for causes of a response may take this many multiplications, each of two explanations where there are two: some ten seconds. A hundred rows take a hundredth of it.
 const MOST_WORK: usize = 6_000_000_000;
 
-/// Each fold of a cross-validation may take so many.
+/// Each fold of a cross-validation may take this many.
 const MOST_WORK_OF_FOLD: usize = 1_000_000_000;
 
 /// With fewer rows inside there is nothing to test.

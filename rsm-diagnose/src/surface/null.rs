@@ -15,7 +15,7 @@ const SHARES: [f64; 5] = [0.4, 0.15, 0.15, 0.15, 0.15];
 /// Draws for the mean: the 1.6 % point of 2000 draws is known to a fifth of itself.
 const DRAWS: usize = 2000;
 
-/// At most so many multiplications; large data have smoother distributions, and fewer draws do.
+/// At most this many multiplications; large data have smoother distributions, and fewer draws do.
 const WORK: usize = 1_500_000_000;
 
 /// Draws for the mean of a likelihood ratio, which a factor of 1.1 in a hundred draws knows.

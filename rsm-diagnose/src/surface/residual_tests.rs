@@ -24,7 +24,7 @@ pub struct Test {
 /// Draws for the moments of a quadratic form: its standard deviation is then known to 4 %.
 const DRAWS: usize = 300;
 
-/// Beyond so many rows distances of all pairs cost too much, and one input at a time says enough.
+/// Beyond this many rows distances of all pairs cost too much, and one input at a time says enough.
 const MOST_PAIRED: usize = 3000;
 
 /// Fewer distinct values than this are levels, not an axis along which something bends.

@@ -89,7 +89,7 @@ pub enum Taken<'a> {
 /// In half ranges: the largest of the biases that a hypothesis is made for, and the gain of 1.25 of an input whose range begins at zero.
 const REACH: f64 = 0.5;
 
-/// So many points know the mean products of terms to two per cent.
+/// This many points know the mean products of terms to two per cent.
 const SPREAD: usize = 2000;
 
 /// A share of the range: beyond it by less is the rounding of a conversion of units.

@@ -24,7 +24,7 @@ pub(super) struct Candidate {
 /// Paths that are followed at once, and continuations of each. Two causes that mask each other need the better one of a pair to be among the first of one of them.
 const BEAM: usize = 5;
 
-/// A set has at most so many: more causes than this in one data set are no longer told apart by anybody.
+/// A set has at most this many: the data of one file cannot distinguish more causes.
 const MOST_CAUSES: usize = 9;
 
 /// Rows between two changes in the run order: fewer are outlying runs, each for itself.
@@ -425,7 +425,7 @@ impl Search {
     }
 }
 
-/// None, each one, each two of so many places.
+/// None, each one, each two of this many places.
 fn subsets_of_two(count: usize) -> Vec<Vec<usize>> {
     let ones = (0..count).map(|a| vec![a]);
     let twos = (0..count).flat_map(|a| (0..a).map(move |b| vec![b, a]));

@@ -12,7 +12,7 @@ use rsm_sim::simulate::Simulator;
 /// Samples in a time constant of the velocity loop with which a command is found: fast, and sampled finely enough to be stable with any mechanics.
 const SAMPLES: f64 = 20.0;
 
-/// The velocity loop is so many times faster than the position loop around it.
+/// The velocity loop is this many times faster than the position loop around it.
 const CASCADE: f64 = 4.0;
 
 /// The command that a motion may need, as a share of its limit.

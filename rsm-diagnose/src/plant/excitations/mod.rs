@@ -1,6 +1,6 @@
 //! The library of excitations: records that a bench, a track or an axis could make next.
 //!
-//! In: the plant that is believed and what its records cover. Out: [`Excitation`]s, each a record of inputs whose motion stays within the [`Limits`] of the plant file (bus
+//! In: the plant that is accepted and what its records cover. Out: [`Excitation`]s, each a record of inputs whose motion stays within the [`Limits`] of the plant file (bus
 //! voltage, longest current vector, command limit) and of the records (speeds, travel, loads). A motion that exceeds them is made smaller, and left out if it becomes too
 //! small to be useful. Knows no cause and judges nothing.
 

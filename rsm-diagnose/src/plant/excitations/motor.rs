@@ -14,10 +14,10 @@ const OF_CURRENT: f64 = 0.7;
 /// Share of V_dc/sqrt 3 that voltages may reach: references of the drive leave as much to its current control.
 const OF_VOLTAGE: f64 = 0.95;
 
-/// A record of the longest kind has so many rows of the others: windings of a motor of this size heat in minutes, and a fifth of a time constant is seen.
+/// A record of the longest kind has this many rows of the others: windings of a motor of this size heat in minutes, and a fifth of a time constant is seen.
 const LONG: usize = 4;
 
-/// And at most so many.
+/// And at most this many.
 const LONG_ROWS: usize = 32_000;
 
 struct Motor<'a> {

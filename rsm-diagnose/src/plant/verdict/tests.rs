@@ -244,7 +244,7 @@ fn rivals_are_alike_that_do_worse_by_less_than_decides() {
     // Friction that differs by direction holds dry friction as its special case, and is no rival of it.
     let one = rivals::without_general(&one);
     assert_eq!(one.rivals.iter().map(|it| it.0.as_str()).collect::<Vec<_>>(), ["near", "at the limit", "far", "nearer"]);
-    // Of the same trace the one that was fitted and does worse is told apart.
+    // Of the same trace the one that was fitted and does worse is distinguished.
     assert_eq!(rivals::alike(&one, 30.0), ["near", "nearer", "same trace"]);
     let aliases = rivals::aliases(&one, 30.0);
     let told: Vec<_> = aliases.iter().map(|it| (it.cause.as_str(), it.rival.as_str(), it.limit)).collect();
