@@ -115,7 +115,7 @@ fn commands_are_printed_for_each_host() {
     assert!(lines[1].starts_with("rsm federate broker --broker 127.0.0.1:") && lines[1].ends_with("--federates 2"));
     assert!(lines[2].starts_with("rsm federate motor") && lines[2].ends_with("--out 'my records'"));
     let unknown = rsm(&["cosim", "s.toml", "--out", "r", "--host", "middle"], here.path());
-    assert!(text(&unknown.stderr).contains("no host `middle`; it names left, right"));
+    assert!(text(&unknown.stderr).contains("found no host `middle`, expected one of left, right"));
     assert_eq!(unknown.status.code(), Some(2));
 }
 
