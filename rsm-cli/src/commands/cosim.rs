@@ -55,8 +55,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     let hosts = scenario.hosts();
     if let Some(host) = arguments.host.as_deref().filter(|host| !hosts.contains(host)) {
-        let known = if hosts.is_empty() { "no host".to_string() } else { hosts.join(", ") };
-        return Err(Refusal::new(format!("{}: found no host `{host}`, expected one of {known}", arguments.scenario.display())));
+        let known = if hosts.is_empty() { "a scenario with hosts".to_string() } else { format!("one of {}", hosts.join(", ")) };
+        return Err(Refusal::new(format!("{}: found no host `{host}`, expected {known}", arguments.scenario.display())));
     }
     let starts = scenario.commands(&arguments.out.display().to_string());
     if arguments.commands || (arguments.host.is_none() && hosts.len() > 1) {
