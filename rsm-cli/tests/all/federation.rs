@@ -5,25 +5,13 @@
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant};
 
 use rsm_link::loops::{self, Loop, Run};
 
 use crate::command::{folder, json, rsm, text};
 use crate::libhelics::helics;
-
-/// A port that nobody has now, and neither the next two: the library takes them for ZeroMQ. Below those that a system gives to whoever asks for any, and never twice in a process.
-fn port() -> u16 {
-    static NEXT: AtomicU16 = AtomicU16::new(0);
-    let first = 10_000 + (std::process::id() % 1000) as u16 * 20;
-    loop {
-        let port = first + 4 * NEXT.fetch_add(1, Ordering::Relaxed);
-        if (port..port + 3).all(|it| std::net::TcpListener::bind(("127.0.0.1", it)).is_ok()) {
-            return port;
-        }
-    }
-}
+use crate::ports::port;
 
 fn scenario(core: &str, seconds: f64, processes: &str) -> String {
     let port = port();

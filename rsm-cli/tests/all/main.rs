@@ -14,6 +14,7 @@ mod limits;
 mod made_up_runs;
 mod motor;
 mod pages;
+mod ports;
 mod readme;
 mod reference;
 mod shell;

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use crate::libhelics::helics;
 use crate::namespaces::Hosts;
+use crate::ports::port;
 use crate::{alone, seconds};
 
 const RSM: &str = env!("CARGO_BIN_EXE_rsm");
@@ -75,7 +76,7 @@ fn the_rate_of_every_core_on_one_host() {
     let helics = helics.canonicalize().unwrap().display().to_string();
     for core in ["tcp_ss", "zmq", "ipc"] {
         let folder = tempfile::tempdir().unwrap();
-        let broker = format!("127.0.0.1:{}", crate::port());
+        let broker = format!("127.0.0.1:{}", port());
         let length = seconds().to_string();
         let common = ["--broker", &broker, "--core", core, "--helics", &helics];
         let run = ["--seconds", length.as_str()];

@@ -7,6 +7,8 @@
 mod libhelics;
 mod lockstep;
 mod namespaces;
+#[path = "../all/ports.rs"]
+mod ports;
 mod relay;
 #[path = "../../../tests/src/skipped.rs"]
 mod skipped;
@@ -23,9 +25,4 @@ fn alone() -> MutexGuard<'static, ()> {
 /// How long a run is, in s.
 fn seconds() -> f64 {
     std::env::var("RSM_FEDERATION_SECONDS").map_or(2.0, |words| words.parse().expect("RSM_FEDERATION_SECONDS is a number"))
-}
-
-/// A port that nobody has now, on this host; in a fresh namespace any will do.
-fn port() -> u16 {
-    std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }

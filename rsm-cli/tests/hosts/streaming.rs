@@ -8,9 +8,10 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use crate::namespaces::Hosts;
+use crate::ports::port;
 use crate::relay::{Fate, Relay};
 use crate::skipped::skipped;
-use crate::{alone, port, seconds};
+use crate::{alone, seconds};
 
 const RSM: &str = env!("CARGO_BIN_EXE_rsm");
 

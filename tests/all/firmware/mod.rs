@@ -300,7 +300,7 @@ fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
     }
     println!("{text}");
     if std::env::var_os("RSM_BLESS").is_some() {
-        blessed("budget.txt", &text);
+        readme::blessed_budget("budget.txt", &text);
     }
     let budget = std::fs::read_to_string(builds::firmware().join("budget.txt")).expect("the budget");
     for (name, numbers) in &found {

@@ -1,12 +1,14 @@
 //! What the firmware's README says of costs and memory is what the budget and the types say: it is read from them.
 
 use std::mem::size_of;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 use motor_loop::{CurrentState, Drive, ReferenceState};
 use throttle_loop::raw::RawState;
 
 use super::image::INTERRUPTS;
-use super::{STEPS, builds};
+use super::{STEPS, blessed, builds};
 
 /// A number of the budget.
 fn budget(name: &str, level: &str, what: &str) -> String {
@@ -44,28 +46,52 @@ fn lines() -> Vec<String> {
     costs.into_iter().chain(interrupts).chain(states.map(|(state, bytes)| format!("| `{state}` | {bytes} |"))).collect()
 }
 
+/// Budgets and page change together: the tests of this program run side by side.
+static PAGE: Mutex<()> = Mutex::new(());
+
+fn page() -> PathBuf {
+    builds::firmware().join("README.md")
+}
+
+/// Is a budget as it must be? With RSM_BLESS=1 it is written, and the page from it: whichever test counts last, the page has its counts.
+pub fn blessed_budget(name: &str, text: &str) -> bool {
+    let _alone = PAGE.lock().unwrap_or_else(PoisonError::into_inner);
+    let same = blessed(name, text);
+    bless_page();
+    same
+}
+
+/// With RSM_BLESS=1, writes the lines of the tables.
+fn bless_page() {
+    if std::env::var_os("RSM_BLESS").is_none() {
+        return;
+    }
+    let text = std::fs::read_to_string(page()).expect("the README");
+    assert!(blessed("README.md", &with_lines(&text, &lines())));
+}
+
+/// The page with these lines in the place of those of the same first cell and as many cells.
+fn with_lines(text: &str, lines: &[String]) -> String {
+    let kept = text.lines().map(|line| {
+        let written = lines.iter().find(|cost| {
+            let head = cost.split('|').nth(1);
+            line.starts_with("| `") && head == line.split('|').nth(1) && cost.matches('|').count() == line.matches('|').count()
+        });
+        written.map_or(line, String::as_str).to_string() + "\n"
+    });
+    kept.collect()
+}
+
 #[test]
 fn the_readme_tells_the_costs_of_the_budget_and_the_sizes_of_the_states() {
-    let path = builds::firmware().join("README.md");
-    let mut text = std::fs::read_to_string(&path).expect("the README");
-    if std::env::var_os("RSM_BLESS").is_some() {
-        let kept = text.lines().map(|line| {
-            let written = lines().into_iter().find(|cost| {
-                let head = cost.split('|').nth(1);
-                line.starts_with("| `")
-                    && head == line.split('|').nth(1)
-                    && cost.matches('|').count() == line.matches('|').count()
-            });
-            written.unwrap_or_else(|| line.to_string()) + "\n"
-        });
-        text = kept.collect();
-        std::fs::write(&path, &text).expect("the README can be written");
-    }
+    let _alone = PAGE.lock().unwrap_or_else(PoisonError::into_inner);
+    bless_page();
+    let text = std::fs::read_to_string(page()).expect("the README");
     for line in lines() {
         assert!(
             text.lines().any(|found| found == line),
             "{}: expected the line `{line}`; run with RSM_BLESS=1",
-            path.display()
+            page().display()
         );
     }
 }

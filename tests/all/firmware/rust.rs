@@ -88,7 +88,7 @@ fn the_firmware_in_rust_has_the_bits_of_the_firmware_in_c() {
     }
     println!("{text}");
     assert!(
-        super::blessed("rust/budget.txt", &text),
+        super::readme::blessed_budget("rust/budget.txt", &text),
         "targets/firmware/rust/budget.txt has other counts: run with RSM_BLESS=1"
     );
 }

@@ -7,6 +7,7 @@
 mod chain;
 mod driveline;
 mod faults;
+mod measured_motor;
 mod motor;
 mod paper;
 mod speed;
@@ -140,10 +141,11 @@ fn report(paper: &Paper, good: bool, motor: &Section, driveline: &Section, loope
         "<h1>Both experiments, measured again</h1>\n\
          <p class=\"lead\">Two experiments of \"Real-time simulation and control systems design by the Response Surface Methodology and designed experiments\", on \
          simulated plants with sensor noise: a motor controller whose flux weakening is a response surface, and a car whose driveline oscillation (shuffle) is damped with response surfaces. This simple motor has a closed form, which is cheaper \
-         than its surfaces. A measured motor has none: there the surfaces take about a hundredth of the solver's instructions (the book, <i>Speed and accuracy</i>). With lash \
+         than its surfaces. A measured motor has none: there the surfaces take {} (the book, <i>Speed and accuracy</i>). With lash \
          the car's damping ratio stays above the target of 0.7: see the table.</p>\n\
          {}{}<div class=\"plots one\">{}</div>\n<h2>All figures</h2>\n\
          <p>The rows with a colour do not keep their bound.</p>\n{}{}{}<h2>The loop in real time</h2>\n<pre>{}</pre>\n{}",
+        measured_motor::cost(),
         summary::verdict(tone, state, &sentence),
         summary::numbers(&paper.numbers()),
         motor.plot,
