@@ -87,20 +87,16 @@ impl Block {
         let (n, row) = (self.states, stride(self.states));
         let h = part.length_of(level);
         let ([one, two, three], [half, half_two, _]) = (part.chain.at(level), part.chain.at(level + 1));
-        for i in 0..n {
-            for j in 0..n {
-                let at = i * row + j;
-                let values = [
-                    0.5 * h * half[at],
-                    h * one[at],
-                    2.0 * h * three[at],
-                    h * (two[at] - 2.0 * three[at]),
-                    part.linear[i * n + j],
-                ];
-                for (place, value) in values.into_iter().enumerate() {
-                    slots[self.matrix(place, i, j)][lane] = value;
-                }
+        let shares = [(half, 0.5 * h), (one, h), (three, 2.0 * h)];
+        let linear = part.linear.chunks_exact(n);
+        for (i, linear) in linear.enumerate() {
+            let of = i * row..i * row + n;
+            for (place, (matrix, factor)) in shares.iter().enumerate() {
+                put(slots, lane, self.matrix(place, i, 0), matrix[of.clone()].iter().map(|it| factor * it));
             }
+            let off = two[of.clone()].iter().zip(&three[of]).map(|(two, three)| h * (two - 2.0 * three));
+            put(slots, lane, self.matrix(3, i, 0), off);
+            put(slots, lane, self.matrix(4, i, 0), linear.iter().copied());
             let moved =
                 |matrix: &[f64], h: f64| -> f64 { h * h * (0..n).map(|j| matrix[i * row + j] * part.by_time[j]).sum::<f64>() };
             let times = [moved(half_two, 0.5 * h), moved(two, h), 0.5 * h * part.by_time[i], h * part.by_time[i]];
@@ -139,63 +135,89 @@ impl Part {
     /// L y
     fn times(&self, y: &[f64], to: &mut [f64]) {
         for (to, row) in to.iter_mut().zip(self.linear.chunks_exact(y.len())) {
-            *to = row.iter().zip(y).map(|(a, b)| a * b).sum();
+            *to = line(row, y);
         }
     }
 
     /// From one share of a step of a level to a later one, on the solution for a remainder a s + b s^2: `y` is what the states have moved by. Exact but for rounding.
-    pub(super) fn within(&self, level: usize, (from, to): (f64, f64), [rates, a, end]: [&[f64]; 3], y: &mut [f64]) {
+    pub(super) fn within(&self, level: usize, (from, to): (f64, f64), forcing: &Forcing, y: &mut [f64]) {
         let n = y.len();
         let h = self.length_of(level);
         let mut at = from;
-        let (mut v, mut first, mut second, mut moved) =
-            ([0.0; MOST_STATES], [0.0; MOST_STATES], [0.0; MOST_STATES], [0.0; MOST_STATES]);
-        let forced = |at: f64, share: f64, y: &[f64], v: &mut [f64], first: &mut [f64], second: &mut [f64]| {
-            self.times(y, &mut v[..n]);
-            for i in 0..n {
-                let b = end[i] - a[i];
-                let slope = a[i] + h * self.by_time[i];
-                v[i] += rates[i] + (slope + b * at) * at;
-                (first[i], second[i]) = ((slope + 2.0 * b * at) * share, b * share * share);
-            }
-        };
+        let mut space = [[0.0; MOST_STATES]; 3];
+        let [v, first, second] = &mut space;
+        let (v, first, second) = (&mut v[..n], &mut first[..n], &mut second[..n]);
+        let mut share = 1.0;
         for deeper in 1..self.chain.levels() - level {
-            let share = 0.5_f64.powi(deeper as i32);
+            share *= 0.5;
             if at + share > to {
                 continue;
             }
-            forced(at, share, y, &mut v, &mut first, &mut second);
+            self.forced(forcing, (h, at, share), y, [v, first, second]);
             let ([one, two, three], length, row) = (self.chain.at(level + deeper), h * share, stride(n));
-            for i in 0..n {
-                let line = |matrix: &[f64], by: &[f64]| -> f64 {
-                    matrix[i * row..i * row + n].iter().zip(by).map(|(a, b)| a * b).sum()
-                };
-                moved[i] = length * (line(one, &v) + line(two, &first) + 2.0 * line(three, &second));
+            for (i, y) in y.iter_mut().enumerate() {
+                let of = |matrix: &[f64], by: &[f64]| line(&matrix[i * row..i * row + n], by);
+                *y += length * (of(one, v) + of(two, first) + 2.0 * of(three, second));
             }
-            y.iter_mut().zip(&moved).for_each(|(y, moved)| *y += moved);
             at += share;
         }
         let share = to - at;
         if share <= 0.0 {
             return;
         }
-        // What is left is so short that the series of the exponential falls by a factor of 2 k a term.
-        forced(at, share, y, &mut v, &mut first, &mut second);
+        // What is left is so short that the series of the exponential falls by a factor of 2 k a term. It ends where a term is rounded away.
+        self.forced(forcing, (h, at, share), y, [v, first, second]);
         let length = h * share;
-        let mut term = v.map(|it| it * length);
+        v.iter_mut().for_each(|it| *it *= length);
+        let mut moved = [0.0; MOST_STATES];
+        let moved = &mut moved[..n];
         for k in 1..=TAYLOR {
-            y.iter_mut().zip(&term).for_each(|(y, term)| *y += term);
-            self.times(&term[..n], &mut moved[..n]);
+            let mut moves = false;
+            for (y, term) in y.iter_mut().zip(&*v) {
+                let next = *y + term;
+                moves |= next != *y;
+                *y = next;
+            }
+            // Terms 1 to 3 bring the forcing.
+            if !moves && k > 3 {
+                return;
+            }
+            self.times(v, moved);
             for i in 0..n {
                 let forcing = match k {
                     1 => first[i],
                     2 => second[i],
                     _ => 0.0,
                 };
-                term[i] = length * (moved[i] + forcing) / (k + 1) as f64;
+                v[i] = length * (moved[i] + forcing) / (k + 1) as f64;
             }
         }
     }
+
+    /// At a share of a step of length h: the rates, and the first and second derivative of what forces them, over a share from there.
+    fn forced(&self, forcing: &Forcing, (h, at, share): (f64, f64, f64), y: &[f64], [v, first, second]: [&mut [f64]; 3]) {
+        self.times(y, v);
+        for (i, [rate, a, end]) in forcing.by_state.iter().take(y.len()).enumerate() {
+            let b = end - a;
+            let slope = a + h * self.by_time[i];
+            v[i] += rate + (slope + b * at) * at;
+            (first[i], second[i]) = ((slope + 2.0 * b * at) * share, b * share * share);
+        }
+    }
+}
+
+/// What the solution inside of a step is made of, state by state: the rate at its start, a, D(1).
+pub(super) struct Forcing {
+    pub by_state: [[f64; 3]; MOST_STATES],
+}
+
+/// Puts values into the slots of a lane, from one on.
+fn put<const L: usize>(slots: &mut [[f64; L]], lane: usize, begin: usize, values: impl Iterator<Item = f64>) {
+    slots[begin..].iter_mut().zip(values).for_each(|(slot, value)| slot[lane] = value);
+}
+
+fn line(row: &[f64], by: &[f64]) -> f64 {
+    row.iter().zip(by).fold(0.0, |sum, (a, b)| sum + a * b)
 }
 
 /// Terms of the series behind the last level.

@@ -3,6 +3,7 @@
 //! In: the parts that a lane has taken so far, how comparisons are held, a length. Out: the part that fits, or room for another. What is kept depends on the lane alone.
 
 use super::exponential::{MOST_STATES, Part};
+use super::stiff::NEEDED;
 
 /// Linear parts that a lane keeps: a plant with a few comparisons goes to and fro between few.
 const MOST_PARTS: usize = 6;
@@ -26,6 +27,8 @@ pub(super) struct Kept {
     pub cost: u64,
     /// Whether it went back before.
     pub went_back: bool,
+    /// Levels that the next linear part gets at least: as many as the last step had need of.
+    pub levels: usize,
     clock: u64,
 }
 
@@ -33,7 +36,7 @@ impl Kept {
     /// Before a run.
     pub(super) fn clear(&mut self) {
         let parts = std::mem::take(&mut self.parts);
-        *self = Kept { parts, ..Kept::default() };
+        *self = Kept { parts, levels: NEEDED, ..Kept::default() };
     }
 
     pub(super) fn tick(&mut self) -> u64 {

@@ -47,11 +47,13 @@ impl Chain {
 
     /// Takes another matrix, row by row without filling; at least so many levels. `false` where it is too large or no number.
     pub(super) fn take(&mut self, n: usize, a: &[f64], span: f64, levels: usize) -> bool {
-        self.n = n;
-        let (size, row) = (self.size(), stride(n));
-        // Room for z, its powers, e^z and two products, and the scales of the states.
-        self.work.clear();
-        self.work.resize(7 * size + n, 0.0);
+        let (size, row) = (n * stride(n), stride(n));
+        // Room for z, its powers, e^z and two products, and the scales of the states. What fills rows up stays 0.
+        if self.n != n {
+            self.n = n;
+            self.work.clear();
+            self.work.resize(7 * size + n, 0.0);
+        }
         let (scales, work) = self.work.split_at_mut(n);
         let (z, rest) = work.split_at_mut(size);
         for i in 0..n {
@@ -140,11 +142,14 @@ impl Chain {
             }
         }
         // Back from balanced states: scales are powers of two.
-        for matrix in values.chunks_exact_mut(size) {
+        if scales.iter().any(|it| *it != 1.0) {
             for i in 0..n {
                 for j in 0..n {
-                    matrix[i * row + j] *= scales[i] / scales[j];
+                    spare[i * row + j] = scales[i] / scales[j];
                 }
+            }
+            for matrix in values.chunks_exact_mut(size) {
+                matrix.iter_mut().zip(&*spare).for_each(|(it, scale)| *it *= scale);
             }
         }
         values.iter().all(|it| it.is_finite())

@@ -21,6 +21,13 @@ const MANY: f64 = 4.0;
 /// Places at which a step is looked at for changes of comparisons.
 const LOOKS: usize = 8;
 
+/// A comparison is far from its border when it is so many times as far as it moves in a step. A motion that three places and the slope at the start do not show at all would have to be twice as
+/// large as what they show.
+const FAR: f64 = 2.0;
+
+/// Comparisons for which that is asked, at most; plants with more are looked at everywhere.
+const MOST_FAR: usize = 16;
+
 /// Halvings that place an event, until the instants are neighbours.
 const HALVINGS: usize = 60;
 
@@ -73,7 +80,7 @@ impl<const L: usize> Walk<'_, L> {
         let differ = self.sides_differ();
         let mut right: [bool; L] = std::array::from_fn(|lane| whole[lane] && agree[lane] && !differ[lane]);
         if self.programs.counts.held > 0 && right.contains(&true) {
-            let found = self.changes_inside(&mut |walk, share| {
+            let found = self.changes_inside(right, &mut |walk, share| {
                 for lane in (0..L).filter(|lane| right[*lane]) {
                     if linear[lane] {
                         walk.put_inside(lane, 0, share, now + share * rest);
@@ -97,28 +104,31 @@ impl<const L: usize> Walk<'_, L> {
         right
     }
 
-    /// Where a comparison changes inside a step: a share before, and one behind it. `place` puts the walk at a share. Looked at at the end and at [`LOOKS`] places, and where a comparison
-    /// comes nearest to its border between three of them, by the parabola through these.
-    fn changes_inside(&mut self, place: &mut dyn FnMut(&mut Self, f64)) -> [Option<(f64, f64)>; L] {
+    /// Where a comparison changes inside a step: a share before, and one behind it. `place` puts the walk at a share; the walk stands at the end of the step. Looked at at the end and at
+    /// [`LOOKS`] places, and where a comparison comes nearest to its border between three of them, by the parabola through these. A lane whose comparisons stay [`FAR`] from their borders
+    /// has no change.
+    fn changes_inside(&mut self, asked: [bool; L], place: &mut dyn FnMut(&mut Self, f64)) -> [Option<(f64, f64)>; L] {
         let mut found = [None; L];
+        let far = self.stay_far(place);
+        let far: [bool; L] = std::array::from_fn(|lane| far[lane] || !asked[lane]);
+        if far == [true; L] {
+            return found;
+        }
         let count = self.programs.counts.held;
         let mut distances: Vec<[f64; L]> = Vec::with_capacity((LOOKS + 1) * count);
         for look in 0..=LOOKS {
             let share = look as f64 / LOOKS as f64;
             place(self, share);
             let differ = self.sides_differ();
-            for lane in (0..L).filter(|lane| look > 0 && differ[*lane]) {
+            for lane in (0..L).filter(|lane| look > 0 && differ[*lane] && !far[*lane]) {
                 found[lane] = found[lane].or(Some((share - 1.0 / LOOKS as f64, share)));
             }
-            let begin = self.programs.sides.as_ref().map_or(0, |it| it.results as usize);
-            for sides in self.slots[begin..begin + 2 * count].chunks_exact(2) {
-                distances.push(std::array::from_fn(|lane| (sides[0][lane] - sides[1][lane]).abs()));
-            }
+            distances.extend((0..count).map(|k| self.distance(k).map(f64::abs)));
         }
         for look in 1..LOOKS {
             for k in 0..count {
                 let at = |look: usize, lane: usize| distances[look * count + k][lane];
-                for (lane, found) in found.iter_mut().enumerate().filter(|it| it.1.is_none()) {
+                for (lane, found) in found.iter_mut().enumerate().filter(|it| it.1.is_none() && !far[it.0]) {
                     let (a, b, c) = (at(look - 1, lane), at(look, lane), at(look + 1, lane));
                     if b <= a && b <= c && a + c > 2.0 * b {
                         let share = (look as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)) / LOOKS as f64;
@@ -131,6 +141,48 @@ impl<const L: usize> Walk<'_, L> {
             }
         }
         found
+    }
+
+    /// In which lanes every comparison is at least [`FAR`] times as far from its border as it moves: at the start, an eighth, the middle and the end of a step. What moves in the first eighth counts
+    /// eight times, so the slope at the start counts too; the middle shows a motion that comes back within the step.
+    fn stay_far(&mut self, place: &mut dyn FnMut(&mut Self, f64)) -> [bool; L] {
+        let count = self.programs.counts.held;
+        let mut far = self.sides_differ().map(|differs| !differs);
+        let ends: [[f64; L]; MOST_FAR] = std::array::from_fn(|k| if k < count { self.distance(k) } else { [0.0; L] });
+        if count > MOST_FAR || far == [false; L] {
+            return [false; L];
+        }
+        let mut nearest = ends.map(|end| end.map(f64::abs));
+        let mut moved = [[0.0_f64; L]; MOST_FAR];
+        let mut starts = [[0.0; L]; MOST_FAR];
+        for (share, times) in [(0.0, 1.0), (1.0 / LOOKS as f64, LOOKS as f64), (0.5, 1.0)] {
+            place(self, share);
+            let differ = self.sides_differ();
+            for k in 0..count {
+                let here = self.distance(k);
+                for lane in 0..L {
+                    if share == 0.0 {
+                        starts[k][lane] = here[lane];
+                    }
+                    nearest[k][lane] = nearest[k][lane].min(here[lane].abs());
+                    let way = times * (here[lane] - starts[k][lane]).abs();
+                    moved[k][lane] = moved[k][lane].max(way).max((ends[k][lane] - here[lane]).abs());
+                }
+            }
+            (0..L).for_each(|lane| far[lane] &= share == 0.0 || !differ[lane]);
+        }
+        for k in 0..count {
+            // Distances that are no numbers are near.
+            (0..L).for_each(|lane| far[lane] &= nearest[k][lane] >= FAR * moved[k][lane] && nearest[k][lane] > 0.0);
+        }
+        far
+    }
+
+    /// How far a comparison is from its border in each lane, with its sign, when the sides were computed last.
+    fn distance(&self, comparison: usize) -> [f64; L] {
+        let begin = self.programs.sides.as_ref().map_or(0, |it| it.results as usize) + 2 * comparison;
+        let (left, right) = (self.slots[begin], self.slots[begin + 1]);
+        std::array::from_fn(|lane| left[lane] - right[lane])
     }
 
     fn put_on_series(&mut self, lane: usize, tried: Option<Tried>, share: f64, time: f64) {
@@ -158,7 +210,7 @@ impl<const L: usize> Walk<'_, L> {
         }
     }
 
-    fn stand_before(&mut self, lane: usize, time: f64) {
+    pub(super) fn stand_before(&mut self, lane: usize, time: f64) {
         let layout = self.programs.layout;
         for k in 0..self.programs.counts.states {
             self.slots[layout.states as usize + k][lane] = self.before[k][lane];
@@ -272,7 +324,7 @@ impl Walk<'_, 1> {
                 continue;
             }
             if self.programs.counts.held > 0 {
-                let [found] = self.changes_inside(&mut |walk, share| {
+                let [found] = self.changes_inside([true], &mut |walk, share| {
                     walk.inside(&way, (now, h), taken, share);
                 });
                 if let Some(bracket) = found {

@@ -3,7 +3,7 @@
 //! In: a walk at an instant, the time to the next row. Out: the states behind a step whose error is allowed. Steps are the time to the row, its half, its quarter and so on, so the matrices of a linear part serve row after row. A linear part
 //! is taken when a row begins that none fits, and again where the error of a step is too large and the linear part was taken elsewhere: both depend on the lane alone.
 
-use super::exponential::MOST_STATES;
+use super::exponential::{Forcing, MOST_STATES};
 use super::kept::{Anchor, Loaded, SAME, Segment};
 use super::rows::Stopped;
 use super::walk::Walk;
@@ -13,6 +13,9 @@ const SMALL: f64 = 1.0 / 32.0;
 
 /// Halvings at most.
 const MOST_LEVELS: usize = 40;
+
+/// Levels that a step of a level has need of: its own and its half.
+pub(super) const NEEDED: usize = 2;
 
 /// What it costs to take a linear part, or a step of the series, in steps by matrices at hand. Measured on the driveline: 1.6 and 1 to 2 us to 0.1 us.
 pub(super) const TAKEN: u64 = 8;
@@ -117,17 +120,21 @@ impl<const L: usize> Walk<'_, L> {
 
     /// Puts a lane inside of its last step, of a level.
     pub(super) fn put_inside(&mut self, lane: usize, level: usize, share: f64, time: f64) {
+        if share == 0.0 {
+            self.anchors[lane] = Anchor::START;
+            self.stand_before(lane, time);
+            return;
+        }
         let n = self.programs.counts.states;
         let kept = &self.kept[lane];
         let Some(part) = kept.current.map(|place| &kept.parts[place]) else { return };
-        let read = |begin: usize| -> [f64; MOST_STATES] {
-            let mut list = [0.0; MOST_STATES];
-            list.iter_mut().zip(&self.slots[begin..begin + n]).for_each(|(to, from)| *to = from[lane]);
-            list
-        };
-        let [rates, a, end] = self.programs.block.inside().map(read);
+        let begins = self.programs.block.inside();
+        let mut forcing = Forcing { by_state: [[0.0; 3]; MOST_STATES] };
+        for (k, it) in forcing.by_state[..n].iter_mut().enumerate() {
+            *it = [self.slots[begins[0] + k][lane], self.slots[begins[1] + k][lane], self.slots[begins[2] + k][lane]];
+        }
         let mut anchor = if self.anchors[lane].share <= share { self.anchors[lane] } else { Anchor::START };
-        part.within(level, (anchor.share, share), [&rates[..n], &a[..n], &end[..n]], &mut anchor.moved[..n]);
+        part.within(level, (anchor.share, share), &forcing, &mut anchor.moved[..n]);
         anchor.share = share;
         // What is remembered does not depend on where the comparisons of other lanes are looked at.
         if self.is_locating || (share * GRID).fract() == 0.0 {
@@ -192,7 +199,7 @@ impl Walk<'_, 1> {
         part.length = length;
         (kept.is_fresh, kept.has_failed) = (true, false);
         kept.cost += TAKEN;
-        if !part.chain.take(n, &part.linear, length, 2) {
+        if !part.chain.take(n, &part.linear, length, kept.levels) {
             // No number may be left of it.
             part.length = f64::NAN;
             kept.current = None;
@@ -234,12 +241,12 @@ impl Walk<'_, 1> {
             return Ok(if self.take(segment.length, true) { Attempt::Again } else { Attempt::None });
         }
         kept.cost += 1;
-        if kept.parts[place].chain.levels() < level + 2 {
+        if kept.parts[place].chain.levels() < level + NEEDED {
             // More halvings round in another way: these are other matrices.
             let version = kept.tick();
             let part = &mut kept.parts[place];
             part.version = version;
-            if !part.chain.take(n, &part.linear, part.length, level + 6) {
+            if !part.chain.take(n, &part.linear, part.length, level + NEEDED) {
                 return Ok(Attempt::None);
             }
         }
@@ -257,6 +264,7 @@ impl Walk<'_, 1> {
             let end = self.programs.block.end();
             self.behind.copy_from_slice(&self.slots[end..end + n]);
             (self.kept[0].is_fresh, self.kept[0].has_failed) = (false, false);
+            self.kept[0].levels = level + NEEDED;
             self.segment = Some(Segment { index: index + 1, ..segment });
             let grows = level > 0 && size < SMALL;
             let suggestion = if grows { 2.0 * h } else { h };
