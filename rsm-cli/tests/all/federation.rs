@@ -249,5 +249,5 @@ fn who_waits_for_nobody_ends_with_words() {
     assert_eq!(empty.status.code(), Some(2));
     assert!(text(&empty.stderr).contains("not all of 2 federates have joined"), "{}", text(&empty.stderr));
     let twice = rsm(&["federate", "motor", "motor", "--broker", &broker, "--helics", &helics], here.path());
-    assert!(text(&twice.stderr).contains("`motor` stands there twice"), "{}", text(&twice.stderr));
+    assert!(text(&twice.stderr).contains("found the role `motor` twice"), "{}", text(&twice.stderr));
 }

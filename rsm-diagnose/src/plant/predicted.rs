@@ -10,6 +10,7 @@ use std::f64::consts::TAU;
 
 use super::levenberg::Fit;
 use super::orders::{self, HIGHEST_FREQUENCY, Way};
+use super::quantities::rounded;
 use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::LOOKS;
 use crate::engine::columns::Basis;
@@ -139,7 +140,8 @@ fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize
         let mut around: Vec<f64> = per_freedom[first..(first + 2 * NEIGHBOURS).min(reached.len())].to_vec();
         around.sort_by(f64::total_cmp);
         let level = (around[around.len() / 2] / median_of_chance(freedom)).max(1.0);
-        let what = format!("a wave of order {} over {}", way.order[*k], way.words());
+        // A line of the spectrum is as wide as one wave over the whole way: three digits hold the order of a record of hundreds of waves.
+        let what = format!("a wave of order {} over {}", rounded(way.order[*k], 3), way.words());
         Tried { output, what, gain, freedom, level }
     });
     each.collect()

@@ -212,7 +212,7 @@ impl Quantity {
         }
         let mut moving = values.as_slice();
         if self.division == (Division::Size { rests: true }) {
-            let rest = rounded(RESTING * last);
+            let rest = rounded(RESTING * last, 2);
             let at = values.partition_point(|value| *value < rest);
             if at as f64 > FEWEST * values.len() as f64 {
                 bounds.push(rest);
@@ -220,7 +220,7 @@ impl Quantity {
             }
         }
         for third in [1, 2] {
-            let Some(bound) = moving.get(moving.len() * third / 3).map(|value| rounded(*value)) else { continue };
+            let Some(bound) = moving.get(moving.len() * third / 3).map(|value| rounded(*value, 2)) else { continue };
             if bounds.last().is_none_or(|last| bound > *last) && bound > first && bound < last {
                 bounds.push(bound);
             }
@@ -248,10 +248,10 @@ fn names(name: &str, unit: &str, bounds: &[f64], rests: bool) -> Vec<String> {
         .collect()
 }
 
-/// A number with two significant digits.
+/// A number with so many significant digits.
 #[must_use]
-pub fn rounded(value: f64) -> f64 {
-    format!("{value:.1e}").parse().unwrap_or(value)
+pub fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
 }
 
 #[cfg(test)]

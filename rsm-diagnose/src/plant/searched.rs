@@ -26,6 +26,9 @@ use rsm_sim::record::Record;
 /// to 1000; a search that takes more has a cause outside the catalogue and only tries combinations of helpers.
 const MOST_RUNS: u64 = 4000;
 
+/// Steps a row that such a run counts as, at least. A plant takes one step a row; two and three causes together take 16,000 runs of it.
+const LEAST_STEPS_A_ROW: u64 = 4;
+
 /// Sub-steps that a search may take at most, however long records are or fast the plant: a minute of one core, at 150 ns each.
 const MOST_STEPS: u64 = 400_000_000;
 
@@ -73,7 +76,7 @@ impl<'a> Asked<'a> {
             hypotheses,
             survey: ready.survey.clone(),
             rounded: ready.rounded.clone(),
-            effort: Effort::within((MOST_RUNS * run).min(most)),
+            effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
             said,
             looks: waves + terms,
             progress: options.progress,

@@ -222,6 +222,6 @@ mod tests {
         let worse = refused(0.8, 0.0);
         assert!(worse.len() == 1 && worse[0].contains("becomes worse"), "{worse:?}");
         let nothing = refused(0.0, 0.0);
-        assert!(nothing.len() == 1 && nothing[0].contains("at which it does nothing"), "{nothing:?}");
+        assert!(nothing.len() == 1 && nothing[0].contains("at which it has no effect"), "{nothing:?}");
     }
 }

@@ -3,7 +3,6 @@
 //! In: the parts that a lane has taken so far, how comparisons are held, a length. Out: the part that fits, or room for another. What is kept depends on the lane alone.
 
 use super::exponential::{MOST_STATES, Part};
-use super::stiff::NEEDED;
 
 /// Linear parts that a lane keeps: a plant with a few comparisons goes to and fro between few.
 const MOST_PARTS: usize = 6;
@@ -27,8 +26,6 @@ pub(super) struct Kept {
     pub cost: u64,
     /// Whether it went back before.
     pub went_back: bool,
-    /// Levels that the next linear part gets at least: as many as the last step had need of.
-    pub levels: usize,
     clock: u64,
 }
 
@@ -36,7 +33,7 @@ impl Kept {
     /// Before a run.
     pub(super) fn clear(&mut self) {
         let parts = std::mem::take(&mut self.parts);
-        *self = Kept { parts, levels: NEEDED, ..Kept::default() };
+        *self = Kept { parts, ..Kept::default() };
     }
 
     pub(super) fn tick(&mut self) -> u64 {

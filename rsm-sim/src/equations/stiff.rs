@@ -14,9 +14,6 @@ const SMALL: f64 = 1.0 / 32.0;
 /// Halvings at most.
 const MOST_LEVELS: usize = 40;
 
-/// Levels that a step of a level has need of: its own and its half.
-pub(super) const NEEDED: usize = 2;
-
 /// What it costs to take a linear part, or a step of the series, in steps by matrices at hand. Measured on the driveline: 1.6 and 1 to 2 us to 0.1 us.
 pub(super) const TAKEN: u64 = 8;
 
@@ -199,7 +196,7 @@ impl Walk<'_, 1> {
         part.length = length;
         (kept.is_fresh, kept.has_failed) = (true, false);
         kept.cost += TAKEN;
-        if !part.chain.take(n, &part.linear, length, kept.levels) {
+        if !part.chain.take(n, &part.linear, length, 2) {
             // No number may be left of it.
             part.length = f64::NAN;
             kept.current = None;
@@ -241,12 +238,12 @@ impl Walk<'_, 1> {
             return Ok(if self.take(segment.length, true) { Attempt::Again } else { Attempt::None });
         }
         kept.cost += 1;
-        if kept.parts[place].chain.levels() < level + NEEDED {
+        if kept.parts[place].chain.levels() < level + 2 {
             // More halvings round in another way: these are other matrices.
             let version = kept.tick();
             let part = &mut kept.parts[place];
             part.version = version;
-            if !part.chain.take(n, &part.linear, part.length, level + NEEDED) {
+            if !part.chain.take(n, &part.linear, part.length, level + 6) {
                 return Ok(Attempt::None);
             }
         }
@@ -264,7 +261,6 @@ impl Walk<'_, 1> {
             let end = self.programs.block.end();
             self.behind.copy_from_slice(&self.slots[end..end + n]);
             (self.kept[0].is_fresh, self.kept[0].has_failed) = (false, false);
-            self.kept[0].levels = level + NEEDED;
             self.segment = Some(Segment { index: index + 1, ..segment });
             let grows = level > 0 && size < SMALL;
             let suggestion = if grows { 2.0 * h } else { h };

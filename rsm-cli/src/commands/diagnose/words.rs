@@ -16,6 +16,7 @@ use rsm_sim::effect::Subject;
 use rsm_sim::kind::PlantKind;
 
 use super::next;
+use crate::page::number::short;
 use crate::page::{figure, multiple};
 
 /// The basis of the figures of training and validation records: no parameter is estimated from validation records, but they take part in the choice of causes.
@@ -99,9 +100,9 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             let predicted = found.predicted.as_ref().map_or(String::new(), |it| {
                 let output = kind.outputs()[it.output].name;
                 format!(
-                    " The residual of {output} depends on {}, by {:.2} % of the noise's energy.",
+                    " The residual of {output} depends on {}, by {} % of the noise's energy.",
                     it.what,
-                    100.0 * it.excess
+                    short(100.0 * it.excess)
                 )
             });
             let looks = format!("{looks}{predicted}");
