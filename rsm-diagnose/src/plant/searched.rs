@@ -26,7 +26,7 @@ use rsm_sim::record::Record;
 /// to 1000; a search that takes more has a cause outside the catalogue and only tries combinations of helpers.
 const MOST_RUNS: u64 = 4000;
 
-/// Steps a row that such a run counts as, at least. A plant takes one step a row; two and three causes together take 16,000 runs of it.
+/// Steps a row that such a run counts as, at least. A plant takes one step a row, so the limit is 16,000 runs of it: searches for two and three causes take more than 4,000.
 const LEAST_STEPS_A_ROW: u64 = 4;
 
 /// Sub-steps that a search may take at most, however long records are or fast the plant: a minute of one core, at 150 ns each.

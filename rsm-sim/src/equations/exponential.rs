@@ -139,8 +139,9 @@ impl Part {
         }
     }
 
-    /// From one share of a step of a level to a later one, on the solution for a remainder a s + b s^2: `y` is what the states have moved by. Exact but for rounding.
-    pub(super) fn within(&self, level: usize, (from, to): (f64, f64), forcing: &Forcing, y: &mut [f64]) {
+    /// From one share of a step of a level to a later one, on the solution for a remainder a s + b s^2: `y` is what the states have moved by; `forcing` is, for each
+    /// state, the rate at the start of the step, a, D(1). Exact but for rounding.
+    pub(super) fn within(&self, level: usize, (from, to): (f64, f64), forcing: &[[f64; 3]], y: &mut [f64]) {
         let n = y.len();
         let h = self.length_of(level);
         let mut at = from;
@@ -195,20 +196,15 @@ impl Part {
     }
 
     /// At a share of a step of length h: the rates, and the first and second derivative of what forces them, over a share from there.
-    fn forced(&self, forcing: &Forcing, (h, at, share): (f64, f64, f64), y: &[f64], [v, first, second]: [&mut [f64]; 3]) {
+    fn forced(&self, forcing: &[[f64; 3]], (h, at, share): (f64, f64, f64), y: &[f64], [v, first, second]: [&mut [f64]; 3]) {
         self.times(y, v);
-        for (i, [rate, a, end]) in forcing.by_state.iter().take(y.len()).enumerate() {
+        for (i, [rate, a, end]) in forcing.iter().enumerate() {
             let b = end - a;
             let slope = a + h * self.by_time[i];
             v[i] += rate + (slope + b * at) * at;
             (first[i], second[i]) = ((slope + 2.0 * b * at) * share, b * share * share);
         }
     }
-}
-
-/// What the solution inside of a step is made of, state by state: the rate at its start, a, D(1).
-pub(super) struct Forcing {
-    pub by_state: [[f64; 3]; MOST_STATES],
 }
 
 /// Puts values into the slots of a lane, from one on.

@@ -25,9 +25,6 @@ const LOOKS: usize = 8;
 /// large as what they show.
 const FAR: f64 = 2.0;
 
-/// Comparisons for which that is asked, at most; plants with more are looked at everywhere.
-const MOST_FAR: usize = 16;
-
 /// Halvings that place an event, until the instants are neighbours.
 const HALVINGS: usize = 60;
 
@@ -148,32 +145,28 @@ impl<const L: usize> Walk<'_, L> {
     fn stay_far(&mut self, place: &mut dyn FnMut(&mut Self, f64)) -> [bool; L] {
         let count = self.programs.counts.held;
         let mut far = self.sides_differ().map(|differs| !differs);
-        let ends: [[f64; L]; MOST_FAR] = std::array::from_fn(|k| if k < count { self.distance(k) } else { [0.0; L] });
-        if count > MOST_FAR || far == [false; L] {
-            return [false; L];
+        if far == [false; L] {
+            return far;
         }
-        let mut nearest = ends.map(|end| end.map(f64::abs));
-        let mut moved = [[0.0_f64; L]; MOST_FAR];
-        let mut starts = [[0.0; L]; MOST_FAR];
-        for (share, times) in [(0.0, 1.0), (1.0 / LOOKS as f64, LOOKS as f64), (0.5, 1.0)] {
+        let mut distances: Vec<[f64; L]> = Vec::with_capacity(4 * count);
+        distances.extend((0..count).map(|k| self.distance(k)));
+        for share in [0.0, 1.0 / LOOKS as f64, 0.5] {
             place(self, share);
             let differ = self.sides_differ();
-            for k in 0..count {
-                let here = self.distance(k);
-                for lane in 0..L {
-                    if share == 0.0 {
-                        starts[k][lane] = here[lane];
-                    }
-                    nearest[k][lane] = nearest[k][lane].min(here[lane].abs());
-                    let way = times * (here[lane] - starts[k][lane]).abs();
-                    moved[k][lane] = moved[k][lane].max(way).max((ends[k][lane] - here[lane]).abs());
-                }
-            }
             (0..L).for_each(|lane| far[lane] &= share == 0.0 || !differ[lane]);
+            distances.extend((0..count).map(|k| self.distance(k)));
         }
         for k in 0..count {
-            // Distances that are no numbers are near.
-            (0..L).for_each(|lane| far[lane] &= nearest[k][lane] >= FAR * moved[k][lane] && nearest[k][lane] > 0.0);
+            for (lane, far) in far.iter_mut().enumerate() {
+                let [end, start, eighth, middle] = std::array::from_fn(|place| distances[place * count + k][lane]);
+                let slope = LOOKS as f64 * (eighth - start).abs();
+                let ways = [middle - start, end - start, end - eighth, end - middle];
+                let moved = ways.into_iter().fold(slope, |most, way| most.max(way.abs()));
+                let nearest = [end, start, eighth, middle].into_iter().fold(f64::INFINITY, |least, it| least.min(it.abs()));
+                // Distances that are no finite numbers are near.
+                let is_known = [end, start, eighth, middle].into_iter().all(f64::is_finite);
+                *far &= is_known && nearest > 0.0 && nearest >= FAR * moved;
+            }
         }
         far
     }

@@ -3,7 +3,7 @@
 //! In: a walk at an instant, the time to the next row. Out: the states behind a step whose error is allowed. Steps are the time to the row, its half, its quarter and so on, so the matrices of a linear part serve row after row. A linear part
 //! is taken when a row begins that none fits, and again where the error of a step is too large and the linear part was taken elsewhere: both depend on the lane alone.
 
-use super::exponential::{Forcing, MOST_STATES};
+use super::exponential::MOST_STATES;
 use super::kept::{Anchor, Loaded, SAME, Segment};
 use super::rows::Stopped;
 use super::walk::Walk;
@@ -126,12 +126,12 @@ impl<const L: usize> Walk<'_, L> {
         let kept = &self.kept[lane];
         let Some(part) = kept.current.map(|place| &kept.parts[place]) else { return };
         let begins = self.programs.block.inside();
-        let mut forcing = Forcing { by_state: [[0.0; 3]; MOST_STATES] };
-        for (k, it) in forcing.by_state[..n].iter_mut().enumerate() {
-            *it = [self.slots[begins[0] + k][lane], self.slots[begins[1] + k][lane], self.slots[begins[2] + k][lane]];
+        let mut forcing = [[0.0; 3]; MOST_STATES];
+        for (k, it) in forcing[..n].iter_mut().enumerate() {
+            *it = begins.map(|begin| self.slots[begin + k][lane]);
         }
         let mut anchor = if self.anchors[lane].share <= share { self.anchors[lane] } else { Anchor::START };
-        part.within(level, (anchor.share, share), &forcing, &mut anchor.moved[..n]);
+        part.within(level, (anchor.share, share), &forcing[..n], &mut anchor.moved[..n]);
         anchor.share = share;
         // What is remembered does not depend on where the comparisons of other lanes are looked at.
         if self.is_locating || (share * GRID).fract() == 0.0 {
