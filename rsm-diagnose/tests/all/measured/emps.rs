@@ -164,12 +164,12 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
         &["forward", "viscous_forward", "backward", "viscous_backward"].map(number),
     );
     let left = found.steps.last().unwrap().errors[0].noise_ratio;
-    prose::tells("(confidence {}), since {} times the encoder's noise floor is left", &[friction.confidence, left]);
+    prose::tells("(confidence {}): the remaining error is {} times the encoder's noise floor.", &[friction.confidence, left]);
     // The energy that is left on the records that were fitted, in the unit of the ranking: squared standard deviations of the noise.
     let (next, would_take) = &found.remaining[0];
     assert!(*would_take < 0.05 * found.left.excess * rows as f64, "{next} {would_take} {}", found.left.excess);
     prose::tells(
-        &format!("The next best entry of the catalogue (`{next}`) would take less than a twentieth of what is left"),
+        &format!("The next best effect of the catalogue (`{next}`) would remove less than a twentieth of the remaining error"),
         &[],
     );
 }
@@ -184,10 +184,10 @@ fn from_command_to_position_the_measured_axis_is_followed_within_the_published_e
     let found = free_run::follow_axis(&file, &training, &test).unwrap();
     // A linear state space has 5.5 mm on the test record, a network of transfer functions and nonlinearities 2.64 (M. Forgione, D. Piga, dynoNet, 2021).
     let lines = [
-        "| training record, all numbers and the start fitted to it | {} mm |",
-        "| test record under pulses, all numbers from the training record, the start fitted | {} mm |",
-        "| test record, viscous friction and start from its first quarter (6.2 s) | {} mm |",
-        "| the three quarters behind that, which nothing has seen | {} mm |",
+        "| training record, all parameters and the initial state fitted to it | {} mm |",
+        "| test record under pulses, all parameters from the training record, the initial state fitted | {} mm |",
+        "| test record, viscous friction and initial state fitted to its first quarter (6.2 s) | {} mm |",
+        "| the last three quarters of it, which no fit used | {} mm |",
     ];
     for (line, (_, error)) in lines.iter().zip(&found.errors) {
         prose::tells(line, &[1e3 * error]);
@@ -209,7 +209,7 @@ fn from_command_to_position_the_measured_axis_is_followed_within_the_published_e
     let [(before, speed), (after, _)] =
         ["emps_train.csv", "emps_test_pulses.csv"].map(|name| at_steady_speed(&file, name).unwrap());
     prose::tells(
-        "On the test record viscous friction is {} to {} % higher ({} N in place of {} N hold the steady {} m/s forward)",
+        "On the test record viscous friction is {} to {} % higher ({} N in place of {} N move the axis forward at a steady {} m/s)",
         &[higher[0], higher[1], after, before, speed],
     );
 }

@@ -123,8 +123,8 @@ fn a_constant_inductance_against_the_flux_map_is_saturation() {
     prose::tells("`magnetic-saturation`, {} A, nothing else.", &[current]);
     // What is left up to 22 A is the law's misfit of a third there.
     prose::tells(
-        "Trained up to 14 A, it removes {} % of the squared error of the current on a test record up to 14 A ({} to {} A) and {} % on one up to 22 A ({} to {} A); \
-         {} % of the error stand above 12 A, in {} % of the rows.",
+        "After training up to 14 A, it removes {} % of the squared error of the current on a test record up to 14 A ({} to {} A) and {} % on one up to 22 A ({} to {} A). \
+         Of the error, {} % is above 12 A, in {} % of the rows.",
         &[
             100.0 * tested.gain,
             tested.nominal[0].rmse,
@@ -179,7 +179,7 @@ fn the_law_of_saturation_holds_on_the_q_axis_up_to_half_the_current_and_not_on_t
     }
     let last = measured[measured.len() - 1];
     prose::tells(
-        "nearest to the map's q axis ({} H, {} A) is within {} % of the inductance up to 15 A, and {} % short at {} A, where a constant is {} times too large.",
+        "Fitted to the map's q axis ({} H, {} A), it is within {} % of the inductance up to 15 A, and {} % too small at {} A, where a constant is {} times too large.",
         &[
             inductance,
             saturation,

@@ -74,7 +74,7 @@ fn the_waves_of_the_rotation_are_those_of_the_motor_in_both_records() {
     let turned = |it: &Rolling| (it.angle[it.angle.len() - 1] - it.angle[0]).abs() / std::f64::consts::TAU;
     let speed = mean(&one.speed).abs();
     prose::tells(
-        "Two records of {} revolutions at {} rad/s. Waves of the rotation are the same in both: four of the speed hold {} % of its variance, three of the current {} %",
+        "There are two records of {} revolutions at {} rad/s. Both contain the same waves that repeat with the rotation: four of the speed make up {} % of its variance, three of the current {} %",
         &[turned(&one).min(turned(&other)), speed, held[0], held[1]],
     );
     // What the waves would do by the numbers of the plant file.
@@ -91,7 +91,7 @@ fn the_waves_of_the_rotation_are_those_of_the_motor_in_both_records() {
     assert!((3.0 * cogging / friction - 1.0).abs() < 0.1, "{cogging} {friction}");
     prose::tells("cogging of about {} mN m (a third of the friction) if the rotor follows freely", &[1e3 * cogging]);
     prose::tells(
-        "the encoder's eccentricity ({} mrad) or the shaft; the current answers with {} mA, where a true wave of the speed would cause {}",
+        "the encoder's eccentricity ({} mrad) or the shaft; the current has a wave of {} mA, where a true wave of the speed would cause {}",
         &[1e3 * waves("speed", 1)[0].amplitude / speed, 1e3 * waves("current", 1)[0].amplitude, 1e3 * induced(1)],
     );
     prose::tells("the speed's own wave would cause {} mA", &[1e3 * induced(12)]);
@@ -130,7 +130,7 @@ fn the_diagnosis_finds_the_cogging_of_one_record_and_names_nothing_absurd_in_the
     let [first, second] = [&straight, &swapped].map(|it| helper(it, "cogging-torque", "amplitude").unwrap());
     let bias = helper(&swapped, "sensor-bias", "bias").unwrap();
     prose::tells(
-        "Entries that help have a confidence of {} at most: a cogging of {} mN m ({} to {}); swapped, a cogging of {} mN m ({} to {}) and a bias of {} A of the current's reading.",
+        "The effects that help have a confidence of {} at most: a cogging of {} mN m ({} to {}); with the records exchanged, a cogging of {} mN m ({} to {}) and a bias of {} A of the current's reading.",
         &[
             surest,
             1e3 * first.value,
@@ -148,7 +148,7 @@ fn the_diagnosis_finds_the_cogging_of_one_record_and_names_nothing_absurd_in_the
     // Where the error of the current stands: 12 waves a revolution.
     let line = straight.error_breakdown.before.iter().find(|it| it.output == 1 && it.region.starts_with("a line at")).unwrap();
     prose::tells(
-        "the error of the current stands in a line at {} Hz, {} waves a revolution,",
+        "most of the error of the current is a spectral line at {} Hz, {} waves a revolution.",
         &[number_in(&line.region), number_in(&line.region) * std::f64::consts::TAU / speed],
     );
 }
