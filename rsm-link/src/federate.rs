@@ -1,15 +1,15 @@
 //! The sides of a loop in lock-step on HELICS.
 //!
-//! In: the library, who takes part here and where the broker is. Out: a table and the figures of each. Time goes on when all have done their part of a millisecond:
+//! In: the library, the roles in this process, and the address of the broker. Out: a table and the figures of each role. Simulated time advances when all roles have done their part of a millisecond:
 //!
 //! ```text
-//!   k ms          plant: hears command k - 1, tells sample k, moves for a millisecond
-//!   k ms + 0.50   step: hears sample k, tells command k
-//!   k ms + 0.75   recorder: hears both
+//!   k ms          plant: receives command k - 1, sends sample k, moves for a millisecond
+//!   k ms + 0.50   step: receives sample k, sends command k
+//!   k ms + 0.75   recorder: receives both
 //! ```
 //!
-//! Every vector begins with its tick, so that a slip is an error and not a wrong record. Who hears nothing for a while ends by himself: the library notices most deaths after 2 s, and
-//! what it does not notice, [`Wish::silence`] does.
+//! Every vector begins with the number of its tick. A wrong number is an error, so no wrong record is written. The library notices most lost processes after 2 s. In all other cases a role
+//! ends when it has received nothing for the time [`Wish::silence`].
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,50 +21,50 @@ use crate::helics::{Address, Core, Federate, Library, Publication, Subscription}
 use crate::loops::{self, Loop, Role, Run, Step, Table, WIDEST, time_of};
 use crate::peers;
 
-/// Where in its millisecond each has its turn, in s.
+/// The time of each role within a millisecond, in s.
 const STEP_AT: f64 = 0.0005;
 const RECORDER_AT: f64 = 0.00075;
 
-/// Who is to take part, and how.
+/// Which roles run here, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wish {
     /// Where the broker is.
     pub broker: Address,
-    /// How the parts speak to each other.
+    /// How the processes communicate.
     pub core: Core,
-    /// What is run.
+    /// The run.
     pub run: Run,
-    /// How long the broker and the other federates are waited for.
+    /// How long to wait for the broker and the other federates.
     pub wait: Duration,
-    /// How long nothing may be heard once time goes on.
+    /// The longest time without a grant after the simulated time has begun.
     pub silence: Duration,
 }
 
-/// What became of a role.
+/// The result of a role.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Done {
     /// The role.
     pub role: Role,
-    /// Its rows, whole; fewer than wanted where it was lost.
+    /// Its complete rows; fewer than wanted if the run ended early.
     pub table: Table,
-    /// From a sample to its answer: the plant's side has them.
+    /// Times from a sample to its command; only for the plant's side.
     pub round_trip: Option<Summary>,
     /// Milliseconds of the loop per second.
     pub steps_per_second: f64,
-    /// Samples that the step called bad: the step's side has them.
+    /// Samples that the step called bad; only for the step's side.
     pub bad_samples: Option<u32>,
-    /// Whether time began.
+    /// Whether the simulated time began.
     pub began: bool,
-    /// Why it ended too soon.
+    /// Why it ended early.
     pub lost: Option<String>,
 }
 
-/// What the worker and its watch share.
+/// The data that a worker and its watchdog share.
 struct Shared {
     start: Instant,
-    /// When time went on last, in ns after the start, plus 1; 0 before time begins.
+    /// When the simulated time advanced last, in ns after the start, plus 1; 0 before it begins.
     moved: AtomicU64,
-    /// The watch has given up: whatever the worker does now is not looked at.
+    /// The watchdog has given up: later results of the worker are ignored.
     over: AtomicBool,
     round_trips_ns: Mutex<Vec<u64>>,
     done: Mutex<Done>,
@@ -80,7 +80,7 @@ impl Shared {
     }
 }
 
-/// Runs roles, each in a thread of its own with its own way to the broker, until all have ended. When any of them was lost, threads may still hang in the library:
+/// Runs roles until all have ended. Each role has its own thread and its own connection to the broker. If one of them was lost, threads may still be blocked in the library. Then
 /// end the process by [`crate::helics::exit_without_destructors`] after the tables are written.
 #[must_use]
 pub fn run(library: &'static Library, roles: &[Role], wish: &Wish) -> Vec<Done> {
@@ -104,7 +104,7 @@ fn start(library: &'static Library, role: Role, wish: &Wish) -> (Arc<Shared>, st
     let worker = std::thread::spawn(move || {
         let result = join(library, role, &wish).and_then(|(federate, ends)| {
             let result = take_part(&federate, role, &wish, &ends, &known);
-            // All others would wait for this one. After an error too: the broker would wait for it, until its heartbeats say that it is gone.
+            // Otherwise all others would wait for this role. After an error too: the broker would wait for it until its heartbeats are missing.
             if let Err(words) = &result {
                 known.with(|done| done.lost = Some(words.clone()));
                 federate.fail(words);
@@ -119,11 +119,11 @@ fn start(library: &'static Library, role: Role, wish: &Wish) -> (Arc<Shared>, st
     (shared, worker)
 }
 
-/// Waits for a worker as long as time goes on.
+/// Waits for a worker as long as the simulated time advances.
 fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> Done {
-    /// A hundredth of the shortest silence that makes sense.
+    /// A hundredth of the shortest useful silence.
     const LOOK: Duration = Duration::from_millis(10);
-    /// Leaving takes so long at most, after an error of which nobody knows what it has left of the library.
+    /// The longest time to wait for the end of a worker after an error. The state of the library is unknown then.
     const LEAVE: Duration = Duration::from_millis(500);
     let mut failed: Option<Instant> = None;
     let lost = loop {
@@ -158,8 +158,8 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> 
     done
 }
 
-/// Runs a broker until the federation of this many has ended, or one of its processes has and the library does not notice. `begins` is called when all have joined. When it comes back, the library may still wait for
-/// somebody: end the process by [`crate::helics::exit_without_destructors`].
+/// Runs a broker until this many federates have ended, or until one of their processes has ended and the library does not notice. `begins` is called when all have joined. When this function returns, the library may still wait for
+/// a process: end this process by [`crate::helics::exit_without_destructors`].
 ///
 /// # Errors
 /// It cannot listen; not all have joined in time.
@@ -171,7 +171,7 @@ pub fn broker(library: &'static Library, federates: usize, wish: &Wish, begins: 
     while !broker.ended_within(Duration::from_millis(200))? {
         if let Some(tell) = begins.take_if(|_| broker.has_begun()) {
             tell();
-            // Asked once: every question is a sign of life, and would keep the library from noticing that all else is silent. Shared memory alone is on this host for sure.
+            // Asked only once: for the library every query counts as activity, and more queries would keep it from noticing lost processes. Only with shared memory is it certain that the processes are on this host.
             processes = if wish.core == Core::Ipc { broker.processes() } else { Vec::new() };
         }
         if processes.iter().any(|it| peers::is_gone(*it)) {
@@ -188,10 +188,10 @@ pub fn broker(library: &'static Library, federates: usize, wish: &Wish, begins: 
     Ok(())
 }
 
-/// The library notices a peer that is gone after 2 s, where it can; half a second more for its own end.
+/// The library notices most lost peers after 2 s; half a second more for its own end.
 const NOTICED: Duration = Duration::from_millis(2500);
 
-/// What a role tells and hears.
+/// The vectors that a role sends and receives.
 struct Ends {
     tells: Option<Publication>,
     hears: Vec<Subscription>,
@@ -227,7 +227,7 @@ fn join(library: &'static Library, role: Role, wish: &Wish) -> Result<(Federate,
     Ok((federate, ends))
 }
 
-/// Waits until something listens at the broker's address. The library would ask too, but it tells every refusal on the terminal, and a request that comes a moment too early costs 2 s.
+/// Waits until something listens at the broker's address. The library would wait too, but it prints every refused connection on the terminal, and after a request that is a moment too early it waits 2 s.
 fn await_port(broker: &Address, until: Instant) -> Result<(), String> {
     use std::net::{TcpStream, ToSocketAddrs as _};
     let mut why = String::from("no address");
@@ -252,7 +252,7 @@ fn await_port(broker: &Address, until: Instant) -> Result<(), String> {
     }
 }
 
-/// Tells a tick and its values.
+/// Sends a tick and its values.
 fn tell(federate: &Federate, to: Publication, tick: u64, values: &[f64]) -> Result<(), String> {
     let mut vector = [0.0; WIDEST + 1];
     vector[0] = tick as f64;
@@ -260,7 +260,7 @@ fn tell(federate: &Federate, to: Publication, tick: u64, values: &[f64]) -> Resu
     federate.publish(to, &vector[..=values.len()])
 }
 
-/// Hears the values of a tick.
+/// Receives the values of a tick.
 fn hear(federate: &Federate, from: Subscription, what: &str, tick: u64, values: &mut [f64]) -> Result<(), String> {
     let mut vector = [0.0; WIDEST + 1];
     let length = federate.read(from, &mut vector)?;

@@ -1,7 +1,7 @@
-//! The part of HELICS that a lock-step needs, behind functions that cannot be called wrongly.
+//! The part of HELICS that lock-step needs, behind safe functions.
 //!
-//! In: a library in C (`libhelics`, version 3), found when a federation is to run. Out: brokers and federates that publish and read vectors of numbers. Every error of the library comes
-//! back as its own words. All calls into foreign code stand here.
+//! In: a library in C (`libhelics`, version 3), loaded at run time. Out: brokers and federates that publish and read vectors of numbers. Every error of the library is returned
+//! with the text of the library. This file has all calls into foreign code.
 //!
 //! The names and numbers are those of the public header `helics_api.h` of HELICS 3.6.1.
 #![allow(unsafe_code)]
@@ -19,16 +19,16 @@ pub const VARIABLE: &str = "RSM_HELICS";
 
 /// `HELICS_DATA_TYPE_VECTOR`.
 const VECTOR: c_int = 4;
-/// `HELICS_FLAG_UNINTERRUPTIBLE`: a grant is for the time that was asked, not for an earlier value.
+/// `HELICS_FLAG_UNINTERRUPTIBLE`: time is granted for the requested time, not earlier because of a new value.
 const UNINTERRUPTIBLE: c_int = 1;
-/// `HELICS_FLAG_TERMINATE_ON_ERROR`: an error of one ends all.
+/// `HELICS_FLAG_TERMINATE_ON_ERROR`: an error of one federate ends all.
 const TERMINATE_ON_ERROR: c_int = 72;
 /// `HELICS_TRUE`.
 const TRUE: c_int = 1;
 
 type Handle = *mut c_void;
 
-/// `HelicsError`: 0 and no words where nothing is wrong.
+/// `HelicsError`: 0 and no text if there is no error.
 #[repr(C)]
 struct RawError {
     code: i32,
@@ -108,7 +108,7 @@ fn text(words: &str) -> CString {
     CString::new(words.replace('\0', " ")).expect("it has no zero left")
 }
 
-/// How the parts of a federation speak to each other.
+/// How the processes of a federation communicate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Core {
     /// TCP, every federate to the broker: between hosts.
@@ -124,7 +124,7 @@ impl Core {
     /// All, with their names.
     pub const ALL: [(&'static str, Core); 3] = [("tcp_ss", Core::TcpSs), ("zmq", Core::Zmq), ("ipc", Core::Ipc)];
 
-    /// The name, as HELICS has it.
+    /// The name in HELICS.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -145,14 +145,14 @@ pub struct Address {
 }
 
 impl Address {
-    /// Of `HOST:PORT`.
+    /// From `HOST:PORT`.
     ///
     /// # Errors
-    /// What was found and what is expected.
+    /// A text with what was found and what is expected.
     pub fn parse(words: &str) -> Result<Self, String> {
         let wrong = || format!("found `{words}`, expected HOST:PORT, as 192.168.1.10:23500");
         let (host, port) = words.rsplit_once(':').ok_or_else(wrong)?;
-        // Both go into a line of options for HELICS, which has no quotes.
+        // Both are written into a line of options for HELICS, in which text cannot be quoted.
         let plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
         let port = port.parse().ok().filter(|port| *port > 0).ok_or_else(wrong)?;
         if host.is_empty() || host.starts_with('-') || !host.chars().all(plain) {
@@ -168,14 +168,14 @@ impl std::fmt::Display for Address {
     }
 }
 
-/// A broker or a federate that has heard nothing for two of these asks whether the others are alive, and gives up after two more: peers that died are noticed after about 2 s. The library's own 5 s would be 20.
+/// The heartbeat. A broker or a federate that has received nothing for two of these asks whether the others are alive, and gives up after two more. So lost peers are noticed after about 2 s. With the library's default of 5 s it would be 20 s.
 const HEARTBEAT: &str = "--tick=500ms";
 
 /// The library, loaded.
 #[derive(Debug)]
 pub struct Library {
     functions: Functions,
-    /// What it calls itself.
+    /// Its version text.
     pub version: String,
     /// Where it was found.
     pub place: PathBuf,
@@ -184,7 +184,7 @@ pub struct Library {
 /// The file names of the library on the systems that have it.
 const FILES: [&str; 3] = ["libhelics.so", "libhelics.dylib", "helics.dll"];
 
-/// Where a folder has it: itself, an installation, what pip has unpacked.
+/// Places of the library in a folder: the folder itself, an installation, a package unpacked by pip.
 const FOLDERS: [&str; 6] = ["", "lib64", "lib", "bin", "helics/install/lib64", "helics/install/lib"];
 
 fn candidates(asked: Option<&Path>) -> Vec<PathBuf> {
@@ -203,16 +203,16 @@ fn candidates(asked: Option<&Path>) -> Vec<PathBuf> {
 static LOADED: AtomicBool = AtomicBool::new(false);
 
 impl Library {
-    /// Loads the library: `asked` (a file or a folder), else what the variable [`VARIABLE`] names, else what the system finds by name. It stays loaded until the process ends.
+    /// Loads the library: `asked` (a file or a folder), else the one that the variable [`VARIABLE`] names, else the one that the system finds by name. It stays loaded until the process ends.
     ///
     /// # Errors
-    /// It is not there, or is none: what was looked for and how to get it.
+    /// The file is missing or is not this library. The text says what was looked for and how to get it.
     pub fn load(asked: Option<&Path>) -> Result<&'static Library, String> {
         let from_variable = std::env::var_os(VARIABLE).map(PathBuf::from);
         let asked = asked.or(from_variable.as_deref());
         let mut tried = Vec::new();
         for place in candidates(asked) {
-            // SAFETY: the initialisers of libhelics are those of a C++ library; another library under this name is the user's own wish.
+            // SAFETY: the initialisers of libhelics are those of a C++ library; if another library has this name, the user has chosen it.
             match unsafe { libloading::Library::new(&place) } {
                 Ok(library) => {
                     LOADED.store(true, Ordering::Release);
@@ -253,7 +253,7 @@ impl Library {
     /// Starts a broker for this many federates.
     ///
     /// # Errors
-    /// The words of the library: the port is taken, the host is not this one.
+    /// The text of the library: the port is in use, or the address is not of this host.
     pub fn broker(&'static self, core: Core, address: &Address, federates: usize) -> Result<Broker, String> {
         let (kind, name) = (text(core.name()), text(&queue(address)));
         let place = match core {
@@ -269,7 +269,7 @@ impl Library {
     /// Joins a federation. Waits for the broker up to a time.
     ///
     /// # Errors
-    /// The words of the library: no broker there, a name that is taken.
+    /// The text of the library: there is no broker, or the name is in use.
     pub fn federate(&'static self, name: &str, core: Core, broker: &Address, wait: Duration) -> Result<Federate, String> {
         let functions = &self.functions;
         // SAFETY: takes nothing.
@@ -286,7 +286,7 @@ impl Library {
         let made = (|| {
             checked!(functions.set_core_type, info, text(core.name()).as_ptr())?;
             checked!(functions.set_core_init, info, options.as_ptr())?;
-            // Without a name the library puts a federate into any core of this process that still takes one, also while that core, which was made for one, asks to begin: the federation may then never begin.
+            // Without a name the library puts a federate into any core of this process that accepts one, even a core for a single federate that already asks to begin. The federation may then never begin.
             checked!(functions.set_core_name, info, text(&core_name).as_ptr())?;
             checked!(functions.set_flag, info, UNINTERRUPTIBLE, TRUE)?;
             checked!(functions.set_flag, info, TERMINATE_ON_ERROR, TRUE)?;
@@ -311,20 +311,20 @@ pub struct Broker {
 }
 
 impl Broker {
-    /// Whether it is still at work.
+    /// Whether it still runs.
     #[must_use]
     pub fn is_connected(&self) -> bool {
         // SAFETY: the handle is that of a broker of this library.
         unsafe { (self.library.functions.broker_is_connected)(self.handle) == TRUE }
     }
 
-    /// Whether all federates have joined. What cannot be asked counts as no.
+    /// Whether all federates have joined. If the query fails, the answer is no.
     #[must_use]
     pub fn has_begun(&self) -> bool {
         self.asked(c"isinit").is_some_and(|answer| answer == "true")
     }
 
-    /// The processes of the federates of this program, by the names of their cores.
+    /// The process numbers of the federates of this program, taken from the names of their cores.
     #[must_use]
     pub fn processes(&self) -> Vec<u32> {
         peers::processes(&self.asked(c"current_state").unwrap_or_default())
@@ -346,13 +346,13 @@ impl Broker {
     /// Waits up to a time for the end of the federation; whether it has ended.
     ///
     /// # Errors
-    /// The words of the library.
+    /// The text of the library.
     pub fn ended_within(&self, time: Duration) -> Result<bool, String> {
         let time = c_int::try_from(time.as_millis()).unwrap_or(c_int::MAX);
         Ok(checked!(self.library.functions.wait_for_disconnect, self.handle, time)? == TRUE)
     }
 
-    /// Ends it; federates that are still there get an error.
+    /// Ends the broker; federates that still run get an error.
     pub fn disconnect(&self) {
         let _ = checked!(self.library.functions.broker_disconnect, self.handle);
     }
@@ -368,28 +368,28 @@ pub struct Federate {
 // SAFETY: a federate may be used by any one thread; the library locks what threads share.
 unsafe impl Send for Federate {}
 
-/// What a federate tells the others.
+/// A vector that a federate sends.
 #[derive(Debug, Clone, Copy)]
 pub struct Publication(Handle);
 
-/// What a federate hears of another.
+/// A vector that a federate receives from another.
 #[derive(Debug, Clone, Copy)]
 pub struct Subscription(Handle);
 
 impl Federate {
-    /// Registers a vector that this federate tells.
+    /// Registers a vector that this federate sends.
     ///
     /// # Errors
-    /// The words of the library: the name is taken.
+    /// The text of the library: the name is in use.
     pub fn publication(&self, name: &str) -> Result<Publication, String> {
         let functions = &self.library.functions;
         checked!(functions.publication, self.handle, text(name).as_ptr(), VECTOR, c"".as_ptr()).map(Publication)
     }
 
-    /// Registers a vector that this federate hears.
+    /// Registers a vector that this federate receives.
     ///
     /// # Errors
-    /// The words of the library.
+    /// The text of the library.
     pub fn subscription(&self, name: &str) -> Result<Subscription, String> {
         let functions = &self.library.functions;
         checked!(functions.subscription, self.handle, text(name).as_ptr(), c"".as_ptr()).map(Subscription)
@@ -398,15 +398,15 @@ impl Federate {
     /// Waits until all federates have joined; time is 0 then.
     ///
     /// # Errors
-    /// The words of the library: the broker is gone.
+    /// The text of the library: the broker is lost.
     pub fn enter(&self) -> Result<(), String> {
         checked!(self.library.functions.enter, self.handle)
     }
 
-    /// Waits until time has come to this, in s.
+    /// Waits until the simulated time has reached this time, in s.
     ///
     /// # Errors
-    /// The words of the library: a peer or the broker is gone. An earlier time than asked is an error too: the federation is over.
+    /// The text of the library: a peer or the broker is lost. A granted time before the requested time is an error too: the federation has ended.
     pub fn request_time(&self, time: f64) -> Result<(), String> {
         let granted = checked!(self.library.functions.request_time, self.handle, time)?;
         // Times are whole nanoseconds in the library.
@@ -416,19 +416,19 @@ impl Federate {
         Ok(())
     }
 
-    /// Tells a vector at the time that it is.
+    /// Sends a vector at the present time.
     ///
     /// # Errors
-    /// The words of the library.
+    /// The text of the library.
     pub fn publish(&self, to: Publication, values: &[f64]) -> Result<(), String> {
         let length = c_int::try_from(values.len()).map_err(|error| error.to_string())?;
         checked!(self.library.functions.publish, to.0, values.as_ptr(), length)
     }
 
-    /// The last vector that was told; how many numbers it has. Longer ones are cut.
+    /// Reads the last vector that was sent and returns how many numbers it has. A longer vector is truncated.
     ///
     /// # Errors
-    /// The words of the library.
+    /// The text of the library.
     pub fn read(&self, from: Subscription, values: &mut [f64]) -> Result<usize, String> {
         let room = c_int::try_from(values.len()).map_err(|error| error.to_string())?;
         let mut length = 0;
@@ -436,21 +436,21 @@ impl Federate {
         Ok(usize::try_from(length).unwrap_or(0).min(values.len()))
     }
 
-    /// Ends the federation for all, with words.
+    /// Ends the federation for all, with a text.
     pub fn fail(&self, words: &str) {
         let _ = checked!(self.library.functions.global_error, self.handle, -1, text(words).as_ptr());
     }
 
-    /// Leaves; the others go on.
+    /// Leaves the federation; the others continue.
     pub fn disconnect(&self) {
         let _ = checked!(self.library.functions.disconnect, self.handle);
     }
 }
 
-/// Ends the process at once where a library of HELICS was loaded, else does nothing. Whatever was to be written must be written before.
+/// Ends the process immediately if a library of HELICS was loaded, else does nothing. Write all files before.
 ///
-/// At an ordinary end the destructors of the library run while its threads still do: some runs end by a signal then, also those that have done all their work, and after an
-/// error the destructors may wait for a peer that is gone (libhelics 3.6.1).
+/// At an ordinary end the destructors of the library run while its threads still run. Some runs then end by a signal, even after all their work is done. After an
+/// error the destructors may wait for a lost peer (libhelics 3.6.1).
 pub fn exit_without_destructors(status: u8) {
     unsafe extern "C" {
         fn _exit(status: c_int) -> !;

@@ -22,7 +22,7 @@ pub enum Loop {
     Throttle,
 }
 
-/// Who takes part.
+/// A role in a loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Role {
     /// The plant's side of a loop.
@@ -52,7 +52,7 @@ impl Loop {
         }
     }
 
-    /// What the plant's side sends every tick.
+    /// The signals that the plant's side sends every tick.
     #[must_use]
     pub fn sample(self) -> &'static [Signal] {
         const MOTOR: [Signal; 4] = [
@@ -69,7 +69,7 @@ impl Loop {
         }
     }
 
-    /// What the step's side answers.
+    /// The signals that the step's side answers.
     #[must_use]
     pub fn command(self) -> &'static [Signal] {
         const MOTOR: [Signal; 2] = [signal("i_d_wanted", "A"), signal("i_q_wanted", "A")];
@@ -117,7 +117,7 @@ impl Loop {
 }
 
 impl Role {
-    /// The role of a word; a recorder listens to the loop that is given.
+    /// The role with a name; a recorder listens to the given loop.
     #[must_use]
     pub fn of(word: &str, listened: Loop) -> Option<Role> {
         match word {
@@ -130,7 +130,7 @@ impl Role {
         }
     }
 
-    /// The word of the role.
+    /// The name of the role in files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -169,12 +169,12 @@ impl Role {
     }
 }
 
-/// What a run is.
+/// A run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
     /// How many milliseconds.
     pub ticks: u64,
-    /// Inertia of what hangs on the motor's shaft, in kg m^2.
+    /// Inertia of the load on the motor's shaft, in kg m^2.
     pub load_inertia: f64,
 }
 
@@ -199,7 +199,7 @@ impl Table {
         Table::new([self.columns.as_slice(), further].concat())
     }
 
-    /// A row more. What is missing at its end is not a number.
+    /// Adds a row. Missing values at its end are NaN.
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
         let mut row = row.into_iter();
         for values in &mut self.values {
@@ -235,7 +235,7 @@ pub fn time_of(tick: u64) -> f64 {
     tick as f64 * 1e-3
 }
 
-/// Runs the plant's side. `exchange` gets a sample and the place of the command, and answers whether the run goes on; `seen` gets every row.
+/// Runs the plant's side. `exchange` gets a sample and a place for the command, and returns whether the run continues; `seen` gets every row.
 pub fn plant(side: Loop, run: Run, mut exchange: impl FnMut(&[f64], &mut [f64]) -> bool, mut seen: impl FnMut(&[f64])) {
     match side {
         Loop::Motor => {

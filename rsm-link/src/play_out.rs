@@ -1,7 +1,7 @@
 //! The play-out buffer between a network and a loop: values that arrive with jitter are delayed and played out at a constant rate.
 //!
-//! In: numbered values as they arrive. Out: one each tick: the value of that tick, or the last one held, or the safe state. Datagram s is played at the time at which it would have been
-//! heard by the fastest way, plus the length of the buffer: smaller delays have no influence. The buffer has no sockets and no clock.
+//! In: numbered values as they arrive. Out: one for each tick: the value of that tick, or the last one held, or the safe state. Datagram k is played at a fixed time: the time at which the fastest datagram
+//! would have brought it, plus the length of the buffer. So smaller delays have no influence. The buffer has no sockets and no clock.
 //!
 //! ```
 //! use rsm_link::play_out::{PlayOut, Played};
@@ -20,26 +20,26 @@
 
 use crate::loops::WIDEST;
 
-/// What a tick has to go by.
+/// What the buffer gives to a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Played {
     /// Nothing is due yet.
     Waiting,
-    /// The values of this number.
+    /// The values of this tick.
     Fresh {
         /// The number.
         number: u64,
         /// The values.
         values: [f64; WIDEST],
     },
-    /// Those of this number are not there; the last ones, for a while.
+    /// The values of this tick are missing; the last ones are held for a while.
     Held {
         /// The number that is missing.
         number: u64,
         /// The last values that were there.
         values: [f64; WIDEST],
     },
-    /// Nothing has been there for longer than is held: the safe state.
+    /// Values have been missing for longer than the holding time: the safe state.
     Safe {
         /// The number that is missing.
         number: u64,
@@ -69,7 +69,7 @@ impl Played {
         }
     }
 
-    /// The number of this tick; not a number while nothing is due.
+    /// The number of this tick; NaN while nothing is due.
     #[must_use]
     pub fn number(self) -> f64 {
         match self {
@@ -79,33 +79,33 @@ impl Played {
     }
 }
 
-/// What has gone through a buffer.
+/// Counts of a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Numbers that came, each once.
+    /// Datagrams that arrived, each number once.
     pub heard: u64,
-    /// Ticks with the values of their number.
+    /// Ticks with their own values.
     pub fresh: u64,
     /// Ticks with the last values held.
     pub held: u64,
     /// Ticks in the safe state.
     pub safe: u64,
-    /// Numbers that came after their tick.
+    /// Datagrams that arrived after their tick.
     pub late: u64,
-    /// Datagrams whose number had come already.
+    /// Datagrams whose number had already arrived.
     pub doubled: u64,
     /// Datagrams whose number is farther ahead than the buffer reaches; they are dropped.
     pub ahead: u64,
 }
 
 impl Counts {
-    /// Ticks whose values were not there.
+    /// Ticks whose values were missing.
     #[must_use]
     pub fn under_runs(&self) -> u64 {
         self.held + self.safe
     }
 
-    /// Numbers that were due and never came.
+    /// Datagrams that were due and never arrived.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.under_runs().saturating_sub(self.late)
@@ -116,7 +116,7 @@ impl Counts {
 enum Slot {
     Empty,
     Full([f64; WIDEST]),
-    /// It was played, or came late.
+    /// It was played, or arrived late.
     Done,
 }
 
@@ -127,28 +127,28 @@ pub struct PlayOut {
     buffer_ns: u64,
     /// This many ticks are held.
     hold: u64,
-    /// The slots of numbers from `from` on, by their remainder.
+    /// The slots of numbers from `from` on; a number has the slot of its remainder.
     slots: Vec<Slot>,
     /// The earliest number whose slot is kept.
     from: u64,
     /// The number of the next tick; `None` before the first.
     next: Option<u64>,
-    /// When number 0 would have been heard by the fastest way.
+    /// When the fastest datagram would have brought number 0.
     base_ns: Option<i128>,
     missing: u64,
     last: [f64; WIDEST],
     counts: Counts,
 }
 
-/// A second at 1 kHz: later than that, nobody asks whether a datagram came twice.
+/// A second at 1 kHz: duplicates of older datagrams are not detected.
 const KEPT: u64 = 1000;
 
 impl PlayOut {
-    /// A buffer for ticks of this period, of this length; what is missing is held for so long. All in ns.
+    /// A buffer for ticks of this period, of this length; the last value is held for the time `hold`. All in ns.
     #[must_use]
     pub fn new(period_ns: u64, buffer_ns: u64, hold_ns: u64) -> Self {
         let period_ns = period_ns.max(1);
-        // As far behind as ahead, and a second ahead of what the buffer holds: after a cut the others may come in one go.
+        // As many slots behind as ahead, and a second more than the length of the buffer: after an interruption many datagrams may arrive at once.
         let room = 2 * KEPT + buffer_ns.div_ceil(period_ns);
         PlayOut {
             period_ns,
@@ -169,10 +169,10 @@ impl PlayOut {
         &mut self.slots[place as usize]
     }
 
-    /// Takes what was heard at a time.
+    /// Takes a datagram that was received at a time.
     pub fn hear(&mut self, number: u64, at_ns: u64, values: [f64; WIDEST]) {
         if number < self.from {
-            // So long ago that its slot is used again: whether it was doubled nobody knows.
+            // It is so old that its slot is used again: whether it is a duplicate is unknown.
             self.counts.late += 1;
             self.counts.heard += 1;
             return;
@@ -201,7 +201,7 @@ impl PlayOut {
         }
     }
 
-    /// What the tick at this time has to go by. From the first tick that has something on, every call is the next number: a loop that catches up loses none.
+    /// The values for the tick at this time. After the first tick with a value, every call gives the next number: a loop that catches up loses none.
     pub fn play(&mut self, now_ns: u64) -> Played {
         let Some(number) = self.next.or_else(|| self.first_due(now_ns)) else { return Played::Waiting };
         self.next = Some(number + 1);
@@ -229,16 +229,16 @@ impl PlayOut {
         }
     }
 
-    /// The first number, if it is due: it is the earliest that is there.
+    /// The first number, if it is due: the lowest number that has arrived.
     fn first_due(&self, now_ns: u64) -> Option<u64> {
         let due = i128::from(now_ns) - self.base_ns? - i128::from(self.buffer_ns);
         let number = u64::try_from(due.div_euclid(i128::from(self.period_ns))).ok()?;
-        // Before the first that came there is nothing to play.
+        // Before the first arrived number there is nothing to play.
         let there = (self.from..=number).any(|it| self.slots[(it % self.slots.len() as u64) as usize] != Slot::Empty);
         there.then_some(number)
     }
 
-    /// What has gone through.
+    /// The counts.
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts
@@ -255,7 +255,7 @@ mod tests {
         [number as f64, 0.0, 0.0, 0.0]
     }
 
-    /// Hears and plays 400 ticks: number k is sent at k ms and comes `delay(k)` ms later, or never. What each tick had.
+    /// Receives and plays 400 ticks: number k is sent at k ms and arrives `delay(k)` ms later, or never. Returns what each tick got.
     fn through(buffer_ms: u64, hold_ms: u64, delay: impl Fn(u64) -> Vec<u64>) -> (Vec<Played>, Counts) {
         let mut buffer = PlayOut::new(MS, buffer_ms * MS, hold_ms * MS);
         let mut arrivals: Vec<(u64, u64)> =

@@ -25,10 +25,10 @@ use rsm_core::toml_reader::{self, TableReader};
 use crate::helics::{Address, Core};
 use crate::loops::{Loop, Role, Run};
 
-/// A day: a row a millisecond stands in memory.
+/// A day: the rows, one for each millisecond, are kept in memory.
 const LONGEST_S: f64 = 86_400.0;
 
-/// As `rsm federate --load-inertia`: a ton at a metre.
+/// The limit of `rsm federate --load-inertia`: 1000 kg at a radius of 1 m.
 const LARGEST_INERTIA: f64 = 1000.0;
 
 /// A process of a co-simulation.
@@ -36,7 +36,7 @@ const LARGEST_INERTIA: f64 = 1000.0;
 pub struct Process {
     /// Its name.
     pub name: String,
-    /// Who takes part in it.
+    /// The roles that run in it.
     pub roles: Vec<Role>,
     /// The host that it runs on, where the file says so.
     pub host: Option<String>,
@@ -47,9 +47,9 @@ pub struct Process {
 pub struct Scenario {
     /// Its name.
     pub name: String,
-    /// What is run.
+    /// The run.
     pub run: Run,
-    /// How the parts speak to each other.
+    /// How the processes communicate.
     pub core: Core,
     /// Where the broker listens.
     pub broker: Address,
@@ -59,14 +59,14 @@ pub struct Scenario {
     pub processes: Vec<Process>,
 }
 
-/// What is to be started: the words after `rsm`.
+/// A command to start: the arguments after `rsm`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Start {
     /// The name of the process; the broker is `broker`.
     pub process: String,
     /// The host, where the file says so.
     pub host: Option<String>,
-    /// The words.
+    /// The arguments.
     pub words: Vec<String>,
 }
 
@@ -87,7 +87,7 @@ impl Scenario {
         faults.finish(scenario)
     }
 
-    /// How many federates there are: a role each.
+    /// The number of federates: one for each role.
     #[must_use]
     pub fn federates(&self) -> usize {
         self.roles().count()
@@ -115,7 +115,7 @@ impl Scenario {
         hosts
     }
 
-    /// What to start, the broker first; records go into a folder.
+    /// The commands to start, the broker first; records are written into a folder.
     #[must_use]
     pub fn commands(&self, out: &str) -> Vec<Start> {
         let common = ["--broker".to_string(), self.broker.to_string(), "--core".to_string(), self.core.name().to_string()];

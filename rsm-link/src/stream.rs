@@ -20,7 +20,7 @@ use crate::loops::{self, Loop, PERIOD_NS, Role, Run, Step, Table, WIDEST, time_o
 use crate::play_out::{Counts, PlayOut, Played};
 use crate::wire::{Datagram, Foreign, Key, Kind, LONGEST, Side, model_hash};
 
-/// What is to run.
+/// A side to run.
 #[derive(Debug, Clone)]
 pub struct Wish {
     /// The loop, and its side here.
@@ -29,68 +29,68 @@ pub struct Wish {
     pub listen: String,
     /// Where the other side listens: HOST:PORT.
     pub peer: String,
-    /// The secret of both.
+    /// The secret key of both sides.
     pub key: Key,
-    /// What is run.
+    /// The run.
     pub run: Run,
     /// The length of the play-out buffer.
     pub buffer: Duration,
     /// How long the last value is held.
     pub hold: Duration,
-    /// How long nothing may be heard until the peer counts as gone.
+    /// After this time without a datagram the peer counts as lost.
     pub silence: Duration,
-    /// How long the peer is waited for at the start.
+    /// How long to wait for the peer at the start.
     pub wait: Duration,
 }
 
-/// What was heard and not looked at.
+/// Counts of datagrams that were received and ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NotMine {
-    /// Without the right code, from the wrong side, of another run.
+    /// With a wrong authentication code, from the wrong side, or of another run.
     pub foreign: u64,
     /// With the right key, but of another model.
     pub other_model: u64,
 }
 
-/// What became of it.
+/// The result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Done {
     /// The rows: those of the role, then the number that was played and how (0 waiting, 1 fresh, 2 held, 3 safe).
     pub table: Table,
     /// Datagrams with a sample or a command that were sent.
     pub sent: u64,
-    /// Datagrams that the system did not take.
+    /// Datagrams that the operating system did not accept.
     pub not_sent: u64,
-    /// What went through the buffer.
+    /// The counts of the buffer.
     pub counts: Counts,
-    /// What did not.
+    /// Datagrams that were ignored.
     pub not_mine: NotMine,
-    /// To the peer and back, without the time that it waited there.
+    /// Round trip times, without the time at the peer.
     pub round_trip: Option<Summary>,
     /// How late the ticks began by the clock.
     pub lateness: Summary,
-    /// Ticks that began after their period was over. They are done all the same, one after another.
+    /// Ticks that began after their period was over. They are still computed, one after another.
     pub late_ticks: u64,
     /// Ticks that ended after their period was over.
     pub deadlines_missed: u64,
-    /// How late the last tick began: what this side is behind the clock at its end, in ns.
+    /// How late the last tick began: the delay of this side against the clock at its end, in ns.
     pub skew_ns: u64,
-    /// Whether the peer was heard at all.
+    /// Whether any datagram of the peer arrived.
     pub began: bool,
-    /// Why it ended too soon.
+    /// Why it ended early.
     pub lost: Option<String>,
 }
 
-/// What the two threads share.
+/// The data that the two threads share.
 struct Heard {
     buffer: PlayOut,
-    /// The run of the peer; 0 before it is heard.
+    /// The session of the peer; 0 before its first datagram.
     peer: u64,
-    /// The peer has heard this run.
+    /// The peer has received a datagram of this session.
     known: bool,
     ended: bool,
     last_ns: u64,
-    /// The peer's time on its last datagram, and when that was heard.
+    /// The peer's time in its last datagram, and when that was received.
     echo: (u64, u64),
     not_mine: NotMine,
     round_trips_ns: Vec<u64>,
@@ -104,7 +104,7 @@ fn now_ns() -> u64 {
     SystemClock.now_ns()
 }
 
-/// A number that nobody can guess, never 0: the standard library takes the keys of its hash from the system's random numbers.
+/// A random number that cannot be guessed, never 0: the standard library takes the keys of its hash from the system's random numbers.
 fn session() -> u64 {
     use std::hash::{BuildHasher as _, RandomState};
     loop {
@@ -152,13 +152,13 @@ impl Link<'_> {
         self.socket.send_to(&bytes[..length], self.peer).is_ok()
     }
 
-    /// Hears until the run is over.
+    /// Receives until the run is over.
     fn listen(&self, heard: &Mutex<Heard>, over: &AtomicBool) {
         let other = if self.side == Side::Plant { Side::Step } else { Side::Plant };
-        // A byte more than the longest: what is cut would not be noticed.
+        // A byte more than the longest datagram: otherwise a truncated datagram would not be noticed.
         let mut bytes = [0; LONGEST + 1];
         while !over.load(Ordering::Acquire) {
-            // Nothing for a while, or a peer that does not listen yet: both are no reason to end.
+            // A timeout, or a peer that does not listen yet: continue in both cases.
             let Ok((length, _)) = self.socket.recv_from(&mut bytes) else { continue };
             let now = now_ns();
             let read = Datagram::read(&bytes[..length], other, &self.model, self.key);
@@ -178,7 +178,7 @@ impl Link<'_> {
                 return;
             }
         };
-        // A hello may come from anybody who has the key, at any time; the first to answer to this run is the peer.
+        // A hello may come from every sender with the key, at any time; the first one that answers to this session is the peer.
         let answers = datagram.peer_session == self.session;
         let is_first = !heard.known && (heard.peer == 0 || datagram.kind == Kind::Hello || answers);
         if !(is_first || datagram.session == heard.peer) || (datagram.kind != Kind::Hello && !answers) {
@@ -204,13 +204,13 @@ impl Link<'_> {
 /// Between two hellos.
 const HELLO: Duration = Duration::from_millis(5);
 
-/// This many datagrams say that the run is over; each may be lost.
+/// The end of the run is sent this many times, because each datagram may be lost.
 const FAREWELLS: u32 = 5;
 
 /// Runs a side.
 ///
 /// # Errors
-/// An address that is none, or that cannot be listened on.
+/// An invalid address, or one on which the socket cannot listen.
 pub fn run(wish: &Wish) -> Result<Done, String> {
     let (side, mine) = wish.side;
     let peer = wish.peer.to_socket_addrs().map_err(|error| format!("--peer {}: {error}", wish.peer))?.next();
@@ -251,7 +251,7 @@ pub fn run(wish: &Wish) -> Result<Done, String> {
     Ok(done)
 }
 
-/// Ends the listening thread, also by a panic.
+/// Ends the listening thread, also after a panic.
 struct Ended<'a>(&'a AtomicBool);
 
 impl Drop for Ended<'_> {
@@ -282,7 +282,7 @@ fn nothing(side: Loop, mine: Side) -> Done {
     }
 }
 
-/// Says hello until each has heard the other.
+/// Sends hello datagrams until each side has received one of the other.
 fn greet(link: &Link<'_>, heard: &Mutex<Heard>, wish: &Wish) -> Result<(), String> {
     let wait = u64::try_from(wish.wait.as_nanos()).unwrap_or(u64::MAX);
     loop {
@@ -306,7 +306,7 @@ fn greet(link: &Link<'_>, heard: &Mutex<Heard>, wish: &Wish) -> Result<(), Strin
         }
         std::thread::sleep(HELLO);
     }
-    // The peer may still wait for this side's answer: its datagrams say it too, from the first tick on.
+    // The peer may still wait for this side's answer. The datagrams of the ticks contain the answer too.
     link.send(heard, Kind::Hello, 0, &[]);
     Ok(())
 }
@@ -342,7 +342,7 @@ impl<'a> Ticks<'a> {
         self.done
     }
 
-    /// Sleeps until the tick begins, and takes what the buffer plays for it; `None` when the peer is gone.
+    /// Sleeps until the tick begins, and takes the value that the buffer gives for it; `None` if the peer is lost.
     fn begin(&mut self) -> Option<Played> {
         self.end_of_tick();
         let due = self.first_ns + self.tick * PERIOD_NS;
@@ -358,7 +358,7 @@ impl<'a> Ticks<'a> {
             self.done.lost = Some(format!("nothing was heard of the peer at {} for {seconds:.1} s", self.link.peer));
             return None;
         }
-        // A tick that is late is played for its own time, so that catching up does not eat the buffer.
+        // A late tick is played for its scheduled time, so that catching up does not use up the buffer.
         let played = heard.buffer.play(due);
         if heard.ended && matches!(played, Played::Safe { .. }) {
             self.done.lost = Some(format!("the peer at {} has ended its run", self.link.peer));
@@ -410,7 +410,7 @@ impl<'a> Ticks<'a> {
     }
 }
 
-/// What acts on the plant: the command that is played, or the safe state.
+/// The command that acts on the plant: the one that is played, or the safe state.
 fn command_of(side: Loop, played: Played) -> [f64; WIDEST] {
     let mut command = [0.0; WIDEST];
     match played {

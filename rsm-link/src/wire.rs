@@ -24,7 +24,7 @@ const TAG: usize = 16;
 /// The longest datagram, in bytes.
 pub const LONGEST: usize = HEAD + 8 * WIDEST + TAG;
 
-/// A shorter secret is no key.
+/// A shorter secret is refused.
 pub const SHORTEST_KEY: usize = 16;
 
 /// The secret that both sides have.
@@ -38,7 +38,7 @@ impl std::fmt::Debug for Key {
 }
 
 impl Key {
-    /// From the bytes of a secret; a line end behind it is none of it.
+    /// From the bytes of a secret; a line end after it is not part of it.
     ///
     /// # Errors
     /// Fewer than [`SHORTEST_KEY`] bytes.
@@ -53,7 +53,7 @@ impl Key {
     }
 }
 
-/// The hash of what both sides must agree on: coefficients and plant of a loop, and the names and units of what is sent.
+/// The hash of everything that must be equal on both sides: coefficients and plant of a loop, and the names and units of the values sent.
 #[must_use]
 pub fn model_hash(side: Loop) -> [u8; 16] {
     let files: [&[u8]; 3] = match side {
@@ -80,10 +80,10 @@ pub fn model_hash(side: Loop) -> [u8; 16] {
     std::array::from_fn(|k| hash[k])
 }
 
-/// What a datagram is for.
+/// The kind of a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Says that somebody is there; it has no values.
+    /// A hello; it has no values.
     Hello,
     /// A sample or a command.
     Data,
@@ -91,7 +91,7 @@ pub enum Kind {
     End,
 }
 
-/// Which side of a loop has sent it.
+/// The side of a loop that sent it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// The plant's.
@@ -103,19 +103,19 @@ pub enum Side {
 /// A datagram.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Datagram {
-    /// What it is for.
+    /// Its kind.
     pub kind: Kind,
-    /// Who sends it.
+    /// The side that sends it.
     pub side: Side,
-    /// The run of the sender.
+    /// The session of the sender.
     pub session: u64,
-    /// The run of the peer that the sender has heard; 0 before.
+    /// The session of the peer, as the sender has received it; 0 before.
     pub peer_session: u64,
     /// The number of the tick.
     pub number: u64,
     /// The sender's time, in ns after its start.
     pub time_ns: u64,
-    /// The time of the datagram that the sender has heard last; 0 before.
+    /// The time in the last datagram that the sender has received; 0 before.
     pub echo_ns: u64,
     /// How long ago that was.
     pub echo_age_ns: u64,
@@ -125,10 +125,10 @@ pub struct Datagram {
     pub values: [f64; WIDEST],
 }
 
-/// Why a datagram is not looked at.
+/// Why a datagram is ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Foreign {
-    /// It is none, or its code is wrong.
+    /// It has another format, or its authentication code is wrong.
     Unsigned,
     /// It has the key, but another version or side.
     Misplaced,
@@ -162,7 +162,7 @@ impl Datagram {
         (bytes, end + TAG)
     }
 
-    /// What bytes say that come from a side.
+    /// Reads the bytes of a datagram that comes from a side.
     ///
     /// # Errors
     /// They are foreign.
@@ -170,7 +170,7 @@ impl Datagram {
         let Some(end) = bytes.len().checked_sub(TAG).filter(|end| (HEAD..=HEAD + 8 * WIDEST).contains(end)) else {
             return Err(Foreign::Unsigned);
         };
-        // In constant time, and before anything else is looked at.
+        // In constant time, and before anything else is read.
         let code = key.0.clone().chain_update(&bytes[..end]);
         code.verify_truncated_left(&bytes[end..]).map_err(|_| Foreign::Unsigned)?;
         let side = if bytes[5] == 1 { Side::Step } else { Side::Plant };
@@ -277,7 +277,7 @@ mod tests {
         let bytes = &bytes[..length];
         assert_eq!(Datagram::read(bytes, Side::Step, &MODEL, &self::key("sixteen bytes no")), Err(Foreign::Unsigned));
         assert_eq!(Datagram::read(bytes, Side::Step, &[8; 16], &key), Err(Foreign::OtherModel));
-        // One's own datagram, thrown back.
+        // A datagram of this side, sent back to it.
         assert_eq!(Datagram::read(bytes, Side::Plant, &MODEL, &key), Err(Foreign::Misplaced));
         assert_ne!(model_hash(Loop::Motor), model_hash(Loop::Throttle));
     }
@@ -288,7 +288,7 @@ mod tests {
         let (one, _) = datagram().write(&MODEL, &key("sixteen bytes ok"));
         let (other, _) = datagram().write(&MODEL, &key("sixteen bytes ok\r\n"));
         assert_eq!(one, other);
-        // RFC 4231, test case 4: the crate is what it says.
+        // RFC 4231, test case 4: the crate computes HMAC-SHA-256.
         let secret: Vec<u8> = (1..=25).collect();
         let code = Key::new(&secret).unwrap().0.chain_update([0xcd; 50]).finalize().into_bytes();
         assert_eq!(code[..4], [0x82, 0x55, 0x8a, 0x38]);
