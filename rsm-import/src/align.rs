@@ -1,10 +1,10 @@
-//! Two clocks made one: the offset and the rate of a second logger, from a signal that both have.
+//! Aligns the clocks of two loggers: the offset and the rate of the second one, from a signal that both have.
 //!
-//! In: the samples of one signal in both files. Out: t_first = t_second + offset + rate (t_second - middle), each with a 95 % interval; or a sentence that says why
-//! there is none: the signals have nothing in common, or they fit as well somewhere else (a periodic signal).
+//! In: the samples of one signal in both files. Out: offset and rate of t_first = t_second + offset + rate (t_second - middle), each with a 95 % interval; or a sentence that says why
+//! there is no result: the signals are not correlated, or they agree as well at another offset (a periodic signal).
 //!
-//! Method: normalised cross-correlation over every lag, on cells of averages; then the instrumental variables estimate of first = bias + gain second(offset, rate), on
-//! cells half as wide each time, down to the sampling; the width with the shortest interval counts. Both signals pass the same symmetric filter, so it shifts
+//! Method: both signals are averaged over cells. The normalised cross-correlation over every lag gives a first offset. Then first = bias + gain second(offset, rate) is estimated with
+//! instrumental variables, each time on cells half as wide, down to the sampling. The width with the shortest interval gives the result. Both signals pass the same symmetric filter, so it shifts
 //! neither. The intervals come from the scores of 30 blocks of the residuals (batch means: Law and Kelton, "Simulation Modeling and Analysis"), since neighbouring
 //! residuals are not independent.
 
@@ -15,20 +15,20 @@ use crate::resample::Samples;
 /// Cells of the longer signal in the search over every lag: 2 * 4096^2 products of pairs, a tenth of a second.
 const CELLS: usize = 4096;
 
-/// The least overlap that is looked at, as a share of the shorter signal.
+/// The smallest overlap that is tested, as a share of the shorter signal.
 const LEAST_OVERLAP: f64 = 0.25;
 
-/// Below this correlation the two columns are not called one signal: three quarters of the variance would be something else.
+/// Below this correlation the two columns are not taken as one signal: three quarters of the variance would have another origin.
 const LEAST_CORRELATION: f64 = 0.5;
 
-/// Elsewhere the rest must be larger by this factor, else both places are as good.
+/// At any other offset the unexplained rest must be larger by this factor. Otherwise the offset is not unique.
 const NEXT_BEST: f64 = 1.1;
 
 /// Blocks of residuals, and Student's t of 95 % for them less the four numbers that are fitted (26 degrees of freedom).
 const BLOCKS: usize = 30;
 const STUDENT: f64 = 2.056;
 
-/// How the clock of a further file runs against that of the first.
+/// The clock of a further file relative to that of the first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alignment {
     /// The further file.
@@ -37,7 +37,7 @@ pub struct Alignment {
     pub first: String,
     /// The column of the further file.
     pub second: String,
-    /// What is added to its instants in the middle of the overlap, in s.
+    /// The offset that is added to its times, in the middle of the overlap, in s.
     pub offset: f64,
     /// Half of the 95 % interval of the offset, in s.
     pub offset_half_width: f64,
@@ -45,7 +45,7 @@ pub struct Alignment {
     pub rate: f64,
     /// Half of the 95 % interval of the rate.
     pub rate_half_width: f64,
-    /// The instant of the further file at which the offset holds, in s.
+    /// The time of the further file to which the offset belongs, in s.
     pub middle: f64,
     /// The correlation of both signals.
     pub correlation: f64,
@@ -139,7 +139,7 @@ pub(crate) fn align(first: &Samples, second: &Samples) -> Result<Alignment, Stri
             found.offset, found.correlation, found.next.1, found.next.0
         ));
     }
-    // The middle of what overlaps, on the clock of the second.
+    // The middle of the overlap, on the clock of the second.
     let start = second.span().0.max(first.span().0 - found.offset);
     let end = second.span().1.min(first.span().1 - found.offset);
     let middle = (start + end) / 2.0;
@@ -185,11 +185,11 @@ pub(crate) fn align(first: &Samples, second: &Samples) -> Result<Alignment, Stri
 struct Found {
     offset: f64,
     correlation: f64,
-    /// The best place elsewhere: its correlation and its offset.
+    /// The best other offset: its correlation and its value.
     next: (f64, f64),
 }
 
-/// The lag at which two signals are most alike.
+/// The lag with the largest correlation of two signals.
 fn search(first: &Cells, second: &Cells) -> Option<Found> {
     let centred = |cells: &Cells| -> Vec<(f64, f64)> {
         let present: Vec<f64> = cells.values.iter().copied().filter(|value| !value.is_nan()).collect();
@@ -222,11 +222,11 @@ fn search(first: &Cells, second: &Cells) -> Option<Found> {
         }
     }
     let best = scores.iter().enumerate().max_by(|a, b| a.1.1.total_cmp(&b.1.1)).map(|(k, _)| k)?;
-    // The hill of the best: down on both sides to its foot.
+    // The peak around the best lag: its limits on both sides.
     let foot = |step: i64| -> usize {
         let mut k = best as i64;
         while let Some(next) = usize::try_from(k + step).ok().and_then(|next| scores.get(next)) {
-            // A hill ends in a valley deep enough: noise makes small ones.
+            // A peak ends where the correlation has fallen far enough; noise makes small valleys.
             if next.1 < 0.5 * scores[best].1 {
                 break;
             }
@@ -244,10 +244,10 @@ fn search(first: &Cells, second: &Cells) -> Option<Found> {
     })
 }
 
-/// A point at which both signals are: the residual, its derivatives by offset, rate, gain and bias, and its instruments.
+/// A point at which both signals have a value: the residual, its derivatives by offset, rate, gain and bias, and its instruments.
 ///
-/// An instrument is what stands for a derivative without its noise: the slope of the other signal. Least squares would count the noise of a slope as slope, find
-/// offsets too near to where it began and intervals too short; noise of two loggers is independent, so products of both slopes have none (instrumental variables:
+/// The instrument of a derivative is the slope of the other signal. Its noise is independent of the noise of the derivative, because the loggers are independent. Least squares would treat the noise of a slope as
+/// signal. Its offsets would be too near to the first guess, and its intervals too short (instrumental variables:
 /// Soderstrom and Stoica, "System Identification", ch. 8).
 struct Point {
     residual: f64,
@@ -292,7 +292,7 @@ fn normal(points: &[Point], has_rate: bool) -> (Matrix4<f64>, Vector4<f64>) {
 const TOO_LITTLE: &str = "what both have in common does not fix the offset: take a signal that moves";
 
 fn newton(signals: &(Cells, Cells), mut fit: Fit, middle: f64, has_rate: bool) -> Result<Fit, String> {
-    // From half a cell away the steps shrink by four each time; 20 are more than any case of the tests takes.
+    // From half a cell away each step is a quarter of the one before; 20 are more than any case of the tests takes.
     for _ in 0..20 {
         let points = points(signals, fit, middle);
         if points.len() < 2 * BLOCKS {
@@ -303,14 +303,14 @@ fn newton(signals: &(Cells, Cells), mut fit: Fit, middle: f64, has_rate: bool) -
         if step.iter().any(|it| !it.is_finite()) {
             return Err(TOO_LITTLE.to_string());
         }
-        // No farther than two cells at once: the slopes hold no farther.
+        // At most two cells in one step: the slopes are not valid beyond.
         let most = 2.0 * signals.0.width;
         let share = (most / step[0].abs()).min(1.0);
         fit.offset += share * step[0];
         fit.rate += share * step[1];
         fit.gain += step[2];
         fit.bias += step[3];
-        // A thousand times less than a cell is less than any interval below.
+        // A thousandth of a cell is less than any interval below.
         if step[0].abs() < 1e-4 * signals.0.width {
             break;
         }

@@ -1,19 +1,19 @@
-//! Instants: times of day and dates as seconds, rounded clocks, jitter, gaps, and the steady clock of the record.
+//! The times of a record: times of day and dates as seconds, rounded clocks, jitter, gaps, and the constant period.
 //!
-//! In: the instants of the rows as the logger wrote them. Out: the rows that are kept, their instants, and what was found. Three faults are told apart:
-//! a clock that is *rounded* (steps of 0, 1 and 2 ms where the rows are uniform: the instants are a straight line within half a step of the decimals), *jitter* (the rows
-//! themselves are not uniform), and *gaps* (rows that are not there).
+//! In: the times of the rows as the logger wrote them. Out: the rows that are kept, their times, and what was found. Three faults are distinguished:
+//! a *rounded* clock (steps of 0, 1 and 2 ms although the rows are uniform: the times differ from a straight line by at most half a unit of the last decimal), *jitter* (the rows
+//! themselves are not uniform), and *gaps* (missing rows).
 
 use rsm_core::number::decimal;
 
-/// Jitter up to this share of the period is left as it is: what a record may have (docs/book/src/reference/plants.md 1.2).
+/// Jitter up to this share of the period is left as it is: a record may have it (docs/book/src/reference/plants.md 1.2).
 const JITTER: f64 = 0.01;
 
-/// A step is a gap beyond as many periods. A uniform record: one row is missing. With jitter a step of two periods may be one late row.
+/// A longer step than this many periods is a gap. In a uniform record one missing row is a gap. With jitter a step of two periods may be one late row.
 const GAP_OF_UNIFORM: f64 = 1.5;
 const GAP_WITH_JITTER: f64 = 3.0;
 
-/// So many gaps among uniform rows are gaps: by chance they may lie as a rounded clock would have them. Five rarely do.
+/// From this many long steps on, long steps between uniform rows are gaps. Fewer may by chance look like the steps of a rounded clock; five rarely do.
 const FEW_GAPS: usize = 4;
 
 /// The instants of a log, put in order.
@@ -36,7 +36,7 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// Puts instants in order; NaN is an instant that is not there.
+    /// Puts times in order; NaN is a missing time.
     ///
     /// # Errors
     /// A sentence, with the row (from 0) where there is one.
@@ -51,7 +51,7 @@ impl Clock {
         }
         let times: Vec<f64> = present.iter().map(|row| instants[*row]).collect();
         let (rows, times, back) = increasing(&present, &times);
-        // One row in a hundred is a fault of the logger; more, and the column is no time.
+        // Up to one row in a hundred is a fault of the logger. With more the column is not a time.
         if back.len() > 1 + present.len() / 100 {
             let (row, from, to) = back[0];
             return Err((
@@ -63,7 +63,7 @@ impl Clock {
             notes.push(format!("{} rows in which time goes back are left out, the first from {from} s to {to} s", back.len()));
         }
         let as_read = Clock::steady(rows.clone(), times.clone(), GAP_OF_UNIFORM);
-        // Steps of 1 and 2 ms are lost rows or a period of 1.25 ms: rows that are lost by chance do not keep to one line.
+        // Steps of 1 and 2 ms are lost rows or a rounded period of 1.25 ms. With rows that are lost at random, the times are not on one straight line.
         let is_clear = as_read.is_uniform && as_read.gaps.len() <= FEW_GAPS;
         let mut clock = match (!is_clear).then(|| rounded(&times)).flatten() {
             None if as_read.is_uniform => as_read,
@@ -75,7 +75,7 @@ impl Clock {
                 Clock::steady(rows, straight, GAP_OF_UNIFORM)
             }
             None => {
-                // Of rows of one instant the first stays.
+                // Of several rows with one time the first is kept.
                 let distinct: Vec<usize> = (0..times.len()).filter(|k| *k == 0 || times[*k] > times[k - 1]).collect();
                 if distinct.len() < times.len() {
                     notes
@@ -123,13 +123,13 @@ impl Clock {
         Clock { rows, times, period, jitter, is_uniform: period > 0.0 && jitter <= JITTER * period, gaps, notes: Vec::new() }
     }
 
-    /// The instants of a steady clock of a period along these: none within a gap.
+    /// Times with a constant period over the same span, none within a gap.
     pub(crate) fn grid(&self, period: f64) -> Vec<f64> {
         let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
-        // A hair more, so that rounding does not lose the last instant.
+        // Slightly more, so that rounding does not lose the last time.
         let count = ((last - first) / period * (1.0 + 1e-12) + 1e-6).floor() as usize;
         let inverse = (1.0 / period).round();
-        // 0.001 is no f64: k/1000 is rounded once, k*0.001 twice.
+        // 0.001 is not an f64 number: k/1000 is rounded once, k*0.001 twice.
         let is_whole = (inverse * period - 1.0).abs() < 4.0 * f64::EPSILON;
         let mut gaps = self.gaps.iter().peekable();
         let mut grid = Vec::with_capacity(count + 1);
@@ -145,7 +145,7 @@ impl Clock {
     }
 }
 
-/// A row at which time goes back, from and to which instant.
+/// A row at which time goes back, with the times before and after.
 type Back = (usize, f64, f64);
 
 /// Rows whose instants do not go back, and where the others went back.
@@ -170,7 +170,7 @@ fn median_step(times: &[f64]) -> f64 {
     steps[steps.len() / 2]
 }
 
-/// The step of the decimals of a clock and the straight line that its instants are, if they are one that was rounded.
+/// The unit of the last decimal of a clock, and the straight line that was rounded to it; `None` if the times are not a rounded straight line.
 fn rounded(times: &[f64]) -> Option<(f64, Vec<f64>)> {
     let scale = times.iter().fold(0.0, |scale: f64, time| scale.max(time.abs()));
     // Days to tenths of a microsecond.
@@ -208,17 +208,17 @@ fn rounded(times: &[f64]) -> Option<(f64, Vec<f64>)> {
         let line = |k: usize| time + period * (k as f64 - index);
         let away = piece.clone().map(|k| times[k] - line(k));
         let (low, high) = away.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(it), high.max(it)));
-        // What rounding does, to nearest or down, lies within one unit of the decimals; a tenth more for the line's own error.
+        // Rounding, to nearest or down, changes a time by at most one unit of the last decimal; a tenth more for the line's own error.
         if high - low > 1.1 * quantum {
             return None;
         }
-        // The middle of what was seen: the mean leans to where most fractions fall.
+        // The middle of the range of the deviations: their mean would depend on how the fractions are distributed.
         straight.extend(piece.map(|k| line(k) + (low + high) / 2.0));
     }
     straight.windows(2).all(|pair| pair[1] > pair[0]).then_some((quantum, straight))
 }
 
-/// The usual step of a rounded clock: the mean of the middle half of its steps, which holds no gap.
+/// The usual step of a rounded clock: the mean of the middle half of its sorted steps, which contains no gap.
 fn typical_step(times: &[f64], quantum: f64) -> f64 {
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_by(f64::total_cmp);
@@ -233,7 +233,7 @@ fn means(piece: &std::ops::Range<usize>, times: &[f64]) -> (f64, f64) {
     (index, times[piece.clone()].iter().sum::<f64>() / count)
 }
 
-/// A period that reads well: three digits, since the grid may be any near the mean.
+/// A period with three digits, easy to read; any period near the mean is allowed.
 pub(crate) fn readable(period: f64) -> f64 {
     format!("{period:.2e}").parse().unwrap_or(period)
 }
@@ -353,7 +353,7 @@ mod tests {
             let clock = Clock::of(&truth.iter().map(|time| cut(1000.0, *time)).collect::<Vec<_>>()).unwrap();
             assert!(clock.is_uniform, "period {period}: {clock:?}");
             assert!((clock.period / period - 1.0).abs() < 1e-3, "{}", clock.period);
-            // Cut off: half a unit of the decimals is lost, and nobody can know.
+            // Truncated: the offset of half a unit of the last decimal cannot be recovered.
             let worst = clock.times.iter().zip(&truth).map(|(a, b)| (a - b + 0.0005).abs()).fold(0.0, f64::max);
             assert!(worst < 0.00055, "{worst}");
             let late: Vec<f64> =

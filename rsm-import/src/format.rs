@@ -1,10 +1,10 @@
-//! Which format a file has, told by its first bytes.
+//! The format of a file, recognised by its first bytes.
 
 use rsm_core::source::{Fault, Faults};
 
 use crate::log::Log;
 
-/// Reads a file of any format: what it is, its first bytes say.
+/// Reads a file of any format; its first bytes identify the format.
 pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Log, Faults> {
     let log = if bytes.starts_with(b"MATLAB 7.3") || hdf5_pure::is_hdf5_bytes(bytes) {
         crate::mat73::read(name, bytes)?

@@ -1,4 +1,4 @@
-//! What a file holds, whatever its format: columns with gaps.
+//! The content of a file of any format: columns with gaps.
 
 /// A column as its file has it.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +23,7 @@ pub(crate) struct Log {
 }
 
 impl Log {
-    /// Two columns of one name: the second gets a number, or goes if it says the same.
+    /// If two columns have one name, the second gets a number, or is dropped if it has the same values.
     pub(crate) fn with_names_apart(mut self) -> Self {
         let mut kept: Vec<Raw> = Vec::new();
         for mut column in std::mem::take(&mut self.columns) {

@@ -14,7 +14,7 @@ use crate::wishes::{Named, Wishes};
 /// A file as it was read.
 #[derive(Debug, Clone)]
 pub struct File {
-    /// As messages speak of it.
+    /// Its name in messages.
     pub name: String,
     /// Its bytes.
     pub bytes: Vec<u8>,
@@ -62,7 +62,7 @@ impl Record {
     pub fn csv(&self) -> String {
         let mut text = String::new();
         for note in &self.notes {
-            // A note may quote a name; a line end within would end the comment.
+            // A note may quote a name; a line end in it would end the comment.
             text += &format!("# {}\n", note.replace(['\n', '\r'], " "));
         }
         text += "time[s]";
@@ -162,7 +162,7 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
         None => readable(clock.period),
     };
     let span = clock.times[clock.times.len() - 1] - clock.times[0];
-    // Memory for rows that no logger has written: a thousand times the rows of the file.
+    // A limit of memory for interpolated rows: a thousand times the rows of the file.
     if span / period > 1000.0 * clock.times.len() as f64 {
         let what = format!("a period of {period} s gives {:.0} rows for {} of the file", span / period, clock.times.len());
         return Err(Faults::one(Fault::whole_file(&first.name, what)));
@@ -268,14 +268,14 @@ fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
     Ok(Timed { log, clock, time: column.name })
 }
 
-/// Times of day after midnight go on where the day before ended.
+/// Times of day after midnight continue from the day before.
 fn through_midnight(instants: &[f64]) -> Vec<f64> {
     let mut days = 0.0;
     let mut before = f64::NAN;
     instants
         .iter()
         .map(|instant| {
-            // Half a day back is a new day; less is a clock that was set.
+            // A step back of at least half a day is a new day; a smaller one is a clock that was set.
             if before - instant > 43200.0 && *instant < 86400.0 {
                 days += 86400.0;
             }
@@ -292,7 +292,7 @@ fn samples(timed: &Timed, column: &Raw) -> Samples {
     Samples::of(&timed.clock.times, &values)
 }
 
-/// The clock of a further file, by the wished pair of columns or the best of those that both have.
+/// The clock of a further file, by the pair of columns that the user names, or by the best pair of columns of one name.
 fn alignment(first: &Timed, second: &Timed, wishes: &Wishes) -> Result<Alignment, Faults> {
     let fault = |what: String| Fault::whole_file(&second.log.file, what);
     let column = |timed: &Timed, name: &str| {

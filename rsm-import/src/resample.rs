@@ -1,13 +1,13 @@
-//! A column on other instants.
+//! Resamples a column to other times.
 //!
-//! The rule: on the straight line between the sample before and the sample after; a column that holds its value (a command, a gear) has that of the sample before.
-//! No sample is made up: before the first, after the last, and between two that are further apart than three of the column's usual steps, there is none. Nothing is
-//! filtered: noise that the line averages has up to half its variance, and what is faster than half the new rate folds down.
+//! The rule: linear interpolation between the sample before and the sample after. A column that holds its value (a command, a gear) takes that of the sample before.
+//! There is no value before the first sample, after the last one, and between two that are more than three of the column's usual steps apart. Nothing is
+//! filtered: interpolation reduces the variance of noise to at most its half, and signals above half the new sampling rate are aliased.
 
-/// Two samples further apart than so many usual steps have nothing between them: as far as jitter goes (`clock.rs`).
+/// Between two samples that are more than this many usual steps apart there is no value: jitter is never larger (`clock.rs`).
 const FARTHEST: f64 = 3.0;
 
-/// The most different values of a column that is taken for one that holds its value, if all are whole: gears, flags, states.
+/// A column with at most this many different values, all whole numbers, is taken as one that holds its value: gears, flags, states.
 const MOST_LEVELS: usize = 20;
 
 /// The samples of a column.
@@ -42,7 +42,7 @@ impl Samples {
                 }
             }
         }
-        // A constant is itself by either rule.
+        // For a constant both rules give the same.
         levels.len() > 1
     }
 
@@ -56,7 +56,7 @@ impl Samples {
         (self.times.first().copied().unwrap_or(0.0), self.times.last().copied().unwrap_or(0.0))
     }
 
-    /// Averages over cells of a width from an instant on; NaN where a cell has no sample.
+    /// Averages over cells of a width, from a time on; NaN if a cell has no sample.
     pub(crate) fn averages(&self, start: f64, width: f64, count: usize) -> Vec<f64> {
         let mut cells = vec![(0.0, 0.0); count];
         for (time, value) in self.times.iter().zip(&self.values) {
@@ -80,7 +80,7 @@ impl Samples {
             return self.values[after];
         }
         if after == 0 || after == self.times.len() {
-            // Rounding of an instant of the grid: a millionth of a step beyond the end is the end.
+            // Times of the new grid are rounded: a millionth of a step after the end counts as the end.
             let end = if after == 0 { 0 } else { after - 1 };
             let is_end = self.times.get(end).is_some_and(|time| (time - instant).abs() <= 1e-6 * self.usual);
             return if is_end { self.values[end] } else { f64::NAN };

@@ -1,6 +1,6 @@
 //! Tables of text: any separator, decimal comma or point, lines before the header, units in the header or in a line of their own.
 //!
-//! In: bytes. Out: columns of numbers with gaps. What a cell means is decided for the whole file, never cell by cell: one separator, one decimal sign.
+//! In: bytes. Out: columns of numbers with gaps. One separator and one decimal sign are chosen for the whole file, never for a single cell.
 
 use csv::{ReaderBuilder, Trim};
 use rsm_core::source::{Fault, Faults};
@@ -10,7 +10,7 @@ use crate::log::{Log, Raw};
 /// Separators, in the order in which a tie is decided: a comma may be a decimal sign, so it comes last.
 const SEPARATORS: [u8; 4] = [b';', b'\t', b'|', b','];
 
-/// As many lines say what the separator is. A file's head may be 50 lines of settings.
+/// The separator is chosen from this many lines. A file may begin with 50 lines of settings.
 const LOOKED_AT: usize = 400;
 
 /// Texts that loggers write where there is no sample.
@@ -56,7 +56,7 @@ pub(crate) fn read(file: &str, bytes: &[u8]) -> Result<Log, Faults> {
     let mut foreign: Option<(usize, String, usize)> = None;
     for line in &lines[first..] {
         if line.cells.len() != width {
-            // A last line that was cut off, or words below the table.
+            // A truncated last line, or text below the table.
             let count = foreign.as_ref().map_or(0, |it| it.2) + 1;
             let (number, found) = foreign.map_or((line.number, cells(line.cells.len())), |it| (it.0, it.1));
             foreign = Some((number, found, count));
@@ -69,7 +69,7 @@ pub(crate) fn read(file: &str, bytes: &[u8]) -> Result<Log, Faults> {
         }
     }
     if let Some((number, found, count)) = foreign {
-        // One line in a hundred is a defect of a file; more is another table.
+        // Up to one line in a hundred is a fault of the file. More means a second table.
         if count > 1 + log.lines.len() / 100 {
             let what = format!("the row has {found}, the first row of numbers (line {}) has {width}", lines[first].number);
             return Err(fault(number, what));
@@ -111,14 +111,14 @@ fn is_absent(cell: &str) -> bool {
     ABSENT.iter().any(|absent| absent.eq_ignore_ascii_case(cell))
 }
 
-/// The separator with the most numbers a line.
+/// The separator that gives the most numbers for each line.
 fn separator(head: &str) -> Option<u8> {
     let count = |separator: u8| -> usize {
         let numbers = |line: &str| {
             let cells: Vec<&str> = line.split(char::from(separator)).map(|cell| cell.trim().trim_matches('"')).collect();
             let is_number = |cell: &&&str| number(cell, false).is_some() || (separator != b',' && number(cell, true).is_some());
             let numbers = cells.iter().filter(is_number).count();
-            // A row is mostly numbers: `1,5;2,5` cut at its commas is not.
+            // Most cells of a row must be numbers: this is not so for `1,5;2,5` split at its commas.
             if cells.len() > 1 && 2 * numbers >= cells.len() { numbers } else { 0 }
         };
         head.lines().map(numbers).sum()
@@ -171,7 +171,7 @@ fn decimal_comma(lines: &[Line], separator: u8) -> Result<bool, (usize, String)>
     }
     let with = |sign: char, is_comma: bool| {
         lines.iter().find(|line| {
-            // Cells of a row of numbers: a version `1.2` in the head of the file says nothing.
+            // Only cells in rows of numbers count: a version `1.2` at the beginning of the file must not decide.
             is_row(line, is_comma) && line.cells.iter().any(|cell| cell.contains(sign) && number(cell, is_comma).is_some())
         })
     };

@@ -1,4 +1,4 @@
-//! What a user says of the columns: texts of the command line, taken apart.
+//! The user's options for the columns: parses the texts of the command line.
 
 use std::str::FromStr;
 
@@ -31,7 +31,7 @@ impl FromStr for Named {
     }
 }
 
-/// What a user wants of an import. The default takes every column of numbers as it is.
+/// The options of an import. The default takes every column of numbers as it is.
 #[derive(Debug, Clone, Default)]
 pub struct Wishes {
     /// Columns of the record by the names of the files; empty: all, under their own names.
