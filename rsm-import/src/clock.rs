@@ -13,7 +13,7 @@ const JITTER: f64 = 0.01;
 const GAP_OF_UNIFORM: f64 = 1.5;
 const GAP_WITH_JITTER: f64 = 3.0;
 
-/// From this many long steps on, long steps between uniform rows are gaps. Fewer may by chance look like the steps of a rounded clock; five rarely do.
+/// Up to this many long steps between otherwise uniform rows are gaps: so few may by chance look like the steps of a rounded clock. Five rarely do.
 const FEW_GAPS: usize = 4;
 
 /// The instants of a log, put in order.

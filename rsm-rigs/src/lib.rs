@@ -1,4 +1,4 @@
-//! The rigs of the two cases: what an experiment is made on when no machine is at hand.
+//! The simulated test rigs of the two cases, for experiments without a real machine.
 //!
 //! In: plant files and plans. Out: measured tables with noise from a seed, and figures of a drive or a car in closed loop.
 //!

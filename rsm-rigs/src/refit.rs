@@ -1,11 +1,11 @@
-//! What a refit of both rigs needs: the plant as an experiment can take it, and what a refit gains.
+//! Functions for the refit on both rigs: the plant in a form that an experiment can use, and the gain of a refit.
 //!
 //! In: a plant file as a diagnosis leaves it. Out: one that a bench or a track can run. Never fits.
 
 use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::PlantFile;
 
-/// A plant as an experiment can take it: errors of parameters become the parameters, which is what a drive is told after a diagnosis; effects that an experiment cannot have are
+/// A plant in a form that an experiment can use. Errors of parameters become the parameters, because a drive gets the corrected parameters after a diagnosis. Effects that an experiment cannot have are
 /// left out, and named.
 #[must_use]
 pub fn usable(plant: &PlantFile, never: &[&str]) -> (PlantFile, Vec<String>) {

@@ -1,8 +1,8 @@
 //! The simulated dynamometer bench of the motor.
 //!
-//! In: a plant file, settings (modulation depth, current advance), a seed. Out: a measured point a run, or the word that the run did not come to the
-//! voltage limit. A run is made as on a real bench, nothing is evaluated from a formula: the drive regulates the current vector, the dynamometer
-//! brings the shaft up until the drive's voltage is at its limit, holds that speed, and the readings are averaged.
+//! In: a plant file, settings (modulation depth, current advance), a seed. Out: a measured point for each run, or the result that the run did not reach the
+//! voltage limit. A run is made as on a real bench, without a formula: the drive regulates the current vector, the dynamometer
+//! raises the speed until the drive's voltage is at its limit, holds that speed, and the readings are averaged.
 //!
 //! Modulation depth is the share of the current limit, current advance the angle of the current vector from the q axis towards the negative d axis: i_d = -I sin,
 //! i_q = I cos. Up to 90 degrees the motor drives, beyond it brakes. The voltage limit is what the drive leaves to its references: V_dc/sqrt 3 less the
@@ -50,9 +50,9 @@ pub struct Bench {
 }
 
 impl Default for Bench {
-    /// 850 rad/s, 8120 rpm: beyond the 800 rad/s up to which surfaces are wanted, so that they are measured past their end, and not far beyond, where
-    /// points would pull at a surface that is never asked there (in a trial to 1000 rad/s its mean error grew by a fifth). A fine encoder: a bench is
-    /// instrumented better than the drive will be.
+    /// 850 rad/s, 8120 rpm. Surfaces are wanted up to 800 rad/s, so there are points slightly beyond their end. Points far beyond would
+/// increase the error of the surface where it is used (in a trial to 1000 rad/s its mean error grew by a fifth). A fine encoder: a bench has
+/// better instruments than the drive.
     fn default() -> Self {
         Bench { drive: Drive { encoder: encoder::Settings::FINE, ..Drive::default() }, top_speed: 850.0 }
     }
@@ -82,7 +82,7 @@ pub struct Point {
 pub enum Outcome {
     /// At the voltage limit.
     AtLimit(Point),
-    /// At the dynamometer's top speed with voltage to spare: the vector is no boundary of anything.
+    /// At the dynamometer's top speed, below the voltage limit: the point is not on the boundary.
     BelowLimit(Point),
     /// The current went beyond twice its limit: the drive switched off, nothing was measured.
     Tripped(Setting),
@@ -184,7 +184,7 @@ impl Bench {
     }
 }
 
-/// Whether the protection switches the drive off; numbers that are none any more are no current that it would bear.
+/// Whether the protection switches the drive off, also if a current is not finite.
 fn trips(truth: &Truth, known: &Known) -> bool {
     let current = truth.i_d.hypot(truth.i_q);
     current.is_nan() || current > TRIP * known.current_limit

@@ -1,12 +1,12 @@
-//! An incremental encoder and what a drive makes of it: an angle between the edges, a speed from the times of edges.
+//! An incremental encoder and its evaluation in a drive: an angle between the edges, a speed from the times of edges.
 //!
-//! In: the true angle at the ends of each PWM period. Out: measured angle and speed. The drive has a capture timer: it knows when each edge came, and
-//! from the lines nothing else. The zero of the angle is known from the start (an index pulse, a Hall signal or an alignment).
+//! In: the true angle at the ends of each PWM period. Out: measured angle and speed. The drive has a capture timer, which gives the time of each edge. It has no other
+//! information from the lines. The zero of the angle is known from the start (an index pulse, a Hall signal or an alignment).
 //!
-//! Angle: that of the last edge; where the drive interpolates, plus the measured speed times the time since that edge, at most one count; else the
-//! middle of the count. Speed: counts between two captured edges over the time between them (so it has no quantisation error at constant speed,
-//! however coarse the lines), once a PWM period in which an edge came; while none comes, at most what one count in the time since the last would
-//! be. A first-order filter follows.
+//! Angle: with interpolation it is the angle of the last edge plus the measured speed times the time since that edge, at most one count; without interpolation it is the
+//! middle of the count. Speed: in a PWM period with an edge it is the counts between two captured edges over the time between them. So at constant speed it has no quantisation error,
+//! however coarse the lines. Without an edge the speed is limited to one count in the time since the last edge.
+//! A first-order filter follows.
 
 use std::f64::consts::TAU;
 
@@ -35,7 +35,7 @@ impl Settings {
     pub const IDEAL: Settings = Settings { lines: None, quadrature: false, interpolated: false, filter: 0.0 };
 }
 
-/// What the drive reads.
+/// The reading of the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reading {
     /// Mechanical angle, in rad, turns counted.
@@ -44,7 +44,7 @@ pub struct Reading {
     pub speed: f64,
 }
 
-/// An encoder at work.
+/// An encoder with its state.
 #[derive(Debug, Clone)]
 pub struct Encoder {
     settings: Settings,
@@ -116,7 +116,7 @@ impl Encoder {
             let edge = if cell > self.cell { cell } else { cell + 1.0 } * self.count;
             let at = time + self.period * ((edge - self.before) / (angle - self.before)).clamp(0.0, 1.0);
             if let (last, Some(then)) = self.edge {
-                // After a turn back the same edge comes again: no distance, no speed.
+                // After a reversal the same edge comes again: the distance and the speed are 0.
                 self.raw_speed = if at > then { (edge - last) / (at - then) } else { self.raw_speed };
             }
             self.edge = (edge, Some(at));

@@ -1,4 +1,4 @@
-//! The figures of the motor's controllers: how far apart their commands are, how alike their run-ups, how fast they simulate.
+//! The figures of the motor's controllers: the difference of their commands, the difference of their run-ups, the speed of their simulation.
 //!
 //! In: a plant file, a drive, surfaces, seeds. Out: numbers and the traces behind them. The full controller is the standard; both see the same sensors.
 //! Never fits anything, never prints. Times are those of the machine; everything else is the same for the same files on one machine.
@@ -30,7 +30,7 @@ pub const RUN_UP_INERTIA: f64 = 0.04;
 /// The fan in a run-up, in N m s^2: 1.2 N m at 7500 rpm.
 pub const RUN_UP_FAN: f64 = 2e-6;
 
-/// How far commands are from those of the full controller, over the milliseconds in which the full controller weakens.
+/// The difference of commands from those of the full controller, over the milliseconds in which the full controller weakens the field.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Differences {
     /// Milliseconds in all.
@@ -114,7 +114,7 @@ fn differences(
     Ok(found)
 }
 
-/// The surfaces of a controller against the full controller; a demand beyond what the limits allow is cut by each in its own way.
+/// The surfaces of a controller against the full controller. Each limits a demand beyond its limits in its own way.
 ///
 /// # Errors
 /// A plant that cannot run; profiles in which nothing is weakened.
@@ -198,12 +198,12 @@ pub fn random_profile(
 pub fn run_up<C: Controller + ?Sized>(plant: &PlantFile, drive: &Drive, controller: &mut C) -> Result<Trace, Faults> {
     let Known { current_limit, .. } = drive.known(plant);
     let torque = drive.known(plant).torque_constant() * current_limit;
-    // Longer than any drive takes that gets there at all.
+    // Longer than any drive takes that can reach the speed.
     let mut task = RunUp::new(torque, RUN_UP_SPEED, RUN_UP_FAN, 20.0);
     Ok(ClosedLoop::new(plant, drive, RUN_UP_INERTIA, 0.0)?.run(controller, &mut task))
 }
 
-/// How alike two run-ups are.
+/// The difference of two run-ups.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunUps {
     /// Root mean square of the torque's difference at equal times, in percent of the peak torque of the first.

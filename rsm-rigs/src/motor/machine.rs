@@ -19,7 +19,7 @@ use rsm_sim::record::{Drive, Record};
 /// in a step; the test of half the step measures what is left at the end.
 const STEP_RATE: f64 = 0.35;
 
-/// Faster than this, in 1/s, is no motor: 3000 sub-steps in a PWM period of 0.1 ms.
+/// A plant with a faster rate, in 1/s, is refused: 3000 sub-steps in a PWM period of 0.1 ms.
 const FASTEST: f64 = 1e7;
 
 /// Whether a plant can be driven in a loop.
@@ -62,7 +62,7 @@ pub struct Machine {
     plain: bool,
 }
 
-/// The state as an oracle sees it: for traces and figures, never for a controller.
+/// The true state: for traces and figures, never for a controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     /// Direct current in the rotor's frame, in A.
@@ -170,13 +170,13 @@ impl Machine {
             return;
         }
         let voltage = voltage.map(|v| self.hooks.input(v));
-        // An effect may ask how fast the state moves now.
+        // An effect may need the present rates of the state.
         if !self.plain {
             self.rates(voltage, load_torque, self.time, 0);
         }
         let rate = self.plant.rates(&self.hooks, &self.x, &self.k[0], span).fastest;
         if rate.is_nan() || rate > FASTEST {
-            // A current that has run away from its control, with an inductance that falls as it rises: no number of sub-steps follows it.
+            // The control has lost the current, because the inductance falls as the current rises: no number of sub-steps is sufficient.
             self.x.fill(f64::NAN);
             return;
         }

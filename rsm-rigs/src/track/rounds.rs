@@ -1,8 +1,8 @@
-//! From tip-in runs to a compensator, in rounds: fit, compensate, drive again, fit what is missing, until it no longer improves.
+//! From tip-in runs to a compensator, in rounds: fit, compensate, drive again, add the missing damping, until it no longer improves.
 //!
 //! In: a plant file, plans, seeds. Out: a model with the surfaces and the compensator `tip_in`, and the
-//! figures of every round. The first round asks for the pole damping of a filter of third order; every later one for that plus a share of
-//! what was missing to 0.7 in the response to the pedal. The surfaces are fitted in memory; [`specification`] and [`data`] are the same fit as files. Never writes.
+//! figures of every round. The first round uses the pole damping of a filter of third order. Every later round adds a share of the
+//! damping that was missing to 0.7 in the response to the pedal. The surfaces are fitted in memory; [`specification`] and [`data`] are the same fit as files. Never writes.
 //!
 //! The poles get a natural frequency of their own, a little above the rate of the engine's lag ([`Poles`]). At the shuffle frequency of the high gears, four times
 //! the lag's rate, they could have any damping: the lag would dominate and the response stay overdamped (measured: 0.8 to 2.2 in gears 3 to 5 for any
@@ -210,7 +210,7 @@ impl Driven {
     }
 }
 
-/// The overshoot of a compensated run over that of the same run without compensator; `None` where there was none to speak of.
+/// The overshoot of a compensated run over that of the same run without compensator; `None` if that had no significant overshoot.
 #[must_use]
 pub fn overshoot_ratio(uncompensated: &Measured, compensated: &Measured) -> Option<f64> {
     uncompensated.has_overshoot().then(|| compensated.overshoot / uncompensated.overshoot)
@@ -233,7 +233,7 @@ pub fn data(measured: &[Measured], pole_damping: &[f64]) -> String {
     csv(measured, &[("pole_damping_error[1]", &pole_damping_errors(measured, pole_damping))])
 }
 
-/// The data of unseen runs. What they would ask of the poles is nobody's measurement: the target stands there, and its figures are not used.
+/// The data of unseen runs. The wanted pole damping of these runs was not measured: the column has the target, and its figures are not used.
 #[must_use]
 pub fn unseen_data(unseen: &[Measured]) -> String {
     data(unseen, &vec![TARGET; unseen.len()])
@@ -313,7 +313,7 @@ pub fn tune(plant: &PlantFile, plan: &TrackPlan, settings: &Settings) -> Result<
     };
     let uncompensated = drive(settings.seed, None)?;
     let lag = plant.effective_parameters().number("torque_lag");
-    // To a tenth of a rad/s: a number that a reader of the file can remember.
+    // To a tenth of a rad/s: easy to read in the file.
     let pole_frequency = (settings.poles.frequency_times_lag / lag * 10.0).round() / 10.0;
     let mut pole_damping = vec![FIRST_POLE_DAMPING.max(settings.poles.least_damping); plan.runs.len()];
     let mut rounds: Vec<Round> = vec![];
@@ -333,7 +333,7 @@ pub fn tune(plant: &PlantFile, plan: &TrackPlan, settings: &Settings) -> Result<
         if missing(&rounds[rounds.len() - 1]) < missing(&rounds[best]) {
             best = rounds.len() - 1;
         } else if rounds.len() >= best + 3 {
-            // Two rounds in a row without a gain: what is left is noise and what these terms cannot say.
+            // Two rounds in a row without a gain: the rest is noise, or these terms cannot represent it.
             break;
         }
     }

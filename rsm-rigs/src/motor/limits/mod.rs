@@ -1,19 +1,19 @@
-//! Whether the current references of the motor's loop keep the limits (20), proved over a box and not sampled.
+//! Proves whether the current references of the motor's loop keep the limits (20), for a whole box of operating points.
 //!
 //! In: the two surfaces of the loop, a nominal plant, the box: every torque demand, speeds of both directions up to a top speed, bus voltages.
 //! Out: a proof that in steady state at these references |v| <= V/sqrt 3 and |i| <= I, with the largest share of each limit; or
-//! a point of the box where one does not hold, checked in exact rationals; or, where the work is spent, the cell that is not decided.
-//! No tolerance: the references are the bits that the step computes in f32 (`step.rs`, an enclosure; a test compares it with the target), and the
-//! voltages (17), (18) of these bits are enclosed as real numbers, at the speed and bus voltage that were sampled.
+//! a point of the box where one does not hold, checked in exact rationals; or, if the limit of work is reached, the cell that is not decided.
+//! There is no tolerance: the references are the bits that the step computes in f32 (`step.rs` encloses them; a test compares it with the target). The
+//! voltages (17), (18) at these references are enclosed as real numbers, at the sampled speed and bus voltage.
 //!
 //! ```text
 //! |v|^2 = (r i_d - w_e L i_q)^2 + (r i_q + w_e (L i_d + lambda))^2,   w_e = pole_pairs w
 //! ```
 //!
-//! Branch and bound over three numbers: the scaled speed s at which the surfaces are asked, the bus voltage V, and the i_q that is wanted, which
-//! stands for every torque demand and every torque of the last tick, since they act through it alone. Divided by V, the voltage depends on
-//! w/V = s/V_nominal, and on V itself through the small resistive drop only: so cells may be long in V. Backwards is forwards in a mirror, in
-//! the step and in the motor, and needs no search of its own.
+//! The search is branch and bound over three numbers: the scaled speed s at which the surfaces are evaluated, the bus voltage V, and the wanted i_q. The wanted i_q
+//! represents every torque demand and every torque of the last tick, because they act only through it. Divided by V, the voltage depends on
+//! w/V = s/V_nominal, and on V itself only through the small resistive drop. So cells may be long in V. Step and motor are symmetric in the direction of rotation,
+//! so only forward speeds are searched.
 
 pub mod range;
 pub mod step;
@@ -40,11 +40,11 @@ pub struct Operation {
     pub trim_a: f32,
 }
 
-/// Cells that a search may look at before it gives up: some seconds.
+/// The number of cells that a search may examine before it gives up: some seconds.
 pub const WORK: usize = 3_000_000;
 
-/// A search that has its proof goes on until the bound of the largest share is this close to what was seen, since the share is worth knowing; or
-/// until it has taken [`WORK_FOR_THE_SHARE`].
+/// After its proof a search continues until the upper bound of the largest share is this close to the largest share that was seen, because the share is reported; or
+/// until it has examined [`WORK_FOR_THE_SHARE`] cells.
 const CLOSE: f64 = 1e-3;
 const WORK_FOR_THE_SHARE: usize = 100_000;
 
@@ -67,21 +67,21 @@ pub struct Point {
     pub i_q_a: f32,
 }
 
-/// What is known of one limit.
+/// The result for one limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Share {
     /// No point of the box takes a larger share of the limit.
     pub at_most: f64,
     /// The largest share that was seen.
     pub seen: f64,
-    /// Where.
+    /// The point of `seen`.
     pub at: Point,
 }
 
 /// A cell of the box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
-    /// Wanted torque, in N m: the demand within what there is.
+    /// Wanted torque, in N m: the demand within the available torque.
     pub torque_nm: [f64; 2],
     /// Speeds that may be in it, in rad/s.
     pub speed_rad_s: [f64; 2],
@@ -98,7 +98,7 @@ pub enum Verdict {
     VoltageExceeded(Point),
     /// The current limit does not hold at this point, exactly.
     CurrentExceeded(Point),
-    /// The work is spent, and this cell is the worst of those that are left.
+    /// The limit of work is reached, and this cell is the worst of those that are left.
     Undecided(Cell),
 }
 
@@ -111,7 +111,7 @@ pub struct Limits {
     pub voltage: Share,
     /// |i| over I.
     pub current: Share,
-    /// Cells that were looked at.
+    /// Cells that were examined.
     pub cells: usize,
 }
 
@@ -208,10 +208,10 @@ impl Ord for Part {
 const SCALING: f64 = 1.3e-7;
 const SUBNORMAL: f64 = 1e-44;
 
-/// How much less than the speed the bus voltage moves the voltage's share: r I is a thirtieth of V/sqrt 3 in a motor of some kilowatts.
+/// Weight of the bus voltage relative to the speed when a cell is halved: r I is a thirtieth of V/sqrt 3 in a motor of some kilowatts.
 const BUS_WEIGHT: f32 = 0.05;
 
-/// And the trim: it only weakens further.
+/// The same for the trim: it only increases the weakening.
 const TRIM_WEIGHT: f32 = 0.25;
 
 struct Search<'t> {
@@ -257,7 +257,7 @@ impl Search<'_> {
         }
     }
 
-    /// |i| <= I: i_q is cut to what the current circle leaves beside i_d, whatever the surfaces say, so one number is searched, i_d.
+    /// |i| <= I: whatever the surfaces give, i_q is limited to the current circle at i_d. So the search is over one number, i_d.
     fn current(&mut self, work: usize, share: &mut Share, cells: &mut usize) -> Option<Cell> {
         let limit = self.motor.current_limit;
         let whole = Range::ends(-self.step.most_weakening(), 0.0);
@@ -266,7 +266,7 @@ impl Search<'_> {
         while let Some(i_d) = left.pop() {
             *cells += 1;
             let most = self.step.most_beside(i_d);
-            // A negative bound would turn `within(wanted, -most, most)` round; its magnitude counts.
+            // With a negative bound the ends of `within(wanted, -most, most)` are exchanged; its magnitude counts.
             let i_q = most.low.abs().max(most.high.abs());
             let square = squared(i_d.reals()) + squared(Interval::point(f64::from(i_q)));
             let bound = square.high / (limit * limit).next_down();
@@ -310,7 +310,7 @@ impl Search<'_> {
         queue.extend(self.bounded(root));
         let mut seen = 0.0f64;
         share.at_most = 0.0;
-        // Cells of rounding's width that are done hold their bound here.
+        // The bound of finished cells that are as narrow as rounding.
         let mut finest = 0.0f64;
         while let Some(part) = queue.pop() {
             *cells += 1;
@@ -318,7 +318,7 @@ impl Search<'_> {
             share.at_most = bound.sqrt().next_up();
             let is_close = share.at_most - share.seen <= CLOSE;
             let is_told = is_close || *cells > WORK_FOR_THE_SHARE;
-            // Proved, or broken: either way the share is told when it is close, or has cost enough.
+            // Proved or broken: in both cases the search ends when the share is close, or after enough work.
             if (bound <= 1.0 || seen > 1.0) && is_told {
                 break;
             }
@@ -337,7 +337,7 @@ impl Search<'_> {
             }
             match self.cut(&part) {
                 Some(halves) => queue.extend(halves),
-                // A cell of neighbouring numbers: nothing is left to halve.
+                // A cell of neighbouring numbers cannot be halved.
                 None if part.bound > 1.0 && seen <= 1.0 => return Some(self.named(&part)),
                 None => finest = finest.max(part.bound),
             }
@@ -358,15 +358,15 @@ impl Search<'_> {
         [-all, torque, all].map(|last| self.tick(torque, speed, bus, last, trim)).to_vec()
     }
 
-    /// The cell less what cannot be in it, with its bound; `None` where nothing is left.
+    /// The cell without the points that are impossible, with its bound; `None` if no point is left.
     fn bounded(&mut self, mut part: Part) -> Option<Part> {
         let constants = self.step.constants;
         let all = constants.newton_metres_per_ampere * constants.current_limit_a;
-        // No tick wants more than this, whatever was before it.
+        // No tick wants more than this, whatever the state before it.
         let most = self.step.most(Range::ends(-all, all), part.circle_speed);
         let most = most.low.abs().max(most.high.abs());
         part.wanted = Range::ends(part.wanted.low.max(-most), part.wanted.high.min(most));
-        // A speed above the top is no speed of the box: w = s V/V_nominal.
+        // A speed above the top speed is outside the box: w = s V/V_nominal.
         let nominal = f64::from(constants.nominal_bus_v);
         if part.circle_speed.low > 0.0 {
             let top =
@@ -401,8 +401,8 @@ impl Search<'_> {
         if bound.is_nan() { f64::INFINITY } else { bound }
     }
 
-    /// The halves of the cell along its longest side, each side measured by what it moves: the whole span of the scaled speed and of the wanted
-    /// current by as much as the limit itself, that of the bus voltage by the resistive drop only.
+    /// The halves of the cell along its longest side. A side is measured by its effect on the voltage: the whole span of the scaled speed or of the wanted
+/// current changes it by as much as the limit itself, the span of the bus voltage only by the resistive drop.
     fn cut(&mut self, part: &Part) -> Option<Vec<Part>> {
         let limit = self.step.constants.current_limit_a;
         let sides = [
@@ -423,7 +423,7 @@ impl Search<'_> {
         Some(halves.into_iter().flatten().collect())
     }
 
-    /// A cell in the words of the box.
+    /// A cell as ranges of the box.
     fn named(&self, part: &Part) -> Cell {
         let constants = self.step.constants;
         let nominal = f64::from(constants.nominal_bus_v);

@@ -1,8 +1,8 @@
-//! Ranges of f32 numbers: what an operation of a step in f32 may give.
+//! Ranges of f32 numbers: the possible results of an operation of a step in f32.
 //!
-//! In: ranges of the operands. Out: the range of the computed results. Rounding is monotone, so the results at the ends of the operands'
-//! ranges, rounded as the step rounds them, are the ends of the result's range: for ranges that are points the answer is the bits of
-//! the step itself. Where a NaN may come out, everything may.
+//! In: ranges of the operands. Out: the range of the computed results. Rounding is monotone. So the ends of the result's range are the results at the ends of the operands'
+//! ranges, rounded as the step rounds them. If the ranges are single numbers, the answer has the bits of
+//! the step itself. If the result may be NaN, the range is everything.
 
 use rsm_core::interval::Interval;
 use rsm_core::values::Values;
@@ -70,7 +70,7 @@ impl Range {
         Range::ends(self.low.max(bound), self.high.max(bound))
     }
 
-    /// Of the square root, which IEEE 754 rounds correctly: it never falls. What is below 0 has none; a range that reaches there counts from 0.
+    /// The range of the square root. IEEE 754 rounds it correctly, so it is monotone. The part of a range below 0 is ignored.
     #[must_use]
     pub fn root(self) -> Self {
         Range::ends(self.low.max(0.0).sqrt(), self.high.max(0.0).sqrt())

@@ -3,8 +3,8 @@
 //! In: ranges of what the step computes from. Out: ranges of what it computes, in f32. For ranges that are points it is the step itself: a
 //! test that may import both compares the bits. Never decides anything about limits.
 //!
-//! The step falls into two parts. What torque is carried: the demand within what the surface `limit_current` leaves, [`Step::wanted`]. What
-//! currents carry it: [`Step::currents`], from the wanted i_q and the scaled speed alone.
+//! The step has two parts. [`Step::wanted`] gives the wanted i_q: the torque demand within the limit that the surface `limit_current` gives.
+//! [`Step::currents`] gives the currents, from the wanted i_q and the scaled speed alone.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -112,7 +112,7 @@ fn tape(model: &Checked, name: &str, inputs: &[(&str, &str)]) -> Result<Tape, Fa
     let own = model.inputs_of(surface);
     let units = own.iter().map(|input| (input.name.as_str(), input.unit.as_str())).zip(inputs.iter().map(|(_, unit)| *unit));
     for ((what, found), unit) in units.chain([((name, surface.unit.as_str()), "A")]) {
-        // Of one unit in the other: the loop passes numbers, nobody converts them on the way.
+        // The factor between the two units must be 1: the loop passes numbers without conversion.
         let is_same = Conversion::between(found, unit).is_ok_and(|way| way.apply(1.0) == 1.0 && way.apply(0.0) == 0.0);
         if !is_same {
             return Err(refuse(format!("surface `{name}`: `{what}` is in {found}, the motor's loop has it in {unit}")));
@@ -196,7 +196,7 @@ impl<'t> Step<'t> {
     }
 }
 
-/// The other leg of a circle of radius 1, from the square of the one.
+/// The second coordinate of a point on a circle of radius 1, from the square of the first.
 fn other_leg(square: Range) -> Range {
     (Range::point(HELD_BACK) - square).root()
 }
