@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use rsm_core::source::Faults;
 
-/// What a subcommand that did its work has to say.
+/// The answer of a subcommand that did its work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
     /// Exit status 0.
@@ -51,7 +51,7 @@ pub fn exit(outcome: Outcome) -> ExitCode {
             2
         }
     };
-    // A reader that is gone changes nothing of the status.
+    // A closed stream does not change the status.
     let _ = std::io::stdout().flush();
     rsm_link::helics::exit_without_destructors(status);
     ExitCode::from(status)

@@ -1,4 +1,4 @@
-//! Outputs: files that are whole or absent, and one JSON object on standard output.
+//! Outputs: files that are complete or not written at all, and one JSON object on standard output.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -10,22 +10,22 @@ use serde::Serialize;
 use crate::outcome::Refusal;
 use crate::replace;
 
-/// Names of files that are not whole yet.
+/// Names of files that are not complete yet.
 const PREFIX: &str = ".rsm-";
 const SUFFIX: &str = ".part";
 
-/// A file that is not whole lives for the time of a write: a second, a minute on a slow network. After an hour nobody writes it any more.
+/// An incomplete file exists only during a write: a second, or a minute on a slow network. After an hour it is a leftover.
 const LEFTOVER: std::time::Duration = std::time::Duration::from_secs(3600);
 
-/// Files that this process has written itself: it may write them again.
+/// Files that this process has written: it may write them again.
 static WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Writes files all or none, as far as a file system allows: each is written beside its place first, and renamed when all of them are
-/// on the disk. A symbolic link stays, and the file that it names is replaced; what is no regular file (a pipe, a device) is written through.
+/// Writes all files or none, as far as a file system allows: each is written to a temporary file beside its place, and renamed when all of them are
+/// on the disk. A symbolic link is kept, and the file that it names is replaced. A pipe or a device is written directly.
 ///
 /// # Errors
-/// A file that cannot be written, and one that was read: whatever was read in this process stays as it is, under every name that it has. What stands
-/// there already and is of another kind is replaced by `--force` alone.
+/// A file that cannot be written, and a file that this process has read, under any of its names. An existing file of another kind is replaced only with
+/// `--force`.
 pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
     for (path, bytes) in files {
         refuse(path, bytes.as_ref())?;
@@ -49,7 +49,7 @@ pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
         builder.prefix(PREFIX).suffix(SUFFIX);
         #[cfg(unix)]
         {
-            // A temporary file is private by default; what is renamed into place must be as readable as any other output.
+            // A temporary file is private by default; the final file must be as readable as any other output.
             use std::os::unix::fs::PermissionsExt as _;
             builder.permissions(std::fs::Permissions::from_mode(0o644));
         }
@@ -65,7 +65,7 @@ pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
     for (place, path, bytes) in through {
         let write = || std::fs::OpenOptions::new().write(true).open(&place)?.write_all(bytes.as_ref());
         match write() {
-            // Its reader is gone: no fault of ours, as with standard output.
+            // The reader of the pipe has closed it: not an error, as with standard output.
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
                 return Err(Refusal::new(format!("{}: cannot be written: {error}", path.display())));
             }
@@ -75,10 +75,10 @@ pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The file that a path names: at the end of its symbolic links, also where the last of them names nothing yet.
+/// The file that a path names, after all symbolic links. The file need not exist.
 fn place_of(path: &Path) -> PathBuf {
     let mut place = path.to_path_buf();
-    // `/dev/stdout` is a link to a name that is none.
+    // `/dev/stdout` may be a link to a name that is not a file.
     if is_stream(path) {
         return place;
     }
@@ -93,7 +93,7 @@ fn place_of(path: &Path) -> PathBuf {
     place
 }
 
-/// Whether something is there that is written to and not replaced.
+/// Whether the path is a pipe or a device, which is written to and not replaced.
 fn is_stream(place: &Path) -> bool {
     std::fs::metadata(place).is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
@@ -111,7 +111,7 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
     matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
-/// What was read in this process stays as it is; what stands there and is no output of this kind may be somebody's work.
+/// Refuses to replace a file that was read in this process, and an existing file that is not an output of this kind.
 fn refuse(path: &Path, new: &[u8]) -> Result<(), Refusal> {
     let place = place_of(path);
     if is_stream(&place) || WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).iter().any(|it| is_same_file(it, &place)) {
@@ -133,7 +133,7 @@ fn refuse(path: &Path, new: &[u8]) -> Result<(), Refusal> {
     }
 }
 
-/// Removes what a run that was killed has left half written. Another run may be writing in the same folder now: only what is old is a leftover.
+/// Removes incomplete files of a killed run. Another run may be writing in the same folder now, so only old files are removed.
 fn remove_leftovers(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
@@ -152,7 +152,7 @@ pub fn json(value: &impl Serialize) -> Result<(), Refusal> {
     line(&text)
 }
 
-/// Prints a line on standard output; a reader that closed the pipe early is no fault of ours.
+/// Prints a line on standard output. If the reader has closed the pipe, this is not an error.
 pub fn line(text: &str) -> Result<(), Refusal> {
     match writeln!(std::io::stdout(), "{text}") {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
@@ -162,13 +162,13 @@ pub fn line(text: &str) -> Result<(), Refusal> {
     }
 }
 
-/// Words on standard error. Whoever reads them may be gone (`2>&1 | head`): that is no fault of ours and no reason to stop, since the files
-/// and the exit status are what was asked for. `eprintln!` would panic.
+/// Prints a message on standard error. The reader may have closed it (`2>&1 | head`). This is not an error and does not stop the program, because the files
+/// and the exit status are still needed. `eprintln!` would panic.
 pub fn tell(words: std::fmt::Arguments<'_>) {
     let _ = std::io::stderr().write_fmt(words);
 }
 
-/// A number for JSON: what is not finite becomes null.
+/// A number for JSON: null if it is not finite.
 pub fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }

@@ -19,7 +19,7 @@ use crate::outcome::Refusal;
 pub const PLANS: [(&str, &str); 2] =
     [("dyno-90", include_str!("../demo/motor/dyno-90.toml")), ("dyno-180", include_str!("../demo/motor/dyno-180.toml"))];
 
-/// The plan of the other half, which no surface is fitted to.
+/// The plan of the other half, to which no surface is fitted.
 pub const UNSEEN: (&str, &str) = ("dyno-unseen", include_str!("../demo/motor/dyno-unseen.toml"));
 
 /// The shipped specification.
@@ -83,7 +83,7 @@ pub fn for_motor(plant: &PlantFile) -> (Bench, String) {
     (Bench { top_speed: shipped.top_speed / 800.0 * high, ..shipped }, text)
 }
 
-/// To three digits: a number that a reader of the file can remember.
+/// To three digits: easy to read in the file.
 fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }

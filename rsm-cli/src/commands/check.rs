@@ -1,4 +1,4 @@
-//! `rsm check`: the rules of the file, and what is certain about its surfaces and compensators; with `--limits`, about the loop around them.
+//! `rsm check`: the rules of the file, and what is proved about its surfaces and compensators; with `--limits`, about the control loop with them.
 
 use std::path::PathBuf;
 
@@ -54,7 +54,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     for precision in wanted {
         match checked.refusal(precision) {
             None => held.push(precision),
-            // Nobody asked for this one by name.
+            // The user did not name this precision.
             Some(_) if asked.is_empty() => {}
             Some(faults) => {
                 problems.extend(faults.list().iter().map(|fault| Problem {

@@ -45,7 +45,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// After the first process has failed, the others end by themselves within 5 s; what has not ended so long after is ended.
+/// After the first process has failed, the others end by themselves within 5 s. A process that still runs after this time is ended.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 pub fn run(arguments: &Arguments) -> Outcome {
@@ -69,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     tell(arguments, &scenario, &ended)
 }
 
-/// A word as a shell reads it back.
+/// A word quoted for a shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:,=+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) { word.to_string() } else { format!("'{}'", word.replace('\'', r"'\''")) }
@@ -103,11 +103,11 @@ struct Ended {
     process: String,
     /// `None`: by a signal.
     status: Option<i32>,
-    /// What it told as JSON.
+    /// Its output as JSON.
     told: Value,
 }
 
-/// A child that does not outlive this program's own failure.
+/// A child process that is ended if this program fails.
 struct Guarded(Child);
 
 impl Drop for Guarded {

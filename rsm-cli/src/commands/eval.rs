@@ -1,4 +1,4 @@
-//! `rsm eval`: the interpreter, a point or a table of points; of a compensator a sequence, a step each row, from rest at 0.
+//! `rsm eval`: evaluates a surface with the interpreter at a point or a table of points, or runs a compensator over a sequence, one step for each row, from rest at 0.
 
 use std::path::{Path, PathBuf};
 
@@ -120,7 +120,7 @@ fn with_unit(name: &str, unit: &str) -> String {
     format!("{name}[{unit}]")
 }
 
-/// Prints the results of a table beside its points, as CSV; bits and the result of one point a line each; or an object that has them beside what it is about.
+/// Prints the results: as CSV beside the points of a table; bits, or the result of one point, with one line for each; or as a JSON object.
 fn print(
     arguments: &Arguments,
     table: Option<(&str, &[Vec<f64>])>,
@@ -166,7 +166,7 @@ fn surface_index(checked: &Checked, name: Option<&str>) -> Result<usize, Refusal
     }
 }
 
-/// a=1,b=2: every input once. An f32 is read as an f32, not by way of f64.
+/// a=1,b=2: every input once. An f32 number is read directly as f32, not through f64.
 fn point(text: &str, surface: &Surface, precision: Precision) -> Result<Vec<f64>, Refusal> {
     let mut values: Vec<Option<f64>> = vec![None; surface.inputs.len()];
     for part in text.split(',') {
@@ -194,7 +194,7 @@ fn point(text: &str, surface: &Surface, precision: Precision) -> Result<Vec<f64>
     Ok(values.into_iter().flatten().collect())
 }
 
-/// The points of a CSV, in the units of the model. The signal of a compensator comes first and stays in its unit, whatever that is.
+/// The points of a CSV, in the units of the model. The signal of a compensator comes first and keeps its unit.
 fn table(path: &Path, signal: Option<&str>, inputs: &[Input]) -> Result<Vec<Vec<f64>>, Refusal> {
     let names = signal.into_iter().chain(inputs.iter().map(|input| input.name.as_str()));
     let wanted = Wanted { numbers: names.map(str::to_string).collect(), ..Wanted::default() };

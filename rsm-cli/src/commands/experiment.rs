@@ -147,7 +147,7 @@ fn driveline(arguments: &Driveline) -> Outcome {
             tell!("  run {}: {}", it.run.run, it.flags.join("; "));
         }
     }
-    // Of 25 runs two may be flagged: with more the experiment is no ground for a surface.
+    // Of 25 runs two may be flagged: with more the data are not good enough for a surface.
     Ok(if too_many { Answer::Negative } else { Answer::Positive })
 }
 
@@ -170,7 +170,7 @@ fn compensation(what: &str) -> Result<Compensation, Refusal> {
     Ok(Compensation::new(&checked, name)?)
 }
 
-/// The settings of a plan; what cannot be set on the bench is told row by row.
+/// The settings of a plan. Every row that cannot be set on the bench is a fault.
 pub fn settings(plan: &Plan) -> Result<Vec<Setting>, Faults> {
     let mut faults = Collector::new();
     let mut of = |name: &str, unit: &str| plan.settings(name, unit).map_err(|fault| faults.push(fault)).unwrap_or_default();

@@ -1,6 +1,6 @@
 //! `rsm federate`: sides of a loop, recorders and the broker of a lock-step on HELICS.
 //!
-//! In: roles and the address of the broker. Out: a CSV a role, whole rows also where a peer was lost, and figures. Exit status 1: a peer or the broker was lost on the way.
+//! In: roles and the address of the broker. Out: a CSV file for each role, with complete rows even if a peer was lost, and figures. Exit status 1: a peer or the broker was lost during the run.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -65,14 +65,14 @@ pub(super) fn loop_of(word: &str) -> Result<Loop, String> {
     found.ok_or_else(|| format!("expected one of {}", Loop::ALL.map(Loop::name).join(", ")))
 }
 
-/// A time in s: above 0, a day at most. A row a millisecond stands in memory.
+/// A time in s: above 0, a day at most. The rows, one for each millisecond, are kept in memory.
 pub(super) fn seconds(word: &str) -> Result<f64, String> {
     let number = word.parse::<f64>().ok().filter(|number| (0.001..=86_400.0).contains(number));
     number.ok_or_else(|| "expected seconds from 0.001 to 86400".to_string())
 }
 
 pub(super) fn inertia(word: &str) -> Result<f64, String> {
-    // A ton at a metre: a shaft that this motor never turns.
+    // 1000 kg at a radius of 1 m: this motor cannot turn such a load.
     let number = word.parse::<f64>().ok().filter(|number| (0.0..=1000.0).contains(number));
     number.ok_or_else(|| "expected kg m^2 from 0 to 1000".to_string())
 }
@@ -117,14 +117,14 @@ fn broker(arguments: &Arguments, wish: &Wish) -> Outcome {
     Ok(Answer::Positive)
 }
 
-/// Writes the records and says what became of each role.
+/// Writes the records and prints the result of each role.
 fn tell(arguments: &Arguments, done: &[Done]) -> Outcome {
     let mut files = Vec::new();
     let mut objects = Vec::new();
     for it in done {
         let record = arguments.out.as_ref().map(|folder| folder.join(format!("{}.csv", it.role.unique_name())));
         objects.push(object(it, record.as_deref()));
-        // A record without a row is none.
+        // A record without rows is not written.
         files.extend(record.filter(|_| it.table.rows() > 0).map(|path| (path, it.table.csv())));
     }
     output::write_all(&files)?;

@@ -35,9 +35,9 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let specification = Specification::read(&arguments.specification)?;
     let fitted = with_progress(&specification)?;
     let mut files: Vec<(PathBuf, String)> = Vec::new();
-    // A model in which no response could be fitted is no model file.
+    // If no response could be fitted, there is no model file.
     if let (Some(path), false) = (&arguments.out, fitted.model.surfaces.is_empty()) {
-        // What is written can be read again: the file passes its own rules.
+        // Check that the written file can be read again.
         Checked::from_model(&fitted.model)?;
         files.push((path.clone(), model_file::write(&fitted.model)));
     }
@@ -50,7 +50,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         tell_part!("{}", in_words(&fitted));
     } else if arguments.out.is_some() {
         output::line(in_words(&fitted).trim_end())?;
-        // The words went to standard output, which may be a file.
+        // The text went to standard output, which may be a file.
         tell_part!("{}", warnings(&fitted));
         for (path, _) in &files {
             output::line(&format!("written: {}", path.display()))?;
@@ -159,7 +159,7 @@ pub fn in_words(fitted: &Fitted) -> String {
     text + &warnings(fitted)
 }
 
-/// The verdict, and on which rows its C is.
+/// The verdict, and the rows on which C was computed.
 pub fn verdict_in_words(response: &ResponseOutcome) -> String {
     match response.verdict {
         Verdict::Fitted | Verdict::Infeasible { .. } | Verdict::NotProven(_) | Verdict::IllConditioned { .. } => {
@@ -178,7 +178,7 @@ fn warnings(fitted: &Fitted) -> String {
     fitted.responses.iter().map(of_one).collect()
 }
 
-/// What the constraints hold, and what they cost.
+/// The constraints that hold, and how much they increase the error.
 fn in_words_of_constraints(told: &ConstraintStatistics, unit: &str) -> String {
     let mut text = String::new();
     for report in &told.constraints {

@@ -1,6 +1,6 @@
-//! `rsm import`: files of other tools made into one clean record.
+//! `rsm import`: makes one record from files of other tools.
 //!
-//! In: tables in any usual encoding and separator, MAT files. Out: a CSV with units on one steady clock, whole or absent, and what was done: as comments at its head, in words and as JSON.
+//! In: tables in any usual encoding and separator, MAT files. Out: a CSV file with units at a constant period, complete or not written at all, and a list of what was done: as comments at its beginning, in words and as JSON.
 
 use std::path::{Path, PathBuf};
 
@@ -85,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(Answer::Positive)
 }
 
-/// Faults of a record that was not written: no line of it is there to look at.
+/// Faults of a record that was not written, so they have no line numbers of a file.
 fn of_import(found: &Faults, plant: &Path) -> Faults {
     let first = &found.list()[0];
     let what = format!("the record cannot be read for this plant: {}", first.what);

@@ -34,16 +34,16 @@ pub struct LimitsArguments {
     work: usize,
 }
 
-/// The limits of a drive that is meant to work on a sagging and on a charging bus: 180 to 330 V of 270 V.
+/// The default range of a drive whose bus voltage may fall and rise: 180 to 330 V at 270 V nominal.
 const BUS: [f64; 2] = [2.0 / 3.0, 11.0 / 9.0];
 
-/// What was asked and what was found.
+/// The question and the result.
 pub struct Checked {
     operation: Operation,
     found: Limits,
 }
 
-/// The answer, where it was asked for.
+/// The answer, if it was requested.
 pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checked>, Refusal> {
     let (true, Some(path)) = (arguments.limits, &arguments.plant) else { return Ok(None) };
     let plant = PlantFile::read(&Source::read(path)?)?;
@@ -55,7 +55,7 @@ pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checke
         let kind = effect.description.kind;
         return Err(refuse(format!("found the effect `{kind}`; --limits is about the nominal motor: leave the effects out")));
     }
-    // A model that is not the loop's has no speed either: that is said first.
+    // First report a model that does not have the surfaces of the loop: it has no speed range either.
     limits::step::Tapes::new(model)?;
     let top = model.model().input("speed").map_or(0.0, |input| input.range[1]);
     let top_speed_rad_s = arguments.speed.unwrap_or(top as f32);

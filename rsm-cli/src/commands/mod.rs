@@ -69,7 +69,7 @@ pub fn precisions(names: &[PrecisionName]) -> Vec<Precision> {
     found
 }
 
-/// Says on standard error which precisions cannot hold the model, and why: where none was asked for by name, that is worth a word and no
+/// Prints on standard error which precisions cannot represent the model, and why. If the user named no precision, this is a note and not a
 /// failure.
 pub fn tell_left_out(checked: &Checked) {
     for precision in Precision::ALL {

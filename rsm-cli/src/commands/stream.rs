@@ -1,6 +1,6 @@
-//! `rsm stream`: a side of a loop against the wall clock, joined to the other by UDP.
+//! `rsm stream`: a side of a loop in real time, connected to the other side by UDP.
 //!
-//! In: a side, two addresses, a key. Out: a CSV with what was played in every tick, and counts. Exit status 1: the peer was lost on the way, or ticks found their values missing.
+//! In: a side, two addresses, a key. Out: a CSV file with the values used in every tick, and counts. Exit status 1: the peer was lost during the run, or values were missing at some ticks.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -85,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
 
 fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
     let record = arguments.out.as_ref().map(|folder| folder.join(format!("{}.csv", role.name())));
-    // A record without a row is none.
+    // A record without rows is not written.
     let record = record.filter(|_| done.table.rows() > 0);
     let files: Vec<_> = record.iter().map(|path| (path.clone(), done.table.csv())).collect();
     output::write_all(&files)?;

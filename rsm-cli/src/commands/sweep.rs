@@ -1,6 +1,6 @@
 //! `rsm sweep`: many simulations or diagnoses as a list of tasks, on all cores, as a shard, or on a Dask cluster.
 //!
-//! In: a scenario. Out: a folder with a JSON for each task, and then one table and one summary of all of them. A task whose result is there is not run again.
+//! In: a scenario. Out: a folder with a JSON file for each task, and then one table and one summary of all of them. A task whose result exists is not run again.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -83,12 +83,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
     match (&arguments.task, &arguments.out) {
         (Some(hash), _) => alone(&scenario, &tasks, hash, arguments),
         (None, Some(out)) => all(&scenario, &tasks, out, arguments),
-        // The parser lets no such arguments through.
+        // The parser does not accept such arguments.
         (None, None) => Err(Refusal::new("--out: found none")),
     }
 }
 
-/// What `rsm diagnose` answers of one case.
+/// The answer of `rsm diagnose` for one case.
 fn diagnosis(case: &Case<'_>) -> Result<Value, String> {
     let [training, validation, test] = case.records;
     let options = Options { threads: case.threads, progress: &|_| {} };
@@ -100,7 +100,7 @@ fn has_failed(result: &Value) -> bool {
     !result["failed"].is_null()
 }
 
-/// One task: what a worker does.
+/// Runs one task, as a worker does.
 fn alone(scenario: &Scenario, tasks: &[Task], hash: &str, arguments: &Arguments) -> Outcome {
     let Some(task) = tasks.iter().find(|it| it.hash == hash) else {
         return Err(Refusal::new(format!(
@@ -148,7 +148,7 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
         }
     }
     let seconds = began.elapsed().as_secs_f64();
-    // Each file is read once: what was there before, what is new now.
+    // Each file is read once: results from before, and new results now.
     for (task, result) in mine.iter().zip(&mut results).filter(|(_, result)| result.is_none()) {
         *result = store.get(task);
     }

@@ -1,7 +1,7 @@
 //! The page around a report: one self-contained HTML file.
 //!
-//! In: a title and a body of HTML. Out: text. Nothing is fetched from anywhere when it is read, and the page itself forbids it. Without a script, and on paper, still
-//! pictures and tables stay.
+//! In: a title and a body of HTML. Out: text. The page loads nothing from other places, and its own policy forbids it. Without scripts, and on paper, the static
+//! pictures and the tables remain.
 
 pub mod number;
 pub mod summary;
@@ -11,17 +11,17 @@ use serde_json::Value;
 
 const STYLE: &str = include_str!("assets/style.css");
 
-/// Our part: theme, contents, switches; plots; a surface to look into.
+/// Our scripts: theme, contents, switches; plots; the interactive surface.
 const SCRIPTS: [&str; 3] =
     [include_str!("assets/page.js"), include_str!("assets/plots.js"), include_str!("assets/explorer.js")];
 
 /// Plotly with its plots in space, as `gzip -9n` and base64 make of the file of the npm package `plotly.js-gl3d-dist-min` (docs/decisions/026-pages-with-plotly.md).
 const LIBRARY: &str = include_str!("assets/plotly/plotly-gl3d-4.1.1.min.js.gz.b64");
 
-/// The licence asks to be kept with the library.
+/// The licence must be kept with the library.
 const LICENCE: &str = include_str!("assets/plotly/LICENSE");
 
-/// Who may load what: this page alone, and what it makes itself (a picture of a plot).
+/// The content security policy: only this page, and what it makes itself (a picture of a plot).
 const POLICY: &str =
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:";
 
@@ -48,7 +48,7 @@ pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// How the numbers of a figure begin.
+/// The beginning of the element with the numbers of a figure.
 const NUMBERS: &str = "<script type=\"application/json\">";
 
 /// Numbers for the scripts. No text in them can end the element that holds them.

@@ -2,7 +2,7 @@
 //!
 //! In: values, the half widths of their intervals, units. Out: text. Files and JSON keep all digits; pages do not.
 
-/// A multiple of the noise: two decimals, or two digits where it is a thousand and more, for a record that has next to no noise.
+/// A multiple of the noise: two decimals, or two digits if it is a thousand or more, for a record with almost no noise.
 pub fn multiple(value: f64) -> String {
     if value.abs() < 1000.0 { format!("{value:.2}") } else { format!("{value:.1e}") }
 }
@@ -12,7 +12,7 @@ pub fn figure(value: Option<f64>) -> String {
     value.map_or("none".to_string(), |value| digits(value, 5))
 }
 
-/// A number with three significant digits: an error, or evidence, is not known better.
+/// A number with three significant digits: an error, or evidence, is not known more precisely.
 pub fn short(value: f64) -> String {
     digits(value, 3)
 }
@@ -27,12 +27,12 @@ fn digits(value: f64, count: i32) -> String {
     }
 }
 
-/// A number as far as its uncertainty lets it be known: two significant digits of the half width of its interval decide. Without one, four significant digits.
+/// A number rounded to the second significant digit of the half width of its interval. Without an interval, four significant digits.
 pub fn known(value: f64, half_width: f64) -> String {
     if !(half_width > 0.0 && half_width.is_finite() && value.is_finite()) {
         return digits(value, 4);
     }
-    // Without noise an interval is next to nothing: six digits are enough for a page.
+    // Without noise an interval is almost 0: six digits are enough for a page.
     let last = (half_width.log10().floor() as i32 - 1).max(value.abs().max(half_width).log10().floor() as i32 - 5);
     let largest = value.abs().max(half_width);
     if !(1e-3..1e6).contains(&largest) {

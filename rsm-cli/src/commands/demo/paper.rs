@@ -9,10 +9,10 @@ use crate::output;
 use crate::page::summary::Number;
 use crate::page::{escaped, figure, known};
 
-/// What a figure has to keep.
+/// The bound of a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bound {
-    /// Told only: there is nothing to keep.
+    /// No bound: the figure is only reported.
     Told,
     Equal(f64),
     AtMost(f64),
@@ -149,7 +149,7 @@ impl Paper {
     /// Notes a figure.
     ///
     /// # Panics
-    /// When the key is none of the table's, or was noted before.
+    /// When the key is not in the table, or was noted before.
     pub fn note(&mut self, key: &'static str, value: f64) {
         assert!(LINES.iter().any(|line| line.key == key), "`{key}` is no key of the table");
         assert!(self.value(key).is_none(), "`{key}` is noted twice");
@@ -166,7 +166,7 @@ impl Paper {
         Value::Object(all.collect::<Map<_, _>>())
     }
 
-    /// What is not kept, or was not measured. Times are not among them.
+    /// Figures that miss their bound or were not measured, without times.
     pub fn missed(&self) -> Vec<String> {
         let missed = LINES.iter().filter(|line| !line.is_time).filter_map(|line| match self.value(line.key) {
             None => Some(format!("{}: not measured", line.key)),
@@ -178,7 +178,7 @@ impl Paper {
         missed.collect()
     }
 
-    /// The three numbers at the head of the report: the error of each surface, and what the loop in real time missed.
+    /// The three numbers at the beginning of the report: the error of each surface, and the missed samples of the real-time loop.
     pub fn numbers(&self) -> [Number; 3] {
         let told = |key: &str, of: &str, unit: &str, from: &str| {
             let value = self.value(key).map_or("not measured".to_string(), |value| {

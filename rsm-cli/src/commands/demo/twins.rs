@@ -12,10 +12,10 @@ use rsm_core::run::Interpreter;
 
 use crate::outcome::Refusal;
 
-/// Points a function: a few hundred special ones would do for the corners, the rest is for the arithmetic between them.
+/// Points for each function: a few hundred would be enough for corners and special values, the others test the arithmetic between them.
 const POINTS: usize = 100_000;
 
-/// One compiler's verdict.
+/// The result of one compiler.
 pub struct Verdict {
     /// What compiled it: `cc -O2`.
     pub compiler: String,
@@ -25,7 +25,7 @@ pub struct Verdict {
     pub different: usize,
 }
 
-/// Both twins. A compiler that the machine lacks gives an `Err` with its reason.
+/// Both twins. If a compiler is missing, the result is an `Err` with the reason.
 pub fn compare(unit: &Unit, folder: &Path) -> Result<Vec<Result<Verdict, String>>, Refusal> {
     let programs = [("cc -O2", c_program(unit, folder)?), ("rustc -O", rust_program(unit, folder)?)];
     let mut verdicts = Vec::new();
@@ -162,11 +162,11 @@ fn canonical(bits: u64, precision: Precision) -> u64 {
     if is_nan { u64::MAX } else { bits }
 }
 
-/// Corners, their neighbours, what hurts, then points between and a little outside.
+/// Corners, their neighbours, special values (NaN, infinities, subnormal numbers), then points inside and slightly outside.
 fn points(function: &Function) -> Vec<Vec<f64>> {
     let mut random = 0x5DEE_CE66_D1CE_4E5Bu64;
     let mut next = || {
-        // xorshift64 (Marsaglia 2003): order is all that is wanted of it.
+        // xorshift64 (Marsaglia 2003): its quality is sufficient here.
         random ^= random << 13;
         random ^= random >> 7;
         random ^= random << 17;
@@ -179,7 +179,7 @@ fn points(function: &Function) -> Vec<Vec<f64>> {
                 let [low, high] = input.range;
                 let edges = [low, high, low.next_down(), low.next_up(), high.next_down(), high.next_up()];
                 let choice = next() as usize;
-                // Every hundredth point is made of what hurts.
+                // Every hundredth point consists of special values.
                 if k % 100 == 0 {
                     let all = edges.len() + hurts.len();
                     let pick = choice % all;
