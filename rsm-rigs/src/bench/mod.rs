@@ -51,8 +51,8 @@ pub struct Bench {
 
 impl Default for Bench {
     /// 850 rad/s, 8120 rpm. Surfaces are wanted up to 800 rad/s, so there are points slightly beyond their end. Points far beyond would
-/// increase the error of the surface where it is used (in a trial to 1000 rad/s its mean error grew by a fifth). A fine encoder: a bench has
-/// better instruments than the drive.
+    /// increase the error of the surface where it is used (in a trial to 1000 rad/s its mean error grew by a fifth). A fine encoder: a bench has
+    /// better instruments than the drive.
     fn default() -> Self {
         Bench { drive: Drive { encoder: encoder::Settings::FINE, ..Drive::default() }, top_speed: 850.0 }
     }

@@ -402,7 +402,7 @@ impl Search<'_> {
     }
 
     /// The halves of the cell along its longest side. A side is measured by its effect on the voltage: the whole span of the scaled speed or of the wanted
-/// current changes it by as much as the limit itself, the span of the bus voltage only by the resistive drop.
+    /// current changes it by as much as the limit itself, the span of the bus voltage only by the resistive drop.
     fn cut(&mut self, part: &Part) -> Option<Vec<Part>> {
         let limit = self.step.constants.current_limit_a;
         let sides = [
