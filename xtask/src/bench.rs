@@ -1,7 +1,7 @@
 //! `cargo xtask bench`: times the evaluators with criterion, counts their instructions, prints one table; then one of simulations and diagnoses.
 //!
 //! In: further words for criterion (a filter, `--quick`), or `simulation` for the second table alone (`--quick` leaves out the diagnoses). Out: the tables of the
-//! package rsm-bench, which holds all that is measured. `loops`: instructions, stack and flash of the control steps on an emulated Cortex-M4F, in C and in Rust, errors and costs of the
+//! package rsm-bench, which has all measurements. `loops`: instructions, stack and flash of the control steps on an emulated Cortex-M4F, in C and in Rust, errors and costs of the
 //! controllers of a measured motor, and rates and round trips of the loops between processes and hosts; the tests that hold them to their budgets print them.
 
 use crate::federation;

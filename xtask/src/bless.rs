@@ -7,7 +7,7 @@ use crate::stage::Run;
 use crate::test;
 use crate::workspace::cargo;
 
-/// Blesses everything, in the order in which one thing depends on another.
+/// Writes everything, in the order of dependence.
 pub(crate) fn run() -> bool {
     let with_bless = |arguments: &[&str]| {
         let mut command = cargo(arguments);

@@ -1,7 +1,7 @@
 //! `cargo xtask book`: builds the book and checks every link of the pages that it made.
 //!
-//! In: `docs/book`. Out: HTML in `target/xtask/book`, and whether every link and anchor in it leads somewhere. `tests/all/book.rs` checks the sources
-//! without mdbook; this checks what mdbook made of them.
+//! In: `docs/book`. Out: HTML in `target/xtask/book`, and whether the target of every link and anchor exists. `tests/all/book.rs` checks the sources
+//! without mdbook; this checks the pages that mdbook made.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use crate::stage::Run;
 use crate::workspace::{cargo, root, scratch};
 
-/// The version of mdbook that is installed where the search path has none. It builds cold in 160 s of processor time.
+/// The version of mdbook that is installed if the search path has none. Its first build takes 160 s of processor time.
 const MDBOOK: &str = "0.5.4";
 
 /// Builds the book and checks its links.

@@ -1,16 +1,16 @@
 //! Dask distributed, for the tests of `rsm sweep --engine dask`.
 //!
-//! In: nothing. Out: the package `distributed` below target/, from PyPI, or a note that says why not: without a network those tests skip, loudly.
+//! In: nothing. Out: the package `distributed` below target/, from PyPI, or a note with the reason why not. Without a network those tests are skipped and say so.
 
 use std::path::PathBuf;
 use std::process::Command;
 
 use crate::workspace::scratch;
 
-/// What was tested.
+/// The version that was tested.
 const PACKAGE: &str = "distributed==2026.8.0";
 
-/// Where it is installed. The tests know this place too.
+/// The folder where it is installed. The tests use the same path.
 fn folder() -> PathBuf {
     scratch("dask")
 }

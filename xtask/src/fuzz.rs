@@ -1,6 +1,6 @@
 //! `cargo xtask fuzz`: changed inputs for every reader and the core of every subcommand.
 //!
-//! In: further words for the package fuzz. Out: a line a subject; inputs that panic or hang, as files under the target directory.
+//! In: further arguments for the package fuzz. Out: a line for each subject; inputs that panic or hang, as files under the target directory.
 
 use crate::stage::Run;
 use crate::workspace::{cargo, root, scratch};

@@ -1,7 +1,7 @@
 //! What is emitted from `generated/coefficients`: `generated/rust` and `generated/c`.
 //!
 //! In: every coefficient file. Out: the emitted files, by the program `rsm` of the stage `programs`, in a scratch folder; the checked-in ones are compared with them or replaced by
-//! them. A replacement happens only after everything has been emitted, file by file by renaming, so that a fault leaves no half of anything.
+//! them. Files are replaced only after everything has been emitted, each by renaming, so that a fault leaves no incomplete file.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -27,7 +27,7 @@ pub(crate) fn is_up_to_date() -> Result<(), String> {
     ))
 }
 
-/// Makes the checked-in files those that are emitted today, and says which changed.
+/// Replaces the checked-in files by those that are emitted now, and prints which changed.
 pub(crate) fn refresh() -> Result<(), String> {
     let (old, new) = (checked_in()?, emit()?);
     for (name, content) in &new {
@@ -50,7 +50,7 @@ pub(crate) fn refresh() -> Result<(), String> {
     Ok(())
 }
 
-/// What is in the one and not in the other, or different, in the order of names.
+/// The names of files that are in only one of two sets, or different, in order.
 fn differences(old: &Files, new: &Files) -> Vec<String> {
     let gone = old.keys().filter(|name| !new.contains_key(*name)).map(|name| (name, "left over"));
     let other = new.iter().filter_map(|(name, content)| match old.get(name) {
@@ -80,7 +80,7 @@ fn emit() -> Result<Files, String> {
             // Relative to the root, as a developer would type it: messages then name the file in the same words.
             emit.arg(model.strip_prefix(root()).unwrap_or(&model));
             emit.args(["--lang", language, "--out"]).arg(folder.join(language));
-            // What it prints is only of interest when it fails.
+            // Its output is of interest only when it fails.
             let output = emit.output().map_err(|error| format!("cannot start target/debug/rsm: {error}"))?;
             if !output.status.success() {
                 let said = String::from_utf8_lossy(&output.stderr);

@@ -1,16 +1,16 @@
 //! The library of HELICS, for the tests of federations.
 //!
-//! In: nothing. Out: libhelics below target/, from the wheel of PyPI, or a note that says why not: without a network those tests skip, loudly.
+//! In: nothing. Out: libhelics below target/, from the wheel of PyPI, or a note with the reason why not. Without a network those tests are skipped and say so.
 
 use std::path::PathBuf;
 use std::process::Command;
 
 use crate::workspace::scratch;
 
-/// What was tested.
+/// The version that was tested.
 const WHEEL: &str = "helics==3.6.1";
 
-/// Where the wheel is unpacked. The tests know this place too.
+/// The folder of the unpacked wheel. The tests use the same path.
 pub(crate) fn folder() -> PathBuf {
     scratch("helics")
 }

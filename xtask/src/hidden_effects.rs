@@ -1,6 +1,6 @@
-//! `cargo xtask hidden-effects`: is the diagnosis right about records that it cannot have made itself?
+//! `cargo xtask hidden-effects`: tests the diagnosis on records of an independent simulation.
 //!
-//! In: further words for the package hidden-effects. Out: its tables; its cases stay under the target directory, for a look at what went wrong.
+//! In: further arguments for the package hidden-effects. Out: its tables; its cases stay under the target directory, so that failures can be examined.
 
 use crate::stage::Run;
 use crate::workspace::{cargo, program, scratch};
@@ -10,20 +10,20 @@ pub(crate) fn quick() -> std::process::Command {
     judge("debug", "judge", &["--quick"])
 }
 
-/// Records as benches make them, of sound plants: noise of every kind, data that a logger spoiled. Half a second to two a case, with short records.
+/// Records as real benches make them, of plants without a fault: noise of every kind, faults of a logger. Half a second to two seconds for each case, with short records.
 pub(crate) fn quick_of_bench(family: &str) -> std::process::Command {
     judge("debug", "judge", &["--family", family, "--rows", "1500"])
 }
 
-/// The same of surfaces: every cause once, and a few of each further family.
+/// The same for surfaces: every cause once, and a few of each further family.
 pub(crate) fn quick_surfaces() -> std::process::Command {
     judge("debug", "surfaces", &["--quick"])
 }
 
-/// Seeds of the whole table of surfaces: a rate over a hundred cases a family and more.
+/// Seeds of the whole table of surfaces: each rate is over a hundred cases or more.
 const SEEDS: &str = "8";
 
-/// Builds the command and the judge, then judges, or does what the first word says; without words plants and surfaces both.
+/// Builds the command and the judge, then runs the judge with the arguments; without arguments for plants and surfaces.
 pub(crate) fn run(words: &[&str]) -> bool {
     let (mode, rest) = match words {
         ["verify", rest @ ..] => ("verify", rest),

@@ -1,7 +1,7 @@
 //! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`, `cargo xtask mutants`, `cargo xtask fuzz`,
 //! `cargo xtask federation`, `cargo xtask book`, `cargo xtask publish-check`.
 //!
-//! In: one word. Out: the exit status, 0 when everything held, 1 when a stage failed, 2 for a word it does not know. Runs cargo and
+//! In: one command. Out: the exit status: 0 if everything passed, 1 if a stage failed, 2 for an unknown command. Runs cargo and
 //! the command `rsm`, and prints what it runs. Imports no crate, not even ours, so that it builds in a second on a machine that has only cargo.
 
 mod bench;

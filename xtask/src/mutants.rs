@@ -1,6 +1,6 @@
-//! `cargo xtask mutants`: which changes of meaning do the tests of a package not notice?
+//! `cargo xtask mutants`: finds changes of the code that the tests of a package do not notice.
 //!
-//! In: further words for the package mutants. Out: its table; its copy of the workspace stays under the target directory, so that a second run is quick.
+//! In: further arguments for the package mutants. Out: its table; its copy of the workspace stays under the target directory, so that a second run is fast.
 //! `quick` is the part that `cargo xtask test` runs: a sample from a fixed seed.
 
 use std::process::Command;
@@ -19,10 +19,10 @@ pub(crate) fn run(words: &[&str]) -> bool {
 /// two quiet cores. Most goes into compiling and into running every test of these files once.
 const SAMPLE: &str = "12";
 
-/// The files of the quick part: what every certificate and every statistic stands on.
+/// The files of the quick part: every certificate and every statistic depends on them.
 const FILES: [&str; 5] = ["rounding", "interval", "bernstein", "statistics", "qr"];
 
-/// One sample for everybody: a stage that fails by the luck of a draw is believed by nobody. `cargo xtask mutants --sample --seed` draws others.
+/// The seed is fixed, so the stage gives the same result for everybody. `cargo xtask mutants --sample --seed` draws others.
 const SEED: &str = "1";
 
 /// A sample of mutants against the unit tests.

@@ -1,12 +1,12 @@
 //! The tools that the tests need beside cargo.
 //!
-//! In: nothing. Out: all of them present, or the names of the Debian packages that are missing. Installs them where it may: as root, or through sudo
-//! without a password. Looks for the tools themselves, so a machine that is not Debian but has them passes.
+//! In: nothing. Out: all of them installed, or the names of the missing Debian packages. Installs them if it is allowed to: as root, or through sudo
+//! without a password. Looks for the tools themselves, so a machine with another system passes if it has them.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A program or file whose presence tells that a package is installed, and the package.
+/// A program or file whose presence shows that a package is installed, and the package.
 const NEEDED: [(&str, &str); 22] = [
     ("gcc", "gcc"),
     ("clang", "clang"),
@@ -27,7 +27,7 @@ const NEEDED: [(&str, &str); 22] = [
     ("qemu-aarch64", "qemu-user"),
     ("arm-linux-gnueabihf-gcc", "gcc-arm-linux-gnueabihf"),
     ("/usr/arm-linux-gnueabihf/include/stdio.h", "libc6-dev-armhf-cross"),
-    // Elementary functions on two machines more.
+    // Elementary functions on two more machines.
     ("riscv64-linux-gnu-gcc", "gcc-riscv64-linux-gnu"),
     ("/usr/riscv64-linux-gnu/include/stdio.h", "libc6-dev-riscv64-cross"),
     ("s390x-linux-gnu-gcc", "gcc-s390x-linux-gnu"),

@@ -19,14 +19,14 @@ pub(crate) fn run() -> bool {
 const LIBRARIES: [&str; 10] =
     ["rsm-core", "rsm-macros", "rsm-fit", "rsm-import", "rsm-model", "rsm-sim", "rsm-rigs", "rsm-diagnose", "rsm-sweep", "rsm"];
 
-/// Packs each library, a second for all: no registry is asked, so a machine without one can do it.
+/// Packs each library, a second for all. No registry is used, so this works without a network.
 pub(crate) fn quick() -> Command {
     let mut command = cargo(&["package", "--no-verify", "--allow-dirty", "--offline", "--quiet"]);
     command.args(LIBRARIES.iter().flat_map(|library| ["-p", library]));
     command
 }
 
-/// What is not committed is packed too: the check is made before a commit.
+/// Uncommitted files are packed too, because the check is made before a commit.
 fn dry() -> Command {
     cargo(&["publish", "--workspace", "--dry-run", "--allow-dirty"])
 }

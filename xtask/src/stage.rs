@@ -1,7 +1,7 @@
 //! Stages: one after another, each with its time; the first that fails ends the run.
 //!
-//! In: a name and a command or a check. Out: a summary that names what held, what failed and how to run it again. The output of a command is passed on
-//! line by line as it comes.
+//! In: a name and a command or a check. Out: a summary: what passed, what failed, and how to run it again. The output of a command is printed
+//! line by line as it arrives.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -59,7 +59,7 @@ impl Run {
                 return Ok(());
             }
             if failed == 0 {
-                // It did not compile, or a test ended the whole process: that is one failure, though no test counted it.
+                // It did not compile, or a test ended the whole process: this counts as one failure, although no test reported it.
                 totals.failed += 1;
             }
             Err(format!("{status}; run it again with\n    {shown}"))
@@ -84,7 +84,7 @@ impl Run {
         self.stages.iter().all(|stage| stage.failure.is_none())
     }
 
-    /// Prints the summary and says whether everything held.
+    /// Prints the summary and returns whether everything passed.
     pub(crate) fn finish(&self) -> bool {
         println!("\nstages");
         for Stage { name, took, failure } in &self.stages {
@@ -110,7 +110,7 @@ impl Run {
     }
 }
 
-/// A command as one would type it.
+/// A command as a user would type it.
 fn shown(command: &Command) -> String {
     let program = std::path::Path::new(command.get_program()).file_name().unwrap_or(command.get_program());
     let set = command.get_envs().filter_map(|(name, value)| Some(format!("{}={}", name.display(), value?.display())));

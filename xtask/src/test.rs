@@ -1,6 +1,6 @@
 //! `cargo xtask test`: everything that must hold before a change is done.
 //!
-//! Out: every stage with its time, a summary, and `N passed, N failed` over all tests as the last line. The stages that cost least come first; the
+//! Out: every stage with its time, a summary, and `N passed, N failed` over all tests as the last line. The fastest stages come first; the
 //! first failure ends the run.
 
 use crate::stage::Run;
@@ -59,12 +59,12 @@ pub(crate) fn run() -> bool {
             test
         })
         .command("programs", programs())
-        // What the diagnosis says of records that it cannot have made itself: a quick subset; all of it is `cargo xtask hidden-effects`.
+        // The diagnosis on records of the independent simulation: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())
         .command("noise of benches", hidden_effects::quick_of_bench("noise"))
         .command("data of benches", hidden_effects::quick_of_bench("data"))
         .command("hidden in surfaces", hidden_effects::quick_surfaces())
-        // Do the tests notice what they are there for? A sample; all of it is `cargo xtask mutants`.
+        // Do the tests notice changes of the code? A sample; all of it is `cargo xtask mutants`.
         .command("mutants", mutants::quick())
         // The tests that are ignored above because they are slow at opt 0, and those again that run code of this build, here at opt 3.
         .command("long matrix", {
@@ -90,7 +90,7 @@ pub(crate) fn run() -> bool {
     if machine.is_none() && run.held() {
         println!("\nnote: {BARE_METAL} is not installed; the targets are built as `no_std` libraries for this host");
     }
-    // Fitter, compiler and diagnosis are for the engineer's own machine, whatever that is.
+    // Fitter, compiler and diagnosis must run on every usual machine of an engineer.
     let elsewhere: Vec<&str> = ELSEWHERE.into_iter().filter(|machine| has_core(machine)).collect();
     if elsewhere.len() < ELSEWHERE.len() && run.held() {
         println!("\nnote: of {} only [{}] are installed (rustup target add)", ELSEWHERE.join(" and "), elsewhere.join(" "));
@@ -114,7 +114,7 @@ pub(crate) fn run() -> bool {
     held
 }
 
-/// Builds the programs, which stand elsewhere than their tests. With the tests named too, cargo takes the libraries that the tests have built.
+/// Builds the programs that tests start. The tests are named too, so that cargo uses the libraries that the tests have built.
 pub(crate) fn programs() -> std::process::Command {
     cargo(&["build", "--workspace", "--bins", "--tests"])
 }

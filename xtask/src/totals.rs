@@ -1,7 +1,7 @@
 //! How many tests passed and failed, read from what cargo prints.
 //!
-//! In: lines such as `test result: ok. 14 passed; 0 failed; 2 ignored; ...`, and `SKIPPED: why` from a test that shows nothing on this machine. Out: sums.
-//! Any other line counts nothing.
+//! In: lines such as `test result: ok. 14 passed; 0 failed; 2 ignored; ...`, and `SKIPPED: why` from a test that cannot run on this machine. Out: sums.
+//! Any other line is ignored.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,7 +11,7 @@ use std::fmt;
 pub(crate) struct Totals {
     pub(crate) passed: u64,
     pub(crate) failed: u64,
-    /// How many tests showed nothing, by the reason that they gave. The test harness counts them as passed.
+    /// The number of tests that were skipped, by reason. The test harness counts them as passed.
     pub(crate) skipped: BTreeMap<String, u64>,
 }
 
