@@ -1,4 +1,4 @@
-//! Time as the loop sees it: nanoseconds of a clock that never goes back, and a sleep until one of them.
+//! The clock of the loop: nanoseconds that never go back, and a sleep until a time.
 //!
 //! In: an absolute time. Out: the time now. Tests give a clock of their own to the loop; nothing else in this package reads time.
 
@@ -10,7 +10,7 @@ pub trait Clock {
     fn sleep_until_ns(&mut self, deadline_ns: u64);
 }
 
-/// The clock of this system, which no change of the wall clock moves.
+/// The monotonic clock of this system. Changes of the time of day do not affect it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SystemClock;
 
@@ -37,7 +37,7 @@ mod system {
     }
 }
 
-/// The standard library has no sleep until a time: what is left is slept, again where the sleep was short.
+/// The standard library cannot sleep until a time: sleep for the remaining time, and again if the sleep was too short.
 #[cfg(not(target_os = "linux"))]
 mod system {
     use std::sync::OnceLock;

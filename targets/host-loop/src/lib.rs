@@ -1,4 +1,4 @@
-//! A periodic loop on a POSIX host: the test bed of a control step before there is a board.
+//! A periodic loop on a POSIX host, to test a control step before a board exists.
 //!
 //! In: a rate, a number of ticks and a step to call once a tick. Out: a [`Report`] of how long the step took, how late the loop woke,
 //! and how many ticks were done and lost. The loop wakes at absolute times, so lateness never adds up; a tick is *lost* when its whole
@@ -7,8 +7,8 @@
 //! calls nothing but the clock and the step. What the system refuses (priority, locked memory) is in the report with the
 //! reason; the loop runs all the same.
 //!
-//! A virtual machine does not hold deadlines of 1 ms, with any priority: judge compute time and lost ticks, and read lateness
-//! as what this machine did on this day.
+//! A virtual machine does not keep deadlines of 1 ms, with any priority. On such a machine judge compute time and lost ticks only; the lateness
+//! depends on its load at the time of the run.
 //!
 //! ```
 //! use host_loop::{Settings, run};

@@ -1,24 +1,24 @@
-//! The loop itself.
+//! The periodic loop.
 //!
 //! In: settings, a clock, a step. Out: a [`Report`]. Tick k belongs to the time [k T, (k + 1) T) after the start. The loop sleeps until k T,
-//! and does tick k if it wakes before the tick's time is over. What it does when the time is over is [`Late`]: it drops the ticks that are over and is
-//! on the grid again at once, or does them one after another until it has caught up. Either way it never does a tick twice.
+//! and runs tick k if it wakes before the tick's time is over. If the time is over, [`Late`] decides: the loop drops the missed ticks and continues
+//! with the present one, or it runs them one after another until it has caught up. It never runs a tick twice.
 
 use crate::clock::{Clock, SystemClock};
 use crate::realtime::RealTime;
 use crate::report::{Report, Summary};
 
-/// What becomes of a tick whose time is over before it could start.
+/// What to do with a tick whose time is over before it could start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Late {
-    /// It is lost: the loop goes on with the tick whose time it is. Right where a step answers to the moment.
+    /// It is lost: the loop continues with the present tick. Use this if a step depends on the present time only.
     #[default]
     Drop,
-    /// It is done at once, late, and counted: none is lost. Right where every sample stands in a buffer and must be answered.
+    /// It is run immediately, late, and counted: none is lost. Use this if every sample waits in a buffer and needs an answer.
     CatchUp,
 }
 
-/// What a loop is to do.
+/// The settings of a loop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// The period, in nanoseconds, at least 1.
@@ -27,13 +27,13 @@ pub struct Settings {
     pub ticks: u64,
     /// Whether to ask for locked memory and real-time priority.
     pub real_time: bool,
-    /// What becomes of late ticks.
+    /// What to do with late ticks.
     pub late: Late,
 }
 
 impl Settings {
     /// A loop of `rate_hz` for `seconds`, which asks for real-time priority and locked memory. Both numbers are rounded to whole nanoseconds
-    /// and whole ticks; what cannot be a loop (zero, negative, NaN) becomes the nearest that can: one tick, one nanosecond.
+    /// and whole ticks. Impossible values (zero, negative, NaN) become the smallest possible ones: one tick, one nanosecond.
     #[must_use]
     pub fn new(rate_hz: f64, seconds: f64) -> Self {
         // A float-to-integer cast saturates and takes NaN to 0.
@@ -76,8 +76,8 @@ pub fn run_with_clock(settings: &Settings, clock: &mut impl Clock, mut step: imp
     })
 }
 
-/// The first period starts so long after the call, so that the first tick is not late for the preparations: 2 ms, some hundred times what
-/// reading the clock and going to sleep takes.
+/// The first period starts this long after the call, so that the preparations do not make the first tick late: 2 ms, some hundred times the time
+/// for reading the clock and going to sleep.
 const LEAD_NS: u64 = 2_000_000;
 
 fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u64, &mut C) -> u64) -> Report {
@@ -106,7 +106,7 @@ fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u
             Late::CatchUp => caught_up += u64::from(current > tick),
         }
         let computing_ns = step(tick, clock);
-        // Both have room for one sample a tick, so that neither push allocates.
+        // Both have room for one sample for each tick, so that no push allocates.
         lateness_ns.push(woke_ns.saturating_sub(start_ns + tick * period_ns));
         compute_ns.push(computing_ns);
         deadlines_missed += u64::from(clock.now_ns() > start_ns + (tick + 1) * period_ns);
@@ -134,7 +134,7 @@ fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u
 /// Room for one sample a tick, every page of it written to once so that the loop meets no page fault.
 fn samples(ticks: u64) -> Vec<u64> {
     let mut samples = vec![u64::MAX; usize::try_from(ticks).expect("the samples of a loop fit in memory")];
-    // Without this the compiler may drop the writes, and the pages with them.
+    // Without this the compiler may remove the writes, and the pages would not be mapped.
     std::hint::black_box(samples.as_mut_slice());
     samples.clear();
     samples
@@ -272,7 +272,7 @@ mod tests {
         assert_eq!(report.ticks_done + report.ticks_lost, 200);
         assert_eq!(report.ticks_done, ticks.len() as u64);
         assert!(ticks.is_sorted_by(|a, b| a < b), "a tick was done twice or out of order: {ticks:?}");
-        // The last tick starts at 199 ms. How much later a busy machine lets it is not ours to judge.
+        // The last tick starts at 199 ms, or later on a busy machine; the delay is not tested.
         assert!(took.as_millis() >= 199, "{took:?}");
         assert_ne!(report.priority, Grant::NotAsked);
         assert_ne!(report.locked_memory, Grant::NotAsked);

@@ -1,6 +1,6 @@
-//! What a real-time loop asks of the operating system, for as long as it runs: locked memory and a real-time priority.
+//! The requests of a real-time loop to the operating system: locked memory and a real-time priority, as long as the loop runs.
 //!
-//! In: the wish. Out: a [`Grant`] each, with the reason where it was refused. Gives back on drop what it took; never fails.
+//! In: whether to ask. Out: a [`Grant`] for each, with the reason if it was refused. On drop everything is given back; never fails.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ mod elsewhere;
 #[cfg(not(target_os = "linux"))]
 use elsewhere as system;
 
-/// What came of one wish.
+/// The result of one request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Grant {
     /// The system granted it.
@@ -65,7 +65,7 @@ impl RealTime {
 
 impl Drop for RealTime {
     fn drop(&mut self) {
-        // Both are returns to what was allowed before, so there is nothing to do about a refusal.
+        // Both return to a state that was allowed before, so a refusal needs no reaction.
         if let Some((policy, priority)) = self.before {
             system::restore_priority(policy, priority);
         }

@@ -1,4 +1,4 @@
-//! What a loop did: numbers in public fields, a few lines of text, one JSON object.
+//! The report of a loop: numbers in public fields, a few lines of text, one JSON object.
 //!
 //! In: the samples of a run. Out: percentiles that are always one of the samples, never an interpolation between two.
 
@@ -46,7 +46,7 @@ pub fn percentile(sorted: &[u64], per_mille: usize) -> u64 {
     sorted.get(rank - 1).or(sorted.last()).copied().unwrap_or(0)
 }
 
-/// What a loop did.
+/// The report of a loop.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Report {
     /// The period of a tick.
@@ -63,9 +63,9 @@ pub struct Report {
     pub drops: bool,
     /// How many of the done ones ended after their period, whenever they started.
     pub deadlines_missed: u64,
-    /// How far behind its time the last tick began: what the loop is behind the clock at its end.
+    /// How late the last tick began: the delay of the loop against the clock at its end.
     pub skew_ns: u64,
-    /// What the step computed: from its call to its end, or what it says itself.
+    /// The compute time of the step: from its call to its end, or as the step reports it.
     pub compute: Summary,
     /// From the start of the tick's time to waking, of the ticks that were done.
     pub lateness: Summary,
@@ -77,7 +77,7 @@ pub struct Report {
 
 impl Report {
     /// One JSON object: counts, the two summaries in nanoseconds, and what was granted ("yes", "not asked for", "no: reason"). A loop that drops ticks has
-    /// `ticks_lost`, one that catches up has `ticks_caught_up`: neither tells a number that is 0 by its nature.
+    /// `ticks_lost`, one that catches up has `ticks_caught_up`. The number that is always 0 is left out.
     #[must_use]
     pub fn json(&self) -> String {
         let late = if self.drops {
@@ -127,7 +127,7 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Report { compute, lateness, .. } = self;
         write!(f, "ticks     {} wanted, {} done, ", self.ticks_wanted, self.ticks_done)?;
-        // Each kind of loop says what can go wrong in it: one that catches up loses nothing, and one that drops starts none after its period.
+        // Each kind of loop reports only what can happen in it: one that catches up loses no tick, and one that drops starts none after its period.
         if self.drops {
             write!(f, "{} lost, ", self.ticks_lost)?;
         } else {

@@ -1,12 +1,12 @@
 //! A simulated plant in one thread and a step in another, both at the step's rate by the clock.
 //!
-//! In: the settings of the loop, what the plant does with a command, what the step does with a sample. Out: the report of the loop and what became of
-//! samples and commands. The plant does not wait for the loop: at the time of tick k it sends sample k, takes the newest command that is there, and simulates the tick. In time, that is the answer to
-//! sample k - 1: a command acts one tick after its sample, as on a board. When the loop is late, the plant goes on with an older command, and the tick counts as held.
-//! The loop's thread wakes by the clock, answers every sample in order, and does late ticks until it has caught up.
+//! In: the settings of the loop, the functions of plant and step. Out: the report of the loop and the counts of
+//! samples and commands. The plant does not wait for the loop: at the time of tick k it sends sample k, takes the newest command, and simulates the tick. If the loop is in time, this command is the answer to
+//! sample k - 1: a command acts one tick after its sample, as on a board. If the loop is late, the plant continues with an older command, and the tick counts as held.
+//! The loop's thread wakes by the clock, answers every sample in order, and runs late ticks until it has caught up.
 //!
-//! A virtual machine does not hold deadlines of a millisecond. So commands count as under-runs only where they are later than [`BUFFER_NS`] after their tick's time: what a play-out buffer would
-//! not have hidden.
+//! A virtual machine does not keep deadlines of a millisecond. So a command counts as an under-run only if it is later than [`BUFFER_NS`] after its tick's time: a play-out buffer would
+//! hide smaller delays.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -19,10 +19,10 @@ pub const BUFFER_NS: u64 = 150_000_000;
 /// Room in each direction: the buffer at 1 kHz, and as much again.
 const ROOM: usize = 300;
 
-/// Between two looks at an empty ring: a fiftieth of a millisecond is no delay for a tick, and leaves the processor to others.
+/// The time between two checks of an empty ring: a fiftieth of a millisecond does not delay a tick, and other threads can use the processor.
 const NAP: Duration = Duration::from_micros(20);
 
-/// What became of samples and commands.
+/// Counts of samples and commands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Exchange {
     /// Numbers of samples that the loop did not see, and of commands that the plant did not see.
@@ -33,7 +33,7 @@ pub struct Exchange {
     pub waits: u64,
     /// Commands that came later than the buffer allows.
     pub under_runs: u64,
-    /// Ticks of the plant under an older command than the answer to the sample before: that one had not come yet.
+    /// Ticks of the plant with an older command, because the answer to the sample before had not arrived.
     pub held: u64,
     /// Ticks of the plant that began after their period was over.
     pub plant_late: u64,
@@ -55,7 +55,7 @@ impl Exchange {
 impl std::fmt::Display for Exchange {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Exchange { lost, doubled, waits, under_runs, held, plant_late, plant_skew_ns } = self;
-        // The rings have room for twice the buffer: a number is missing only where the loop stood still for that long, and is said only then.
+        // The rings have room for twice the buffer: a number is missing only if the loop was stopped for that long.
         if lost + doubled > 0 {
             writeln!(f, "samples   {lost} LOST, {doubled} DOUBLED")?;
         }
@@ -98,7 +98,7 @@ impl<const S: usize, const C: usize> PlantEnd<'_, S, C> {
         SystemClock.sleep_until_ns(due);
         self.skew_ns = SystemClock.now_ns().saturating_sub(due);
         self.late += u64::from(self.skew_ns > self.period_ns);
-        // A full ring takes none: the loop sees the gap in the numbers.
+        // A full ring accepts no sample: the loop notices the gap in the numbers.
         self.samples.push(&Numbered { number: self.tick, values });
         while let Some(command) = self.commands.pop() {
             self.seen.note(command.number);
@@ -111,10 +111,10 @@ impl<const S: usize, const C: usize> PlantEnd<'_, S, C> {
     }
 }
 
-/// The next of a ring, or `None` where the sender has ended. `waits` hears of every nap.
+/// The next value of a ring, or `None` if the sender has ended. `waits` is called before every sleep.
 fn awaited<const N: usize>(ring: &Ring<N>, ended: &AtomicBool, mut waits: impl FnMut()) -> Option<Numbered<N>> {
     loop {
-        // In this order: what was sent before the end is there once the end is seen.
+        // In this order: when the end is seen, everything sent before it has arrived.
         let over = ended.load(Ordering::Acquire);
         let next = ring.pop();
         if next.is_some() || over {
@@ -125,7 +125,7 @@ fn awaited<const N: usize>(ring: &Ring<N>, ended: &AtomicBool, mut waits: impl F
     }
 }
 
-/// Says at its end, also by a panic, that this thread sends no more.
+/// Signals at its end, also after a panic, that this thread sends no more.
 struct Ended<'r>(&'r AtomicBool);
 
 impl Drop for Ended<'_> {
@@ -176,7 +176,7 @@ pub fn run<const S: usize, const C: usize, T: Send>(
         });
         let (result, answered, [held, plant_late, plant_skew_ns]) =
             plants.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        // The last command has nobody to play it out.
+        // The last command is never used.
         sequence.note(settings.ticks);
         exchange.lost = sequence.lost + answered.lost;
         exchange.doubled = sequence.doubled + answered.doubled;

@@ -1,8 +1,8 @@
 //! The motor's two steps with the simulated drive behind them: in real time, and as fast as they go.
 //!
 //! In: the settings of the loop. Out: its report, what became of samples, and how the drive did. In real time the 1 kHz step runs in the loop's thread, and the
-//! inner step with inverter, motor and encoder in the plant's, as a drive has them on two processors: the inner one cannot wait for the outer. [`ride`] and [`Outer`] are
-//! those two sides, for whoever joins them by something else than a ring: a federation, a network.
+//! inner step with inverter, motor and encoder in the plant's thread, like a drive with two processors: the inner step cannot wait for the outer one. [`ride`] and [`Outer`] are
+//! these two sides, for connections other than a ring: a federation or a network.
 
 use host_loop::{Report, Settings};
 use motor_loop::{
@@ -115,7 +115,7 @@ impl Controller for Steps {
     }
 }
 
-/// The outer step by itself: a sample comes from somewhere, its answer goes there.
+/// The outer step alone: it gets a sample and gives an answer.
 #[derive(Debug, Clone)]
 pub struct Outer {
     drive: Drive,
@@ -180,7 +180,7 @@ impl<E: FnMut([f64; 4]) -> Option<[f64; 2]>> Controller for Remote<E> {
     }
 }
 
-/// Up to a speed and down again, for ever: full use of the weakening region both ways.
+/// The speed goes up and down again, without end, through the whole weakening region in both directions.
 struct Shuttle {
     up: bool,
 }
@@ -202,7 +202,7 @@ impl Task for Shuttle {
     }
 }
 
-/// How the drive did.
+/// Figures of the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Figures {
     /// Mean of |torque - demand| over the run, in N m, the moments after a change of the demand included.
@@ -263,16 +263,16 @@ pub fn ride(
     })
 }
 
-/// What a run gave.
+/// The result of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     /// Times and ticks; the compute time is that of the 1 kHz step alone.
     pub report: Report,
-    /// What became of samples.
+    /// Counts of samples.
     pub exchange: Exchange,
     /// How many ticks had a bad sample, and held the references.
     pub bad_samples: u32,
-    /// How the drive did.
+    /// Figures of the drive.
     pub figures: Figures,
 }
 

@@ -1,6 +1,6 @@
-//! The faults of the campaign: which sensor, what it says, for how long, where.
+//! The faults of the campaign: which sensor, which reading, how long, at which operating point.
 //!
-//! In: a case and the number of the period. Out: the spoilt samples. A speed and a bus voltage have one sensor for both steps.
+//! In: a case and the number of the period. Out: the false samples. Speed and bus voltage each have one sensor for both steps.
 
 use motor_loop::{Demand, Measured};
 
@@ -61,16 +61,16 @@ impl Sensor {
     }
 }
 
-/// What a broken sensor says.
+/// The reading of a broken sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Not a number.
     Nan,
     /// Infinity.
     Infinity,
-    /// What it said before.
+    /// Its last reading before the fault.
     Stuck,
-    /// Anything up to three times its full scale, another one each time.
+    /// Any value up to three times its full scale, a new one for each sample.
     Wild,
     /// The truth and 5 % of full scale.
     Bias,
@@ -96,7 +96,7 @@ impl Kind {
     }
 }
 
-/// How many samples in a row are spoilt.
+/// How many samples in a row are false.
 pub const DURATIONS: [u32; 5] = [1, 5, 10, 100, 500];
 
 /// Bus voltages, in V.
@@ -142,12 +142,12 @@ impl Point {
     }
 }
 
-/// A fault at work.
+/// A fault with its state.
 #[derive(Debug, Clone)]
 pub struct Spoiler {
     sensor: Sensor,
     kind: Kind,
-    /// What was said before.
+    /// The reading before the fault.
     before: Option<(Demand, Measured)>,
     draw: Draw,
 }
@@ -180,18 +180,18 @@ impl Draw {
 }
 
 impl Spoiler {
-    /// A fault that has said nothing yet.
+    /// A fault before its first sample.
     #[must_use]
     pub fn new(sensor: Sensor, kind: Kind, seed: u64) -> Self {
         Spoiler { sensor, kind, before: None, draw: Draw::new(seed) }
     }
 
-    /// Notes what a whole sensor says.
+    /// Stores the reading of an intact sensor.
     pub fn whole(&mut self, demand: &Demand, measured: &Measured) {
         self.before = Some((*demand, *measured));
     }
 
-    /// What the broken sensor says.
+    /// The reading of the broken sensor.
     pub fn spoil(&mut self, demand: &mut Demand, measured: &mut Measured) {
         let (old, was) = self.before.unwrap_or((*demand, *measured));
         match self.sensor {

@@ -1,7 +1,7 @@
-//! The campaign of faults: every sensor of the motor's loop, broken in every way, for 1 to 500 samples, at every operating point and bus voltage.
+//! The campaign of faults: every sensor of the motor's loop, with every kind of fault, for 1 to 500 samples, at every operating point and bus voltage.
 //!
 //! In: which share of the cases. Out: a row for each sensor and fault: the longest current, the time until the torque is back, how often the bridge opened. The
-//! motor and its bridge are simulated in the frame of the stator ([`plant`]); a run without the fault is what a run with it is compared with.
+//! motor and its bridge are simulated in the frame of the stator ([`plant`]). A run with a fault is compared with a run without it.
 
 pub mod cases;
 pub mod plant;
@@ -19,16 +19,16 @@ use rig::{Exchanged, PERIOD_S, PERIODS_A_TICK, Rig};
 /// Periods before a fault: the bridge has closed and the currents have settled.
 const LEAD: u32 = 300;
 
-/// Periods after a fault that are looked at; the torque is to be back within the first 500, 50 ms.
+/// Periods after a fault that are examined; the torque must be back within the first 500, 50 ms.
 const AFTER: u32 = 600;
 
 /// The longest current vector that a fault may make, in A: 1.2 of the limit of 60.
 pub const MOST_A: f64 = 72.0;
 
-/// The torque is to be back so soon after the last bad sample, in ms.
+/// The torque must be back this soon after the last bad sample, in ms.
 pub const MOST_MS: f64 = 50.0;
 
-/// Back is within this of the torque without the fault, in N m, and a twentieth of it.
+/// The torque is back if it differs from the torque without the fault by at most this, in N m, plus a twentieth of it.
 const BACK_NM: f64 = 0.5;
 
 /// One run of the campaign.
@@ -40,11 +40,11 @@ pub struct Run {
     pub back_ms: f64,
     /// Whether the bridge was opened.
     pub opened: bool,
-    /// Mean difference of the torque from that without the fault, while the fault was there, in N m.
+    /// Mean difference of the torque from that without the fault, during the fault, in N m.
     pub torque_error_nm: f64,
 }
 
-/// What one sensor and one fault gave.
+/// The results of one sensor and one fault.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// The sensor.
@@ -59,12 +59,12 @@ pub struct Row {
     pub back_ms: f64,
     /// In how many runs the bridge was opened.
     pub opened: usize,
-    /// The worst of [`Run::torque_error_nm`] of faults of 500 samples in which the bridge stayed closed: what a fault does that cannot be told from the truth.
+    /// The worst of [`Run::torque_error_nm`] of faults of 500 samples in which the bridge stayed closed: the effect of a fault that cannot be distinguished from the truth.
     pub torque_error_nm: f64,
 }
 
 impl Row {
-    /// Whether it keeps what is promised.
+    /// Whether it keeps the limits.
     #[must_use]
     pub fn kept(&self) -> bool {
         self.longest_a <= MOST_A && self.back_ms <= MOST_MS
@@ -91,10 +91,10 @@ fn settled(point: &Point, bus: f64) -> (Rig, Vec<f64>) {
     (rig, torques)
 }
 
-/// What goes wrong in a period: the number of the period since the fault began, and what the steps are told.
+/// The fault of a period: takes the number of the period since the fault began, and changes the samples of the steps.
 type Fault<'a> = &'a mut dyn FnMut(u32, &mut Demand, &mut Measured);
 
-/// What a bus moves by in a period, in V: 60 A out of a capacitor of 1 mF.
+/// The change of the bus voltage in a period, in V: 60 A from a capacitor of 1 mF.
 const BUS_V: f64 = 6.0;
 
 /// One fault of `samples` samples, in which the bus falls to `sag` and rises again if there is one; `seen` gets what the steps were told and answered, period by period.
@@ -136,13 +136,13 @@ fn one(
 pub struct Drawn {
     /// The fault.
     pub words: String,
-    /// Whether a sensor moves away from the truth in steps that are plausible: no step can see it, and nothing is promised of the current.
+    /// Whether a sensor moves away from the truth in plausible steps. The control steps cannot detect this, so there is no limit for the current.
     pub runs_away: bool,
     /// The run.
     pub run: Run,
 }
 
-/// What makes references that the voltage does not reach: a bus or a speed that the steps are told wrong, or a bus that sags in truth.
+/// Faults that make references out of reach of the voltage: a wrong reading of bus voltage or speed, or a real fall of the bus voltage.
 /// Speed, torque, bus voltage, kind, size and length are drawn from the seed.
 #[must_use]
 pub fn beyond_the_voltage(seed: u64) -> Drawn {
@@ -150,12 +150,12 @@ pub fn beyond_the_voltage(seed: u64) -> Drawn {
     let mut between = |low: f64, high: f64| low + (high - low) * draw.uniform();
     let point = Point { speed: between(-900.0, 900.0), torque: between(-21.6, 21.6) as f32, reversal: 0, inertia: None };
     let bus = between(180.0, 330.0);
-    // From one sample to what the campaign has at most, evenly in its logarithm.
+    // From one sample to the longest of the campaign, uniform in the logarithm.
     let samples = 500f64.powf(between(0.0, 1.0)).round() as u32;
     let sensor = if between(0.0, 1.0) < 0.6 { Sensor::Bus } else { Sensor::Speed };
     let (kind, size) = (between(0.0, 4.0) as u32, between(-1.0, 1.0));
     let mut spoiler = Spoiler::new(sensor, Kind::Wild, seed);
-    // The largest step that is plausible, or less; and far more.
+    // At most the largest plausible step; or far more.
     let step = if sensor == Sensor::Bus { 48.0 * size } else { 95.0 * size };
     let far = if sensor == Sensor::Bus { 150.0 * size } else { 600.0 * size };
     let add = |value: f64, demand: &mut Demand, measured: &mut Measured| {
@@ -178,7 +178,7 @@ pub fn beyond_the_voltage(seed: u64) -> Drawn {
     let mut fault = |k: u32, demand: &mut Demand, measured: &mut Measured| match kind {
         0 => spoiler.spoil(demand, measured),
         1 => add(step, demand, measured),
-        // In fifty periods: from one to the next it is plausible.
+        // Over fifty periods: each single change is plausible.
         2 => add(far * (f64::from(k) / 50.0).min(1.0), demand, measured),
         _ => (),
     };

@@ -1,6 +1,6 @@
-//! Both steps with the plant of the campaign behind them, and a place to spoil what they are told.
+//! Both steps in closed loop with the plant of the campaign; a fault can change their samples.
 //!
-//! In: a speed, a bus voltage, demands, what a fault makes of samples. Out: the plant's state after each PWM period. Never looks into the steps but for the
+//! In: a speed, a bus voltage, demands, a fault. Out: the plant's state after each PWM period. Of the state of the steps it reads only the
 //! command of the bridge.
 
 use motor_loop::{Command, CurrentState, Demand, Drive, Measured, Motor, ReferenceState, Tuning, currents, references};
@@ -28,14 +28,14 @@ pub fn drive() -> Drive {
     Drive::new(&motor, &tuning)
 }
 
-/// What the steps are told and answered in one period: for a twin in another language.
+/// The inputs and outputs of the steps in one period, for the comparison with another language.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exchanged {
-    /// What the outer step was told; none in a period without it.
+    /// The input of the outer step; `None` in a period without it.
     pub demand: Option<Demand>,
-    /// What the inner step was told.
+    /// The input of the inner step.
     pub measured: Measured,
-    /// What the inner step answered.
+    /// The output of the inner step.
     pub command: Command,
 }
 
@@ -55,7 +55,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// At rest in all its states, around a plant.
+    /// At rest in all its states, with a plant.
     #[must_use]
     pub fn new(plant: Plant) -> Self {
         Rig::with_drive(plant, drive())
@@ -68,7 +68,7 @@ impl Rig {
         Rig { plant, outer: ReferenceState::default(), command: inner.last, inner, drive, period: 0 }
     }
 
-    /// The loop in operation: the bridge is closed, and the inner step believes what the plant has. A test may then put any state into it.
+    /// The loop in operation: the bridge is closed, and the state of the inner step agrees with the plant. A test may then set any state.
     pub fn begin(&mut self) {
         while !self.closed() || self.inner.waiting > 0.0 {
             self.step(0.0, &mut |_, _| ());
@@ -81,7 +81,7 @@ impl Rig {
         self.command.closed > 0.5
     }
 
-    /// What whole sensors say now.
+    /// The readings of intact sensors now.
     #[must_use]
     pub fn truth(&self, torque_nm: f32) -> (Demand, Measured) {
         let (speed_rad_s, bus_voltage_v) = (self.plant.speed as f32, self.plant.bus as f32);
@@ -90,7 +90,7 @@ impl Rig {
         (demand, Measured { currents_a, angle_turns: self.plant.turns() as f32, speed_rad_s, bus_voltage_v })
     }
 
-    /// One PWM period at a torque demand; `spoil` may change what the steps are told. The command of a period acts in the next.
+    /// One PWM period at a torque demand; `spoil` may change the inputs of the steps. The command of a period acts in the next.
     pub fn step(&mut self, torque_nm: f32, spoil: &mut dyn FnMut(&mut Demand, &mut Measured)) -> Exchanged {
         let (mut demand, mut measured) = self.truth(torque_nm);
         spoil(&mut demand, &mut measured);
