@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use host_loop::Settings;
 
-/// What a runner was asked to do.
+/// The options of a runner.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arguments {
     /// The loop.

@@ -14,7 +14,7 @@ use rsm_sim::record::Record;
 /// The shipped car.
 const PLANT: &str = include_str!("../../../rsm-sim/plants/driveline.toml");
 
-/// `Plant::start` wants a record; the driveline does not look into it.
+/// `Plant::start` needs a record; the driveline does not use it.
 const RECORD: &str = "time[s],throttle[1],gear[1],road_speed[m/s]\n0,0,2,8\n0.001,0,2,8\n";
 
 /// A sub-step is at most this over the fastest rate, as in `rsm-sim/src/simulate.rs`.

@@ -1,6 +1,6 @@
 //! The steps of the target loops, run on the host against simulated plants.
 //!
-//! In: how long and how often. Out: the report of the loop, what became of samples between the threads, and how the plant did. The libraries that run are
+//! In: duration and rate. Out: the report of the loop, counts of the samples between the threads, and figures of the plant. The libraries are
 //! those that a board would run. `run` is in real time, the plant in a thread of its own; `simulate` is the same plant and task without a clock.
 
 pub mod arguments;
@@ -10,7 +10,7 @@ pub mod exchange;
 pub mod motor;
 pub mod throttle;
 
-/// Whether tick `k` is one whose sample is bad: one a second, so that the runner shows what the step does then.
+/// Whether the sample of tick `k` is bad: one in each second, to show the reaction of the step.
 fn is_bad_sample(tick: u64, period_ns: u64) -> bool {
     let ticks_per_second = 1_000_000_000 / period_ns.max(1);
     tick % ticks_per_second.max(2) == ticks_per_second / 2

@@ -41,7 +41,7 @@ pub struct Figures {
 /// One millisecond of the car, as it is at its end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// The pedal, 0 to 1, before a torn wire.
+    /// The pedal, 0 to 1, before the simulated broken wire.
     pub pedal: f64,
     /// The gear.
     pub gear: usize,
@@ -68,7 +68,7 @@ pub fn ride(
     for tick in 0..ticks {
         let (pedal, gear, clutch) = driver(tick);
         let lines = f64::from(1u32 << (gear - 1) | if clutch { CLUTCH_LINE } else { 0 });
-        // A bad sample is a torn wire: no counts.
+        // A bad sample is a broken wire: no counts.
         let pedal_counts = if crate::is_bad_sample(tick, period_ns) { 0.0 } else { counts_of(&BOARD.pedal, pedal) };
         let plate_counts = counts_of(&BOARD.plate, last);
         let sample = [pedal_counts, plate_counts, counts_of(&BOARD.speed, car.speed()), lines];
@@ -88,14 +88,14 @@ pub fn ride(
 /// The compare value of a closed throttle: the command before the first answer.
 pub const CLOSED: [f64; 1] = [BOARD.compare_closed as f64];
 
-/// The step by itself, from counts: a sample comes from somewhere, its answer goes there.
+/// The step alone, from counts: it gets a sample and gives an answer.
 #[derive(Debug, Clone, Default)]
 pub struct Step {
     state: RawState,
 }
 
 impl Step {
-    /// The compare value of the throttle for a sample: counts of pedal, plate and road speed, and the bits of gear and clutch lines. What is no count counts as 0, a torn wire.
+    /// The compare value of the throttle for a sample: counts of pedal, plate and road speed, and the bits of gear and clutch lines. A value that is not a count is taken as 0, a broken wire.
     pub fn answer(&mut self, [pedal, plate, speed, lines]: [f64; 4]) -> [f64; 1] {
         let counts = Counts { pedal: pedal as u16, plate: plate as u16, speed: speed as u16, lines: lines as u32 };
         [f64::from(raw_step(&mut self.state, &BOARD, &counts))]
@@ -108,12 +108,12 @@ impl Step {
     }
 }
 
-/// What a run gave.
+/// The result of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     /// Times and ticks; the compute time is that of the step alone.
     pub report: Report,
-    /// What became of samples.
+    /// Counts of samples.
     pub exchange: Exchange,
     /// How many ticks had a bad sample.
     pub bad_samples: u32,

@@ -7,8 +7,8 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 #[global_allocator]
 static COUNTING: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// How many times `run` goes to the allocator. The test harness has a thread of its own that may do so at any moment, so the least of
-/// three runs counts: what the steps themselves allocate, they allocate in all three.
+/// How many times `run` calls the allocator. A thread of the test harness may call it at any moment, so the smallest number of
+/// three runs counts: allocations of the steps would be in all three.
 fn allocator_calls(mut run: impl FnMut()) -> usize {
     let calls = (0..3).map(|_| {
         let region = Region::new(COUNTING);

@@ -1,8 +1,8 @@
-//! The step as a small microcontroller has it: A/D counts and gear lines in, a PWM compare value out.
+//! The step with the signals of a small microcontroller: A/D counts and gear lines in, a PWM compare value out.
 //!
-//! In: three conversions and the pattern of the digital inputs. Out: a compare value. All scaling stands in one table, [`Scaling`]; a C program holds the
-//! same struct. A conversion outside the band of its sensor is a torn or shorted wire, and a pattern of gear lines that no gearbox gives is a torn
-//! line: both become the bad samples of [`crate::step()`].
+//! In: three conversions and the pattern of the digital inputs. Out: a compare value. All scaling is in one table, [`Scaling`]; a C program has the
+//! same struct. A conversion outside the band of its sensor means a broken or shorted wire, and an impossible pattern of gear lines means a broken
+//! line: both become bad samples of [`crate::step()`].
 
 use branch_free::{BadSamples, magnitude, select};
 
@@ -15,8 +15,8 @@ pub const CLUTCH_LINE: u32 = 1 << GEARS;
 /// The commanded and the measured throttle may differ by this much before it is counted: 10 % of the stroke.
 const PLATE_TOLERANCE: f32 = 0.1;
 
-/// After so many ticks in a row in which the plate is not where it was told to be the throttle is closed: 0.1 s, a third of the time that a plate takes over its whole stroke
-/// would be too short, three strokes are not.
+/// The throttle closes after this many ticks in a row in which the plate does not follow its command: 0.1 s. A third of the time for a whole stroke of the plate
+/// would be too short; three strokes are enough.
 pub const PLATE_TICKS: f32 = 100.0;
 
 /// A linear sensor on a 12-bit converter: value = (counts - zero) * per_count.
@@ -27,9 +27,9 @@ pub struct Channel {
     pub zero: f32,
     /// Value of a count.
     pub per_count: f32,
-    /// The lowest count that a whole wire gives.
+    /// The lowest count of an intact wire.
     pub lowest: f32,
-    /// The highest count that a whole wire gives.
+    /// The highest count of an intact wire.
     pub highest: f32,
 }
 
@@ -76,16 +76,16 @@ pub struct Counts {
     pub lines: u32,
 }
 
-/// What the raw step remembers.
+/// The state of the raw step.
 #[derive(Debug, Clone, Default)]
 pub struct RawState {
-    /// The step's own.
+    /// The state of the step.
     pub step: State,
     /// The last command, 0 to 1.
     throttle: f32,
     /// 1 while the plate's fault closes the throttle, else 0.
     closing: f32,
-    /// Ticks in which the plate was not where it was told to be, or its wire was torn. [`PLATE_TICKS`] of them in a row close the throttle, until the plate follows again.
+    /// Ticks in which the plate did not follow its command, or its wire was broken. [`PLATE_TICKS`] of them in a row close the throttle, until the plate follows again.
     pub plate: BadSamples,
 }
 
@@ -98,7 +98,7 @@ fn value(channel: &Channel, counts: u16) -> f32 {
     select(channel.highest, counts, f32::NAN, not_low)
 }
 
-/// The gear of a pattern of lines: 0 to 5, or 255 where no gearbox gives that pattern.
+/// The gear of a pattern of lines: 0 to 5, or 255 if the pattern is impossible.
 #[inline(always)]
 fn gear(lines: u32) -> u8 {
     let gears = lines & (CLUTCH_LINE - 1);
@@ -119,8 +119,8 @@ pub fn raw_step(state: &mut RawState, scaling: &Scaling, counts: &Counts) -> u16
         clutch: counts.lines & CLUTCH_LINE != 0,
     };
     let deviation = magnitude(value(&scaling.plate, counts.plate) - state.throttle);
-    // A plate that is stuck or slow, or not seen, is no plate to be driven: closed, until it follows.
-    // Until it is closed, also where the command passes the place at which the plate is stuck.
+    // If the plate is stuck, slow, or its position is unknown, the throttle closes until the plate follows.
+    // It closes completely, even if the command passes the position at which the plate is stuck.
     let still = select(0.0, state.step.cap, state.closing, 0.0);
     let fault = select(PLATE_TICKS, state.plate.in_a_row as f32, 1.0, still);
     state.closing = fault;

@@ -9,33 +9,33 @@ use crate::driveline;
 /// The gears of the car, and of the surfaces.
 pub const GEARS: u8 = 5;
 
-/// How much of the way between pedal and compensator is faded in a tick: the whole in 0.1 s, half a period of the shuffle in a middle gear (30 rad/s), so
+/// The change of the share of the compensator in a tick: from 0 to 1 in 0.1 s, half a period of the shuffle in a middle gear (30 rad/s), so
 /// that fading does not excite it.
 pub const FADE_PER_TICK: f32 = 0.01;
 
-/// By how much the gear that the surfaces see moves in a tick, in gears: one in 50 ms, about the time in which a clutch closes.
+/// The change, in a tick, of the gear that the surfaces get, in gears: one in 50 ms, about the time in which a clutch closes.
 pub const GEAR_PER_TICK: f32 = 0.02;
 
-/// So many bad pedal samples in a row are held; then the throttle closes. 50 ms: a loose contact is no fault of the driver's, and is not felt.
+/// For this many bad pedal samples in a row the last good one is held; then the throttle closes. 50 ms: the driver does not feel a short loose contact.
 pub const HOLD_TICKS: f32 = 50.0;
 
 /// How fast a lost pedal closes the throttle, in a tick: the whole stroke in 0.25 s. With the time that it is held that is 0.3 s; FMVSS 124 (49 CFR 571.124, S5.3) asks for
 /// idle within 1 s after a connection is lost.
 pub const CLOSE_PER_TICK: f32 = 0.004;
 
-/// How fast it may open again when the pedal is back, in a tick: the whole stroke in 1 s. A driver who stood on the pedal all the time is not thrown forward.
+/// How fast it may open again when the pedal is back, in a tick: the whole stroke in 1 s. So the car does not jump if the driver has kept the pedal down.
 pub const REOPEN_PER_TICK: f32 = 0.001;
 
-/// A pedal this far from the middle of its stroke, or farther, is bad: three times the half stroke. What is nearer counts as the end.
+/// A pedal reading at least this far from the middle of the stroke is bad: three times the half stroke. A nearer reading outside the stroke counts as its end.
 const PEDAL_BAND: f32 = 1.5;
 
-/// A road speed that is no lower than this is bad, in m/s.
+/// A road speed of this or more is bad, in m/s.
 const SPEED_BAND_M_S: f32 = 100.0;
 
-/// A road speed that moves by this in a tick, or by more, is bad, in m/s: 200 times what tyres can.
+/// A road speed that changes by this or more in a tick is bad, in m/s: 200 times the limit of tyres.
 const SPEED_PER_TICK_M_S: f32 = 2.0;
 
-/// What the step remembers.
+/// The state of the step.
 #[derive(Debug, Clone)]
 pub struct State {
     /// The two integrators.
@@ -43,15 +43,15 @@ pub struct State {
     /// The last good pedal and speed.
     pedal: f32,
     speed_m_s: f32,
-    /// The gear that the surfaces see.
+    /// The gear that the surfaces get.
     gear: f32,
-    /// How much of the compensator is in the throttle, 0 to 1.
+    /// The share of the compensator in the throttle, 0 to 1.
     share: f32,
     /// Bad pedal samples in a row.
     lost: f32,
-    /// The throttle is never above this: 1; less, down to 0, while it is closed by a fault or on its way back.
+    /// The upper limit of the throttle: 1; less, down to 0, while a fault closes it or while it opens again.
     pub cap: f32,
-    /// Ticks with a pedal or speed that was not plausible, or a gear that is none.
+    /// Ticks with an implausible pedal or speed, or an invalid gear.
     pub bad: BadSamples,
 }
 
@@ -94,24 +94,24 @@ pub struct Outputs {
     pub share: f32,
 }
 
-/// One tick. `inline(never)` so that its object code stands under one name, where a test reads it.
+/// One tick. `inline(never)`, so that its object code has a name of its own, which a test reads.
 ///
-/// The throttle is pedal + share * (compensated - pedal), saturated. The share goes to 1 where a driveline is coupled and known: in a gear, clutch
-/// closed, speed and gear good samples, and the two inside the support of the damping surface, that is where data were. Everywhere else it goes to 0,
-/// and the throttle is the pedal. It goes at [`FADE_PER_TICK`], and the compensator always runs along: no change of the share is a bump. So an unsupported
-/// corner (high speed in low gear) is driven as it would be without this program.
+/// The throttle is pedal + share * (compensated - pedal), saturated. The share goes to 1 under four conditions: a gear is engaged, the clutch is
+/// closed, the samples of speed and gear are good, and both are inside the support of the damping surface, where there were data. Otherwise it goes to 0,
+/// and the throttle is the pedal. The share changes by [`FADE_PER_TICK`], and the compensator always runs, so a change of the share makes no step in the throttle. In an unsupported
+/// corner (high speed in low gear) the car behaves as without this program.
 ///
-/// A gear change moves the gear that the surfaces see at [`GEAR_PER_TICK`], through ratios between: the coefficients move, not jump.
+/// At a gear change the gear that the surfaces get changes by [`GEAR_PER_TICK`], through values between two gears, so the coefficients do not jump.
 ///
-/// A pedal that is no number or far out of its stroke stands where it stood for [`HOLD_TICKS`]; then the throttle closes at [`CLOSE_PER_TICK`] and stays closed. When the pedal
-/// is back it may open at [`REOPEN_PER_TICK`]. The pedal itself may step over its whole stroke. A speed that is not plausible in range or rate, and a gear that is none, stand where they
-/// stood, while the share fades out; at a share of 0 any speed in the range is taken, so that a true jump is not refused for ever.
+/// If the pedal sample is NaN or far outside its stroke, the last good one is held for [`HOLD_TICKS`]. Then the throttle closes at [`CLOSE_PER_TICK`] and stays closed. When the pedal
+/// is back it may open at [`REOPEN_PER_TICK`]. The pedal itself may step over its whole stroke. If the speed is implausible in range or rate, or the gear is invalid, the last good one is
+/// held while the share fades out. At a share of 0 any speed in the range is accepted, so that a real jump is not refused for ever.
 #[inline(never)]
 pub fn step(state: &mut State, inputs: &Inputs) -> Outputs {
     advance(state, inputs, 0.0)
 }
 
-/// The same, for [`step`] and the step from counts; `fault` is 1 where something else than the pedal is to close the throttle, else 0.
+/// The same, for [`step`] and the step from counts; `fault` is 1 if another fault than that of the pedal must close the throttle, else 0.
 #[inline(always)]
 pub(crate) fn advance(state: &mut State, inputs: &Inputs, fault: f32) -> Outputs {
     let pedal_good = select(magnitude(inputs.pedal - 0.5), PEDAL_BAND, 1.0, 0.0);
@@ -128,7 +128,7 @@ pub(crate) fn advance(state: &mut State, inputs: &Inputs, fault: f32) -> Outputs
     let speed_m_s = select(0.0, speed_good, road, state.speed_m_s);
 
     let lever = f32::from(inputs.gear);
-    // 1 where one of the gears is in, else 0.
+    // 1 if a gear is engaged, else 0.
     let in_gear = select(0.0, lever, 1.0, 0.0) * select(lever, f32::from(GEARS) + 0.5, 1.0, 0.0);
     let wanted_gear = select(0.0, in_gear, lever, state.gear);
     let gear = state.gear + within(wanted_gear - state.gear, -GEAR_PER_TICK, GEAR_PER_TICK);

@@ -1,4 +1,4 @@
-//! The motor's loop beside its limits and under faults: what stood wrong once, a grid of starts, the campaign.
+//! The motor's loop near its limits and under faults: earlier errors, a grid of initial states, the campaign.
 
 use host_runners::campaign::cases::{BUSES, Kind};
 use host_runners::campaign::plant::Plant;
@@ -11,7 +11,7 @@ fn go(speed: f64, bus: f64, periods: u32, torque: impl Fn(u32) -> f32, fault: im
     let mut rig = Rig::new(Plant::new(speed, bus));
     for period in 0..periods {
         if period == 500 {
-            // Before, the bridge was open, and at high speed its diodes made currents that nothing foresees.
+            // Before, the bridge was open, and at high speed its diodes carried currents that the model does not contain.
             rig.plant.longest = 0.0;
             rig.inner.bad.all = 0;
         }
@@ -20,7 +20,7 @@ fn go(speed: f64, bus: f64, periods: u32, torque: impl Fn(u32) -> f32, fault: im
     rig
 }
 
-/// A surface at its edge, and the voltage of one axis alone, once gave -16.7 N m and 68 A here.
+/// An earlier version gave -16.7 N m and 68 A here, because it used a surface at its edge and limited the voltage of one axis alone.
 #[test]
 fn a_sagging_bus_and_a_speed_beyond_the_surface_keep_torque_and_current() {
     for (speed, bus, torque) in [(780.0, 230.0, 2.0), (900.0, 270.0, 0.0), (850.0, 270.0, -8.0)] {
@@ -31,7 +31,7 @@ fn a_sagging_bus_and_a_speed_beyond_the_surface_keep_torque_and_current() {
     }
 }
 
-/// It once went to -30 N m and 90 A and stayed there.
+/// An earlier version went to -30 N m and 90 A and stayed there.
 #[test]
 fn one_wild_speed_sample_is_forgotten() {
     for wild in [3e5, -3e5, 1e30, 990.0] {
@@ -46,7 +46,7 @@ fn one_wild_speed_sample_is_forgotten() {
     }
 }
 
-/// Duties that stood in the stator's frame once made 74, 196 and 1125 A of 5, 10 and 100 bad samples.
+/// An earlier version held the duties in the stator's frame: 5, 10 and 100 bad samples gave 74, 196 and 1125 A.
 #[test]
 fn bad_samples_hold_in_the_rotors_frame() {
     for (samples, most) in [(5, 24.0), (9, 24.0), (100, 40.0)] {
@@ -67,7 +67,7 @@ fn bad_samples_hold_in_the_rotors_frame() {
     }
 }
 
-/// 110 and 103 A, once.
+/// An earlier version gave 110 and 103 A.
 #[test]
 fn full_torque_steps_stay_in_the_circle() {
     for bus in BUSES {
@@ -80,8 +80,7 @@ fn full_torque_steps_stay_in_the_circle() {
     }
 }
 
-/// From every state within 1.5 of the limits, whatever the step believes, at every speed and bus: one equilibrium. With the bridge that opens, and, so that this hides nothing,
-/// without.
+/// From every state within 1.5 of the limits, with any state of the step, at every speed and bus voltage, the loop reaches one equilibrium. Tested with the bridge that may open, and with a bridge that stays closed, so that opening hides nothing.
 fn grid(trips: bool, every: usize) {
     let mut case = 0usize;
     for bus in BUSES {
@@ -173,7 +172,7 @@ fn the_whole_campaign_of_faults_keeps_its_limits() {
     check(&rows);
 }
 
-/// Draws the runs of these seeds, prints the slowest, and holds them to the limits of the campaign.
+/// Draws the runs of these seeds, prints the slowest, and compares them with the limits of the campaign.
 fn check_beyond_the_voltage(seeds: impl Iterator<Item = u64>) {
     let mut drawn: Vec<Drawn> = seeds.map(campaign::beyond_the_voltage).collect();
     drawn.sort_by(|one, other| one.run.back_ms.total_cmp(&other.run.back_ms));
@@ -188,7 +187,7 @@ fn check_beyond_the_voltage(seeds: impl Iterator<Item = u64>) {
     assert!(broken.is_empty(), "more than {MOST_A} A or {MOST_MS} ms: {broken:?}");
 }
 
-/// At top speed it once took five times as long as at standstill, on a spiral through both axes.
+/// In an earlier version this took five times as long at top speed as at standstill, on a spiral through both axes.
 #[test]
 fn an_integral_runs_down_with_the_winding_at_every_speed() {
     for speed in [0.0, 200.0, -450.0, 600.0, 785.0, -900.0] {
@@ -209,12 +208,12 @@ fn an_integral_runs_down_with_the_winding_at_every_speed() {
     }
 }
 
-/// What the voltage does not reach is nothing that the constants miss.
+/// References that the voltage does not reach are not an error of the constants.
 #[test]
 fn nothing_winds_up_while_the_voltage_is_at_its_limit() {
     let mut rig = go(785.0, 270.0, 1500, |_| -8.0, |_, _| ());
     let home = [rig.inner.integral_d_v, rig.inner.integral_q_v];
-    // 20 ms at 150 V in place of 270, of which the outer step is told nothing. The trim is held: it would bring the references into reach.
+    // 20 ms at 150 V in place of 270, without information to the outer step. The trim is held, because it would bring the references into reach.
     rig.plant.bus = 150.5;
     for _ in 0..200 {
         rig.outer.trim_a = 0.0;
@@ -224,10 +223,10 @@ fn nothing_winds_up_while_the_voltage_is_at_its_limit() {
     }
 }
 
-/// An integral that wound up while the references were out of reach once took 60 ms and more to run down.
+/// In an earlier version the integral wound up while the references were out of reach, and took 60 ms and more to decay.
 #[test]
 fn torque_is_back_soon_after_references_that_the_voltage_did_not_reach() {
-    // The named ones took 50 ms and more, up to longer than anyone looked.
+    // The listed ones took 50 ms and more; some were not finished at the end of the run.
     check_beyond_the_voltage((0..6).chain([717, 1279, 1454, 1583, 2792, 3697]));
 }
 
@@ -237,7 +236,7 @@ fn torque_is_back_soon_in_the_whole_family_beyond_the_voltage() {
     check_beyond_the_voltage(0..4000);
 }
 
-/// The bound on a fault is a bound beside what the exact controller does without one.
+/// The bound on a fault must be seen beside the current of the exact controller without a fault.
 #[test]
 fn the_exact_controller_without_a_fault_is_near_the_limit_too() {
     let longest = campaign::exact_longest_a();

@@ -1,4 +1,4 @@
-//! What the target loops promise beyond their answers: they cannot panic, and they are quick.
+//! Further properties of the target loops: they cannot panic, and they are fast.
 
 mod campaign;
 mod clock;

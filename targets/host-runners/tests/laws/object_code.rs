@@ -1,12 +1,12 @@
-//! The steps cannot panic: there is nothing in their object code that could.
+//! The steps cannot panic: their object code contains no panic.
 //!
-//! A panic in Rust is a call to `core::panicking`. So: the object file of each target library, at opt 3, may name no function outside itself but
-//! those with which a compiler copies memory, and holds no trap instruction. That is stronger than "no panic": no call of anything unknown.
+//! A panic in Rust is a call to `core::panicking`. So the object file of each target library, at opt 3, may name no function outside itself except
+//! those with which a compiler copies memory, and has no trap instruction. This is stronger than "no panic": there is no call of any unknown function.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What an object file asks of others, and whether it traps.
+/// The external functions of an object file, and whether it has a trap instruction.
 #[derive(Debug)]
 struct Object {
     defined: Vec<String>,
@@ -14,7 +14,7 @@ struct Object {
     traps: bool,
 }
 
-/// The compiler makes calls to these out of plain assignments; they copy and end.
+/// The compiler may call these for plain assignments; they copy memory and return.
 const MEMORY: [&str; 3] = ["memcpy", "memmove", "memset"];
 
 impl Object {

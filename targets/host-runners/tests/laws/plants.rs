@@ -1,4 +1,4 @@
-//! What the loops do to their plants, without a clock: small versions of the runs.
+//! The behaviour of the plants in the loops, without a clock: short versions of the runs.
 
 #[test]
 fn the_motor_goes_up_through_flux_weakening_and_down_again() {
