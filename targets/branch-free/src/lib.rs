@@ -1,8 +1,8 @@
-//! Comparisons that select without a branch, in f32: what a step around an evaluator needs beyond + - * and /.
+//! Comparisons that select without a branch, in f32: the operations that a control step needs in addition to + - * and /.
 //!
-//! In: numbers. Out: one of them, by one comparison, with one meaning on every machine; `targets/firmware/exact.h` is the same in C. On x86-64 the
-//! two bounds are one instruction each and a select four; elsewhere the compiler is told that the comparison cannot be predicted. Never
-//! allocates, never branches, knows nothing of motors.
+//! In: numbers. Out: one of them, by one comparison, with the same meaning on every machine; `targets/firmware/exact.h` is the same in C. On x86-64
+//! each of the two bounds is one instruction and a select four; elsewhere a hint says to the compiler that the comparison is not predictable. Never
+//! allocates, never branches, contains nothing about motors.
 //!
 //! ```
 //! use branch_free::{at_least, at_most, nothing, select};
@@ -13,7 +13,7 @@
 //! assert!(nothing(3.0) == 0.0 && nothing(f32::INFINITY).is_nan());
 //! ```
 #![no_std]
-// Denied, not forbidden: instructions of SSE are `unsafe` functions to Rust, and the square root of other machines is an instruction by name. There is no other.
+// Denied, not forbidden: SSE instructions are `unsafe` functions in Rust, and the square root of other machines is inline assembly. There is no other unsafe code.
 #![deny(unsafe_code)]
 
 /// `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.
@@ -86,8 +86,8 @@ pub fn magnitude(value: f32) -> f32 {
     f32::from_bits(value.to_bits() & 0x7FFF_FFFF)
 }
 
-/// The square root, rounded to the nearest f32 as IEEE 754 asks: the same bits on every machine. NaN for a NaN and for what is below 0. The machine's
-/// own instruction on x86-64, AArch64 and 32-bit Arm with an FPU; elsewhere digit by digit.
+/// The square root, rounded to the nearest f32 as IEEE 754 requires: the same bits on every machine. NaN for a NaN and for a number below 0. It is the machine's
+/// instruction on x86-64, AArch64 and 32-bit Arm with an FPU; elsewhere it is computed digit by digit.
 ///
 /// ```
 /// assert_eq!(branch_free::root(2.25), 1.5);
@@ -110,8 +110,8 @@ pub fn root(value: f32) -> f32 {
         unsafe { core::arch::asm!("fsqrt {0:s}, {1:s}", out(vreg) root, in(vreg) value, options(pure, nomem, nostack)) };
         root
     }
-    // The names of these targets end in `eabihf`: numbers are passed in registers of an FPU, so there is one. Rust gives such a register to a statement only where
-    // the FPU has doubles too; so the number goes through another one.
+    // The names of these targets end in `eabihf`: numbers are passed in registers of an FPU, so the machine has one. Rust passes such a register to inline assembly only if
+    // the FPU also has doubles; so the number passes through a general register.
     #[cfg(all(target_arch = "arm", target_abi = "eabihf"))]
     {
         let mut bits = value.to_bits();
@@ -138,7 +138,7 @@ pub fn root(value: f32) -> f32 {
     }
 }
 
-/// The same by whole numbers, for machines without the instruction.
+/// The same with integers, for machines without the instruction.
 #[cfg_attr(
     any(
         all(target_arch = "x86_64", target_feature = "sse2"),
@@ -161,7 +161,7 @@ fn root_by_digits(value: f32) -> f32 {
     let (mantissa, exponent) = if raw == 0 { (rest, -149) } else { (rest | 0x0080_0000, raw - 150) };
     let up = mantissa.leading_zeros() as i32 - 8;
     let exponent = exponent - up;
-    // Moved so far that the exponent is even and the root has 25 bits: 24, and one that says where to round. Its square is even, so it is never a tie.
+    // Shifted so that the exponent is even and the root has 25 bits: 24, and one for rounding. A tie is impossible.
     let moved = 25 + ((exponent + 25) & 1);
     let square = u64::from(mantissa << up) << moved;
     let (mut root, mut bit) = (0u64, 1u64 << 24);
@@ -177,8 +177,8 @@ fn root_by_digits(value: f32) -> f32 {
     ((root + 1) >> 1) as f32 * f32::from_bits(((power + 127) as u32) << 23)
 }
 
-/// 0 for a number, NaN for a NaN or an infinity. The sum of several is 0 or NaN, and the comparison `sum < 1.0` tells which.
-// The difference of a number with itself is what is wanted here.
+/// 0 for a finite number, NaN for a NaN or an infinity. The sum of several is 0 or NaN; the comparison `sum < 1.0` shows which.
+// The difference of a number with itself is intended here.
 #[allow(clippy::eq_op)]
 #[inline(always)]
 #[must_use]
@@ -186,19 +186,19 @@ pub fn nothing(value: f32) -> f32 {
     value - value
 }
 
-/// `then` where a sum of nothings is of numbers only, else `otherwise`.
+/// `then` if a sum of results of [`nothing`] is 0 (all numbers were finite), else `otherwise`.
 #[inline(always)]
 #[must_use]
 pub fn if_good(sum_of_nothings: f32, then: f32, otherwise: f32) -> f32 {
     select(sum_of_nothings, 1.0, then, otherwise)
 }
 
-/// How many bad samples there were: all of them up to now, and those in a row that end now.
+/// Counts of bad samples: in total, and in a row up to now.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct BadSamples {
-    /// All of them; stays at the largest number of an `i32` when it gets there.
+    /// In total; saturates at the largest `i32`.
     pub all: u32,
-    /// One after another up to now: 0 after a good one.
+    /// In a row up to now: 0 after a good one.
     pub in_a_row: u32,
 }
 
@@ -208,7 +208,7 @@ impl BadSamples {
     pub fn count(&mut self, good: bool) {
         let bad = u32::from(!good);
         self.all = add_up_to_the_largest(self.all, bad);
-        // All ones where the sample is bad: what is kept of the row.
+        // A mask of all ones if the sample is bad: keeps the count of the row.
         self.in_a_row = add_up_to_the_largest(self.in_a_row, bad) & 0u32.wrapping_sub(bad);
     }
 }
@@ -220,8 +220,8 @@ fn add_up_to_the_largest(count: u32, one: u32) -> u32 {
     sum.wrapping_sub(one & (sum >> 31))
 }
 
-/// 1 where a count has reached `most`, a number from 1 to 2^23, else 0. A comparison of floats, since a compiler makes a branch of one of whole numbers: up to 2^23 a half is
-/// exact beside `most`, and a larger count stays above it however it is rounded.
+/// 1 if a count has reached `most`, a number from 1 to 2^23, else 0. Floats are compared, because a compiler makes a branch of a comparison of integers. Up to 2^23 `most` minus a half is
+/// exact, and a larger count stays above it, however it is rounded.
 #[inline(always)]
 #[must_use]
 pub fn reached(count: u32, most: u32) -> f32 {

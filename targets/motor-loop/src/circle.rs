@@ -1,6 +1,6 @@
-//! Sine and cosine, which `core` does not have, from the surface of `generated/coefficients/circle.toml`, and the other leg of a unit circle by a square root.
+//! Sine and cosine, which `core` does not have, from the surface of `generated/coefficients/circle.toml`; and the second coordinate of a point on the unit circle by a square root.
 //!
-//! In: turns, or the square of one leg. Out: numbers of one circle, sine and cosine with the error that the coefficient file states. No table, no loop, no branch, and
+//! In: an angle in turns, or the square of one coordinate (a leg). Out: sine and cosine with the error that the coefficient file states, or the other leg. No table, no loop, no branch, and
 //! the same bits in C.
 
 use branch_free::{magnitude, root};
@@ -40,8 +40,8 @@ fn cosine(turns: f32) -> f32 {
     circle::sine_f32(1.0 - 4.0 * magnitude(turns - whole))
 }
 
-/// The square of the circle's radius, a little held back: what the roundings of both legs add (6e-8 each, half a dozen) does not lead out of the circle. `rsm check
-/// --limits` proves it, in fewer steps where more is held back.
+/// The square of the circle's radius, slightly reduced, so that the roundings of both legs (6e-8 each, half a dozen) do not lead out of the circle. `rsm check
+/// --limits` proves this, in fewer steps if the radius is reduced more.
 const HELD_BACK: f32 = 0.9996;
 
 /// How long the other leg of a circle of radius 1 may be, from the square of the one, up to 0.9: never more than sqrt(1 - square), at most 6.4e-4 less. NaN

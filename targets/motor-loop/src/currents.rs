@@ -1,24 +1,24 @@
 //! The inner step, once a PWM period: from references and measured phase currents to the duties of three legs.
 //!
 //! In: references of the outer step; phase currents, electrical angle, speed and bus voltage, sampled together. Out: duties that act in the next period, and
-//! whether the bridge is closed in it. Never more than + - * /, comparisons and selects: C has the same bits.
+//! whether the bridge is closed in it. Uses only + - * /, comparisons and selects, so C has the same bits.
 //!
 //! ```text
 //! samples --plausible?--> phase currents --Clarke, Park (19)--> i_d, i_q --PI, decoupling--> v_d, v_q --limit (20)--> --Park back, 1.5 T later--> three duties
 //!             ^                                                    |
-//!             +---- where the rotor and the winding's model (17), (18) put them in the next period
+//!             +---- expected values of the next period, from the rotor's speed and the model of the winding (17), (18)
 //! ```
 //!
-//! The angle is advanced by 1.5 T of rotation, from the sample to the middle of the period in which the duties act. A frame of amplitudes: a vector of
+//! The angle is advanced by 1.5 T of rotation, from the sample to the middle of the period in which the duties act. Vectors are amplitude-invariant: a vector of
 //! length I is three phases of peak I.
 //!
-//! **A bad sample is replaced, and the control goes on.** Bus and speed by the last good ones; the angle by the last one and the speed; the currents by a model of the
-//! winding under the voltages that were commanded. So the voltages hold in the rotor's frame, and go on to where the references lead. The model is also what a current
-//! sample is compared with: a sensor that is stuck moves away from it.
+//! **A bad sample is replaced, and the control continues.** Bus voltage and speed are replaced by the last good ones, the angle by the last one advanced by the speed, the currents by a model of the
+//! winding under the commanded voltages. So the voltages stay right in the rotor's frame and follow the references. Current
+//! samples are also compared with the model: a stuck sensor differs from it after a while.
 //!
-//! **The safe state is the open bridge** (`closed` = 0): all six switches off. It is entered after [`crate::Limits`]' number of bad samples in a row, or at once when the
-//! current leaves the circle by 7 %, or is about to. The README of `targets/firmware` says why this and not a short circuit, and what the caller must do. The way back: that many good
-//! samples in a row; the control then begins with the measured currents as its references and with no integral, so it is no bump.
+//! **The safe state is the open bridge** (`closed` = 0): all six switches off. It begins after the number of bad samples in a row that [`crate::Limits`] gives, or immediately if the
+//! current exceeds the circle by 7 %, or will do so in the next period. The README of `targets/firmware` says why it is not a short circuit, and what the caller must do. It ends after a number of good
+//! samples in a row, also from the limits. The control then begins with the measured currents as its references and without an integral, so there is no jump.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
@@ -32,11 +32,11 @@ const HALF_ROOT_3: f32 = 0.866_025_4;
 const PER_ROOT_3: f32 = 0.577_350_26;
 const TWO_THIRDS: f32 = 0.666_666_7;
 
-/// How much of the distance between a good sample of angle or currents and where it was expected is believed. Noise is 0.3 of itself behind it, and a sensor that is stuck is
-/// found: an angle from 94 rad/s on, where the rotor moves by 0.15 of the limit in a period, 60 A from 60 rad/s on. A speed that is 5 % off turns the frame by 6 degrees at top speed.
+/// The weight of a good sample of angle or currents: the model is corrected by this share of the difference. It reduces noise to 0.3, and a stuck sensor is
+/// still detected: an angle from 94 rad/s on, where the rotor moves by 0.15 of the limit in a period; 60 A from 60 rad/s on. A speed error of 5 % turns the frame by 6 degrees at top speed.
 const BELIEVED: f32 = 0.15;
 
-/// The integral parts hold what the constants miss; a fifth of the reachable voltage is 10 % of the flux linkage at top speed and 10 % of the inductance at the limit.
+/// The limit of the integral parts. They compensate errors of the constants; a fifth of the reachable voltage is 10 % of the flux linkage at top speed and 10 % of the inductance at the limit.
 const INTEGRAL_SHARE: f32 = 0.2;
 
 /// Periods between the command that closes the bridge and the first sample whose period had it closed.
@@ -45,13 +45,13 @@ const PERIODS_TO_CLOSE: f32 = 1.0;
 /// Good samples before the bridge closes for the first time, and one more.
 const FIRST_WAIT: f32 = 11.0;
 
-/// What is sampled at the start of a PWM period.
+/// The samples at the start of a PWM period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Measured {
     /// Phase currents a, b, c into the motor, in A. A part that all three have in common is dropped.
     pub currents_a: [f32; 3],
-    /// Electrical angle from the axis of phase a to the magnets' flux, in turns; best reduced to one, for then its unit in the last place is 6e-8.
+    /// Electrical angle from the axis of phase a to the magnets' flux, in turns; best reduced to one turn, because its unit in the last place is then 6e-8.
     pub angle_turns: f32,
     /// Rotor speed, in mechanical rad/s.
     pub speed_rad_s: f32,
@@ -69,14 +69,14 @@ pub struct Command {
     pub closed: f32,
 }
 
-/// What the inner step remembers.
+/// The state of the inner step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CurrentState {
     /// The integral part of v_d, in V.
     pub integral_d_v: f32,
     /// The integral part of v_q, in V.
     pub integral_q_v: f32,
-    /// The references on their way to those of the outer step, in A.
+    /// The present references, which move towards those of the outer step, in A.
     pub reference_d_a: f32,
     /// See `reference_d_a`.
     pub reference_q_a: f32,
@@ -84,17 +84,17 @@ pub struct CurrentState {
     pub v_d_v: f32,
     /// See `v_d_v`.
     pub v_q_v: f32,
-    /// Where the currents are expected at the next sample, in A.
+    /// The expected currents at the next sample, in A.
     pub expected_d_a: f32,
     /// See `expected_d_a`.
     pub expected_q_a: f32,
-    /// Where the angle is expected at the next sample, in turns, -1/2 to 1/2.
+    /// The expected angle at the next sample, in turns, -1/2 to 1/2.
     pub angle_turns: f32,
     /// The last good speed, in rad/s.
     pub speed_rad_s: f32,
     /// The last good bus voltage, in V.
     pub bus_voltage_v: f32,
-    /// Good samples that are wanted until the bridge closes and one more; 0 in operation.
+    /// The number of good samples until the bridge closes, and one more; 0 in operation.
     pub waiting: f32,
     /// The square of the wanted voltage over the square of the reachable one; 0 while the bridge is open. The outer step trims the weakening current by it.
     pub voltage_share: f32,
@@ -145,19 +145,19 @@ fn part_of_turn(turns: f32) -> f32 {
 
 /// One PWM period: what the bridge does in the next one.
 ///
-/// The axes are decoupled at the wanted currents, not at the measured ones, and a voltage beyond the reachable circle is scaled back to it. Together they
-/// leave one equilibrium and no other: with e = wanted - measured current, L/2 |e|^2 falls at the rate e (v - v_w) + r |e|^2, where v_w is the voltage of the wanted
-/// current; the coupling of the axes turns e and drops out. v is the point of the circle nearest to v_w + K e, and v_w is in the circle, so e (v - v_w) is never
-/// negative: a property of the nearest point in any convex set. Priority for one axis, or decoupling at the measured currents, has no such function, and had a trap.
-/// It wants the wanted currents inside the limits, which is the outer step's part; they move there along straight lines, and a straight line between two points of
+/// The axes are decoupled at the wanted currents, not at the measured ones, and a voltage beyond the reachable circle is scaled back to it. With both rules
+/// there is exactly one equilibrium. Proof: with e = wanted - measured current, L/2 |e|^2 falls at the rate e (v - v_w) + r |e|^2, where v_w is the voltage of the wanted
+/// current; the coupling of the axes only turns e, so it does not appear. v is the point of the circle nearest to v_w + K e, and v_w is in the circle. So e (v - v_w) is never
+/// negative, a property of the nearest point in any convex set. With priority for one axis, or with decoupling at the measured currents, there is no such proof, and a second equilibrium was found.
+/// The wanted currents must be inside the limits. This is the task of the outer step. They move along straight lines, and a straight line between two points of
 /// a circle is inside.
 ///
-/// `inline(never)` so that its object code stands under one name, where a test reads it.
+/// `inline(never)`, so that its object code has a name of its own, which a test reads.
 #[inline(never)]
 pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References, measured: &Measured) -> Command {
     let Measured { currents_a: [a, b, c], angle_turns, speed_rad_s, bus_voltage_v } = *measured;
     let limits = &drive.limits;
-    // 1 while what is expected of angle and currents is out of date: the bridge was open in the period that ends here.
+    // 1 while the expected angle and currents are out of date: the bridge was open in the period that ends here.
     let open = select(0.0, state.waiting, 1.0, 0.0);
     // 1 before the first good sample of the bus.
     let fresh = select(0.0, state.bus_voltage_v, 0.0, 1.0);
@@ -167,7 +167,7 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let off = part_of_turn(angle_turns - state.angle_turns);
     let angle_in_range = select(magnitude(angle_turns), limits.angle_turns, 1.0, 0.0);
     let angle_good = angle_in_range * select(magnitude(off), limits.angle_rate_turns, 1.0, fresh);
-    // Of a bad sample nothing, but while the bridge is open all of it: so the next one is compared with it.
+    // The weight of a bad sample is 0; while the bridge is open it is 1, so that the next sample is compared with it.
     let believed = select(0.0, angle_good, BELIEVED, open);
     let angle = state.angle_turns + believed * select(0.0, angle_in_range, off, 0.0);
 
@@ -188,7 +188,7 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let i_d = state.expected_d_a + off_d;
     let i_q = state.expected_q_a + off_q;
 
-    // Where the next sample is expected: the model's own state follows the samples by a part of what they are off, so that a sensor that is stuck does not lead it.
+    // The expected next sample: the model's state is corrected by only a part of the difference from the samples, so that it does not follow a stuck sensor.
     let believed = select(0.0, current_good, BELIEVED, open);
     let from_d = state.expected_d_a + believed * off_d;
     let from_q = state.expected_q_a + believed * off_q;
@@ -200,12 +200,12 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     // By the middle of the period: a straight step of 0.3 rad would be 5 % too long.
     let half_d = from_d + 0.5 * move_d(from_d, from_q);
     let half_q = from_q + 0.5 * move_q(from_d, from_q);
-    // Under an open bridge the diodes hold the current where it is in the rotor's frame, but for their ripple.
+    // With an open bridge the diodes hold the current constant in the rotor's frame, except for their ripple.
     let expected_d = from_d + select(0.0, open, 0.0, move_d(half_d, half_q));
     let expected_q = from_q + select(0.0, open, 0.0, move_q(half_d, half_q));
 
     let all_good = (bus.good * speed.good) * (angle_good * current_good);
-    // Now, also where the model does not believe it; or at the next sample, if the currents go on to leave the model as they did.
+    // Now, even if the sample does not agree with the model; or at the next sample, if the currents continue to move away from the model at the same rate.
     let now = select(0.0, in_range, square, 0.0);
     let then_d = expected_d + seen_d;
     let then_q = expected_q + seen_q;
@@ -232,7 +232,7 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let w_e = drive.pole_pairs * speed.value;
     let error_d = wanted_d_a - i_d;
     let error_q = wanted_q_a - i_q;
-    // (17), (18) at the wanted currents: resistance, rotation and magnets, and what moving them takes.
+    // (17), (18) at the wanted currents: resistance, rotation and magnets, and the voltage that changes them.
     let model_d = (drive.resistance_ohm * wanted_d_a - w_e * (drive.inductance_h * wanted_q_a)) + drive.slew_v_per_a * step_d;
     let flux = drive.inductance_h * wanted_d_a + drive.flux_linkage_wb;
     let model_q = (drive.resistance_ohm * wanted_q_a + w_e * flux) + drive.slew_v_per_a * step_q;
@@ -244,12 +244,12 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let scale = select(1.0, share, per_root(at_least(share, 1.0)), 1.0);
     let v_d = scale * wanted_d;
     let v_q = scale * wanted_q;
-    // The voltage that the constants miss shows as (K + r + j w_e L) e; the integral goes there with the time constant of the winding at every speed. A law that leaves the
-    // rotation out goes there five times as slowly at top speed, on a spiral: one axis's integral first fills the other's.
+    // An error of the constants shows as the voltage (K + r + j w_e L) e. The integral approaches this voltage with the time constant of the winding at every speed. A law without the
+    // rotation is five times as slow at top speed and approaches on a spiral, because the integrals of both axes are coupled.
     let cross = w_e * drive.inductance_h;
     let missing_d = drive.gain_v_per_a * error_d - cross * error_q;
     let missing_q = drive.gain_v_per_a * error_q + cross * error_d;
-    // At the limit of the voltage the errors say nothing of the constants, and the integral falls: wound up there, it would have to run down when the references are back in the circle.
+    // At the voltage limit the errors contain no information about the constants, so the integral decays. Otherwise it would wind up, and would have to decay when the references are back in the circle.
     let target_d = select(1.0, share, -state.integral_d_v, missing_d);
     let target_q = select(1.0, share, -state.integral_q_v, missing_q);
     let integral_d = state.integral_d_v + drive.integral_share * target_d;
@@ -266,20 +266,20 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let v_a = v_alpha;
     let v_b = side - half;
     let v_c = -side - half;
-    // Half of the largest and the smallest phase, taken off all three, centres them on the bus: that is what reaches V/sqrt 3 (zero sequence of
+    // Half the sum of the largest and the smallest phase is subtracted from all three. This centres them on the bus and makes V/sqrt 3 reachable (zero sequence of
     // space vector modulation).
     let highest = at_least(at_least(v_a, v_b), v_c);
     let lowest = at_most(at_most(v_a, v_b), v_c);
     let centre = 0.5 * (highest + lowest);
-    // While both switches of a leg are off its current flows through a diode: the leg loses dead time / T of the bus, against the current. The currents are
-    // those that are wanted in that period: a sample that is bad or noisy has no sign to go by.
+    // While both switches of a leg are off, its current flows through a diode: the leg loses dead time / T of the bus voltage, against the current. The wanted currents
+    // of that period are used, because the sign of a bad or noisy sample is not reliable.
     let flow_alpha = cos * wanted_d_a - sin * wanted_q_a;
     let flow_beta = sin * wanted_d_a + cos * wanted_q_a;
     let flow_half = 0.5 * flow_alpha;
     let flow_side = HALF_ROOT_3 * flow_beta;
     let duty = |v: f32, current: f32| {
         let lost = drive.dead_time_share * within(current * drive.per_dead_time_ampere, -1.0, 1.0);
-        // NaN, of constants that are none, is no voltage.
+        // If constants are NaN, the voltage is 0.
         let duty = within(((v - centre) * per_bus_v + 0.5) + lost, 0.0, 1.0);
         select(duty, 2.0, duty, 0.5)
     };

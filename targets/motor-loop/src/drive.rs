@@ -1,6 +1,6 @@
-//! What both steps know of the motor and its drive: constants, computed once outside the loop.
+//! Constants of the motor and its drive for both steps, computed once outside the loop.
 //!
-//! In: the motor's nominal parameters, how its drive is tuned, what its sensors may say. Out: a [`Drive`]. Divisions stand here and not in the steps.
+//! In: the motor's nominal parameters, the tuning of its drive, the plausible ranges of its sensors. Out: a [`Drive`]. Divisions are here and not in the steps.
 
 use core::f32::consts::TAU;
 
@@ -40,7 +40,7 @@ pub struct Tuning {
     pub dead_time_current_a: f32,
 }
 
-/// What counts as plausible, and how long the steps go on without. The table of a drive: a board with other sensors has another.
+/// What counts as plausible, and for how many bad samples the steps continue. Each drive has its own table: a board with other sensors has another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Limits {
@@ -54,13 +54,13 @@ pub struct Limits {
     pub torque_nm: f32,
     /// The largest angle, in turns: the range of what comes from the encoder, not of the rotor.
     pub angle_turns: f32,
-    /// How far the angle may be from where the last one and the speed put it, in turns.
+    /// The largest difference of the angle from the one predicted by the last angle and the speed, in turns.
     pub angle_rate_turns: f32,
     /// The largest sum of the three phase currents, in A: it is 0 but for errors of the sensors.
     pub current_sum_a: f32,
-    /// Square of the longest current vector that the sensors can tell, in A^2.
+    /// Square of the longest current vector that the sensors can measure, in A^2.
     pub current_square_a2: f32,
-    /// Square of how far the current vector may be from where the model of the winding puts it, in A^2.
+    /// Square of the largest difference of the current vector from the one predicted by the model of the winding, in A^2.
     pub current_rate_square_a2: f32,
     /// Square of the current vector at which the bridge is opened at once, in A^2.
     pub trip_square_a2: f32,
@@ -71,7 +71,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// What the speed's sensor may say.
+    /// The plausible readings of the speed sensor.
     #[inline(always)]
     pub(crate) fn speed(&self) -> Band {
         Band { middle: 0.0, half: self.speed_rad_s, rate: self.speed_rate_rad_s }

@@ -4,9 +4,9 @@
 //! - [`currents`], once a PWM period (10 kHz or more). In: references, phase currents, angle, speed, bus voltage. Out: duties of three legs.
 //!
 //! Neither allocates, panics, loops or branches; they need nothing outside `core`, and nothing but + - * / and comparisons, so that
-//! `targets/firmware/motor_step.c` gives the same bits. Every sample is asked whether it is plausible, in range and in rate ([`Limits`]). A bad one (a torn wire, a stuck
-//! encoder, a wild edge) is replaced by where the rotor and the winding should be, and counted; ten in a row lead to a safe state: the outer step asks for no torque, the inner one opens
-//! the bridge. Ten good ones lead back.
+//! `targets/firmware/motor_step.c` gives the same bits. Every sample is checked: it must be plausible in range and in rate ([`Limits`]). A bad sample (a broken wire, a stuck
+//! encoder, a false edge) is replaced by the predicted value, and counted. Ten bad samples in a row lead to a safe state: the outer step sets the torque to 0, the inner one opens
+//! the bridge. Ten good ones end it.
 //!
 //! ```
 //! use motor_loop::{CurrentState, Demand, Drive, Measured, Motor, ReferenceState, Tuning, currents, references};
@@ -39,9 +39,9 @@
 //! assert!(command.closed == 1.0 && command.duties[1] > 0.5 && command.duties[2] < 0.5);  // the q axis is a quarter turn before phase a
 //! ```
 //!
-//! [`published`] is the surface of the paper, (26): the advance angle of another motor, kept for whoever has that motor.
+//! [`published`] is the surface of the paper, (26): the advance angle of another motor.
 #![no_std]
-// Denied, not forbidden: on a host the emitted evaluators clamp with SSE instructions, which are `unsafe` functions to Rust. There is no other.
+// Denied, not forbidden: on a host the emitted evaluators clamp with SSE instructions, which are `unsafe` functions in Rust. There is no other unsafe code.
 #![deny(unsafe_code)]
 
 mod circle;
@@ -61,6 +61,6 @@ pub use references::{
     references,
 };
 
-// Single precision: the FPU of the drives that this is for (Cortex-M4F) has no other.
-// Without clamps too: the outer step keeps to the ranges, and gives the current limit once.
+// Single precision: the FPU of the intended processors (Cortex-M4F) has no double precision.
+// Also without clamps: the outer step limits the arguments to the ranges, and passes the current limit once.
 rsm_macros::include_model!("../../generated/coefficients/motor.toml", precision = "f32", once = "current");

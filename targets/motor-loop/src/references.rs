@@ -1,16 +1,16 @@
 //! The outer step, 1 kHz: from a torque demand to current references.
 //!
 //! In: torque demand, measured speed and bus voltage, and how much of the voltage the inner step takes. Out: i_d, i_q. The weakening current comes
-//! from the response surface `weakening_current`, which stands in for the solution of the circle diagram; i_q is the demand over k_t, within what the
-//! current circle leaves at the voltage limit, by the surface `limit_current`. Never controls currents: at 7500 rpm with 4 pole pairs a millisecond is half an electrical turn.
+//! from the response surface `weakening_current`, which replaces the solution of the circle diagram. i_q is the demand over k_t, limited by the
+//! current circle at the voltage limit, which the surface `limit_current` gives. Never controls currents: at 7500 rpm with 4 pole pairs a millisecond is half an electrical turn.
 //!
-//! The voltage circle (20) has the radius V/w_e: what a lower bus takes, a higher speed would take too. So the surfaces, measured at the nominal bus voltage,
-//! are asked at the speed that has the circle of this bus, `circle speed`. That is exact but for the resistive drop, 3 % of the voltage, which the surfaces have
+//! The voltage circle (20) has the radius V/w_e: a lower bus voltage has the same effect as a higher speed. The surfaces were measured at the nominal bus voltage.
+//! So they are evaluated at the speed that has the voltage circle of the present bus voltage, the circle speed. This is exact except for the resistive drop, 3 % of the voltage, which the surfaces contain
 //! at the nominal voltage; their margin covers it.
 //!
-//! Beyond the surfaces' support there are no data, and a polynomial means nothing. Three things then take over. The torque folds back, the surfaces are asked at
-//! the edge, and the weakening current grows along a straight line, the steepest that an ideal motor needs there. What that still misses, and whatever else the
-//! surfaces cannot know (a hot magnet, a wrong inductance), the voltage says: while the inner step wants nearly all of it, the weakening current is trimmed up.
+//! Outside the surfaces' support there are no data, and a polynomial is not valid. Then the torque is reduced (folded back), the surfaces are evaluated at
+//! the edge, and the weakening current grows along a straight line with the steepest slope that an ideal motor needs there. The remaining error, and effects that the
+//! surfaces do not contain (a hot magnet, a wrong inductance), show in the voltage: while the inner step wants nearly all of it, a trim increases the weakening current.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
@@ -19,11 +19,11 @@ use crate::drive::Drive;
 use crate::motor;
 use crate::plausible::judge;
 
-/// The fastest circle speed at which the surface has support at every torque within the limit; a test asks the support.
+/// The fastest circle speed at which the surface has support at every torque within the limit; a test checks the support.
 pub const FOLD_SPEED_RAD_S: f32 = 780.0;
 
-/// The slowest speed of the surfaces: below, they are asked at it. With [`FOLD_SPEED_RAD_S`] and [`LARGEST_TORQUE_NM`] it keeps every argument in its range,
-/// so that the surfaces need no clamp; a test asks the model for its ranges.
+/// The slowest speed of the surfaces: below it, they are evaluated at this speed. With [`FOLD_SPEED_RAD_S`] and [`LARGEST_TORQUE_NM`] it keeps every argument in its range,
+/// so that the surfaces need no clamp; a test compares them with the ranges of the model.
 pub const SLOWEST_RAD_S: f32 = 440.0;
 
 /// The largest torque of the surfaces, either way. That of the largest current is below: see [`Drive::newton_metres_per_ampere`].
@@ -37,7 +37,7 @@ pub const FOLD_PER_RAD_S: f32 = 1.0 / 780.0;
 /// worst error of 1.8 A is 0.06 more.
 pub const TRIM_FROM: f32 = 0.96;
 
-/// What is seen of the share, at most: moving the references takes voltage for milliseconds, and is no reason to weaken.
+/// The largest share that is used: moving the references takes more voltage for milliseconds, and this must not increase the weakening.
 pub const TRIM_MOST: f32 = 1.2;
 
 /// By how much the trim moves in a tick, in A. At top speed an ampere is 0.036 of the share, so its loop has a time constant of 5 ms there: slow
@@ -54,11 +54,11 @@ pub struct Demand {
     pub speed_rad_s: f32,
     /// Voltage of the bus, in V.
     pub bus_voltage_v: f32,
-    /// How much of the voltage the inner step wants ([`crate::CurrentState::voltage_share`]); 0 where nothing is known of it.
+    /// The share of the voltage that the inner step wants ([`crate::CurrentState::voltage_share`]); 0 if it is unknown.
     pub voltage_share: f32,
 }
 
-/// What the inner step is to do.
+/// The references for the inner step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C)]
 pub struct References {
@@ -68,10 +68,10 @@ pub struct References {
     pub i_q_a: f32,
 }
 
-/// What the outer step remembers.
+/// The state of the outer step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReferenceState {
-    /// Those of the last tick; no current before the first.
+    /// The references of the last tick; no current before the first.
     pub last: References,
     /// The last good demand, in N m.
     pub torque_nm: f32,
@@ -79,16 +79,16 @@ pub struct ReferenceState {
     pub speed_rad_s: f32,
     /// The last good bus voltage, in V.
     pub bus_voltage_v: f32,
-    /// What the voltage adds to the weakening current, in A.
+    /// The trim that the voltage feedback adds to the weakening current, in A.
     pub trim_a: f32,
     /// Bad samples up to now.
     pub bad: BadSamples,
 }
 
-/// One tick. A sample that is not plausible ([`crate::Limits`]) is replaced by the last good one, and the tick counts as bad. From the tenth bad tick in a row on no
-/// torque is asked for (the safe state `coast`): the weakening current stays, so that the motor gives nothing to the bus. The first good tick asks for torque
-/// again; the inner step moves its references at a bounded rate, so neither way is a bump. `inline(never)` so that its object code stands under one name,
-/// where a test reads it.
+/// One tick. A sample that is not plausible ([`crate::Limits`]) is replaced by the last good one, and the tick counts as bad. From the tenth bad tick in a row on, the
+/// torque reference is 0 (the safe state `coast`). The weakening current stays, so that the motor does not charge the bus. With the first good tick the torque
+/// comes back. The inner step moves its references at a bounded rate, so there is no jump in either direction. `inline(never)`, so that its object code has a name of its own,
+/// which a test reads.
 #[inline(never)]
 pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) -> References {
     let limits = &drive.limits;
@@ -112,13 +112,13 @@ pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) ->
     let fold = at_least(1.0 - beyond * FOLD_PER_RAD_S, 0.0);
     let trim_a = at_least(state.trim_a + TRIM_A * (voltage_share - TRIM_FROM), 0.0);
     let trim_a = at_most(trim_a, drive.current_limit_a);
-    // The surfaces are of a motor that turns forwards; backwards is the same in a mirror. Torque against the speed brakes, and needs less weakening, since the
-    // resistive drop helps: so it keeps its sign.
+    // The surfaces are for a motor that turns forwards; backwards is symmetric. Torque against the speed brakes, and needs less weakening because the
+    // resistive drop helps. So the sign of the torque relative to the speed is kept.
     let mirror = select(speed.value, 0.0, -1.0, 1.0);
     let forwards = mirror * (torque_nm * (1.0 - coast));
     let limit = drive.current_limit_a;
-    // What weakening a vector as long as the limit needs leaves this much for torque. The torque moves it by the resistive drop only, so that of the last
-    // tick does: the demand may be far beyond what there is, and would ask for too much weakening.
+    // A current vector at the current limit needs this weakening current; the rest of the circle is for torque. The torque changes it only by the resistive drop, so the torque of the last
+    // tick is used. The demand may be far beyond the available torque, and would give too much weakening.
     let last_nm = drive.newton_metres_per_ampere * (mirror * state.last.i_q_a);
     let at_limit =
         within(motor::limit_current_inside_f32(last_nm, asked, drive.limit_current_once_a), 0.0, drive.most_weakening_a)
@@ -128,7 +128,7 @@ pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) ->
     let surface = at_least(motor::weakening_current_inside_f32(drive.newton_metres_per_ampere * wanted, asked), 0.0);
     let weakening = surface + (beyond * drive.weakening_per_speed + trim_a);
     let i_d_a = -at_most(weakening, drive.most_weakening_a);
-    // Weakening comes first: without it the torque would not be there either.
+    // Weakening has priority: without it the torque is not possible either.
     let share = i_d_a * drive.per_ampere;
     let most_q = limit * other_leg(share * share);
     let i_q_a = mirror * within(wanted, -most_q, most_q);
