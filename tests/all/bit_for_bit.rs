@@ -1,8 +1,8 @@
 //! Every back end gives the bits of the interpreter.
 //!
 //! One suite, instantiated for emitted Rust through the macro and by rustc at opt 0 and 3, and for emitted C through gcc and clang, with
-//! every way of optimising and of fusing that keeps IEEE 754. `cargo test` runs it at the points that hurt and a few random ones,
-//! `cargo test --release -- --include-ignored` at 10^6 random points a model.
+//! every option of optimising and fusing that keeps IEEE 754. `cargo test` runs it at special points and a few random ones,
+//! `cargo test --release -- --include-ignored` at 10^6 random points for each model.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -22,7 +22,7 @@ mod through_the_macro {
     include!(concat!(env!("OUT_DIR"), "/macro_models.rs"));
 }
 
-/// Random points of each function beside those that hurt: they keep `cargo test` at opt 0 short. The long matrix is the real one.
+/// Random points of each function in addition to the special ones: few, so that `cargo test` at opt 0 is short. The long matrix has more.
 const FEW: usize = 200;
 
 /// Random points of each function in the long matrix.
@@ -34,7 +34,7 @@ const SEQUENCE: usize = 500;
 /// Points are made and compared in portions, so that the long matrix does not fill the memory.
 const PORTION: usize = 8192;
 
-/// Each is a way in which a user may compile and which keeps IEEE 754. The last options are there to invite fused operations.
+/// Each is a way in which a user may compile and which keeps IEEE 754. The last options allow fused operations.
 const C_COMPILERS: &[&str] = &[
     "gcc -std=c99 -O0",
     "gcc -std=c99 -O2",
@@ -220,7 +220,7 @@ fn clang_keeps_the_bits() {
     compare_loaded(&lines.map(|line| c_backend(line)).collect::<Vec<_>>(), FEW);
 }
 
-/// The suite sees what it is there to see.
+/// The suite notices a wrong bit.
 #[test]
 #[should_panic(expected = "differs from the interpreter")]
 fn a_fused_operation_is_noticed() {

@@ -1,6 +1,6 @@
 //! Every effect of the catalogue, against plants that share no code with `rsm-sim`.
 //!
-//! `hidden-effects` is written from docs/book/src/reference/plants.md alone: another frame, other states, another integrator. What the two simulations agree on is the text.
+//! `hidden-effects` is written from docs/book/src/reference/plants.md alone: another frame, other states, another integrator. The two simulations have only this text in common.
 
 use hidden_effects::verification::{self, Check};
 use rsm_core::source::Source;
@@ -8,10 +8,10 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
 
-/// Any: nothing was chosen by it. `hidden-effects verify` runs others, at full length.
+/// An arbitrary seed: nothing was tuned with it. `hidden-effects verify` runs others, at full length.
 const SEED: u64 = 20;
 
-/// What `rsm-sim` makes of a plant file along the record of a check.
+/// The outputs of `rsm-sim` for a plant file along the record of a check.
 fn simulated(check: &Check, plant: &str) -> Vec<Vec<f64>> {
     let plant = PlantFile::read(&Source::new("plant.toml", plant)).unwrap_or_else(|faults| panic!("{faults}"));
     let record = Record::read(&Source::new("record.csv", check.csv()), &plant).unwrap_or_else(|faults| panic!("{faults}"));
@@ -37,13 +37,13 @@ fn both_simulations_follow_the_same_text() {
 
 #[test]
 fn an_effect_that_is_left_out_stands_apart() {
-    // The same records against the plant without the effect: what shows must be refused, or the test above cannot fail.
+    // The same records against the plant without the effect: a visible effect must be noticed, otherwise the test above cannot fail.
     let mut seen = 0;
     for check in verification::checks(SEED, true).iter().filter(|check| check.visible > 3.0 && check.is_structural()) {
         let nominal = check.plant_file.split("\n[[effects]]").next().expect("a text has a first part");
         assert!(check.distance(&simulated(check, nominal)).0 > check.allowed(), "{}", check.name);
         seen += 1;
     }
-    // Of 41 that are no sensor's and no parameter's; an eighth of a record does not show all of them.
+    // Of 41 that are neither of a sensor nor of a parameter; not all of them are visible in an eighth of a record.
     assert!(seen >= 25, "only {seen} effects show in the short records");
 }

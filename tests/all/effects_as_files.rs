@@ -1,7 +1,7 @@
 //! Every effect of the catalogue as a file, on the plants of equations, against plants that share no code with the project.
 //!
-//! The judge is that of `effects.rs`: `hidden-effects`, written from docs/book/src/reference/plants.md alone. It has the three plants that are built in, and those of
-//! `examples/plants/`, which the project knows from their texts alone.
+//! The reference is that of `effects.rs`: `hidden-effects`, written from docs/book/src/reference/plants.md alone. It has the three built-in plants, and those of
+//! `examples/plants/`, of which the project has only the texts.
 
 use hidden_effects::systems::verify;
 use hidden_effects::verification::{self, Check};
@@ -9,10 +9,10 @@ use rsm_core::source::Source;
 use rsm_sim::equations::{EquationFile, Machine, Setting, Signals};
 use rsm_sim::plant_file::PlantFile;
 
-/// Any: nothing was chosen by it.
+/// An arbitrary seed: nothing was tuned with it.
 const SEED: u64 = 20;
 
-/// What the engine of equations makes of a plant file of format 1 along the record of a check, or what it says instead.
+/// The outputs that the engine of equations gives for a plant file of format 1 along the record of a check, or its error.
 fn simulated(check: &Check, plant: &str) -> Result<Vec<Vec<f64>>, String> {
     let plant = PlantFile::read(&Source::new("plant.toml", plant)).map_err(|faults| faults.to_string())?;
     let record = Source::new("record.csv", check.csv());
@@ -34,7 +34,7 @@ fn outputs(file: &EquationFile, record: &Source, names: &[&str]) -> Result<Vec<V
     names.iter().map(|name| of(name).ok_or_else(|| format!("no output {name}"))).collect()
 }
 
-/// What a plant file of format 2 makes of the record of a check.
+/// The outputs of a plant file of format 2 along the record of a check.
 fn simulated_text(check: &verify::Check, plant: &str) -> Result<Vec<Vec<f64>>, String> {
     let text = |_: &str| Ok(Source::new(format!("{}.mo", check.system.name), check.system.text));
     let file = EquationFile::read(&Source::new("plant.toml", plant), &text).map_err(|faults| faults.to_string())?;
@@ -59,8 +59,8 @@ fn effects_on_the_plants_of_the_examples_follow_the_same_text() {
             }
             Err(what) => apart.push(format!("{name}: {what}")),
         }
-        // What shows must be refused where the file leaves it out, or this test cannot fail. A coarse sensor may err by a step; an angle that is read with an offset is an angle
-        // that began elsewhere.
+        // A visible effect must be noticed if the file does not have it, otherwise this test cannot fail. A coarse sensor may differ by a step; an angle that is read with an offset is an angle
+        // with another initial value.
         let is_seen = !name.contains("quantisation") && !name.ends_with("sensor-bias:load_angle");
         if visible > 3.0 && is_seen {
             let nominal = check.plant_file.split("\n[[effects]]").next().expect("a text has a first part");
@@ -70,7 +70,7 @@ fn effects_on_the_plants_of_the_examples_follow_the_same_text() {
         }
     }
     assert!(apart.is_empty(), "{}", apart.join("\n"));
-    // Most effects show in an eighth of a record; a drift or a radiation may not.
+    // Most effects are visible in an eighth of a record; a drift or a radiation may not be.
     assert!(seen >= 200, "only {seen} effects show in the short records");
 }
 
@@ -96,7 +96,7 @@ fn effects_as_files_follow_the_same_text() {
 
 #[test]
 fn an_effect_that_is_left_out_stands_apart_from_its_record() {
-    // The same records against the plant without the effect: what shows must be refused, or the test above cannot fail.
+    // The same records against the plant without the effect: a visible effect must be noticed, otherwise the test above cannot fail.
     let mut seen = 0;
     for check in verification::checks(SEED, true).iter().filter(|check| check.visible > 3.0 && check.is_structural()) {
         let nominal = check.plant_file.split("\n[[effects]]").next().expect("a text has a first part");

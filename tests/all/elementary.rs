@@ -83,7 +83,7 @@ fn unit() -> Unit {
     Unit { model: "elementary".to_string(), functions }
 }
 
-/// Numbers that hurt and any bits.
+/// Special numbers and random bits.
 fn points<T: Number>(arity: usize) -> Vec<T> {
     let mut state = 14u64;
     let mut bits = || {

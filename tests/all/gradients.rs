@@ -1,4 +1,4 @@
-//! Gradients of surfaces have the same bits in every back end, and no branch, call or warning. The self-test in C sees a fused operation.
+//! Gradients of surfaces have the same bits in every back end, and no branch, call or warning. The self-test in C detects a fused operation.
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +42,7 @@ fn folder(name: &str) -> PathBuf {
     compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), name)
 }
 
-/// Points in the box, at its corners, beyond it, and what is no number.
+/// Points in the box, at its corners, outside it, and values that are not finite.
 fn points<T: Number>(unit: &Unit, function: usize) -> Vec<T> {
     let inputs = &unit.functions[function].inputs;
     let mut state = 41u64;

@@ -1,6 +1,6 @@
-//! The law of imports: who may use whom (ARCHITECTURE.md), read from the manifests.
+//! The allowed imports between packages (ARCHITECTURE.md), compared with the manifests.
 //!
-//! A new package or a new arrow between packages is a line here, which a reviewer sees. What a failure prints is the forbidden arrow. Outside
+//! A new package or a new import between packages needs a line here, which a reviewer sees. A failure prints the forbidden import. External
 //! packages are named only where they are limited.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,7 +9,7 @@ use std::path::Path;
 use rsm_tests::cases;
 use toml::de::{DeTable, DeValue};
 
-/// What a package may use.
+/// The packages that a package may use.
 pub(super) struct Law {
     pub(super) package: &'static str,
     /// Packages of ours at run time.
@@ -21,27 +21,27 @@ pub(super) struct Law {
 }
 
 pub(super) const LAWS: &[Law] = &[
-    // What every target build compiles is kept small.
+    // Every target build compiles these, so they are kept small.
     Law {
         package: "rsm-core",
         ours: &[],
-        // No target build compiles it: the judge of the elementary functions.
+        // No target build compiles it: it checks the elementary functions.
         aside: &["astro-float"],
         outside: Some(&["num-bigint", "num-rational", "num-traits", "proc-macro2", "quote", "serde", "toml"]),
     },
     Law { package: "rsm-macros", ours: &["rsm-core"], aside: &[], outside: Some(&["proc-macro2", "quote", "syn"]) },
     Law { package: "rsm-fit", ours: &["rsm-core"], aside: &[], outside: None },
-    // Files of other tools: it knows units and tables, neither plants nor models.
+    // Files of other tools: uses units and tables, neither plants nor models.
     Law { package: "rsm-import", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
-    // Texts to equations to programs: it knows neither records nor effects. Units come from rsm-fit.
+    // Texts to equations to programs: uses neither records nor effects. Units come from rsm-fit.
     Law { package: "rsm-model", ours: &["rsm-core", "rsm-fit"], aside: &[], outside: None },
     Law { package: "rsm-sim", ours: &["rsm-core", "rsm-fit", "rsm-model"], aside: &[], outside: None },
     Law { package: "rsm-rigs", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
-    // It knows plants, not rigs: a diagnosis may not know how a record was made.
+    // Uses plants, not rigs: a diagnosis must not use how a record was made.
     Law { package: "rsm-diagnose", ours: &["rsm-core", "rsm-fit", "rsm-sim"], aside: &[], outside: None },
     // The handful of types that a user of the library needs.
     Law { package: "rsm", ours: &["rsm-core", "rsm-fit", "rsm-sim", "rsm-diagnose"], aside: &[], outside: Some(&["nalgebra"]) },
-    // Between processes and hosts: it knows both loops, no mathematics of its own.
+    // Between processes and hosts: uses both loops, has no mathematics of its own.
     Law { package: "rsm-link", ours: &["host-loop", "host-runners", "rsm-core", "rsm-sim"], aside: &[], outside: None },
     // Lists of tasks: a diagnosis is a function that it is given.
     Law { package: "rsm-sweep", ours: &["rsm-core", "rsm-fit", "rsm-model", "rsm-sim"], aside: &[], outside: None },
@@ -66,14 +66,14 @@ pub(super) const LAWS: &[Law] = &[
         aside: &[],
         outside: None,
     },
-    // A target gets its evaluators at compile time, from the macro or in build.rs, and has nothing of ours at run time but them.
+    // A target gets its evaluators at compile time, from the macro or in build.rs. At run time it has no other code of ours.
     Law { package: "motor-loop", ours: &["branch-free", "rsm-macros"], aside: &["rsm-core"], outside: Some(&[]) },
     Law { package: "throttle-loop", ours: &["branch-free", "rsm-macros"], aside: &["rsm-core"], outside: Some(&[]) },
-    // Comparisons that select: it knows neither models nor motors.
+    // Comparisons that select: uses neither models nor motors.
     Law { package: "branch-free", ours: &[], aside: &[], outside: Some(&[]) },
-    // A periodic loop: it knows neither models nor motors.
+    // A periodic loop: uses neither models nor motors.
     Law { package: "host-loop", ours: &[], aside: &[], outside: Some(&["nix"]) },
-    // On a host, so the plants that the loops run against may be there.
+    // On a host, so it may use the plants that the loops run against.
     Law {
         package: "host-runners",
         ours: &["host-loop", "motor-loop", "throttle-loop", "rsm-core", "rsm-sim", "rsm-rigs"],
@@ -98,7 +98,7 @@ pub(super) const LAWS: &[Law] = &[
         aside: &["rsm-core"],
         outside: None,
     },
-    // Judges what a diagnosis says by records that our plants did not make: with one import of ours, an error could stand on both sides.
+    // Tests the diagnosis with records of an independent simulation: with an import of ours, one error could be on both sides.
     Law { package: "hidden-effects", ours: &[], aside: &[], outside: Some(&["serde_json"]) },
     Law {
         package: "fuzz",
@@ -106,7 +106,7 @@ pub(super) const LAWS: &[Law] = &[
         aside: &[],
         outside: Some(&[]),
     },
-    // Reads sources as text; it knows none of ours.
+    // Reads sources as text; imports nothing of ours.
     Law {
         package: "mutants",
         ours: &[],
@@ -117,7 +117,7 @@ pub(super) const LAWS: &[Law] = &[
     Law { package: "xtask", ours: &[], aside: &[], outside: Some(&[]) },
 ];
 
-/// Outside packages that a package may not reach, not even through others of ours: heavy ones would be compiled in every target build.
+/// External packages that a package must not depend on, not even through others of ours: large ones would be compiled in every target build.
 const NEVER_REACHED: &[(&str, &[&str])] = &[
     ("rsm-core", &["nalgebra", "clarabel", "syn"]),
     ("rsm-macros", &["nalgebra", "clarabel"]),
@@ -179,7 +179,7 @@ fn workspace(root: &Path) -> BTreeMap<String, Uses> {
     folders.map(|folder| read(&parse(&read_file(&root.join(folder).join("Cargo.toml")), folder))).collect()
 }
 
-/// Every arrow that the law forbids.
+/// Every forbidden import.
 fn forbidden(packages: &BTreeMap<String, Uses>) -> Vec<String> {
     let mut arrows = vec![];
     for (name, uses) in packages {
@@ -208,8 +208,8 @@ fn forbidden(packages: &BTreeMap<String, Uses>) -> Vec<String> {
     arrows
 }
 
-/// Everything that a package reaches through our own packages, with the way there. Build scripts are part of every build; tests of used
-/// packages are not, and are left out with them, since the two stand together here.
+/// Everything on which a package depends through our own packages, with the path. Build scripts are part of every build, tests of used
+/// packages are not. Both are in one list here, so both are left out.
 fn reached(packages: &BTreeMap<String, Uses>, from: &str) -> BTreeMap<String, String> {
     let mut ways = BTreeMap::from([(from.to_string(), from.to_string())]);
     let mut open = vec![from.to_string()];
@@ -242,7 +242,7 @@ fn a_forbidden_arrow_is_named() {
     assert_eq!(with("rsm-fit", &|uses| &mut uses.normal, "rsm-cli"), ["rsm-fit -> rsm-cli"]);
     assert_eq!(with("xtask", &|uses| &mut uses.aside, "serde"), ["xtask -> serde (build or test)"]);
     assert_eq!(with("motor-loop", &|uses| &mut uses.normal, "rsm-core"), ["motor-loop -> rsm-core"]);
-    // Through another package: the whole way is shown.
+    // Through another package: the whole path is shown.
     let found = with("rsm-core", &|uses| &mut uses.normal, "nalgebra");
     assert!(found.contains(&"rsm-macros -> rsm-core -> nalgebra".to_string()), "{found:?}");
 }

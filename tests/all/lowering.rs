@@ -1,5 +1,5 @@
-//! Is lowering right? Back ends that read the same tape agree even when the tape is wrong, so here the tape meets the exact rational
-//! reference: without rounding it is the polynomial itself, or the step of the filter, and with rounding it stays within the bound that is proved for it.
+//! Checks the lowering. Back ends that read the same tape agree even if the tape is wrong. So here the tape is compared with the exact rational
+//! reference: without rounding it equals the polynomial, or the step of the filter; with rounding it is within the proved bound.
 
 use rsm_core::emit::{Function, Kind};
 use rsm_core::exact;
@@ -11,7 +11,7 @@ use rsm_core::run::Interpreter;
 use rsm_tests::cases::{self, Case};
 use rsm_tests::points::{Number, Points};
 
-/// Random points a function, and as many that hurt. A rational evaluation of a large model takes about a millisecond, where no argument is
+/// Random points for each function, and as many special ones. A rational evaluation of a large model takes about a millisecond if no argument is
 /// extreme (see [`is_handy`]).
 const POINTS: usize = if cfg!(debug_assertions) { 8 } else { 60 };
 
@@ -27,13 +27,13 @@ fn of_surfaces(case: &Case) -> impl Iterator<Item = (usize, &Surface, &Function)
     })
 }
 
-/// Finite points, hurtful ones first, as f64 (which holds every f32).
+/// Finite points, special ones first, as f64 (which represents every f32).
 fn points<T: Number>(function: &Function, surface: &Surface) -> Vec<Vec<f64>> {
     let mut points = Points::<T>::new(function, surface);
     let arity = function.inputs.len();
     let all =
         |rows: Vec<T>| rows.chunks(arity).map(|row| row.iter().map(|xi| xi.wide()).collect::<Vec<f64>>()).collect::<Vec<_>>();
-    // Of the points that hurt, as many as of the others, from everywhere in their list.
+    // As many special points as others, from all parts of their list.
     let hurtful: Vec<_> = all(points.hurtful()).into_iter().filter(|row| row.iter().all(|xi| xi.is_finite())).collect();
     let step = hurtful.len().div_ceil(POINTS).max(1);
     hurtful
@@ -54,7 +54,7 @@ fn rational(point: &[f64]) -> Vec<Rational> {
     point.iter().map(|xi| exact(*xi)).collect()
 }
 
-/// Of ordinary size. The fifth power of 5e-324 has five thousand binary digits, and says no more of an algebraic identity than that of 0.1.
+/// Of ordinary size. The fifth power of 5e-324 has five thousand binary digits, and tests an algebraic identity no better than 0.1.
 fn is_handy(point: &[f64]) -> bool {
     point.iter().all(|xi| *xi == 0.0 || (1e-30..1e30).contains(&xi.abs()))
 }
@@ -71,7 +71,7 @@ fn without_rounding_a_tape_is_the_polynomial() {
             for point in points_of(function, surface).into_iter().filter(|point| is_handy(point)) {
                 let at = rational(&point);
                 let Some(truth) = exact::value(surface, &function.inputs, &at) else { continue };
-                // A tape of a reciprocal divides; where it divides by zero the truth has a pole as well.
+                // A tape of a reciprocal divides; where it divides by zero the exact function has a pole too.
                 let ideal = exact::ideal(&function.tape, &at).expect("the tape has a pole where the polynomial has none");
                 assert_eq!(ideal, truth, "{} at {point:?}\n{}", case.file.display(), function.tape);
                 compared += 1;
@@ -90,7 +90,7 @@ fn with_rounding_it_stays_within_the_proved_bound_and_the_range_holds() {
             let range = range::range(surface, &function.inputs);
             assert!(bound.is_finite(), "{}: no bound\n{}", case.file.display(), function.tape);
             for (k, point) in points_of(function, surface).into_iter().enumerate() {
-                // Of the extreme ones a few: there the rounding differs (subnormal results).
+                // A few extreme points: there the rounding differs (subnormal results).
                 if !is_handy(&point) && k % 8 != 0 {
                     continue;
                 }

@@ -1,7 +1,7 @@
 //! Plants of equations as code: every compiler gives the bits of `rsm simulate --fixed-step`, inlined or not, and the object code has no branch, no call
 //! and no fused operation.
 //!
-//! The plants are the texts of `rsm-model/`, with parameters drawn from a seed; the inputs are drawn too, and some are no numbers.
+//! The plants are the texts of `rsm-model/`, with random parameters from a seed; the inputs are random too, and some are not finite.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -62,7 +62,7 @@ fn case(model: &str, text: &str, functions: &str, seed: u64) -> Case {
     let system = &file.system;
     for parameter in system.parameters() {
         let (name, value) = (system.name(parameter), system.parameter_value(parameter).unwrap());
-        // Booleans and counts stay; everything else moves by up to a twentieth.
+        // Booleans and counts stay; all other parameters change by up to a twentieth.
         let whole = value.fract() == 0.0 && value.abs() <= 5.0;
         if !whole && name != "record_period" && name != "Ts" {
             writeln!(parameters, "\"{name}\" = {:?}", value * (0.95 + 0.1 * random.share())).unwrap();
@@ -138,7 +138,7 @@ fn wanted(plant: &Plant, inputs: &[Vec<f64>]) -> Vec<f64> {
     results
 }
 
-/// Where two rows of numbers have other bits; any NaN is as good as another.
+/// The places where two rows of numbers have different bits; all NaN count as equal.
 fn difference(wanted: &[f64], found: &[f64]) -> Option<String> {
     assert_eq!(wanted.len(), found.len());
     let differ = |(wanted, found): (&f64, &f64)| wanted.to_bits() != found.to_bits() && !(wanted.is_nan() && found.is_nan());
@@ -146,7 +146,7 @@ fn difference(wanted: &[f64], found: &[f64]) -> Option<String> {
     Some(format!("number {place} is {:e}, not {:e}", found[place], wanted[place]))
 }
 
-/// The inputs of a case, with samples between them that are no numbers.
+/// The inputs of a case, with some samples that are not finite.
 fn with_bad(case: &Case) -> Vec<Vec<f64>> {
     let mut inputs = case.inputs.clone();
     for (k, row) in inputs.iter_mut().enumerate() {
@@ -222,7 +222,7 @@ fn scratch(name: &str) -> PathBuf {
     compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), name)
 }
 
-/// The ways of compiling of the bit suite, and inlined into the loop of the caller.
+/// The compiler options of the bit suite, and inlined into the loop of the caller.
 const C_COMPILERS: [&str; 8] = [
     "-std=c99 -O0",
     "-std=c99 -O2",
@@ -270,7 +270,7 @@ fn c_keeps_the_bits_of_plants() {
     let mut count = 0;
     for program in ["gcc", "clang"].iter().flat_map(|family| compilers::installed(family)) {
         for options in C_COMPILERS {
-            // The numbered compilers take part inlined and not, at the two ends.
+            // The numbered compilers are used inlined and not inlined, the first and the last option.
             let is_plain = program == "gcc" || program == "clang";
             if !is_plain && !options.contains("-O3") && !options.contains("-O0 ") {
                 continue;
@@ -386,7 +386,7 @@ fn plants_compile_without_a_warning() {
     }
 }
 
-/// Other machines, under emulation: those whose compiler and emulator are here take part, and which ones the test says.
+/// Other machines, under emulation: those whose compiler and emulator are installed. The test prints which.
 #[test]
 fn other_machines_keep_the_bits_of_plants() {
     let folder = scratch("plants-emulated");

@@ -1,7 +1,7 @@
-//! `rsm check --limits` proves the step of `rsm-rigs/src/motor/limits/step.rs`. Here it gives the bits of the step that runs, `motor_loop::references`, and the proof's
-//! box holds what the drive lets pass.
+//! `rsm check --limits` proves the step of `rsm-rigs/src/motor/limits/step.rs`. The tests show that it gives the bits of the step that runs, `motor_loop::references`, and that the proof's
+//! box contains the operating points that the drive accepts.
 //!
-//! The copy has no judgement of samples and no memory: it is asked with what the target's step went on with, which its state tells after the tick.
+//! The copy does not check samples and has no state: its inputs are the values that the target's step used, which are in the target's state after the tick.
 
 use std::collections::BTreeMap;
 
@@ -28,7 +28,7 @@ fn model() -> Checked {
     Checked::read(&source).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// The target's constants for these parameters. The current control is no part of the outer step: any tuning does.
+/// The target's constants for these parameters. The current control is not part of the outer step, so any tuning can be used.
 fn drive(parameters: &Parameters) -> Drive {
     let number = |name: &str| parameters.number(name) as f32;
     let motor = Motor {
@@ -63,7 +63,7 @@ impl Draw {
     }
 }
 
-/// A point where three in four numbers are anywhere in their range, and one is at an edge: of what is plausible, of the surfaces' speeds, of a sign.
+/// A point where three of four numbers are random in their range, and one is at an edge: of the plausible range, of the surfaces' speeds, of a sign.
 fn sample(drive: &Drive, draw: &mut Draw) -> Demand {
     let limits = &drive.limits;
     let (speed, bus) = (limits.speed_rad_s, limits.bus_v);
@@ -80,7 +80,7 @@ fn sample(drive: &Drive, draw: &mut Draw) -> Demand {
     Demand { torque_nm, speed_rad_s, bus_voltage_v, voltage_share }
 }
 
-/// A state that holds any references and any trim; bus and speed are fresh, so that the first sample in the range counts whole.
+/// A state with any references and any trim; bus voltage and speed are fresh, so that the first sample in the range has the full weight.
 fn state(drive: &Drive, draw: &mut Draw) -> ReferenceState {
     let limit = drive.current_limit_a;
     let last = References {
@@ -92,12 +92,12 @@ fn state(drive: &Drive, draw: &mut Draw) -> ReferenceState {
     ReferenceState { last, trim_a, bad: BadSamples { all: in_a_row, in_a_row }, ..ReferenceState::default() }
 }
 
-/// -0 and 0 are one current.
+/// -0 and 0 are the same current.
 fn bits(value: f32) -> u32 {
     (value + 0.0).to_bits()
 }
 
-/// One tick of both. In what the tick was, for the count of kinds.
+/// One tick of both. Returns the kind of the tick, for the counts.
 fn compare(step: &mut Step<'_>, drive: &Drive, state: &mut ReferenceState, demand: &Demand) -> Result<[bool; 4], String> {
     let before = state.clone();
     let found = references(state, drive, demand);
@@ -117,7 +117,7 @@ fn compare(step: &mut Step<'_>, drive: &Drive, state: &mut ReferenceState, deman
     Ok([circle_speed.low > FOLD_SPEED_RAD_S, mirror < 0.0, state.trim_a > 0.0, coast])
 }
 
-/// How often what came up, by tick and kind, over many starts; or the first difference.
+/// How often each kind occurred, by tick, over many starts; or the first difference.
 fn compare_all(step: &mut Step<'_>, drive: &Drive) -> Result<BTreeMap<(usize, usize), usize>, String> {
     let bus = drive.limits.bus_v;
     let mut draw = Draw(12);
@@ -146,10 +146,10 @@ fn the_step_that_is_proved_has_the_bits_of_the_step_that_runs() {
     let (drive, tapes) = (drive(&parameters), Tapes::new(&model()).unwrap_or_else(|faults| panic!("{faults}")));
     let mut step = Step::new(Constants::new(&parameters), &tapes);
     let kinds = compare_all(&mut step, &drive).unwrap_or_else(|difference| panic!("{difference}"));
-    // Beyond the surfaces, backwards, trimmed and coasting: each comes up in the first tick and later.
+    // Beyond the surfaces, backwards, trimmed and coasting: each occurs in the first tick and later.
     assert_eq!(kinds.len(), 16);
     assert!(kinds.values().all(|count| *count > 50), "{kinds:?}");
-    // The points tell a constant that is off by its last bit.
+    // The points detect an error of the last bit of a constant.
     let off: [fn(&mut Constants) -> &mut f32; 6] = [
         |it| &mut it.newton_metres_per_ampere,
         |it| &mut it.amperes_per_newton_metre,
@@ -203,7 +203,7 @@ fn the_proof_covers_what_the_drive_takes_for_plausible() {
     assert_eq!([given.i_d_a, given.i_q_a], [point.i_d_a, point.i_q_a], "{point:?}");
 }
 
-/// The surfaces are asked without clamps: the step's own limits keep to the ranges of the model.
+/// The surfaces are evaluated without clamps: the step's own limits keep the arguments in the ranges of the model.
 #[test]
 fn the_step_keeps_to_the_ranges_of_the_surfaces() {
     let range = |name: &str| {

@@ -1,7 +1,7 @@
-//! The same bits on machines that this one is not: other instructions, other byte orders, floating-point numbers in software.
+//! The same bits on other machines: other instructions, another byte order, floating-point numbers in software.
 //!
-//! The emitted C of every elementary function runs under emulation on the numbers that hurt and on any others; each machine prints a hash of the results, and the
-//! interpreter has the same.
+//! The emitted C of every elementary function runs under emulation on special and random numbers. Each machine prints a hash of the results, which must equal that
+//! of the interpreter.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -16,7 +16,7 @@ use rsm_tests::points::Number;
 use super::{folder, points, unit};
 use crate::inlined::is_there;
 
-/// Numbers that each function sees. In software, as on the microcontroller, a number costs some 10,000 instructions.
+/// Numbers for each function. In software, as on the microcontroller, a number takes some 10,000 instructions.
 const COUNT: usize = 4000;
 
 fn numbers() -> Vec<f64> {
@@ -115,7 +115,7 @@ fn on_aarch64_elementary_functions_have_the_same_bits() {
     if !is_there(&["aarch64-linux-gnu-gcc", "qemu-aarch64"], packages) {
         return;
     }
-    // Without the barrier between products and sums the compiler fuses, and the hashes tell it.
+    // Without the barrier between products and sums the compiler fuses, and the hashes differ.
     let folder = folder("elementary-fused");
     write_program(&folder);
     let line = "aarch64-linux-gnu-gcc -static -O3 -ffp-contract=fast -DRSM_BARRIER(product)=(product)";
