@@ -1,5 +1,5 @@
-//! The book in `docs/book`, checked without mdbook: every chapter stands in the summary, every link of every document leads somewhere, every file that
-//! a chapter names is in the repository. And the README keeps to its length.
+//! The book in `docs/book`, checked without mdbook: every chapter is in the summary, the target of every link of every document exists, every file that
+//! a chapter names is in the repository. And the README is not too long.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -7,14 +7,14 @@ use std::process::Command;
 
 const SOURCES: &str = "docs/book/src";
 
-/// The README is for the first five minutes: what is longer belongs into the book.
+/// The README is for the first five minutes: longer explanations belong in the book.
 const WORDS_OF_THE_README: usize = 700;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The files of the repository: those that git knows, and those that it would take.
+/// The files of the repository: those that git tracks, and new ones that it does not ignore.
 fn files() -> BTreeSet<String> {
     let listed = Command::new("git")
         .args(["ls-files", "--cached", "--others", "--exclude-standard"])
@@ -23,7 +23,7 @@ fn files() -> BTreeSet<String> {
         .expect("git runs");
     assert!(listed.status.success(), "git ls-files failed: is this a clone?");
     let text = String::from_utf8(listed.stdout).expect("names are UTF-8");
-    // What is deleted and not yet committed is listed too.
+    // Deleted files that are not committed yet are listed too.
     text.lines().filter(|name| root().join(name).is_file()).map(str::to_string).collect()
 }
 
@@ -89,7 +89,7 @@ fn plain(path: &Path) -> String {
     parts.join("/")
 }
 
-/// Links of documents that lead nowhere.
+/// Links of documents without a target.
 fn broken(documents: &BTreeMap<String, String>, files: &BTreeSet<String>) -> (Vec<String>, usize) {
     let mut broken = Vec::new();
     let mut count = 0;
@@ -103,7 +103,7 @@ fn broken(documents: &BTreeMap<String, String>, files: &BTreeSet<String>) -> (Ve
                 let is_folder = files.iter().any(|it| it.starts_with(&format!("{}/", target.trim_end_matches('/'))));
                 let has_anchor =
                     fragment.is_empty() || documents.get(&target).is_some_and(|text| anchors(text).contains(fragment));
-                // What the book links must be in the book: outside, its pages have no neighbours.
+                // A page of the book may only link to pages of the book: the built book has no other files.
                 let leaves_the_book = name.starts_with(SOURCES) && !target.starts_with(SOURCES) && !is_picture(&target);
                 if !(files.contains(&target) || is_folder) || !has_anchor || leaves_the_book {
                     broken.push(format!("{name}:{}: {link}", k + 1));
@@ -189,7 +189,7 @@ fn the_table_of_instructions_has_the_counts_that_are_checked_in() {
         let [horner, plain, clamped] = ["horner", "extrapolate", "clamp"].map(|form| count(surface, form));
         let row = format!("| {surface} | {horner} | {plain} | {clamped} |");
         assert!(page.contains(&row), "results/demo.md has no row {row}");
-        // A clamp apart, evaluators cost what hand-written code costs.
+        // Without the clamp, evaluators cost the same as hand-written code.
         assert!(plain.parse::<u32>().unwrap() <= horner.parse::<u32>().unwrap() + 1, "{row}");
     }
     let budget = std::fs::read_to_string(root().join("targets/firmware/budget.txt")).expect("the budget");

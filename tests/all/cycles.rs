@@ -1,7 +1,7 @@
-//! No module of a folder uses itself over others: of two files one is there first.
+//! Modules of one folder must not use each other in a circle.
 //!
-//! In: the sources of the library crates. Out: for each folder the groups of modules that use each other in a circle. A module is a file or a folder with everything in it; what it uses are the paths in its code that begin with
-//! `crate`, `self` or `super`, tests and the items of the parent apart. Two modules in a circle cannot be read, tested or moved one without the other.
+//! In: the sources of the library crates. Out: for each folder the groups of modules that use each other in a circle. A module is a file, or a folder with everything in it. It uses the paths in its code that begin with
+//! `crate`, `self` or `super`; tests and the items of the parent do not count. Of two modules in a circle, neither can be read, tested or moved without the other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -16,10 +16,10 @@ const CRATES: &[&str] =
 /// Names from the root of a crate on.
 type Names = Vec<String>;
 
-/// What each module of a crate uses: places of modules and of what is in them.
+/// The paths that each module of a crate uses.
 type Uses = BTreeMap<Names, BTreeSet<Names>>;
 
-/// The tokens that are no test: an item behind `#[cfg(test)]` or `#[test]` is left out.
+/// The tokens without tests: an item after `#[cfg(test)]` or `#[test]` is left out.
 fn without_tests(stream: TokenStream) -> Vec<TokenTree> {
     let mut kept = Vec::new();
     let mut tokens = stream.into_iter().peekable();

@@ -1,4 +1,4 @@
-//! What the repository cites is in it: a document that is named in a text or a comment exists.
+//! Every document that a text or a comment of the repository names exists.
 
 mod contributing;
 mod decisions;
@@ -32,7 +32,7 @@ fn no_document_is_cited_that_is_not_there() {
     let files = tracked();
     let mut missing = Vec::new();
     let mut found = 0;
-    // Their own tests name documents that are nowhere.
+    // The tests of this module name documents that do not exist.
     for file in files.iter().filter(|file| !file.starts_with("tests/all/documents") && *file != "tests/all/book.rs") {
         let Ok(text) = std::fs::read_to_string(root().join(file)) else { continue };
         for (k, line) in text.lines().enumerate() {

@@ -16,7 +16,7 @@ use rsm_tests::compilers::{self, Compiler};
 use rsm_tests::object;
 use rsm_tests::points::Number;
 
-/// Ways to compile that keep IEEE 754, with fused operations invited.
+/// Compiler options that keep IEEE 754 and allow fused operations.
 const C_COMPILERS: [&str; 6] = [
     "gcc -std=c99 -O0",
     "gcc -std=c99 -O2",

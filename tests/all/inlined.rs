@@ -1,8 +1,8 @@
 //! An evaluator keeps its bits when it is inlined into a caller's loop: by link-time optimisation, by including the source, under every option
-//! that invites a compiler to vectorise the loop, to fuse and to reorder. Each way of compiling is refused by the emitted text or gives the bits.
+//! that allows a compiler to vectorise the loop, to fuse and to reorder. With each set of options the emitted text either refuses to compile or gives the right bits.
 //!
-//! Every gcc and clang of the machine takes part, found by name; which ones, the test prints. The models are random surfaces that extrapolate (a
-//! clamp is an instruction that keeps a loop from being vectorised), some of the other random models, and compensators.
+//! Every gcc and clang of the machine is tested, found by name; the test prints which. The models are random surfaces that extrapolate (a
+//! clamp prevents that a loop is vectorised), some of the other random models, and compensators.
 
 use std::path::{Path, PathBuf};
 
@@ -18,10 +18,10 @@ use rsm_tests::object;
 
 use crate::bit_for_bit::compare_function;
 
-/// Random points of each function beside those that hurt: some rounds of the widest vector.
+/// Random points of each function in addition to the special ones: some rounds of the widest vector.
 const POINTS: usize = 200;
 
-/// Options that change results, alone and in the sets that their compilers offer. Each is refused, or has no effect on an evaluator.
+/// Options that change results, alone and in the groups that the compilers define. Each is refused, or has no effect on an evaluator.
 const FAST: [&str; 12] = [
     "-ffast-math",
     "-Ofast",
@@ -107,7 +107,7 @@ fn every() -> Vec<Case> {
     extrapolating().into_iter().chain(cases::random()).collect()
 }
 
-/// How the caller comes to see the evaluators.
+/// How the caller gets the evaluators.
 #[derive(Clone, Copy, PartialEq)]
 enum Seen {
     /// It includes the source.
@@ -118,7 +118,7 @@ enum Seen {
     LinkedFromFast,
 }
 
-/// The shared object of one way of compiling; what the compiler said when the emitted text refused it; `None` where the compiler does not know an
+/// The shared object for one set of options; or the compiler's message if the emitted text refused it; `None` if the compiler does not know an
 /// option. Objects are linked without the options: a program that is linked with -ffast-math may start in a mode that flushes subnormals.
 fn build(line: &str, seen: Seen, folder: &Path) -> Option<Result<PathBuf, String>> {
     let compiler = Compiler::new(&format!("{line} -fPIC -fvisibility=hidden -DRSM_SELF_TEST"));
@@ -176,7 +176,7 @@ fn differences(loaded: &Loaded, cases: &[Case]) -> Vec<String> {
     wrong
 }
 
-/// Each way of compiling is refused in the words of the emitted text, or gives the bits. Gives how many were refused.
+/// Each set of options is refused with the message of the emitted text, or gives the right bits. Returns how many were refused.
 fn judge(ways: &[(String, Seen)], cases: &[Case], folder: &Path) -> usize {
     compilers::write_c(cases.iter().map(|case| &case.unit), folder);
     let (mut wrong, mut refused, mut unknown) = (vec![], 0, 0);
@@ -238,8 +238,8 @@ fn options_that_change_results_are_refused_or_undone() {
     assert!(refused > 4, "-ffast-math and -Ofast are refused at least: {refused}");
 }
 
-/// No macro shows `-fno-honor-infinities`; clang from 18 has a warning that does. It refuses where it has that. -w alone silences it, and then every result
-/// of an argument that the compiler does not know has its bits: what goes wrong is the caller's own, who passes an infinity that he says is none.
+/// No macro shows `-fno-honor-infinities`. Clang from 18 on has a warning for it, and then the emitted text refuses. Only -w silences the warning. Then every result
+/// has its bits if the compiler does not know the argument; only a caller that passes a constant infinity, against its own option, gets a wrong result.
 #[test]
 fn infinities_are_refused_or_keep_their_bits_where_nothing_can_be_told() {
     let cases = extrapolating();
@@ -264,7 +264,7 @@ fn infinities_are_refused_or_keep_their_bits_where_nothing_can_be_told() {
 #[test]
 #[ignore = "every compiler and option, every model by the machine's own: run by `cargo xtask test`"]
 fn every_way_of_inlining_every_model_keeps_the_bits() {
-    // Compilers beside the machine's own see the models that extrapolate, which vectorise best: every model by eight compilers takes ten minutes.
+    // Other compilers than the default ones get only the models that extrapolate, which vectorise best: every model with eight compilers takes ten minutes.
     let (mut own, mut others) = (vec![], vec![]);
     for compiler in all_compilers() {
         let ways = if ["gcc", "clang"].contains(&compiler.as_str()) { &mut own } else { &mut others };
@@ -277,14 +277,14 @@ fn every_way_of_inlining_every_model_keeps_the_bits() {
         ways.extend(FAST.map(|options| (format!("{compiler} -O3 -march=native {options}"), Seen::Unity)));
     }
     judge(&own, &every(), &scratch("inlined-every"));
-    // A machine may have no compiler beside its own.
+    // A machine may have only the default compilers.
     if !others.is_empty() {
         judge(&others, &extrapolating(), &scratch("inlined-others"));
     }
 }
 
-/// The suite sees what it is there to see: with the builtin of gcc in place of the barrier the loops are vectorised and fused, and the self-test,
-/// which has such a loop, says so too.
+/// The suite can fail: with the builtin of gcc in place of the barrier the loops are vectorised and fused. The self-test,
+/// which has such a loop, detects it too.
 #[test]
 fn the_builtin_barrier_of_gcc_would_not_do() {
     let cases = extrapolating();
@@ -296,7 +296,7 @@ fn the_builtin_barrier_of_gcc_would_not_do() {
     assert!(wrong.len() > 2 && wrong.iter().any(|it| it.contains("self-tests find")), "{wrong:?}");
 }
 
-/// The functions are in the loops themselves, without a call, but for the longest: else these tests would prove nothing.
+/// The functions are inlined into the loops, without a call, except the longest: otherwise these tests would prove nothing.
 #[test]
 fn the_loops_have_the_evaluator_inside() {
     let cases = extrapolating();
@@ -357,8 +357,8 @@ fn self_tests_pass_on_an_emulated_aarch64() {
     }
 }
 
-/// On 32-bit Arm clang ignores the pragma that undoes its options: all that is left is what the text hides. Every clang, every option, compensators
-/// and reciprocals too, under qemu. The canary hides nothing.
+/// On 32-bit Arm clang ignores the pragma that undoes its options, so only the barriers of the text protect the bits. Every clang, every option, compensators
+/// and reciprocals too, under qemu. A version without barriers shows that the test can fail.
 #[test]
 fn self_tests_pass_on_an_emulated_arm_whatever_clang_is_told() {
     if !is_there(&["arm-linux-gnueabihf-gcc", "qemu-arm"], "gcc-arm-linux-gnueabihf libc6-dev-armhf-cross qemu-user") {
@@ -407,7 +407,7 @@ fn program(folder: &Path) -> String {
     folder.join("self_tests").display().to_string()
 }
 
-/// Whether these programs are here; in CI they must be.
+/// Whether these programs are installed; in CI they must be.
 pub(super) fn is_there(programs: &[&str], packages: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let has = |program: &&str| std::env::split_paths(&path).any(|folder| folder.join(program).is_file());

@@ -1,4 +1,4 @@
-//! The manifests of the libraries: what a registry shows of them, and that each can be had without the rest of the workspace.
+//! The manifests of the libraries: the entries that a registry shows, and that each library can be used without the rest of the workspace.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Real input through the whole chain: the measured flux map, fitted with its symmetry, emitted as f32 C, equal to the interpreter bit for bit.
+//! Measured data through the whole tool chain: the measured flux map, fitted with its symmetry, emitted as f32 C, equal to the interpreter bit for bit.
 
 use std::path::{Path, PathBuf};
 
@@ -49,7 +49,7 @@ terms = [
 ]
 "#;
 
-/// The folder of the measured flux map, or `None` where it is not there: said loudly, and a failure in CI.
+/// The folder of the measured flux map, or `None` if it is missing: the test prints this, and fails in CI.
 pub fn flux_map() -> Option<PathBuf> {
     let folder = cases::root().join("../shared/data/pmsyrm-flux-map");
     if folder.is_dir() {

@@ -1,6 +1,6 @@
-//! `examples/measured-motor` on the measured flux map: what the full controller, a table and the surfaces err and cost, held to `budget.txt` and to the book.
+//! `examples/measured-motor` on the measured flux map: errors and costs of the full controller, a table and the surfaces, compared with `budget.txt` and with the book.
 //!
-//! The way is the one that the example's README tells: fit the map, emit it, let the full controller in C answer, fit its answers, emit them. The programs run on
+//! The steps are those of the example's README: fit the map, emit it, run the full controller in C, fit its answers, emit them. The programs run on
 //! this host and on an emulated Cortex-M4F.
 
 use std::fmt::Write as _;
@@ -31,7 +31,7 @@ fn example() -> PathBuf {
     cases::root().join("examples").join("measured-motor")
 }
 
-/// What a specification of the example fits to the files of a folder.
+/// Fits a specification of the example to the files of a folder.
 fn fitted(specification: &str, folder: &Path) -> Checked {
     let source = Source::read(&example().join(specification)).unwrap_or_else(|faults| panic!("{faults}"));
     let specification = Specification::from_source(source, folder.to_path_buf()).unwrap_or_else(|faults| panic!("{faults}"));
@@ -66,7 +66,7 @@ fn program(line: &str, folder: &Path, name: &str, sources: &[&str], last: &[&str
     folder.join(name)
 }
 
-/// What a program prints, given these bytes.
+/// The output of a program for these bytes.
 fn output(program: &Path, arguments: &[&str], input: &Path) -> String {
     let stdin = std::fs::File::open(input).expect("an input");
     let output = Command::new(program).args(arguments).stdin(Stdio::from(stdin)).output().expect("the program starts");
@@ -142,7 +142,7 @@ struct Cost {
     flash: u32,
 }
 
-/// What full controller, table of 33 points a side, and surfaces cost on the emulated board.
+/// The cost of the full controller, the table of 33 points a side, and the surfaces on the emulated board.
 fn costs(made: &Path) -> [Cost; 3] {
     let folder = made.join("board");
     std::fs::create_dir_all(&folder).expect("a folder of ours");
@@ -221,7 +221,7 @@ fn the_surfaces_err_and_cost_what_the_budget_and_the_book_say() {
     if builds::emulated() {
         let costs = costs(folder);
         let [solver, _, own] = costs;
-        // In the mean, and so in the longest time too, which is what a loop must keep.
+        // In the mean, and so also in the worst case, which counts for a loop.
         assert!(solver.mean >= 50 * own.most, "{solver:?} {own:?}");
         assert_eq!(own.least, own.most, "every input costs the same");
         // Smaller than the numbers alone of either table.
@@ -333,7 +333,7 @@ fn scanned(map: &mut Map<'_>, torque: f64, flux: f64) -> [f64; 3] {
     least.unwrap_or(most)
 }
 
-/// Compares answers of the full controller with a scan: neither less current nor more torque is to be had. How often torque was given.
+/// Compares answers of the full controller with a scan: less current or more torque must not be possible. Returns how often the torque was reached.
 fn compare_with_scan(map: &mut Map<'_>, answers: &str) -> [usize; 2] {
     let mut given = [0, 0];
     for line in answers.lines() {
@@ -368,7 +368,7 @@ fn the_full_controller_has_the_currents_that_a_scan_of_the_map_finds() {
     assert!(given.iter().all(|count| *count > 15), "{given:?}");
 }
 
-/// On a motor whose characteristic current of 10 A is inside the current limit, maximum torque per volt rules at high speed. No measured data are needed for that.
+/// A motor whose characteristic current of 10 A is inside the current limit operates at maximum torque per volt at high speed. No measured data are needed for this test.
 #[test]
 fn the_full_controller_finds_maximum_torque_per_volt_where_a_motor_has_it() {
     let folder = compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), "measured-motor-linear");

@@ -1,4 +1,4 @@
-//! A name that the rules let pass is no macro where emitted C is compiled: the compilers themselves are asked.
+//! A name that the rules accept is not a macro of a C compiler. The test gets the macros from the compilers.
 
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What the machine executes has no branch, no call and no fused operation, and the barrier that keeps it so costs nothing.
+//! The machine code has no branch, no call and no fused operation, and the barrier against fusing costs almost nothing.
 //!
 //! Read from the object code of every function of `generated/`, and of the random models, which have every idiom.
 
@@ -62,8 +62,8 @@ fn checked_in_c_is_free_of_branches_and_calls() {
     }
 }
 
-/// The sentence stands in every emitted header, in the book and on the page of its decision, word for word, and is true: with optimisation
-/// there is nothing, without it there are calls, and with software floats too.
+/// The sentence is in every emitted header, in the book and on the page of its decision, word for word, and it is true: with optimisation
+/// there is no branch and no call, without it there are calls, and with software floating point too.
 #[test]
 fn it_is_said_when_there_is_no_branch_and_no_call() {
     let words = |text: &str| text.split_whitespace().filter(|word| *word != "*").collect::<Vec<_>>().join(" ");
@@ -154,7 +154,7 @@ fn check_rust(cases: &[cases::Case], folder: &Path) {
     }
     compilers::write(folder, "only.rs", &text);
     for options in RUST_OPTIONS {
-        // A long evaluator is not inlined of itself, and then the exported function is a jump to it.
+        // A long evaluator is not inlined automatically; the exported function is then a jump to it.
         let options = format!("{options} -C llvm-args=-inline-threshold=100000");
         compilers::rustc(&options).must(&["--crate-type", "lib", "--emit", "obj", "-o", "only.o", "only.rs"], folder);
         let functions = object::disassemble(&folder.join("only.o"));
@@ -244,7 +244,7 @@ fn barrier_costs_next_to_nothing_in_any_model() {
     }
 }
 
-/// The proof that the barrier does something: without it there are fused operations.
+/// The barrier has an effect: without it there are fused operations.
 #[test]
 fn without_the_barrier_gcc_fuses() {
     let cases = cases::checked_in();

@@ -270,7 +270,7 @@ fn c_keeps_the_bits_of_plants() {
     let mut count = 0;
     for program in ["gcc", "clang"].iter().flat_map(|family| compilers::installed(family)) {
         for options in C_COMPILERS {
-            // The numbered compilers are used inlined and not inlined, the first and the last option.
+            // Other versions of the compilers are tested at -O0 and -O3 only.
             let is_plain = program == "gcc" || program == "clang";
             if !is_plain && !options.contains("-O3") && !options.contains("-O0 ") {
                 continue;

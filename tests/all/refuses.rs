@@ -1,5 +1,5 @@
-//! C that is compiled in a way that does not keep IEEE 754 does not compile, and says why. What the preprocessor cannot see, the self-test
-//! finds.
+//! With options that do not keep IEEE 754 the emitted C does not compile, and says why. The self-test detects the options that the preprocessor
+//! cannot see.
 
 use std::path::{Path, PathBuf};
 
@@ -68,7 +68,7 @@ fn self_test_passes_where_the_bits_are_kept_and_fails_where_they_are_not() {
     let folder = compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), "self-test");
     let cases = cases::random();
     compilers::write_c(cases.iter().map(|case| &case.unit), &folder);
-    // What a compiler would do that has no barrier, or that fuses in spite of it.
+    // As with a compiler that has no barrier, or that fuses in spite of it.
     let without_barrier = "gcc -O2 -mfma -ffp-contract=fast -DRSM_BARRIER(product)=(product)";
     for (line, keeps) in [("gcc -O2", true), ("clang -O2 -mfma -ffp-contract=fast", true), (without_barrier, false)] {
         let library = compilers::c_library(&Compiler::new(line), &folder, if keeps { &line[..3] } else { "fused" });

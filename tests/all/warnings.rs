@@ -1,4 +1,4 @@
-//! Emitted code compiles without a warning, however many its reader turns on.
+//! Emitted code compiles without a warning, with all warnings turned on.
 
 use std::path::Path;
 
@@ -7,11 +7,11 @@ use rsm_tests::compilers::{self, Compiler};
 
 const GCC: &str = "-pedantic -Wall -Wextra -Wconversion -Wdouble-promotion -Wfloat-equal -Wshadow -Wcast-qual -Wundef -Werror";
 
-/// Warnings of C alone.
+/// Warnings that exist for C only.
 const GCC_C: &str = "-Wstrict-prototypes -Wmissing-prototypes";
 
-/// All that clang has, but for three: the declaration after a statement is C99, which is our language (older clangs warn of it for the
-/// sake of C90); the two about buffers ask for bounds-checked C++ containers, which C does not have.
+/// All warnings of clang except three: a declaration after a statement is allowed in C99, which is our language (older clangs warn of it because of
+/// C90); the two about buffers require bounds-checked C++ containers, which C does not have.
 const CLANG: &str = "-Weverything -Wno-declaration-after-statement -Wno-unknown-warning-option -Wno-unsafe-buffer-usage \
                      -Wno-unsafe-buffer-usage-in-libc-call -Werror";
 

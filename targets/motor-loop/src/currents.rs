@@ -17,8 +17,8 @@
 //! samples are also compared with the model: a stuck sensor differs from it after a while.
 //!
 //! **The safe state is the open bridge** (`closed` = 0): all six switches off. It begins after the number of bad samples in a row that [`crate::Limits`] gives, or immediately if the
-//! current exceeds the circle by 7 %, or will do so in the next period. The README of `targets/firmware` says why it is not a short circuit, and what the caller must do. It ends after a number of good
-//! samples in a row, also from the limits. The control then begins with the measured currents as its references and without an integral, so there is no jump.
+//! current exceeds the circle by 7 %, or will do so in the next period. The README of `targets/firmware` says why it is not a short circuit, and what the caller must do. It ends after as many good
+//! samples in a row as the limits give. The control then begins with the measured currents as its references and without an integral, so there is no jump.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 

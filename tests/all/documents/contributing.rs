@@ -1,4 +1,4 @@
-//! CONTRIBUTING.md names the files that an extension really touches: those that know all effects, all plants, all printers, all formats today.
+//! CONTRIBUTING.md names the files that an extension must change: those that now name all effects, all plants, all printers, all formats.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -121,7 +121,7 @@ fn the_files_of_a_plant_hold_all_that_name_every_plant() {
     let sources = texts.iter().filter(|(file, _)| is_source(file) && !file.starts_with(effects));
     let know_all = sources.filter(|(_, text)| plants_known(text) == PlantKind::NAMES.len());
     lacking(&know_all.map(|(file, _)| file.as_str()).collect(), "A plant");
-    // And none that no longer asks which plant it is.
+    // And no file that no longer distinguishes the plants.
     let page = page();
     let told = named(&lists(&page, "A plant")).into_iter().filter(|file| file.ends_with(".rs") && !file.contains("PLANT"));
     let stale: Vec<_> = told.filter(|file| texts.get(*file).is_none_or(|text| plants_known(text) < 2)).collect();

@@ -1,4 +1,4 @@
-//! docs/decisions: every page has its place in the list, its own number and its parts.
+//! docs/decisions: every page is in the list, has its own number and its parts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +16,7 @@ fn pages() -> BTreeMap<String, String> {
     pages.collect()
 }
 
-/// What is wrong with a page beside its name.
+/// The fault of a page, if it has one, with its name.
 fn fault(name: &str, text: &str) -> Option<String> {
     let number = name.split('-').next().unwrap_or_default();
     if number.len() != 3 || !number.bytes().all(|digit| digit.is_ascii_digit()) {

@@ -1,4 +1,4 @@
-//! ARCHITECTURE.md is a true map: short, complete, and everything that it names exists.
+//! ARCHITECTURE.md is correct: short, complete, and everything that it names exists.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::root;
 use crate::layers::LAWS;
 
-/// A map is read in one go: some six pages of a book.
+/// The limit of its length: some six pages of a book.
 const MOST_WORDS: usize = 1500;
 
 /// Folders whose entries must all be named, each under a heading of its own.

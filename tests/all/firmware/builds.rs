@@ -57,7 +57,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// The tools of the emulated board. Without them a test is left out, and says so where it cannot be overlooked; in continuous integration it fails.
+/// The tools of the emulated board. Without them a test is skipped and prints a message; in continuous integration it fails.
 pub fn emulated() -> bool {
     let there = |program: &str| Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success());
     let missing: Vec<&str> =
@@ -75,7 +75,7 @@ pub fn emulated() -> bool {
     false
 }
 
-/// One way of compiling, in a folder of its own, with its object files there.
+/// One set of compiler options, in a folder of its own, with its object files.
 pub struct Build {
     folder: PathBuf,
     compiler: Compiler,
@@ -107,7 +107,7 @@ impl Build {
         self
     }
 
-    /// Its object alone, which no program is linked with.
+    /// Its object alone, without linking a program.
     pub fn compile_image(&self) {
         self.compile(&self.sources.join("image.c"), IMAGE);
     }
@@ -246,7 +246,7 @@ pub fn cortex_functions(object: &Path) -> Vec<(String, Vec<String>)> {
         } else if let (Some((_, lines)), Some((_, text))) = (functions.last_mut(), line.split_once(": R_ARM_THM_CALL\t")) {
             lines.push(format!("-> {}", text.trim()));
         } else if let (Some((_, lines)), Some((_, text))) = (functions.last_mut(), line.split_once(": R_ARM_THM_JUMP24\t")) {
-            // A function whose code is that of another is a jump to it; what it jumps to is held to the same.
+            // A function with the same code as another is a jump to it; that function is checked too.
             if text.contains("_f32") {
                 lines.pop();
             }

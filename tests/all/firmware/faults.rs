@@ -1,4 +1,4 @@
-//! The campaign of faults through the steps in C: the same samples, the same commands, bit for bit. What Rust keeps under faults, C then keeps.
+//! The campaign of faults through the steps in C: the same samples, the same commands, bit for bit. So the limits that Rust keeps under faults are kept by C.
 
 use host_runners::campaign::cases::{Kind, POINTS, Sensor, Spoiler};
 use host_runners::campaign::plant::Plant;
@@ -7,7 +7,7 @@ use host_runners::campaign::rig::{Exchanged, Rig};
 use super::builds::Build;
 use super::drive;
 
-/// Every sensor and fault one after another, 3 to 47 samples each, whole ones between.
+/// Every sensor and fault one after another, 3 to 47 samples each, with good ones between.
 fn faults(speed: f64, torque: f32, bus: f64) -> Vec<Exchanged> {
     let mut rig = Rig::with_drive(Plant::new(speed, bus), drive());
     let mut seen = vec![];

@@ -1,6 +1,6 @@
-//! The firmware as one: `image.c`, both loops as interrupts on the emulated board.
+//! The firmware as one program: `image.c`, both loops as interrupts on the emulated board.
 //!
-//! - The outer interrupt is interrupted at every instruction: what is handed over is whole, and the floating-point registers come back.
+//! - The outer interrupt is interrupted at every instruction: the data passed between the interrupts are consistent, and the floating-point registers are restored.
 //! - The processor in the loop: the board, by its timers and priorities, against plants as code, has the bits of the host and of a simulation.
 //! - The watchdog: a step that does not return, or no longer runs, leads to a reset into the safe state.
 
@@ -30,7 +30,7 @@ fn fpccr(line: &str) -> u32 {
     u32::from_str_radix(digits, 16).expect("8 digits")
 }
 
-/// What `programs/interrupted.c` says.
+/// The output of `programs/interrupted.c`.
 pub struct Interrupted {
     addresses: BTreeSet<u32>,
     /// Which numbers that are handed over differ between before and after: 1 each.
@@ -51,7 +51,7 @@ impl Interrupted {
         for (function, lines) in builds::cortex_instructions(program) {
             if is_part(&function) {
                 for (address, text) in &lines {
-                    // What fills up to the next constant is never reached.
+                    // Padding before a constant is never executed.
                     assert!(
                         text == "nop" || self.addresses.contains(address),
                         "{name}: {function} was not interrupted at {address:x}: {text}"
@@ -92,7 +92,7 @@ fn whatever_instruction_is_interrupted_what_is_handed_over_is_whole() {
     for level in ["-O2", "-Os"] {
         let build = Build::new(&format!("{CORTEX_M4F} -std=gnu99 {level}"), &format!("arm-interrupted{level}")).with_image();
         let found = interrupted(&build);
-        // Every number that is handed over differs between before and after, so that a mixture would be seen.
+        // Every number passed differs between before and after, so that a mixture would be noticed.
         assert_eq!(found.handed_over, "handed over: 1 1 1 1 1");
         assert_eq!(number(&found.counts, "torn"), 0, "{level}: {}", found.counts);
         let parts = ["image_reference_interrupt", "motor_references", "throttle_raw_step"];
@@ -100,7 +100,7 @@ fn whatever_instruction_is_interrupted_what_is_handed_over_is_whole() {
     }
 }
 
-/// The test above sees a handover that is broken: the index first, and one slot whose words are copied one by one.
+/// The test above detects a wrong handover: with the index written first, and with one slot whose words are copied one by one.
 #[test]
 fn a_broken_handover_is_found() {
     if !builds::emulated() {
@@ -177,11 +177,11 @@ fn the_processor_in_the_loop_has_the_bits_of_the_host_and_of_a_simulation() {
         assert!(car[1][59] > car[1][20], "{name}");
         speeds.push(speed[599]);
     }
-    // A period later in force: another run, so that the second one shows something of its own.
+    // With a delay of one period: a different run, so that the second comparison is independent.
     assert_ne!(speeds[0].to_bits(), speeds[1].to_bits());
 }
 
-/// What must follow when something hangs, on whichever of the firmwares: `run` gives the lines of its program for a kind of hang.
+/// The required reaction when something hangs, for both firmwares: `run` gives the lines of its program for a kind of hang.
 pub fn check_hangs(run: impl Fn(u32) -> Vec<String>) {
     for (hang, what) in [(1, "the currents"), (2, "the references"), (3, "the timer of the currents")] {
         let lines = run(hang);

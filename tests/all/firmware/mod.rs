@@ -141,7 +141,7 @@ fn check_bits(name: &str, found: &[String]) {
     }
 }
 
-/// Wherever fused operations exist and are taken by default, too.
+/// Also where fused operations exist and are used by default.
 #[test]
 fn the_steps_in_c_have_the_bits_of_the_steps_in_rust_on_this_host() {
     for (name, line) in [
@@ -157,7 +157,7 @@ fn the_steps_in_c_have_the_bits_of_the_steps_in_rust_on_this_host() {
     }
 }
 
-/// All warnings that the emitted C withstands.
+/// All warnings under which the emitted C compiles.
 #[test]
 fn the_steps_in_c_compile_without_a_warning() {
     let warnings = "-O2 -Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wcast-qual -Wundef -Werror";
@@ -183,7 +183,7 @@ fn the_steps_in_c_have_no_branch_on_this_host() {
         for (source, step) in STEPS {
             let functions = object::disassemble(&build.object(source));
             let code = &functions[step];
-            // Evaluators are called: they have a test of their own.
+            // Calls of evaluators are allowed: they have a test of their own.
             let jumps: Vec<&str> = code.transfers().into_iter().filter(|line| !line.starts_with("call")).collect();
             assert!(jumps.is_empty() && code.fused().is_empty(), "{line}: {step}: {jumps:?} {:?}", code.fused());
         }
@@ -239,7 +239,7 @@ fn the_steps_on_a_cortex_m4f_have_no_branch_and_call_evaluators_only() {
             }
         }
     }
-    // The scan itself sees what it is to see.
+    // The scan itself detects branches.
     let lines = [
         "vmov.f32 s0, s1",
         "bne.n 10 <f+0x10>",
@@ -254,7 +254,7 @@ fn the_steps_on_a_cortex_m4f_have_no_branch_and_call_evaluators_only() {
     assert_eq!(branches("f", &lines), [&lines[1], &lines[4], &lines[6]]);
 }
 
-/// What a step may cost: `budget.txt`, a line a step and level: instructions, and bytes of stack; and a line an object and level: bytes of flash and of RAM.
+/// The allowed cost of a step, `budget.txt`: a line for each step and optimisation level with instructions and bytes of stack; and a line for each object and level with bytes of flash and RAM.
 #[test]
 fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
     if !builds::emulated() {

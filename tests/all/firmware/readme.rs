@@ -1,4 +1,4 @@
-//! What the firmware's README says of costs and memory is what the budget and the types say: it is read from them.
+//! The costs and memory in the firmware's README equal those of the budget and the types.
 
 use std::mem::size_of;
 use std::path::PathBuf;
@@ -53,7 +53,7 @@ fn page() -> PathBuf {
     builds::firmware().join("README.md")
 }
 
-/// Is a budget as it must be? With RSM_BLESS=1 it is written, and the page from it: whichever test counts last, the page has its counts.
+/// Checks a budget. With RSM_BLESS=1 it is written, and the page is updated from it, whichever test writes last.
 pub fn blessed_budget(name: &str, text: &str) -> bool {
     let _alone = PAGE.lock().unwrap_or_else(PoisonError::into_inner);
     let same = blessed(name, text);

@@ -1,6 +1,6 @@
 //! `targets/firmware/rust`: the firmware in Rust for a Cortex-M4F, built and run on the emulated board.
 //!
-//! It is no member of the workspace: it wants `core` for another machine. Debian's compiler has the sources of `core`; without it these tests are left out, loudly, and fail in
+//! It is not a member of the workspace, because it needs `core` for another machine. Debian's compiler has the sources of `core`. Without it these tests are skipped with a message, and fail in
 //! continuous integration.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -45,7 +45,7 @@ fn build() -> PathBuf {
     cargo.current_dir(cases::root().join("targets/firmware/rust"));
     cargo.args(["build", "--quiet", "--release", "--locked", "-Zbuild-std=core", "--target", "thumbv7em-none-eabihf"]);
     cargo.env("RUSTC", COMPILER).env("RUSTC_BOOTSTRAP", "1").env("CARGO_TARGET_DIR", &target).env("RSM_RIG_PLANTS", &plants);
-    // What the outer cargo says of its own build, coverage for example, is not for this one.
+    // Settings of the outer cargo for its own build, coverage for example, must not apply here.
     for name in ["RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "RUSTC_WRAPPER", "RUSTC_WORKSPACE_WRAPPER", "RUSTUP_TOOLCHAIN"] {
         cargo.env_remove(name);
     }
