@@ -42,12 +42,12 @@ pub fn stop_timer(timer: usize) {
     write(TIMER[timer], 0);
 }
 
-/// Takes the timer's request back.
+/// Clears the timer's interrupt request.
 pub fn clear_timer(timer: usize) {
     write(TIMER[timer] + 12, 1);
 }
 
-/// Whether the timer asks again.
+/// Whether the timer requests an interrupt again.
 pub fn asks_again(timer: usize) -> bool {
     read(TIMER[timer] + 12) & 1 != 0
 }
@@ -65,7 +65,7 @@ pub fn count_from_now(timer: usize) {
     write(TIMER[timer], 1);
 }
 
-/// The first alarm after so many ticks without a feed, the reset after as many more.
+/// The first alarm comes after this many ticks without a feed, the reset after as many more.
 pub fn start_watchdog(ticks: u32) {
     unlocked(|| {
         write(WATCHDOG, ticks);
@@ -73,12 +73,12 @@ pub fn start_watchdog(ticks: u32) {
     });
 }
 
-/// Begins the count again.
+/// Restarts the count.
 pub fn feed_watchdog() {
     unlocked(|| write(WATCHDOG + 0xC, 1));
 }
 
-/// Stops it: the run has ended.
+/// Stops the watchdog: the run has ended.
 pub fn stop_watchdog() {
     unlocked(|| write(WATCHDOG + 8, 0));
 }

@@ -1,6 +1,6 @@
-//! Values that two interrupts of one processor hand over without tearing: `../../handover.h` in Rust.
+//! Passes values between two interrupts of one processor, always as a consistent set: `../../handover.h` in Rust.
 //!
-//! In: a value, from one writer. Out: the newest whole value, for one reader. Two slots, and an index that is written last. Never waits and never masks interrupts.
+//! In: a value, from one writer. Out: the newest complete value, for one reader. Two slots, and an index that is written last. Never waits and never masks interrupts.
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicUsize, Ordering};

@@ -1,4 +1,4 @@
-//! What the two interrupts do: `../../image.c` in Rust, with the same bits.
+//! The functions of the two interrupts: `../../image.c` in Rust, with the same bits.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -10,27 +10,27 @@ use crate::handover::Handover;
 /// Periods of the currents between two calls of the references.
 pub const PERIODS: u32 = 10;
 
-/// What a board has for the currents' interrupt.
+/// The functions of a board for the currents' interrupt.
 pub trait Bridge {
     /// Samples of the motor, at the centre of the PWM's period.
     fn sample(&mut self) -> Measured;
-    /// What the bridge does from the next period on.
+    /// Sets the bridge for the next period.
     fn command(&mut self, command: &Command);
 }
 
-/// What a board has for the references' interrupt.
+/// The functions of a board for the references' interrupt.
 pub trait Driver {
     /// The torque demand, in N m.
     fn torque_demand_nm(&mut self) -> f32;
     /// Converters and lines of the throttle.
     fn counts(&mut self) -> Counts;
-    /// The compare value of the throttle's PWM, and the cap: 0 where the drive of the plate is to be cut.
+    /// Sets the compare value of the throttle's PWM, and the limit: 0 if the drive of the plate must be switched off.
     fn throttle(&mut self, compare: u16, cap: f32);
-    /// Begins the watchdog's count again.
+    /// Restarts the watchdog's count.
     fn feed_watchdog(&mut self);
 }
 
-/// What the outer step wants to know of the inner one's samples, taken together.
+/// The samples of the inner step that the outer step needs, as one set.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen {
     speed_rad_s: f32,
@@ -38,7 +38,7 @@ pub struct Seen {
     voltage_share: f32,
 }
 
-/// What is between the interrupts.
+/// The data shared by the interrupts.
 #[derive(Debug)]
 pub struct Between {
     reference: Handover<References>,
@@ -47,7 +47,7 @@ pub struct Between {
 }
 
 impl Between {
-    /// No current, nothing seen.
+    /// No current, no samples yet.
     pub const fn new() -> Self {
         Between {
             reference: Handover::new(References { i_d_a: 0.0, i_q_a: 0.0 }),
@@ -80,13 +80,13 @@ pub unsafe fn current_interrupt(state: &mut CurrentState, drive: &Drive, between
     between.periods.store(between.periods.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
 }
 
-/// The safe state at once: bridge open, the plate's drive cut. For the watchdog's alarm, and after a reset by it.
+/// The safe state, immediately: bridge open, the plate's drive switched off. For the watchdog's alarm, and after a reset by it.
 pub fn safe_state(bridge: &mut impl Bridge, driver: &mut impl Driver) {
     bridge.command(&Command { duties: [0.5; 3], closed: 0.0 });
     driver.throttle((Scaling::BOARD.compare_closed + 0.5) as u16, 0.0);
 }
 
-/// What the references' interrupt remembers.
+/// The state of the references' interrupt.
 #[derive(Debug, Clone, Default)]
 pub struct Slow {
     /// Of the motor.

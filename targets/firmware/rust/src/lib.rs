@@ -1,7 +1,7 @@
-//! The firmware in Rust: both loops as interrupts, as `../image.c` has them in C, and what the emulated board gives.
+//! The firmware in Rust: both loops as interrupts, like `../image.c` in C, and the registers of the emulated board.
 //!
-//! - [`handover`]: values between two interrupts, without tearing.
-//! - [`image`]: what the interrupts do.
+//! - [`handover`]: values between two interrupts, always consistent.
+//! - [`image`]: the functions of the interrupts.
 //! - [`board`]: registers of the emulated board MPS2 with image AN386.
 //! - [`nominal`]: the motor and its drive.
 //! - [`own`]: statics that one context owns.

@@ -2,7 +2,7 @@
 
 use core::cell::UnsafeCell;
 
-/// What one context owns: an interrupt, or `main` while no interrupt is enabled.
+/// A value that one context owns: an interrupt, or `main` while no interrupt is enabled.
 #[derive(Debug)]
 pub struct Own<T>(UnsafeCell<T>);
 
@@ -10,7 +10,7 @@ pub struct Own<T>(UnsafeCell<T>);
 unsafe impl<T> Sync for Own<T> {}
 
 impl<T> Own<T> {
-    /// Of a first value.
+    /// With a first value.
     pub const fn new(value: T) -> Self {
         Own(UnsafeCell::new(value))
     }

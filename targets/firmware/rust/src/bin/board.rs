@@ -27,7 +27,7 @@ const CAR_ROWS: usize = ROWS / PERIODS as usize;
 const CAR_STEPS: usize = 10;
 const PERIOD_TICKS: u32 = board::TICKS_A_SECOND / 10_000;
 
-/// The motor's plant, in the place of converters and power stage: it moves when the firmware samples.
+/// The motor's plant, in place of converters and power stage: it advances when the firmware samples.
 struct MotorRig {
     plant: rig_motor::State,
     duties: [f64; 3],
@@ -147,7 +147,7 @@ fn references_interrupt() {
     count_lost(1);
 }
 
-/// A request that stands already: the period took longer than it lasts.
+/// A request that is already pending: the interrupt took longer than its period.
 fn count_lost(timer: usize) {
     if board::asks_again(timer) {
         LOST.store(LOST.load(Ordering::Relaxed) + 1, Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! What the watchdog does when a step does not return, or no longer runs: `../../../programs/hangs.c` in Rust, with its lines.
+//! The watchdog's reaction if a step does not return, or no longer runs: `../../../programs/hangs.c` in Rust, with the same output.
 //!
 //! In: the last word of the emulator's command line, which is C's `HANG`: 1, the interrupt of the currents does not return; 2, that of the references does not; 3, the timer of the
 //! currents stops; 0, nothing hangs.
@@ -41,7 +41,7 @@ fn hang() -> ! {
     }
 }
 
-/// Both sides of a board on which nothing moves.
+/// Both interfaces of a board on which nothing moves.
 struct Still;
 
 impl Bridge for Still {
@@ -116,7 +116,7 @@ unsafe fn DefaultHandler(number: i16) {
     }
 }
 
-/// The watchdog's first alarm. It counts on, and resets.
+/// The watchdog's first alarm. It continues to count, and then resets.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
     let ([closed, cap], sampled) = (outputs(), SAMPLED.load(Relaxed));

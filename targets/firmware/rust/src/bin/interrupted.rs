@@ -1,8 +1,8 @@
 //! The interrupt of the references, interrupted by that of the currents at every instruction: `../../../programs/interrupted.c` in Rust.
 //!
-//! In each trial the same state is put back, a timer is set one tick later than in the trial before, and the outer interrupt runs. Whatever the instant, the inner interrupt must
-//! have the result that the references of before give, or that those of after give; the outer one that of the samples of before or of after. Under `-icount shift=6` an instruction takes
-//! 64 ns and a tick 40 ns, so no instruction is passed over.
+//! In each trial the same state is restored, a timer is set one tick later than in the trial before, and the outer interrupt runs. At any time of the interruption, the inner interrupt must
+//! have the result of the references before the outer step, or of those after it; the outer one must have the result of the samples before or after the inner step. Under `-icount shift=6` an instruction takes
+//! 64 ns and a tick 40 ns, so every instruction is tested.
 //!
 //! Out: a line "at ADDRESS" for every address at which the outer interrupt was interrupted, then the counts.
 #![no_std]
@@ -21,20 +21,20 @@ use firmware::{board, nominal};
 use motor_loop::{Command, CurrentState, Direction, Drive, Measured};
 use throttle_loop::raw::Counts;
 
-/// Trials without a hit before the end is believed, and the largest address of the code.
+/// After this many trials without an interruption the test ends; and the largest address of the code.
 const QUIET: u32 = 64;
 const CODE: usize = 0x4_0000;
 /// Periods before the trials.
 const BEFORE: u32 = 40;
 
-/// All that both interrupts remember.
+/// The whole state of both interrupts.
 struct Image {
     fast: CurrentState,
     slow: Slow,
     between: Between,
 }
 
-/// Samples and demand of a board; the rest of it is still.
+/// Samples and demand of a board; everything else is constant.
 #[derive(Clone, Copy)]
 struct Held {
     measured: Measured,
@@ -141,7 +141,7 @@ fn as_expected(state: &CurrentState, speed_rad_s: f32, bus_voltage_v: f32) -> Me
     Measured { currents_a, angle_turns: state.angle_turns, speed_rad_s, bus_voltage_v }
 }
 
-/// Puts everything that is remembered where the interrupts have it.
+/// Restores the whole state of the interrupts.
 ///
 /// # Safety
 /// The timer stands still.
