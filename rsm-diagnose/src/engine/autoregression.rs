@@ -1,7 +1,7 @@
 //! Autocorrelated noise: a first-order autoregressive process.
 //!
-//! In: the values of rows, each with its row number, and the correlation of neighbouring rows. Out: the innovation of each row.
-//! Rows may be missing: the correlation of two rows n apart is the n-th power. The correlation itself is given, not estimated here.
+//! In: the values of rows, each with its row number, and the correlation of neighbouring rows. Out: the innovation of each row. Rows may be missing:
+//! the correlation of two rows n apart is the n-th power. The correlation itself is given, not estimated here.
 
 /// The innovation of a row, given the row before it.
 #[derive(Debug, Clone, Copy, PartialEq)]

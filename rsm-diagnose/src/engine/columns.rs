@@ -3,8 +3,7 @@
 //! In: columns of one length, in a space where the noise is white. Out: bases, coefficients, projections of a residual. Independent of the meaning of a column.
 
 /// A column is dependent when less than this share of its length is independent of the columns before it. Such a rest is rounding error: columns of
-/// powers
-/// up to seven on [-1, 1] keep about ten of 16 digits.
+/// powers up to seven on [-1, 1] keep about ten of 16 digits.
 const DEPENDENT: f64 = 1e-6;
 
 /// Inner product, as eight partial sums. Their order is fixed, and the compiler may vectorise them. If the lengths differ, the longer list is cut to
@@ -33,8 +32,7 @@ pub(crate) fn subtract(a: &mut [f64], b: &[f64], factor: f64) {
 }
 
 /// An orthonormal basis of the span of some columns. Gram-Schmidt is done twice (Kahan and Parlett: "twice is enough"). A column that depends on
-/// those before
-/// it adds no direction.
+/// those before it adds no direction.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Basis {
     /// Orthogonal, each of length one.

@@ -72,8 +72,8 @@ pub(crate) struct Rules {
     /// A step with a smaller predicted gain is not tried. `None`: every step is tried.
     pub worth: Option<Amount>,
     /// Whether a step with too small a predicted gain is computed once more with the smallest damping. In a direction that the records do not
-    /// determine, only the prior
-    /// has curvature, about a millionth of the curvature that records give a single unknown. Normal damping would stop all motion in that direction.
+    /// determine, only the prior has curvature, about a millionth of the curvature that records give a single unknown. Normal damping would stop all
+    /// motion in that direction.
     pub undamps: bool,
     /// After a step with a smaller gain, these derivatives are not used again.
     pub enough: Amount,
@@ -96,8 +96,7 @@ fn more(damping: f64) -> f64 {
 /// Takes steps until they gain little. `derivatives` are known derivatives at the start, and whether they are exact.
 ///
 /// Returns the final place and the normal equations: those at the final place if `ends_exact`, otherwise those of the last step. `None` if the
-/// problem
-/// cannot be evaluated.
+/// problem cannot be evaluated.
 pub(crate) fn descend<P: Problem>(
     problem: &P,
     start: P::Place,

@@ -1,8 +1,7 @@
 //! Small systems of normal equations.
 //!
 //! In: inner products of a few columns, some tens at most. Out: solutions, and columns of the inverse. Columns are first scaled to length one. A
-//! column of
-//! length zero gets the solution 0.
+//! column of length zero gets the solution 0.
 
 /// Added to the unit diagonal. Finite differences hold nine digits, so columns that agree to nine digits count as one column.
 const RIDGE: f64 = 1e-9;

@@ -1,8 +1,8 @@
 //! The probability that a cause is right: Bayes' rule over a cause, chance and its rivals. Both diagnoses use it.
 //!
 //! In: the evidence of each rival relative to the cause, and whether the data distinguish the two. Out: the probability of the cause alone, and the
-//! probability
-//! that the cause or an indistinguishable rival is right. Each diagnosis supplies the rate at which the true cause is not in the catalogue.
+//! probability that the cause or an indistinguishable rival is right. Each diagnosis supplies the rate at which the true cause is not in the
+//! catalogue.
 
 /// How probable a cause is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,8 +15,7 @@ pub(crate) struct Probability {
 
 impl Probability {
     /// The probabilities of a cause. `not_chance` is the probability that the cause is not due to chance. Each rival has its evidence (1 if it
-    /// explains the data as
-    /// well as the cause) and a flag: true if the data do not distinguish it from the cause.
+    /// explains the data as well as the cause) and a flag: true if the data do not distinguish it from the cause.
     #[must_use]
     pub(crate) fn among(not_chance: f64, rivals: impl IntoIterator<Item = (f64, bool)>) -> Self {
         let (mut same, mut others) = (1.0, 0.0);

@@ -1,9 +1,8 @@
 //! Significance: tail probabilities of test statistics, and their quantiles.
 //!
 //! In: a statistic with its degrees of freedom, or a probability; numbers of trials. Out: the logarithm of the probability that chance gives at least
-//! this value,
-//! or the statistic. The probability may be smaller than the smallest f64, so its logarithm is used. Never NaN for finite arguments and positive
-//! degrees of freedom.
+//! this value, or the statistic. The probability may be smaller than the smallest f64, so its logarithm is used. Never NaN for finite arguments and
+//! positive degrees of freedom.
 
 use statrs::function::beta::{beta_reg, ln_beta};
 use statrs::function::erf::{erfc, erfc_inv};
@@ -43,8 +42,7 @@ fn upper_gamma(a: f64, x: f64) -> f64 {
 }
 
 /// ln I_x(a, b). Below [`SMALL`]: the leading term x^a (1 - x)^b / (a B(a, b)) and the first step of its continued fraction (NIST DLMF 8.17.22). The
-/// relative
-/// error of that is negligible beside a logarithm of some hundreds.
+/// relative error of that is negligible beside a logarithm of some hundreds.
 fn ln_beta_reg(a: f64, b: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return f64::NEG_INFINITY;
@@ -66,8 +64,7 @@ pub(crate) fn ln_upper_f(f: f64, d1: f64, d2: f64) -> f64 {
 }
 
 /// The logarithm of the probability that `width` arbitrary columns explain at least this much of noise: an F test of the explained squares against
-/// the
-/// remaining squares, each with its degrees of freedom.
+/// the remaining squares, each with its degrees of freedom.
 pub(crate) fn ln_p_of_squares(taken: f64, width: f64, left: f64, freedom: f64) -> f64 {
     ln_upper_f(taken.max(0.0) / width / (left / freedom).max(f64::MIN_POSITIVE), width, freedom)
 }
@@ -127,8 +124,7 @@ pub(crate) fn quantile(probability: f64) -> f64 {
 }
 
 /// The normal deviate with the same upper tail probability as chi squared at `value`. If that probability underflows, it follows from the leading
-/// term of the
-/// normal tail, exp(-z^2/2)/(z sqrt(2 pi)).
+/// term of the normal tail, exp(-z^2/2)/(z sqrt(2 pi)).
 pub(crate) fn deviate_of_chi_squared(value: f64, freedom: f64) -> f64 {
     let ln_p = ln_upper_chi_squared(value, freedom);
     if ln_p > -0.5 {
@@ -169,16 +165,14 @@ pub(crate) fn rarest<T>(tried: impl IntoIterator<Item = (f64, T)>, looks: f64) -
 }
 
 /// The gain that the best of `trials` on noise exceeds with the probability [`ALARM`], if each fits `numbers` parameters: chi squared with
-/// Bonferroni's bound
-/// (C. E. Bonferroni, 1936). This bound also covers what first-order draws miss: nonlinear parameters, and trials chosen after looking at the
-/// residual.
+/// Bonferroni's bound (C. E. Bonferroni, 1936). This bound also covers what first-order draws miss: nonlinear parameters, and trials chosen after
+/// looking at the residual.
 pub(crate) fn best_of(trials: usize, numbers: usize) -> f64 {
     chi_squared_of((ALARM / trials.max(1) as f64).ln(), numbers.max(1) as f64)
 }
 
 /// The value that the largest of many gains exceeds with the probability [`ALARM`], estimated from some draws of the largest gain. A maximum has a
-/// Gumbel
-/// distribution (E. J. Gumbel, 1958). Few draws give its mean and standard deviation; a percentile would need many more.
+/// Gumbel distribution (E. J. Gumbel, 1958). Few draws give its mean and standard deviation; a percentile would need many more.
 pub(crate) fn point_of_largest(largest: &[f64]) -> f64 {
     let n = largest.len().max(1) as f64;
     let mean = largest.iter().sum::<f64>() / n;
@@ -194,8 +188,7 @@ pub(crate) fn t_of(p: f64, freedom: f64) -> f64 {
 }
 
 /// ln of the upper tail of a distribution with known mean, variance and third central moment. It is approximated by a shifted gamma distribution with
-/// the same
-/// three moments (Pearson type III), or by a normal distribution if it is not skewed to the right.
+/// the same three moments (Pearson type III), or by a normal distribution if it is not skewed to the right.
 pub(crate) fn ln_upper_of_moments(value: f64, mean: f64, variance: f64, third: f64) -> f64 {
     if variance <= 0.0 {
         return 0.0;

@@ -1,10 +1,8 @@
 //! A second check of the data, made with the calibrated simulation: it finds what the readings alone do not show.
 //!
 //! In: prepared records and their simulation. Out: findings. A jump that the simulation also has is motion, so its rows count again. A channel that
-//! is late or early
-//! in one record only is reported and left out of that record. A delay that all records share belongs to the plant or a sensor, so the search handles
-//! it.
-//! Never corrects a sample.
+//! is late or early in one record only is reported and left out of that record. A delay that all records share belongs to the plant or a sensor, so
+//! the search handles it. Never corrects a sample.
 
 use super::checks::{Finding, jumps};
 use super::whitened_residuals::{Prepared, Simulated};

@@ -1,10 +1,9 @@
 //! Gaps of a few rows, for example from a logger that loses single rows.
 //!
 //! In: a prepared record with gaps. Out: the same record with rows in the gaps, so that a simulation can run through. Outputs in these rows do not
-//! count. Inputs are
-//! interpolated linearly across the gap. If the readings after a gap show that an input was higher or lower inside it, the line is moved by that
-//! amount. Three
-//! kinds of gap are not bridged: a long gap, a gap that is not a whole number of rows, and a step back in time. Never changes a recorded row.
+//! count. Inputs are interpolated linearly across the gap. If the readings after a gap show that an input was higher or lower inside it, the line is
+//! moved by that amount. Three kinds of gap are not bridged: a long gap, a gap that is not a whole number of rows, and a step back in time. Never
+//! changes a recorded row.
 
 use super::levenberg::{self, Fit};
 use super::model::Model;
@@ -17,8 +16,7 @@ use crate::engine::normal::{Normal, symmetric};
 use rsm_sim::kind::OUTPUTS;
 
 /// The longest gap that is bridged, in rows. A time stamp may be wrong by 1 % of a period, so the length of ten rows is known to a tenth of a row. If
-/// an input
-/// changes once in the gap, its mean shows when it changed; if it changes twice, the mean does not.
+/// an input changes once in the gap, its mean shows when it changed; if it changes twice, the mean does not.
 pub const LONGEST: usize = 10;
 
 /// A gap must be a whole number of periods within this share of a period: ten times the jitter of a row.
@@ -29,15 +27,13 @@ const OFF_GRID: f64 = 0.1;
 const MATTERS: f64 = 0.3;
 
 /// The largest number of gap inputs that are estimated, those with the largest effect. A record of 8000 rows that lost one row in 97 has 82 gaps;
-/// with three inputs
-/// these are 246. Each needs a simulation of its record. Together they cost a quarter to a half of the search of one cause (500 to 1000 runs).
+/// with three inputs these are 246. Each needs a simulation of its record. Together they cost a quarter to a half of the search of one cause (500 to
+/// 1000 runs).
 const MOST_ASKED: usize = 250;
 
 /// The squared residual per row, in squared standard deviations, below which the residual counts as noise. The upper band gives the noise level to 2
-/// to 4 %, which is
-/// 4 to 8 % in squares: a smaller limit would reject noise. The smallest detectable effect, a third of the noise, adds 10 %: with a larger limit, the
-/// gaps
-/// would compensate for such an effect.
+/// to 4 %, which is 4 to 8 % in squares: a smaller limit would reject noise. The smallest detectable effect, a third of the noise, adds 10 %: with a
+/// larger limit, the gaps would compensate for such an effect.
 const NOISE_IS_LEFT: f64 = 1.1;
 
 /// How often the gap inputs are estimated, each time followed by a calibration. The gap inputs and the calibration depend on each other.
@@ -202,8 +198,7 @@ fn that_matter(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Pl
 }
 
 /// Records with estimated gap inputs, and the fit to them. `None` if that gains nothing, or if more than noise is left afterwards: then the gap
-/// inputs would
-/// compensate for another error of the plant.
+/// inputs would compensate for another error of the plant.
 #[must_use]
 pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepared>, Fit)> {
     if whitened.records.iter().all(|it| it.bridges.is_empty()) {

@@ -1,8 +1,7 @@
 //! Checks of the data before the first simulation: samples that an intact sensor cannot produce.
 //!
 //! In: a prepared record. Out: findings. The rows of findings are left out of all later figures. After a gap in time or a repeated block of rows, the
-//! state of the
-//! plant is unknown, because the inputs are missing. Only one part of the record without such a break is kept. Never corrects a sample.
+//! state of the plant is unknown, because the inputs are missing. Only one part of the record without such a break is kept. Never corrects a sample.
 
 use super::blocks::{STUCK, twice};
 use super::bridges;
@@ -30,8 +29,7 @@ const GONE: f64 = 1e-3;
 const STAYS: usize = 4;
 
 /// Two clipped readings belong to one clipped interval if they are at most this many rows apart. Noise takes a signal at the limit below it in half
-/// of the rows;
-/// an interval longer than this has a probability of 2^-20.
+/// of the rows; an interval longer than this has a probability of 2^-20.
 const BETWEEN_CLIPPED: usize = 20;
 
 /// The longest run of equal readings is ignored in the test for noise if at least this many other readings are left.
@@ -48,8 +46,7 @@ pub struct Finding {
     /// The channel, "row" or "time".
     pub channel: String,
     /// The kind of the finding: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block",
-    /// "shifted",
-    /// "swapped with another column".
+    /// "shifted", "swapped with another column".
     pub what: &'static str,
     /// First and last row, from 0.
     pub rows: (usize, usize),
@@ -173,8 +170,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
 }
 
 /// The first and last row of each interval in which a channel is at a limit. Beside the limit, noise decides which readings pass it. Readings below
-/// the limit are
-/// therefore a biased sample, so a short interval between two clipped readings also counts as clipped.
+/// the limit are therefore a biased sample, so a short interval between two clipped readings also counts as clipped.
 fn clipped(values: &[f64], limit: f64) -> Vec<(usize, usize)> {
     let mut times: Vec<(usize, usize)> = Vec::new();
     for row in (0..values.len()).filter(|row| values[*row] == limit) {
@@ -261,8 +257,7 @@ fn longest_part(prepared: &Prepared, blocks: &[(usize, usize)]) -> std::ops::Ran
 }
 
 /// The number of rows for which the initial state matters: a simulation that starts in the middle of a part is compared with one from the start of
-/// the part.
-/// A constant difference is only another start value, which is unknown anyway. `None` if the plant cannot be simulated.
+/// the part. A constant difference is only another start value, which is unknown anyway. `None` if the plant cannot be simulated.
 pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -> Option<usize> {
     let whole = prepared.record.piece(part.clone());
     let middle = part.len() / 2;

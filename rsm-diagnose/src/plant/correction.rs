@@ -1,15 +1,12 @@
 //! A black-box correction: a response surface for the remaining error of an extended simulation, as a function of its outputs and inputs.
 //!
 //! In: the extended plant along training and holdout records. Out: a model file with a surface for each output whose error it reduces on holdout
-//! rows, or the
-//! gain of the best surface if nothing helps. The file means `measured = simulated + surface`. It names no cause, and it is valid only in the range
-//! of the records.
+//! rows, or the gain of the best surface if nothing helps. The file means `measured = simulated + surface`. It names no cause, and it is valid only
+//! in the range of the records.
 //!
 //! The surface is static, so it cannot represent a dependence on the past, such as a resonance or a lag. The ladder of the fitter chooses terms on
-//! every second
-//! training record and tests them on the records between (a single record is divided into eight parts). The coefficients are then fitted to all
-//! training records.
-//! Holdout rows are used only for the final evaluation.
+//! every second training record and tests them on the records between (a single record is divided into eight parts). The coefficients are then fitted
+//! to all training records. Holdout rows are used only for the final evaluation.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -379,8 +376,7 @@ fn fit(
     let (even, odd) = (triangle(&|part| part % 2 == 0), triangle(&|part| part % 2 == 1));
     let judge = Judge::new(odd);
     // No set of terms is good enough at first, so the ladder continues while the gain on the other parts grows. C is the explained share of the
-    // squares. If it is
-    // below 0, no surface is better.
+    // squares. If it is below 0, no surface is better.
     let climb = |wanted: f64| {
         let ladder = Ladder { fit: &even, judge: &judge, terms: &terms, max_order, wanted };
         ladder.climb(&mut |_, _, _| {}).ok().filter(|climb| climb.confidence > 0.0)

@@ -129,8 +129,7 @@ impl ErrorBreakdown {
 }
 
 /// The breakdown, and what the strongest causes do on the evaluation records, in the order of the accepted causes. In all its parts, `before` is the
-/// calibrated
-/// plant and `after` is the extended plant.
+/// calibrated plant and `after` is the extended plant.
 #[must_use]
 pub fn error_breakdown(it: &Compared<'_>, believed: &[Believed]) -> (ErrorBreakdown, Vec<Option<Witness>>) {
     let strongest = combinations::strongest(believed);

@@ -184,8 +184,7 @@ pub fn diagnose(
 }
 
 /// Diagnoses a plant. The effects in its file are hypotheses that the records test too. Training records give the parameters of causes. Training and
-/// validation
-/// records together choose the causes. Test records choose nothing: the final gain is computed on them.
+/// validation records together choose the causes. Test records choose nothing: the final gain is computed on them.
 ///
 /// # Errors
 /// [`Refused`] if there is nothing to compare.

@@ -1,12 +1,10 @@
 //! Order analysis of the error: components that repeat with the rotation of a shaft, or with the position of an axis.
 //!
 //! In: simulations before and after, along the same records. Out: for each output a spectrum over orders (waves per turn or waves per metre),
-//! averaged over pieces
-//! of motion in one direction, and the orders that exceed their neighbours. Names no cause.
+//! averaged over pieces of motion in one direction, and the orders that exceed their neighbours. Names no cause.
 //!
 //! A piece is weighted by a Hann window over the angle and summed with d(angle), so that a piece of changing speed is sampled evenly over the angle.
-//! A row does not
-//! count for an order whose frequency there exceeds 0.45 of the sample rate.
+//! A row does not count for an order whose frequency there exceeds 0.45 of the sample rate.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -288,8 +286,7 @@ impl Orders {
     }
 
     /// The orders that exceed their neighbours. Shares refer to `all`, the error of all outputs above the noise in squared standard deviations, and
-    /// to `own`,
-    /// that of this output.
+    /// to `own`, that of this output.
     #[must_use]
     pub fn regions(&self, side: Side, own: f64, all: f64) -> Vec<Region> {
         let power = self.of(side);

@@ -1,8 +1,7 @@
 //! The energy of the error by operating region and by record.
 //!
 //! In: simulations before and after, along the same records. Out: mean squared errors by region, and the regions whose share of the error exceeds
-//! their share of
-//! the rows. Energies are in units of the noise, and the energy of the noise is subtracted.
+//! their share of the rows. Energies are in units of the noise, and the energy of the noise is subtracted.
 
 use super::noise::Floor;
 use super::quantities::{Classes, Quantity};
@@ -51,8 +50,7 @@ pub struct Slice {
 pub const STANDS_OUT: f64 = 1.3;
 
 /// An error counts if it exceeds this many standard deviations of the noise energy. About fifty regions are tested; a normal variable exceeds four
-/// standard
-/// deviations in any of them once in 600 times.
+/// standard deviations in any of them once in 600 times.
 pub const SIGNIFICANT: f64 = 4.0;
 
 /// The largest number of quantities reported for an output.
@@ -163,8 +161,7 @@ pub fn totals(slices: &[Slice], side: Side) -> ([f64; OUTPUTS], f64) {
 }
 
 /// The regions in which a simulation is wrong: each output as a whole, then the most informative region of each quantity. `spectral` are regions from
-/// a spectrum.
-/// Sorted by share, the largest first; empty if the error is noise only.
+/// a spectrum. Sorted by share, the largest first; empty if the error is noise only.
 #[must_use]
 pub fn regions(slices: &[Slice], spectral: &[Region], side: Side) -> Vec<Region> {
     let (each, all) = totals(slices, side);

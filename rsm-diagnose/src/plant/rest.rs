@@ -1,10 +1,8 @@
 //! Distinguishes a plant at rest from a stuck sensor: at rest, an encoder, a dead band or a coarse step also gives equal readings.
 //!
 //! In: the readings of a channel and the nominal plant along it. Out: whether equal readings mean rest. A stuck sensor has three signs. Its readings
-//! end with a jump,
-//! because the plant has moved on. Its noise vanishes while the noise of neighbouring rows does not. It may stop at any value. Rest begins and ends
-//! without a jump.
-//! The nominal plant is used last, because it may lack the friction that holds the true plant.
+//! end with a jump, because the plant has moved on. Its noise vanishes while the noise of neighbouring rows does not. It may stop at any value. Rest
+//! begins and ends without a jump. The nominal plant is used last, because it may lack the friction that holds the true plant.
 
 use std::ops::Range;
 
@@ -18,8 +16,7 @@ const GENTLE: f64 = 0.1;
 const SLOW: f64 = 0.1;
 
 /// A coarse sensor moves at most this many of its steps from row to row into a rest and out of it. Beside a rest, its change from row to row varies
-/// by at most as much:
-/// rounding changes a second difference by up to two steps.
+/// by at most as much: rounding changes a second difference by up to two steps.
 const STEPS: f64 = 2.5;
 
 /// The number of rows on either side of a rest that show how the sensor reads there.

@@ -119,8 +119,8 @@ pub fn of_noise(floor: &Floor, frequency: f64, period: f64) -> f64 {
 /// Lines that exceed their neighbours, the strongest first. A line is `apart` values wide to either side; its neighbours are the two values beyond.
 ///
 /// The ratio of two averages of n exponential powers has an F distribution with 2n and 2n degrees of freedom. Half its logarithm is approximately
-/// normal
-/// with variance 1/(2n) (R. A. Fisher, 1924). A normal variable exceeds x standard deviations with probability below exp(-x^2/2) (H. Chernoff, 1952).
+/// normal with variance 1/(2n) (R. A. Fisher, 1924). A normal variable exceeds x standard deviations with probability below exp(-x^2/2) (H. Chernoff,
+/// 1952).
 #[must_use]
 pub fn peaks(power: &[f64], averages: usize, apart: usize) -> Vec<Peak> {
     if averages < 4 || power.len() < 2 * apart + 5 {
@@ -157,8 +157,7 @@ impl Spectrum {
     }
 
     /// The octave that holds most of the error above the noise, and the lines that exceed their neighbours. Shares refer to `all`, the error of all
-    /// outputs above the noise
-    /// in squared standard deviations, and to `own`, that of this output. `rows` and `sd` belong to this output.
+    /// outputs above the noise in squared standard deviations, and to `own`, that of this output. `rows` and `sd` belong to this output.
     #[must_use]
     pub fn regions(&self, side: Side, sd: f64, rows: usize, own: f64, all: f64) -> Vec<Region> {
         let power = self.of(side);
