@@ -239,7 +239,8 @@ fn wrong_a_row(cost: f64, rows: usize) -> f64 {
 
 /// The figures of causes if what they leave does not matter in practice; `wrong` is the error before.
 fn practical(left: f64, wrong: f64) -> Option<Practical> {
-    // Without an error before, nothing is removed. mutant `f64::MIN_POSITIVE doubled`: both are far below any residual.
+    // Without an error before, nothing is removed.
+    // mutant `f64::MIN_POSITIVE doubled`: both are far below any residual.
     let gone = 1.0 - left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
     (left < FOR_PRACTICE && gone > NEARLY_ALL).then_some(Practical { gone, left })
 }
