@@ -203,7 +203,7 @@ fn wanted(tape: &Tape) -> Vec<bool> {
     wanted
 }
 
-/// A derivative, with constants and trivial factors kept apart from registers.
+/// A derivative: a constant or a register.
 #[derive(Debug, Clone, PartialEq)]
 enum Factor {
     Number(Rational),
