@@ -7,7 +7,7 @@
 //! C = 100 - 100 SS_lof / SS_y,   SS_lof = sum n_i (ybar_i - yhat_i)^2 (14),   SS_y = sum n_i ybar_i^2 (15)
 //! ```
 //!
-//! with the fewest regressors that reach C. Here, on each rung (order), the term that reduces the residual of the fitted rows most is added, until
+//! reaches the required value, with the fewest regressors possible. Here, on each rung (order), the term that reduces the residual of the fitted rows most is added, until
 //! none is left; then the next order begins. The judge determines the end: the first model that reaches C (and, if the judge knows the spread about
 //! the mean, the same C about the mean), otherwise the one with the smallest error. If C is reached, terms are removed one at a time while it still
 //! is, and two terms are exchanged for one where that is possible.
