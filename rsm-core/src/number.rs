@@ -168,7 +168,7 @@ fn shifted_less(numerator: &BigUint, denominator: &BigUint, exponent: i64) -> bo
     }
 }
 
-/// value * 2^exponent, exact if the result is an f64. In two steps, because one factor cannot represent 2^1074 * 2^1074.
+/// value * 2^exponent, exact if the result is an f64. In two steps, because 2^exponent may be outside the range of f64.
 fn scale_by_power_of_two(value: f64, exponent: i64) -> f64 {
     let half = exponent / 2;
     value * power_of_two(half) * power_of_two(exponent - half)
