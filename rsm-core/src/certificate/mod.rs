@@ -1,7 +1,7 @@
 //! The certificates of a model: statements that are proved over the whole input box.
 //!
-//! In: `Checked`. Out: for each surface an enclosure of the true polynomial's range (before `output_range`), and for each precision a bound of |tape
-//! - true polynomial, with the same saturation| over all arguments of that type in the box, with operations and depth of the tape. Compensators: see
+//! In: `Checked`. Out: for each surface an enclosure of the true polynomial's range (before `output_range`), and for each precision a bound of
+//! |tape - true polynomial, with the same saturation| over all arguments of that type in the box, with operations and depth of the tape. Compensators: see
 //! `compensator.rs`.
 
 pub mod compensator;

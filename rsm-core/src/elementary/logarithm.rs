@@ -1,7 +1,7 @@
 //! log, log10, sqrt.
 //!
-//! x = 2^k m with m in [sqrt(1/2), sqrt 2), f = m - 1, s = f/(2 + f): log m = 2 atanh s, whose leading part f is exact. The square root of m in [1,
-//! 4) begins with a cubic for 1/sqrt m, doubles the number of digits three times (Newton), and ends with the exact remainder m - s^2.
+//! x = 2^k m with m in [sqrt(1/2), sqrt 2), f = m - 1, s = f/(2 + f): log m = 2 atanh s, whose leading part f is exact. The square root of m in
+//! [1, 4) begins with a cubic for 1/sqrt m, doubles the number of digits three times (Newton), and ends with the exact remainder m - s^2.
 
 use super::coefficients::{INVERSE_LOG_OF_TEN, LOG, LOG_OF_TWO, LOG10_OF_TWO};
 use super::pair::{Pair, constant, polynomial, product, quick_sum, split};

@@ -57,8 +57,8 @@ impl Path {
     }
 }
 
-/// A sequence of +1 and -1 that changes at pseudo-random multiples of `hold` rows: the maximum-length sequence of a shift register of nine bits (x^9
-/// + x^5 + 1; S. W. Golomb, 1967). Its spectrum is flat up to 0.44/hold.
+/// A sequence of +1 and -1 that changes at pseudo-random multiples of `hold` rows: the maximum-length sequence of a shift register of nine bits
+/// (x^9 + x^5 + 1; S. W. Golomb, 1967). Its spectrum is flat up to 0.44/hold.
 #[must_use]
 pub(super) fn binary(rows: usize, hold: usize, skip: usize) -> Vec<f64> {
     let mut state = 0b1_0110_1001_u32;
