@@ -45,8 +45,8 @@ pub struct Finding {
     pub record: String,
     /// The channel, "row" or "time".
     pub channel: String,
-    /// The kind of the finding: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block",
-    /// "shifted", "swapped with another column".
+    /// The kind of the finding: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap",
+    /// "beyond a gap or a block", "settling after a gap or a block", "shifted", "swapped with another column".
     pub what: &'static str,
     /// First and last row, from 0.
     pub rows: (usize, usize),
