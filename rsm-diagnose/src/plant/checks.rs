@@ -46,7 +46,8 @@ pub struct Finding {
     /// The channel, "row" or "time".
     pub channel: String,
     /// The kind of the finding: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap",
-    /// "beyond a gap or a block", "settling after a gap or a block", "shifted", "swapped with another column".
+    /// "beyond a gap or a block", "settling after a gap or a block", "shifted in time, late", "shifted in time, early",
+    /// "swapped with another column".
     pub what: &'static str,
     /// First and last row, from 0.
     pub rows: (usize, usize),
